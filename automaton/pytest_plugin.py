@@ -75,9 +75,9 @@ def grid_snapshot(request: pytest.FixtureRequest) -> GridSnapshot:
 def text_of(subject: Any) -> str:
     """The picture of a subject, as a golden holds it: no blanks at line ends, one newline last."""
     if not isinstance(subject, str):
-        from automaton import picture  # only now: other people's sessions need not pay for it
+        from automaton.runs import pictures  # only now: other people's sessions need not pay for it
 
-        subject = picture.drawn(subject)
+        subject = pictures.drawn(subject)
     return "\n".join(line.rstrip() for line in subject.splitlines()).strip("\n") + "\n"
 
 

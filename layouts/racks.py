@@ -18,8 +18,8 @@ import numpy as np
 import numpy.typing as npt
 from msgspec import Meta
 
-from automaton.world.cells import ALL_EXITS, DOCK, FLOOR, RACK
-from automaton.world.floor_plan import CellBytes, FloorPlan, bordered, make_floor_plan
+from automaton.floor.cells import ALL_EXITS, DOCK, FLOOR, RACK
+from automaton.floor.floor_plan import CellBytes, FloorPlan, bordered, make_floor_plan
 
 AISLE_EVERY: Final = 3  # an aisle, then two rows of racks
 HIGHWAYS: Final = (1, 3)

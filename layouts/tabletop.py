@@ -14,7 +14,7 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from automaton.world.cells import (
+from automaton.floor.cells import (
     ALL_EXITS,
     ALONG_X,
     ALONG_Y,
@@ -24,7 +24,7 @@ from automaton.world.cells import (
     TRACK,
     TURNTABLE,
 )
-from automaton.world.floor_plan import FloorPlan, bordered, make_floor_plan
+from automaton.floor.floor_plan import FloorPlan, bordered, make_floor_plan
 
 
 class Tabletop(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

@@ -12,35 +12,35 @@ from automaton.strategy.entry import (
     NoParameters,
 )
 from strategies.allocation.alley_parameters import Alleys
-from strategies.allocation.parameters import Auctions, ShortestJob
-from strategies.charging.parameters import FillUp, Insertion, Opportunity, Threshold
+from strategies.allocation.auction.auction_parameters import Auctions, ShortestJob
+from strategies.charging.charging_parameters import FillUp, Insertion, Opportunity, Threshold
 from strategies.right_of_way.right_of_way_parameters import RetreatParameters, Waits
-from strategies.routing.astar_parameters import TieBreaking
-from strategies.routing.avoidance_parameters import Avoidance
-from strategies.routing.congestion_parameters import SharedPlans
-from strategies.zoning.parameters import Annealing, Decentralized, Genetic, Monitoring
+from strategies.routing.astar.astar_parameters import TieBreaking
+from strategies.routing.congestion.congestion_parameters import SharedPlans
+from strategies.routing.traffic_avoidance.avoidance_parameters import Avoidance
+from strategies.zoning.zoning_parameters import Annealing, Decentralized, Genetic, Monitoring
 
 CATALOGUE: dict[str, dict[str, Entry]] = {
     "zoning": {
         "static": Entry(
-            "strategies.zoning.repairing:StaticZones",
+            "strategies.zoning.central.redesigned_zones:StaticZones",
             Monitoring,
             "zones that stay; out of balance, robots share orders",
         ),
         "annealing": Entry(
-            "strategies.zoning.repairing:AnnealedZones",
+            "strategies.zoning.central.redesigned_zones:AnnealedZones",
             Annealing,
             "zones redesigned by simulated annealing (Ho & Liao; Keith & La)",
             (DYNAMIC, MANUFACTURING),
         ),
         "genetic": Entry(
-            "strategies.zoning.repairing:GeneticZones",
+            "strategies.zoning.central.redesigned_zones:GeneticZones",
             Genetic,
             "zones redesigned by a genetic algorithm (Keith & La)",
             (MULTIPLE, DYNAMIC, MANUFACTURING, WAREHOUSE),
         ),
         "decentralized": Entry(
-            "strategies.zoning.decentralized:DecentralizedZones",
+            "strategies.zoning.decentralized.decentralized:DecentralizedZones",
             Decentralized,
             "robots in range of each other negotiate their zones (DDZ; Keith & La)",
             PROPERTIES,
@@ -95,7 +95,7 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
             "shortest job first with aging, in the robot's zone if there are zones (Keith & La)",
         ),
         "auction": Entry(
-            "strategies.allocation.auction:Auction",
+            "strategies.allocation.auction.auction:Auction",
             Auctions,
             "auctions with charging in the bids: sequential, parallel, combinatorial, ... (De Ryck)",
         ),
@@ -112,17 +112,17 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
             "the path of least ticks, turns included",
         ),
         "astar": Entry(
-            "strategies.routing.astar:AStar",
+            "strategies.routing.astar.astar_routing:AStar",
             TieBreaking,
             "A*: a path of fewest ticks, one of several by a tie-breaking rule",
         ),
         "traffic-avoidance": Entry(
-            "strategies.routing.traffic_avoidance:TrafficAvoidance",
+            "strategies.routing.traffic_avoidance.traffic_avoidance:TrafficAvoidance",
             Avoidance,
             "A* around zones where many robots are predicted (Shaji Bhattathiri, Li & Kuhl)",
         ),
         "congestion": Entry(
-            "strategies.routing.congestion:Congestion",
+            "strategies.routing.congestion.congestion:Congestion",
             SharedPlans,
             "around the traffic predicted from all robots' plans, zone by zone and tick by tick",
         ),

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from automaton import pytest_plugin
-from automaton.jit import COMPILATIONS
+from automaton.engine.jit.kernel import COMPILATIONS
 
 # Compiled code is compiled once, in whatever example comes first: no deadline, no health check.
 COMMON = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}

@@ -17,26 +17,42 @@ class Part(NamedTuple):
 
 
 PARTS: Final[dict[str, Part]] = {
-    "step": Part("automaton.bench.step", True, "the bare step: occupancy rules alone"),
-    "tabletop": Part("automaton.bench.tabletop", True, "whole runs of the table-top warehouse"),
-    "routes": Part("automaton.bench.routes", True, "the loop, driving routes without decisions"),
-    "crowd": Part("automaton.bench.crowd", True, "robots looked up by cell; giving way in a crowd"),
-    "observing": Part("automaton.bench.observing", True, "what watching adds to a tick"),
-    "plans": Part("automaton.bench.plans", True, "A* and traffic avoidance on three warehouses"),
-    "congestion": Part(
-        "automaton.bench.congestion", True, "routes searched in time, three warehouses"
+    "step": Part("automaton.bench.step_speed", True, "the bare step: occupancy rules alone"),
+    "tabletop": Part(
+        "automaton.bench.tabletop_speed", True, "whole runs of the table-top warehouse"
     ),
-    "zones": Part("automaton.bench.slow_zones", True, "slow zones, and the network that predicts"),
+    "routes": Part(
+        "automaton.bench.route_speed", True, "the loop, driving routes without decisions"
+    ),
+    "crowd": Part(
+        "automaton.bench.crowd_speed", True, "robots looked up by cell; giving way in a crowd"
+    ),
+    "observing": Part("automaton.bench.observing_speed", True, "what watching adds to a tick"),
+    "plans": Part(
+        "automaton.bench.plan_speed", True, "A* and traffic avoidance on three warehouses"
+    ),
+    "congestion": Part(
+        "automaton.bench.forecast_speed", True, "routes searched in time, three warehouses"
+    ),
+    "zones": Part(
+        "automaton.bench.slow_zone_speed", True, "slow zones, and the network that predicts"
+    ),
     "auctions": Part(
-        "automaton.bench.auctions", True, "auctions with and without charging, the optimum"
+        "automaton.bench.auction_speed", True, "auctions with and without charging, the optimum"
     ),
     "zoning": Part(
-        "automaton.bench.zoning", False, "days of a factory in zones, zones redesigned; a minute"
+        "automaton.bench.zoning_speed",
+        False,
+        "days of a factory in zones, zones redesigned; a minute",
     ),
-    "layers": Part("automaton.bench.layers", True, "a layer that is asked every tick"),
-    "loop": Part("automaton.bench.loop", True, "the loop with an idle fleet; the digest"),
-    "sweep": Part("automaton.bench.sweep", False, "what a sweep adds to its runs; two workers"),
-    "viewer": Part("tui.bench.viewer", False, "the viewer in a pseudo-terminal; some minutes"),
-    "compile": Part("automaton.bench.compile", False, "the first run, in a process of its own"),
-    "startup": Part("automaton.bench.startup", False, "commands, in processes of their own"),
+    "layers": Part("automaton.bench.layer_speed", True, "a layer that is asked every tick"),
+    "loop": Part("automaton.bench.loop_speed", True, "the loop with an idle fleet; the digest"),
+    "sweep": Part(
+        "automaton.bench.sweep_speed", False, "what a sweep adds to its runs; two workers"
+    ),
+    "viewer": Part(
+        "tui.bench.viewer_speed", False, "the viewer in a pseudo-terminal; some minutes"
+    ),
+    "compile": Part("automaton.bench.first_start", False, "the first run, in a process of its own"),
+    "startup": Part("automaton.bench.startup_speed", False, "commands, in processes of their own"),
 }

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from automaton.jit import kernel
-from automaton.kernels.motion import LIVE, U, move_all
-from automaton.kernels.random_numbers import splitmix64
-from automaton.world.state import World
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.motion import LIVE, U, move_all
+from automaton.engine.random_numbers import splitmix64
+from automaton.engine.state import World
 
 
 @kernel

@@ -14,29 +14,35 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
+from automaton.engine.jit.unfit_numba import UnfitNumbaError
 from automaton.errors import InputError, WorkerDiedError, nearest
-from automaton.interruption import TerminatedError, signals_raise
 from automaton.printable import PrintedText, one_line
-from automaton.unfit_numba import UnfitNumbaError
+from automaton.runs.interruption import TerminatedError, signals_raise
 
 COMMANDS = {  # name: (module with add_arguments(parser) and run(args) -> int, what it does)
     "run": ("automaton.commands.run", "run a scenario and print its metrics"),
-    "sweep": ("automaton.commands.sweep", "do the many runs of a study, or go on with them"),
+    "sweep": (
+        "automaton.commands.sweep_command",
+        "do the many runs of a study, or go on with them",
+    ),
     "watch": ("automaton.commands.watch", "watch a scenario in the terminal"),
     "replay": ("automaton.commands.replay", "look at a recording, or compare two"),
     "explain": ("automaton.commands.explain", "say why a robot waits in a tick of a recording"),
     "branch": ("automaton.commands.branch", "continue a recording from a tick with other settings"),
-    "cast": ("automaton.commands.cast", "make a film or a picture of a recording"),
+    "cast": ("automaton.commands.cast_command", "make a film or a picture of a recording"),
     "serve": ("automaton.commands.serve", "show the viewer in a browser"),
-    "report": ("automaton.commands.report", "report on the results of a sweep"),
-    "size": ("automaton.commands.size", "find the smallest fleet that meets a target"),
+    "report": ("automaton.commands.report_command", "report on the results of a sweep"),
+    "size": ("automaton.commands.size_command", "find the smallest fleet that meets a target"),
     "reproduce": ("automaton.commands.reproduce", "print a published table beside ours"),
     "train": ("automaton.commands.train", "train a predictor of traffic (extra learn)"),
     "verify": ("automaton.commands.verify", "re-run a recording and name the first difference"),
     "check": ("automaton.commands.check", "check scenario and study files"),
-    "schema": ("automaton.commands.schema", "print the JSON Schema of scenarios or studies"),
+    "schema": (
+        "automaton.commands.schema_command",
+        "print the JSON Schema of scenarios or studies",
+    ),
     "list": ("automaton.commands.list_", "list scenarios, studies, floors and strategies"),
-    "bench": ("automaton.commands.bench", "measure the speed of this machine"),
+    "bench": ("automaton.commands.bench_command", "measure the speed of this machine"),
 }
 
 LONGEST_ERROR = 300  # characters of an internal error; compilers write pages

@@ -6,8 +6,8 @@ import argparse
 import sys
 from collections.abc import Callable
 
-from automaton.scenario.resolve import Resolved
-from automaton.scenario.scenario_warnings import scenario_warnings
+from automaton.build.resolve import Resolved
+from automaton.build.scenario_warnings import scenario_warnings
 
 
 def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:

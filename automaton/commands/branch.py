@@ -16,14 +16,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from automaton.commands.arguments import tick, whole
 from automaton.commands.explain import check_tick, shown_at
 from automaton.errors import InputError
-from automaton.recording.frames import Recording
-from automaton.recording.recording_reader import read_recording
+from automaton.evidence.recording.frames import Recording
+from automaton.evidence.recording.recording_reader import read_recording
 from automaton.units import count, unit
 
 if TYPE_CHECKING:
-    from automaton.history.divergence import Divergence
-    from automaton.history.run import Run
-    from automaton.simulation import Simulation
+    from automaton.evidence.history.divergence import Divergence
+    from automaton.evidence.history.watched_run import Run
+    from automaton.runs.simulation import Simulation
 
 
 class Future(NamedTuple):
@@ -65,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
         raise InputError("--out is the recording itself: give another file", str(out))
     branch, missing = branched_off(recording, args, out)
     original = original_until(recording, args.until)
-    from automaton.history.divergence import first_difference
+    from automaton.evidence.history.divergence import first_difference
 
     # Where the branch could not be written, a file of another one may lie there.
     difference = None if missing else first_difference(recording, read_recording(out))
@@ -89,9 +89,9 @@ def run(args: argparse.Namespace) -> int:
 
 def branched_off(recording: Recording, args: argparse.Namespace, out: Path) -> tuple[Future, str]:
     """Run the branch and record it; how it went, and what went wrong with the file or ""."""
-    from automaton.headless import is_finished
-    from automaton.history.live import branch_of
-    from automaton.history.run import RecordedRun
+    from automaton.evidence.history.live_run import branch_of
+    from automaton.evidence.history.watched_run import RecordedRun
+    from automaton.runs.headless import is_finished
 
     branch = branch_of(shown_at(RecordedRun(recording), args.at), tuple(args.settings), out)
     try:
@@ -105,8 +105,8 @@ def branched_off(recording: Recording, args: argparse.Namespace, out: Path) -> t
 
 def original_until(recording: Recording, until: int | None) -> Future:
     """The run that was recorded, up to the same tick."""
-    from automaton.headless import is_finished
-    from automaton.history.run import RecordedRun
+    from automaton.evidence.history.watched_run import RecordedRun
+    from automaton.runs.headless import is_finished
 
     recorded = RecordedRun(recording)
     last = recorded.head if until is None else min(until, recorded.head)
@@ -124,15 +124,15 @@ def advance(run: Run, until: int | None) -> None:
 
 def future(name: str, simulation: Simulation, finished: bool) -> Future:
     """What is compared."""
-    from automaton.metrics import metrics_of
+    from automaton.runs.metrics import metrics_of
 
     return Future(name, simulation.tick, finished, simulation.digest, metrics_of(simulation))
 
 
 def print_futures(original: Future, branch: Future, units: Mapping[str, str | None]) -> None:
     """The metrics of both beside each other, in the units of the scenario."""
-    from automaton.metrics import METRIC_CATALOGUE
-    from automaton.run_report import console, in_units, plain_table, print_table
+    from automaton.runs.metrics import METRIC_CATALOGUE
+    from automaton.runs.run_report import console, in_units, plain_table, print_table
 
     tick_unit, cell = unit(units["tick"] or ""), units["cell"]
     out = console()

@@ -11,20 +11,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from automaton.atomic_write import atomic_writer, cannot_write_error
+from automaton.build.resolve import Resolved, document_of, resolve
 from automaton.commands.arguments import add_settings_argument, print_warnings
 from automaton.errors import InputError
-from automaton.experiments.study import shipped_studies
-from automaton.experiments.sweep_plan import check_study
+from automaton.floor.cells import DESTINATION, DOCK, RACK, SHELF
+from automaton.floor.matrices import write_matrix
 from automaton.scenario.document import Document
-from automaton.scenario.matrices import write_matrix
 from automaton.scenario.reading import is_study, read, shipped
-from automaton.scenario.resolve import Resolved, document_of, resolve
 from automaton.strategy.entry import files_of
+from automaton.studies.sweeps.study import shipped_studies
+from automaton.studies.sweeps.sweep_plan import check_study
 from automaton.units import count
-from automaton.world.cells import DESTINATION, DOCK, RACK, SHELF
 
 if TYPE_CHECKING:
-    from automaton.world.state import Array, Grid
+    from automaton.engine.state import Array, Grid
 
 SLOTS = {  # what a scenario's line counts
     SHELF: ("shelf", "shelves"),
@@ -103,9 +103,9 @@ def check_files(resolved: Resolved, document: Document) -> None:
 
 def grid_and_durations(resolved: Resolved) -> tuple[Grid, Array]:
     """Return the grid that the robots drive on, and the (A,) ticks of each action of the first type."""
-    from automaton.world.floor import floor_for  # needs Numba, as most checks do not
-    from automaton.world.rules import rules_for
-    from automaton.world.types import types_of
+    from automaton.build.prepared_floor import floor_for  # needs Numba, as most checks do not
+    from automaton.build.rules import rules_for
+    from automaton.scenario.robot_types import types_of
 
     scenario = resolved.scenario
     kinematics, durations = scenario.fleet.kinematics, scenario.durations

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 from automaton.commands.arguments import tick, whole
 from automaton.errors import InputError
-from automaton.recording.recording_reader import read_recording
+from automaton.evidence.recording.recording_reader import read_recording
 from automaton.units import count, percent
 
 if TYPE_CHECKING:
-    from automaton.history.explanation import Explanation
-    from automaton.history.run import RecordedRun
-    from automaton.history.snapshot import Snapshot
+    from automaton.evidence.history.explanation import Explanation
+    from automaton.evidence.history.snapshot import Snapshot
+    from automaton.evidence.history.watched_run import RecordedRun
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,9 +38,9 @@ def run(args: argparse.Namespace) -> int:
         there = "only robot 0" if robots == 1 else f"robots 0 to {robots - 1}"
         raise InputError(f"there is no robot {args.robot}: it has {there}", str(args.file))
     check_tick(args.file, args.at, recording.ticks)
-    from automaton.history.explanation import explain
-    from automaton.history.run import RecordedRun
-    from automaton.history.snapshot import take_snapshot
+    from automaton.evidence.history.explanation import explain
+    from automaton.evidence.history.snapshot import take_snapshot
+    from automaton.evidence.history.watched_run import RecordedRun
 
     shown = shown_at(RecordedRun(recording), args.at)
     snapshot = take_snapshot(shown.shown)
@@ -80,7 +80,7 @@ def chain_lines(found: Explanation) -> list[str]:
 
 def lost_by_cause(snapshot: Snapshot, robot: int) -> list[tuple[int, int]]:
     """(cause, ticks lost to it so far), the most first."""
-    from automaton.world.observation import CAUSE_NOT_WAITING
+    from automaton.engine.observation import CAUSE_NOT_WAITING
 
     lost = snapshot.robots.lost[robot].tolist()
     found = [
@@ -91,7 +91,7 @@ def lost_by_cause(snapshot: Snapshot, robot: int) -> list[tuple[int, int]]:
 
 def lost_lines(snapshot: Snapshot, robot: int) -> list[str]:
     """The time that a robot has lost so far, by cause."""
-    from automaton.world.observation import CAUSES
+    from automaton.engine.observation import CAUSES
 
     lost, ticks = lost_by_cause(snapshot, robot), max(1, snapshot.tick)
     if not lost:
@@ -111,8 +111,8 @@ def lost_lines(snapshot: Snapshot, robot: int) -> list[str]:
 
 def as_json(args: argparse.Namespace, found: Explanation, snapshot: Snapshot) -> dict[str, Any]:
     """The explanation as one object; times are in ticks."""
-    from automaton.world.observation import CAUSES
-    from automaton.world.state import NIL
+    from automaton.engine.observation import CAUSES
+    from automaton.engine.state import NIL
 
     links = [
         {**link._asdict(), "blocker": None if link.blocker == NIL else link.blocker}

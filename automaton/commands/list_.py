@@ -6,10 +6,10 @@ import argparse
 import json
 from typing import Any
 
-from automaton.experiments.study import shipped_studies, study_document
-from automaton.scenario.floors import generator_type, generators
+from automaton.scenario.floor_section import generator_type, generators
 from automaton.scenario.reading import read, shipped
 from automaton.scenario.schema import LAYER_NAMES
+from automaton.studies.sweeps.study import shipped_studies, study_document
 
 SAID = ("summary", "properties")  # no columns of the inventory
 

@@ -21,5 +21,5 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Show it until the user leaves."""
     files = [args.file] + ([] if args.other is None else [args.other])
-    opening = viewer("opening").recorded(*files)
-    return int(viewer("launch").show(opening, viewer("options").Options.of(args)))
+    opening = viewer("playback.run_source").recorded(*files)
+    return int(viewer("viewer.launch").show(opening, viewer("terminal.options").Options.of(args)))

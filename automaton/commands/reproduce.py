@@ -17,8 +17,8 @@ from automaton.commands.arguments import whole
 from automaton.errors import InputError
 
 if TYPE_CHECKING:
-    from automaton.reproductions.claims import Judged, JudgedClaim
-    from automaton.reproductions.reproduction_study import Reproduced
+    from automaton.papers.claims import Judged, JudgedClaim
+    from automaton.papers.reproduction_study import Reproduced
 
 Listeners = tuple[Callable[[int], None] | None, Callable[[int], None] | None]
 
@@ -56,9 +56,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run all cases, judge the claims, report."""
-    from automaton.reproductions import find
-    from automaton.reproductions.claims import judge
-    from automaton.reproductions.reproduction_study import reproduce
+    from automaton.papers.claims import judge
+    from automaton.papers.published_tables import find
+    from automaton.papers.reproduction_study import reproduce
 
     for option, value in (("--seeds", args.seeds), ("--workers", args.workers)):
         if value is not None and value < 1:
@@ -76,7 +76,7 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print(json.dumps(as_json(reproduced, known), indent=2, ensure_ascii=False))
     else:
-        from automaton.reproductions.claim_report import print_reproduced
+        from automaton.papers.claim_report import print_reproduced
 
         print_reproduced(reproduced, known)
     if reproduced.unfinished:

@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from automaton.build.resolve import Resolved, resolve
 from automaton.commands.arguments import (
     add_scenario_arguments,
     add_timeout_argument,
@@ -22,11 +23,10 @@ from automaton.commands.arguments import (
     whole,
 )
 from automaton.errors import InputError
-from automaton.scenario.resolve import Resolved, resolve
 
 if TYPE_CHECKING:
-    from automaton.headless import Outcome
-    from automaton.simulation import Simulation
+    from automaton.runs.headless import Outcome
+    from automaton.runs.simulation import Simulation
 
 PROGRESS_DELAY_S = 1.0  # before a run on a terminal begins to say how far it is
 REFRESH_S = 0.2
@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run, report, and say on stderr if the run did not finish."""
-    from automaton.headless import run_once
+    from automaton.runs.headless import run_once
 
     resolved = resolve(args.scenario, args.settings, args.seed)
     print_warnings(resolved)
@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
         report = {**as_json(resolved, outcome), **(drawn[0].as_json() if drawn else {})}
         print(json.dumps(report, indent=2, ensure_ascii=False))
     else:
-        from automaton.run_report import print_report
+        from automaton.runs.run_report import print_report
 
         if drawn:
             print_pictures(drawn[0])
@@ -92,8 +92,8 @@ class Drawn(NamedTuple):
 
 def draw(simulation: Simulation) -> Drawn:
     """Draw the state that a run has come to."""
-    from automaton.picture import picture_of
-    from automaton.picture.service_zone_lines import partition_picture
+    from automaton.runs.pictures import picture_of
+    from strategies.zoning.design.service_zone_lines import partition_picture
 
     zones = partition_picture(simulation.world, simulation.resolved.floor_plan)
     return Drawn(picture_of(simulation, brief=True), zones)
@@ -101,8 +101,8 @@ def draw(simulation: Simulation) -> Drawn:
 
 def print_pictures(drawn: Drawn) -> None:
     """Print the grid; below it zones and stations, zones with colours on a terminal."""
-    from automaton.picture.service_zone_lines import coloured
-    from automaton.run_report import console
+    from automaton.runs.run_report import console
+    from strategies.zoning.design.service_zone_lines import coloured
 
     out = console()
     print(drawn.picture)
@@ -119,7 +119,7 @@ def recorder(path: Path | None, resolved: Resolved) -> Iterator[Any]:
     if path is None:
         yield None
         return
-    from automaton.recording.recorder import Recorder
+    from automaton.evidence.recording.recorder import Recorder
 
     try:
         with Recorder(path, resolved, resolved.scenario.seed) as on_record:
@@ -176,7 +176,7 @@ def progress(resolved: Resolved) -> Iterator[Any]:
 def as_json(resolved: Resolved, outcome: Outcome) -> dict[str, Any]:
     """The run as one object; times are in ticks, `metrics_in_units` has them in the units of the
     scenario."""
-    from automaton.metric_units import to_scenario_units, units_of
+    from automaton.runs.metric_units import to_scenario_units, units_of
 
     tick, cell = units_of(resolved)
     told = to_scenario_units(outcome.metrics, tick, cell)

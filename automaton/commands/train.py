@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import Any
 
 from automaton.errors import InputError, alternatives, nearest
-from automaton.learning.losses import LOSSES, WEIGHTINGS
-from automaton.learning.metrics import METRICS
-from automaton.learning.settings import Settings
+from automaton.papers.training.losses import LOSSES, WEIGHTINGS
+from automaton.papers.training.prediction_metrics import METRICS
+from automaton.papers.training.training_settings import Settings
 
 NAMES = ("traffic",)
 PAPER = "warehouse-100"
@@ -97,7 +97,7 @@ def run(args: argparse.Namespace) -> int:
     if args.out is not None:
         check_place(args.out)
     part("sklearn" if mode == "classifiers" else "torch")
-    training = importlib.import_module("automaton.learning.sessions")
+    training = importlib.import_module("automaton.papers.training.training_sessions")
     session = training.Session.of(args.scenario, args.settings, settings)
     with progress() as told:
         if mode == "network":
@@ -111,7 +111,9 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print(json.dumps(outcome, indent=2, ensure_ascii=False))
     else:
-        importlib.import_module("automaton.learning.learning_report").print_outcome(mode, outcome)
+        importlib.import_module("automaton.papers.training.training_report").print_outcome(
+            mode, outcome
+        )
     return 0
 
 

@@ -12,10 +12,10 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 from automaton.errors import InputError
-from automaton.recording.recording_reader import read_recording
+from automaton.evidence.recording.recording_reader import read_recording
 
 if TYPE_CHECKING:
-    from automaton.recording.verification import Verification
+    from automaton.evidence.verification.verification import Verification
 
 MAX_PRINTED_VIOLATIONS = 10  # violations in the text
 
@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Verify and report."""
     recording = read_recording(args.file)  # refuse other files before Numba is loaded
-    from automaton.recording.verification import verify_recording
+    from automaton.evidence.verification.verification import verify_recording
 
     try:
         found = verify_recording(recording)

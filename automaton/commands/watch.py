@@ -11,8 +11,8 @@ import os
 from pathlib import Path
 from typing import Any
 
+from automaton.build.resolve import resolve
 from automaton.commands.arguments import add_scenario_arguments, frame_rate, tick, whole
-from automaton.scenario.resolve import resolve
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -49,7 +49,7 @@ def speed(text: str) -> float:
         factor = float("inf") if text == "max" else float(text.removeprefix("x"))
     except ValueError:
         factor = float("nan")
-    least, *_, most, _ = viewer("options").SPEEDS
+    least, *_, most, _ = viewer("terminal.options").SPEEDS
     if text != "max" and not least <= factor <= most:
         raise argparse.ArgumentTypeError(
             f"{text!r} is not a speed: allowed are {least:g} to {most:g}, and max"
@@ -60,14 +60,14 @@ def speed(text: str) -> float:
 def run(args: argparse.Namespace) -> int:
     """Show it until the user leaves."""
     resolved = resolve(args.scenario, args.settings, args.seed)
-    recordings = viewer("recordings")
+    recordings = viewer("playback.recording_files")
     if args.record is not None:
         path = recordings.checked_target(args.record)
     else:
         name = resolved.scenario.name
         path = None if args.no_record else recordings.new_recording(name, os.environ)
-    opening = viewer("opening").live(resolved, path)
-    return int(viewer("launch").show(opening, viewer("options").Options.of(args)))
+    opening = viewer("playback.run_source").live(resolved, path)
+    return int(viewer("viewer.launch").show(opening, viewer("terminal.options").Options.of(args)))
 
 
 def viewer(name: str) -> Any:

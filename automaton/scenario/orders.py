@@ -7,6 +7,8 @@ from typing import Annotated, Final, Literal
 
 from msgspec import Meta, field
 
+from automaton.floor.cells import DESTINATION, DOCK, RACK, SHELF, STATION
+from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.field_types import (
     ConfigSection,
     NonEmptyText,
@@ -16,8 +18,6 @@ from automaton.scenario.field_types import (
     Ticks,
     Weight,
 )
-from automaton.world.cells import DESTINATION, DOCK, RACK, SHELF, STATION
-from automaton.world.floor_plan import FloorPlan
 
 DRAWN = ("dock-to-rack", "stations", "visits")  # generators that draw so many orders
 ENDS: Final = {  # generator: kinds of slots where its orders begin and end

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from automaton.engine.state import Memory, World
 from automaton.errors import InputError, nearest
 from automaton.strategy.layer import Strategy
-from automaton.world.state import Memory, World
 
 MAX_WAIT_TICKS = 10_000  # ticks of a wait
 

@@ -5,12 +5,12 @@ Strategies import compiled code from here and nowhere else (an import contract h
 
 from __future__ import annotations
 
-from automaton.jit import kernel
-from automaton.kernels.charging_curve import CURVE_RATE, charging_ticks, level_after
-from automaton.kernels.holders import lane_of
-from automaton.kernels.motion import has_room
-from automaton.kernels.operations import first_cell
-from automaton.kernels.random_numbers import (
+from automaton.engine.charging_curve import CURVE_RATE, charging_ticks, level_after
+from automaton.engine.holders import lane_of
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.motion import has_room
+from automaton.engine.operations import first_cell
+from automaton.engine.random_numbers import (
     STREAM_ABORTS,
     STREAM_RETREATS,
     STREAM_STRATEGY,
@@ -18,7 +18,7 @@ from automaton.kernels.random_numbers import (
     random_bits,
     splitmix64,
 )
-from automaton.kernels.search import (
+from automaton.engine.search import (
     STARTED,
     TURNED_AHEAD,
     TURNED_BEHIND,
@@ -35,8 +35,8 @@ from automaton.kernels.search import (
     push,
     write_path,
 )
-from automaton.kernels.slot_access import can_bring, can_do, dropoff_cell, pickup_cell
-from automaton.kernels.zone_segments import copy_segment
+from automaton.engine.zone_segments import copy_segment
+from automaton.strategy.access_cells import can_bring, can_do, dropoff_cell, pickup_cell
 
 __all__ = [
     "CURVE_RATE",

@@ -23,8 +23,8 @@ from typing import Any, ClassVar
 import msgspec
 import numpy as np
 
+from automaton.engine.state import Batch, Decisions, Memory, Workspace, World
 from automaton.strategy.entry import NoParameters
-from automaton.world.state import Batch, Decisions, Memory, Workspace, World
 
 WaitRanges = tuple[int, int, int, int, int]
 

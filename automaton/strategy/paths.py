@@ -1,4 +1,4 @@
-"""Shortest paths for strategies written in Python; compiled ones call automaton.kernels.search.
+"""Shortest paths for strategies written in Python; compiled ones call automaton.engine.search.
 
 All costs are ticks on poses (cell, heading), turns included; ties are settled by rule.
 """
@@ -9,8 +9,9 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from automaton.kernels import search, slot_access
-from automaton.world.state import NIL, Workspace, World
+from automaton.engine import search
+from automaton.engine.state import NIL, Workspace, World
+from automaton.strategy import access_cells as slot_access
 
 UNREACHABLE = search.UNREACHABLE
 

@@ -18,10 +18,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from automaton.engine import state
+from automaton.engine.state import NIL, Workspace, World
 from automaton.strategy import paths
 from automaton.strategy.layer import Strategy
-from automaton.world import state
-from automaton.world.state import NIL, Workspace, World
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ class Me:
         self, view: World, workspace: Workspace, robot: int, reason: int, row: Any
     ) -> None:
         self._view, self._workspace, self._robot = view, workspace, robot
-        self.reason = reason  # automaton.world.state.REASON_*
+        self.reason = reason  # automaton.engine.state.REASON_*
         self.memory = row  # int64 numbers that are kept for this robot
 
     @property

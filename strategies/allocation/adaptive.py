@@ -22,9 +22,7 @@ near the target carrying turns too often. The rule takes the better end of both.
 
 import numpy as np
 
-from automaton.strategy.kernels import distance, dropoff_cell, kernel, position
-from automaton.strategy.layer import Strategy, memory_of
-from automaton.world.state import (
+from automaton.engine.state import (
     ACTION_BLOCKED,
     ACTION_DROP,
     ACTION_MOVE,
@@ -38,6 +36,8 @@ from automaton.world.state import (
     REASON_PERIODIC,
     REASON_PICKED,
 )
+from automaton.strategy.kernels import distance, dropoff_cell, kernel, position
+from automaton.strategy.layer import Strategy, memory_of
 from strategies.allocation.cooperative import pass_right, take_in_alley
 from strategies.allocation.independent import deliver
 

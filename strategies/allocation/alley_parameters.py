@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import msgspec
 
+from automaton.floor.cells import CELL_KINDS
+from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.orders import kinds_of_sources
 from automaton.scenario.schema import Scenario
-from automaton.world.cells import CELL_KINDS
-from automaton.world.floor_plan import FloorPlan
 
 
 class Alleys(msgspec.Struct, forbid_unknown_fields=True, frozen=True):

@@ -8,6 +8,13 @@ in the strategy's memory; everything else is read off the order list.
 
 import numpy as np
 
+from automaton.engine.state import (
+    CMD_PARK,
+    NIL,
+    REASON_ORDER_RETURNED,
+    REASON_PERIODIC,
+    REASON_PICKED,
+)
 from automaton.strategy.kernels import (
     can_do,
     dropoff_cell,
@@ -17,13 +24,6 @@ from automaton.strategy.kernels import (
     position,
 )
 from automaton.strategy.layer import Strategy, memory_of
-from automaton.world.state import (
-    CMD_PARK,
-    NIL,
-    REASON_ORDER_RETURNED,
-    REASON_PERIODIC,
-    REASON_PICKED,
-)
 from strategies.allocation.independent import deliver, set_down, take_order, takes_load
 from strategies.allocation.open_orders import is_open
 

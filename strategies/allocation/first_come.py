@@ -8,9 +8,9 @@ taken. One that was given back is found by its robot, which remembers what it to
 
 import numpy as np
 
+from automaton.engine.state import CLOCK_NEXT_RELEASE, CMD_PARK, NIL, REASON_PERIODIC, REASON_PICKED
 from automaton.strategy.kernels import can_do, kernel
 from automaton.strategy.layer import Strategy, memory_of
-from automaton.world.state import CLOCK_NEXT_RELEASE, CMD_PARK, NIL, REASON_PERIODIC, REASON_PICKED
 from strategies.allocation.independent import deliver, take_order
 from strategies.allocation.open_orders import is_open
 

@@ -10,6 +10,15 @@ nearest open one: m looks for each pick-up, so m^2 in a run. `first-come` looks 
 
 import numpy as np
 
+from automaton.engine.state import (
+    CMD_DROP_AT,
+    CMD_PARK,
+    CMD_TAKE_ORDER,
+    NIL,
+    REASON_ORDER_RETURNED,
+    REASON_PERIODIC,
+    REASON_PICKED,
+)
 from automaton.strategy.kernels import (
     begin_search,
     can_do,
@@ -21,15 +30,6 @@ from automaton.strategy.kernels import (
     position,
 )
 from automaton.strategy.layer import Strategy, memory_of
-from automaton.world.state import (
-    CMD_DROP_AT,
-    CMD_PARK,
-    CMD_TAKE_ORDER,
-    NIL,
-    REASON_ORDER_RETURNED,
-    REASON_PERIODIC,
-    REASON_PICKED,
-)
 from strategies.allocation.open_orders import is_open
 
 

@@ -5,9 +5,7 @@ decision. The loop asks it with a batch of robots and goes on with its decisions
 decided stays as it was. A compiled strategy has the same shape: replace `decide` by a kernel.
 """
 
-from automaton.strategy import paths
-from automaton.strategy.layer import Strategy
-from automaton.world.state import (
+from automaton.engine.state import (
     CMD_DROP_AT,
     CMD_PARK,
     CMD_TAKE_ORDER,
@@ -17,6 +15,8 @@ from automaton.world.state import (
     REASON_PERIODIC,
     REASON_PICKED,
 )
+from automaton.strategy import paths
+from automaton.strategy.layer import Strategy
 
 
 class IndependentPython(Strategy):

@@ -1,7 +1,7 @@
 """Which orders a robot may take."""
 
+from automaton.engine.state import NIL, ORDER_WAITING
 from automaton.strategy.kernels import kernel
-from automaton.world.state import NIL, ORDER_WAITING
 
 
 @kernel

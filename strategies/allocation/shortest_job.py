@@ -9,6 +9,7 @@ zoning says; without, any order, which it carries to its target.
 
 import numpy as np
 
+from automaton.engine.state import CLOCK_TICK, CMD_PARK, NIL, REASON_PERIODIC, REASON_PICKED
 from automaton.strategy.kernels import (
     UNREACHABLE,
     can_bring,
@@ -19,7 +20,6 @@ from automaton.strategy.kernels import (
     position,
 )
 from automaton.strategy.layer import Strategy, memory_of
-from automaton.world.state import CLOCK_TICK, CMD_PARK, NIL, REASON_PERIODIC, REASON_PICKED
 from strategies.allocation.independent import deliver, set_down, take_order, takes_load
 from strategies.allocation.open_orders import is_open
 

@@ -9,9 +9,12 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from automaton.auctions.charging_choice import choose_charging
-from automaton.auctions.floor_market import make_floor_market
-from automaton.auctions.market import (
+from automaton.engine.robot_status import BATTERY_PERCENT
+from automaton.engine.state import Batch, Decisions, Memory, Workspace, World
+from automaton.strategy.layer import Strategy
+from strategies.allocation.auction.charging_choice import choose_charging
+from strategies.allocation.auction.floor_market import make_floor_market
+from strategies.allocation.auction.market import (
     BATTERY_FULL,
     POLICY_FILL_UP,
     POLICY_HIERARCHICAL,
@@ -19,10 +22,7 @@ from automaton.auctions.market import (
     POLICY_THRESHOLD,
     POLICY_THRESHOLD_REACHABLE,
 )
-from automaton.strategy.layer import Strategy
-from automaton.world.robot_status import BATTERY_PERCENT
-from automaton.world.state import Batch, Decisions, Memory, Workspace, World
-from strategies.charging.parameters import FillUp, Insertion, Opportunity, Threshold
+from strategies.charging.charging_parameters import FillUp, Insertion, Opportunity, Threshold
 
 IDLE_CHECKS = 50  # ticks between two looks at idle robots
 
@@ -36,7 +36,7 @@ class Quoted(Strategy):
     idle_below = 0  # idle robots with less go to charge
 
     def policy(self) -> dict[str, int]:
-        """What a quote depends on: policy, end_reach, threshold and target (automaton.auctions)."""
+        """What a quote depends on: policy, end_reach, threshold and target."""
         raise NotImplementedError
 
     @property

@@ -11,6 +11,18 @@ Robots are looked up by cell: in `traffic.holder`, or in lists of those in each 
 
 import numpy as np
 
+from automaton.engine.facilities import MAY_TURN
+from automaton.engine.state import (
+    CLOCK_TICK,
+    CMD_RETREAT,
+    CMD_STEP,
+    CMD_WAIT,
+    GOAL_NONE,
+    NIL,
+    REASON_PERIODIC,
+    REASON_RETREATING,
+    REASON_RETRIES_EXHAUSTED,
+)
 from automaton.strategy.kernels import (
     STREAM_ABORTS,
     STREAM_RETREATS,
@@ -22,18 +34,6 @@ from automaton.strategy.kernels import (
     random_between,
 )
 from automaton.strategy.layer import Strategy, memory_of
-from automaton.world.facilities import MAY_TURN
-from automaton.world.state import (
-    CLOCK_TICK,
-    CMD_RETREAT,
-    CMD_STEP,
-    CMD_WAIT,
-    GOAL_NONE,
-    NIL,
-    REASON_PERIODIC,
-    REASON_RETREATING,
-    REASON_RETRIES_EXHAUSTED,
-)
 
 # memory.parameters
 LIMIT = 0

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from automaton.engine.state import NIL, REASON_AROUND_ROBOTS
 from automaton.strategy.kernels import find_path, follow_gradient, kernel, position
 from automaton.strategy.layer import Strategy, memory_of
-from automaton.world.state import NIL, REASON_AROUND_ROBOTS
 
 
 @kernel

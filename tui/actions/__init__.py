@@ -1,1 +1,1 @@
-"""What each action does, by topic; the table of their keys is tui.bindings."""
+"""What each action does, by topic; the table of their keys is tui.widgets.bindings."""

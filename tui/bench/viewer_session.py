@@ -13,7 +13,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from tui.render.styles import COLOUR_CURSOR
-from tui.terminal_host import FRAME_END, Arrived, Link, TerminalHost
+from tui.terminal.terminal_host import FRAME_END, Arrived, Link, TerminalHost
 
 SETTLE_S = 3.0  # imports, the collector's last sweep, the first link figures
 HERTZ = os.sysconf("SC_CLK_TCK")
@@ -27,7 +27,7 @@ class Session:
     ) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="automaton-bench-")
         self._notes = Path(self._folder.name) / "notes"
-        command = [sys.executable, "-m", "tui.bench.walking"]
+        command = [sys.executable, "-m", "tui.bench.walking_viewer"]
         command.append(json.dumps({**fleet, "notes": str(self._notes)}))
         environ = {**os.environ, "TERM": "xterm-256color", "COLORTERM": "truecolor"}
         for name in ("NO_COLOR", "LINES", "COLUMNS"):

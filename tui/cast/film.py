@@ -8,26 +8,26 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from automaton.engine.state import NIL
 from automaton.errors import InputError, alternatives
 from automaton.strategy.lookup import NO_STRATEGY
 from automaton.units import unit
-from automaton.world.state import NIL
-from tui.cast.frame import aim, checked_size, size_for
-from tui.cast.request import Request
-from tui.cast.status import Status
-from tui.frame_cache import Choice, Pictures
+from tui.cast.film_frame import aim, checked_size, size_for
+from tui.cast.film_request import Request
+from tui.cast.film_status import Status
+from tui.playback.frame_cache import Choice, Pictures
+from tui.playback.run_source import recorded
+from tui.playback.titles import title_of
 from tui.render.depth import DEPTHS, Depth
 from tui.render.glyphs import ASCII, SHADED, UNICODE, Codes
-from tui.render.overlays import zone_key
+from tui.render.map_overlays import zone_key
 from tui.render.scene import MAP_LAYERS
 from tui.render.service_zone_overlay import design_key
 from tui.render.styles import Look
-from tui.run_source import recorded
-from tui.titles import title_of
 
 if TYPE_CHECKING:  # they need Numba
-    from automaton.history.snapshot import Snapshot
-    from tui.playback_state import PlaybackState
+    from automaton.evidence.history.snapshot import Snapshot
+    from tui.playback.playback_state import PlaybackState
 
 
 class Film:
@@ -74,9 +74,9 @@ class Film:
 
     def codes_at(self, ticks: Iterable[int]) -> Iterator[Codes]:
         """(rows, columns) codes of each of these ticks, which ascend."""
-        from automaton.history.overlays import Overlays
-        from automaton.history.playback import Playback
-        from automaton.history.snapshot import take_snapshot
+        from automaton.evidence.history.playback import Playback
+        from automaton.evidence.history.snapshot import take_snapshot
+        from tui.playback.route_overlays import Overlays
 
         overlays = Overlays()
         playback = Playback(self.recording.header, self.recording.stored())
@@ -94,7 +94,7 @@ class Film:
         return np.vstack((floor, self._status.codes(snapshot, self.columns)))
 
     def _playback(self, snapshot: Snapshot) -> PlaybackState:
-        from tui.playback_state import PlaybackState
+        from tui.playback.playback_state import PlaybackState
 
         return PlaybackState(
             runs=(),

@@ -12,9 +12,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.world.cells import BAY, CHARGER, DESTINATION, DOCK, RACK, SHELF, STATION, WALL
-from automaton.world.state import NIL
-from tui.render import robots as fleet
+from automaton.engine.state import NIL
+from automaton.floor.cells import BAY, CHARGER, DESTINATION, DOCK, RACK, SHELF, STATION, WALL
+from tui.render import robot_marks as fleet
 from tui.render import styles
 from tui.render.blocks import Part, blocks, part_of
 from tui.render.camera import Camera, Rectangle

@@ -16,8 +16,8 @@ from typing import Final, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.world.cells import WALL
-from automaton.world.floor_plan import FloorPlan
+from automaton.floor.cells import WALL
+from automaton.floor.floor_plan import FloorPlan
 
 Place = tuple[int, int]  # row, column of the screen
 

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.world.cells import (
+from automaton.floor.cells import (
     ALONG_X,
     ALONG_Y,
     BAY,

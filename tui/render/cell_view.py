@@ -14,18 +14,18 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.world.cells import SHELF
-from automaton.world.state import NIL
-from tui.render import robots as fleet
+from automaton.engine.state import NIL
+from automaton.floor.cells import SHELF
+from tui.render import robot_marks as fleet
 from tui.render import styles
 from tui.render.camera import Camera
 from tui.render.canvas import Canvas, Cells
 from tui.render.cell_looks import cell_codes, look
 from tui.render.field import HEAT_LEVELS
 from tui.render.glyphs import GLYPH_BITS, GLYPHS, Codes, GlyphSet, code
-from tui.render.overlays import draw_zone_signs
+from tui.render.map_overlays import draw_zone_signs
 from tui.render.scene import DETAIL_FULL_SHELF, SHADED, Scene
-from tui.render.shelves import full_shelves
+from tui.render.shelf_marks import full_shelves
 from tui.render.styles import style
 
 FLOW_LEVELS = (0, 4, 4, 4, 5, 5, 6, 7, 8)  # of heat: thin arrows would not show in its first ones

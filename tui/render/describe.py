@@ -8,19 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from automaton.world.cells import (
-    CELL_KINDS,
-    DIRECTIONS,
-    EXIT_EAST,
-    EXIT_WEST,
-    FLOOR,
-    SHELF,
-    TRACK,
-)
-from automaton.world.observation import CAUSES
-from automaton.world.robot_status import BATTERY_PERCENT, STATUS_TOWED
-from automaton.world.state import ACTION_IDLE, ACTION_NAMES, NIL, ORDER_DELIVERED, ORDER_WAITING
-from tui.render.overlays import value_words, zone_words
+from automaton.engine.observation import CAUSES
+from automaton.engine.robot_status import BATTERY_PERCENT, STATUS_TOWED
+from automaton.engine.state import ACTION_IDLE, ACTION_NAMES, NIL, ORDER_DELIVERED, ORDER_WAITING
+from automaton.floor.cells import CELL_KINDS, DIRECTIONS, EXIT_EAST, EXIT_WEST, FLOOR, SHELF, TRACK
+from tui.render.map_overlays import value_words, zone_words
 from tui.render.scene import (
     DETAIL_ONE_WAY,
     DETAIL_PASSING,

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.picture.ways import stations_of
-from automaton.world.cells import (
+from automaton.engine.state import NIL
+from automaton.floor.cells import (
     BAY,
     CHARGER,
     DESTINATION,
@@ -27,8 +27,8 @@ from automaton.world.cells import (
     TURNTABLE,
     WALL,
 )
-from automaton.world.state import NIL
-from tui.render import robots as fleet
+from strategies.zoning.design.zone_cells import stations_of
+from tui.render import robot_marks as fleet
 from tui.render import styles
 from tui.render.blocks import Part, blocks, part_of
 from tui.render.braille_view import draw_over
@@ -36,10 +36,10 @@ from tui.render.camera import Camera, Rectangle
 from tui.render.cell_looks import FAR_LOAD, FAR_SHELF, KIND_COLOURS, colour_of, look
 from tui.render.cell_view import heat_codes
 from tui.render.glyphs import Codes, GlyphSet, code
-from tui.render.overlays import paint_tints, sign_tints
+from tui.render.map_overlays import paint_tints, sign_tints
 from tui.render.scene import KIND_MASK, LOOK_COUNT, Floor, Scene
 from tui.render.service_zone_overlay import TRANSFER_COLOUR
-from tui.render.shelves import full_shelves
+from tui.render.shelf_marks import full_shelves
 from tui.render.styles import style
 
 Colours = NDArray[np.uint8]

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.world.cells import (
+from automaton.engine.state import NIL
+from automaton.floor.cells import (
     ALL_EXITS,
     DIRECTION_VECTORS,
     EXIT_EAST,
@@ -23,16 +24,15 @@ from automaton.world.cells import (
     WALL,
     opposite_exits,
 )
-from automaton.world.floor_plan import DRIVABLE, FloorPlan
-from automaton.world.state import NIL
-from automaton.world.traffic_zones import TrafficZones
+from automaton.floor.floor_plan import DRIVABLE, FloorPlan
+from automaton.floor.traffic_zones import TrafficZones
 from tui.render.field import OVERLAYS, Scale, levels_of, overlay_levels, scale_for
 from tui.render.service_zone_tints import design_tints, zone_cells_of
 from tui.render.traffic_zone_tints import tints_of
 
 if TYPE_CHECKING:  # it needs Numba, pictures do not
-    from automaton.history.snapshot import Snapshot
-    from automaton.world.service_zones import ServiceZones
+    from automaton.engine.service_zones import ServiceZones
+    from automaton.evidence.history.snapshot import Snapshot
 
 HEAT: Final = ("visits", "waiting", "congestion")
 SHADED: Final = (*HEAT, *OVERLAYS)  # levels as papers

@@ -11,9 +11,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.picture.ways import stations_of, ways_of
-from automaton.world.service_zones import ServiceZones
-from automaton.world.state import NIL
+from automaton.engine.service_zones import ServiceZones
+from automaton.engine.state import NIL
+from strategies.zoning.design.zone_cells import stations_of, ways_of
 from tui.render import styles
 from tui.render.canvas import Canvas
 from tui.render.glyphs import GlyphSet, code

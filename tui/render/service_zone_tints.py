@@ -12,10 +12,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.picture.ways import stations_of, ways_of
-from automaton.world.floor_plan import FloorPlan
-from automaton.world.service_zones import ServiceZones
-from automaton.world.state import NIL
+from automaton.engine.service_zones import ServiceZones
+from automaton.engine.state import NIL
+from automaton.floor.floor_plan import FloorPlan
+from strategies.zoning.design.zone_cells import stations_of, ways_of
 from tui.render.traffic_zone_tints import TINTS
 
 

@@ -11,8 +11,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.world.state import NIL
-from automaton.world.traffic_zones import TrafficZones
+from automaton.engine.state import NIL
+from automaton.floor.traffic_zones import TrafficZones
 from tui.render import styles
 
 # The six that stay farthest apart under all three kinds of colour blindness, in both themes; the

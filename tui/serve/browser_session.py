@@ -17,7 +17,7 @@ from aiohttp import web
 from textual_serve.app_service import AppService
 from textual_serve.download_manager import DownloadManager
 
-from tui.serve.environment import clean
+from tui.serve.session_environment import clean
 
 TERMINATE_GRACE_S = 3.0  # for a process to end after SIGTERM, and for a browser to answer a close
 TERMINAL_SIZES = range(1, 1001)  # rows and columns; a browser may ask for any number

@@ -6,19 +6,21 @@ from typing import Final
 
 import numpy as np
 
-from automaton.units import count
-from automaton.world.cells import BAY, CELL_KINDS, CHARGER, DIRECTIONS, UNLIMITED
-from automaton.world.floor_plan import DRIVABLE
-from automaton.world.state import (
+from automaton.engine.state import (
     NIL,
     ORDER_CARRIED,
     ORDER_DELIVERED,
     ORDER_UNRELEASED,
     ORDER_WAITING,
 )
-from tui.view import View
+from automaton.floor.cells import BAY, CELL_KINDS, CHARGER, DIRECTIONS, UNLIMITED
+from automaton.floor.floor_plan import DRIVABLE
+from automaton.units import count
+from tui.playback.panel_view import View
 from tui.widgets.charge_facts import charger_lines
-from tui.widgets.lines import (
+from tui.widgets.robot_type_facts import closed_to
+from tui.widgets.service_zone_facts import order_zone, part_of_order, station_facts
+from tui.widgets.styled_lines import (
     Line,
     Span,
     cell_link,
@@ -30,9 +32,7 @@ from tui.widgets.lines import (
     several,
     title,
 )
-from tui.widgets.service_zone_facts import order_zone, part_of_order, station_facts
 from tui.widgets.traffic_zone_facts import zone_facts
-from tui.widgets.types import closed_to
 
 Parts = list[str | Span]
 ORDER_STATE_WORDS: Final = {

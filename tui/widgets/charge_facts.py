@@ -6,15 +6,21 @@ from typing import Final
 
 import numpy as np
 
-from automaton.history.charging import charger_queue, charging, charging_at, sent_to, up_to
-from automaton.history.explanation import out_of_order
+from automaton.engine.robot_status import BATTERY_FULL, STATUS_DEPLETED, STATUS_FAILING
+from automaton.engine.state import GOAL_CHARGE, NIL
+from automaton.evidence.history.charging_words import (
+    charger_queue,
+    charging,
+    charging_at,
+    sent_to,
+    up_to,
+)
+from automaton.evidence.history.explanation import out_of_order
 from automaton.units import count, percent
-from automaton.world.robot_status import BATTERY_FULL, STATUS_DEPLETED, STATUS_FAILING
-from automaton.world.state import GOAL_CHARGE, NIL
-from tui.render.robots import LOW_CHARGE
-from tui.view import View
-from tui.widgets.lines import Line, Span, fact, line, linked, robot_link
+from tui.playback.panel_view import View
+from tui.render.robot_marks import LOW_CHARGE
 from tui.widgets.signs import Signs, bar
+from tui.widgets.styled_lines import Line, Span, fact, line, linked, robot_link
 
 Parts = list[str | Span]
 BAR_WIDTH: Final = 16  # columns of a full battery

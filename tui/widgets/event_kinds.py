@@ -8,9 +8,9 @@ from typing import ClassVar
 from textual.binding import Binding, BindingType
 from textual.message import Message
 
-from tui.widgets.lines import Line, Link, Span, line, wrapped
 from tui.widgets.rows import Rows
 from tui.widgets.signs import Signs
+from tui.widgets.styled_lines import Line, Link, Span, line, wrapped
 
 
 class KindBoxes(Rows):

@@ -7,12 +7,12 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from automaton.history.event_history import Event
-from automaton.world import observation as codes
-from automaton.world.observation import EVENT_NAMES
-from automaton.world.robot_status import BATTERY_PERCENT
-from automaton.world.state import NIL, Array
-from tui.widgets.lines import Line, Span, line
+from automaton.engine import observation as codes
+from automaton.engine.observation import EVENT_NAMES
+from automaton.engine.robot_status import BATTERY_PERCENT
+from automaton.engine.state import NIL, Array
+from automaton.evidence.history.event_history import Event
+from tui.widgets.styled_lines import Line, Span, line
 
 EVENT_GROUPS: Final = {  # what can be picked in the list of events: name and codes
     "deliveries": (codes.EVENT_DELIVERED,),

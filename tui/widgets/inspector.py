@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from textual.message import Message
 
-from automaton.world.state import NIL
-from tui.view import View
+from automaton.engine.state import NIL
+from tui.playback.panel_view import View
 from tui.widgets.cell_facts import cell_lines, order_lines
-from tui.widgets.lines import Line, Link, dim, line, robot_link, title, wrapped
 from tui.widgets.robot_facts import robot_lines
+from tui.widgets.styled_lines import Line, Link, dim, line, robot_link, title, wrapped
 from tui.widgets.text_panel import TextPanel
 from tui.widgets.traffic_zone_facts import zone_lines
 

@@ -17,8 +17,8 @@ from textual.message import Message
 from textual.strip import Strip
 from textual.widget import Widget
 
-from tui.presenter import Presenter, row_strip
 from tui.render.image_export import runs
+from tui.terminal.presenter import Presenter, row_strip
 
 if TYPE_CHECKING:
     from tui.render.glyphs import Codes, GlyphSet

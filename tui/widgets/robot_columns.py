@@ -7,23 +7,23 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from automaton.history.charging import is_queueing
-from automaton.history.snapshot import Fleet
-from automaton.units import percent
-from automaton.world.observation import CAUSE_REDUCED_SPEED, CAUSES, is_waiting
-from automaton.world.robot_status import (
+from automaton.engine.observation import CAUSE_REDUCED_SPEED, CAUSES, is_waiting
+from automaton.engine.robot_status import (
     BATTERY_FULL,
     STATUS_DEPLETED,
     STATUS_FAILED,
     STATUS_REMOVED,
     STATUS_TOWED,
 )
-from automaton.world.state import ACTION_NAMES, NIL, Array
-from automaton.world.types import type_of_each
-from tui.view import View
+from automaton.engine.state import ACTION_NAMES, NIL, Array
+from automaton.evidence.history.charging_words import is_queueing
+from automaton.evidence.history.snapshot import Fleet
+from automaton.scenario.robot_types import type_of_each
+from automaton.units import percent
+from tui.playback.panel_view import View
 from tui.widgets.charge_facts import has_batteries
+from tui.widgets.robot_type_facts import has_types, type_of
 from tui.widgets.service_zone_facts import partition_of, queued
-from tui.widgets.types import has_types, type_of
 
 DOWN_WORDS: Final = {
     STATUS_DEPLETED: "empty",

@@ -6,13 +6,9 @@ from typing import Final
 
 import numpy as np
 
-from automaton.history.event_history import Event
-from automaton.history.explanation import doing
-from automaton.units import count, percent
-from automaton.world.cells import CELL_KINDS, DIRECTIONS
-from automaton.world.observation import CAUSE_NOT_WAITING, CAUSE_REDUCED_SPEED, CAUSES, is_waiting
-from automaton.world.robot_status import STATUS_DEPLETED, STATUS_FAILED, STATUS_TOWED
-from automaton.world.state import (
+from automaton.engine.observation import CAUSE_NOT_WAITING, CAUSE_REDUCED_SPEED, CAUSES, is_waiting
+from automaton.engine.robot_status import STATUS_DEPLETED, STATUS_FAILED, STATUS_TOWED
+from automaton.engine.state import (
     GOAL_CHARGE,
     GOAL_DROP,
     GOAL_NONE,
@@ -21,10 +17,17 @@ from automaton.world.state import (
     NIL,
     Array,
 )
-from tui.view import View
+from automaton.evidence.history.event_history import Event
+from automaton.evidence.history.explanation import doing
+from automaton.floor.cells import CELL_KINDS, DIRECTIONS
+from automaton.units import count, percent
+from tui.playback.panel_view import View
 from tui.widgets.charge_facts import battery, charging_plan, condition
 from tui.widgets.event_rows import event_line
-from tui.widgets.lines import (
+from tui.widgets.robot_type_facts import type_of
+from tui.widgets.service_zone_facts import robot_zone
+from tui.widgets.signs import UNICODE, Signs
+from tui.widgets.styled_lines import (
     Line,
     Span,
     cell_link,
@@ -36,9 +39,6 @@ from tui.widgets.lines import (
     title,
     wrapped,
 )
-from tui.widgets.service_zone_facts import robot_zone
-from tui.widgets.signs import UNICODE, Signs
-from tui.widgets.types import type_of
 
 HEADING_NAMES: Final = {  # what a robot's heading means, by kinematics
     "rail": ("east-west", "north-south"),

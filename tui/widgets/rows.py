@@ -12,10 +12,10 @@ from textual.geometry import Region, Size
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
-from automaton.world.state import NIL
-from tui.view import CellChosen, RobotChosen, TickChosen, ZoneChosen
-from tui.widgets.lines import SPAN_LOOKS, Line, Link, Span, length
+from automaton.engine.state import NIL
+from tui.playback.panel_view import CellChosen, RobotChosen, TickChosen, ZoneChosen
 from tui.widgets.signs import UNICODE, Signs
+from tui.widgets.styled_lines import SPAN_LOOKS, Line, Link, Span, length
 
 MESSAGE_CLASSES = {"robot": RobotChosen, "cell": CellChosen, "tick": TickChosen, "zone": ZoneChosen}
 

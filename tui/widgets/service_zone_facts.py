@@ -7,15 +7,25 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from automaton.build.rules import duration_table, tick_length
+from automaton.engine.service_zones import ServiceZones
+from automaton.engine.state import NIL, ORDER_CARRIED, ORDER_WAITING
 from automaton.errors import InputError
-from automaton.picture.zone_work import minutes_of_zones
 from automaton.units import count
-from automaton.world.rules import duration_table, tick_length
-from automaton.world.service_zones import ServiceZones
-from automaton.world.state import NIL, ORDER_CARRIED, ORDER_WAITING
+from strategies.zoning.design.zone_work import minutes_of_zones
+from tui.playback.panel_view import View
 from tui.render.service_zone_overlay import transfer_pairs
-from tui.view import View
-from tui.widgets.lines import Line, Span, dim, fact, line, order_link, robot_link, several, title
+from tui.widgets.styled_lines import (
+    Line,
+    Span,
+    dim,
+    fact,
+    line,
+    order_link,
+    robot_link,
+    several,
+    title,
+)
 
 Parts = list[str | Span]
 MOST_PARTS: Final = 12  # of a line that are named

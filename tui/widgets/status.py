@@ -9,17 +9,17 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from automaton.engine.state import NIL
 from automaton.units import Unit, number
-from automaton.world.state import NIL
-from tui.fleet_summary import summarize
+from tui.playback.fleet_summary import summarize
 from tui.render import styles
 from tui.render.glyphs import ASCII, GlyphSet
-from tui.widgets.line import Word, word
+from tui.widgets.word_row import Word, word
 
 if TYPE_CHECKING:
-    from automaton.history.snapshot import Snapshot
-    from tui.frame_pacing import Figures
-    from tui.playback_state import PlaybackState
+    from automaton.evidence.history.snapshot import Snapshot
+    from tui.playback.playback_state import PlaybackState
+    from tui.terminal.frame_pacing import Figures
 
 NEARLY_DONE = 0.9  # of the speed that was asked for counts as reached
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from tui.view import View
-from tui.widgets.lines import Line, Link, Span, dim, line, wrapped
+from tui.playback.panel_view import View
 from tui.widgets.rows import Rows
 from tui.widgets.signs import UNICODE, Signs
+from tui.widgets.styled_lines import Line, Link, Span, dim, line, wrapped
 
 
 class TextPanel(Rows):

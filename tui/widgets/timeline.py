@@ -17,15 +17,15 @@ from textual import events
 from textual.binding import Binding
 from textual.message import Message
 
-from automaton.world.observation import DELIVERED_ORDERS
+from automaton.engine.observation import DELIVERED_ORDERS
 from tui.render import styles
 from tui.render.glyphs import Codes, GlyphSet, code, text
 from tui.render.styles import style
 from tui.widgets.map_view import MapView
-from tui.widgets.track import Part, Track, track_of
+from tui.widgets.tick_track import Part, Track, track_of
 
 if TYPE_CHECKING:  # it needs Numba
-    from automaton.history.event_history import Curve
+    from automaton.evidence.history.event_history import Curve
 
 DOT_LEVELS: Final = 4  # dots in a column of braille
 LEFT_DOTS: Final = np.array([0, 0x40, 0x44, 0x46, 0x47])  # filled from below

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from automaton.engine.state import NIL
 from automaton.errors import InputError
+from automaton.floor.cells import DIRECTIONS
+from automaton.floor.floor_plan import DRIVABLE
+from automaton.floor.traffic_zones import TrafficZones, traffic_zones_of
 from automaton.units import count
-from automaton.world.cells import DIRECTIONS
-from automaton.world.floor_plan import DRIVABLE
-from automaton.world.state import NIL
-from automaton.world.traffic_zones import TrafficZones, traffic_zones_of
-from tui.view import View
-from tui.widgets.lines import Line, Span, cell_link, dim, fact, line, robot_link, title
+from tui.playback.panel_view import View
 from tui.widgets.service_zone_facts import checked_served, partition_of, served_zone_lines
+from tui.widgets.styled_lines import Line, Span, cell_link, dim, fact, line, robot_link, title
 
 Parts = list[str | Span]
 MAX_ROBOTS_LISTED = 24  # robots that are named one by one

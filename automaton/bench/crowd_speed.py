@@ -1,0 +1,79 @@
+"""Robots looked up by cell: entering who holds what, and idle robots that may have to give way.
+
+The crowd stands still on a floor that it nearly fills, so that files of robots, which each of them
+has to follow, run all over the floor: what is asked for every robot must not grow with the fleet.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+from automaton.bench.bench_floors import open_floor, scene
+from automaton.bench.measurement import NS_PER_ROBOT_AND_TICK, Measurement, Sample, cpu_seconds
+from automaton.bench.step_speed import Case, walking_fleet
+from automaton.build.resolve import StrategyChoice
+from automaton.engine.holders import enter_holders, remove_holders
+from automaton.engine.state import NIL
+from automaton.runs.simulation import Simulation
+from automaton.strategy import lookup
+
+SPARSE, ROUNDS = Case(100_000, 1000), 20
+CROWDS, TICKS = (1_000, 4_000), 50
+
+
+def measurements() -> list[Measurement]:
+    """Holders of a large fleet, and crowds of two sizes."""
+    return [
+        Measurement(
+            "holders of 100,000 on 1000x1000",
+            NS_PER_ROBOT_AND_TICK,
+            partial(prepare_holders, SPARSE),
+        ),
+        *(
+            Measurement(
+                f"giving way in a crowd of {robots:,}",
+                NS_PER_ROBOT_AND_TICK,
+                partial(prepare_crowd, robots),
+            )
+            for robots in CROWDS
+        ),
+    ]
+
+
+def prepare_holders(case: Case) -> Sample:
+    """A sampler: ns per robot to enter the holders of all cells and to remove them again."""
+    world = walking_fleet(case)
+
+    def rounds() -> None:
+        for _ in range(ROUNDS):
+            enter_holders(world)
+            remove_holders(world)
+
+    return lambda: 1e9 * cpu_seconds(rounds) / (ROUNDS * case.robots)
+
+
+def prepare_crowd(robots: int, ticks: int = TICKS) -> Sample:
+    """A sampler: ns per robot and tick of idle robots on a floor that has 2 % of its cells free."""
+    simulation = idle_crowd(robots)
+    world = simulation.world
+
+    def sample() -> float:
+        until = simulation.tick + ticks
+        seconds = cpu_seconds(lambda: simulation.run(until))
+        if (world.robots.cell == NIL).any() or world.tally.operations.any():
+            raise AssertionError("the crowd did not stand still")
+        return 1e9 * seconds / (robots * ticks)
+
+    return sample
+
+
+def idle_crowd(robots: int) -> Simulation:
+    """Robots that have nothing to do and are asked in every tick whether they give way."""
+    side = round((1.02 * robots) ** 0.5)
+    resolved = scene(open_floor(side, -(-102 * robots // (100 * side))), robots)
+    parameters = lookup.parameters_type("right_of_way", "retreat")(idle_give_way=True)
+    strategies = resolved.strategies | {"right_of_way": StrategyChoice("retreat", parameters)}
+    simulation = Simulation(replace(resolved, strategies=strategies))
+    simulation.run(1)
+    return simulation

@@ -1,0 +1,65 @@
+"""Plans made one after the other inside compiled code, so that calls from Python do not count."""
+
+import numpy as np
+
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.state import NIL, Array, Grid, Memory, Workspace, World
+from strategies.routing.astar.astar import astar, search, write_steps
+from strategies.routing.astar.frontier import LARGER_G
+from strategies.routing.astar.route_workspace import RouteSpace
+from strategies.routing.congestion.plan_forecast import forecast_one
+from strategies.routing.congestion.time_dependent import time_dependent_path
+from strategies.routing.congestion.zone_forecast import forget
+from strategies.routing.traffic_avoidance.avoidance import (
+    LEAST_TIME,
+    PLAIN,
+    choose_threshold,
+    close_zones,
+)
+
+MOST = 6  # the largest A
+
+
+@kernel
+def plan_legs(
+    grid: Grid, duration: Array, workspace: RouteSpace, ties: int, tasks: Array, steps: Array
+) -> None:
+    """Plan both legs of each task, (n, 3) int32, by plain A*."""
+    seed = np.uint64(1)
+    for number in range(tasks.shape[0]):
+        for leg in range(2):
+            start, target = np.int64(tasks[number, leg]), np.int64(tasks[number, leg + 1])
+            astar(grid, 0, duration, workspace, ties, seed, start, target, False, steps)
+
+
+@kernel
+def plan_avoiding(
+    grid: Grid, duration: Array, workspace: RouteSpace, tasks: Array, foreseen: Array, steps: Array
+) -> None:
+    """Plan both legs of robot 0 of each task, (n, r, 3) int32, with others foreseen, (n, Z) int32."""
+    seed = np.uint64(1)
+    for number in range(tasks.shape[0]):
+        for zone in range(workspace.count.shape[0]):
+            workspace.count[zone] = foreseen[number, zone]
+        start, pick, drop = tasks[number, 0, 0], tasks[number, 0, 1], tasks[number, 0, 2]
+        threshold = choose_threshold(
+            grid, 0, duration, workspace, LARGER_G, seed, start, pick, drop, MOST, LEAST_TIME
+        )
+        close_zones(grid, workspace, threshold, start, pick, drop)
+        pose = np.int64(start)
+        for target in (pick, drop):
+            pose = search(
+                grid, 0, duration, workspace, LARGER_G, seed, pose, target, threshold != PLAIN
+            )
+            if pose != NIL:
+                write_steps(grid, workspace, pose, steps)
+
+
+@kernel
+def plan_in_time(view: World, workspace: Workspace, memory: Memory, beta: int) -> None:
+    """Plan the way of every robot to its goal cell again, each seeing the plans of those before it."""
+    for i in range(view.robots.cell.shape[0]):
+        if view.robots.goal_cell[i] != NIL:
+            forget(memory, i)
+            length = time_dependent_path(view, workspace, memory, beta, i, False, workspace.steps)
+            forecast_one(view, workspace, memory, i, workspace.steps, length)

@@ -1,0 +1,83 @@
+"""The loop itself, driving: long routes are given beforehand and no layer is asked.
+
+>>>>>v    Each pair of rows is a ring; all its robots drive round clockwise,
+^<<<<<    so that no robot is in any other robot's way and every robot moves in every tick.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from automaton.bench.bench_floors import open_floor, scene
+from automaton.bench.measurement import NS_PER_ROBOT_AND_TICK, Measurement, Sample, cpu_seconds
+from automaton.engine.state import ACTION_MOVE, GOAL_CHARGE, NIL, Array, World
+from automaton.floor.cells import EAST, NORTH, SOUTH, WEST
+from automaton.runs.simulation import Simulation
+
+ROBOTS, SIDE, TICKS = 10_000, 1000, 500
+
+
+def measurements() -> list[Measurement]:
+    """One: 10,000 robots on 1000 x 1000."""
+    return [Measurement("routes driven without decisions", NS_PER_ROBOT_AND_TICK, prepare)]
+
+
+def prepare(robots: int = ROBOTS, side: int = SIDE, ticks: int = TICKS) -> Sample:
+    """A sampler: ns per robot and tick; every sample gets routes of its own. `side` is even."""
+    simulation = circling_fleet(robots, side)
+
+    def sample() -> float:
+        return 1e9 * cpu_seconds_of_driving(simulation, ticks) / (robots * ticks)
+
+    return sample
+
+
+def circling_fleet(robots: int, side: int) -> Simulation:
+    """Robots at random places, all on the way: allocation has been asked, and left them to it."""
+    simulation = Simulation(scene(open_floor(side, side), robots))
+    give_routes(simulation.world, side, 2)
+    simulation.run(1)
+    return simulation
+
+
+def cpu_seconds_of_driving(simulation: Simulation, ticks: int) -> float:
+    """Drive; raises AssertionError if a robot stood still or a layer was asked."""
+    world = simulation.world
+    give_routes(world, world.grid.width - 2, ticks + 1)
+    moved, batches = moves(world), world.tally.batches.copy()
+    until = simulation.tick + ticks
+    seconds = cpu_seconds(lambda: simulation.run(until))
+    if moves(world) - moved != ticks * len(world.robots.cell):
+        raise AssertionError("some robots did not drive")
+    if not np.array_equal(world.tally.batches, batches):
+        raise AssertionError("a layer was asked")
+    return seconds
+
+
+def moves(world: World) -> int:
+    """Moves made by the whole fleet so far."""
+    return int(world.tally.operations[:, ACTION_MOVE].sum())
+
+
+def give_routes(world: World, width: int, steps: int) -> None:
+    """Set routes of so many steps round the rings, from where the robots stand."""
+    robots = world.robots
+    y, x = np.divmod(robots.cell, world.grid.width)
+    row, column = y - 1, x - 1
+    position = np.where(row % 2 == 0, column, 2 * width - 1 - column)
+    ahead = np.arange(steps)
+    robots.route[:, :steps] = ring(width)[(position[:, None] + ahead) % (2 * width)]
+    robots.route_length[:] = steps
+    robots.route_index[:] = 0
+    # A goal without a task at its end: nothing is to be decided on the way there.
+    robots.goal_type[:] = GOAL_CHARGE
+    robots.goal_cell[:] = NIL
+
+
+def ring(width: int) -> Array:
+    """(2 width,) uint8: directions round a ring from its upper left cell."""
+    directions = np.full(2 * width, EAST, np.uint8)
+    directions[width - 1] = SOUTH
+    directions[width:] = WEST
+    directions[-1] = NORTH
+    return directions

@@ -1,0 +1,96 @@
+"""The bare step, by size and density of the fleet and by the order in which robots are stored.
+
+Robots stored in random order jump about in memory and are the harder case; a fleet whose storage
+follows the floor is also measured, as is a floor of mixed capacities.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from automaton.bench.bench_floors import mixed_floor, open_floor, scene
+from automaton.bench.measurement import NS_PER_ROBOT_AND_TICK, Measurement, Sample, cpu_seconds
+from automaton.bench.random_walk import random_walk, random_walk_in_spans
+from automaton.build.starts import random_cells
+from automaton.build.world import build_world
+from automaton.engine.state import Array, World
+from automaton.floor.floor_plan import FloorPlan
+
+SEED = 1
+PRIORITIES = 8
+ROBOT_TICKS = 5_000_000  # of a sample: 25 to 250 ms
+FEWEST_TICKS = 5
+
+
+class Case(NamedTuple):
+    """A fleet on a floor."""
+
+    robots: int
+    side: int  # the floor is side x side cells
+    remark: str = ""
+    reading_order: bool = False  # robots stored along the floor at the start, else at random
+    mixed: bool = False  # capacities 1, 2 and unlimited, 8 priorities
+    spans: bool = False  # a tenth of the moves take 2 or 3 ticks
+
+    @property
+    def name(self) -> str:
+        return f"step {self.robots:,} on {self.side}x{self.side}{self.remark}"
+
+
+OPEN = (
+    Case(10_000, 1000),
+    Case(100_000, 1000),
+    Case(1_000_000, 4000),
+    Case(500_000, 1000, " (half full)"),
+)
+CASES = (
+    *OPEN,
+    *(
+        case._replace(remark=f"{case.remark}, stored in reading order", reading_order=True)
+        for case in OPEN
+    ),
+    Case(100_000, 1000, ", mixed capacities, 8 priorities", mixed=True),
+    Case(100_000, 1000, ", mixed, a tenth of moves 2-3 ticks", mixed=True, spans=True),
+)
+
+
+def measurements() -> list[Measurement]:
+    """One for each case."""
+    return [Measurement(case.name, NS_PER_ROBOT_AND_TICK, partial(prepare, case)) for case in CASES]
+
+
+def prepare(case: Case) -> Sample:
+    """A sampler: ns per robot and tick of the next ticks of a fleet that keeps walking."""
+    world = walking_fleet(case)
+    walk: Callable[[World, int, int], None] = random_walk_in_spans if case.spans else random_walk
+    ticks = max(FEWEST_TICKS, ROBOT_TICKS // case.robots)
+    now = 0
+
+    def sample() -> float:
+        nonlocal now
+        first, now = now, now + ticks
+        seconds = cpu_seconds(lambda: walk(world, first, now))
+        return 1e9 * seconds / (ticks * case.robots)
+
+    return sample
+
+
+def walking_fleet(case: Case) -> World:
+    """The world of a case at tick 0."""
+    floor_plan = (mixed_floor if case.mixed else open_floor)(case.side, case.side)
+    storage = storage_of(case, floor_plan)
+    world, _ = build_world(scene(floor_plan, case.robots), SEED, storage, longest_route=1)
+    if case.mixed:
+        world.robots.priority[:] = world.robots.identity % PRIORITIES
+    return world
+
+
+def storage_of(case: Case, floor_plan: FloorPlan) -> Array:
+    """(n,) the identity stored at each index."""
+    if case.reading_order:
+        return np.argsort(random_cells(floor_plan, SEED)[: case.robots], kind="stable")
+    return np.random.default_rng(SEED).permutation(case.robots)

@@ -1,0 +1,41 @@
+"""Whole runs of the table-top warehouse: what a sweep pays for a run, setting up included.
+
+The floor and its distance fields are shared by all runs on it, so the warm-up has built them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from automaton.bench.measurement import MS_PER_RUN, Measurement, Sample, cpu_seconds
+from automaton.build.resolve import Resolved, resolve
+from automaton.papers.tabletop.tabletop_tables import STRATEGIES, cases
+from automaton.runs.simulation import Simulation
+
+SEEDS = (1, 2, 3)
+
+
+def measurements() -> list[Measurement]:
+    """One: the average over the cells of the paper's Table 3."""
+    return [Measurement("table-top run", MS_PER_RUN, prepare)]
+
+
+def prepare(seeds: Sequence[int] = SEEDS) -> Sample:
+    """A sampler: ms per run, over all cells and seeds."""
+    scenarios = [resolve(case.scenario, case.overrides) for case in cases(STRATEGIES)]
+
+    def sample() -> float:
+        runs = len(scenarios) * len(seeds)
+        return 1e3 * cpu_seconds(lambda: run_through(scenarios, seeds)) / runs
+
+    return sample
+
+
+def run_through(scenarios: Sequence[Resolved], seeds: Sequence[int]) -> None:
+    """Build and run every scenario with every seed."""
+    for resolved in scenarios:
+        for seed in seeds:
+            simulation = Simulation(resolved, seed)
+            simulation.run()
+            if not simulation.finished:
+                raise AssertionError(f"{resolved.overrides} with seed {seed} did not finish")

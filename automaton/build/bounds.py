@@ -1,0 +1,243 @@
+"""What a fleet cannot do better, whatever its strategies: bounds that need no run.
+
+work       each order is taken, carried over the cheapest way with the turns that it needs, and set
+           down: N robots need work / N ticks. A load may be dropped on the way and taken up from
+           another side (a bucket brigade): that is a way through a slot, at the cost of handling it
+stations   a station holds one robot: picks and drops at stations, shared evenly among them
+parts      stations work on one part at a time, and a part goes its whole route (part_bounds)
+chargers   energy that orders take beyond what batteries hold at the start comes from chargers, or
+           from repairs
+
+Orders that are drawn count as the cheapest that could be drawn, so the bounds hold for every seed.
+Every robot counts as one of the fastest type, that goes everywhere. Loads are assumed to be moved by
+robots alone: not by one that goes down and leaves its load to the other side.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from automaton.build.part_bounds import part_bounds, ways
+from automaton.build.resolve import Resolved
+from automaton.engine.state import NIL, Array
+from automaton.floor.cells import CHARGER, STATION
+from automaton.floor.floor_plan import CAN_TURN
+from automaton.floor.reachability import backward_exits, slot_access
+from automaton.scenario.orders import DRAWN, ENDS
+from automaton.scenario.robot_types import least_move
+from automaton.scenario.schema import Battery, ChargeRange
+
+MOST_TARGETS: Final = 200  # of a list, each with a search of its own; beyond: the nearest of all
+
+
+class Bounds(NamedTuple):
+    """What all orders of a scenario take at least."""
+
+    orders: int
+    work: float  # robot ticks of all orders
+    least_order: float  # robot ticks of the shortest
+    longest_order: float  # robot ticks of the longest
+    station_ticks: float  # of each station with picks and drops, if they share them evenly
+    busiest: float  # ticks of work on parts of the station that has most
+    longest_part: float  # ticks of the part that takes longest
+    energy: float  # percent of a battery, all orders
+    held: float  # the same, in each battery at the start
+    given: float  # the same, by all chargers in a tick
+    mended: float  # the same, by each robot and tick, if it is towed and comes back full
+
+
+class Price(NamedTuple):
+    """What operations with a load cost, in ticks or in energy."""
+
+    move: float
+    turn: float
+    handling: float  # a pick and a drop
+
+
+def bounds(resolved: Resolved) -> Bounds:
+    """The bounds of a scenario; they do not depend on the number of robots."""
+    scenario = resolved.scenario
+    durations, battery = scenario.durations, scenario.battery
+    turn = 0 if scenario.fleet.kinematics == "omni" else durations.turn
+    handling = durations.pick + durations.drop
+    drives, picks, drops = min_drive_cost(resolved, Price(least_move(scenario), turn, handling))
+    ticks = handling + drives
+    if scenario.orders.generator == "visits" or _visits(resolved):
+        ticks = np.zeros(len(drives))  # a visit may take no operation at all
+    stations = int(np.count_nonzero(resolved.floor_plan.kind == STATION))
+    busy = picks * durations.pick + drops * durations.drop
+    parts = part_bounds(scenario.orders, ticks)
+    energy = 0.0
+    if battery is not None:
+        drain, loaded = battery.drain, battery.drain.loaded_factor
+        price = Price(loaded * drain.move * least_move(scenario), loaded * drain.turn * turn, 0.0)
+        energy = float(min_drive_cost(resolved, price)[0].sum())
+    return Bounds(
+        orders=len(drives),
+        work=float(ticks.sum()),
+        least_order=float(ticks.min(initial=math.inf)),
+        longest_order=float(ticks.max(initial=0)),
+        station_ticks=busy / stations if stations else 0.0,
+        busiest=parts.busiest,
+        longest_part=parts.longest,
+        energy=energy,
+        held=_held(battery),
+        given=_given(resolved),
+        mended=_mended(resolved),
+    )
+
+
+def least_ticks(found: Bounds, robots: int) -> tuple[float, str]:
+    """Ticks in which so many robots cannot do all orders faster, and why."""
+    lacking = found.energy - robots * found.held
+    income = found.given + robots * found.mended
+    charging = (lacking / income if income else math.inf) if lacking > 0 else 0.0
+    return max(
+        (found.work / robots, f"work of {found.work:,.0f} robot ticks shared by {robots}"),
+        (found.longest_order, "the longest order alone"),
+        (found.station_ticks, "stations hold one robot each"),
+        (found.busiest, "the busiest station works on one part at a time"),
+        (found.longest_part, "one part on its whole route"),
+        (charging, "chargers give no more energy"),
+    )
+
+
+def most_throughput(found: Bounds, robots: int, ticks: float = math.inf) -> tuple[float, str]:
+    """Orders by 1000 ticks that so many robots cannot exceed, and why.
+
+    `ticks`: of a stretch of a run; the first order that a robot delivers there may have begun before.
+    """
+    if not 0 < found.least_order < math.inf:
+        return math.inf, ""
+    return (
+        1000 * robots * (1 / found.least_order + 1 / ticks),
+        f"the shortest order takes a robot {found.least_order:,.0f} ticks",
+    )
+
+
+def min_drive_cost(resolved: Resolved, price: Price) -> tuple[Array, int, int]:
+    """(m,) what each order costs to drive with its load; picks at stations, and drops there."""
+    scenario, floor_plan = resolved.scenario, resolved.floor_plan
+    orders, kinds = scenario.orders, floor_plan.kind.reshape(-1)
+    if orders.listed is not None:
+        pairs = [
+            (floor_plan.cell(*line.source), floor_plan.cell(*line.target)) for line in orders.listed
+        ]
+        picks, drops = (sum(kinds[pair[end]] == STATION for pair in pairs) for end in (0, 1))
+        return _listed_drives(resolved, pairs, price), int(picks), int(drops)
+    if orders.parts is not None:
+        cells = floor_plan.stations().tolist()
+        pairs = [(cells[here - 1], cells[then - 1]) for here, then in ways(orders)]
+        return _listed_drives(resolved, pairs, price), len(pairs), len(pairs)
+    if orders.generator not in ENDS or orders.generator == "visits":  # visits drive no load
+        return np.zeros(orders.count or 0), 0, 0
+    begin, end = ENDS[orders.generator]
+    slots = floor_plan.slots()
+    source, target = slots[kinds[slots] == begin], slots[kinds[slots] == end]
+    if orders.generator == "picture-loads":
+        source = source[floor_plan.loads.reshape(-1)[source] == 1]
+    if orders.generator in DRAWN:
+        count = orders.count or 0
+        if begin == end:  # from a station to another one
+            return np.full(count, float(price.move)), count, count
+        return np.full(count, cheapest(resolved, source, target, price).min()), 0, 0
+    return cheapest(resolved, source, target, price), 0, 0
+
+
+def _listed_drives(resolved: Resolved, pairs: list[tuple[int, int]], price: Price) -> Array:
+    targets = sorted({target for _, target in pairs})
+    if len(targets) > MOST_TARGETS:
+        return cheapest(resolved, np.array([a for a, _ in pairs]), np.array(targets), price)
+    drive: dict[tuple[int, int], float] = {}
+    for cell in targets:
+        sources = sorted({source for source, target in pairs if target == cell})
+        found = cheapest(resolved, np.array(sources), np.array([cell]), price)
+        drive |= {(source, cell): one for source, one in zip(sources, found.tolist(), strict=True)}
+    return np.array([drive[pair] for pair in pairs])
+
+
+def cheapest(resolved: Resolved, source: Array, target: Array, price: Price) -> Array:
+    """(m,) what the drive from each slot to the cheapest of the targets costs; 0 without a way."""
+    floor_plan = resolved.floor_plan
+    index = {cell: row for row, cell in enumerate(floor_plan.slots().tolist())}
+    access = slot_access(floor_plan).tolist()
+    goals = {cell for slot in target.tolist() for cell in access[index[slot]] if cell != NIL}
+    cost = _costs(resolved, goals, access, price)
+    found = [
+        min((cost[axis][c] for c in access[index[slot]] if c != NIL for axis in (0, 1)), default=0)
+        for slot in source.tolist()
+    ]
+    return np.array([one if math.isfinite(one) else 0.0 for one in found])
+
+
+def _costs(
+    resolved: Resolved, goals: set[int], access: list[list[int]], price: Price
+) -> list[list[float]]:
+    """By axis of travel and flat cell: what the way to the cheapest goal costs (Dijkstra)."""
+    floor_plan = resolved.floor_plan
+    back, offsets = (
+        backward_exits(floor_plan).tolist(),
+        (1, floor_plan.stride, -1, -floor_plan.stride),
+    )
+    rail = resolved.scenario.fleet.kinematics == "rail"
+    kind = floor_plan.kind.reshape(-1)
+    turns = (CAN_TURN[kind] if rail else np.ones(kind.size, np.bool_)).tolist()
+    beside: dict[int, list[int]] = {}  # cell: slots that are served from it
+    for slot, cells in enumerate(access):
+        for cell in cells:
+            beside.setdefault(cell, []).append(slot)
+    cost = [[math.inf] * kind.size for _ in (0, 1)]
+    front = [(0.0, cell, axis) for cell in goals for axis in (0, 1)]
+    through: set[int] = set()
+    while front:
+        so_far, cell, axis = heapq.heappop(front)
+        if so_far >= cost[axis][cell]:
+            continue
+        cost[axis][cell] = so_far
+        for direction in (axis, axis + 2):
+            if back[cell] >> direction & 1:
+                heapq.heappush(front, (so_far + price.move, cell + offsets[direction], axis))
+        if turns[cell]:
+            heapq.heappush(front, (so_far + price.turn, cell, 1 - axis))
+        for slot in beside.get(cell, ()):
+            if slot not in through:  # drop there, taken up from any side
+                through.add(slot)
+                for other in access[slot]:
+                    if other != NIL:
+                        both = ((so_far + price.handling, other, one) for one in (0, 1))
+                        for state in both:
+                            heapq.heappush(front, state)
+    return cost
+
+
+def _visits(resolved: Resolved) -> bool:
+    listed = resolved.scenario.orders.listed
+    return listed is not None and any(line.source == line.target for line in listed)
+
+
+def _held(battery: Battery | None) -> float:
+    start = 0.0 if battery is None else battery.initial_charge
+    if isinstance(start, ChargeRange):
+        return start.most
+    return max(start) if isinstance(start, tuple) else start
+
+
+def _given(resolved: Resolved) -> float:
+    battery = resolved.scenario.battery
+    if battery is None:
+        return 0.0
+    charge = battery.charge_rate
+    rate = max(step[1] for step in charge) if isinstance(charge, tuple) else charge
+    return float(rate * np.count_nonzero(resolved.floor_plan.kind == CHARGER))
+
+
+def _mended(resolved: Resolved) -> float:
+    faults = resolved.scenario.faults
+    if resolved.scenario.battery is None or faults.tow_after is None or faults.repair_time is None:
+        return 0.0
+    added = resolved.scenario.battery.reserve if faults.charge == "kept" else faults.charge
+    return added / max(1, faults.tow_after + faults.repair_time)

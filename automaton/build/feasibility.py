@@ -1,0 +1,355 @@
+"""What only the floor can tell: whether robots fit, and loads can be reached and delivered."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from automaton.build.capabilities import Mask, served_by_type, starts_by_type, within_by_type
+from automaton.engine.state import NIL
+from automaton.errors import alternatives
+from automaton.floor.cells import (
+    CELL_KINDS,
+    CHARGER,
+    DESTINATION,
+    DIRECTIONS,
+    DOCK,
+    RACK,
+    SHELF,
+    STATION,
+    UNLIMITED,
+)
+from automaton.floor.floor_plan import DRIVABLE, FloorPlan
+from automaton.floor.reachability import (
+    closed_step,
+    rack_stands,
+    reached,
+    slot_access,
+    slots_out_of_reach,
+    slots_without_access,
+)
+from automaton.scenario.document import Document, Keys
+from automaton.scenario.floor_section import Floor
+from automaton.scenario.orders import OrderLine
+from automaton.scenario.robot_types import types_of
+from automaton.scenario.schema import Scenario
+
+Start = Literal["parking-bays", "random", "racks"] | tuple[int, ...]
+
+REQUIRED_KINDS = {  # kinds of cells without which a generator has nothing to draw
+    "dock-to-rack": (DOCK, RACK),
+    "stations": (STATION,),
+    "visits": (STATION,),
+}
+NO_STRATEGY = "none"
+ROBOTS: Keys = ("fleet", "robots")
+START: Keys = ("fleet", "start")
+SOURCES = (SHELF, DOCK, STATION)  # kinds of slots where an order may begin, and end
+TARGETS = (SHELF, DESTINATION, RACK, STATION)
+
+
+def start_of(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> Start:
+    """Where robots begin, defaults filled in and checked. Raises InputError."""
+    fleet = scenario.fleet
+    if isinstance(fleet.start, tuple):
+        return _listed_start(document, fleet.start, fleet.robots, floor_plan)
+    if fleet.start is None and floor_plan.starts:
+        return _drawn_start(document, fleet.robots, floor_plan)
+    start = fleet.start or ("parking-bays" if len(floor_plan.bays) else "random")
+    if start == "parking-bays" and fleet.robots > len(floor_plan.bays):
+        raise document.error(
+            ROBOTS,
+            f"{_robots(fleet.robots)} but the floor has "
+            f"{_count(len(floor_plan.bays), 'parking bay')}",
+        )
+    cells = int(np.count_nonzero(floor_plan.drivable()))
+    if start == "random" and fleet.robots > cells:
+        raise document.error(
+            ROBOTS, f"{_robots(fleet.robots)} but robots can stand on {_count(cells, 'cell')}"
+        )
+    if start == "parking-bays" and fleet.when_idle == "leave":
+        raise document.error(
+            ("fleet", "when_idle"),
+            "fleet.when_idle is leave, but robots that begin in parking bays park there",
+        )
+    if start == "racks":
+        _check_stands(document, fleet.robots, floor_plan)
+    return start
+
+
+def _check_stands(document: Document, robots: int, floor_plan: FloorPlan) -> None:
+    stands = np.unique(rack_stands(floor_plan))
+    if not len(stands):
+        raise document.error(
+            START, "fleet.start is racks, but there is no rack that robots can stand in front of"
+        )
+    limited = (floor_plan.capacity.flat[stands] != UNLIMITED).any()
+    if limited and robots > len(stands):
+        room = f"in front of racks there is room for {len(stands)}"
+        raise document.error(ROBOTS, f"{_robots(robots)} but {room}")
+
+
+def _drawn_start(document: Document, robots: int, floor_plan: FloorPlan) -> Start:
+    if robots != len(floor_plan.starts):
+        raise document.error(
+            ROBOTS,
+            f"{_robots(robots)} but the picture draws {len(floor_plan.starts)}; "
+            "change one of them, or set fleet.start",
+        )
+    return floor_plan.starts
+
+
+def _listed_start(
+    document: Document, cells: tuple[tuple[int, int], ...], robots: int, floor_plan: FloorPlan
+) -> Start:
+    if len(cells) != robots:
+        raise document.error(
+            START, f"{_robots(robots)} but fleet.start lists {_count(len(cells), 'cell')}"
+        )
+    taken: dict[int, int] = {}
+    for robot, (x, y) in enumerate(cells):
+        keys: Keys = (*START, robot)
+        where = f"robot {robot} would start at [{x}, {y}]"
+        if not floor_plan.holds(x, y):
+            raise document.error(keys, f"{where}, outside the floor {_extent(floor_plan)}")
+        cell = floor_plan.cell(x, y)
+        if not DRIVABLE[floor_plan.kind.flat[cell]]:
+            name = CELL_KINDS[floor_plan.kind.flat[cell]].name
+            raise document.error(keys, f"{where}, a {name}: robots do not drive there")
+        if cell in taken and floor_plan.capacity.flat[cell] != UNLIMITED:
+            raise document.error(keys, f"{where}, where robot {taken[cell]} starts already")
+        taken[cell] = robot
+    return tuple(floor_plan.cell(x, y) for x, y in cells)
+
+
+def check_parts(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
+    """Parts go through stations that there are, and work is done there. Raises InputError."""
+    count = len(floor_plan.stations())
+    if not count:
+        raise document.error(("layout",), "parts need stations, and the floor has none")
+    there = f"the floor has the stations 1 to {count}"
+    for row, kind in enumerate(scenario.orders.parts or ()):
+        for place, number in enumerate(kind.route):
+            if number > count:
+                keys: Keys = ("orders", "parts", row, "route", place)
+                raise document.error(keys, f"a part goes to station {number}, but {there}")
+    times = scenario.orders.processing_time
+    if isinstance(times, tuple) and len(times) != count:
+        text = f"orders.processing_time lists {_count(len(times), 'station')}, but {there}"
+        raise document.error(("orders", "processing_time"), text)
+
+
+def check_orders(document: Document, scenario: Scenario, floor: Floor) -> None:
+    """Orders lead from slots that supply loads to slots that take them. Raises InputError."""
+    generator = scenario.orders.generator
+    if scenario.orders.parts is not None:
+        check_parts(document, scenario, floor.floor_plan)
+        return
+    if scenario.orders.listed is None:
+        for kind in REQUIRED_KINDS.get(generator or "", (SHELF, DESTINATION)):
+            if not np.any(floor.floor_plan.kind == kind):
+                name = CELL_KINDS[kind].name
+                raise document.error(
+                    ("layout",), f"the orders {generator} need a {name}, the floor has none"
+                )
+        if generator == "stations" and np.count_nonzero(floor.floor_plan.kind == STATION) < 2:
+            raise document.error(
+                ("layout",), "the orders stations lead from a station to another, there is only one"
+            )
+        return
+    taken: dict[tuple[int, int], int] = {}
+    for index, order in enumerate(scenario.orders.listed):
+        keys: Keys = ("orders", "list", index)
+        _check_order(document, order, keys, floor.floor_plan)
+        if CELL_KINDS[floor.floor_plan.kind.flat[floor.floor_plan.cell(*order.source)]].is_source:
+            continue
+        if order.source in taken:
+            x, y = order.source
+            raise document.error(
+                (*keys, "from"),
+                f"order {index} takes the load of [{x}, {y}], as order {taken[order.source]} does; "
+                "a shelf holds one load",
+            )
+        taken[order.source] = index
+
+
+def _check_order(document: Document, order: OrderLine, keys: Keys, floor_plan: FloorPlan) -> None:
+    for name, (x, y) in (("from", order.source), ("to", order.target)):
+        if not floor_plan.holds(x, y):
+            raise document.error(
+                (*keys, name), f"[{x}, {y}] lies outside the floor {_extent(floor_plan)}"
+            )
+        kind = CELL_KINDS[floor_plan.kind.flat[floor_plan.cell(x, y)]]
+        allowed = SOURCES if name == "from" else TARGETS
+        if kind.code not in allowed:
+            names = alternatives(f"a {CELL_KINDS[code].name}" for code in allowed)
+            verb = "begins" if name == "from" else "ends"
+            raise document.error(
+                (*keys, name), f"an order {verb} at {names}; [{x}, {y}] is a {kind.name}"
+            )
+    visit = CELL_KINDS[floor_plan.kind.flat[floor_plan.cell(*order.source)]].code == STATION
+    if order.source == order.target and not visit:
+        raise document.error((*keys, "to"), "an order ends where it begins")
+
+
+def check_floor(scenario: Scenario, floor: Floor, start: Start) -> None:
+    """Every robot can serve every shelf and destination and come home again. Raises InputError."""
+    floor_plan = floor.floor_plan
+    homes = starts_by_type(scenario, floor_plan, start)
+    masks = within_by_type(scenario, floor_plan, start)
+    lonely, remote = _unserved(floor_plan, np.logical_or.reduce(masks))
+    for cell, why in (
+        (lonely, "has no cell beside it that robots drive on"),
+        (remote, "cannot be served: a robot must get beside it from its start, and back"),
+    ):
+        if cell is not None:
+            why += closed_way(scenario, floor_plan, start, cell)
+            x, y = floor_plan.xy(cell)
+            name = CELL_KINDS[floor_plan.kind.flat[cell]].name
+            raise floor.error(f"the {name} at ({x}, {y}) {why}", y)
+    for robot_type, cells, within in zip(types_of(scenario), homes, masks, strict=True):
+        apart = cells[~within[cells]]
+        if apart.size:
+            (x, y), (x0, y0) = floor_plan.xy(int(apart[0])), floor_plan.xy(int(cells[0]))
+            who = f"robots ({robot_type.name})" if robot_type.name else "robots"
+            raise floor.error(
+                f"{who} start in parts of the floor that are not connected both ways: "
+                f"({x0}, {y0}) and ({x}, {y})",
+                y,
+            )
+
+
+def check_service(
+    document: Document, scenario: Scenario, floor_plan: FloorPlan, start: Start
+) -> None:
+    """Robots reach the docks and racks that orders name, and some of each. Raises InputError."""
+    orders = scenario.orders
+    served = np.logical_or.reduce(served_by_type(scenario, floor_plan, start))
+    why = "a robot must get in front of it from its start, and back"
+    kinds = floor_plan.kind.reshape(-1)[floor_plan.slots()]
+    for kind in REQUIRED_KINDS.get(orders.generator or "", ()):
+        few = 2 if orders.generator == "stations" else 1
+        if np.count_nonzero(served[kinds == kind]) < few:
+            name = CELL_KINDS[kind].name
+            found = f"no {name}" if few == 1 else f"fewer than two {name}s"
+            raise document.error(("layout",), f"{found} can be served: {why}")
+    slots = {cell: slot for slot, cell in enumerate(floor_plan.slots().tolist())}
+
+    def because(cell: int) -> str:
+        return why + closed_way(scenario, floor_plan, start, cell)
+
+    for number in sorted({number for kind in orders.parts or () for number in kind.route}):
+        cell = int(floor_plan.stations()[number - 1])
+        if not served[slots[cell]]:
+            raise document.error(("layout",), f"station {number} cannot be served: {because(cell)}")
+    for index, order in enumerate(orders.listed or ()):
+        for name, (x, y) in (("from", order.source), ("to", order.target)):
+            cell = floor_plan.cell(x, y)
+            if not served[slots[cell]]:
+                kind_name = CELL_KINDS[floor_plan.kind.flat[cell]].name
+                raise document.error(
+                    ("orders", "list", index, name),
+                    f"the {kind_name} at [{x}, {y}] cannot be served: {because(cell)}",
+                )
+
+
+def check_energy(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
+    """Batteries fit the fleet, and there is a charger if something charges. Raises InputError."""
+    battery, robots = scenario.battery, scenario.fleet.robots
+    charging = scenario.strategy.charging
+    named = charging if isinstance(charging, str) else charging.get("name")
+    if battery is None and named != NO_STRATEGY:
+        raise document.error(
+            ("strategy", "charging"),
+            f"strategy.charging is {named}, but the scenario has no battery",
+        )
+    if named != NO_STRATEGY and not np.any(floor_plan.kind == CHARGER):
+        raise document.error(
+            ("layout",), f"strategy.charging is {named}, but the floor has no charger"
+        )
+    if (
+        battery is not None
+        and isinstance(battery.initial_charge, tuple)
+        and len(battery.initial_charge) != robots
+    ):
+        raise document.error(
+            ("battery", "start"),
+            f"{_robots(robots)} but battery.initial_charge lists "
+            f"{_count(len(battery.initial_charge), 'charge')}",
+        )
+    if battery is None and scenario.faults.charge != "kept":
+        raise document.error(
+            ("faults", "charge"),
+            f"faults.charge is {scenario.faults.charge:g}, but the scenario has no battery",
+        )
+    for index, fault in enumerate(scenario.faults.listed):
+        if fault.robot >= robots:
+            raise document.error(
+                ("faults", "list", index, "robot"),
+                f"there is no robot {fault.robot}: {_robots(robots)}, counted from 0",
+            )
+
+
+def check_sight(document: Document, scenario: Scenario) -> None:
+    """Robots that know the orders of zones alone have zones. Raises InputError."""
+    zoning = scenario.strategy.zoning
+    named = zoning if isinstance(zoning, str) else zoning.get("name")
+    if getattr(scenario.information, "orders", "all") == "zones" and named == NO_STRATEGY:
+        raise document.error(
+            ("strategy", "zoning"),
+            "strategy.zoning is none, but with information.orders zones robots know only the orders of "
+            "their zones: no robot would ever receive one; set information.orders: all, or zoning: "
+            "decentralized",
+        )
+
+
+def _unserved(floor_plan: FloorPlan, within: Mask) -> tuple[int | None, int | None]:
+    """The first slot that nothing drives beside, and the first that is out of reach.
+
+    Racks, docks and stations may be: orders are given to the others alone.
+    """
+    kind = floor_plan.kind.reshape(-1)
+    lonely, remote = slots_without_access(floor_plan), slots_out_of_reach(floor_plan, within)
+    lonely, remote = (
+        slots[~np.isin(kind[slots], (RACK, DOCK, STATION))] for slots in (lonely, remote)
+    )
+    return (int(lonely[0]) if lonely.size else None, int(remote[0]) if remote.size else None)
+
+
+def closed_way(scenario: Scenario, floor_plan: FloorPlan, start: Start, cell: int) -> str:
+    """Which direction is closed on the way to a slot or back, and what would open it; "" if none is."""
+    rail = scenario.fleet.kinematics == "rail"
+    homes = starts_by_type(scenario, floor_plan, start)[0][:1].tolist()
+    access = slot_access(floor_plan)[floor_plan.slots().tolist().index(cell)]
+    beside = access[access != NIL].tolist()
+    there = [c for c in beside if reached(floor_plan, homes, rail)[c]]
+    found = (
+        closed_step(floor_plan, there, homes) if there else closed_step(floor_plan, homes, beside)
+    )
+    if found is None:
+        return ""
+    a, b, direction = found
+    against = floor_plan.exits.flat[b] == 1 << (direction ^ 2)  # its one way leads out towards a
+    (x, y), (x1, y1), (x2, y2) = (
+        floor_plan.xy(a),
+        floor_plan.xy(b),
+        floor_plan.xy(b if against else a),
+    )
+    step = f"{DIRECTIONS[direction]} from ({x}, {y}) into ({x1}, {y1})"
+    return (
+        f"; the way {'back' if there else 'there'} leads {step}, which is closed: "
+        f"let robots drive both ways at ({x2}, {y2})"
+    )
+
+
+def _robots(number: int) -> str:
+    return f"fleet.robots is {number}"
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def _extent(floor_plan: FloorPlan) -> str:
+    return f"(x 0..{floor_plan.width - 1}, y 0..{floor_plan.height - 1})"

@@ -1,0 +1,186 @@
+"""A scenario made ready to run: floor built, strategies found, contradictions refused."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import msgspec
+
+from automaton.build.capabilities import check_abilities, check_areas, check_starts
+from automaton.build.feasibility import (
+    Start,
+    check_energy,
+    check_floor,
+    check_orders,
+    check_service,
+    check_sight,
+    start_of,
+)
+from automaton.errors import InputError
+from automaton.floor.floor_plan import FloorPlan
+from automaton.scenario.document import Document, Keys, Override
+from automaton.scenario.floor_section import Floor, floor_of
+from automaton.scenario.order_file import with_orders_of_file
+from automaton.scenario.overrides import override
+from automaton.scenario.reading import SHIPPED_FOLDER, STUDIES_ARE_SWEPT, is_study, read
+from automaton.scenario.schema import LAYER_NAMES, Scenario
+from automaton.scenario.validation import validated
+from automaton.strategy.entry import NoParameters, files_of, resolve_paths
+from automaton.strategy.zone_parameters import ZoningParameters, zoning_parameters_of
+
+
+class StrategyChoice(NamedTuple):
+    """The strategy of one layer."""
+
+    name: str  # of the table of built-ins, of a plug-in, or "module:Class"
+    parameters: msgspec.Struct
+
+
+@dataclass(frozen=True)
+class Resolved:
+    """Everything that a run follows from."""
+
+    scenario: Scenario
+    floor_plan: FloorPlan
+    strategies: dict[str, StrategyChoice]  # by layer
+    start: (
+        Literal["parking-bays", "random", "racks"] | tuple[int, ...]
+    )  # flat cells of robots 0, 1, ...
+    source: str  # text of the scenario file; "" for a Scenario built in Python
+    overrides: tuple[str, ...] = ()  # the --set arguments as typed
+    files: tuple[tuple[str, str], ...] = ()  # read for the scenario: path, 16 hex digits of content
+
+    @property
+    def zoning(self) -> ZoningParameters:
+        """What the zoning strategy says of the zones at the start. Raises InputError."""
+        choice = self.strategies.get("zoning")  # a story has no strategies
+        return zoning_parameters_of(choice.parameters if choice else NoParameters())
+
+
+def resolve(
+    scenario: str | Path | Scenario,
+    overrides: Iterable[str | Override] = (),
+    seed: int | None = None,
+) -> Resolved:
+    """Check a scenario completely: a path, the name of a shipped one, or a Scenario.
+
+    `overrides` are KEY=VALUE texts, or values with their places; `seed` replaces the scenario's
+    own. Raises InputError.
+    """
+    settings = tuple(overrides)
+    document = document_of(scenario, settings)
+    if seed is not None:
+        seeded = Override(f"--seed {seed}", ("seed",), seed)
+        data = {**document.data, "seed": seed}
+        document = replace(document, data=data, overrides=(*document.overrides, seeded))
+    checked = validated(document, document.data, Scenario)
+    document, checked, order_file = with_orders_of_file(document, checked)
+    floor = floor_of(document, checked.layout)
+    start = checked_start(document, checked, floor)
+    strategies = choose_strategies(document, checked, floor.floor_plan)
+    return Resolved(
+        scenario=naming_files(checked, strategies),
+        floor_plan=floor.floor_plan,
+        strategies=strategies,
+        start=start,
+        source=document.text,
+        overrides=tuple(
+            setting if isinstance(setting, str) else setting.argument for setting in settings
+        ),
+        files=() if order_file is None else ((order_file.path, order_file.content_hash),),
+    )
+
+
+def checked_start(document: Document, scenario: Scenario, floor: Floor) -> Start:
+    """Where robots begin; the scenario fits its floor. Raises InputError."""
+    check_areas(document, scenario, floor.floor_plan)
+    start = start_of(document, scenario, floor.floor_plan)
+    check_starts(document, scenario, floor.floor_plan, start)
+    check_orders(document, scenario, floor)
+    check_floor(scenario, floor, start)
+    check_service(document, scenario, floor.floor_plan, start)
+    check_abilities(document, scenario, floor.floor_plan, start)
+    check_energy(document, scenario, floor.floor_plan)
+    check_sight(document, scenario)
+    return start
+
+
+def choose_strategies(
+    document: Document,
+    scenario: Scenario,
+    floor_plan: FloorPlan,
+    layers: Iterable[str] = LAYER_NAMES,
+) -> dict[str, StrategyChoice]:
+    """The strategies that a scenario names, by layer. Raises InputError.
+
+    Parameters may have a method `check_scenario(scenario, floor_plan)`: one sentence on what they
+    do not go with, or None.
+    """
+    strategies = {layer: _choose_strategy(document, scenario, layer) for layer in layers}
+    if "zoning" in strategies:
+        try:
+            zoning_parameters_of(strategies["zoning"].parameters)
+        except InputError as error:
+            raise document.error(("strategy", "zoning"), error.message) from None
+    for layer, choice in strategies.items():
+        objection = getattr(choice.parameters, "check_scenario", None)
+        sentence = objection(scenario, floor_plan) if objection else None
+        if sentence:
+            raise document.error(
+                ("strategy", layer), f"strategy.{layer} is {choice.name}: {sentence}"
+            )
+    return strategies
+
+
+def naming_files(scenario: Scenario, strategies: dict[str, StrategyChoice]) -> Scenario:
+    """The scenario with the files of its strategies named as they are found from anywhere."""
+    choices: dict[str, Any] = {}
+    for layer, strategy in strategies.items():
+        choice: Any = getattr(scenario.strategy, layer)
+        if files_of(strategy.parameters) and isinstance(choice, dict):
+            found = msgspec.to_builtins(strategy.parameters)
+            choices[layer] = {key: found.get(key, choice[key]) for key in choice}
+    return msgspec.structs.replace(
+        scenario, strategy=msgspec.structs.replace(scenario.strategy, **choices)
+    )
+
+
+def document_of(
+    scenario: str | Path | Scenario, settings: Iterable[str | Override] = ()
+) -> Document:
+    """What a scenario says, unchecked, with KEY=VALUE texts over it. Raises InputError."""
+    if not isinstance(scenario, Scenario):
+        found = read(scenario)
+        if is_study(found.data):
+            raise InputError(f"this is a study; {STUDIES_ARE_SWEPT}", found.file)
+        return override(found, settings)
+    return override(Document(data=copy.deepcopy(msgspec.to_builtins(scenario))), settings)
+
+
+def _choose_strategy(document: Document, scenario: Scenario, layer: str) -> StrategyChoice:
+    from automaton.strategy import lookup
+
+    choice: Any = getattr(scenario.strategy, layer)
+    keys: Keys = ("strategy", layer)
+    parameters: dict[str, Any] = {}
+    if isinstance(choice, dict):
+        parameters = {key: value for key, value in choice.items() if key != "name"}
+        choice = choice.get("name")
+        if not isinstance(choice, str):
+            raise document.error(keys, f"the key 'name' is missing in strategy.{layer}")
+        keys = (*keys, "name")
+    try:
+        wanted = lookup.parameters_type(layer, choice)
+    except InputError as error:
+        raise document.error(keys, error.message) from None
+    given = validated(document, parameters, wanted, ("strategy", layer))
+    # Nobody keeps files beside the shipped scenarios.
+    own = document.folder.resolve() != SHIPPED_FOLDER
+    try:
+        return StrategyChoice(choice, resolve_paths(given, document.folder if own else Path()))
+    except InputError as error:
+        raise document.error(("strategy", layer), error.message) from None

@@ -1,0 +1,84 @@
+"""The constants of a world, from its scenario."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from automaton.build.battery import (
+    charging_curve,
+    drain_table,
+    fault_table,
+    may_fail,
+    ticks_or_never,
+    units,
+)
+from automaton.engine.state import ACTION_MOVE, ACTION_NAMES, NIL, ORDER_LIST, Array, Rules
+from automaton.scenario.robot_types import types_of
+from automaton.scenario.schema import Scenario
+from automaton.units import unit
+
+STOPS = {"parked": 0, "delivered": 1, "never": 2}
+
+
+def rules_for(scenario: Scenario, seed: int) -> Rules:
+    """The scenario's constants; what strategies ask for is entered when they are admitted."""
+    rules, types = scenario.world, types_of(scenario)
+    return Rules(
+        seed=np.uint64(seed),
+        following=int(rules.following),
+        nearest_access=int(rules.access_cell == "nearest"),
+        stop=STOPS[scenario.stop.when],
+        leave=int(scenario.fleet.when_idle == "leave"),
+        radius=radius_of(scenario.information),
+        circle=int(getattr(scenario.information, "shape", "square") == "circle"),
+        in_system=scenario.orders.in_system,
+        own_zones=int(getattr(scenario.information, "orders", "all") == "zones"),
+        tick_us=tick_length(scenario.units.tick),
+        cell_milli=0
+        if scenario.units.cell is None
+        else round(1000 * unit(scenario.units.cell).size),
+        duration=np.stack(
+            [
+                duration_table(scenario.durations, robot_type.move_time_factor)
+                for robot_type in types
+            ]
+        ),
+        payload=np.array([robot_type.payload for robot_type in types], np.int32),
+        wait=np.ones(5, np.int32),
+        period=np.zeros(5, np.int32),
+        holders=np.zeros(5, np.uint8),
+        slowdown=int(rules.slowdown == "zones"),
+        extra_tick=round(rules.extra_tick_probability * 2**32),
+        handling_jitter=scenario.durations.handling_jitter,
+        battery=int(scenario.battery is not None),
+        drain=drain_table(scenario.battery),
+        curve=charging_curve(scenario.battery),
+        reserve=0 if scenario.battery is None else units(scenario.battery.reserve),
+        tow_after=ticks_or_never(scenario.faults.tow_after),
+        repair=ticks_or_never(scenario.faults.repair_time),
+        repaired=NIL if scenario.faults.charge == "kept" else units(scenario.faults.charge),
+        may_fail=int(may_fail(scenario)),
+        faults=fault_table(scenario.faults),
+        breakdown=round(scenario.faults.failure_probability * 2**32),
+    )
+
+
+def radius_of(information: Any) -> int:
+    if isinstance(information, str):
+        return NIL if information == "everything" else ORDER_LIST
+    return int(information.radius)
+
+
+def tick_length(text: str) -> int:
+    """A tick in millionths of a second, 0 if its name is not an unit of time."""
+    seconds = unit(text).seconds
+    return 0 if seconds is None else max(1, round(1_000_000 * seconds))
+
+
+def duration_table(durations: Any, factor: int = 1) -> Array:
+    """(A,) int32: ticks of each action of a robot; those without a duration of their own take 1."""
+    table = np.array([getattr(durations, name, 1) for name in ACTION_NAMES], np.int32)
+    table[ACTION_MOVE] *= factor
+    return table

@@ -1,0 +1,193 @@
+"""Warn about scenario settings that are legal but probably mistakes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from automaton.build.capabilities import handed_over
+from automaton.build.resolve import Resolved
+from automaton.errors import alternatives
+from automaton.floor.cells import CHARGER, STATION, UNLIMITED
+from automaton.floor.reachability import steps_from
+from automaton.scenario.robot_types import least_move
+from automaton.units import SECONDS_PER_UNIT, count, unit
+
+AVOIDS_TRAFFIC = ("traffic-avoidance", "congestion")  # routing strategies
+
+
+NO_STRATEGY = "none"
+KEEPS_WAY_BACK = ("insertion", "fill-up", "opportunity")  # charging strategies
+KEEPS_PLACE = ("wait", "retreat")  # strategies of right of way under which idle robots may stay
+MOST_STATIONS = 100  # between which all ways are measured
+
+
+def scenario_warnings(resolved: Resolved) -> list[str]:
+    """Return a sentence for each warning."""
+    found = (
+        nothing_to_avoid(resolved),
+        parks_on_charger(resolved),
+        out_of_range(resolved),
+        never_charges(resolved),
+        stays_on_station(resolved),
+        handed_over(resolved.scenario, resolved.floor_plan, resolved.start),
+        counts_as_seconds(resolved),
+    )
+    return [sentence for sentence in found if sentence]
+
+
+def nothing_to_avoid(resolved: Resolved) -> str:
+    """Warn about avoiding traffic where no robot slows another."""
+    world, routing = resolved.scenario.world, resolved.strategies["routing"].name
+    floor_plan = resolved.floor_plan
+    crowds = bool((floor_plan.capacity[floor_plan.drivable()] == UNLIMITED).all())
+    if routing in AVOIDS_TRAFFIC and crowds and world.slowdown == "none":
+        return (
+            f"routing {routing} finds no traffic to avoid: every cell holds any number of robots "
+            "and world.slowdown is none, so no robot slows another; set world.slowdown: zones"
+        )
+    return ""
+
+
+def parks_on_charger(resolved: Resolved) -> str:
+    """Warn about robots that begin, and so park, on a charger that other robots need."""
+    scenario, floor_plan, start = resolved.scenario, resolved.floor_plan, resolved.start
+    robots, chargers = scenario.fleet.robots, int(np.count_nonzero(floor_plan.kind == CHARGER))
+    if resolved.strategies["charging"].name == NO_STRATEGY or not isinstance(start, tuple):
+        return ""
+    if scenario.fleet.when_idle != "park" or chargers >= robots:
+        return ""
+    for robot, cell in enumerate(start):
+        if floor_plan.kind.flat[cell] == CHARGER:
+            x, y = floor_plan.xy(cell)
+            return (
+                f"robot {robot} begins at [{x}, {y}], and so parks there, on a charger that others "
+                f"need: {robots} robots share {chargers}; start it next to the charger"
+            )
+    return ""
+
+
+def out_of_range(resolved: Resolved) -> str:
+    """Warn about an order that needs more than a full battery, from a charger and back to one.
+
+    Counted above the reserve and by the moves alone: with turns and handling it takes more.
+    """
+    scenario, floor_plan, choice = (
+        resolved.scenario,
+        resolved.floor_plan,
+        resolved.strategies["charging"],
+    )
+    battery = scenario.battery
+    if battery is None or choice.name not in KEEPS_WAY_BACK:
+        return ""
+    pairs = station_pairs(resolved)
+    if not pairs or not getattr(choice.parameters, "never_strand", True):
+        return ""
+    chargers = np.flatnonzero(floor_plan.kind == CHARGER).tolist()
+    there, back = steps_from(floor_plan, chargers), steps_from(floor_plan, chargers, backwards=True)
+    move = battery.drain.move * least_move(scenario)
+    dearest, way = 0.0, pairs[0]
+    for source in dict.fromkeys(source for source, _ in pairs):
+        ahead = steps_from(floor_plan, [source])
+        for target in (target for begin, target in pairs if begin == source):
+            empty, loaded = int(there[source] + back[target]), int(ahead[target])
+            cost = move * (empty + battery.drain.loaded_factor * loaded)
+            if cost > dearest:
+                dearest, way = cost, (source, target)
+    least = 100 - battery.reserve
+    if dearest <= least:
+        return ""
+    (x, y), (to_x, to_y) = (floor_plan.xy(cell) for cell in way)
+    return (
+        f"an order from [{x}, {y}] to [{to_x}, {to_y}] takes {dearest:g} % of a battery, from a charger "
+        f"and back to one, and above the reserve there are {least:g} %: a robot that comes from "
+        "a charger "
+        "will never take it"
+    )
+
+
+def never_charges(resolved: Resolved) -> str:
+    """Warn about batteries and chargers without a charging strategy."""
+    chargers = int(np.count_nonzero(resolved.floor_plan.kind == CHARGER))
+    none = resolved.strategies["charging"].name == NO_STRATEGY
+    if resolved.scenario.battery is None or not chargers or not none:
+        return ""
+    return (
+        f"robots have batteries and the floor has {count(chargers, 'charger')}, but strategy.charging "
+        "is none, so no robot will charge; set strategy.charging to insertion, fill-up, "
+        "threshold or opportunity"
+    )
+
+
+def stays_on_station(resolved: Resolved) -> str:
+    """Warn about idle robots that stand for ever on a station that other robots must reach."""
+    scenario, floor_plan, start = resolved.scenario, resolved.floor_plan, resolved.start
+    right_of_way = resolved.strategies["right_of_way"]
+    settled = right_of_way.name in KEEPS_PLACE and not getattr(
+        right_of_way.parameters, "idle_give_way", False
+    )
+    used = {cell for cell in served_stations(resolved) if floor_plan.capacity.flat[cell] == 1}
+    if not settled or not used or scenario.fleet.robots < 2:
+        return ""
+    if getattr(resolved.strategies["allocation"].parameters, "idle", "park") == "stay":
+        who = "robots without an order stay where they dropped the last one (idle: stay)"
+    elif scenario.fleet.when_idle != "park" or start in ("parking-bays", "racks"):
+        return ""
+    elif start == "random":
+        who = "robots begin anywhere (fleet.start: random), and so park on stations too"
+    else:
+        begun = [robot for robot, cell in enumerate(start) if cell in used]
+        if not begun:
+            return ""
+        who = f"robot {begun[0]} begins on a station, and so parks there"
+    return (
+        f"{who}, and a station holds one robot: others that must reach it may wait for ever; set "
+        "right_of_way: {name: retreat, idle_give_way: true}, or give robots places of their own "
+        "with fleet.start or parking bays"
+    )
+
+
+def counts_as_seconds(resolved: Resolved) -> str:
+    """Warn about zoning, whose parameters are times, where units.tick is not a time."""
+    text = resolved.scenario.units.tick
+    tick = unit(text)
+    if resolved.strategies["zoning"].name == NO_STRATEGY or tick.seconds is not None:
+        return ""
+    if tick.name in ("tick", "ticks"):
+        return ""
+    return (
+        f"units.tick is {text!r}, which is not a time: for the seconds and minutes of zoning a "
+        "tick counts "
+        f"as a second; use {alternatives(SECONDS_PER_UNIT)}"
+    )
+
+
+def served_stations(resolved: Resolved) -> set[int]:
+    """Flat cells of stations where orders begin or end."""
+    orders, floor_plan = resolved.scenario.orders, resolved.floor_plan
+    stations = floor_plan.stations().tolist()
+    if orders.parts is not None:
+        return {stations[number - 1] for kind in orders.parts for number in kind.route}
+    if orders.listed is not None:
+        ends = {
+            floor_plan.cell(*end) for line in orders.listed for end in (line.source, line.target)
+        }
+        return ends & set(stations)
+    return set(stations) if orders.generator in ("stations", "visits") else set()
+
+
+def station_pairs(resolved: Resolved) -> list[tuple[int, int]]:
+    """Flat cells of stations between which orders may lead."""
+    orders, floor_plan = resolved.scenario.orders, resolved.floor_plan
+    stations = np.flatnonzero(floor_plan.kind == STATION).tolist()
+    if orders.listed is not None:
+        ends = [
+            (floor_plan.cell(*line.source), floor_plan.cell(*line.target)) for line in orders.listed
+        ]
+        return [pair for pair in ends[:MOST_STATIONS] if set(pair) <= set(stations)]
+    if len(stations) > MOST_STATIONS:
+        return []
+    if orders.generator == "visits":
+        return [(cell, cell) for cell in stations]
+    if orders.generator == "stations":
+        return [(a, b) for a in stations for b in stations if a != b]
+    return []

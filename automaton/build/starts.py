@@ -1,0 +1,103 @@
+"""Where robots begin, how they stand there, and what of the floor they hold."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from automaton.build.prepared_floor import Floor
+from automaton.build.resolve import Resolved
+from automaton.engine import random_numbers
+from automaton.engine.state import NIL, Array, Grid
+from automaton.floor.cells import UNLIMITED
+from automaton.floor.floor_plan import DRIVABLE, FloorPlan
+from automaton.floor.reachability import rack_stands
+from automaton.scenario.robot_types import closed_cells, first_open, type_of_each, types_of
+from automaton.scenario.schema import Scenario
+
+
+def homes(resolved: Resolved, floor: Floor, seed: int) -> tuple[Array, Array]:
+    """(n,) home cells and (n,) parking bays by identity; NIL where a robot parks on the floor itself."""
+    fleet, floor_plan = resolved.scenario.fleet, resolved.floor_plan
+    none = np.full(fleet.robots, NIL, np.int32)
+    if resolved.start == "parking-bays":
+        bays = floor_plan.bays[
+            np.concatenate(first_open(floor_plan.bays[:, 1], resolved.scenario, floor_plan))
+        ]
+        return bays[:, 1].astype(np.int32), bays[:, 0].astype(np.int32)
+    if resolved.start == "random":
+        cells = random_cells(floor_plan, seed)
+        return cells[np.concatenate(first_open(cells, resolved.scenario, floor_plan))], none
+    if resolved.start == "racks":
+        return stands_for_all(floor_plan, resolved.scenario, seed), none
+    return np.array(resolved.start, np.int32), none
+
+
+def random_cells(floor_plan: FloorPlan, seed: int) -> Array:
+    """The drivable cells in the order of their draws, the least first."""
+    cells = np.flatnonzero(DRIVABLE[floor_plan.kind.reshape(-1)])
+    keys = np.zeros(len(cells), np.int64)
+    with np.errstate(over="ignore"):
+        random_numbers.random_integers(
+            keys, 2**31, np.uint64(seed), random_numbers.STREAM_STARTS, 0
+        )
+    drawn: Array = cells[np.argsort(keys, kind="stable")].astype(np.int32)
+    return drawn
+
+
+def stands_for_all(floor_plan: FloorPlan, scenario: Scenario, seed: int) -> Array:
+    """(n,) cells in front of racks, each open to its robot."""
+    each, types = type_of_each(scenario.fleet), types_of(scenario)
+    if not has_room_for_all(floor_plan):
+        cells = random_stands(floor_plan, len(np.unique(rack_stands(floor_plan))), seed)
+        return cells[np.concatenate(first_open(cells, scenario, floor_plan))]
+    by_type = [
+        random_stands(floor_plan, len(each), seed, closed_cells(floor_plan, robot_type))
+        for robot_type in types
+    ]
+    return np.stack(by_type)[each, np.arange(len(each))]
+
+
+def has_room_for_all(floor_plan: FloorPlan) -> bool:
+    """Whether any number of robots may stand in front of racks."""
+    return bool((floor_plan.capacity.reshape(-1)[rack_stands(floor_plan)] == UNLIMITED).all())
+
+
+def random_stands(floor_plan: FloorPlan, n: int, seed: int, closed: Array | None = None) -> Array:
+    """n cells in front of racks: of a rack drawn for each robot, where cells hold any number.
+
+    Else different ones, those of the least draws, in the order of their draws. `closed`: (C,) bool,
+    cells that do not count.
+    """
+    stands = rack_stands(floor_plan)
+    if closed is not None:
+        stands = stands[~closed[stands]]
+    choice = np.zeros(n, np.int64)
+    with np.errstate(over="ignore"):
+        if has_room_for_all(floor_plan):
+            random_numbers.random_integers(
+                choice, len(stands), np.uint64(seed), random_numbers.STREAM_STARTS, 0
+            )
+            return stands[choice]
+        stands = np.unique(stands)
+        keys = np.zeros(len(stands), np.int64)
+        random_numbers.random_integers(
+            keys, 2**31, np.uint64(seed), random_numbers.STREAM_STARTS, 0
+        )
+    chosen: Array = stands[np.argsort(keys, kind="stable")[:n]]
+    return chosen
+
+
+def first_headings(grid: Grid, cells: Array) -> Array:
+    """(n,) uint8: vertical where the cell leads south or north, else horizontal."""
+    cell_flags = grid.cell_flags[cells]
+    choices = [(cell_flags >> np.uint8(d)) & 1 == 1 for d in (1, 3, 0, 2)]
+    direction = np.select(choices, [1, 3, 0, 2], 0)
+    headings: Array = (direction & (grid.headings - 1)).astype(np.uint8)
+    return headings
+
+
+def occupy_starts(grid: Grid, occupancy: Array, cells: Array, headings: Array) -> None:
+    capacity = (grid.cell_flags[cells].astype(np.int64) >> 5) & 3
+    lane = headings.astype(np.int64) >> 1
+    bit = np.select([capacity == 1, capacity == 2], [np.full_like(lane, 96), 32 << lane], 0)
+    np.bitwise_and.at(occupancy, cells, ~bit.astype(np.uint16))

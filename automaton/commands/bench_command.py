@@ -1,0 +1,136 @@
+"""Measure the speed of this machine: medians of several samples, on one core, after a warm-up.
+
+Exit code 0: measured; 2: bad input.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import importlib
+import json
+import os
+import platform
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from automaton.bench import PARTS
+from automaton.errors import InputError, nearest
+
+if TYPE_CHECKING:
+    from automaton.bench.measurement import Figure, Measurement
+
+REPEAT = 7
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `automaton bench`."""
+    parts = "; ".join(f"{name}: {part.summary}" for name, part in PARTS.items())
+    parser.add_argument("--json", action="store_true", help="a JSON list instead of a table")
+    parser.add_argument(
+        "--only",
+        action="append",
+        default=[],
+        metavar="PART",
+        help=f"measure this part only; may be repeated ({parts})",
+    )
+    parser.add_argument("--compile", action="store_true", help="also the first run, compiling")
+    parser.add_argument("--startup", action="store_true", help="also how long commands take")
+    parser.add_argument(
+        "--repeat", type=int, default=REPEAT, metavar="N", help=f"samples, default {REPEAT}"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Measure and print; Ctrl-C prints what has been measured."""
+    if args.repeat < 1:
+        raise InputError(f"--repeat must be at least 1, not {args.repeat}")
+    parts = chosen(args.only, args.compile, args.startup)
+    wanted = measurements(parts)
+    figures: list[Figure] = []
+    try:
+        measure(wanted, args.repeat, figures)
+    finally:
+        if args.json:
+            print(json.dumps([figure._asdict() for figure in figures], indent=2))
+        elif figures:
+            print_figures(figures, args.repeat)
+    return 0
+
+
+def chosen(only: Sequence[str], compile_too: bool, startup_too: bool) -> list[str]:
+    """The parts to measure, in the order of the table. Raises InputError for an unknown one."""
+    for name in only:
+        if name not in PARTS:
+            known = ", ".join(PARTS)
+            raise InputError(f"unknown part '{name}'{nearest(name, PARTS)}; there are {known}")
+    asked = {*only, *(["compile"] if compile_too else []), *(["startup"] if startup_too else [])}
+    return [name for name, part in PARTS.items() if name in asked or (part.usual and not only)]
+
+
+def measurements(parts: Sequence[str]) -> list[Measurement]:
+    """What the parts measure. Raises InputError when there is nothing compiled to measure."""
+    from automaton.engine.jit.kernel import jit_is_on
+
+    if not jit_is_on():
+        raise InputError("bench measures compiled code; unset NUMBA_DISABLE_JIT")
+    found: list[Measurement] = []
+    for name in parts:
+        found += importlib.import_module(PARTS[name].module).measurements()
+    return found
+
+
+def measure(wanted: Sequence[Measurement], repeat: int, figures: list[Figure]) -> None:
+    """Append a figure for each measurement."""
+    from automaton.bench.measurement import take
+
+    with progress(len(wanted)) as tell:
+        for measurement in wanted:
+            tell(measurement.name)
+            figures.append(take(measurement, repeat))
+
+
+@contextlib.contextmanager
+def progress(total: int) -> Iterator[Callable[[str], None]]:
+    """Names on a terminal's stderr what is being measured; silent in a pipe."""
+    if not sys.stderr.isatty():
+        yield lambda name: None
+        return
+    from rich.console import Console
+    from rich.progress import MofNCompleteColumn, Progress, SpinnerColumn, TextColumn
+
+    bar = Progress(
+        SpinnerColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.description}", markup=False),
+        console=Console(stderr=True),
+        transient=True,
+    )
+    task = bar.add_task("", total=total, completed=-1)
+    with bar:
+        yield lambda name: bar.update(task, advance=1, description=name)
+
+
+def print_figures(figures: Sequence[Figure], repeat: int) -> None:
+    """Print the figures as a table, and the machine that they hold for."""
+    from automaton.runs.run_report import console, plain_table, print_table
+    from automaton.units import count, number
+
+    out = console()
+    table = plain_table("measured", "median", "low", "high", "unit")
+    table.columns[0].justify = table.columns[4].justify = "left"
+    for figure in figures:
+        values = (number(value) for value in (figure.median, figure.low, figure.high))
+        table.add_row(figure.name, *values, figure.unit)
+    out.width = max(out.width, 120)  # a table of figures is not text to be folded
+    print_table(out, table)
+    out.print()
+    out.print(f"{count(repeat, 'sample')} each; {machine()}", soft_wrap=True)
+
+
+def machine() -> str:
+    """This machine, and how busy it is: figures of a busy one are too high."""
+    cores = os.cpu_count() or 1
+    load = f", load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
+    return f"{platform.machine()} {platform.system()}, {cores} cores{load}"

@@ -1,0 +1,28 @@
+"""Print the JSON Schema of scenario files, or of study files, for editors and other programs."""
+
+from __future__ import annotations
+
+import argparse
+import json
+
+from automaton.scenario.scenario_schema import json_schema
+from automaton.studies.sweeps.study_schema import study_schema
+
+SCHEMAS = {"scenario": json_schema, "study": study_schema}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `automaton schema`."""
+    parser.add_argument(
+        "what",
+        nargs="?",
+        default="scenario",
+        choices=SCHEMAS,
+        help="scenario (default), with the parameters of generators and strategies, or study",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the schema."""
+    print(json.dumps(SCHEMAS[args.what](), indent=2))
+    return 0

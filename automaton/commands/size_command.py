@@ -1,0 +1,178 @@
+"""Find the smallest fleet that meets a target, and say how sure that is.
+
+Exit code 0: answered; 1: not reached, undecided, or a worker died; 2: bad input; 130: interrupted;
+143: ended by SIGTERM. What is known is printed in any case but bad input.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from automaton.commands.arguments import add_scenario_arguments, print_warnings, whole
+from automaton.errors import WorkerDiedError
+
+if TYPE_CHECKING:
+    from automaton.studies.sizing.candidates import FleetConfig
+    from automaton.studies.sizing.fleet_runs import Fleets
+    from automaton.studies.sizing.question import Question
+    from automaton.studies.sizing.sizing_session import SizingSession
+
+
+def positive(text: str) -> float:
+    """The type of an argument that is a number above 0."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = 0.0
+    if not 0 < number < float("inf"):
+        raise argparse.ArgumentTypeError(f"'{text}' is not a number above 0")
+    return number
+
+
+def positive_share(text: str) -> float:
+    """The type of an argument that is a share, such as .95 or 95%."""
+    return positive(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `automaton size`."""
+    add_scenario_arguments(parser)
+    add = parser.add_argument
+    add("--target", required=True, metavar="T", help="such as 'makespan<=3000', 'makespan<=5h'")
+    add("--robots", required=True, metavar="A..B", help="the fleets that may be an answer")
+    add(
+        "--success-share",
+        type=positive_share,
+        metavar="P",
+        help="share of the runs that must meet it (.95; of a steady state the mean must, unless "
+        "P is given)",
+    )
+    add(
+        "--mean",
+        action="store_true",
+        default=None,
+        help="the mean must meet it, whatever the share of the runs",
+    )
+    add(
+        "--indifference",
+        type=positive,
+        metavar="Z",
+        help="indifference zone: a share within P +- Z may be judged either way (.02); with "
+        "--mean in its unit (1 %% of the target)",
+    )
+    add(
+        "--alpha",
+        type=positive,
+        default=0.05,
+        metavar="A",
+        help="error probability of all verdicts (.05)",
+    )
+    add(
+        "--budget",
+        type=whole("a number of runs", 1),
+        default=20_000,
+        metavar="RUNS",
+        help="at most so many runs (20,000)",
+    )
+    add("--strategies", metavar="A,B", help="compare these, such as independent,cooperative")
+    add("--price", type=positive, default=0.0, metavar="P", help="of a robot")
+    add(
+        "--workers",
+        type=whole("a number of processes", 1),
+        metavar="N",
+        help="processes, default one for each core",
+    )
+    add("--plots", type=Path, metavar="DIR", help="shares and means as PNG and SVG (extra plots)")
+    add("--json", action="store_true", help="one JSON object instead of text")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Search and report; Ctrl-C, and a worker that dies, report what is known."""
+    if args.plots is not None:
+        from automaton.studies.reports.plot_files import figure_class
+
+        figure_class()  # says what is missing before anything is computed
+    from automaton.runs.process_pool import PersistentPool
+    from automaton.studies.sizing.fleet_runs import Checked, Fleets, run_and_measure_use, session_of
+
+    with PersistentPool(args.workers, run_and_measure_use) as rounds:
+        fleets = Fleets(args.scenario, args.settings, args.seed, rounds)
+        asked = asked_of(args, fleets)
+        print_warnings(fleets.base)
+        session = session_of(fleets, Checked(fleets, asked, tell_progress))
+        cut: BaseException | None = None
+        try:
+            session.go()
+        except (KeyboardInterrupt, WorkerDiedError) as error:
+            cut = error
+        finally:
+            if sys.stderr.isatty():
+                print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+        show(args, session, fleets)
+        if args.plots is not None:
+            draw(args.plots, session)
+        if cut is not None:
+            raise cut
+    return 0 if session.settled else 1
+
+
+def asked_of(args: argparse.Namespace, fleets: Fleets) -> Question:
+    """The question that the arguments put. Raises InputError."""
+    from automaton.studies.sizing.compared_strategies import strategies_of
+    from automaton.studies.sizing.question import make_question, read_robots, read_target
+
+    target, robots = read_target(args.target, fleets.tick), read_robots(args.robots)
+    strategies = strategies_of(args.strategies)
+    return make_question(
+        target,
+        robots,
+        strategies,
+        args.success_share,
+        args.indifference,
+        args.alpha,
+        args.budget,
+        args.mean,
+        fleets.warm_up,
+    )
+
+
+def show(args: argparse.Namespace, session: SizingSession, fleets: Fleets) -> None:
+    """Print the answer."""
+    scenario = fleets.base.scenario
+    if args.json:
+        from automaton.studies.sizing.sizing_record import as_json
+
+        found = as_json(session, scenario.name, fleets.seed, args.price)
+        print(json.dumps(found, indent=2, ensure_ascii=False))
+        return
+    from automaton.runs.run_report import console
+    from automaton.studies.sizing.sizing_report import print_answer
+
+    limit = scenario.stop.max_duration
+    ends = f"A run that does not finish within {limit:,} ticks fails."
+    if not fleets.ends_with_orders:
+        ends = f"Every run lasts {limit:,} ticks."
+    if scenario.units.tick != "1 tick":
+        ends += f" 1 tick = {scenario.units.tick}."
+    print_answer(console(), session, scenario.name, ends, args.price)
+
+
+def draw(folder: Path, session: SizingSession) -> None:
+    """Write the plots, and say where they are."""
+    from automaton.studies.reports.plot_files import write_plots
+    from automaton.studies.sizing.sizing_charts import curves
+
+    sys.stdout.flush()
+    for path in write_plots(curves(session), folder):
+        print(f"automaton: wrote {path}", file=sys.stderr)
+
+
+def tell_progress(place: FleetConfig, runs: int, asked: Question) -> None:
+    """Say on a terminal how far the search is."""
+    if sys.stderr.isatty():
+        text = f"{place.robots} robots, {runs:,} runs of at most {asked.budget:,}"
+        print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)

@@ -1,0 +1,242 @@
+"""Do the runs of a study and keep their rows in a folder; the same command again goes on.
+
+Exit code 0: all runs are done; 1: some failed, now or before; 2: bad input;
+130: stopped by Ctrl-C; 143: by SIGTERM.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from automaton.commands.arguments import add_timeout_argument, whole
+from automaton.errors import InputError
+from automaton.units import SECONDS_PER_UNIT, count
+
+if TYPE_CHECKING:
+    from automaton.studies.sweeps.pools import Backend
+    from automaton.studies.sweeps.sweep_forecast import Forecast
+    from automaton.studies.sweeps.sweep_session import SweepResult, SweepStart
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `automaton sweep`."""
+    parser.add_argument("study", metavar="STUDY", help="a file, or a shipped study")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="the folder of the results")
+    parser.add_argument(
+        "--workers",
+        type=whole("a number of processes", 1, 1024),
+        metavar="N",
+        help="processes, default one for each core",
+    )
+    parser.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="run on a Dask cluster, such as tcp://host:8786, or the file that its scheduler wrote",
+    )
+    parser.add_argument(
+        "--dry-run", action="store_true", help="say what it would take, and run nothing but trials"
+    )
+    parser.add_argument(
+        "--recompute",
+        action="store_true",
+        help="where the folder holds results of other code or another study: do what of this one it "
+        "lacks, and count no others",
+    )
+    parser.add_argument(
+        "--retry-failed", action="store_true", help="also retry the runs that failed"
+    )
+    add_timeout_argument(parser)
+    parser.add_argument("--json", action="store_true", help="one JSON object instead of text")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Sweep, and say what was done."""
+    if args.out is None and not args.dry_run:
+        raise InputError("--out DIR is missing: the folder in which results are kept")
+    if args.workers is not None and args.scheduler is not None:
+        raise InputError("--workers are processes here; the scheduler has its own: leave one out")
+    if args.dry_run and args.scheduler is not None:
+        raise InputError("--dry-run reckons with processes here, not with a cluster: leave one out")
+    from automaton.studies.sweeps.study_copies import copies_of
+    from automaton.studies.sweeps.sweep_plan import make_sweep_plan
+    from automaton.studies.sweeps.sweep_session import sweep_into
+
+    plan = make_sweep_plan(args.study)
+    if args.dry_run:
+        return dry_run(args, plan)
+    begun_at = time.monotonic()
+    with progress(args.out) as listener:
+        swept = sweep_into(
+            args.out,
+            plan,
+            lambda: crew_of(args),
+            args.recompute,
+            listener.begin,
+            listener.rows,
+            args.retry_failed,
+            copies_of(args.study, plan),
+            args.strategy_timeout,
+        )
+    tell(args, swept, time.monotonic() - begun_at)
+    return 1 if swept.failed else 0
+
+
+def crew_of(args: argparse.Namespace) -> Backend:
+    """Who carries the runs out."""
+    if args.scheduler is not None:
+        from automaton.studies.sweeps.cluster import DaskCluster
+
+        return DaskCluster(args.scheduler)
+    from automaton.studies.sweeps.pools import LocalPool
+
+    return LocalPool(args.workers)
+
+
+def dry_run(args: argparse.Namespace, plan: Any) -> int:
+    """Say what the sweep would take."""
+    from automaton.runs.process_pool import cores
+    from automaton.studies.sweeps.sweep_forecast import forecast
+
+    found = forecast(plan, args.out, args.workers or cores(), args.retry_failed, args.recompute)
+    if args.json:
+        print(json.dumps({"study": plan.study.name, **found._asdict(), "wall_s": found.wall_s}))
+        return 0
+    print(plan_text(plan, found))
+    print(time_text(found))
+    print(f"disk: {size_text(found.bytes)} at most")
+    return 0
+
+
+def plan_text(plan: Any, found: Forecast) -> str:
+    """How many runs there are, and are left."""
+    points = count(len(plan.points), "point")
+    repeated = count(plan.study.replications, "replication")
+    text = f"{plan.study.name}: {points} x {repeated} = {count(found.runs, 'run')}"
+    return text + (f", of which {found.done:,} are done" if found.done else "")
+
+
+def time_text(found: Forecast) -> str:
+    """How long they will take."""
+    least = "at least " if found.cut else ""
+    spread = f"{found.least_s * 1e3:,.0f} to {found.most_s * 1e3:,.0f} ms"
+    return (
+        f"time: {least}{duration(found.wall_s)} with {count(found.workers, 'worker')} "
+        f"({spread} a run, by {count(found.pilots, 'pilot run')})"
+    )
+
+
+def duration(seconds: float) -> str:
+    """Seconds in the reader's units."""
+    if seconds < 90:
+        return f"{seconds:.1f} s" if seconds < 10 else f"{seconds:.0f} s"
+    if seconds < 90 * SECONDS_PER_UNIT["min"]:
+        return f"{seconds / SECONDS_PER_UNIT['min']:.0f} minutes"
+    return f"{seconds / SECONDS_PER_UNIT['h']:.1f} hours"
+
+
+def size_text(size: int) -> str:
+    """Bytes in the reader's units."""
+    return f"{size / 1e6:,.1f} MB" if size >= 1e5 else f"{size / 1e3:,.1f} kB"
+
+
+class Listener:
+    """Hears how far a sweep is; shows nothing, but notes what to say."""
+
+    def __init__(self, out: Path) -> None:
+        self.out = out
+        self.total = self.done = 0
+
+    def begin(self, begun: SweepStart) -> None:
+        """Tell on stderr what was found in the folder."""
+        self.total, self.done = begun.runs, begun.done
+        for path in begun.aside:
+            note(f"{path} is damaged; its runs are done again")
+        if begun.reanalysed:
+            note(
+                "the analysis or warm-up declared in the study is another one than that with which "
+                f"{count(begun.done, 'run')} were made; the earlier one stays in sweep.json"
+            )
+
+    def rows(self, rows: list[Any]) -> None:
+        """Count what is done."""
+        self.done += len(rows)
+
+
+class Bar(Listener):
+    """Shows on a terminal's stderr how many runs are done, how fast, and how long the rest takes."""
+
+    def __init__(self, out: Path) -> None:
+        super().__init__(out)
+        from rich.console import Console
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+        from rich.progress import TimeRemainingColumn as Remaining
+
+        rate = TextColumn("{task.fields[rate]}", markup=False)
+        columns = ("runs", BarColumn(), MofNCompleteColumn(), rate, "left", Remaining())
+        self.bar = Progress(*columns, console=Console(stderr=True), transient=True)
+        self.task = self.bar.add_task("runs", total=None, rate="")
+        self.since = time.monotonic()
+        self.before = 0
+
+    def begin(self, begun: SweepStart) -> None:
+        super().begin(begun)
+        self.since, self.before = time.monotonic(), begun.done
+        self.bar.reset(self.task, total=begun.runs, completed=begun.done)
+
+    def rows(self, rows: list[Any]) -> None:
+        super().rows(rows)
+        rate = (self.done - self.before) / max(time.monotonic() - self.since, 1e-3)
+        self.bar.update(self.task, completed=self.done, rate=f"{rate:,.1f} a second")
+
+
+@contextlib.contextmanager
+def progress(out: Path) -> Iterator[Listener]:
+    """A progress bar on a terminal, nothing in a pipe; says what is kept after Ctrl-C."""
+    listener = Bar(out) if sys.stderr.isatty() else Listener(out)
+    try:
+        with listener.bar if isinstance(listener, Bar) else contextlib.nullcontext():
+            yield listener
+    except KeyboardInterrupt:
+        if listener.total:
+            kept = f"{listener.done:,} of {count(listener.total, 'run')} are kept in {out}"
+            note(f"stopped; {kept}; the same command goes on")
+        raise
+
+
+def tell(args: argparse.Namespace, swept: SweepResult, seconds: float) -> None:
+    """Say what was done."""
+    begun, tally = swept.begun, swept.tally
+    if args.json:
+        found = {
+            "study": swept.store.study.name,
+            "out": str(args.out),
+            "runs": begun.runs,
+            "existing": begun.done,
+            **tally._asdict(),
+            "failed": swept.failed,
+            "wall_s": round(seconds, 3),
+        }
+        print(json.dumps(found, indent=2))
+    else:
+        before = f" ({begun.done:,} were done before)" if begun.done else ""
+        print(f"{swept.store.study.name}: {count(begun.runs, 'run')} in {args.out}{before}")
+        if tally.unfinished:
+            print(f"{count(tally.unfinished, 'run')} reached the limit of the scenario")
+        if tally.repeated:
+            print(f"{count(tally.repeated, 'run')} begun twice, since a worker died")
+    if swept.failed:
+        sys.stdout.flush()
+        what = f"{count(swept.failed, 'run')} failed; the column `error` says why"
+        note(f"{what}, --retry-failed tries again")
+
+
+def note(text: str) -> None:
+    """A sentence on stderr."""
+    print(f"automaton: {text}", file=sys.stderr, flush=True)

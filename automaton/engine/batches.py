@@ -1,0 +1,246 @@
+"""Who is asked: the batch of robots that concern a layer in this tick, sorted by identity."""
+
+import numpy as np
+
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.operations import clear_route_request, first_cell
+from automaton.engine.robot_status import STATUS_UP
+from automaton.engine.state import (
+    CLOCK_ALLOCATION_REVISION,
+    CLOCK_FRESH_ALLOCATION,
+    CLOCK_NEEDING_CHARGING,
+    CLOCK_NEEDING_RIGHT_OF_WAY,
+    CLOCK_NEEDING_ROUTE,
+    CLOCK_NEXT_WAKEUP,
+    CLOCK_PHASE,
+    CLOCK_REVISION,
+    CLOCK_TICK,
+    CLOCK_UNQUEUED_ORDERS,
+    KEEP,
+    LAYER_ALLOCATION,
+    LAYER_CHARGING,
+    LAYER_RIGHT_OF_WAY,
+    LAYER_ROUTING,
+    LAYER_ZONING,
+    NEED_ALLOCATION,
+    NEED_CHARGING,
+    NEED_RIGHT_OF_WAY,
+    NEED_ROUTE,
+    NIL,
+    PHASE_CHARGING_AGAIN,
+    REASON_PERIODIC,
+    REASON_PICKED,
+    REASON_RETREATING,
+    REASON_RETRIES_EXHAUSTED,
+    REASON_ZONE_EVENT,
+    RETRY_EXHAUSTED,
+)
+
+
+@kernel
+def is_due(world, layer):
+    """Whether the layer's strategy asked for this tick."""
+    period = world.rules.period[layer]
+    return period > 0 and world.clock[CLOCK_TICK] % period == 0
+
+
+@kernel
+def append(batch, i, reason):
+    k = batch.count[0]
+    batch.robot[k] = i
+    batch.reason[k] = reason
+    batch.count[0] = k + 1
+
+
+@kernel
+def batch_all_robots(world, batch, layer):
+    """Zoning: all robots, when an order is in no queue yet or the tick is due; or those to be woken."""
+    robots, clock = world.robots, world.clock
+    batch.count[0] = 0
+    everybody = is_due(world, layer)
+    zoned = world.service_zones.wake.shape[0] > 0
+    if zoned and clock[CLOCK_UNQUEUED_ORDERS]:
+        clock[CLOCK_UNQUEUED_ORDERS] = 0
+        everybody = True
+    if not everybody and not (zoned and 0 <= clock[CLOCK_NEXT_WAKEUP] <= clock[CLOCK_TICK]):
+        return False
+    earliest = np.int64(NIL)
+    for identity in range(robots.cell.shape[0]):
+        i = np.int64(robots.at_index[identity])
+        wake = np.int64(world.service_zones.wake[i]) if zoned else np.int64(NIL)
+        due = wake != NIL and wake <= clock[CLOCK_TICK]
+        if due:
+            world.service_zones.wake[i] = NIL
+        elif wake != NIL and (earliest == NIL or wake < earliest):
+            earliest = wake
+        if everybody or due:
+            append(batch, i, REASON_PERIODIC if due or not zoned else REASON_ZONE_EVENT)
+    clock[CLOCK_NEXT_WAKEUP] = earliest
+    world.tally.batches[layer] += 1
+    return batch.count[0] > 0
+
+
+@kernel
+def batch_charging(world, batch):
+    """Robots with a battery that are free, have taken an order, or were left without one.
+
+    Once each, when they are not busy: the free ones before allocation, the others after it. On the
+    ticks that the strategy asked for, all that are in order.
+    """
+    robots, clock = world.robots, world.clock
+    batch.count[0] = 0
+    due = clock[CLOCK_PHASE] != PHASE_CHARGING_AGAIN and is_due(world, LAYER_CHARGING)
+    if clock[CLOCK_NEEDING_CHARGING] == 0 and not due:
+        return False
+    for identity in range(robots.cell.shape[0]):
+        i = np.int64(robots.at_index[identity])
+        if robots.need[i] & NEED_CHARGING and robots.busy[i] == 0 and robots.retreat_moves[i] == 0:
+            robots.need[i] &= np.uint8(255 - NEED_CHARGING)
+            clock[CLOCK_NEEDING_CHARGING] -= 1
+            append(batch, i, robots.charging_reason[i])
+        elif due and robots.status[i] == STATUS_UP:
+            append(batch, i, REASON_PERIODIC)
+    if batch.count[0] == 0 and not due:
+        return False
+    world.tally.batches[LAYER_CHARGING] += 1
+    return True
+
+
+@kernel
+def batch_allocation(world, batch):
+    """Robots that are free, have just picked, or gave their order back.
+
+    One that was left idle is asked again when an order or a reservation has changed.
+    """
+    robots, clock = world.robots, world.clock
+    batch.count[0] = 0
+    due = is_due(world, LAYER_ALLOCATION)
+    if (
+        not due
+        and clock[CLOCK_FRESH_ALLOCATION] == 0
+        and clock[CLOCK_REVISION] == clock[CLOCK_ALLOCATION_REVISION]
+    ):
+        return False
+    clock[CLOCK_ALLOCATION_REVISION] = clock[CLOCK_REVISION]
+    for identity in range(robots.cell.shape[0]):
+        i = np.int64(robots.at_index[identity])
+        concerned = robots.need[i] & NEED_ALLOCATION and (
+            robots.busy[i] == 0 or robots.reason[i] == REASON_PICKED
+        )
+        if concerned and robots.seen_revision[i] != clock[CLOCK_REVISION]:
+            append(batch, i, robots.reason[i])
+        elif due and robots.status[i] == STATUS_UP:
+            append(batch, i, REASON_PERIODIC)
+    if batch.count[0] == 0 and not due:
+        return False
+    world.tally.batches[LAYER_ALLOCATION] += 1
+    return True
+
+
+@kernel
+def is_on_its_way(world, i):
+    """Whether robot i has a plan, whatever it does now, that can still be made again."""
+    robots = world.robots
+    if robots.goal_cell[i] == NIL or robots.need[i] & NEED_ROUTE or robots.retreat_moves[i]:
+        return False
+    return robots.try_drop[i] == 0 and first_cell(robots, i) != robots.goal_cell[i]
+
+
+@kernel
+def batch_routing(world, batch):
+    """Robots with a new goal or a plan to be made again, once they are free to drive.
+
+    A strategy that asked for this tick gets all that are on their way too: REASON_PERIODIC.
+    """
+    robots, clock = world.robots, world.clock
+    batch.count[0] = 0
+    due = is_due(world, LAYER_ROUTING)
+    if clock[CLOCK_NEEDING_ROUTE] == 0 and not due:
+        return False
+    for identity in range(robots.cell.shape[0]):
+        i = np.int64(robots.at_index[identity])
+        if robots.need[i] & NEED_ROUTE and robots.busy[i] == 0:
+            if robots.retreat_moves[i] or robots.try_drop[i]:
+                continue
+            if robots.cell[i] == robots.goal_cell[i] or (
+                robots.parked[i] and robots.home[i] == robots.goal_cell[i]
+            ):
+                clear_route_request(world, i)
+            else:
+                append(batch, i, robots.route_reason[i])
+        elif due and is_on_its_way(world, i):
+            append(batch, i, REASON_PERIODIC)
+    if batch.count[0] == 0 and not due:
+        return False
+    world.tally.batches[LAYER_ROUTING] += 1
+    return True
+
+
+@kernel
+def batch_right_of_way(world, batch):
+    """Robots whose retries are used up, and robots in a retreat: they ask for every step."""
+    robots, clock = world.robots, world.clock
+    batch.count[0] = 0
+    due = is_due(world, LAYER_RIGHT_OF_WAY)
+    if clock[CLOCK_NEEDING_RIGHT_OF_WAY] == 0 and not due:
+        return False
+    for identity in range(robots.cell.shape[0]):
+        i = np.int64(robots.at_index[identity])
+        if robots.busy[i]:
+            continue
+        if robots.need[i] & NEED_RIGHT_OF_WAY:
+            append(
+                batch,
+                i,
+                REASON_RETRIES_EXHAUSTED
+                if robots.retry_state[i] == RETRY_EXHAUSTED
+                else REASON_RETREATING,
+            )
+        elif due and robots.status[i] == STATUS_UP:
+            append(batch, i, REASON_PERIODIC)
+    if batch.count[0] == 0 and not due:
+        return False
+    world.tally.batches[LAYER_RIGHT_OF_WAY] += 1
+    return True
+
+
+@kernel
+def clear_decisions(batch, decisions, layer):
+    """Every decision starts as KEEP."""
+    n = batch.count[0]
+    if layer == LAYER_ALLOCATION:
+        out = decisions.allocation
+        out.order_taken[:] = 0
+        out.slot_taken[:] = 0
+        out.order_queue_length[:] = KEEP
+        for k in range(n):
+            out.command[k] = KEEP
+            out.order[k] = NIL
+            out.slot[k] = NIL
+            out.goal_cell[k] = NIL
+            out.try_drop[k] = 0
+            out.ask_again[k] = 0
+    elif layer == LAYER_ROUTING:
+        for k in range(n):
+            decisions.routing.route_length[k] = KEEP
+    elif layer == LAYER_RIGHT_OF_WAY:
+        for k in range(n):
+            decisions.right_of_way.command[k] = KEEP
+            decisions.right_of_way.value[k] = 0
+            decisions.right_of_way.return_order[k] = 0
+            decisions.right_of_way.priority[k] = KEEP
+    elif layer == LAYER_ZONING:
+        decisions.zoning.redesigned[0] = 0
+        decisions.zoning.queued[0] = 0
+        decisions.zoning.refused[0] = 0
+        decisions.zoning.server[:] = KEEP
+        for k in range(n):
+            decisions.zoning.service_zone[k] = KEEP
+            decisions.zoning.halt[k] = KEEP
+            decisions.zoning.again[k] = KEEP
+            decisions.zoning.sends_message[k] = 0
+    else:
+        for k in range(n):
+            decisions.charging.goal_cell[k] = KEEP
+            decisions.charging.charge_target[k] = 0
+            decisions.charging.charging_interruptible[k] = 0

@@ -1,0 +1,202 @@
+"""Who keeps the robots that wait, and so why: passes over those that `observe` has listed.
+
+Which robot holds the cell that is waited for; who kept whom from swapping; the cause, which depends
+on what the blocker does; the lost ticks by cause and by cell.
+"""
+
+import numpy as np
+
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.motion import (
+    CAPACITY_SHIFT,
+    MOVED,
+    REFUSED,
+    U,
+    direction_between,
+    resource_of,
+)
+from automaton.engine.observation import (
+    CAUSE_BAY_HELD,
+    CAUSE_CHARGER_QUEUE,
+    CAUSE_DRIVING_AHEAD,
+    CAUSE_FOLLOWING_CONFLICT,
+    CAUSE_HEAD_ON,
+    CAUSE_IDLE_AHEAD,
+    CAUSE_LANE,
+    CAUSE_NO_ORDER,
+    CAUSE_NOT_WAITING,
+    CAUSE_QUEUE,
+    CAUSE_RANDOM_WAIT,
+    CAUSE_UNDECIDED,
+    CAUSE_VERTEX_CONFLICT,
+    CAUSE_WORKING_AHEAD,
+    COUNTED_AT,
+    DELAY_COLUMNS,
+    LOST_EVER,
+    LOST_LATELY,
+    MEMORY_TICKS,
+    WAITERS,
+)
+from automaton.engine.prefetch import prefetch
+from automaton.engine.state import ACTION_MOVE, CLOCK_TICK, GOAL_NONE, NIL
+
+REQUESTED = -2  # value of scratch.holder: a robot waits for it
+
+
+@kernel
+def find_blockers(world, observation):
+    """Who keeps the robots that wait, and the causes that follow from it."""
+    scratch = observation.scratch
+    waiters = scratch.count[WAITERS]
+    sought = 0
+    for k in range(waiters):
+        sought += seek(world, observation, np.int64(scratch.waiters[U(k)]))
+    if sought:
+        place_holders(world, observation)
+    for k in range(waiters):
+        enter_blocker(world, observation, np.int64(scratch.waiters[U(k)]))
+    for k in range(waiters):
+        i = np.int64(scratch.waiters[U(k)])
+        find_refused_swap(world, observation, i)
+        forget(observation, i)
+    for k in range(waiters):
+        i = np.int64(scratch.waiters[U(k)])
+        if observation.cause[U(i)] == CAUSE_UNDECIDED:
+            observation.cause[U(i)] = cause_of_wait(world, observation, i)
+        count_wait(world, observation, i)
+
+
+@kernel
+def seek(world, observation, i):
+    """Ask for the holder of what robot i waits for; returns 1 if it waits for a cell or a lane."""
+    scratch = observation.scratch
+    cell = np.int64(world.robots.cell[U(i)])
+    if cell >= 0:
+        prefetch(observation.lost_ticks_by_cell, U(DELAY_COLUMNS * cell))
+    entry = np.int64(scratch.entry[U(i)])
+    if entry == NIL:
+        return 0
+    scratch.holder[U(entry)] = REQUESTED
+    place = np.int64(observation.wanted[U(i)]) & (scratch.sieve.shape[0] - 1)
+    scratch.sieve[U(place)] = 1
+    return 1
+
+
+@kernel
+def place_holders(world, observation):
+    """Enter who holds each resource that is sought, after the motion of this tick.
+
+    The sieve, small enough for a fast cache, keeps most robots from looking into `holder`.
+    """
+    robots, sieve = world.robots, observation.scratch.sieve
+    mask = sieve.shape[0] - 1
+    for i in range(robots.cell.shape[0]):
+        cell = np.int64(robots.cell[U(i)])
+        if cell == NIL:
+            continue
+        claim = np.int64(robots.claim[U(i)])
+        if sieve[U(cell & mask)]:
+            travel = np.int64(robots.travel[U(i)])
+            hold(world, observation, cell, travel, i)
+            if claim == cell:
+                hold(world, observation, cell, travel ^ 2, i)
+        if claim != NIL and claim != cell and sieve[U(claim & mask)]:
+            hold(world, observation, claim, direction_between(world.grid, cell, claim), i)
+
+
+@kernel
+def hold(world, observation, cell, direction, i):
+    """Robot i holds its lane of a limited cell: enter it if a robot seeks it."""
+    word = np.int64(world.traffic.occupancy[U(cell)])
+    entry = resource_of(word, cell, direction, world.grid.cell_flags.shape[0])
+    if (word >> CAPACITY_SHIFT) & 3 and observation.scratch.holder[U(entry)] == REQUESTED:
+        observation.scratch.holder[U(entry)] = i
+
+
+@kernel
+def enter_blocker(world, observation, i):
+    """Robot i is kept by the holder of what it waits for; by no robot, the cause is another one."""
+    entry = np.int64(observation.scratch.entry[U(i)])
+    if entry == NIL:
+        return
+    holder = np.int64(observation.scratch.holder[U(entry)])
+    if holder >= 0:
+        observation.blocker[U(i)] = world.robots.identity[U(holder)]
+    elif (
+        observation.cause[U(i)] == CAUSE_BAY_HELD or observation.cause[U(i)] == CAUSE_CHARGER_QUEUE
+    ):
+        observation.cause[U(i)] = CAUSE_FOLLOWING_CONFLICT
+    elif observation.cause[U(i)] == CAUSE_LANE:
+        observation.cause[U(i)] = CAUSE_RANDOM_WAIT
+
+
+@kernel
+def forget(observation, i):
+    """What robot i waits for is sought no more."""
+    scratch = observation.scratch
+    entry = np.int64(scratch.entry[U(i)])
+    if entry != NIL:
+        scratch.holder[U(entry)] = NIL
+        place = np.int64(observation.wanted[U(i)]) & (scratch.sieve.shape[0] - 1)
+        scratch.sieve[U(place)] = 0
+
+
+@kernel
+def find_refused_swap(world, observation, i):
+    """Robot i was refused a cell held by one that wanted to come out to it: that one waits for i too.
+
+    Its way was free but for this rule, where it would have entered a cell for several robots.
+    """
+    robots = world.robots
+    if observation.blocker[U(i)] == NIL or np.int64(world.traffic.intent[U(i)]) & REFUSED == 0:
+        return
+    q = np.int64(robots.at_index[U(observation.blocker[U(i)])])
+    if np.int64(world.traffic.intent[U(q)]) & REFUSED == 0 or observation.blocker[U(q)] != NIL:
+        return
+    if (
+        observation.wanted[U(q)] == robots.cell[U(i)]
+        and observation.wanted[U(i)] == robots.cell[U(q)]
+    ):
+        observation.blocker[U(q)] = robots.identity[U(i)]
+
+
+@kernel
+def cause_of_wait(world, observation, i):
+    """Why robot i waits for its wanted cell: what its holder does."""
+    robots = world.robots
+    if observation.blocker[U(i)] == NIL:
+        refused = np.int64(world.traffic.intent[U(i)]) & REFUSED
+        return CAUSE_FOLLOWING_CONFLICT if refused else CAUSE_RANDOM_WAIT
+    q = np.int64(robots.at_index[U(observation.blocker[U(i)])])
+    wanted = observation.wanted[U(i)]
+    moved = np.int64(world.traffic.intent[U(q)]) & MOVED
+    entered = robots.cell[U(q)] if robots.claim[U(q)] == NIL else robots.claim[U(q)]
+    if moved and entered == wanted and np.int64(world.traffic.intent[U(i)]) & REFUSED:
+        return CAUSE_VERTEX_CONFLICT
+    if observation.wanted[U(q)] == robots.cell[U(i)] and observation.cause[U(q)] != CAUSE_BAY_HELD:
+        return CAUSE_HEAD_ON
+    if observation.cause[U(q)] == CAUSE_NO_ORDER or (
+        robots.parked[U(q)] and robots.goal_type[U(q)] == GOAL_NONE
+    ):
+        return CAUSE_IDLE_AHEAD
+    if observation.cause[U(q)] != CAUSE_NOT_WAITING:
+        return CAUSE_QUEUE
+    return (
+        CAUSE_DRIVING_AHEAD if moved or robots.action[U(q)] == ACTION_MOVE else CAUSE_WORKING_AHEAD
+    )
+
+
+@kernel
+def count_wait(world, observation, i):
+    """Enter the lost tick of robot i by its cause and by its cell."""
+    observation.lost[U(i), U(observation.cause[U(i)])] += 1
+    cell = np.int64(world.robots.cell[U(i)])
+    if cell != NIL:
+        lost_ticks_by_cell, tick = observation.lost_ticks_by_cell[U(cell)], world.clock[CLOCK_TICK]
+        lost_ticks_by_cell[LOST_EVER] += 1
+        halvings = min((tick - np.int64(lost_ticks_by_cell[COUNTED_AT])) // MEMORY_TICKS, 31)
+        if halvings > 0:
+            lost_ticks_by_cell[COUNTED_AT] = tick
+        lost_ticks_by_cell[LOST_LATELY] = (
+            np.int64(lost_ticks_by_cell[LOST_LATELY]) >> halvings
+        ) + 1

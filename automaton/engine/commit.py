@@ -1,0 +1,359 @@
+"""How decisions enter the world: each is checked, an illegal one costs a tick of WAIT and is counted."""
+
+import numpy as np
+
+from automaton.engine.drive import replan
+from automaton.engine.energy import end_charging
+from automaton.engine.facilities import MAY_TURN
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.operations import (
+    begin,
+    clear_allocation_request,
+    clear_right_of_way,
+    clear_route_request,
+    count_lost_tick,
+    drop_route,
+    first_cell,
+    record_change,
+    refuse,
+    request_allocation,
+    request_charging,
+    request_right_of_way,
+    reserve_order,
+    reserve_slot,
+    set_goal,
+)
+from automaton.engine.random_numbers import splitmix64
+from automaton.engine.record_codes import CHANGE_DURATION, EXECUTED_RETREAT, EXECUTED_WAIT
+from automaton.engine.robot_status import STATUS_EXHAUSTED
+from automaton.engine.state import (
+    ACTION_RETREAT,
+    ACTION_WAIT,
+    CLOCK_FRESH_ALLOCATION,
+    CLOCK_REVISION,
+    CLOCK_TICK,
+    CLOCK_UNPARKED,
+    CMD_DROP_AT,
+    CMD_PARK,
+    CMD_RETREAT,
+    CMD_STEP,
+    CMD_TAKE_ORDER,
+    CMD_WAIT,
+    GOAL_CHARGE,
+    GOAL_DROP,
+    GOAL_NONE,
+    GOAL_PARK,
+    GOAL_PICK,
+    KEEP,
+    LAYER_ALLOCATION,
+    LAYER_RIGHT_OF_WAY,
+    LAYER_ROUTING,
+    NEED_ALLOCATION,
+    NIL,
+    ORDER_WAITING,
+    REASON_NO_ORDER,
+    REASON_ORDER_RETURNED,
+    REASON_ORDER_TAKEN,
+    RETRY_EXHAUSTED,
+    RETRY_NONE,
+)
+
+MAX_COMMAND_TICKS = 10_000  # of one wait or retreat
+
+
+@kernel
+def serves(world, i, goal_cell, slot):
+    """Whether `goal_cell` is a cell from which robot i serves `slot`."""
+    if goal_cell < 0 or slot < 0 or slot >= world.slots.cell.shape[0]:
+        return False
+    if (
+        goal_cell >= world.slots.reachable.shape[1]
+        or not world.slots.reachable[world.robots.type[i], goal_cell]
+    ):
+        return False
+    for direction in range(4):
+        if world.slots.access[slot, direction] == goal_cell:
+            return True
+    return False
+
+
+@kernel
+def commit_allocation(world, record, batch, decisions):
+    robots = world.robots
+    out = decisions.allocation
+    commit_order_queues(world, batch, out)
+    for k in range(batch.count[0]):
+        i = np.int64(batch.robot[k])
+        command = out.command[k]
+        if robots.status[i] > STATUS_EXHAUSTED:
+            continue  # it went down in this tick
+        if command == CMD_TAKE_ORDER:
+            take(world, record, i, np.int64(out.order[k]), np.int64(out.goal_cell[k]))
+        elif command == CMD_DROP_AT:
+            slot, goal_cell = np.int64(out.slot[k]), np.int64(out.goal_cell[k])
+            choose_slot(world, record, i, slot, goal_cell, np.int64(out.try_drop[k]))
+        elif command == CMD_PARK and (robots.load[i] != NIL or robots.order[i] != NIL):
+            refuse(world, LAYER_ALLOCATION, i)
+        elif command == CMD_PARK and robots.goal_type[i] == GOAL_CHARGE:
+            stay_idle(world, i, out.ask_again[k])
+        elif command == CMD_PARK and world.rules.leave and robots.cell[i] != NIL:
+            leave_floor(world, i, out.ask_again[k])
+        elif command == CMD_PARK and robots.parked[i] == 0:
+            clear_allocation_request(world, i)
+            if robots.goal_type[i] != GOAL_PARK:
+                set_goal(world, i, GOAL_PARK, np.int64(robots.home[i]))
+                request_charging(world, i, REASON_NO_ORDER)
+        elif command == CMD_PARK or command == KEEP:
+            stay_idle(world, i, out.ask_again[k])
+        else:
+            refuse(world, LAYER_ALLOCATION, i)
+
+
+@kernel
+def may_set_order_queue(world, batch, i):
+    """Whether the plan of robot i may be made now: with limited sight only its own decision does."""
+    return world.rules.radius == NIL or batch.robot[0] == i
+
+
+@kernel
+def commit_order_queues(world, batch, out):
+    """Enter the orders that robots are to do next; a plan with one that does not wait is illegal."""
+    robots, orders = world.robots, world.orders
+    for i in range(robots.cell.shape[0]):
+        count = np.int64(out.order_queue_length[i])
+        if count == KEEP or not may_set_order_queue(world, batch, i):
+            continue
+        legal = 0 <= count <= robots.order_queue.shape[1]
+        for k in range(count if legal else 0):
+            order = np.int64(out.order_queue[i, k])
+            legal = legal and 0 <= order < orders.state.shape[0]
+            legal = legal and orders.state[order] == ORDER_WAITING
+        if not legal:
+            world.tally.illegal[LAYER_ALLOCATION] += 1
+            continue
+        changed = count != robots.order_queue_length[i]
+        robots.order_queue_length[i] = count
+        for k in range(count):
+            changed = changed or robots.order_queue[i, k] != out.order_queue[i, k]
+            robots.order_queue[i, k] = out.order_queue[i, k]
+        if changed:
+            world.clock[CLOCK_REVISION] += 1  # who was left idle is asked again
+
+
+@kernel
+def leave_floor(world, i, ask_again):
+    """Robot i parks where it stands, unless it is busy or on a retreat."""
+    robots = world.robots
+    if robots.busy[i] or robots.retreat_moves[i]:
+        stay_idle(world, i, ask_again)
+        return
+    clear_allocation_request(world, i)
+    if robots.parked[i]:
+        robots.parked[i] = 0
+        world.clock[CLOCK_UNPARKED] += 1
+    robots.home[i] = robots.cell[i]
+    set_goal(world, i, GOAL_PARK, np.int64(robots.home[i]))
+
+
+@kernel
+def stay_idle(world, i, ask_again):
+    """Nothing for robot i now: ask again when an order or a reservation has changed."""
+    robots = world.robots
+    if robots.need[i] & NEED_ALLOCATION == 0 or ask_again:
+        return
+    if robots.goal_type[i] != GOAL_NONE and robots.charging_interruptible[i] == 0:
+        clear_allocation_request(world, i)
+        return
+    if robots.seen_revision[i] == NIL:
+        world.clock[CLOCK_FRESH_ALLOCATION] -= 1
+        if robots.goal_type[i] == GOAL_NONE:
+            request_charging(world, i, REASON_NO_ORDER)
+    robots.seen_revision[i] = world.clock[CLOCK_REVISION]
+
+
+@kernel
+def may_have(reserved_by, identity):
+    """Whether something reserved by `by` (NIL: no robot) is free for a robot."""
+    return reserved_by == NIL or reserved_by == identity
+
+
+@kernel
+def take(world, record, i, order, goal_cell):
+    """Reserve a waiting order for robot i and send it to the goal cell."""
+    robots, orders = world.robots, world.orders
+    legal = robots.load[i] == NIL and 0 <= order < orders.state.shape[0]
+    legal = legal and orders.state[order] == ORDER_WAITING
+    legal = legal and may_have(orders.reserved_by[order], robots.identity[i])
+    legal = legal and orders.weight[order] <= world.rules.payload[robots.type[i]]
+    if not legal or not serves(world, i, goal_cell, np.int64(orders.current_slot[order])):
+        refuse(world, LAYER_ALLOCATION, i)
+        return
+    clear_allocation_request(world, i)
+    if robots.order[i] != order:
+        if robots.order[i] != NIL:
+            reserve_order(world, record, np.int64(robots.order[i]), NIL)
+        robots.order[i] = order
+        orders.dispatched[order] = world.clock[CLOCK_TICK]
+        in_bay = robots.cell[i] == NIL
+        orders.dispatched_from[order] = robots.home[i] if in_bay else robots.cell[i]
+        orders.dispatched_heading[order] = robots.heading[i]
+        orders.dispatched_type[order] = robots.type[i]
+        reserve_order(world, record, order, np.int64(robots.identity[i]))
+    if robots.goal_type[i] == GOAL_CHARGE:
+        end_charging(robots, i)
+    set_goal(world, i, GOAL_PICK, goal_cell)
+    request_charging(world, i, REASON_ORDER_TAKEN)
+
+
+@kernel
+def choose_slot(world, record, i, slot, goal_cell, try_drop):
+    """Reserve the slot where robot i will drop its load."""
+    robots, slots = world.robots, world.slots
+    legal = robots.load[i] != NIL and serves(world, i, goal_cell, slot)
+    if legal and slots.unbounded[slot]:  # at a station a load may lie on its way
+        legal = slot == world.orders.target[robots.load[i]] or world.stations.at[slot] != NIL
+    elif legal:
+        legal = slots.content[slot] == NIL and may_have(slots.reserved_by[slot], robots.identity[i])
+    if not legal:
+        refuse(world, LAYER_ALLOCATION, i)
+        return
+    clear_allocation_request(world, i)
+    if robots.slot[i] != slot:
+        if robots.slot[i] != NIL:
+            reserve_slot(world, record, np.int64(robots.slot[i]), NIL)
+        robots.slot[i] = slot
+        reserve_slot(world, record, slot, np.int64(robots.identity[i]))
+    robots.try_drop[i] = 1 if try_drop else 0
+    set_goal(world, i, GOAL_DROP, goal_cell)
+
+
+@kernel
+def commit_routing(world, batch, decisions):
+    robots = world.robots
+    for k in range(batch.count[0]):
+        i = np.int64(batch.robot[k])
+        route_length = np.int64(decisions.routing.route_length[k])
+        if route_length == KEEP:
+            continue
+        if route_length < 0 or not is_drivable(world, i, decisions.routing.steps[k], route_length):
+            refuse(world, LAYER_ROUTING, i)
+            continue
+        clear_route_request(world, i)
+        total = np.uint64(0)
+        for s in range(route_length):
+            step = decisions.routing.steps[k, s]
+            robots.route[i, s] = step
+            total += splitmix64((np.uint64(s) << np.uint64(8)) | np.uint64(step))
+        robots.route_length[i] = route_length
+        robots.route_index[i] = 0
+        robots.route_hash[i] = np.int64(total >> np.uint64(1))
+
+
+@kernel
+def is_drivable(world, i, steps, route_length):
+    """Whether a route starts at robot i, keeps to exits open to it, and turns only where it may."""
+    grid, robots = world.grid, world.robots
+    if route_length > steps.shape[0]:
+        return False
+    type_cell_flags = grid.type_cell_flags[robots.type[i]]
+    cell = first_cell(robots, i)
+    heading = np.int64(robots.heading[i])
+    for s in range(route_length):
+        direction = np.int64(steps[s])
+        flags = np.int64(type_cell_flags[cell])
+        if direction > 3 or (flags >> direction) & 1 == 0:
+            return False
+        if direction & (grid.headings - 1) != heading:
+            if flags & MAY_TURN == 0:
+                return False
+            heading = direction & (grid.headings - 1)
+        cell += grid.offset[direction]
+    return True
+
+
+@kernel
+def commit_right_of_way(world, record, batch, decisions):
+    robots = world.robots
+    out = decisions.right_of_way
+    for k in range(batch.count[0]):
+        i = np.int64(batch.robot[k])
+        command, value = out.command[k], np.int64(out.value[k])
+        if out.priority[k] != KEEP:
+            if -32768 <= out.priority[k] <= 32767:
+                robots.priority[i] = out.priority[k]
+            else:
+                world.tally.illegal[LAYER_RIGHT_OF_WAY] += 1
+        if command == KEEP:
+            if robots.retry_state[i] == RETRY_EXHAUSTED:
+                robots.retry_state[i] = RETRY_NONE
+                clear_right_of_way(world, i)
+        elif robots.parked[i] and command != CMD_STEP:
+            refuse(world, LAYER_RIGHT_OF_WAY, i)
+        elif command == CMD_STEP and robots.cell[i] != NIL:
+            step(world, i, value)
+        elif command == CMD_WAIT and 1 <= value <= MAX_COMMAND_TICKS:
+            pause(world, record, i, value)
+        elif command == CMD_RETREAT and 1 <= value <= MAX_COMMAND_TICKS:
+            retreat(world, record, i, value, out.return_order[k])
+        else:
+            refuse(world, LAYER_RIGHT_OF_WAY, i)
+
+
+@kernel
+def step(world, i, direction):
+    """One move, or the turn before it, now; outside a retreat the route is planned again after it.
+
+    A robot that is parked on the floor leaves its place.
+    """
+    grid, robots = world.grid, world.robots
+    flags = np.int64(grid.type_cell_flags[robots.type[i], robots.cell[i]])
+    legal = 0 <= direction < 4 and (flags >> direction) & 1 == 1
+    if not legal or (
+        direction & (grid.headings - 1) != robots.heading[i] and flags & MAY_TURN == 0
+    ):
+        refuse(world, LAYER_RIGHT_OF_WAY, i)
+        return
+    if robots.retreat_moves[i] == 0:
+        drop_route(robots, i)
+        robots.retry_state[i] = RETRY_NONE
+        clear_right_of_way(world, i)
+    if robots.parked[i]:
+        robots.parked[i] = 0
+        world.clock[CLOCK_UNPARKED] += 1
+    robots.step[i] = direction
+
+
+@kernel
+def pause(world, record, i, ticks):
+    """Wait; during a retreat this gives it up, and the plan is made again around the robots."""
+    robots = world.robots
+    begin(world, i, ACTION_WAIT, ticks)
+    robots.executed[i] = EXECUTED_WAIT
+    record_change(world.clock, record, CHANGE_DURATION, robots.identity[i], ticks)
+    clear_right_of_way(world, i)
+    robots.retry_state[i] = RETRY_NONE
+    if robots.retreat_moves[i]:
+        robots.retreat_moves[i] = 0
+        replan(world, i)
+
+
+@kernel
+def retreat(world, record, i, moves, return_order):
+    """Begin a retreat; the tick of the decision executes nothing."""
+    robots = world.robots
+    count_lost_tick(world, i, ACTION_RETREAT)
+    robots.busy[i] = 1
+    robots.executed[i] = EXECUTED_RETREAT
+    robots.retreat_moves[i] = moves
+    robots.failed_retries[i] = 0
+    robots.retry_state[i] = RETRY_NONE
+    drop_route(robots, i)
+    request_right_of_way(world, i)
+    if return_order and robots.load[i] == NIL and robots.goal_type[i] != GOAL_CHARGE:
+        if robots.order[i] != NIL:
+            reserve_order(world, record, np.int64(robots.order[i]), NIL)
+            robots.order[i] = NIL
+        robots.goal_type[i] = GOAL_NONE
+        robots.goal_cell[i] = NIL
+        clear_route_request(world, i)
+        request_allocation(world, i, REASON_ORDER_RETURNED)

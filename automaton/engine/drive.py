@@ -1,0 +1,405 @@
+"""What each free robot tries in a tick, and what becomes of it: the two sides of motion.
+
+`leave_parking_bays` and `drive` turn goals and routes into intents and begin operations;
+`apply_move_outcomes` reads the outcome of the moves and runs the waits and retries that right of
+way has set.
+"""
+
+import numpy as np
+
+from automaton.engine.energy import charge_up, has_energy_for
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.motion import (
+    ARRIVED,
+    ENTERED,
+    LIVE,
+    MOVED,
+    NO_TURN,
+    U,
+    has_room,
+    occupy,
+    vacate,
+)
+from automaton.engine.operations import (
+    begin,
+    clear_right_of_way,
+    clear_route_request,
+    consume_energy,
+    count_lost_tick,
+    drop_route,
+    energy_cost,
+    entry_heading,
+    pick_up,
+    record_change,
+    request_allocation,
+    request_right_of_way,
+    request_route,
+    set_down,
+)
+from automaton.engine.random_numbers import STREAM_HANDLING, STREAM_WAITS, random_between
+from automaton.engine.record_codes import (
+    CHANGE_DURATION,
+    DROPPED_ON_ARRIVAL,
+    ENTERED_PARKING_BAY,
+    EXECUTED_BAY_BLOCKED,
+    EXECUTED_BLOCKED,
+    EXECUTED_DROP,
+    EXECUTED_PICK,
+    EXECUTED_TRY_DROP,
+    EXECUTED_WAIT,
+    LEFT_PARKING_BAY,
+    MOVE_EAST,
+    PICKED_ON_ARRIVAL,
+    TURN_LEFT,
+    TURN_RIGHT,
+)
+from automaton.engine.robot_status import STATUS_EXHAUSTED
+from automaton.engine.state import (
+    ACTION_BAY_BLOCKED,
+    ACTION_BLOCKED,
+    ACTION_DROP,
+    ACTION_MOVE,
+    ACTION_PICK,
+    ACTION_TRY_DROP,
+    ACTION_TURN,
+    ACTION_WAIT,
+    CLOCK_HALTED_UNTIL,
+    CLOCK_TICK,
+    CLOCK_UNPARKED,
+    GOAL_CHARGE,
+    GOAL_DROP,
+    GOAL_NONE,
+    GOAL_PARK,
+    GOAL_PICK,
+    NEED_ALLOCATION,
+    NEED_ROUTE,
+    NIL,
+    NO_STEP,
+    REASON_AROUND_ROBOTS,
+    REASON_IDLE,
+    REASON_NEW_GOAL,
+    REASON_PICKED,
+    REASON_REPLAN,
+    RETRY_EXHAUSTED,
+    RETRY_NONE,
+    RETRY_WAITED,
+)
+
+
+@kernel
+def leave_parking_bays(world):
+    """Place robots with a task on their home cells if those had room at the start of the tick."""
+    robots = world.robots
+    for identity in range(robots.cell.shape[0]):
+        i = np.int64(robots.at_index[identity])
+        if robots.parked[i] == 0 or robots.busy[i] or robots.goal_type[i] in (GOAL_NONE, GOAL_PARK):
+            continue
+        if (
+            world.clock[CLOCK_HALTED_UNTIL] >= world.clock[CLOCK_TICK]
+            and world.service_zones.halt[i] >= world.clock[CLOCK_TICK]
+        ):
+            continue
+        if (
+            robots.route_index[i] >= robots.route_length[i]
+            and robots.goal_cell[i] != robots.home[i]
+        ):
+            continue  # its route is still to come
+        if robots.cell[i] == NIL:
+            home = np.int64(robots.home[i])
+            heading = entry_heading(world.grid, home)
+            if not has_room(world.traffic.occupancy, home, heading):
+                count_lost_tick(world, i, ACTION_BAY_BLOCKED)
+                robots.executed[i] = EXECUTED_BAY_BLOCKED
+                continue
+            occupy(world.traffic.occupancy, home, heading)
+            robots.cell[i] = home
+            robots.heading[i] = heading
+            robots.travel[i] = heading
+            robots.executed[i] = LEFT_PARKING_BAY
+        robots.parked[i] = 0
+        world.clock[CLOCK_UNPARKED] += 1
+
+
+@kernel
+def halt_robots(world, record):
+    """Robots that zoning halts wait from now on until it lets them go; who is down does not."""
+    robots, tick = world.robots, world.clock[CLOCK_TICK]
+    for identity in range(robots.cell.shape[0]):
+        i = np.int64(robots.at_index[identity])
+        if robots.status[i] > STATUS_EXHAUSTED:
+            continue
+        ticks = world.service_zones.halt[i] - tick + 1
+        if ticks > 0 and robots.busy[i] == 0 and robots.parked[i] == 0 and robots.cell[i] != NIL:
+            begin(world, i, ACTION_WAIT, ticks)
+            robots.executed[i] = EXECUTED_WAIT
+            record_change(world.clock, record, CHANGE_DURATION, identity, ticks)
+            if robots.need[i] & NEED_ALLOCATION:  # it is asked again when it is free
+                request_allocation(world, i, np.int64(robots.reason[i]))
+
+
+@kernel
+def drive(world, record):
+    """Set traffic.intent and begin the operations of every robot that is free and on the floor."""
+    robots, traffic = world.robots, world.traffic
+    heading_mask = world.grid.headings - 1
+    several = world.rules.duration.shape[0] > 1  # types; reading a robot's costs 1 ns
+    span = world.rules.duration[0, ACTION_MOVE]
+    for i in range(robots.cell.shape[0]):
+        traffic.intent[U(i)] = 0
+        if robots.busy[U(i)]:
+            continue
+        route_index = robots.route_index[U(i)]
+        if route_index < robots.route_length[U(i)]:
+            if robots.parked[U(i)]:
+                continue
+            direction = np.int64(robots.route[U(i), U(route_index)])
+            if direction & heading_mask == robots.heading[U(i)]:
+                if several:
+                    span = world.rules.duration[U(robots.type[U(i)]), U(ACTION_MOVE)]
+                traffic.move_ticks[U(i)] = span
+                entered = ENTERED if robots.executed[U(i)] == LEFT_PARKING_BAY else 0
+                traffic.intent[U(i)] = LIVE | direction | entered
+            else:
+                turn(world, i, direction)
+        elif robots.parked[U(i)] == 0:
+            drive_without_route(world, record, i)
+
+
+@kernel
+def drive_without_route(world, record, i):
+    """The rarer cases: a step of right of way, arrival at the goal cell, nothing to do."""
+    robots = world.robots
+    direction = np.int64(robots.step[i])
+    if direction != NO_STEP:
+        robots.step[i] = NO_STEP
+        if direction & (world.grid.headings - 1) == robots.heading[i]:
+            world.traffic.move_ticks[i] = world.rules.duration[robots.type[i], ACTION_MOVE]
+            world.traffic.intent[i] = LIVE | direction
+        else:
+            turn(world, i, direction)
+            if robots.retreat_moves[i] == 0:
+                replan(world, i)
+    elif robots.try_drop[i]:
+        if not has_energy_for(world, i, ACTION_TRY_DROP):
+            return
+        robots.try_drop[i] = 0
+        begin(world, i, ACTION_TRY_DROP, world.rules.duration[robots.type[i], ACTION_TRY_DROP])
+        robots.executed[i] = np.int64(robots.executed[i]) | EXECUTED_TRY_DROP
+    elif robots.retreat_moves[i] == 0 and robots.cell[i] == robots.goal_cell[i]:
+        do_goal(world, record, i)
+    elif robots.retreat_moves[i] == 0 and robots.goal_cell[i] != NIL:
+        if robots.need[i] & NEED_ROUTE == 0:  # the route ended before: go on
+            request_route(world, i, REASON_NEW_GOAL)
+
+
+@kernel
+def do_goal(world, record, i):
+    """At its goal cell, robot i begins what it came for."""
+    robots = world.robots
+    flags = np.int64(robots.executed[i])
+    goal_type = robots.goal_type[i]
+    if goal_type == GOAL_PICK and has_energy_for(world, i, ACTION_PICK):
+        robots.failed_retries[i] = 0
+        pick_up(world, record, i, handling_time(world, record, i, ACTION_PICK))
+        robots.executed[i] = flags | EXECUTED_PICK
+    elif goal_type == GOAL_DROP and has_energy_for(world, i, ACTION_DROP):
+        robots.failed_retries[i] = 0
+        set_down(world, record, i, handling_time(world, record, i, ACTION_DROP))
+        robots.executed[i] = flags | EXECUTED_DROP
+    elif goal_type == GOAL_PARK:
+        world.traffic.intent[i] = ARRIVED
+    elif goal_type == GOAL_CHARGE:
+        charge_up(world, i)
+
+
+@kernel
+def handling_time(world, record, i, action):
+    """Ticks of a pick or a drop that begins now, delay included."""
+    ticks = max(np.int64(world.rules.duration[world.robots.type[i], action]), 1)
+    if world.rules.handling_jitter:
+        identity = np.int64(world.robots.identity[i])
+        tick = world.clock[CLOCK_TICK]
+        ticks += random_between(
+            0, world.rules.handling_jitter, world.rules.seed, STREAM_HANDLING, tick, identity
+        )
+        record_change(world.clock, record, CHANGE_DURATION, identity, ticks)
+    return ticks
+
+
+@kernel
+def turn(world, i, direction):
+    """Turn robot i by 90 degrees towards a direction, clockwise if it must turn round.
+
+    In a cell of capacity 2 a turning robot needs both lanes; it claims its own cell meanwhile.
+    """
+    robots, grid = world.robots, world.grid
+    if not has_energy_for(world, i, ACTION_TURN):
+        return
+    cell = np.int64(robots.cell[i])
+    if np.int64(grid.cell_flags[cell]) >> 5 & 3 == 2:
+        other_lane = np.int64(robots.travel[i]) ^ 2
+        if not has_room(world.traffic.occupancy, cell, other_lane):
+            world.traffic.intent[i] = NO_TURN
+            return
+        occupy(world.traffic.occupancy, cell, other_lane)
+        robots.claim[i] = cell
+    heading = np.int64(robots.heading[i])
+    left = grid.headings == 4 and (direction - heading) & 3 == 3
+    robots.heading[i] = (heading + (3 if left else 1)) & (grid.headings - 1)
+    robots.failed_retries[i] = 0
+    begin(world, i, ACTION_TURN, world.rules.duration[robots.type[i], ACTION_TURN])
+    robots.executed[i] = np.int64(robots.executed[i]) | (TURN_LEFT if left else TURN_RIGHT)
+
+
+@kernel
+def apply_move_outcomes(world, record):
+    """Read the outcome of the moves: count them, run waits and retries, park robots at home."""
+    robots, traffic = world.robots, world.traffic
+    several = world.rules.duration.shape[0] > 1
+    usual = np.int64(world.rules.duration[0, ACTION_MOVE])
+    for i in range(robots.cell.shape[0]):
+        intent = np.int64(traffic.intent[U(i)])
+        if intent & MOVED:
+            loaded = 1 if robots.load[U(i)] != NIL else 0
+            move_ticks = np.int64(traffic.move_ticks[U(i)])
+            if several:
+                usual = np.int64(world.rules.duration[U(robots.type[U(i)]), U(ACTION_MOVE)])
+            world.tally.operations[U(i), U(ACTION_MOVE), U(loaded)] += 1
+            world.tally.ticks[U(i), U(ACTION_MOVE), U(loaded)] += move_ticks
+            if move_ticks != usual:
+                world.tally.slowdown_ticks[U(i)] += move_ticks - usual
+                record_change(
+                    world.clock, record, CHANGE_DURATION, robots.identity[U(i)], move_ticks
+                )
+            if world.rules.battery:
+                consume_energy(world, i, energy_cost(world, i, ACTION_MOVE, move_ticks))
+            robots.action[U(i)] = ACTION_MOVE
+            robots.executed[U(i)] = (np.int64(robots.executed[U(i)]) & LEFT_PARKING_BAY) | (
+                MOVE_EAST + (intent & 3)
+            )
+            route_index = robots.route_index[U(i)]
+            if route_index < robots.route_length[U(i)]:
+                robots.route_index[U(i)] = route_index + 1
+                robots.failed_retries[U(i)] = 0
+                robots.retry_state[U(i)] = RETRY_NONE
+                if route_index + 1 == robots.route_length[U(i)]:
+                    park_if_home(world, i)
+                    handle_at_once(world, record, i)
+            else:
+                after_step(world, i)
+                handle_at_once(world, record, i)
+        elif intent & LIVE or intent == NO_TURN:
+            refused(world, record, i)
+        elif intent & ARRIVED:
+            park_if_home(world, i)
+            handle_at_once(world, record, i)
+
+
+@kernel
+def park_if_home(world, i):
+    """A robot at home with nothing to do is in its parking bay, off the floor, or parked, from now on."""
+    robots = world.robots
+    home = np.int64(robots.home[i])
+    if robots.goal_type[i] != GOAL_PARK or robots.cell[i] != home or robots.retreat_moves[i]:
+        return
+    if robots.busy[i] or robots.route_index[i] < robots.route_length[i]:
+        return
+    robots.parked[i] = 1
+    robots.goal_type[i] = GOAL_NONE
+    robots.goal_cell[i] = NIL
+    drop_route(robots, i)
+    clear_route_request(world, i)
+    robots.executed[i] = np.int64(robots.executed[i]) | ENTERED_PARKING_BAY
+    world.clock[CLOCK_UNPARKED] -= 1
+    request_allocation(world, i, REASON_IDLE)
+    if robots.bay[i] != NIL or world.rules.leave:
+        vacate(world.traffic.occupancy, home, np.int64(robots.travel[i]))
+        robots.cell[i] = NIL
+        robots.heading[i] = entry_heading(world.grid, home)
+
+
+@kernel
+def handle_at_once(world, record, i):
+    """A robot whose move ends at its goal cell handles its load in the same tick, if that takes none."""
+    robots, duration = world.robots, world.rules.duration[world.robots.type[i]]
+    picks = robots.goal_type[i] == GOAL_PICK and duration[ACTION_PICK] == 0
+    drops = robots.goal_type[i] == GOAL_DROP and duration[ACTION_DROP] == 0
+    if (
+        not (picks or drops)
+        or robots.cell[i] != robots.goal_cell[i]
+        or robots.action[i] != ACTION_MOVE
+    ):
+        return
+    if robots.busy[i] or robots.route_index[i] < robots.route_length[i]:
+        return
+    if robots.retreat_moves[i] or robots.try_drop[i]:
+        return
+    clear_route_request(world, i)  # a step of right of way may have asked for one
+    robots.failed_retries[i] = 0
+    if picks:
+        pick_up(world, record, i, 0)
+    else:
+        set_down(world, record, i, 0)
+    robots.executed[i] = np.int64(robots.executed[i]) | (
+        PICKED_ON_ARRIVAL if picks else DROPPED_ON_ARRIVAL
+    )
+
+
+@kernel
+def after_step(world, i):
+    """A step that right of way asked for was made; after the last one of a retreat plan again."""
+    robots = world.robots
+    if robots.retreat_moves[i]:
+        robots.retreat_moves[i] -= 1
+        if robots.retreat_moves[i]:
+            return
+        clear_right_of_way(world, i)
+    replan(world, i)
+
+
+@kernel
+def replan(world, i):
+    """Plan the same task again around the other robots; look for work if there is no task."""
+    goal_type = world.robots.goal_type[i]
+    if goal_type == GOAL_NONE or goal_type == GOAL_PARK:
+        request_allocation(
+            world, i, REASON_PICKED if world.robots.load[i] != NIL else REASON_REPLAN
+        )
+    if goal_type != GOAL_NONE:
+        request_route(world, i, REASON_AROUND_ROBOTS)
+
+
+@kernel
+def refused(world, record, i):
+    """A planned move, or the turn before it, was refused: wait, then retry, then ask right of way."""
+    robots, wait = world.robots, world.rules.wait
+    if robots.route_index[i] >= robots.route_length[i]:
+        count_lost_tick(world, i, ACTION_BLOCKED)  # a refused step costs the tick
+        robots.executed[i] = np.int64(robots.executed[i]) | EXECUTED_BLOCKED
+        if robots.retreat_moves[i] == 0:
+            replan(world, i)
+    elif robots.retry_state[i] == RETRY_WAITED:
+        count_lost_tick(world, i, ACTION_BLOCKED)
+        robots.executed[i] = np.int64(robots.executed[i]) | EXECUTED_BLOCKED
+        robots.failed_retries[i] = min(np.int64(robots.failed_retries[i]) + 1, 255)
+        robots.retry_state[i] = RETRY_NONE
+        if robots.failed_retries[i] >= wait[4]:
+            robots.retry_state[i] = RETRY_EXHAUSTED
+            request_right_of_way(world, i)
+    else:
+        first = 2 if robots.load[i] != NIL else 0
+        tick = world.clock[CLOCK_TICK]
+        identity = np.int64(robots.identity[i])
+        ticks = random_between(
+            np.int64(wait[first]),
+            np.int64(wait[first + 1]),
+            world.rules.seed,
+            STREAM_WAITS,
+            tick,
+            identity,
+        )
+        begin(world, i, ACTION_WAIT, ticks)
+        robots.busy[i] = ticks - 1  # motion of this tick is over
+        robots.retry_state[i] = RETRY_WAITED
+        robots.executed[i] = np.int64(robots.executed[i]) | EXECUTED_WAIT
+        record_change(world.clock, record, CHANGE_DURATION, identity, ticks)

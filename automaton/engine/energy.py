@@ -1,0 +1,170 @@
+"""Energy: what operations take from batteries, charging, and the lines before chargers.
+
+An operation is paid when it begins. A robot that lacks what its next one takes is exhausted: it
+does nothing in this tick and is down from the next one on (automaton.engine.faults).
+"""
+
+import numpy as np
+
+from automaton.engine.charging_curve import rate_at
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.motion import LIVE, U, has_room
+from automaton.engine.operations import (
+    consume_energy,
+    count_lost_tick,
+    energy_cost,
+    exhaust,
+    request_allocation,
+)
+from automaton.engine.record_codes import EXECUTED_BLOCKED, EXECUTED_CHARGE
+from automaton.engine.robot_status import BATTERY_FULL, STATUS_EXHAUSTED
+from automaton.engine.state import (
+    ACTION_CHARGE,
+    ACTION_DROP,
+    ACTION_IDLE,
+    ACTION_MOVE,
+    ACTION_PICK,
+    ACTION_QUEUE,
+    CLOCK_TICKETS_ISSUED,
+    GOAL_CHARGE,
+    GOAL_NONE,
+    NIL,
+    REASON_IDLE,
+)
+
+
+@kernel
+def has_energy_for(world, i, action):
+    """Whether the battery of robot i holds what an operation takes; else it is exhausted."""
+    if world.rules.battery == 0:
+        return True
+    ticks = max(np.int64(world.rules.duration[world.robots.type[i], action]), 1)
+    if action == ACTION_PICK or action == ACTION_DROP:
+        ticks += world.rules.handling_jitter
+    if world.robots.charge[i] < energy_cost(world, i, action, ticks):
+        exhaust(world, i)
+        return False
+    return True
+
+
+@kernel
+def charge_gain(world, charge):
+    """Units that a tick at a charger gives at this charge."""
+    return min(rate_at(world.rules.curve, charge), BATTERY_FULL - charge)
+
+
+@kernel
+def charge_up(world, i):
+    """One tick of charging at the robot's goal cell; it is free when its level is reached."""
+    robots = world.robots
+    first = robots.action[i] != ACTION_CHARGE
+    robots.ticket[i] = 0
+    count_lost_tick(world, i, ACTION_CHARGE)
+    robots.busy[i] = 1  # motion takes it away again in this tick
+    world.tally.operations[i, ACTION_CHARGE, 0] -= 0 if first else 1
+    robots.executed[i] = np.int64(robots.executed[i]) | EXECUTED_CHARGE
+    more = charge_gain(world, np.int64(robots.charge[i]))
+    robots.charge[i] += more
+    world.tally.charged[i] += more
+    if robots.charge[i] >= robots.charge_target[i]:
+        end_charging(robots, i)
+        request_allocation(world, i, REASON_IDLE)
+
+
+@kernel
+def end_charging(robots, i):
+    """Robot i has nothing to do at a charger any more."""
+    robots.goal_type[i] = GOAL_NONE
+    robots.goal_cell[i] = NIL
+    robots.charge_target[i] = 0
+    robots.charging_interruptible[i] = 0
+    robots.ticket[i] = 0
+
+
+@kernel
+def cancel_infeasible_moves(world):
+    """Take back the moves that robots cannot pay, or that would jump a line; idle ticks are paid.
+
+    Call between `drive` and motion. Robots before their charger wait for their turn: while it is
+    held, or others came before them, they do not try.
+    """
+    robots, chargers = world.robots, world.chargers
+    for charger in range(chargers.cell.shape[0]):
+        chargers.first_ticket[charger] = 0
+        chargers.exit_cell[charger] = NIL
+    for identity in range(robots.cell.shape[0]):
+        i = np.int64(robots.at_index[identity])
+        if robots.cell[U(i)] == NIL or robots.status[U(i)] > STATUS_EXHAUSTED:
+            continue
+        record_exit_cell(world, i)
+        if robots.busy[U(i)]:
+            continue
+        live = np.int64(world.traffic.intent[U(i)]) & LIVE
+        if live and robots.charge[i] < energy_cost(
+            world, i, ACTION_MOVE, np.int64(world.traffic.move_ticks[i])
+        ):
+            world.traffic.intent[i] = 0
+            exhaust(world, i)
+        if world.traffic.intent[U(i)] == 0:
+            consume_energy(world, i, energy_cost(world, i, ACTION_IDLE, 1))
+        elif live and is_entering_charger(world, i):
+            join_charger_queue(world, i)
+    for identity in range(robots.cell.shape[0]):
+        i = np.int64(robots.at_index[identity])
+        if robots.ticket[U(i)] and robots.busy[U(i)] == 0 and world.traffic.intent[U(i)] & LIVE:
+            block_unless_first(world, i)
+
+
+@kernel
+def record_exit_cell(world, i):
+    """A robot in a charger, with its charging done, is about to drive out into this cell."""
+    robots, chargers = world.robots, world.chargers
+    charger = np.int64(chargers.charger_at[U(robots.cell[U(i)])])
+    if charger == NIL or robots.goal_type[U(i)] == GOAL_CHARGE or robots.claim[U(i)] != NIL:
+        return
+    if robots.route_index[U(i)] < robots.route_length[U(i)]:
+        direction = np.int64(robots.route[U(i), U(robots.route_index[U(i)])])
+        chargers.exit_cell[charger] = robots.cell[U(i)] + world.grid.offset[U(direction)]
+
+
+@kernel
+def is_entering_charger(world, i):
+    """Whether the move that robot i wants leads into the charger where it is to charge."""
+    robots = world.robots
+    if robots.goal_type[U(i)] != GOAL_CHARGE:
+        return False
+    direction = np.int64(world.traffic.intent[U(i)]) & 3
+    return robots.cell[U(i)] + world.grid.offset[U(direction)] == robots.goal_cell[U(i)]
+
+
+@kernel
+def join_charger_queue(world, i):
+    """Robot i keeps its place in the line before its charger, or gets the last one."""
+    robots, chargers = world.robots, world.chargers
+    if robots.ticket[i] == 0:
+        world.clock[CLOCK_TICKETS_ISSUED] += 1
+        robots.ticket[i] = world.clock[CLOCK_TICKETS_ISSUED]
+    charger = chargers.charger_at[robots.goal_cell[i]]
+    if chargers.first_ticket[charger] == 0 or robots.ticket[i] < chargers.first_ticket[charger]:
+        chargers.first_ticket[charger] = robots.ticket[i]
+
+
+@kernel
+def block_unless_first(world, i):
+    """Robot i does not move into its charger unless it is first and there is room.
+
+    A holder that wants out through robot i's own cell is met head-on: right of way must decide.
+    """
+    robots, chargers = world.robots, world.chargers
+    if not is_entering_charger(world, i):
+        return
+    charger = chargers.charger_at[robots.goal_cell[i]]
+    direction = np.int64(world.traffic.intent[i]) & 3
+    room = has_room(world.traffic.occupancy, np.int64(robots.goal_cell[i]), direction)
+    one = np.int64(world.grid.cell_flags[robots.cell[i]]) >> 5 & 3 == 1
+    head_on = one and chargers.exit_cell[charger] == robots.cell[i]
+    if head_on or (room and robots.ticket[i] == chargers.first_ticket[charger]):
+        return
+    world.traffic.intent[i] = 0
+    count_lost_tick(world, i, ACTION_QUEUE)
+    robots.executed[i] = np.int64(robots.executed[i]) | EXECUTED_BLOCKED

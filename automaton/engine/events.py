@@ -1,0 +1,239 @@
+"""The events of an observed tick, and cycles of robots that wait for each other."""
+
+import numpy as np
+
+from automaton.engine.blocker_cycles import walk_to_cycle
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.motion import U
+from automaton.engine.observation import (
+    COUNT_EVENTS,
+    DEADLOCK_TICKS,
+    EVENT_BACK,
+    EVENT_CHARGING,
+    EVENT_DEADLOCK,
+    EVENT_DELIVERED,
+    EVENT_DEPLETED,
+    EVENT_DROPPED,
+    EVENT_FAILED,
+    EVENT_ILLEGAL_DECISION,
+    EVENT_JOB_DONE,
+    EVENT_LEFT_BAY,
+    EVENT_ORDER_RETURNED,
+    EVENT_ORDER_TAKEN,
+    EVENT_PARKED,
+    EVENT_PART_FINISHED,
+    EVENT_PICKED,
+    EVENT_RETREATED,
+    EVENT_TOWED,
+    EVENT_WAIT_CYCLE,
+    EVENT_ZONES_REDESIGNED,
+    EVENTFUL,
+    WAITERS,
+)
+from automaton.engine.record_codes import (
+    ACTION_MASK,
+    DROPPED_ON_ARRIVAL,
+    ENTERED_PARKING_BAY,
+    EXECUTED_CHARGE,
+    EXECUTED_DROP,
+    EXECUTED_ILLEGAL,
+    EXECUTED_PICK,
+    EXECUTED_RETREAT,
+    LEFT_PARKING_BAY,
+    PICKED_ON_ARRIVAL,
+)
+from automaton.engine.robot_status import (
+    STATUS_DEPLETED,
+    STATUS_FAILED,
+    STATUS_REMOVED,
+    STATUS_TOWED,
+    STATUS_UP,
+)
+from automaton.engine.state import ACTION_CHARGE, CLOCK_TICK, NIL, ORDER_DELIVERED
+
+MAX_EVENTS = 8  # of one robot in one tick
+IN_CYCLE = NIL  # value of scratch.color
+
+
+@kernel
+def max_events(world):
+    """How many events a tick can have."""
+    return MAX_EVENTS * world.robots.cell.shape[0] + world.stations.slot.shape[0] + 1
+
+
+@kernel
+def note_events(world, observation):
+    """Append what happened in this tick, by identity; call after `observe`."""
+    note_work(world, observation)
+    note_zones(world, observation)
+    robots, scratch = world.robots, observation.scratch
+    for k in range(scratch.count[EVENTFUL]):
+        i = np.int64(scratch.eventful[U(k)])
+        identity = np.int64(robots.identity[i])
+        order, before = np.int64(robots.order[i]), np.int64(observation.order_before[i])
+        executed = np.int64(robots.executed[i])
+        action = action_of(executed)
+        if executed & LEFT_PARKING_BAY:
+            event(world, observation, EVENT_LEFT_BAY, identity, NIL, NIL)
+        visited = action == EXECUTED_PICK and robots.load[i] == NIL  # it had only to come
+        if order != before and before != NIL and action != EXECUTED_DROP and not visited:
+            event(world, observation, EVENT_ORDER_RETURNED, identity, before, NIL)
+        if order != before and order != NIL:
+            event(world, observation, EVENT_ORDER_TAKEN, identity, order, NIL)
+        if action:
+            note_action(world, observation, i, identity, action)
+        if robots.status[i] != observation.status_before[i]:
+            note_status(world, observation, i, identity)
+        if executed & ENTERED_PARKING_BAY:
+            event(world, observation, EVENT_PARKED, identity, NIL, NIL)
+        observation.dropped[i] = observation.load_before[i] if action == EXECUTED_DROP else NIL
+        observation.order_before[i] = order
+        observation.load_before[i] = robots.load[i]
+
+
+@kernel
+def note_work(world, observation):
+    """The events of stations that are done with a part."""
+    stations = world.stations
+    for k in range(observation.working.shape[0]):
+        work, now = np.int64(observation.working[k]), np.int64(stations.in_service[k])
+        if work != now and work != NIL:
+            code = EVENT_JOB_DONE if stations.releases_order[work] != NIL else EVENT_PART_FINISHED
+            event(world, observation, code, NIL, np.int64(stations.part[work]), k)
+        observation.working[k] = now
+
+
+@kernel
+def note_zones(world, observation):
+    """The event of stations that came from one zone into another."""
+    design, moved = world.service_zones.design, 0
+    for station in range(observation.zone_before.shape[0]):
+        before, now = np.int64(observation.zone_before[station]), np.int64(design.zone[station])
+        if before != now:
+            observation.zone_before[station] = now
+            if before != NIL:  # at the start it had none
+                moved += 1
+                observation.reshaped[before] = world.clock[CLOCK_TICK]
+                observation.reshaped[now] = world.clock[CLOCK_TICK]
+    if moved:
+        event(world, observation, EVENT_ZONES_REDESIGNED, NIL, NIL, moved)
+        observation.redesigns[0] += 1
+
+
+@kernel
+def action_of(executed):
+    """What a robot did, of which a move at whose end it handled its load is the handling."""
+    if executed & PICKED_ON_ARRIVAL:
+        return EXECUTED_PICK
+    return EXECUTED_DROP if executed & DROPPED_ON_ARRIVAL else executed & ACTION_MASK
+
+
+@kernel
+def event(world, observation, code, robot, subject, value):
+    row = observation.count[COUNT_EVENTS]
+    observation.events[row, 0] = world.clock[CLOCK_TICK]
+    observation.events[row, 1] = code
+    observation.events[row, 2] = robot
+    observation.events[row, 3] = subject
+    observation.events[row, 4] = value
+    observation.count[COUNT_EVENTS] = row + 1
+
+
+@kernel
+def note_action(world, observation, i, identity, action):
+    """The events of an operation that robot i began."""
+    if action == EXECUTED_PICK and world.robots.load[i] == NIL:
+        visited = np.int64(observation.order_before[i])
+        event(
+            world, observation, EVENT_DELIVERED, identity, visited, np.int64(world.robots.cell[i])
+        )
+    elif action == EXECUTED_PICK:
+        order = np.int64(world.robots.load[i])
+        event(world, observation, EVENT_PICKED, identity, order, np.int64(world.robots.cell[i]))
+    elif action == EXECUTED_DROP:
+        order = np.int64(observation.load_before[i])
+        done = world.orders.state[order] == ORDER_DELIVERED
+        code = EVENT_DELIVERED if done else EVENT_DROPPED
+        event(world, observation, code, identity, order, np.int64(world.robots.cell[i]))
+    elif action == EXECUTED_CHARGE:
+        if (
+            world.tally.operations[i, ACTION_CHARGE, 0] != observation.stays[i]
+        ):  # not in every tick of a stay
+            observation.stays[i] = world.tally.operations[i, ACTION_CHARGE, 0]
+            event(
+                world, observation, EVENT_CHARGING, identity, NIL, np.int64(world.robots.charge[i])
+            )
+    elif action == EXECUTED_ILLEGAL:
+        event(world, observation, EVENT_ILLEGAL_DECISION, identity, NIL, NIL)
+    elif action == EXECUTED_RETREAT:
+        event(
+            world,
+            observation,
+            EVENT_RETREATED,
+            identity,
+            NIL,
+            np.int64(world.robots.retreat_moves[i]),
+        )
+
+
+@kernel
+def note_status(world, observation, i, identity):
+    """The events of a robot that goes down, is towed, or comes back."""
+    status = np.int64(world.robots.status[i])
+    observation.status_before[i] = status
+    if status == STATUS_DEPLETED or status == STATUS_FAILED:
+        code = EVENT_DEPLETED if status == STATUS_DEPLETED else EVENT_FAILED
+        event(world, observation, code, identity, NIL, np.int64(world.robots.cell[i]))
+    elif status == STATUS_TOWED or status == STATUS_REMOVED:
+        event(world, observation, EVENT_TOWED, identity, NIL, NIL)
+    elif status == STATUS_UP:
+        event(world, observation, EVENT_BACK, identity, NIL, NIL)
+
+
+@kernel
+def find_cycles(world, observation):
+    """Mark the robots on cycles of blockers.
+
+    Whoever has a blocker is among those that `observe` has listed.
+    """
+    scratch = observation.scratch
+    color = scratch.color
+    waiters = scratch.count[WAITERS]
+    for k in range(waiters):
+        color[U(scratch.waiters[U(k)])] = 0
+    for k in range(waiters):
+        start = np.int64(scratch.waiters[U(k)])
+        if observation.blocker[U(start)] == NIL or color[U(start)]:
+            continue
+        member = walk_to_cycle(observation.blocker, world.robots.at_index, color, start)
+        if member != NIL:
+            close_cycle(world, observation, member)
+    for k in range(waiters):
+        i = U(scratch.waiters[U(k)])
+        if color[i] != IN_CYCLE:
+            observation.wait_cycle_ticks[i] = 0
+
+
+@kernel
+def close_cycle(world, observation, first):
+    """Mark the cycle through `first`, and note when it closed or has lasted too long."""
+    robots = world.robots
+    members = 0
+    youngest = np.int64(observation.wait_cycle_ticks[first])
+    name = np.int64(robots.identity[first])
+    i = first
+    while observation.scratch.color[i] != IN_CYCLE:
+        observation.scratch.color[i] = IN_CYCLE
+        youngest = min(youngest, np.int64(observation.wait_cycle_ticks[i]))
+        name = min(name, np.int64(robots.identity[i]))
+        members += 1
+        i = np.int64(robots.at_index[observation.blocker[i]])
+    for _ in range(members):
+        observation.wait_cycle_ticks[i] = (
+            youngest + 1
+        )  # with another robot in it, it is another wait cycle
+        i = np.int64(robots.at_index[observation.blocker[i]])
+    if youngest == 0:
+        event(world, observation, EVENT_WAIT_CYCLE, name, NIL, members)
+    elif youngest + 1 == DEADLOCK_TICKS:
+        event(world, observation, EVENT_DEADLOCK, name, NIL, members)

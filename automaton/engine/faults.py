@@ -1,0 +1,296 @@
+"""Robots that go down, are towed, and come back.
+
+An empty battery or a fault takes a robot out where it stands. Its orders are given back; its load
+becomes a waiting order in its cell, to be picked up from the cells beside it. It holds its cell
+until it is towed; where robots are not repaired, it is gone.
+"""
+
+import numpy as np
+
+from automaton.engine.energy import end_charging
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.motion import vacate
+from automaton.engine.operations import (
+    clear_allocation_request,
+    clear_right_of_way,
+    clear_route_request,
+    drop_route,
+    entry_heading,
+    leave_queue,
+    record_change,
+    request_allocation,
+    reserve_order,
+    reserve_slot,
+)
+from automaton.engine.random_numbers import STREAM_BREAKDOWNS, random_bits
+from automaton.engine.record_codes import CHANGE_LOAD_LEFT, CHANGE_STATUS
+from automaton.engine.robot_status import (
+    FAILURE_DEPLETED,
+    FAILURE_FAULT,
+    FAILURE_TOWED,
+    STATUS_DEPLETED,
+    STATUS_EXHAUSTED,
+    STATUS_FAILED,
+    STATUS_FAILING,
+    STATUS_REMOVED,
+    STATUS_TOWED,
+    STATUS_UP,
+)
+from automaton.engine.state import (
+    ACTION_DOWN,
+    ACTION_IDLE,
+    CLOCK_NEEDING_CHARGING,
+    CLOCK_NEXT_FAULT,
+    CLOCK_REVISION,
+    CLOCK_ROBOTS_DOWN,
+    CLOCK_TICK,
+    CLOCK_UNPARKED,
+    NEED_CHARGING,
+    NIL,
+    NO_STEP,
+    ORDER_WAITING,
+    REASON_IDLE,
+    REASON_PICKED,
+    RETRY_NONE,
+)
+from automaton.engine.zoning_requests import request_zoning
+
+
+@kernel
+def break_down_and_repair(world, record):
+    """At the start of a tick: robots are towed and come back; others fail, or lack energy."""
+    clock, faults = world.clock, world.rules.faults
+    while (
+        clock[CLOCK_NEXT_FAULT] < faults.shape[0]
+        and faults[clock[CLOCK_NEXT_FAULT], 0] <= clock[CLOCK_TICK]
+    ):
+        fail(world, np.int64(world.robots.at_index[faults[clock[CLOCK_NEXT_FAULT], 1]]))
+        clock[CLOCK_NEXT_FAULT] += 1
+    if world.rules.breakdown:
+        draw_faults(world)
+    if clock[CLOCK_ROBOTS_DOWN]:
+        tow_and_repair(world, record)
+        take_all_out(world, record)
+
+
+@kernel
+def fail(world, i):
+    """Robot i breaks down when what it does is over."""
+    if world.robots.status[i] == STATUS_UP:
+        world.robots.status[i] = STATUS_FAILING
+        world.clock[CLOCK_ROBOTS_DOWN] += 1
+
+
+@kernel
+def draw_faults(world):
+    """Each robot on the floor fails with the scenario's probability."""
+    robots, rules = world.robots, world.rules
+    for i in range(robots.cell.shape[0]):
+        if robots.cell[i] != NIL and robots.status[i] == STATUS_UP:
+            identity = np.int64(robots.identity[i])
+            bits = random_bits(
+                rules.seed, STREAM_BREAKDOWNS, world.clock[CLOCK_TICK], identity
+            ) >> np.uint64(32)
+            if np.int64(bits) < rules.breakdown:
+                fail(world, i)
+
+
+@kernel
+def tow_and_repair(world, record):
+    robots, tick = world.robots, world.clock[CLOCK_TICK]
+    for identity in range(robots.cell.shape[0]):
+        i = np.int64(robots.at_index[identity])
+        status = robots.status[i]
+        if (
+            status < STATUS_DEPLETED
+            or robots.status_until[i] == NIL
+            or tick < robots.status_until[i]
+        ):
+            continue
+        if status == STATUS_TOWED:
+            come_back(world, record, i)
+        elif status != STATUS_REMOVED:
+            tow(world, record, i)
+
+
+@kernel
+def take_all_out(world, record):
+    """Robots that fail and whose operation is over, or that lacked energy, go down."""
+    robots = world.robots
+    for identity in range(robots.cell.shape[0]):
+        i = np.int64(robots.at_index[identity])
+        status = robots.status[i]
+        if status == STATUS_EXHAUSTED or (status == STATUS_FAILING and robots.busy[i] == 0):
+            take_out(
+                world, record, i, STATUS_DEPLETED if status == STATUS_EXHAUSTED else STATUS_FAILED
+            )
+        if robots.status[i] == STATUS_DEPLETED or robots.status[i] == STATUS_FAILED:
+            world.tally.ticks[i, ACTION_DOWN, 0] += 1
+
+
+@kernel
+def take_out(world, record, i, status):
+    """Robot i is down: what it had to do goes back, its load lies in its cell."""
+    robots = world.robots
+    become(world, record, i, status)
+    return_orders(world, record, i)
+    if robots.load[i] != NIL and robots.cell[i] != NIL:
+        leave_load(world, record, i)
+    world.tally.failures[i, FAILURE_DEPLETED if status == STATUS_DEPLETED else FAILURE_FAULT] += 1
+    world.tally.operations[i, ACTION_DOWN, 0] += 1
+    robots.action[i] = ACTION_DOWN
+    after = world.rules.tow_after
+    robots.status_until[i] = NIL if after == NIL else world.clock[CLOCK_TICK] + after
+    world.clock[CLOCK_REVISION] += 1
+    if robots.cell[i] == NIL:
+        tow(world, record, i)
+    elif robots.parked[i]:
+        robots.parked[i] = 0
+        world.clock[CLOCK_UNPARKED] += 1
+
+
+@kernel
+def become(world, record, i, status):
+    world.robots.status[i] = status
+    request_zoning(world)
+    record_change(world.clock, record, CHANGE_STATUS, world.robots.identity[i], status)
+
+
+@kernel
+def return_orders(world, record, i):
+    """Orders and slots of robot i go back; it has no goal, no route and no plan."""
+    robots = world.robots
+    if robots.order[i] != NIL and robots.load[i] == NIL:
+        reserve_order(world, record, np.int64(robots.order[i]), NIL)
+        robots.order[i] = NIL
+    if robots.slot[i] != NIL:
+        reserve_slot(world, record, np.int64(robots.slot[i]), NIL)
+        robots.slot[i] = NIL
+    end_charging(robots, i)
+    drop_route(robots, i)
+    clear_route_request(world, i)
+    clear_right_of_way(world, i)
+    clear_allocation_request(world, i)
+    if robots.need[i] & NEED_CHARGING:
+        world.clock[CLOCK_NEEDING_CHARGING] -= 1
+    robots.need[i] = 0
+    robots.retreat_moves[i] = 0
+    robots.try_drop[i] = 0
+    robots.failed_retries[i] = 0
+    robots.retry_state[i] = RETRY_NONE
+    robots.step[i] = NO_STEP
+    robots.order_queue_length[i] = 0
+
+
+@kernel
+def leave_load(world, record, i):
+    """The load of robot i waits in a spare slot in its cell; without one it stays on the robot."""
+    robots, slots, orders = world.robots, world.slots, world.orders
+    slot = spare_slot(slots)
+    if slot == NIL or not open_slot(world, slot, np.int64(robots.cell[i])):
+        return
+    order = np.int64(robots.load[i])
+    slots.content[slot] = order
+    orders.current_slot[order] = slot
+    orders.state[order] = ORDER_WAITING
+    robots.load[i] = NIL
+    robots.order[i] = NIL
+    record_change(world.clock, record, CHANGE_LOAD_LEFT, robots.identity[i], slot)
+    if world.service_zones.queue.shape[0]:  # it counts to the station from where it came
+        came_from = np.int64(world.service_zones.picked_from[order])
+        world.service_zones.station_of[slot] = (
+            NIL if came_from == NIL else world.service_zones.station_of[came_from]
+        )
+    leave_queue(world, order)
+    reserve_order(world, record, order, NIL)
+
+
+@kernel
+def spare_slot(slots):
+    """A spare slot without a load, NIL if there is none."""
+    for slot in range(slots.first_spare, slots.cell.shape[0]):
+        if slots.cell[slot] == NIL:
+            return slot
+    return NIL
+
+
+@kernel
+def open_slot(world, slot, cell):
+    """Put a spare slot into a cell; False if robots get to no cell beside it."""
+    slots = world.slots
+    slots.accessible[:, slot] = 0
+    served = False
+    for direction in range(4):
+        beside = cell + world.grid.offset[direction]
+        usable = is_within(slots, slot, beside)
+        slots.access[slot, direction] = beside if usable else NIL
+        served = served or usable
+    if served:
+        slots.cell[slot] = cell
+        slots.unbounded[slot] = 0
+    return served
+
+
+@kernel
+def is_within(slots, slot, cell):
+    """Whether robots of some type get to a cell and back; these serve the slot."""
+    found = False
+    for robot_type in range(slots.reachable.shape[0]):
+        if slots.reachable[robot_type, cell]:
+            slots.accessible[robot_type, slot] = 1
+            found = True
+    return found
+
+
+@kernel
+def tow(world, record, i):
+    """Robot i is taken off the floor; it comes back at its home, or never.
+
+    The home of a robot that leaves the floor where it is done is where it was towed from.
+    """
+    robots, rules = world.robots, world.rules
+    if robots.cell[i] != NIL:
+        vacate(world.traffic.occupancy, np.int64(robots.cell[i]), np.int64(robots.travel[i]))
+        if rules.leave:
+            robots.home[i] = robots.cell[i]
+        robots.cell[i] = NIL
+        heading = entry_heading(world.grid, np.int64(robots.home[i]))
+        robots.heading[i] = heading
+        robots.travel[i] = heading
+        world.tally.failures[i, FAILURE_TOWED] += 1
+    if robots.parked[i] == 0:
+        robots.parked[i] = 1
+        world.clock[CLOCK_UNPARKED] -= 1
+    robots.action[i] = ACTION_IDLE
+    if rules.battery and rules.repair != NIL:
+        charge_in_repair(world, i)
+    become(world, record, i, STATUS_REMOVED if rules.repair == NIL else STATUS_TOWED)
+    if rules.repair == NIL:
+        world.clock[CLOCK_ROBOTS_DOWN] -= 1
+        robots.status_until[i] = NIL
+    else:
+        robots.status_until[i] = world.clock[CLOCK_TICK] + rules.repair
+
+
+@kernel
+def charge_in_repair(world, i):
+    """Robot i, which is being towed, gets the charge with which it will come back."""
+    robots, rules = world.robots, world.rules
+    before = np.int64(robots.charge[i])
+    after = np.int64(rules.repaired)
+    if after == NIL:
+        after = (
+            max(before, np.int64(rules.reserve)) if robots.status[i] == STATUS_DEPLETED else before
+        )
+    robots.charge[i] = after
+    world.tally.repaired[i] += max(after - before, 0)
+
+
+@kernel
+def come_back(world, record, i):
+    """Robot i is in order again, and off the floor at its home."""
+    robots = world.robots
+    robots.status_until[i] = 0
+    become(world, record, i, STATUS_UP)
+    world.clock[CLOCK_ROBOTS_DOWN] -= 1
+    request_allocation(world, i, REASON_PICKED if robots.load[i] != NIL else REASON_IDLE)

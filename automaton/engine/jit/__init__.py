@@ -1,0 +1,1 @@
+"""Compiled code: structs that cross into it, the decorator of every kernel, and its cache."""

@@ -1,0 +1,277 @@
+"""Compilation: the one decorator of every kernel, and a cache that notices an edit in any file.
+
+Numba looks only at a kernel's own file when it decides whether a cached kernel is fresh; a changed
+callee in another file goes unnoticed. So each module has a cache folder of its own, named by a hash of
+the sources that it is made of: whoever edits a strategy compiles that strategy, and nothing else.
+"""
+
+from __future__ import annotations
+
+import atexit
+import hashlib
+import os
+import shutil
+import stat
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numba
+from numba import njit, types
+
+import automaton.engine.jit.struct_types  # noqa: F401  teaches Numba what a Struct is
+from automaton.engine.jit.kernel_sources import sources_digest
+from automaton.engine.jit.numba_parts import config, event
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+ENGINE = "automaton.engine"  # packages whose kernels are the world
+LOOP = "automaton.engine.loop"  # compiled in every first run, and last
+CACHES_KEPT = 4
+UNUSED_S = 7 * 86_400.0  # after which kernels in the temporary folder are removed
+WORLD = "the world"
+FIRST_RUN_NOTICE = "first run of this version on this machine (about a minute): the world"
+FIRST_USE_NOTICE = "first use on this machine: "
+COMPILE_NOTICE_DELAY_S = 1.0  # before it is said that something is being compiled
+
+
+def jit_is_on() -> bool:
+    """False when NUMBA_DISABLE_JIT=1: kernels then run as plain Python, 300 times slower."""
+    return not config.DISABLE_JIT
+
+
+@cache
+def cache_root() -> Path:
+    """Where compiled kernels live, in a folder for each module.
+
+    Where nothing can be written, they live in a temporary folder, which later processes of the same
+    user find again; that is said when it is made.
+    """
+    home = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    root = Path(os.environ.get("AUTOMATON_CACHE_DIR") or Path(home) / "automaton") / "kernels"
+    _remove_unused(_shared_root())
+    try:
+        _check_writable(root)
+    except OSError as error:
+        instead = _temporary_root()
+        is_new = not any(instead.iterdir())
+        _check_writable(instead)
+        if is_new:
+            print(
+                f"automaton: compiled code cannot be kept in {root} ({error.strerror}), so it goes to "
+                f"{instead}; AUTOMATON_CACHE_DIR names another folder",
+                file=sys.stderr,
+                flush=True,
+            )
+        root = instead
+    return root
+
+
+def _check_writable(root: Path) -> None:
+    """Raises OSError if no kernels can be kept there."""
+    root.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryFile(dir=root):
+        pass
+
+
+@cache
+def cache_folder(module: str, file: str) -> Path:
+    """Where the kernels of a module in `file` live; made if needed, older generations removed."""
+    versions = f"{numba.__version__} {sys.version_info[:2]}"
+    digest = hashlib.sha256(f"{versions} {sources_digest(module, file)}".encode()).hexdigest()[:12]
+    folder = cache_root() / f"{module}-{digest}"
+    if folder.is_dir():
+        with suppress(OSError):
+            os.utime(folder)  # it is in use
+        return folder
+    folder.mkdir(exist_ok=True)
+    generations = sorted(cache_root().glob(f"{module}-????????????"), key=_age)
+    for stale in generations[:-CACHES_KEPT]:
+        shutil.rmtree(stale, ignore_errors=True)
+    return folder
+
+
+def _age(folder: Path) -> float:
+    try:
+        return folder.stat().st_mtime
+    except OSError:  # another process has removed it
+        return 0.0
+
+
+def _shared_root() -> Path:
+    return Path(tempfile.gettempdir()) / f"automaton-kernels-{os.getuid()}"
+
+
+def _temporary_root() -> Path:
+    """A folder of this user's alone: compiled code is loaded from it.
+
+    Where somebody else holds its name, it is one that ends with this process.
+    """
+    root = _shared_root()
+    try:
+        root.mkdir(mode=0o700, exist_ok=True)
+        found = root.lstat()
+        if (
+            stat.S_ISDIR(found.st_mode)
+            and found.st_uid == os.getuid()
+            and not found.st_mode & 0o022
+        ):
+            return root
+    except FileExistsError:
+        pass
+    own = Path(tempfile.mkdtemp(prefix="automaton-kernels-"))
+    atexit.register(shutil.rmtree, own, ignore_errors=True)
+    return own
+
+
+def _is_mine(root: Path) -> bool:
+    """Whether it is a folder that this user owns and nobody else can write to."""
+    try:
+        found = root.lstat()
+    except FileNotFoundError:
+        return False
+    is_closed = not found.st_mode & 0o022
+    return stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and is_closed
+
+
+def _remove_unused(root: Path) -> None:
+    """Remove the generations in the temporary folder that nobody used for days."""
+    if not _is_mine(root):
+        return
+    with suppress(OSError):
+        for folder in root.iterdir():
+            if folder.stat().st_mtime < time.time() - UNUSED_S:
+                shutil.rmtree(folder, ignore_errors=True)
+        root.rmdir()  # unless something is left
+
+
+def kernel(function: F | None = None, *, signature: Any = None, inline: bool = False) -> Any:
+    """Compile `function` (nogil, cached across processes).
+
+    With `signature` it is compiled at import for exactly these types; `inline` asks Numba to paste
+    it into its callers. The cache folder is set only while the decorator runs, so that kernels of
+    other packages in the same process keep their own.
+    """
+    if function is None:
+        return lambda f: kernel(f, signature=signature, inline=inline)
+    options: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": False}
+    if inline:
+        options["inline"] = "always"
+    if not jit_is_on():
+        return function
+    before = config.CACHE_DIR
+    config.CACHE_DIR = str(cache_folder(function.__module__, function.__code__.co_filename))
+    try:
+        if signature is not None:
+            return njit(signature, **options)(function)
+        return _with_one_signature(njit(**options)(function))
+    finally:
+        config.CACHE_DIR = before
+
+
+def _with_one_signature(dispatcher: Any) -> Any:
+    """Have compiled callers pass every integer as int64 (uint64 stays), never as a constant.
+
+    Numba would compile a kernel again for each width and each literal (187 compilations for 129
+    kernels): 23 s of CPU at the first start instead of 19.
+    """
+    resolve = dispatcher.get_call_template
+
+    def get_call_template(arguments: Any, keywords: Any) -> Any:
+        return resolve([_widened(kind) for kind in arguments], keywords)
+
+    dispatcher.get_call_template = get_call_template
+    return dispatcher
+
+
+def _widened(kind: Any) -> Any:
+    kind = types.unliteral(kind)
+    if isinstance(kind, types.Integer) and kind != types.uint64:
+        return types.int64
+    return kind
+
+
+class _Compilations(event.Listener):  # type: ignore[misc]
+    """Notes how long this process compiles, and says on stderr what, unless it is done at once.
+
+    Numba lets one thread compile at a time, and tells only of what is not in the cache.
+    """
+
+    def __init__(self) -> None:
+        self.seconds = 0.0
+        self.announced = False  # somebody has said why it takes long
+        self._depth = 0
+        self._begun = 0.0
+        self._told: set[str] = set()
+        self._timer = threading.Timer(0.0, print)
+
+    def on_start(self, event: Any) -> None:
+        self._depth += 1
+        if self._depth > 1:
+            return  # a kernel that another one calls
+        self._begun = time.perf_counter()
+        subject = subject_of(event.data["dispatcher"].py_func.__module__)
+        if not self.announced:
+            self._timer = threading.Timer(COMPILE_NOTICE_DELAY_S, self.announce, [subject])
+            self._timer.daemon = True
+            self._timer.start()
+
+    def on_end(self, event: Any) -> None:
+        self._depth -= 1
+        if self._depth == 0:
+            self._timer.cancel()
+            self.seconds += time.perf_counter() - self._begun
+
+    def announce(self, subject: str) -> None:
+        """Announce that something is compiled, once in a process."""
+        if subject not in self._told:
+            self._told.add(subject)
+            part = "another part of the world" if subject == WORLD else subject
+            is_first = subject == WORLD and not world_marker().exists()
+            text = FIRST_RUN_NOTICE if is_first else FIRST_USE_NOTICE + part
+            print(f"automaton: {text} is compiled, once ...", file=sys.stderr, flush=True)
+
+
+def subject_of(module: str) -> str:
+    """What a kernel is about: the folder of ours that it lies in, or a plug-in's module."""
+    first, _, rest = module.partition(".")
+    if module.startswith(ENGINE):
+        return WORLD
+    if first not in ("automaton", "strategies") or not rest:
+        return module
+    return rest.split(".")[0].replace("_", " ")
+
+
+def world_marker() -> Path:
+    """A file that is there when the world has been compiled in this version."""
+    return cache_folder(LOOP, str(Path(__file__).parent.parent / "loop.py")) / "complete"
+
+
+COMPILATIONS = _Compilations()
+event.register("numba:compile", COMPILATIONS)
+
+
+def seconds_compiled() -> float:
+    """Seconds that this process has spent on compiling: no time of a run."""
+    return COMPILATIONS.seconds
+
+
+@contextmanager
+def first_compilation_announced() -> Iterator[None]:
+    """Say on stderr why the first run of all waits while the world is compiled in here."""
+    if not jit_is_on() or world_marker().exists():
+        yield
+        return
+    COMPILATIONS.announce(WORLD)
+    COMPILATIONS.announced = True
+    try:
+        yield
+    finally:
+        COMPILATIONS.announced = False
+    world_marker().touch()

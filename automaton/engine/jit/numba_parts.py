@@ -1,0 +1,62 @@
+"""The parts of Numba that are not public, and on which compiled code leans: checked at import.
+
+A Numba without them would fail somewhere in the middle of a compilation, or compile something else.
+`pyproject.toml` allows the versions with which the tests have passed.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterator
+from typing import Any
+
+import numba
+
+from automaton.engine.jit.unfit_numba import UnfitNumbaError
+
+TRIED = "0.61", "0.68"  # the first and the last; pyproject.toml says the same (tested)
+
+
+def unfit(what: str) -> UnfitNumbaError:
+    """The error that names the versions with which compiled code here works."""
+    first, last = TRIED
+    return UnfitNumbaError(
+        f"compiled code here does not work with Numba {numba.__version__} ({what}); it was tried with "
+        f"{first} to {last}: pip install 'numba=={last}.*'"
+    )
+
+
+try:
+    from numba.core import cgutils, config, event
+    from numba.core.cpu import CPUTargetOptions
+    from numba.core.dispatcher import Dispatcher
+    from numba.core.typing.templates import AttributeTemplate, infer_getattr
+    from numba.np.arrayobj import populate_array
+except ImportError as error:
+    raise unfit(str(error)) from error
+
+__all__ = ["AttributeTemplate", "cgutils", "config", "event", "infer_getattr", "populate_array"]
+
+
+def changed() -> Iterator[str]:
+    """The parts that are there, and not what compiled code takes them for."""
+    if not {"data", "shape", "strides", "itemsize", "meminfo"} <= parameters(populate_array):
+        yield "populate_array takes other arguments"
+    if parameters(getattr(Dispatcher, "get_call_template", None)) != {"self", "args", "kws"}:
+        yield "Dispatcher.get_call_template takes other arguments"
+    if not hasattr(CPUTargetOptions, "_nrt"):
+        yield "there is no option _nrt"
+    if not hasattr(AttributeTemplate, "generic_resolve"):
+        yield "AttributeTemplate.generic_resolve is gone"
+    if not hasattr(config, "CACHE_DIR"):
+        yield "config.CACHE_DIR is gone"
+    if not {"on_start", "on_end"} <= set(dir(event.Listener)):
+        yield "event.Listener hears other events"
+
+
+def parameters(function: Any) -> set[str]:
+    return set(inspect.signature(function).parameters) if callable(function) else set()
+
+
+for _what in changed():
+    raise unfit(_what)

@@ -1,0 +1,114 @@
+"""How compiled code reads a Struct: its Numba type, and the loads behind an attribute."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import (
+    NativeValue,
+    lower_getattr_generic,
+    models,
+    register_model,
+    typeof_impl,
+    unbox,
+)
+
+from automaton.engine.jit.numba_parts import (
+    AttributeTemplate,
+    cgutils,
+    infer_getattr,
+    populate_array,
+)
+from automaton.engine.jit.structs import WORDS, Struct
+
+
+class StructType(types.Type):
+    """The Numba type of a struct: its name and the types of its fields."""
+
+    def __init__(self, name: str, fields: tuple[tuple[str, types.Type], ...]) -> None:
+        self.fields = fields
+        described = ", ".join(f"{field}: {kind}" for field, kind in fields)
+        # Short: the name is repeated in every symbol and every error.
+        super().__init__(name=f"{name}_{hashlib.sha256(described.encode()).hexdigest()[:8]}")
+
+    def row(self, attribute: str) -> int:
+        return [field for field, _ in self.fields].index(attribute)
+
+
+@register_model(StructType)
+class _StructModel(models.PrimitiveModel):
+    def __init__(self, manager: Any, kind: StructType) -> None:
+        super().__init__(manager, kind, ir.IntType(64))
+
+
+@typeof_impl.register(Struct)
+def _typeof_struct(value: Struct, context: Any) -> types.Type:
+    known = type(value)._types
+    if value._writable not in known:
+        fields = []
+        for name in value._fields:
+            field = getattr(value, name)
+            plain = not isinstance(field, np.ndarray | Struct)
+            kind = types.int64 if plain else typeof_impl(field, context)
+            if plain and isinstance(field, np.uint64):
+                kind = types.uint64
+            fields.append((name, kind))
+        known[value._writable] = StructType(type(value).__name__, tuple(fields))
+    found: types.Type = known[value._writable]
+    return found
+
+
+@unbox(StructType)
+def _unbox_struct(kind: StructType, obj: Any, c: Any) -> NativeValue:
+    attribute = c.pyapi.object_getattr_string(obj, "_address")
+    address = c.pyapi.long_as_ulonglong(attribute)
+    c.pyapi.decref(attribute)
+    return NativeValue(address, is_error=cgutils.is_not_null(c.builder, c.pyapi.err_occurred()))
+
+
+@infer_getattr
+class _StructAttributes(AttributeTemplate):
+    key = StructType
+
+    def generic_resolve(self, kind: StructType, attribute: str) -> types.Type | None:
+        return dict(kind.fields).get(attribute)
+
+
+@lower_getattr_generic(StructType)
+def _lower_attribute(
+    context: Any, builder: Any, kind: StructType, address: Any, attribute: str
+) -> Any:
+    word = ir.IntType(64)
+    row = kind.row(attribute)
+    field = kind.fields[row][1]
+    table = builder.inttoptr(address, word.as_pointer())
+
+    def load(column: int) -> Any:
+        place = builder.gep(table, [ir.Constant(word, row * WORDS + column)], inbounds=True)
+        loaded = builder.load(place)
+        # The table never changes, so LLVM may read it once for a whole loop.
+        loaded.set_metadata("invariant.load", builder.module.add_metadata([]))
+        return loaded
+
+    if not isinstance(field, types.Array):
+        return load(0)
+    array = context.make_array(field)(context, builder)
+    model = context.data_model_manager[field.dtype]
+    size = context.get_abi_sizeof(model.get_data_type())
+    shape = [load(1 + axis) for axis in range(field.ndim)]
+    strides = [ir.Constant(word, size)]
+    for extent in reversed(shape[1:]):
+        strides.insert(0, builder.mul(strides[0], extent))
+    populate_array(
+        array,
+        data=builder.inttoptr(load(0), context.get_data_type(field.dtype).as_pointer()),
+        shape=shape,
+        strides=strides,
+        itemsize=size,
+        meminfo=None,
+    )
+    return array._getvalue()

@@ -1,0 +1,265 @@
+"""The loop over ticks: one compiled generator whose body is the list of the phases of a tick.
+
+    faults -> orders -> stations -> zoning -> charging -> allocation -> charging -> routing
+           -> right of way -> motion -> record -> observe
+
+A layer is asked when something concerns it: in one call about all the robots concerned, or, with
+limited sight, in one call for each of them. A compiled strategy is called right here; for a Python
+strategy the generator yields ASK and the layer, and goes on in mid-tick when it is resumed.
+"""
+
+from numba import types
+
+from automaton.engine.batches import (
+    batch_all_robots,
+    batch_allocation,
+    batch_charging,
+    batch_right_of_way,
+    batch_routing,
+    clear_decisions,
+)
+from automaton.engine.charging_commit import commit_charging
+from automaton.engine.commit import commit_allocation, commit_right_of_way, commit_routing
+from automaton.engine.decision_stream import keep_decisions, max_words
+from automaton.engine.digest import digest_world
+from automaton.engine.drive import apply_move_outcomes, drive, halt_robots, leave_parking_bays
+from automaton.engine.energy import cancel_infeasible_moves
+from automaton.engine.events import find_cycles, max_events, note_events
+from automaton.engine.faults import break_down_and_repair
+from automaton.engine.holders import enter_holders, remove_holders
+from automaton.engine.jit.kernel import jit_is_on, kernel
+from automaton.engine.motion import move_all
+from automaton.engine.observation import COUNT_CURVE_ROWS, COUNT_EVENTS
+from automaton.engine.observe import observe
+from automaton.engine.operations import MAX_CHANGES
+from automaton.engine.releases import release_orders
+from automaton.engine.slow_zones import count_robots, set_move_ticks
+from automaton.engine.state import (
+    CLOCK_CHANGE_ROWS,
+    CLOCK_DECISION_WORDS,
+    CLOCK_DIGEST_EVERY,
+    CLOCK_FINISHED,
+    CLOCK_HALTED_UNTIL,
+    CLOCK_OBSERVING,
+    CLOCK_OPEN_JOBS,
+    CLOCK_PHASE,
+    CLOCK_RECORDED_TICKS,
+    CLOCK_RECORDING,
+    CLOCK_STOP_TICK,
+    CLOCK_TICK,
+    CLOCK_UNDELIVERED,
+    CLOCK_UNPARKED,
+    LAYER_ALLOCATION,
+    LAYER_CHARGING,
+    LAYER_RIGHT_OF_WAY,
+    LAYER_ROUTING,
+    LAYER_SEQUENCE,
+    LAYER_ZONING,
+    STOP_DELIVERED,
+    STOP_PARKED,
+)
+from automaton.engine.stations import work_at_stations
+from automaton.engine.visibility import begin_call, call_count, end_call, name_robots
+from automaton.engine.zoning_commit import commit_zoning, judge_zoning
+from automaton.engine.zoning_decision_stream import max_zoning_words
+
+# What the generator yields: the layer (0..4) that a Python strategy has to decide for, or
+LOOP_PAUSED = 5
+LOOP_GIVEN_UP = 6  # workspace.stop is set: it must not be resumed
+
+MODE_ABSENT = 0  # layer_mode: how a layer decides
+MODE_COMPILED = 1
+MODE_INTERPRETED = 2
+
+PHASES = len(LAYER_SEQUENCE)
+
+
+def ticks(
+    world, visible_world, view, full_batch, batch, batch_view, decisions, record, observation, workspace,
+    layer_mode,
+    zoning, charging, allocation, routing, right_of_way,
+    memory_z, memory_c, memory_a, memory_r, memory_w,
+    full_memory_z, full_memory_c, full_memory_a, full_memory_r, full_memory_w,
+):  # fmt: skip
+    """Run ticks until world.clock[CLOCK_STOP_TICK]; pause there, when a buffer is full, and at the end.
+
+    `visible_world` and `view`, `batch` and `batch_view` are the same memory, writable and read-only:
+    strategies get the latter. Gives the run up in mid-tick once workspace.stop is set.
+    """
+    clock = world.clock
+    decide = (zoning, charging, allocation, routing, right_of_way)
+    memories = (memory_z, memory_c, memory_a, memory_r, memory_w)
+    full_memories = (full_memory_z, full_memory_c, full_memory_a, full_memory_r, full_memory_w)
+    while True:
+        if (
+            clock[CLOCK_TICK] >= clock[CLOCK_STOP_TICK]
+            or clock[CLOCK_FINISHED]
+            or is_full(world, record, observation)
+        ):
+            yield LOOP_PAUSED
+            continue
+        if workspace.stop[0]:
+            yield LOOP_GIVEN_UP
+        clock[CLOCK_TICK] += 1
+        world.robots.executed[:] = 0
+        if world.rules.may_fail:
+            break_down_and_repair(world, record)
+        release_orders(world)
+        if world.stations.part_arrivals.shape[0]:
+            work_at_stations(world)
+        for phase in range(PHASES):
+            layer = LAYER_SEQUENCE[phase]
+            clock[CLOCK_PHASE] = phase
+            if layer_mode[layer] == MODE_ABSENT or not collect_batch(world, full_batch, layer):
+                continue
+            for call in range(call_count(world, full_batch)):
+                begin_call(
+                    world,
+                    visible_world,
+                    full_batch,
+                    batch,
+                    memories[layer],
+                    full_memories[layer],
+                    call,
+                )
+                clear_decisions(batch, decisions, layer)
+                if world.rules.holders[layer]:
+                    enter_holders(visible_world)
+                if layer_mode[layer] == MODE_COMPILED:
+                    decide[layer](view, batch_view, decisions, memories[layer], workspace)
+                else:
+                    yield layer
+                    name_robots(world, full_batch, batch, call)  # whatever stands there now
+                if world.rules.holders[layer]:
+                    remove_holders(visible_world)
+                if workspace.stop[0]:
+                    yield LOOP_GIVEN_UP
+                if layer == LAYER_ZONING:
+                    judge_zoning(world, batch, decisions.zoning)
+                if clock[CLOCK_RECORDING]:
+                    keep_decisions(world, record, batch, decisions, layer)
+                commit(world, record, batch, decisions, layer)
+                end_call(world, memories[layer], full_memories[layer], full_batch, call)
+        clock[CLOCK_PHASE] = 0
+        motion(world, record)
+        if clock[CLOCK_RECORDING]:
+            write_record(world, record)
+        if clock[CLOCK_OBSERVING]:
+            observe(world, observation)
+            find_cycles(world, observation)
+            note_events(world, observation)
+        clock[CLOCK_FINISHED] = is_finished(world)
+
+
+@kernel
+def collect_batch(world, full_batch, layer):
+    """Whether something concerns a layer in this tick; its robots are then in the batch."""
+    if layer == LAYER_CHARGING:
+        return batch_charging(world, full_batch)
+    if layer == LAYER_ALLOCATION:
+        return batch_allocation(world, full_batch)
+    if layer == LAYER_ROUTING:
+        return batch_routing(world, full_batch)
+    if layer == LAYER_RIGHT_OF_WAY:
+        return batch_right_of_way(world, full_batch)
+    return batch_all_robots(world, full_batch, layer)
+
+
+@kernel
+def commit(world, record, batch, decisions, layer):
+    """Check a layer's decisions and enter them into the world."""
+    if layer == LAYER_ZONING:
+        commit_zoning(world, record, batch, decisions)
+    elif layer == LAYER_CHARGING:
+        commit_charging(world, record, batch, decisions)
+    elif layer == LAYER_ALLOCATION:
+        commit_allocation(world, record, batch, decisions)
+    elif layer == LAYER_ROUTING:
+        commit_routing(world, batch, decisions)
+    else:
+        commit_right_of_way(world, record, batch, decisions)
+
+
+@kernel
+def no_op(view, batch, decisions, memory, workspace):
+    """Stands in for the function of a layer that is absent or decides in Python."""
+
+
+@kernel
+def motion(world, record):
+    """Bays, intents and operations, the occupancy rules, and what comes of them."""
+    if world.rules.slowdown:
+        count_robots(world.grid, world.robots, world.traffic.zone_occupancy)
+    if world.clock[CLOCK_UNPARKED] < world.robots.cell.shape[0]:
+        leave_parking_bays(world)
+    if world.clock[CLOCK_HALTED_UNTIL] >= world.clock[CLOCK_TICK]:
+        halt_robots(world, record)
+    drive(world, record)
+    if world.rules.slowdown or world.rules.extra_tick:
+        set_move_ticks(world)
+    if world.rules.battery:
+        cancel_infeasible_moves(world)
+    move_all(world.grid, world.rules, world.robots, world.traffic, world.clock[CLOCK_TICK])
+    apply_move_outcomes(world, record)
+
+
+@kernel
+def is_full(world, record, observation):
+    """Whether another tick might not fit into the buffers of a recording or of an observation."""
+    clock, robots = world.clock, world.robots.cell.shape[0]
+    if clock[CLOCK_OBSERVING]:
+        if observation.count[COUNT_EVENTS] + max_events(world) > observation.events.shape[0]:
+            return True
+        if observation.count[COUNT_CURVE_ROWS] >= observation.curve.shape[0]:
+            return True
+    if clock[CLOCK_RECORDING] == 0:
+        return False
+    if clock[CLOCK_RECORDED_TICKS] >= record.executed.shape[0]:
+        return True
+    if (
+        clock[CLOCK_DECISION_WORDS]
+        + max_zoning_words(world)
+        + robots * max_words(world.robots.route.shape[1], world.robots.order_queue.shape[1])
+        > record.decisions.shape[0]
+    ):
+        return True
+    return clock[CLOCK_CHANGE_ROWS] + MAX_CHANGES * (robots + 1) > record.changes.shape[0]
+
+
+@kernel
+def write_record(world, record):
+    """Keep what was committed in this tick, by identity, and the digests after it when they are due."""
+    row = world.clock[CLOCK_RECORDED_TICKS]
+    for i in range(world.robots.executed.shape[0]):
+        record.executed[row, world.robots.identity[i]] = world.robots.executed[i]
+    if world.clock[CLOCK_TICK] % world.clock[CLOCK_DIGEST_EVERY] == 0:
+        digest_world(world, record.digests[row], record.values)
+    else:
+        record.digests[row, :] = 0
+    world.clock[CLOCK_RECORDED_TICKS] = row + 1
+
+
+@kernel
+def is_finished(world):
+    clock = world.clock
+    if clock[CLOCK_UNDELIVERED] > 0 or clock[CLOCK_OPEN_JOBS] > 0:
+        return 0
+    if world.rules.stop == STOP_PARKED:
+        return 1 if clock[CLOCK_UNPARKED] == 0 else 0
+    return 1 if world.rules.stop == STOP_DELIVERED else 0
+
+
+def compile_loop(arguments, memory):
+    """The generator function, and the signature of `decide`.
+
+    `arguments`: those of `ticks` up to `layer_mode`, of any run; all runs have the same types.
+    """
+    if not jit_is_on():
+        return ticks, None
+    from numba import typeof
+
+    kinds = [typeof(argument) for argument in arguments]
+    _, _, view, _, _, batch_view, decisions, _, _, workspace, _ = kinds
+    decide = types.void(view, batch_view, decisions, typeof(memory), workspace)
+    layers = [types.FunctionType(decide)] * 5
+    return kernel(ticks, signature=(*kinds, *layers, *([typeof(memory)] * 10))), decide

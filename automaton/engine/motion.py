@@ -1,0 +1,420 @@
+"""Which of the moves that robots want in a tick happen: the occupancy rules of the world.
+
+Executed is the greatest set of intents in which every cell has room for its best-ranked claimants,
+counting what members of the set give up; queues follow and rings rotate by themselves.
+
+One word per cell, so that one load tells all: bits 0-3 say that a robot claims the cell travelling
+E, S, W, N; bit 4 that two claim it in one direction; bits 5 and 6 hold its room, one for travel E
+or S, one for W or N: the two lanes of capacity 2. A cell of capacity 1 has or lacks both at once, a
+cell without limit keeps both. Bits 8-15 repeat grid.cell_flags. A *resource* is a cell of capacity
+1 or one lane: it has one holder, so one claimant at most wins.
+
+A move of d ticks that begins in tick T is on its edge in the ticks T .. T+d-1. Two moves over one
+edge in opposite directions that share a tick pass through each other. Unless both cells let robots
+pass, the later one is refused, and both if they begin in one tick. Where a cell has capacity 1, the
+claim of a long move keeps others off in all its ticks but the last, in which it gives up the cell
+that it leaves. In that tick its claim bit stands once more in the cell that it enters, so that who
+starts against it is refused like one of two who start at once.
+
+Two passes decide all but the contested and the queueing intents from these words alone; only final
+inferences are drawn, so the order of the robots does not matter. `resolve` decides the rest.
+"""
+
+import numpy as np
+
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.prefetch import prefetch
+from automaton.engine.random_numbers import splitmix64
+from automaton.engine.state import NIL
+
+LIVE = 4  # bits of traffic.intent; bits 0-1 are the direction
+ENTERED = 8  # it left its parking bay this tick: no robot may follow into its cell
+NO_TURN = 8  # without LIVE: a turn that found the other lane held
+MOVED = 16  # outcomes
+REFUSED = 32
+ARRIVED = 64  # a long move ended, or a robot stands at its goal already
+
+CLAIMS = 31
+FLAGS_SHIFT = 8  # shift of the rule in a word
+CAPACITY_SHIFT = 13  # shift of the class of capacity in a word
+ROOM_TAKEN_BITS = (
+    0b10_01_11_11_00_00  # room that a robot takes, by class (unlimited, 1, 2) and lane
+)
+AHEAD = 16  # robots whose cells are fetched in advance
+
+INTENT_GOAL = 0  # columns of traffic.pending: the wanted resource, then its entry in the contest
+INTENT_OWN = 1  # the held resource if a robot may follow, then its entry, or NIL
+INTENT_ROBOT = 2
+INTENT_STATE = 3  # 0 undecided, MOVED or REFUSED
+INTENT_CELL = 4  # where it stands
+INTENT_DIRECTION = 5
+INTENT_FREED = 6  # room that it gives up at once when it moves
+
+U = np.uint64  # unsigned where it indexes: saves the test for a negative index
+
+
+@kernel(inline=True)
+def room_bit(direction):
+    """The room that a robot travelling in `direction` needs."""
+    return 32 << (direction >> 1)
+
+
+@kernel(inline=True)
+def taken_bits(word, direction):
+    """The room that a robot travelling in `direction` takes from the cell of this word."""
+    return ((ROOM_TAKEN_BITS >> (((word >> (CAPACITY_SHIFT - 2)) & 12) | (direction & 2))) & 3) << 5
+
+
+@kernel
+def occupy(occupancy, cell, direction):
+    """Take the room of a robot that entered `cell` in `direction`."""
+    word = np.int64(occupancy[U(cell)])
+    occupancy[U(cell)] = np.uint16(word & ~taken_bits(word, np.int64(direction)))
+
+
+@kernel
+def vacate(occupancy, cell, direction):
+    """Give back the room of a robot that entered `cell` in `direction`."""
+    word = np.int64(occupancy[U(cell)])
+    occupancy[U(cell)] = np.uint16(word | taken_bits(word, np.int64(direction)))
+
+
+@kernel
+def has_room(occupancy, cell, direction):
+    """Whether a robot travelling in `direction` would find room in `cell` now."""
+    return np.int64(occupancy[U(cell)]) & room_bit(np.int64(direction)) != 0
+
+
+@kernel(inline=True)
+def fetch_ahead(grid, robots, traffic, i):
+    """Ask for the words that a robot stored a little later is about to need."""
+    if i + AHEAD < robots.cell.shape[0]:
+        cell = np.int64(robots.cell[U(i + AHEAD)])
+        if cell >= 0:
+            direction = np.int64(traffic.intent[U(i + AHEAD)]) & 3
+            prefetch(traffic.occupancy, U(cell))
+            prefetch(traffic.occupancy, U(cell + grid.offset[U(direction)]))
+
+
+@kernel
+def tie_break_hash(tick, identity):
+    """A bijective hash of (tick, identity): it ranks claimants of equal priority, without ties."""
+    return splitmix64((np.uint64(tick) << np.uint64(32)) | np.uint64(identity))
+
+
+@kernel
+def direction_between(grid, cell, neighbour):
+    for d in range(4):
+        if cell + grid.offset[d] == neighbour:
+            return d
+    return 0
+
+
+@kernel
+def vacate_later(traffic, cell, direction, at_once, releases):
+    """Give back a cell's room, at once or at the end of the tick; returns the releases put off."""
+    if at_once:
+        vacate(traffic.occupancy, cell, direction)
+        return releases
+    traffic.vacated[2 * releases] = cell
+    traffic.vacated[2 * releases + 1] = direction
+    return releases + 1
+
+
+@kernel
+def end_moves(grid, rules, robots, traffic, arriving):
+    """End the long moves that are due, and the turns between two lanes; returns (releases, dirty).
+
+    The first `arriving` entries of traffic.dirty are these robots; cells take their place.
+    """
+    releases = 0
+    dirty = 0
+    for k in range(arriving):
+        if k + AHEAD < arriving:
+            ahead = traffic.dirty[U(k + AHEAD)]
+            prefetch(traffic.occupancy, U(robots.cell[U(ahead)]))
+            prefetch(traffic.occupancy, U(robots.claim[U(ahead)]))
+        i = np.int64(traffic.dirty[U(k)])
+        left = np.int64(robots.cell[U(i)])
+        entered = np.int64(robots.claim[U(i)])
+        direction = np.int64(robots.travel[U(i)])
+        robots.claim[U(i)] = NIL
+        traffic.intent[U(i)] = ARRIVED
+        if entered == left:
+            direction ^= 2  # it turned, and gives the other lane back
+        else:
+            way = direction_between(grid, left, entered)
+            robots.cell[U(i)] = entered
+            robots.travel[U(i)] = way
+            dirty = bar_way_back(traffic, left, entered, way, dirty)
+        releases = vacate_later(traffic, left, direction, rules.following, releases)
+    return releases, dirty
+
+
+@kernel
+def bar_way_back(traffic, left, entered, way, dirty):
+    """Whoever starts now against a long move that ends in this tick finds its claim.
+
+    It would pass through that robot where one gives up a cell of capacity 1 and enters one in which
+    robots may be. Returns the number of dirty cells.
+    """
+    single = (np.int64(traffic.occupancy[U(left)]) >> CAPACITY_SHIFT) & 3 == 1
+    word = np.int64(traffic.occupancy[U(entered)])
+    bars = np.int64(single & ((word >> CAPACITY_SHIFT) & 3 != 1))
+    traffic.occupancy[U(entered)] = np.uint16(word | (bars << way))
+    traffic.dirty[U(dirty)] = entered
+    return dirty + bars
+
+
+@kernel
+def advance(grid, rules, robots, traffic, i, releases):
+    """Let robot i make its move; returns the number of releases put off to the tick's end."""
+    direction = np.int64(traffic.intent[U(i)]) & 3
+    cell = np.int64(robots.cell[U(i)])
+    target = cell + grid.offset[U(direction)]
+    word = np.int64(traffic.occupancy[U(target)]) & ~(1 << direction)
+    traffic.occupancy[U(target)] = np.uint16(word & ~taken_bits(word, direction))
+    at_once = rules.following and np.int64(traffic.intent[U(i)]) & ENTERED == 0
+    if at_once and traffic.move_ticks[U(i)] == 1:
+        vacate(traffic.occupancy, cell, np.int64(robots.travel[U(i)]))
+    return finish_move(rules, robots, traffic, i, cell, target, releases)
+
+
+@kernel
+def finish_move(rules, robots, traffic, i, cell, target, releases):
+    """Write down the move of robot i, whose room is arranged; returns the releases put off."""
+    intent = np.int64(traffic.intent[U(i)])
+    direction = intent & 3
+    traffic.intent[U(i)] = np.uint8(intent | MOVED)
+    move_ticks = np.int64(traffic.move_ticks[U(i)])
+    if move_ticks > 1:
+        robots.claim[U(i)] = target
+        robots.busy[U(i)] = move_ticks - 1
+        return releases
+    if not rules.following or intent & ENTERED:
+        releases = vacate_later(traffic, cell, np.int64(robots.travel[U(i)]), 0, releases)
+    robots.cell[U(i)] = target
+    robots.travel[U(i)] = direction
+    return releases
+
+
+@kernel
+def move_all(grid, rules, robots, traffic, tick):
+    """Execute the moves of one tick; counts busy robots down and ends long moves that are due.
+
+    Reads traffic.intent (LIVE | direction, or 0) and traffic.move_ticks of robots that are not
+    busy; leaves MOVED, REFUSED or ARRIVED there. A want against the cell's exits becomes 0.
+    """
+    arriving = claim_cells(grid, robots, traffic)
+    releases, dirty = end_moves(grid, rules, robots, traffic, arriving)
+    releases, pending, dirty = move_uncontested(grid, rules, robots, traffic, releases, dirty)
+    if pending:
+        releases = resolve(grid, rules, robots, traffic, tick, pending, releases)
+    for k in range(dirty):
+        cell = U(traffic.dirty[U(k)])
+        traffic.occupancy[cell] = np.uint16(np.int64(traffic.occupancy[cell]) & ~CLAIMS)
+    for k in range(releases):
+        vacate(traffic.occupancy, traffic.vacated[2 * k], traffic.vacated[2 * k + 1])
+
+
+@kernel
+def claim_cells(grid, robots, traffic):
+    """First pass: busy robots count down, the others write their claims.
+
+    Returns how many robots arrive, which are then listed in traffic.dirty.
+    """
+    occupancy, intent = traffic.occupancy, traffic.intent
+    arriving = 0
+    for i in range(robots.cell.shape[0]):
+        fetch_ahead(grid, robots, traffic, i)
+        busy = np.int64(robots.busy[U(i)])
+        if busy > 0:
+            robots.busy[U(i)] = np.uint16(busy - 1)
+            if busy == 1 and robots.claim[U(i)] != NIL:
+                traffic.dirty[U(arriving)] = i
+                arriving += 1
+        elif intent[U(i)] & np.uint8(LIVE):
+            direction = np.int64(intent[U(i)]) & 3
+            cell = np.int64(robots.cell[U(i)])
+            if (np.int64(occupancy[U(cell)]) >> (FLAGS_SHIFT + direction)) & 1:
+                target = U(cell + grid.offset[U(direction)])
+                word = np.int64(occupancy[target])
+                twice = ((word >> direction) & 1) << 4
+                occupancy[target] = np.uint16(word | (1 << direction) | twice)
+            else:
+                intent[U(i)] = 0
+    return arriving
+
+
+@kernel
+def move_uncontested(grid, rules, robots, traffic, releases, dirty):
+    """Second pass: refuse swaps, make sole claims with room; returns (releases, pending, dirty)."""
+    occupancy, intent = traffic.occupancy, traffic.intent
+    cells = occupancy.shape[0]
+    pending = 0
+    for i in range(robots.cell.shape[0]):
+        fetch_ahead(grid, robots, traffic, i)
+        w = np.int64(intent[U(i)])
+        if w & LIVE == 0:
+            continue
+        direction = w & 3
+        cell = np.int64(robots.cell[U(i)])
+        target = cell + grid.offset[U(direction)]
+        here = np.int64(occupancy[U(cell)])
+        there = np.int64(occupancy[U(target)])
+        if (here >> (direction ^ 2)) & 1 and (
+            (there >> CAPACITY_SHIFT) & 3 == 1 or (here >> CAPACITY_SHIFT) & 3 == 1
+        ):
+            # Two robots may not swap over one edge: they would pass through each other.
+            intent[U(i)] = np.uint8(w | REFUSED)
+        elif there & room_bit(direction) and there & CLAIMS == 1 << direction:
+            releases = advance(grid, rules, robots, traffic, i, releases)
+            continue
+        elif (there >> CAPACITY_SHIFT) & 3 == 0:
+            releases = advance(grid, rules, robots, traffic, i, releases)
+        else:
+            followed = here & CLAIMS != 0 and (here >> CAPACITY_SHIFT) & 3 != 0 and w & ENTERED == 0
+            own = NIL
+            if followed and rules.following and traffic.move_ticks[U(i)] == 1:
+                own = resource_of(here, cell, np.int64(robots.travel[U(i)]), cells)
+            row = traffic.pending[U(pending)]
+            row[INTENT_GOAL] = resource_of(there, target, direction, cells)
+            row[INTENT_OWN] = own
+            row[INTENT_ROBOT] = i
+            row[INTENT_STATE] = 0
+            row[INTENT_CELL] = cell
+            row[INTENT_DIRECTION] = direction
+            at_once = rules.following and w & ENTERED == 0 and traffic.move_ticks[U(i)] == 1
+            row[INTENT_FREED] = taken_bits(here, np.int64(robots.travel[U(i)])) if at_once else 0
+            pending += 1
+        traffic.dirty[U(dirty)] = target
+        dirty += 1
+    return releases, pending, dirty
+
+
+@kernel
+def find(traffic, mask, resource):
+    """The entry of a resource in the hash table, inserted if it is new."""
+    key = traffic.key
+    entry = np.int64((np.uint64(resource) * np.uint64(0x9E3779B97F4A7C15)) >> np.uint64(32)) & mask
+    while key[U(entry)] != resource:
+        if key[U(entry)] == NIL:
+            key[U(entry)] = resource
+            return entry
+        entry = (entry + 1) & mask
+    return entry
+
+
+@kernel(inline=True)
+def resource_of(word, cell, direction, cells):
+    """The resource that a robot travelling in `direction` holds or needs in a limited cell."""
+    return cell + (cells if (word >> 13) & 3 == 2 and direction >> 1 else 0)
+
+
+@kernel
+def resolve(grid, rules, robots, traffic, tick, pending, releases):
+    """Decide the pending intents: the best claimant of each resource, queues, then rings.
+
+    The contest has an entry for every resource of a crowded floor, else a hash table, which stays
+    small where few robots meet on many cells.
+    """
+    contest, intents = traffic.contest, traffic.pending
+    if traffic.key.shape[0] > 0:
+        enter_entries(traffic, pending)
+    for k in range(pending):
+        if k + AHEAD < pending:
+            prefetch(contest, U(intents[U(k + AHEAD), U(INTENT_GOAL)]))
+        goal = U(intents[U(k), U(INTENT_GOAL)])
+        best = np.int64(contest[goal])
+        i = np.int64(intents[U(k), U(INTENT_ROBOT)])
+        if best == NIL or is_before(robots, tick, i, np.int64(intents[U(best), U(INTENT_ROBOT)])):
+            contest[goal] = k
+    for k in range(pending):
+        if contest[U(intents[U(k), U(INTENT_GOAL)])] != k:
+            intents[U(k), U(INTENT_STATE)] = REFUSED
+        elif intents[U(k), U(INTENT_STATE)] == 0:
+            move_queue(grid, traffic, k)
+    for k in range(pending):
+        if intents[U(k), U(INTENT_STATE)] == 0:
+            rotate_ring(traffic, k)
+    for k in range(pending):
+        contest[U(intents[U(k), U(INTENT_GOAL)])] = NIL
+        i = np.int64(intents[U(k), U(INTENT_ROBOT)])
+        if intents[U(k), U(INTENT_STATE)] == MOVED:
+            cell = np.int64(intents[U(k), U(INTENT_CELL)])
+            target = cell + grid.offset[U(intents[U(k), U(INTENT_DIRECTION)])]
+            releases = finish_move(rules, robots, traffic, i, cell, target, releases)
+        else:
+            traffic.intent[U(i)] = np.uint8(np.int64(traffic.intent[U(i)]) | REFUSED)
+    return releases
+
+
+@kernel
+def enter_entries(traffic, pending):
+    """Replace resources by their entries in the hash table."""
+    size = 64
+    while size < 3 * pending:
+        size *= 2
+    for entry in range(size):
+        traffic.key[U(entry)] = NIL
+    for k in range(pending):
+        goal = np.int64(traffic.pending[U(k), U(INTENT_GOAL)])
+        traffic.pending[U(k), U(INTENT_GOAL)] = find(traffic, size - 1, goal)
+        own = np.int64(traffic.pending[U(k), U(INTENT_OWN)])
+        if own != NIL:
+            traffic.pending[U(k), U(INTENT_OWN)] = find(traffic, size - 1, own)
+
+
+@kernel
+def is_before(robots, tick, i, j):
+    """Whether robot i goes before robot j into a cell that both claim."""
+    if robots.priority[U(i)] != robots.priority[U(j)]:
+        return robots.priority[U(i)] > robots.priority[U(j)]
+    return tie_break_hash(tick, robots.identity[U(i)]) > tie_break_hash(tick, robots.identity[U(j)])
+
+
+@kernel
+def move_queue(grid, traffic, k):
+    """Move winner k if its target has room, then whoever won the cell that it leaves, and so on.
+
+    Only room and outcome are written here, from one row for each intent; the robots, scattered in
+    memory, follow in their order (the half-full floor is a third faster so).
+    """
+    while k != NIL:
+        row = traffic.pending[U(k)]
+        cell, direction = np.int64(row[INTENT_CELL]), np.int64(row[INTENT_DIRECTION])
+        target = U(cell + grid.offset[U(direction)])
+        word = np.int64(traffic.occupancy[target])
+        if word & room_bit(direction) == 0:
+            return
+        traffic.occupancy[target] = np.uint16(word & ~taken_bits(word, direction))
+        row[INTENT_STATE] = MOVED
+        if row[INTENT_FREED]:
+            left = np.int64(traffic.occupancy[U(cell)]) | np.int64(row[INTENT_FREED])
+            traffic.occupancy[U(cell)] = np.uint16(left)
+        k = behind(traffic, k)
+
+
+@kernel
+def behind(traffic, k):
+    """The intent that won the resource which intent k would give up, or NIL."""
+    own = np.int64(traffic.pending[U(k), U(INTENT_OWN)])
+    return NIL if own == NIL else np.int64(traffic.contest[U(own)])
+
+
+@kernel
+def rotate_ring(traffic, k):
+    """Follow the winners behind winner k: a ring closes on k and rotates, any other queue is refused.
+
+    A resource has one winner, who wants one resource: so queues and rings never branch. Members of
+    a ring give room to each other, so the room of its cells stays as it is.
+    """
+    intents = traffic.pending
+    walker = behind(traffic, k)
+    while walker != k and walker != NIL and intents[U(walker), U(INTENT_STATE)] != REFUSED:
+        walker = behind(traffic, walker)
+    outcome = MOVED if walker == k else REFUSED
+    walker = k
+    while walker != NIL and intents[U(walker), U(INTENT_STATE)] == 0:
+        intents[U(walker), U(INTENT_STATE)] = outcome
+        walker = behind(traffic, walker)

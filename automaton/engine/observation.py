@@ -1,0 +1,296 @@
+"""Why a robot does not get on: the causes of lost time, and the events of a run.
+
+A robot waits when it neither works nor drives in a tick. Its cause says what keeps it, its blocker
+which robot does, and `wanted` names the cell that it wants to enter. CAUSE_REDUCED_SPEED is no
+wait: it is the cause of the ticks that a move takes beyond its duration.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from automaton.engine.jit.structs import Struct
+from automaton.engine.state import Array
+
+
+class Cause(NamedTuple):
+    """One cause."""
+
+    name: str
+    text: str  # a sentence about {robot}; {cell} is the wanted cell, {blocker} who keeps it
+    rule: str  # the rule behind it
+    blocked: bool  # another robot keeps it: the time counts as blocked
+
+    @property
+    def meaning(self) -> str:
+        """The sentence about any robot."""
+        return self.text.format(robot="the robot", blocker="another robot", cell="the next cell")
+
+
+CAUSE_NOT_WAITING: Final = 0
+CAUSE_QUEUE: Final = 1
+CAUSE_HEAD_ON: Final = 2
+CAUSE_WORKING_AHEAD: Final = 3
+CAUSE_DRIVING_AHEAD: Final = 4
+CAUSE_IDLE_AHEAD: Final = 5
+CAUSE_VERTEX_CONFLICT: Final = 6
+CAUSE_LANE: Final = 7
+CAUSE_BAY_HELD: Final = 8
+CAUSE_RANDOM_WAIT: Final = 9
+CAUSE_FOLLOWING_CONFLICT: Final = 10
+CAUSE_RETREAT: Final = 11
+CAUSE_NO_ORDER: Final = 12
+CAUSE_NO_DROP_OFF_SLOT: Final = 13
+CAUSE_NO_ROUTE: Final = 14
+CAUSE_ILLEGAL_DECISION: Final = 15
+CAUSE_CHARGER_QUEUE: Final = 16
+CAUSE_NO_ENERGY: Final = 17
+CAUSE_FAULT: Final = 18
+CAUSE_REDUCED_SPEED: Final = 19  # in observation.lost alone: who does is not waiting
+CAUSE_REDESIGN: Final = 20
+CAUSE_UNDECIDED: Final = 255  # within a tick: waits for a cell; why depends on its holder
+
+_HELD = "rule of occupancy: a cell holds no more robots than its capacity"
+CAUSES: Final = (
+    Cause("none", "{robot} does not wait", "", False),
+    Cause("queue", "{blocker} holds {cell} and waits itself", _HELD, True),
+    Cause(
+        "head-on",
+        "{blocker} holds {cell} and wants to come the other way",
+        "two robots never swap over one edge",
+        True,
+    ),
+    Cause("working ahead", "{blocker} holds {cell} while it works there", _HELD, True),
+    Cause("driving ahead", "{blocker} holds {cell} and is driving on", _HELD, True),
+    Cause("idle ahead", "{blocker} holds {cell} and has nothing to do", _HELD, True),
+    Cause(
+        "vertex conflict",
+        "{blocker} won {cell} in this tick",
+        "of several claimants the higher priority wins, ties by a hash",
+        True,
+    ),
+    Cause(
+        "lane",
+        "{robot} must turn, and {blocker} is in the other lane of its cell",
+        "a robot that turns in a passing aisle needs both lanes",
+        True,
+    ),
+    Cause(
+        "bay",
+        "{blocker} holds {cell}, so {robot} cannot leave its parking bay",
+        "a robot leaves its parking bay when its home cell was empty",
+        True,
+    ),
+    Cause(
+        "random wait",
+        "{cell} is free; a random wait of right of way is not over",
+        "after a refused move a robot waits before it tries again",
+        False,
+    ),
+    Cause(
+        "following conflict",
+        "{cell} was vacated only at the end of this tick",
+        "a cell may be entered only if its holder vacates it within the same tick",
+        True,
+    ),
+    Cause(
+        "retreat",
+        "{robot} decided to retreat",
+        "right of way: a retreat takes the tick in which it is decided",
+        True,
+    ),
+    Cause("no order", "{robot} has no order", "allocation gave it nothing to do", False),
+    Cause(
+        "no drop-off slot",
+        "{robot} holds a load and has no slot to drop it at",
+        "allocation named none",
+        False,
+    ),
+    Cause("no route", "{robot} has a goal but no route to it", "routing gave none", False),
+    Cause(
+        "illegal decision",
+        "a decision of a strategy about {robot} broke a rule",
+        "an illegal decision costs a tick",
+        False,
+    ),
+    Cause(
+        "charger",
+        "{robot} queues: {blocker} charges at {cell} or arrived before it",
+        "chargers serve robots first come, first served",
+        True,
+    ),
+    Cause(
+        "empty battery",
+        "the battery of {robot} lacks what its next operation takes",
+        "a robot without energy stands where it is until it is towed",
+        False,
+    ),
+    Cause(
+        "broken down",
+        "{robot} has broken down",
+        "a broken robot stands where it is until it is towed",
+        False,
+    ),
+    Cause(
+        "reduced speed",
+        "{robot} drives, but its moves take longer: slow zones or chance; it does not wait",
+        "a move begun in a zone with m robots takes m times as long",
+        False,
+    ),
+    Cause(
+        "redesign",
+        "{robot} stands still while the service zones are redesigned",
+        "zoning halts robots while it decides who serves which stations",
+        False,
+    ),
+)
+CAUSE_COUNT: Final = len(CAUSES)
+
+# Events: rows (tick, code, robot, subject, value); parts and stations are counted from 0.
+EVENT_ORDER_TAKEN: Final = 1  # robot, order
+EVENT_PICKED: Final = 2  # robot, order, the robot's cell
+EVENT_DROPPED: Final = 3  # robot, order, the robot's cell: on the way, for another leg
+EVENT_DELIVERED: Final = 4  # robot, order, the robot's cell
+EVENT_LEFT_BAY: Final = 5  # robot
+EVENT_PARKED: Final = 6  # robot
+EVENT_RETREATED: Final = 7  # robot, none, moves
+EVENT_ORDER_RETURNED: Final = 8  # robot, order
+EVENT_CHARGING: Final = 9  # robot, none, its charge: a stay at a charger begins
+EVENT_ILLEGAL_DECISION: Final = 10  # robot
+EVENT_WAIT_CYCLE: Final = 11  # robot of least number in a cycle that has just closed, none, members
+EVENT_DEADLOCK: Final = 12  # the same, when the cycle has lasted DEADLOCK_TICKS
+EVENT_DEPLETED: Final = 13  # robot, none, its cell
+EVENT_FAILED: Final = 14  # robot, none, its cell
+EVENT_TOWED: Final = 15  # robot
+EVENT_BACK: Final = 16  # robot
+EVENT_JOB_DONE: Final = 17  # none, part, station: the part goes on to its next station
+EVENT_PART_FINISHED: Final = 18  # none, part, its last station
+EVENT_ZONES_REDESIGNED: Final = 19  # none, none, stations that are in another zone now
+EVENT_NAMES: Final = (
+    *(
+        "",
+        "order taken",
+        "picked up",
+        "dropped",
+        "delivered",
+        "left parking bay",
+        "parked",
+        "retreated",
+    ),
+    *("order returned", "charges", "illegal decision", "wait cycle", "deadlock"),
+    *("battery empty", "broken down", "towed", "back"),
+    *("job done", "part finished", "zones redesigned"),
+)
+DEADLOCK_TICKS: Final = 64  # most wait cycles are two robots head-on that soon retreat
+
+# Entries of observation.count.
+COUNT_EVENTS: Final = 0  # rows of observation.events in use
+COUNT_CURVE_ROWS: Final = 1  # rows of observation.curve in use
+COUNTS: Final = 2
+
+# Entries of scratch.count.
+WAITERS: Final = 0  # entries of scratch.waiters in use
+EVENTFUL: Final = 1  # entries of scratch.eventful in use
+
+# Bits of scratch.marks.
+IS_WAITING: Final = 1  # for anything but an order
+IS_EVENTFUL: Final = 2
+
+# Columns of observation.curve.
+WAITING_ROBOTS: Final = 0
+WORKING_ROBOTS: Final = 1
+DELIVERED_ORDERS: Final = 2
+CURVE_COLUMNS: Final = 3
+
+# Columns of observation.lost_ticks_by_cell: together, since a robot that waits needs them all.
+LOST_EVER: Final = 0  # robot ticks
+LOST_LATELY: Final = 1  # the same, halved every MEMORY_TICKS
+COUNTED_AT: Final = 2  # tick of the last entry in LOST_LATELY
+DELAY_COLUMNS: Final = 4  # a power of two: no cell lies in two lines of the cache
+
+MEMORY_TICKS: Final = 128  # in which the congestion of a cell halves
+
+
+class Scratch(Struct):
+    """What the kernels that observe a tick need meanwhile; n robots, C cells.
+
+    `marks` and `words` share their memory, so that eight marks are looked at in one.
+    """
+
+    count: Array  # (2,) int64
+    entry: Array  # (n,) int32: the resource of `holder` that a waiting robot wants, or NIL
+    holder: Array  # (2C,) int32: storage index of who holds what a robot wants; NIL between ticks
+    sieve: Array  # (power of two,) uint8: whether a cell of this remainder is wanted
+    marks: Array  # (n rounded up to eights,) uint8, by identity; zero between ticks
+    words: Array  # (ceil(n / 8),) uint64
+    waiters: Array  # (n,) int32: storage indices, by identity
+    eventful: Array  # (n,) int32: the same of robots of which events may tell
+    color: Array  # (n,) int32: in the search for cycles
+
+
+class Observation(Struct):
+    """What is watched while a run goes on; nothing in the world depends on it.
+
+    n robots by storage, C cells, E events and T ticks between two pauses; k stations that work on
+    parts, S stations and P zones of a partition. All but BUFFERS and the scratch is state: it goes on
+    from what it was after the tick before.
+    """
+
+    cause: Array  # (n,) uint8: why it waits, of CAUSES
+    blocker: Array  # (n,) int32: identity of the robot that keeps it, or NIL
+    wanted: Array  # (n,) int32: the cell that it wants, or NIL
+    since: Array  # (n,) int64: tick in which its wait began; meaningful while cause is not 0
+    slow_zone: Array  # (n,) int32: zone that slows the move that it is in, or NIL
+    slow_zone_occupancy: (
+        Array  # (n,) int32: robots in that zone when the move began; meaningful beside a slow_zone
+    )
+    wait_cycle_ticks: (
+        Array  # (n,) int32: ticks that its cycle of robots that wait for each other has lasted
+    )
+    lost: Array  # (n, CAUSE_COUNT) int64: ticks lost by cause
+    lost_in_zone: Array  # (Z,) int64: of CAUSE_REDUCED_SPEED, those of moves that a zone slows
+    busy_before: Array  # (n,) uint16: robots.busy after the tick before
+    dropped: Array  # (n,) int32: the load that it drop in this tick, or NIL
+    load_before: Array  # (n,) int32
+    order_before: Array  # (n,) int32
+    stays: Array  # (n,) int64: stays at chargers that events have told of
+    status_before: Array  # (n,) uint8
+    working: Array  # (k,) int32: stations.in_service after the tick before
+    zone_before: Array  # (S,) int32: service_zones.design.zone after the tick before
+    reshaped: Array  # (P,) int64: the last tick in which stations came to or left a zone, or NIL
+    redesigns: Array  # (1,) int64: ticks in which stations changed their zones
+    lost_ticks_by_cell: Array  # (C, DELAY_COLUMNS) int32: robot ticks lost in a cell
+    flow: Array  # (C, 4) int32: moves out of a cell, E S W N
+    count: Array  # (COUNTS,) int64
+    events: Array  # (E, 5) int64
+    curve: Array  # (T, CURVE_COLUMNS) int32: one row for each tick
+    scratch: Scratch
+
+
+BUFFERS: Final = ("count", "events", "curve")  # emptied between two ticks, at any time
+
+
+def is_waiting(cause: Array) -> Array:
+    """(n,) bool: who is kept from getting on; to have no order is no such wait."""
+    kept: Array = (cause != CAUSE_NOT_WAITING) & (cause != CAUSE_NO_ORDER)
+    return kept
+
+
+def visits_of(flow: Array, offset: Array) -> Array:
+    """(C,) int32: robots that entered a cell, from the moves out of its neighbours.
+
+    `offset`: (4,) from a cell to its neighbours E S W N. No robot leaves the cells of the border.
+    """
+    visits = np.zeros(len(flow), np.int32)
+    for direction, step in enumerate(offset):
+        visits += np.roll(flow[:, direction], int(step))
+    return visits
+
+
+def congestion_of(delay: Array, tick: int) -> Array:
+    """(C,) int32: the robot ticks lost lately, as they count at this tick."""
+    halvings = np.minimum((tick - delay[:, COUNTED_AT]) // MEMORY_TICKS, 31)
+    faded: Array = delay[:, LOST_LATELY] >> halvings
+    return faded

@@ -1,0 +1,339 @@
+"""What is watched in every tick of an observed run: who waits for whom and why, events, heat maps.
+
+After motion, one pass over the robots finds who got on and who waits for which cell; whoever drives
+or works costs no more than this. Only when a robot waits, further passes over those who do: who
+holds the cells that are waited for; who kept whom from swapping; the cause, which depends on what
+the blocker does; cycles of robots that wait for each other. Nothing here writes to the world.
+"""
+
+import numpy as np
+
+from automaton.engine.blockers import find_blockers
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.motion import (
+    AHEAD,
+    CAPACITY_SHIFT,
+    LIVE,
+    MOVED,
+    NO_TURN,
+    REFUSED,
+    U,
+    resource_of,
+)
+from automaton.engine.observation import (
+    CAUSE_BAY_HELD,
+    CAUSE_CHARGER_QUEUE,
+    CAUSE_FAULT,
+    CAUSE_ILLEGAL_DECISION,
+    CAUSE_LANE,
+    CAUSE_NO_DROP_OFF_SLOT,
+    CAUSE_NO_ENERGY,
+    CAUSE_NO_ORDER,
+    CAUSE_NO_ROUTE,
+    CAUSE_NOT_WAITING,
+    CAUSE_RANDOM_WAIT,
+    CAUSE_REDESIGN,
+    CAUSE_REDUCED_SPEED,
+    CAUSE_RETREAT,
+    CAUSE_UNDECIDED,
+    COUNT_CURVE_ROWS,
+    DELIVERED_ORDERS,
+    EVENTFUL,
+    IS_EVENTFUL,
+    IS_WAITING,
+    WAITERS,
+    WAITING_ROBOTS,
+    WORKING_ROBOTS,
+)
+from automaton.engine.prefetch import prefetch
+from automaton.engine.record_codes import (
+    ACTION_MASK,
+    ENTERED_PARKING_BAY,
+    EXECUTED_BAY_BLOCKED,
+    EXECUTED_BLOCKED,
+    EXECUTED_CHARGE,
+    EXECUTED_DROP,
+    EXECUTED_ILLEGAL,
+    EXECUTED_PICK,
+    EXECUTED_RETREAT,
+    EXECUTED_WAIT,
+    LEFT_PARKING_BAY,
+)
+from automaton.engine.robot_status import STATUS_DEPLETED, STATUS_EXHAUSTED
+from automaton.engine.slow_zones import robots_in_zone
+from automaton.engine.state import (
+    ACTION_MOVE,
+    ACTION_QUEUE,
+    ACTION_WAIT,
+    CLOCK_HALTED_UNTIL,
+    CLOCK_TICK,
+    CLOCK_UNDELIVERED,
+    GOAL_NONE,
+    NIL,
+)
+
+MARKS = 8  # in a word
+EVENT_FLAGS = LEFT_PARKING_BAY | ENTERED_PARKING_BAY  # flags and actions that are events
+EVENT_ACTIONS = (
+    (1 << EXECUTED_PICK)
+    | (1 << EXECUTED_DROP)
+    | (1 << EXECUTED_CHARGE)
+    | (1 << EXECUTED_ILLEGAL)
+    | (1 << EXECUTED_RETREAT)
+)
+
+
+@kernel
+def observe(world, observation):
+    """Note what this tick was like."""
+    waiting, working, marked = scan_robots(world, observation)
+    observation.scratch.count[WAITERS] = 0
+    observation.scratch.count[EVENTFUL] = 0
+    if marked:
+        list_waiting(world, observation)
+    if observation.scratch.count[WAITERS]:
+        find_blockers(world, observation)
+    row = observation.count[COUNT_CURVE_ROWS]
+    observation.curve[row, WAITING_ROBOTS] = waiting
+    observation.curve[row, WORKING_ROBOTS] = working
+    observation.curve[row, DELIVERED_ORDERS] = (
+        world.orders.state.shape[0] - world.clock[CLOCK_UNDELIVERED]
+    )
+    observation.count[COUNT_CURVE_ROWS] = row + 1
+
+
+@kernel
+def scan_robots(world, observation):
+    """One pass: moves, waits and events; returns how many wait, work, and have to be gone through."""
+    robots, scratch = world.robots, observation.scratch
+    intent, executed, cause = world.traffic.intent, robots.executed, observation.cause
+    busy, busy_before = robots.busy, observation.busy_before
+    order, order_before = robots.order, observation.order_before
+    load, load_before = robots.load, observation.load_before
+    waiting = 0
+    working = 0
+    marked = 0
+    for i in range(executed.shape[0]):
+        if i + AHEAD < executed.shape[0]:
+            fetch_move(world, observation, i + AHEAD)
+        w = np.int64(intent[U(i)])
+        if world.rules.slowdown or world.rules.extra_tick:
+            note_slow_move(world, observation, i, w)
+        told = np.int64(executed[U(i)])
+        mark = 0
+        now = CAUSE_NOT_WAITING
+        if w & MOVED:
+            count_move(world, observation, i, w & 3)
+        elif w or told or busy_before[U(i)] or robots.parked[U(i)] == 0:
+            now = find_wait(world, observation, i, w, told & ACTION_MASK)
+        if now == CAUSE_NOT_WAITING:
+            if cause[U(i)] != CAUSE_NOT_WAITING:
+                end_wait(observation, i)
+            if robots.parked[U(i)] == 0:
+                working += 1
+        else:
+            note_wait(world, observation, i, now)
+            if now != CAUSE_NO_ORDER:
+                waiting += 1
+                mark = IS_WAITING
+        busy_before[U(i)] = busy[U(i)]
+        if (
+            told & EVENT_FLAGS
+            or (EVENT_ACTIONS >> (told & ACTION_MASK)) & 1
+            or order[U(i)] != order_before[U(i)]
+            or load[U(i)] != load_before[U(i)]
+            or observation.dropped[U(i)] != NIL
+            or robots.status[U(i)] != observation.status_before[U(i)]
+        ):
+            mark |= IS_EVENTFUL
+        if mark:
+            scratch.marks[U(robots.identity[U(i)])] = mark
+            marked += 1
+    return waiting, working, marked
+
+
+@kernel(inline=True)
+def fetch_move(world, observation, i):
+    """Ask for the words of the map of moves that a robot stored a little later needs."""
+    intent = np.int64(world.traffic.intent[U(i)])
+    cell = np.int64(world.robots.cell[U(i)])
+    if intent & MOVED and cell >= 0:
+        prefetch(observation.flow, U(4 * (cell - world.grid.offset[U(intent & 3)])))
+
+
+@kernel
+def count_move(world, observation, i, direction):
+    """Enter a move of robot i into the map of moves."""
+    robots = world.robots
+    entered = np.int64(robots.claim[U(i)])
+    if entered == NIL:  # it has arrived; one that moved home may be in its parking bay already
+        entered = np.int64(robots.cell[U(i)])
+        if entered == NIL:
+            entered = np.int64(robots.home[U(i)])
+    observation.flow[U(entered - world.grid.offset[U(direction)]), U(direction)] += 1
+
+
+@kernel
+def end_wait(observation, i):
+    """Robot i gets on again."""
+    observation.cause[U(i)] = CAUSE_NOT_WAITING
+    observation.blocker[U(i)] = NIL
+    observation.wanted[U(i)] = NIL
+    observation.wait_cycle_ticks[U(i)] = 0
+
+
+@kernel
+def note_wait(world, observation, i, cause):
+    """Robot i lost this tick; a wait for an order and a wait on the way begin again."""
+    before = np.int64(observation.cause[U(i)])
+    if before == CAUSE_NOT_WAITING or (before == CAUSE_NO_ORDER) != (cause == CAUSE_NO_ORDER):
+        observation.since[U(i)] = world.clock[CLOCK_TICK] - 1
+    observation.cause[U(i)] = cause
+    if cause == CAUSE_NO_ORDER:
+        observation.wait_cycle_ticks[U(i)] = 0
+        observation.lost[U(i), U(CAUSE_NO_ORDER)] += 1
+
+
+@kernel
+def list_waiting(world, observation):
+    """List the robots that wait, and those with something to tell, by identity; clears the marks."""
+    scratch, at_index = observation.scratch, world.robots.at_index
+    waiters = 0
+    eventful = 0
+    for word in range(scratch.words.shape[0]):
+        if scratch.words[U(word)] == 0:
+            continue
+        for identity in range(MARKS * word, MARKS * (word + 1)):
+            mark = np.int64(scratch.marks[U(identity)])
+            if mark & IS_WAITING:
+                scratch.waiters[U(waiters)] = at_index[U(identity)]
+                waiters += 1
+            if mark & IS_EVENTFUL:
+                scratch.eventful[U(eventful)] = at_index[U(identity)]
+                eventful += 1
+        scratch.words[U(word)] = 0
+    scratch.count[WAITERS] = waiters
+    scratch.count[EVENTFUL] = eventful
+
+
+@kernel
+def wait_for(world, observation, i, cell, direction, cause):
+    """Robot i waits for a cell; CAUSE_UNDECIDED becomes a cause when all robots are looked at."""
+    word = np.int64(world.traffic.occupancy[U(cell)])
+    entry = resource_of(word, cell, direction, world.grid.cell_flags.shape[0])
+    prefetch(observation.scratch.holder, U(entry))
+    observation.scratch.entry[U(i)] = entry
+    observation.wanted[U(i)] = cell
+    return cause
+
+
+@kernel
+def find_wait(world, observation, i, want, did):
+    """Why robot i, which did not move, does not get on; enters the cell that it waits for."""
+    robots = world.robots
+    observation.blocker[U(i)] = NIL
+    observation.wanted[U(i)] = NIL
+    observation.scratch.entry[U(i)] = NIL
+    if robots.status[U(i)] >= STATUS_EXHAUSTED:
+        return CAUSE_NO_ENERGY if robots.status[U(i)] <= STATUS_DEPLETED else CAUSE_FAULT
+    if (
+        world.clock[CLOCK_HALTED_UNTIL] >= world.clock[CLOCK_TICK]
+        and world.service_zones.halt[U(i)] >= world.clock[CLOCK_TICK]
+    ):
+        if robots.action[U(i)] == ACTION_WAIT and robots.parked[U(i)] == 0:
+            return CAUSE_REDESIGN
+    if robots.action[U(i)] == ACTION_QUEUE and robots.ticket[U(i)] and did == EXECUTED_BLOCKED:
+        direction = np.int64(robots.route[U(i), U(robots.route_index[U(i)])])
+        return wait_for(
+            world, observation, i, np.int64(robots.goal_cell[U(i)]), direction, CAUSE_CHARGER_QUEUE
+        )
+    if did == EXECUTED_RETREAT:
+        return CAUSE_RETREAT
+    if did == EXECUTED_ILLEGAL:
+        return CAUSE_ILLEGAL_DECISION
+    if did == EXECUTED_BAY_BLOCKED:
+        home = np.int64(robots.home[U(i)])
+        return wait_for(world, observation, i, home, np.int64(robots.heading[U(i)]), CAUSE_BAY_HELD)
+    if want == NO_TURN:
+        return wait_to_turn(world, observation, i)
+    if want & LIVE and want & REFUSED:
+        direction = want & 3
+        cell = np.int64(robots.cell[U(i)]) + world.grid.offset[U(direction)]
+        return wait_for(world, observation, i, cell, direction, CAUSE_UNDECIDED)
+    if did == EXECUTED_WAIT or did == EXECUTED_BLOCKED:
+        return find_next_cell(world, observation, i)
+    if observation.busy_before[U(i)] > 0:
+        return (
+            find_next_cell(world, observation, i)
+            if robots.action[U(i)] == ACTION_WAIT
+            else CAUSE_NOT_WAITING
+        )
+    if did == 0 and robots.parked[U(i)] == 0:
+        return find_idleness(world, observation, i)
+    return CAUSE_NOT_WAITING
+
+
+@kernel
+def note_slow_move(world, observation, i, want):
+    """Enter the zone that slows robot i, and a tick that its move takes beyond its duration.
+
+    A move that is slowed is a long one, out of its cell; its last ticks are its duration.
+    """
+    robots = world.robots
+    if robots.claim[U(i)] == NIL:
+        observation.slow_zone[U(i)] = NIL
+        return
+    if want & MOVED and world.rules.slowdown:
+        around = robots_in_zone(world, i, want)
+        if around > 1:
+            traffic_zone = world.grid.traffic_zone[U(robots.cell[U(i)]), U((want & 3) >> 1)]
+            observation.slow_zone[U(i)] = traffic_zone
+            observation.slow_zone_occupancy[U(i)] = around
+    usual = world.rules.duration[U(robots.type[U(i)]), U(ACTION_MOVE)]
+    if robots.action[U(i)] == ACTION_MOVE and robots.busy[U(i)] >= usual:
+        observation.lost[U(i), U(CAUSE_REDUCED_SPEED)] += 1
+        if observation.slow_zone[U(i)] != NIL:
+            observation.lost_in_zone[U(observation.slow_zone[U(i)])] += 1
+
+
+@kernel
+def find_next_cell(world, observation, i):
+    """Robot i waits before the next cell of its route, or before the turn towards it."""
+    robots, grid = world.robots, world.grid
+    cell = np.int64(robots.cell[U(i)])
+    if robots.route_index[U(i)] >= robots.route_length[U(i)]:
+        observation.wanted[U(i)] = robots.goal_cell[U(i)]
+        return CAUSE_RANDOM_WAIT
+    direction = np.int64(robots.route[U(i), U(robots.route_index[U(i)])])
+    if direction & (grid.headings - 1) != robots.heading[U(i)]:
+        return wait_to_turn(world, observation, i)
+    return wait_for(
+        world, observation, i, cell + grid.offset[U(direction)], direction, CAUSE_UNDECIDED
+    )
+
+
+@kernel
+def wait_to_turn(world, observation, i):
+    """Robot i is about to turn: only in a passing aisle can another one keep it."""
+    cell = np.int64(world.robots.cell[U(i)])
+    observation.wanted[U(i)] = cell
+    if (np.int64(world.traffic.occupancy[U(cell)]) >> CAPACITY_SHIFT) & 3 == 2:
+        return wait_for(
+            world, observation, i, cell, np.int64(world.robots.travel[U(i)]) ^ 2, CAUSE_LANE
+        )
+    return CAUSE_RANDOM_WAIT
+
+
+@kernel
+def find_idleness(world, observation, i):
+    """Robot i is on the floor, free, and did nothing: what is missing?"""
+    robots = world.robots
+    if robots.goal_type[U(i)] == GOAL_NONE:
+        return CAUSE_NO_ORDER if robots.load[U(i)] == NIL else CAUSE_NO_DROP_OFF_SLOT
+    if (
+        robots.route_index[U(i)] >= robots.route_length[U(i)]
+        and robots.goal_cell[U(i)] != robots.cell[U(i)]
+    ):
+        observation.wanted[U(i)] = robots.goal_cell[U(i)]
+        return CAUSE_NO_ROUTE
+    return CAUSE_NOT_WAITING

@@ -1,0 +1,69 @@
+"""Random draws that are addressed, not consumed: draw(seed, stream, tick, robot).
+
+A draw depends on nothing but its address, so orders do not change when a router draws more often,
+and two strategies face the same demand (common random numbers). The mixer is SplitMix64's
+finalizer (Steele, Lea & Flood 2014).
+"""
+
+import numpy as np
+
+from automaton.engine.jit.kernel import kernel
+
+# Streams of the world; a method declares its own beside what it draws, from the numbers left out.
+STREAM_ORDERS = 1
+STREAM_WAITS = 2
+STREAM_RETREATS = 3
+STREAM_ABORTS = 4
+STREAM_STARTS = 5
+STREAM_EXTRA_TICKS = 6
+STREAM_CHARGES = 7
+STREAM_RELEASES = 8
+STREAM_BREAKDOWNS = 9
+STREAM_HANDLING = 16
+STREAM_PROCESSING_TIMES = 17
+STREAM_STRATEGY = 32  # plug-ins use this one and above
+
+_GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+_A = np.uint64(0xBF58476D1CE4E5B9)
+_B = np.uint64(0x94D049BB133111EB)
+_30 = np.uint64(30)
+_27 = np.uint64(27)
+_31 = np.uint64(31)
+_32 = np.uint64(32)
+
+
+@kernel
+def splitmix64(value):
+    """A bijection of the 64-bit integers."""
+    value = (value ^ (value >> _30)) * _A
+    value = (value ^ (value >> _27)) * _B
+    return value ^ (value >> _31)
+
+
+@kernel
+def random_bits(seed, stream, tick, robot):
+    """64 random bits at an address; `seed` is uint64, the others any integers."""
+    state = splitmix64(np.uint64(seed) + _GOLDEN * np.uint64(stream))
+    state = splitmix64(state ^ (np.uint64(tick) + _GOLDEN))
+    return splitmix64(state ^ (np.uint64(robot) * _GOLDEN + _A))
+
+
+@kernel
+def random_between(low, high, seed, stream, tick, robot):
+    """A uniform integer from low to high, both included."""
+    bits = random_bits(seed, stream, tick, robot) >> _32
+    return low + np.int64((bits * np.uint64(high - low + 1)) >> _32)
+
+
+@kernel
+def random_integers(out, count, seed, stream, tick):
+    """out[i] = a uniform integer below `count`, addressed by (stream, tick, i)."""
+    for i in range(out.shape[0]):
+        out[i] = random_between(0, count - 1, seed, stream, tick, i)
+
+
+@kernel
+def random_bits_of_each(out, seed, stream, ticks, robots):
+    """out[i] = 64 random bits, addressed by (stream, ticks[i], robots[i])."""
+    for i in range(out.shape[0]):
+        out[i] = random_bits(seed, stream, ticks[i], robots[i])

@@ -1,0 +1,372 @@
+"""Shortest paths over poses (cell, heading) with the costs of moving and turning in ticks.
+
+    pose = cell * headings + heading
+
+Robots of a type share the ticks of their moves, and the exits that are open to them.
+A robot moves along its heading (a rail robot both ways along its axis) and turns by 90 degrees
+where the floor allows it. Ties are settled by rule, so every search gives the same path on every
+machine: poses leave the queue by (cost, pose); a path down a distance field prefers a move to a
+turn, then the lowest direction (E, S, W, N).
+"""
+
+import numpy as np
+
+from automaton.engine.facilities import MAY_TURN
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.motion import has_room
+from automaton.engine.state import ACTION_MOVE, ACTION_TURN, NIL
+
+UNREACHABLE = 1 << 30  # cost of what cannot be reached
+POSE_MASK = (1 << 32) - 1
+
+
+@kernel
+def push(heap, size, key):
+    """Put a key into the binary heap of that size."""
+    at = size
+    while at > 0:
+        above = (at - 1) >> 1
+        if heap[above] <= key:
+            break
+        heap[at] = heap[above]
+        at = above
+    heap[at] = key
+
+
+@kernel
+def pop(heap, size):
+    """Take the least key out of the binary heap of that size."""
+    least = heap[0]
+    last = heap[size - 1]
+    size -= 1
+    at = 0
+    below = 1
+    while below < size:
+        if below + 1 < size and heap[below + 1] < heap[below]:
+            below += 1
+        if heap[below] >= last:
+            break
+        heap[at] = heap[below]
+        at = below
+        below = 2 * at + 1
+    heap[at] = last
+    return least
+
+
+@kernel
+def fill_distance_field(grid, robot_type, duration, target, field, heap, stop):
+    """field[pose] = least cost from the pose to the target cell in any heading, or UNREACHABLE.
+
+    `duration`: (A,) ticks of each action of robots of the type `kind`. Dijkstra from the target
+    against the direction of travel. False if it was given up, since stop[0] is set.
+    """
+    field[:] = UNREACHABLE
+    type_cell_flags = grid.type_cell_flags[robot_type]
+    size = 0
+    for heading in range(grid.headings):
+        pose = target * grid.headings + heading
+        field[pose] = 0
+        push(heap, size, np.int64(pose))
+        size += 1
+    while size > 0 and stop[0] == 0:
+        key = pop(heap, size)
+        size -= 1
+        pose = key & POSE_MASK
+        cost = key >> 32
+        if cost > field[pose]:
+            continue
+        cell = pose // grid.headings
+        heading = pose % grid.headings
+        for direction in range(heading, 4, grid.headings):
+            before = cell - grid.offset[direction]
+            if (
+                0 <= before < type_cell_flags.shape[0]
+                and (np.int64(type_cell_flags[before]) >> direction) & 1
+            ):
+                size = relax(
+                    field,
+                    heap,
+                    size,
+                    before * grid.headings + heading,
+                    cost + duration[ACTION_MOVE],
+                )
+        if grid.headings > 1 and np.int64(type_cell_flags[cell]) & MAY_TURN:
+            ahead = (heading + 1) & (grid.headings - 1)
+            size = relax(
+                field, heap, size, cell * grid.headings + ahead, cost + duration[ACTION_TURN]
+            )
+            behind = (heading - 1) & (grid.headings - 1)
+            size = relax(
+                field, heap, size, cell * grid.headings + behind, cost + duration[ACTION_TURN]
+            )
+    return stop[0] == 0
+
+
+@kernel
+def relax(field, heap, size, pose, cost):
+    if cost < field[pose]:
+        field[pose] = cost
+        push(heap, size, (np.int64(cost) << 32) | np.int64(pose))
+        return size + 1
+    return size
+
+
+@kernel
+def distance_field_to(view, workspace, robot_type, target):
+    """The row of workspace.field with a type's costs to a cell; NIL once workspace.stop is set.
+
+    It is computed if it is not there.
+    """
+    entry = np.int64(robot_type) * view.grid.type_cell_flags.shape[1] + target
+    row = np.int64(workspace.field_of[entry])
+    if row != NIL or workspace.stop[0]:
+        return row
+    row = np.int64(workspace.field_next[0])
+    workspace.field_next[0] = (row + 1) % workspace.field.shape[0]
+    if workspace.field_owner[row] != NIL:
+        workspace.field_of[workspace.field_owner[row]] = NIL
+    workspace.field_owner[row] = NIL
+    duration = view.rules.duration[robot_type]
+    if not fill_distance_field(
+        view.grid,
+        robot_type,
+        duration,
+        target,
+        workspace.field[row],
+        workspace.heap,
+        workspace.stop,
+    ):
+        return np.int64(NIL)
+    workspace.field_owner[row] = entry
+    workspace.field_of[entry] = row
+    return row
+
+
+@kernel
+def distance(view, workspace, robot_type, cell, heading, target):
+    """Ticks of a robot of a type from a pose to a target cell on the empty floor, UNREACHABLE: no way."""
+    row = distance_field_to(view, workspace, robot_type, target)
+    if row == NIL:
+        return np.int64(UNREACHABLE)
+    return np.int64(workspace.field[row, cell * view.grid.headings + heading])
+
+
+@kernel
+def follow_gradient(view, workspace, robot_type, cell, heading, target, steps):
+    """Write the shortest path on the empty floor, or as much as fits, into steps; NIL if none."""
+    grid, duration, type_cell_flags = (
+        view.grid,
+        view.rules.duration[robot_type],
+        view.grid.type_cell_flags[robot_type],
+    )
+    row = distance_field_to(view, workspace, robot_type, target)
+    field = workspace.field[row]
+    length = 0
+    if row == NIL or field[cell * grid.headings + heading] >= UNREACHABLE:
+        return NIL
+    while cell != target:
+        cost = np.int64(field[cell * grid.headings + heading])
+        found = False
+        for direction in range(heading, 4, grid.headings):
+            if (np.int64(type_cell_flags[cell]) >> direction) & 1 == 0:
+                continue
+            after = cell + grid.offset[direction]
+            if field[after * grid.headings + heading] == cost - duration[ACTION_MOVE]:
+                if length == steps.shape[0]:
+                    return length  # as much as fits; the robot asks again at its end
+                steps[length] = direction
+                length += 1
+                cell = after
+                found = True
+                break
+        if not found:
+            ahead = (heading + 1) & (grid.headings - 1)
+            if field[cell * grid.headings + ahead] != cost - duration[ACTION_TURN]:
+                ahead = (heading - 1) & (grid.headings - 1)
+            heading = ahead
+    return length
+
+
+@kernel
+def begin_search(workspace):
+    workspace.generation[0] += 1
+    return workspace.generation[0]
+
+
+@kernel
+def reach(workspace, search, size, pose, cost, estimate, how):
+    """Enter a pose into the search's queue if this cost is better; returns the queue's size."""
+    if workspace.stamp[pose] != search or cost < workspace.cost[pose]:
+        workspace.stamp[pose] = search
+        workspace.cost[pose] = cost
+        workspace.parent[pose] = how
+        push(workspace.heap, size, (np.int64(cost + estimate) << 32) | np.int64(pose))
+        return size + 1
+    return size
+
+
+TURNED_AHEAD = 4  # parents: 0..3 a move in that direction, else a turn
+TURNED_BEHIND = 5
+STARTED = 6
+
+
+@kernel
+def is_closed(view, cell, direction, target, around):
+    """Whether a search around the robots may not enter a cell; its own target is always open."""
+    if not around or cell == target:
+        return False
+    return not has_room(view.traffic.occupancy, cell, direction)
+
+
+@kernel
+def find_path(view, workspace, robot_type, cell, heading, target, around, steps):
+    """A* from a pose to a target cell; writes directions into steps, returns the length or NIL.
+
+    `around`: cells without room now, the target excepted, are removed from the floor. The estimate
+    is the exact cost on the empty floor (a cached distance field).
+    """
+    grid, duration, type_cell_flags = (
+        view.grid,
+        view.rules.duration[robot_type],
+        view.grid.type_cell_flags[robot_type],
+    )
+    row = distance_field_to(view, workspace, robot_type, target)
+    if row == NIL or workspace.field[row, cell * grid.headings + heading] >= UNREACHABLE:
+        return NIL
+    search = begin_search(workspace)
+    start = cell * grid.headings + heading
+    size = reach(workspace, search, 0, start, 0, workspace.field[row, start], STARTED)
+    while size > 0 and workspace.stop[0] == 0:
+        key = pop(workspace.heap, size)
+        size -= 1
+        pose = key & POSE_MASK
+        cost = np.int64(workspace.cost[pose])
+        if (key >> 32) != cost + workspace.field[row, pose]:
+            continue  # a better way to this pose was found meanwhile
+        workspace.generation[1] += 1
+        here = pose // grid.headings
+        if here == target:
+            return write_path(grid, workspace, pose, steps)
+        h = pose % grid.headings
+        for direction in range(h, 4, grid.headings):
+            if (np.int64(type_cell_flags[here]) >> direction) & 1:
+                after = here + grid.offset[direction]
+                to = after * grid.headings + h
+                if not is_closed(view, after, direction, target, around):
+                    size = reach(
+                        workspace,
+                        search,
+                        size,
+                        to,
+                        cost + duration[ACTION_MOVE],
+                        workspace.field[row, to],
+                        direction,
+                    )
+        if grid.headings > 1 and np.int64(type_cell_flags[here]) & MAY_TURN:
+            to = here * grid.headings + ((h + 1) & (grid.headings - 1))
+            size = reach(
+                workspace,
+                search,
+                size,
+                to,
+                cost + duration[ACTION_TURN],
+                workspace.field[row, to],
+                TURNED_AHEAD,
+            )
+            to = here * grid.headings + ((h - 1) & (grid.headings - 1))
+            size = reach(
+                workspace,
+                search,
+                size,
+                to,
+                cost + duration[ACTION_TURN],
+                workspace.field[row, to],
+                TURNED_BEHIND,
+            )
+    return NIL
+
+
+@kernel
+def write_path(grid, workspace, pose, steps):
+    """Directions from the start of the search to a pose, read backwards from the parents."""
+    length = 0
+    at = pose
+    while workspace.parent[at] != STARTED:
+        how = np.int64(workspace.parent[at])
+        if how < 4:
+            length += 1
+        at = parent_of(grid, at, how)
+    at = pose
+    k = length
+    while workspace.parent[at] != STARTED:
+        how = np.int64(workspace.parent[at])
+        if how < 4:
+            k -= 1
+            if k < steps.shape[0]:
+                steps[k] = how
+        at = parent_of(grid, at, how)
+    return min(length, steps.shape[0])
+
+
+@kernel
+def parent_of(grid, pose, how):
+    heading = pose % grid.headings
+    if how < 4:
+        return pose - grid.offset[how] * grid.headings
+    turned = heading - 1 if how == TURNED_AHEAD else heading + 1
+    return pose - heading + (turned & (grid.headings - 1))
+
+
+@kernel
+def mark_goal(workspace, search, cell, value):
+    """Make a cell a goal of nearest_mark; the lowest value of a cell counts."""
+    if workspace.mark_stamp[cell] != search or value < workspace.mark[cell]:
+        workspace.mark_stamp[cell] = search
+        workspace.mark[cell] = value
+
+
+@kernel
+def nearest_mark(view, workspace, search, robot_type, cell, heading, around):
+    """The value of the marked cell of least cost from a pose, ties to the lowest value; NIL if none.
+
+    Dijkstra that ends with the first cost at which a mark was found. `around` as in find_path.
+    """
+    grid, duration, type_cell_flags = (
+        view.grid,
+        view.rules.duration[robot_type],
+        view.grid.type_cell_flags[robot_type],
+    )
+    size = reach(workspace, search, 0, cell * grid.headings + heading, 0, 0, STARTED)
+    best = NIL
+    best_cost = UNREACHABLE
+    while size > 0 and workspace.stop[0] == 0:
+        key = pop(workspace.heap, size)
+        size -= 1
+        pose = key & POSE_MASK
+        cost = key >> 32
+        if cost > best_cost:
+            break
+        if cost != workspace.cost[pose]:
+            continue
+        workspace.generation[1] += 1
+        here = pose // grid.headings
+        if workspace.mark_stamp[here] == search and (best == NIL or workspace.mark[here] < best):
+            best = np.int64(workspace.mark[here])
+            best_cost = cost
+        h = pose % grid.headings
+        for direction in range(h, 4, grid.headings):
+            if (np.int64(type_cell_flags[here]) >> direction) & 1:
+                after = here + grid.offset[direction]
+                if not is_closed(view, after, direction, NIL, around):
+                    to = after * grid.headings + h
+                    size = reach(
+                        workspace, search, size, to, cost + duration[ACTION_MOVE], 0, direction
+                    )
+        if grid.headings > 1 and np.int64(type_cell_flags[here]) & MAY_TURN:
+            to = here * grid.headings + ((h + 1) & (grid.headings - 1))
+            size = reach(workspace, search, size, to, cost + duration[ACTION_TURN], 0, TURNED_AHEAD)
+            to = here * grid.headings + ((h - 1) & (grid.headings - 1))
+            size = reach(
+                workspace, search, size, to, cost + duration[ACTION_TURN], 0, TURNED_BEHIND
+            )
+    return best

@@ -1,0 +1,405 @@
+"""The state of the world: nested structs of arrays, and nothing hidden beside them.
+
+n robots of K types, m orders, s slots (cells that hold loads), C cells with the border, A actions.
+A robot is stored at an index but referred to by its *identity*, so that a permutation of the
+storage changes nothing that is stored. NIL (-1) means none. The same classes serve as the world
+(writable) and as the view that strategies get (the same memory, read-only).
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from numpy.typing import NDArray
+
+from automaton.engine.facilities import NIL as NIL
+from automaton.engine.facilities import Chargers, Slots, Stations
+from automaton.engine.facilities import Grid as Grid
+from automaton.engine.jit.structs import Struct
+from automaton.engine.service_zones import Design, ServiceZones
+
+Array = NDArray[Any]
+
+KEEP: Final = -(2**31)  # what every decision starts as: go on as before
+
+# Actions of a robot, and what its ticks are counted as.
+ACTION_IDLE: Final = 0
+ACTION_MOVE: Final = 1
+ACTION_TURN: Final = 2
+ACTION_PICK: Final = 3
+ACTION_DROP: Final = 4
+ACTION_TRY_DROP: Final = 5
+ACTION_WAIT: Final = 6  # a random wait of right of way before a held cell
+ACTION_CHARGE: Final = 7
+ACTION_BLOCKED: Final = 8  # a tick lost to a refused move that started no wait
+ACTION_RETREAT: Final = 9  # the tick in which a retreat is decided
+ACTION_BAY_BLOCKED: Final = 10  # a tick in the parking bay because the home cell is held
+ACTION_ILLEGAL: Final = 11  # a tick lost to an illegal decision
+ACTION_QUEUE: Final = 12  # a tick in the queue of a charger
+ACTION_DOWN: Final = 13  # a tick on the floor with an empty battery or a fault
+ACTION_COUNT: Final = 14
+ACTION_NAMES: Final = (
+    *("idle", "move", "turn", "pick", "drop", "try_drop", "wait", "charge"),
+    *("blocked", "retreat", "bay_blocked", "illegal", "queueing", "down"),
+)
+
+# Goals: what a robot drives to its goal cell for.
+GOAL_NONE: Final = 0
+GOAL_PICK: Final = 1
+GOAL_DROP: Final = 2
+GOAL_PARK: Final = 3
+GOAL_CHARGE: Final = 4
+
+# States of an order.
+ORDER_WAITING: Final = 0  # on a slot, to be picked up
+ORDER_CARRIED: Final = 1
+ORDER_DELIVERED: Final = 2
+ORDER_UNRELEASED: Final = 3  # it will be known in a later tick
+NEVER: Final = 2**31 - 1  # released: not before a station is done with its part
+
+ORDER_LIST: Final = -2  # rules.radius: strategies see the order list and neighbouring cells
+
+# Layers, in the order in which a tick asks them.
+LAYER_ZONING: Final = 0
+LAYER_CHARGING: Final = 1
+LAYER_ALLOCATION: Final = 2
+LAYER_ROUTING: Final = 3
+LAYER_RIGHT_OF_WAY: Final = 4
+LAYER_NAMES: Final = ("zoning", "charging", "allocation", "routing", "right_of_way")
+
+# In which sequence they are asked: charging once more, about orders taken and robots left without one.
+LAYER_SEQUENCE: Final = (
+    LAYER_ZONING,
+    LAYER_CHARGING,
+    LAYER_ALLOCATION,
+    LAYER_CHARGING,
+    LAYER_ROUTING,
+    LAYER_RIGHT_OF_WAY,
+)
+PHASE_CHARGING_AGAIN: Final = 3  # its entry
+
+# Why a robot is in a batch.
+REASON_IDLE: Final = 0  # it has nothing to do
+REASON_PICKED: Final = 1  # its pick has begun: where does the load go?
+REASON_ORDER_RETURNED: Final = 2  # it returned its order before a retreat: plan around robots
+REASON_REPLAN: Final = 3  # it drives home or nowhere, and its plan is made again
+REASON_PERIODIC: Final = 4  # the strategy asked for every k-th tick
+REASON_NEW_GOAL: Final = 5  # routing: a new goal
+REASON_AROUND_ROBOTS: Final = 6  # routing: plan around the robots, a retreat is over
+REASON_RETRIES_EXHAUSTED: Final = 7  # right of way: the retries are used up
+REASON_RETREATING: Final = 8  # right of way: the next step of a retreat
+REASON_ORDER_TAKEN: Final = 9  # charging: it has taken an order
+REASON_ZONE_EVENT: Final = 11  # zoning: an order has no queue yet, or a robot went down or is back
+REASON_NO_ORDER: Final = 10  # charging: allocation has nothing for it
+
+# The machine that runs waits and retries: robots.retry_state.
+RETRY_NONE: Final = 0
+RETRY_WAITED: Final = 1
+RETRY_EXHAUSTED: Final = 2
+
+# Needs: bits of robots.need.
+NEED_ALLOCATION: Final = 1
+NEED_ROUTE: Final = 2
+NEED_RIGHT_OF_WAY: Final = 4
+NEED_CHARGING: Final = 8
+
+NO_STEP: Final = 4  # robots.step when right of way asked for none
+
+# Entries of world.clock.
+CLOCK_TICK: Final = 0  # ticks executed
+CLOCK_STOP_TICK: Final = 1  # the loop pauses after this tick
+CLOCK_UNDELIVERED: Final = 2
+CLOCK_UNPARKED: Final = 3
+CLOCK_REVISION: Final = 4  # grows with every change of an order or a reservation
+CLOCK_ALLOCATION_REVISION: Final = 5  # CLOCK_REVISION when allocation last looked
+CLOCK_FRESH_ALLOCATION: Final = 6  # robots that need allocation and do not wait for a change
+CLOCK_NEEDING_ROUTE: Final = 7
+CLOCK_NEEDING_RIGHT_OF_WAY: Final = 8
+CLOCK_FINISHED: Final = 9
+CLOCK_RECORDING: Final = 10
+CLOCK_RECORDED_TICKS: Final = 11  # ticks in the record's buffers
+CLOCK_CHANGE_ROWS: Final = 12  # rows of record.changes in use
+CLOCK_DECISION_WORDS: Final = 13  # words of record.decisions in use
+CLOCK_DIGEST_EVERY: Final = 14  # a recording holds the digests of every so many ticks
+CLOCK_OBSERVING: Final = 15
+CLOCK_NEXT_RELEASE: Final = 16  # entry of orders.release_sequence that is released next
+CLOCK_NEEDING_CHARGING: Final = 17
+CLOCK_TICKETS_ISSUED: Final = 18  # tickets issued for the queues of chargers
+CLOCK_NEXT_FAULT: Final = 19  # row of rules.faults that comes next
+CLOCK_ROBOTS_DOWN: Final = 20  # robots that are down or going to be
+CLOCK_PHASE: Final = 21  # entry of LAYER_SEQUENCE that is being asked
+CLOCK_OPEN_JOBS: Final = 22  # jobs at stations that are not done
+CLOCK_NEXT_PART: Final = 23  # entry of stations.part_arrivals that comes next
+CLOCK_UNQUEUED_ORDERS: Final = 24  # orders released or dropped since zoning was last asked
+CLOCK_HALTED_UNTIL: Final = 25  # the last tick for which zoning made a robot stand still
+CLOCK_NEXT_WAKEUP: Final = 26  # the first tick in which zoning asked to be woken, or NIL
+CLOCK_ZONES_REDESIGNED: Final = 27  # the last tick in which the design of the zones changed
+CLOCK_SIZE: Final = 28
+
+STOP_PARKED: Final = 0
+STOP_DELIVERED: Final = 1
+STOP_NEVER: Final = 2
+
+
+class Rules(Struct):
+    """The scenario's constants."""
+
+    seed: Any  # uint64
+    following: int  # 1: a robot may enter a cell that its holder gives up in the same tick
+    nearest_access: int  # 1: loads are picked up and dropped from the nearest access cell
+    stop: int  # STOP_PARKED, STOP_DELIVERED, STOP_NEVER
+    leave: int  # 1: a robot with nothing to do leaves the floor where it stands
+    radius: int  # how far strategies see, cells; NIL everything, or ORDER_LIST
+    circle: int  # 1: the radius is Euclid's, 0: Chebyshev's
+    in_system: int  # orders that a closed loop keeps open; 0: it is none
+    own_zones: int  # 1: only orders and stations in zones of robots that are seen
+    tick_us: int  # a tick in millionths of a second; 0: the scenario does not say
+    cell_milli: int  # a cell's side in thousandths of the scenario's unit of length; 0: none
+    duration: Array  # (K, A) int32, ticks of each action, by type of robot
+    payload: Array  # (K,) int32: the heaviest order that robots of a type carry
+    wait: Array  # (5,) int32: empty from, to; loaded from, to; retries before right of way is asked
+    period: Array  # (5,) int32: a layer is asked every so many ticks; 0 never
+    holders: Array  # (5,) uint8: 1 = a layer's strategy reads traffic.holder
+    slowdown: int  # 1: a move takes as many times longer as its zone has robots
+    extra_tick: int  # of 2**32 moves, how many take a tick more
+    handling_jitter: int  # a pick or drop takes up to so many ticks more
+    battery: int  # 1: robots run on batteries
+    drain: Array  # (A, 2) int32: units of charge that a tick of each action takes; [.., 1] loaded
+    curve: Array  # (K, 2) int32: from this charge on, units that a tick at a charger gives
+    reserve: int  # charge that plans never go below
+    tow_after: int  # ticks that a robot is down before it is towed; NIL: it stays
+    repair: int  # ticks from towing until it comes back; NIL: never
+    repaired: int  # charge with which it comes back; NIL: its own, or the reserve if it ran empty
+    may_fail: int  # 1: robots may go down
+    faults: Array  # (f, 2) int64: tick, identity; by tick
+    breakdown: int  # of 2**32 ticks on the floor, how many end in a fault
+
+
+class Robots(Struct):
+    """The fleet, indexed by storage."""
+
+    identity: Array  # (n,) int32, a permutation of 0..n-1
+    at_index: Array  # (n,) int32: the storage index of an identity
+    type: Array  # (n,) uint8
+    cell: Array  # (n,) int32: where it stands, or the cell left by a long move; NIL: off the floor
+    claim: Array  # (n,) int32: the cell that a long move enters, else NIL
+    heading: Array  # (n,) uint8: rail axis 0/1, differential direction 0..3, omni 0
+    travel: Array  # (n,) uint8: direction in which it entered its cell: its lane at capacity 2
+    action: Array  # (n,) uint8: what it does
+    busy: Array  # (n,) uint16: ticks until it is free
+    priority: Array  # (n,) int16: set by right of way, higher goes first
+    load: Array  # (n,) int32: the order it carries, or NIL
+    order: Array  # (n,) int32: the order it works on, or NIL
+    slot: Array  # (n,) int32: where it will drop the load, or NIL
+    goal_type: Array  # (n,) uint8: GOAL_*
+    goal_cell: Array  # (n,) int32: the cell in which the goal is done, or NIL
+    charge_target: Array  # (n,) int32: charge at which it leaves its charger
+    charging_interruptible: Array  # (n,) uint8: 1 = while it charges it may get an order
+    try_drop: Array  # (n,) uint8: 1 = a TRY_DROP follows the pick
+    route: Array  # (n, R) uint8: directions to drive; turns are implied
+    route_length: Array  # (n,) int32: steps in the route
+    route_index: Array  # (n,) int32: steps driven
+    route_hash: Array  # (n,) int64: hash of the route, for the digest
+    retreat_moves: Array  # (n,) int16: moves left of a retreat
+    failed_retries: Array  # (n,) uint8: failed retries since the last executed operation
+    retry_state: Array  # (n,) uint8: RETRY_*
+    # (n,) int32: cell in which it parks, through which it enters its parking bay, or has left
+    home: Array
+    bay: Array  # (n,) int32: its parking bay's cell, or NIL: it parks on the floor, or leaves it
+    parked: Array  # (n,) uint8
+    service_zone: Array  # (n,) int32: the service zone of the robot, set by zoning
+    charge: Array  # (n,) int32: units left in its battery
+    status: Array  # (n,) uint8: STATUS_*
+    status_until: Array  # (n,) int64: tick in which it is towed, or comes back
+    ticket: Array  # (n,) int64: its place in the queue of its charger, 0 outside
+    order_queue: Array  # (n, L) int32: orders that it is to do, one after another
+    order_queue_length: Array  # (n,) int32: how many those are
+    charging_reason: Array  # (n,) uint8: why charging is asked
+    need: Array  # (n,) uint8: NEED_* bits
+    reason: Array  # (n,) uint8: why allocation is asked
+    route_reason: Array  # (n,) uint8: REASON_NEW_GOAL or REASON_AROUND_ROBOTS
+    seen_revision: Array  # (n,) int64: CLOCK_REVISION when allocation last let it park
+    step: Array  # (n,) uint8: direction that right of way asks for this tick, or NO_STEP
+    executed: Array  # (n,) uint8: what was committed this tick (automaton.engine.record_codes)
+
+
+class Orders(Struct):
+    """Transport orders; the load of an order has the order's number."""
+
+    state: Array  # (m,) uint8: ORDER_WAITING, ORDER_CARRIED, ORDER_DELIVERED, ORDER_UNRELEASED
+    current_slot: Array  # (m,) int32: slot in which it lies, or NIL
+    source: Array  # (m,) int32: slot in which it lay first
+    target: Array  # (m,) int32: slot to which it must go
+    reserved_by: Array  # (m,) int32: identity of the robot that reserved or carries it, or NIL
+    release_tick: Array  # (m,) int32: tick from which it is known
+    weight: Array  # (m,) int32: what a robot must be able to carry
+    release_sequence: Array  # (m,) int32: the orders, in the sequence in which they are released
+    dispatched: Array  # (m,) int32: tick in which a robot last took it, or NIL
+    dispatched_from: Array  # (m,) int32: the cell where that robot was then, or NIL
+    dispatched_heading: Array  # (m,) uint8: its heading then
+    dispatched_type: Array  # (m,) uint8: its type
+    delivered: Array  # (m,) int32: tick of delivery, or NIL
+    legs: Array  # (m,) int32: times it was picked up
+
+
+class Traffic(Struct):
+    """Occupancy and the intents of the current tick."""
+
+    occupancy: Array  # (C,) uint16: claims, room and the flags of a cell (automaton.engine.motion)
+    intent: Array  # (n,) uint8: the intent before motion, its outcome after
+    move_ticks: Array  # (n,) uint16: ticks that the intended move takes
+    zone_occupancy: Array  # (Z,) int32: robots in each traffic zone as the tick began
+    # (C, 2) int32: identity of the robot that stands in a limited cell or enters it, or NIL; the
+    # second column is for travel W or N through a cell for two. Entered while a strategy that says
+    # `holders` is asked (automaton.engine.holders), else NIL; so is a cell without limit.
+    holder: Array
+    pending: Array  # (n, 8) int32: intents that the second pass could not decide
+    dirty: Array  # (n,) int32: cells whose claims are wiped at the end; first, robots that arrive
+    vacated: Array  # (4n,) int32: cell and direction of travel given up at the end of the tick
+    contest: Array  # (T,) int32: best claimant of a resource; NIL between ticks
+    key: Array  # (T,) int32: resources of a hash table, or (0,): every resource has its entry
+
+
+class Tally(Struct):
+    """Counters behind the metrics; [.., 0] empty, [.., 1] loaded."""
+
+    operations: Array  # (n, A, 2) int64: operations begun
+    ticks: Array  # (n, A, 2) int64: ticks of the operations begun
+    slowdown_ticks: Array  # (n,) int64: ticks that moves take beyond those of the robot's type
+    energy_used: Array  # (n,) int64: units of charge used
+    charged: Array  # (n,) int64: units of charge taken in at chargers
+    repaired: Array  # (n,) int64: units of charge that repairs added
+    failures: Array  # (n, 3) int64: times that it ran empty, broke down, was towed
+    illegal: Array  # (5,) int64: illegal decisions by layer
+    batches: Array  # (5,) int64: batches that each layer was asked about
+
+
+class World(Struct):
+    """Everything that a tick reads and writes."""
+
+    grid: Grid
+    rules: Rules
+    robots: Robots
+    orders: Orders
+    slots: Slots
+    stations: Stations
+    chargers: Chargers
+    service_zones: ServiceZones
+    traffic: Traffic
+    tally: Tally
+    clock: Array  # (CLOCK_SIZE,) int64
+
+
+class Batch(Struct):
+    """A batch: the robots that a layer is asked about, sorted by identity."""
+
+    count: Array  # (1,) int64
+    robot: Array  # (n,) int32 storage indices; the first `count` are valid
+    reason: Array  # (n,) uint8
+
+
+class ZoningDecisions(Struct):
+    service_zone: Array  # (n,) int32: the service zone of the robot
+    halt: Array  # (n,) int32: ticks that it stands still from now on
+    again: Array  # (n,) int32: ticks after which zoning is asked about it again; NIL: when told to
+    sends_message: Array  # (n,) uint8: 1 = its message changes, to this row of
+    messages: Array  # (n, MESSAGE_WORDS) int64
+    server: Array  # (Z,) int32, by zone: KEEP, or the identity of the robot that serves it
+    redesigned: Array  # (1,) int64: 1 = the design changes, to
+    design: Design
+    queued: Array  # (1,) int64: how many of the next four are in use
+    order: Array  # (m,) int32: this order
+    queue: Array  # (m,) int32: comes into the queue of this zone
+    next_slot: Array  # (m,) int32: and is to be dropped at this slot
+    skips_transfer: Array  # (m,) uint8: 1 = past transfer stations
+    refused: Array  # (1,) int64: illegal decisions that a recording tells of, and no strategy
+
+
+class ChargingDecisions(Struct):
+    goal_cell: Array  # (n,) int32: charger cell to drive to; NIL: stop charging
+    charge_target: Array  # (n,) int32: charge at which to leave
+    charging_interruptible: Array  # (n,) int32: 1 = it may get an order while it charges
+
+
+class AllocationDecisions(Struct):
+    command: Array  # (n,) int32: KEEP, CMD_TAKE_ORDER, CMD_DROP_AT or CMD_PARK
+    order: Array  # (n,) int32: CMD_TAKE_ORDER: the order to pick up
+    slot: Array  # (n,) int32: CMD_DROP_AT: where the load goes
+    goal_cell: Array  # (n,) int32: the cell from which it is picked up or dropped
+    try_drop: Array  # (n,) int32: CMD_DROP_AT: 1 = a TRY_DROP operation follows the pick
+    ask_again: Array  # (n,) uint8: 1 = ask again next tick, whatever happens
+    order_queue_length: Array  # (n,) int32, by storage index: KEEP, or how many orders
+    order_queue: Array  # (n, L) int32, by storage index: orders that a robot is to do
+    order_taken: Array  # (m,) uint8: scratch: reserved by an earlier decision of this batch
+    slot_taken: Array  # (s,) uint8
+
+
+class RoutingDecisions(Struct):
+    route_length: Array  # (n,) int32: KEEP or the number of steps
+    steps: Array  # (n, R) uint8: directions
+
+
+class RightOfWayDecisions(Struct):
+    command: Array  # (n,) int32: KEEP, CMD_STEP, CMD_WAIT or CMD_RETREAT
+    value: Array  # (n,) int32: direction, ticks, or moves
+    return_order: Array  # (n,) int32: 1 = an empty robot returns its order
+    priority: Array  # (n,) int32: KEEP or the robot's new priority
+
+
+class Decisions(Struct):
+    """Preallocated outputs, indexed like the batch."""
+
+    zoning: ZoningDecisions
+    charging: ChargingDecisions
+    allocation: AllocationDecisions
+    routing: RoutingDecisions
+    right_of_way: RightOfWayDecisions
+
+
+CMD_TAKE_ORDER: Final = 1  # commands of allocation
+CMD_DROP_AT: Final = 2
+CMD_PARK: Final = 3
+CMD_STEP: Final = 1  # commands of right of way
+CMD_WAIT: Final = 2
+CMD_RETREAT: Final = 3
+
+
+class Memory(Struct):
+    """A strategy's private state."""
+
+    per_robot: Array  # (n, k) int64: one row per robot
+    shared: Array  # (q,) int64
+    parameters: Array  # (p,) int64, read-only
+
+
+class Workspace(Struct):
+    """Scratch of the searches, and the cached distance fields; contents never decide anything."""
+
+    cost: Array  # (P,) int32, per pose = cell * headings + heading
+    stamp: Array  # (P,) int64: search in which `cost` was written
+    parent: Array  # (P,) uint8
+    mark: Array  # (C,) int32
+    mark_stamp: Array  # (C,) int64
+    heap: Array  # (H,) int64
+    generation: Array  # (2,) int64: searches so far; poses expanded
+    # (1,) int64: not 0 = the run is given up in mid-tick, what searches find is worthless
+    stop: Array
+    steps: Array  # (R,) uint8: a route that only needs to exist
+    field: Array  # (F, P) int32: cost from a pose to the field's target
+    field_of: Array  # (K C,) int32: the field of robots of type k to a cell, [k C + c], or NIL
+    field_owner: Array  # (F,) int32: which entry of field_of a field has, or NIL
+    field_next: Array  # (1,) int64: the field to overwrite next
+    # Scratch of methods, which the loop passes on.
+    routes: Struct
+    zoning: Struct
+    parts: Struct
+
+
+class Record(Struct):
+    """Buffers that a recorder empties when the loop pauses."""
+
+    executed: Array  # (T, n) uint8, by identity
+    decisions: Array  # (Y,) int64: what strategies decided (automaton.engine.decision_stream)
+    changes: Array  # (X, 4) int64: tick, code, subject, value
+    digests: Array  # (T, D) uint64
+    values: Array  # (D,) int64, scratch

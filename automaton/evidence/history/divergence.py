@@ -1,0 +1,93 @@
+"""Where two recorded runs part: the first tick at which they did something else."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from automaton.errors import InputError
+from automaton.evidence.recording.frames import Content, Recording, StoredFrames
+
+
+class Divergence(NamedTuple):
+    """The outcome of a comparison."""
+
+    tick: int | None  # the first that differs; None: none does
+    text: str
+
+
+def first_difference(one: Recording, other: Recording) -> Divergence:
+    """Compare what the robots did, tick by tick; if that is equal, the states, as far as digests tell.
+
+    Raises InputError for a recording in which ticks are missing.
+    """
+    if not _same_start(one.header, other.header):
+        return Divergence(0, "the runs differ from the start: another fleet, floor or order list")
+    # Frames of their own: the player decodes the others in its thread.
+    mine, its = (StoredFrames(recording.stored().payloads) for recording in (one, other))
+    state: int | None = None  # the first tick whose digests differ
+    for begin, end, left, right in _common_stretches(mine, its):
+        did = _rows(left, "executed", begin, end) != _rows(right, "executed", begin, end)
+        acted = np.flatnonzero(did.any(axis=1))
+        if acted.size:
+            return _acted(begin + int(acted[0]), np.flatnonzero(did[acted[0]]))
+        state = _first_state(left, right, begin, end) if state is None else state
+    if state is not None:
+        text = "all robots do the same, and only state that shows in no action differs"
+        return Divergence(state, f"{text}, first by tick {state:,}")
+    ends = mine.last_tick, its.last_tick
+    if ends[0] != ends[1]:
+        tick = min(ends) + 1
+        return Divergence(tick, f"the runs are equal up to tick {min(ends):,}, where one ends")
+    return Divergence(None, f"the runs are equal in all {ends[0]:,} ticks")
+
+
+def _same_start(one: Content, other: Content) -> bool:
+    for part in ("robots", "orders", "slots"):
+        if any(not np.array_equal(one[part][name], other[part][name]) for name in one[part]):
+            return False
+    return all(
+        np.array_equal(one["floor"][name], other["floor"][name])
+        for name in ("kind", "exits", "capacity", "bays")
+    )
+
+
+def _common_stretches(
+    one: StoredFrames, other: StoredFrames
+) -> Iterator[tuple[int, int, Content, Content]]:
+    """First and last tick of what a frame of the one shares with a frame of the other."""
+    tick = 1
+    while True:
+        left, right = one.ticks_with(tick), other.ticks_with(tick)
+        if left is None or right is None:
+            return
+        for name, frame in zip("AB", (left, right), strict=True):
+            if frame["first"] > tick:
+                raise InputError(
+                    f"recording {name} has fewer ticks than it says: the file was altered"
+                )
+        end = min(frame["first"] + len(frame["executed"]) - 1 for frame in (left, right))
+        yield tick, end, left, right
+        tick = end + 1
+
+
+def _acted(tick: int, robots: NDArray[np.intp]) -> Divergence:
+    who = f"robot {robots[0]}" + (f" and {len(robots) - 1} more" if len(robots) > 1 else "")
+    return Divergence(tick, f"the runs differ first at tick {tick:,}: {who}; x goes there")
+
+
+def _first_state(one: Content, other: Content, begin: int, end: int) -> int | None:
+    """The first tick for which both have digests, and these differ."""
+    mine, its = _rows(one, "digests", begin, end), _rows(other, "digests", begin, end)
+    both = mine.any(axis=1) & its.any(axis=1)
+    differ = np.flatnonzero(both & (mine != its).any(axis=1))
+    return begin + int(differ[0]) if differ.size else None
+
+
+def _rows(frame: Content, name: str, begin: int, end: int) -> NDArray[np.uint64]:
+    first = frame["first"]
+    rows: NDArray[np.uint64] = frame[name][begin - first : end + 1 - first]
+    return rows

@@ -1,0 +1,143 @@
+"""Why is this robot waiting? The chain of causes, from one robot to the one that ends it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from automaton.engine.blocker_cycles import walk_to_cycle
+from automaton.engine.observation import (
+    CAUSE_CHARGER_QUEUE,
+    CAUSE_FAULT,
+    CAUSE_NO_ENERGY,
+    CAUSE_NOT_WAITING,
+    CAUSES,
+)
+from automaton.engine.robot_status import (
+    BATTERY_FULL,
+    STATUS_DEPLETED,
+    STATUS_FAILED,
+    STATUS_REMOVED,
+    STATUS_TOWED,
+)
+from automaton.engine.state import ACTION_NAMES, NIL
+from automaton.evidence.history.charging_words import charging, queueing_words, up_to
+from automaton.evidence.history.snapshot import Snapshot
+from automaton.floor.floor_plan import FloorPlan
+from automaton.units import count, percent
+
+
+class Link(NamedTuple):
+    """One robot of the chain."""
+
+    robot: int
+    cause: str  # name of the cause; "" for the last one, which does not wait
+    cell: tuple[int, int] | None  # the cell it waits for, as a user counts
+    blocker: int  # or NIL
+    ticks: int  # since when it waits
+    text: str
+    rule: str  # the rule behind it; "" if there is none
+
+
+class Explanation(NamedTuple):
+    """The chain; with `cycle`, its last robot waits for the one at index `cycle` of the chain."""
+
+    chain: tuple[Link, ...]
+    cycle: int  # or NIL
+
+    @property
+    def lines(self) -> list[str]:
+        """The chain in words, one line for each robot."""
+        lines = [link.text for link in self.chain]
+        if self.cycle != NIL:
+            members = [f"robot {link.robot}" for link in self.chain[self.cycle :]]
+            cycle = " -> ".join([*members, members[0]])
+            lines.append(f"a wait cycle: {cycle}; none of them can go first")
+        return lines
+
+
+def explain(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> Explanation:
+    """Why a robot waits, what keeps the one that keeps it, and so on."""
+    fleet = snapshot.robots
+    blocker = np.where(fleet.cause == CAUSE_NOT_WAITING, NIL, fleet.blocker).astype(np.int32)
+    color, index = np.zeros(len(blocker), np.int32), np.arange(len(blocker), dtype=np.int32)
+    member = int(walk_to_cycle(blocker, index, color, robot))
+    chain: list[Link] = []
+    for _ in range(np.count_nonzero(color) + (member == NIL)):  # the last one may wait for none
+        chain.append(_link(snapshot, floor_plan, robot))
+        robot = chain[-1].blocker
+    names = [link.robot for link in chain]
+    return Explanation(tuple(chain), NIL if member == NIL else names.index(member))
+
+
+def _link(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> Link:
+    fleet = snapshot.robots
+    code = int(fleet.cause[robot])
+    if code == CAUSE_NOT_WAITING:
+        return Link(robot, "", None, NIL, 0, f"robot {robot} {doing(snapshot, robot)}", "")
+    cause = CAUSES[code]
+    blocker, wanted = int(fleet.blocker[robot]), int(fleet.wanted[robot])
+    cell = None if wanted == NIL else floor_plan.xy(wanted)
+    because = cause.text.format(
+        robot=f"robot {robot}",
+        blocker="no robot" if blocker == NIL else f"robot {blocker}",
+        cell="its next cell" if cell is None else f"({cell[0]}, {cell[1]})",
+    )
+    if code == CAUSE_CHARGER_QUEUE and cell is not None:
+        because = queueing_words(snapshot, robot, f"({cell[0]}, {cell[1]})")
+    elif code in (CAUSE_NO_ENERGY, CAUSE_FAULT):
+        because = out_of_order(snapshot, robot)
+    ticks = snapshot.tick - int(fleet.since[robot])
+    since = f"has waited {ticks:,} tick{'s' if ticks != 1 else ''}"
+    return Link(
+        robot, cause.name, cell, blocker, ticks, f"robot {robot} {since}: {because}", cause.rule
+    )
+
+
+def out_of_order(snapshot: Snapshot, robot: int) -> str:
+    """What is wrong with a robot that is down, and what becomes of it; "" of others."""
+    fleet = snapshot.robots
+    status = int(fleet.status[robot])
+    status_until = int(fleet.status_until[robot])
+    left = count(status_until - snapshot.tick, "tick")
+    towing = "it is not towed" if status_until == NIL else f"it is towed in {left}"
+    if status == STATUS_DEPLETED:
+        charge = percent(float(fleet.charge[robot]) / BATTERY_FULL)
+        takes = "less than its next operation takes"
+        return f"the battery of robot {robot} holds {charge}, {takes}; {towing}"
+    if status == STATUS_FAILED:
+        return f"robot {robot} has broken down; {towing}"
+    if status == STATUS_TOWED:
+        return f"robot {robot} was towed; it is back in {left}"
+    return f"robot {robot} was towed, for good" if status == STATUS_REMOVED else ""
+
+
+def doing(snapshot: Snapshot, robot: int) -> str:
+    """What a robot that does not wait does, in words."""
+    fleet = snapshot.robots
+    if fleet.status[robot] in (STATUS_TOWED, STATUS_REMOVED):
+        return out_of_order(snapshot, robot).removeprefix(f"robot {robot} ")
+    if fleet.parked[robot]:
+        return "is parked"
+    action, busy = ACTION_NAMES[fleet.action[robot]], int(fleet.busy[robot])
+    texts = {
+        "move": "drives",
+        "turn": "turns",
+        "pick": f"picks up load {fleet.load[robot]}",
+        "drop": "drops its load",
+        "try_drop": "tries to drop its load",
+        "charge": "has charged",
+    }
+    if charging(fleet)[robot]:
+        return f"charges {up_to(snapshot, robot)}"
+    text = texts.get(action, "is about to go on")
+    slowed = fleet.slow_zone[robot] != NIL
+    if slowed:
+        text += " slowly"
+    if busy:
+        text += f" for {busy} more tick{'s' if busy != 1 else ''}"
+    if slowed:
+        held = f"zone {fleet.slow_zone[robot]} held {fleet.slow_zone_occupancy[robot]} robots"
+        text += f": {held} when this move began"
+    return text

@@ -1,0 +1,178 @@
+"""A recorded run played again from what its strategies had answered; no strategy is needed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import ClassVar
+
+import msgspec
+import numpy as np
+
+from automaton.build.resolve import Resolved
+from automaton.engine.decision_stream import REPLAY_CURSOR, REPLAY_END, repeat
+from automaton.engine.digest import DIGEST_NAMES
+from automaton.engine.state import LAYER_NAMES, Array, Memory, World
+from automaton.errors import InputError
+from automaton.evidence.history.keyframes import Keyframes
+from automaton.evidence.recording.frames import Content, StoredFrames
+from automaton.evidence.recording.header import changed, resolved_of
+from automaton.runs.simulation import Simulation
+from automaton.strategy.layer import Strategy, WaitRanges
+from automaton.strategy.lookup import NO_STRATEGY
+
+FIRST_WORDS = 4096
+
+
+class ReplayStrategy(Strategy):
+    """Decides as recorded; the playback loads the stream into its memory."""
+
+    compiled = repeat
+    layer: ClassVar[str] = ""
+
+    def __init__(self, layer: str, rules: Content, words: list[np.ndarray]) -> None:
+        super().__init__()
+        self.layer = layer  # type: ignore[misc]
+        self.period = int(rules["period"][LAYER_NAMES.index(layer)])
+        self._wait: WaitRanges = tuple(int(w) for w in rules["wait"])  # type: ignore[assignment]
+        self._words = words
+
+    def reset(self, view: World) -> Memory:
+        parameters = np.array([LAYER_NAMES.index(self.layer)], np.int64)
+        parameters.setflags(write=False)
+        own = np.zeros((len(view.robots.cell), 2), np.int64)
+        return Memory(per_robot=own, shared=self._words[0], parameters=parameters)
+
+    def wait_ranges(self) -> WaitRanges:
+        return self._wait
+
+
+def _last_digest(content: Content, tick: int, until: int) -> int:
+    """The last tick after `tick` and up to `until` of which a frame holds the digests, or `tick`."""
+    first = content["first"]
+    rows = np.flatnonzero(content["digests"][tick + 1 - first : until + 1 - first].any(axis=1))
+    return tick + 1 + int(rows[-1]) if len(rows) else tick
+
+
+class Playback:
+    """A run that can be brought to any tick of its recording, forwards and back.
+
+    `keyframes` may be shared with the run that made them. The frames may grow meanwhile.
+    """
+
+    def __init__(
+        self,
+        header: Content,
+        frames: StoredFrames,
+        keyframes: Keyframes | None = None,
+        on_observe: Callable[[Simulation], None] | None = None,
+    ) -> None:
+        self.header = header
+        self.frames = frames
+        self._on_observe = on_observe or Simulation.empty_observation
+        self._words = [np.zeros(FIRST_WORDS, np.int64)]
+        self._fault: tuple[int, str] | None = None  # tick at which it was found, and what
+        self._loaded: int | None = None  # first tick of the frame in memory
+        self.simulation = self._simulation(self.frames.rules_at(0), None)
+        world, observation = self.simulation.world, self.simulation.observation
+        self.keyframes = Keyframes(world, observation) if keyframes is None else keyframes
+
+    @property
+    def tick(self) -> int:
+        """Ticks played."""
+        return self.simulation.tick
+
+    def go_to(self, tick: int) -> None:
+        """Bring the run to a tick; the last one recorded if there are not so many."""
+        tick = min(tick, self.frames.last_tick)
+        at = self.tick
+        if tick == at:
+            return
+        nearest = self.keyframes.before(tick)
+        if tick < at or nearest > at:
+            self._rebuild_for(nearest)
+            world, observation = self.simulation.world, self.simulation.observation
+            if not self.keyframes.fits(
+                nearest, world, observation
+            ):  # it begins with zones of its own
+                self.simulation = self._simulation(self.frames.rules_at(nearest), None)
+                world, observation = self.simulation.world, self.simulation.observation
+            self.keyframes.restore(nearest, world, observation)
+            self.simulation.update_finished()
+        while self.tick < tick:
+            self._advance(tick)
+
+    def _advance(self, tick: int) -> None:
+        """Play to a tick, or to the end of the frame that is in memory."""
+        if self._fault is not None and self.tick >= self._fault[0]:
+            raise InputError(self._fault[1])
+        content = self.frames.ticks_with(self.tick + 1)
+        if content is None or content["first"] > self.tick + 1:
+            raise InputError("the recording has fewer ticks than it says: the file was altered")
+        self._rebuild_for(self.tick)
+        self._load(content)
+        last = min(tick, content["first"] + len(content["executed"]) - 1)
+        self._play(_last_digest(content, self.tick, last))
+        if self.tick >= content["first"]:
+            self._check(content["digests"][self.tick - content["first"]])
+        self._play(last)
+
+    def _play(self, tick: int) -> None:
+        self.simulation.run(until=tick)
+        if self.tick < tick:
+            self._fail(f"the run ends at tick {self.tick}, before its recording does")
+
+    def _check(self, recorded: Array) -> None:
+        """Raises InputError if the state has another digest than was recorded."""
+        if not recorded.any() or list(self.header["digest_names"]) != list(DIGEST_NAMES):
+            return
+        differs = np.flatnonzero(recorded != self.simulation.digests())
+        if len(differs):
+            self._fail(f"{DIGEST_NAMES[differs[0]]} is not as recorded after tick {self.tick}")
+
+    def _fail(self, what: str) -> None:
+        """From here on the recording tells of another run: it is not played any further."""
+        self._fault = (
+            self.tick,
+            f"played again, {what}: the recording was made by another version, or altered",
+        )
+        raise InputError(self._fault[1])
+
+    def _load(self, content: Content) -> None:
+        words = content["decisions"]
+        if content["first"] != self._loaded:
+            if len(words) > len(self._words[0]):
+                self._words[0] = np.zeros(2 * len(words), np.int64)
+                self.simulation = self._simulation(self.frames.rules_at(self.tick), self.simulation)
+            self._words[0][: len(words)] = words
+            self._loaded = content["first"]
+        for memory in self.simulation.memories:
+            if len(memory.parameters):
+                memory.per_robot[0, REPLAY_CURSOR], memory.per_robot[0, REPLAY_END] = 0, len(words)
+
+    def _rebuild_for(self, tick: int) -> None:
+        """Change the rules where the run was branched off."""
+        rules = self.frames.rules_at(tick)
+        if rules["tick"] != self._since:
+            self.simulation = self._simulation(rules, self.simulation)
+
+    def _simulation(self, rules: Content, before: Simulation | None) -> Simulation:
+        self._since = rules["tick"]
+        return Simulation(
+            self._resolved(rules),
+            self.header["seed"],
+            on_observe=self._on_observe,
+            strategies=[
+                None
+                if rules["strategies"][layer]["name"] == NO_STRATEGY
+                else ReplayStrategy(layer, rules, self._words)
+                for layer in LAYER_NAMES
+            ],
+            after=before,
+        )
+
+    def _resolved(self, rules: Content) -> Resolved:
+        """The scenario as it held; everything is seen, since only recorded decisions are given."""
+        resolved = resolved_of(changed(self.header, rules), with_strategies=False)
+        scenario = msgspec.structs.replace(resolved.scenario, information="everything")
+        return replace(resolved, scenario=scenario)

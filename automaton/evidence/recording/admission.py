@@ -1,0 +1,268 @@
+"""What a recording's file must say before anything else sees it: its header fits itself, its floor
+and the rules for scenarios, and each frame fits the header.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from automaton.build.branch_settings import CHANGEABLE
+from automaton.build.feasibility import check_energy
+from automaton.build.resolve import checked_start, choose_strategies
+from automaton.errors import InputError
+from automaton.evidence.recording.contents import (
+    CONDITIONS_ARRAYS,
+    FRAME_KIND_CONDITIONS,
+    FRAME_KIND_END,
+    FRAME_KIND_HEADER,
+    FRAME_KIND_KEYFRAME,
+    FRAME_KIND_TICKS,
+    HEADER_ARRAYS,
+    Content,
+    InvalidFrameError,
+    check_arrays,
+    check_changes,
+    check_keyframe,
+    refusal,
+)
+from automaton.evidence.recording.frames import Payload, decode, tick_of
+from automaton.evidence.recording.header import floor_plan_of
+from automaton.floor.cells import CELL_KINDS, DIRECTION_VECTORS, SHELF, STATION
+from automaton.floor.floor_plan import FloorPlan, bays_of
+from automaton.scenario.document import Document
+from automaton.scenario.floor_section import Floor, generator_type, is_shipped
+from automaton.scenario.schema import LAYER_NAMES, Scenario
+from automaton.scenario.validation import validated
+from automaton.strategy import lookup
+
+MAX_CELLS = 200_000_000
+MAX_DIGEST_INTERVAL = 64  # ticks
+DIGEST_DIGITS = 16
+
+
+class Admission:
+    """The check of one file: its header now, its other frames as they are read."""
+
+    def __init__(self, file: str, first: Payload) -> None:
+        """Raises InputError if the header cannot be."""
+        self.file = file
+        self.sizes: dict[str, int] = {}
+        try:
+            self.header = decode(FRAME_KIND_HEADER, first.data)
+            self._admit_header(self.header)
+        except InvalidFrameError as error:
+            raise refusal(error, file, 0, FRAME_KIND_HEADER, first.at) from None
+        except InputError as error:
+            raise refusal(
+                InvalidFrameError(error.message), file, 0, FRAME_KIND_HEADER, first.at
+            ) from None
+
+    def content(self, index: int, payload: Payload) -> Content:
+        """The content of a frame behind the header. Raises InputError if it cannot be."""
+        kind = payload.kind
+        try:
+            content = decode(kind, payload.data, self.sizes)
+            self._admit(kind, content)
+            check_ticks(payload, content)
+            return content
+        except InvalidFrameError as error:
+            raise refusal(error, self.file, index + 1, kind, payload.at) from None
+        except InputError as error:
+            raise refusal(
+                InvalidFrameError(error.message), self.file, index + 1, kind, payload.at
+            ) from None
+
+    def _admit(self, kind: int, content: Content) -> None:
+        if kind == FRAME_KIND_TICKS:
+            check_changes(content["changes"], self.sizes)
+        elif kind == FRAME_KIND_KEYFRAME:
+            check_keyframe(content, self.sizes)
+        elif kind == FRAME_KIND_CONDITIONS:
+            self._admit_conditions(content)
+        elif kind == FRAME_KIND_END:
+            check_digest(content["digest"])
+
+    def _admit_header(self, header: Content) -> None:
+        floor, sizes = header["floor"], self.sizes
+        width, height = floor["width"], floor["height"]
+        if not (width > 0 and height > 0 and (width + 2) * (height + 2) <= MAX_CELLS):
+            raise InvalidFrameError(f"a floor cannot have {width:,} x {height:,} cells")
+        if not 0 <= header["seed"] < 1 << 63:
+            raise InvalidFrameError(f"a seed cannot be {header['seed']}")
+        if not 1 <= header["digest_every"] <= MAX_DIGEST_INTERVAL:
+            raise InvalidFrameError(f"digests cannot be {header['digest_every']:,} ticks apart")
+        sizes |= {"rows": height + 2, "columns": width + 2, "cells": (width + 2) * (height + 2)}
+        sizes |= {"spare": header["slots"]["first_spare"], "names": len(header["digest_names"])}
+        self.scenario = scenario_of(header["scenario"])
+        header["scenario"] = msgspec.to_builtins(self.scenario)
+        check_layout(self.scenario.layout)
+        sizes["robots"] = self.scenario.fleet.robots
+        check_arrays(header, HEADER_ARRAYS, sizes)
+        self.floor_plan = floor_plan_of(floor)
+        check_plan(self.floor_plan)
+        self._check_slots(header)
+        start = checked_start(
+            Document(header["scenario"]), self.scenario, Floor(self.floor_plan, _on_floor)
+        )
+        if start != (
+            header["start"] if isinstance(header["start"], str) else tuple(header["start"])
+        ):
+            raise InvalidFrameError("robots start elsewhere than its scenario says")
+        self._check_strategies(self.scenario, header["strategies"])
+        self._check_counts(header)
+
+    def _check_slots(self, header: Content) -> None:
+        cells, spare = header["slots"]["cell"], self.sizes["spare"]
+        if not 0 <= spare <= len(cells) or not np.array_equal(
+            cells[:spare], self.floor_plan.slots()
+        ):
+            raise InvalidFrameError("its slots are not those of its floor")
+
+    def _check_counts(self, header: Content) -> None:
+        """As many orders and jobs as the scenario has, before a world is built for them."""
+        orders, jobs = counted(self.scenario, self.floor_plan)
+        for name, wanted in (("orders", orders), ("jobs", jobs)):
+            if self.sizes[name] != wanted:
+                raise InvalidFrameError(
+                    f"it has {self.sizes[name]:,} {name}, its scenario {wanted:,}"
+                )
+        coming = header["orders"].get("release_sequence")
+        arrivals = self.scenario.orders.arrivals
+        if (
+            arrivals is not None
+            and arrivals.closed_loop is not None
+            and (coming is None or not np.array_equal(np.sort(coming), np.arange(len(coming))))
+        ):
+            raise InvalidFrameError("its orders do not come one after another")
+
+    def _check_strategies(self, scenario: Scenario, recorded: Content) -> None:
+        """Strategies are recorded as the scenario names them; parameters of plug-ins are not known."""
+        given = recorded_strategies(recorded)
+        choices = {layer: getattr(scenario.strategy, layer) for layer in LAYER_NAMES}
+        for layer, choice in choices.items():
+            name = choice.get("name") if isinstance(choice, dict) else choice
+            if given[layer].name != name:
+                raise InvalidFrameError(
+                    f"strategy.{layer} is {name} here and {given[layer].name} there"
+                )
+        known = [layer for layer in LAYER_NAMES if lookup.is_built_in(layer, given[layer].name)]
+        document = Document(msgspec.to_builtins(scenario))
+        for layer, strategy in choose_strategies(
+            document, scenario, self.floor_plan, known
+        ).items():
+            if _as_stored(strategy.parameters) != given[layer].parameters:
+                raise InvalidFrameError(
+                    f"the parameters of strategy.{layer} are not those of its scenario"
+                )
+
+    def _admit_conditions(self, content: Content) -> None:
+        check_arrays(content, CONDITIONS_ARRAYS, {})
+        scenario = scenario_of(content["scenario"])
+        content["scenario"] = msgspec.to_builtins(scenario)
+        for name in Scenario.__struct_fields__:
+            same = getattr(scenario, name) == getattr(self.scenario, name)
+            if not same and (
+                name not in CHANGEABLE or not (content["tick"] or content["settings"])
+            ):
+                raise InvalidFrameError(f"{name} is not as in the header")
+        check_energy(Document(content["scenario"]), scenario, self.floor_plan)
+        self._check_strategies(scenario, content["strategies"])
+
+
+class _RecordedStrategy(msgspec.Struct, forbid_unknown_fields=True):
+    name: str
+    parameters: dict[str, Any]
+
+
+def recorded_strategies(recorded: Content) -> dict[str, _RecordedStrategy]:
+    """The recorded strategies by layer. Raises InvalidFrameError."""
+    try:
+        found = msgspec.convert(recorded, dict[str, _RecordedStrategy])
+    except msgspec.ValidationError as error:
+        raise InvalidFrameError(f"its strategies cannot be: {error}") from None
+    if tuple(found) != LAYER_NAMES:
+        raise InvalidFrameError(f"it has strategies for {', '.join(found) or 'nothing'}")
+    return found
+
+
+def _as_stored(parameters: msgspec.Struct) -> Any:
+    return msgspec.msgpack.decode(msgspec.msgpack.encode(msgspec.to_builtins(parameters)))
+
+
+def scenario_of(given: Content) -> Scenario:
+    """A recorded scenario as a struct. Raises InvalidFrameError."""
+    try:
+        return msgspec.convert(given, Scenario)
+    except msgspec.ValidationError as error:
+        raise InvalidFrameError(f"its scenario cannot be: {error}") from None
+
+
+def counted(scenario: Scenario, floor_plan: FloorPlan) -> tuple[int, int]:
+    """How many orders and how many jobs at stations a scenario has."""
+    orders = scenario.orders
+    if orders.parts is not None:
+        jobs = sum(kind.count * len(kind.route) for kind in orders.parts)
+        return jobs - sum(kind.count for kind in orders.parts), jobs
+    if orders.listed is not None:
+        return len(orders.listed), 0
+    if orders.count is not None:
+        return orders.count, 0
+    shelves = floor_plan.kind == SHELF
+    drawn = shelves & (floor_plan.loads == 1) if orders.generator == "picture-loads" else shelves
+    return int(np.count_nonzero(drawn)), 0
+
+
+def check_layout(layout: Content) -> None:
+    """A generator that comes with the program takes these parameters. Raises InputError."""
+    if is_shipped(layout):
+        parameters = {key: value for key, value in layout.items() if key != "generator"}
+        validated(Document({}), parameters, generator_type(layout["generator"]), ("layout",))
+
+
+def check_plan(floor_plan: FloorPlan) -> None:
+    """A floor that a generator may have built: no robot drives off it. Raises InvalidFrameError,
+    InputError.
+    """
+    kinds = np.array([kind.drivable for kind in CELL_KINDS])
+    drivable = kinds[floor_plan.kind]
+    inside = np.zeros_like(drivable)
+    inside[1:-1, 1:-1] = True
+    if drivable[~inside].any():
+        raise InvalidFrameError("robots can drive off its floor")
+    for direction, (x, y) in enumerate(DIRECTION_VECTORS):
+        leads = floor_plan.exits >> direction & 1 == 1
+        if (leads & ~(drivable & np.roll(drivable, (-y, -x), (0, 1)))).any():
+            raise InvalidFrameError("a cell of its floor has an exit to where no robot can stand")
+    if not np.array_equal(floor_plan.bays, bays_of(floor_plan.kind)):
+        raise InvalidFrameError("its parking bays are not those of its floor")
+    cells = drivable.reshape(-1)
+    if not all(0 <= cell < cells.size and cells[cell] for cell in floor_plan.starts):
+        raise InvalidFrameError("robots are drawn where none can stand")
+    stations = np.flatnonzero(floor_plan.kind == STATION).tolist()
+    if floor_plan.numbered and sorted(floor_plan.numbered) != stations:
+        raise InvalidFrameError("its stations are not those of its floor")
+    if (floor_plan.loads[floor_plan.kind != SHELF] != 0).any():
+        raise InvalidFrameError("a load is drawn where there is no shelf")
+
+
+def check_ticks(payload: Payload, content: Content) -> None:
+    """A frame tells of the ticks that the file says. Raises InvalidFrameError."""
+    last = tick_of(payload.kind, content)
+    first = content["first"] if payload.kind == FRAME_KIND_TICKS else payload.before + 1
+    if (first, last) != (payload.before + 1, payload.tick):
+        raise InvalidFrameError(
+            f"it tells of the ticks up to {last:,} where those up to {payload.tick:,} go"
+        )
+
+
+def check_digest(text: str) -> None:
+    """Raises InvalidFrameError for what is not a digest."""
+    if len(text) != DIGEST_DIGITS or set(text) - set("0123456789abcdef"):
+        raise InvalidFrameError("its digest is not 16 hex digits")
+
+
+def _on_floor(message: str, row: int) -> InputError:
+    return InputError(message)

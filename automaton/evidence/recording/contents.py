@@ -1,0 +1,466 @@
+"""What frames hold: type, shape and range of every value, checked before anything else sees it.
+
+Sizes are bounded before they are allocated, and arrays checked before they index anything.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Mapping
+from typing import Annotated, Any, Final, NamedTuple
+
+import msgspec
+import numpy as np
+from msgspec import UNSET, Meta, UnsetType, defstruct
+from numpy.typing import NDArray
+
+from automaton.engine.record_codes import (
+    CHANGE_DROPPED,
+    CHANGE_DURATION,
+    CHANGE_LOAD_LEFT,
+    CHANGE_ORDER_RESERVED,
+    CHANGE_PICKED,
+    CHANGE_SLOT_RESERVED,
+    CHANGE_STATUS,
+    CHANGE_ZONE,
+)
+from automaton.errors import InputError
+from automaton.floor.cells import ALL_EXITS, CELL_KINDS
+from automaton.printable import cleaned
+
+FRAME_KIND_HEADER: Final = 1  # what the run follows from
+# decisions, committed actions, changes and digests of consecutive ticks
+FRAME_KIND_TICKS: Final = 2
+FRAME_KIND_KEYFRAME: Final = 3  # the state after a tick
+FRAME_KIND_END: Final = 4  # how the run ended; a recording without it was cut short
+FRAME_KIND_CONDITIONS: Final = (
+    5  # what holds from the next tick on: at tick 0, and where a run was branched off
+)
+
+Content = dict[str, Any]
+Array = NDArray[Any]
+
+
+class Frame(NamedTuple):
+    """One frame, decoded."""
+
+    kind: int
+    content: Content
+
+
+MIB: Final = 1 << 20
+MAX_BYTES: Final = {
+    FRAME_KIND_HEADER: 96 * MIB,
+    FRAME_KIND_TICKS: 256 * MIB,
+    FRAME_KIND_KEYFRAME: 256 * MIB,
+    FRAME_KIND_END: MIB,
+}
+MAX_BYTES[FRAME_KIND_CONDITIONS] = 32 * MIB
+MAX_TEXT: Final = 24 * MIB  # bytes of a scenario
+MAX_LISTS: Final = 1_000_000  # lists and mappings in it: an empty one of a byte takes 64 in memory
+MAX_NESTING: Final = 40  # of lists and mappings within each other, as in the file of a scenario
+MAX_PLACES: Final = (
+    1_000_000  # starts and stations that are listed: a byte of each takes 8 and more
+)
+MAX_LABELS: Final = 10_000  # settings, files, versions, names of digests
+MAX_EMPTY: Final = 1 << 16  # rows or columns of an array without values, which takes no bytes
+
+FRAME_TICKS: Final = 256  # at most in a FRAME_KIND_TICKS frame
+MAX_ROWS: Final = 64  # changes of a robot in a tick
+MAX_CHANGES: Final = 4_000_000  # in a FRAME_KIND_TICKS frame
+LAST_TICK: Final = 2_000_000_000
+MAX_NUMBER: Final = 1 << 31
+
+# Routes are left out: they are the bulk of a state, and committed actions do not need them.
+KEYFRAME_ARRAYS: Final = {
+    "robots": (
+        *("cell", "claim", "heading", "travel", "action", "busy", "priority", "load", "order"),
+        *(
+            "slot",
+            "goal_type",
+            "goal_cell",
+            "charge_target",
+            "try_drop",
+            "retreat_moves",
+            "failed_retries",
+            "retry_state",
+            "parked",
+        ),
+        *("service_zone", "need", "reason", "charge", "status"),
+    ),
+    "orders": ("state", "current_slot", "reserved_by", "release_tick", "delivered", "legs"),
+    "slots": ("content", "reserved_by", "cell"),
+    "stations": ("in_service", "job_done_tick", "arrival_tick", "completion_tick"),
+    "service_zones": ("server", "queue", "next_slot", "skips_transfer", "halt"),
+}
+
+
+def _part(name: str, arrays: tuple[str, ...], *others: Any) -> type[msgspec.Struct]:
+    fields = [(array, np.ndarray) for array in arrays]
+    return defstruct(name, [*fields, *others], forbid_unknown_fields=True)
+
+
+_MAYBE = np.ndarray | UnsetType
+_Places = Annotated[tuple[int, ...], Meta(max_length=MAX_PLACES)]
+_Labels = Annotated[tuple[str, ...], Meta(max_length=MAX_LABELS)]
+_Named = Annotated[dict[str, str], Meta(max_length=MAX_LABELS)]
+_Text = Annotated[str, Meta(max_length=MAX_TEXT)]
+_FLOOR = _part(
+    "Floor",
+    ("kind", "exits", "capacity", "bays", "loads"),
+    ("width", int),
+    ("height", int),
+    ("starts", _Places),
+    ("numbered", _Places),
+)
+_ORDERS = _part(
+    "Orders",
+    ("source", "target", "release_tick"),
+    ("release_sequence", _MAYBE, UNSET),
+    ("weight", _MAYBE, UNSET),
+)
+
+
+class _Frame(msgspec.Struct, forbid_unknown_fields=True):
+    pass
+
+
+class _Header(_Frame):
+    scenario: msgspec.Raw
+    seed: int
+    strategies: msgspec.Raw
+    start: _Text | _Places
+    overrides: _Labels
+    text: _Text
+    sources: _Text
+    versions: _Named
+    digest_names: _Labels
+    digest_every: int
+    floor: _FLOOR  # type: ignore[valid-type]
+    robots: _part("Robots", ("home", "bay", "cell", "heading", "charge"))  # type: ignore[valid-type]
+    orders: _ORDERS  # type: ignore[valid-type]
+    jobs: _part("Jobs", ("processing_time", "arrival_tick"))  # type: ignore[valid-type]
+    slots: _part("Slots", ("cell",), ("first_spare", int))  # type: ignore[valid-type]
+    files: _Named | UnsetType = UNSET
+
+
+class _Conditions(_Frame):
+    tick: int
+    settings: _Labels
+    scenario: msgspec.Raw
+    strategies: msgspec.Raw
+    period: np.ndarray
+    wait: np.ndarray
+    files: _Named | UnsetType = UNSET
+
+
+class _Ticks(_Frame):
+    first: int
+    executed: np.ndarray
+    decisions: np.ndarray
+    changes: np.ndarray
+    due: np.ndarray
+    digests: np.ndarray
+
+
+class _End(_Frame):
+    ticks: int
+    finished: bool
+    digest: str
+    metrics: dict[str, int | float]
+
+
+_KEYFRAME = defstruct(
+    "Keyframe",
+    [("tick", int), *((name, _part(name, arrays)) for name, arrays in KEYFRAME_ARRAYS.items())],
+    forbid_unknown_fields=True,
+)
+
+_FRAMES: Final[dict[int, Any]] = {
+    FRAME_KIND_HEADER: _Header,
+    FRAME_KIND_TICKS: _Ticks,
+    FRAME_KIND_KEYFRAME: _KEYFRAME,
+    FRAME_KIND_END: _End,
+    FRAME_KIND_CONDITIONS: _Conditions,
+}
+
+
+class InvalidFrameError(ValueError):
+    """What a frame holds cannot be; the text says what, without the file and the frame."""
+
+
+def read_content(kind: int, payload: bytes | memoryview) -> Content:
+    """Decode a frame: types are checked, shapes and ranges not. Raises InvalidFrameError."""
+    data = inflated(payload, MAX_BYTES[kind])
+    try:
+        frame = msgspec.msgpack.decode(data, type=_FRAMES[kind], ext_hook=_array_in)
+    except msgspec.MsgspecError as error:
+        raise InvalidFrameError(f"its content cannot be read: {error}") from None
+    return _as_content(frame) if kind == FRAME_KIND_TICKS else cleaned(_as_content(frame))
+
+
+def inflated(payload: bytes | memoryview, most: int) -> bytes:
+    """Decompressed bytes, so many at most. Raises InvalidFrameError."""
+    unpacking = zlib.decompressobj()
+    try:
+        data = unpacking.decompress(payload, most + 1)
+    except zlib.error as error:
+        raise InvalidFrameError(f"its content cannot be decompressed: {error}") from None
+    if len(data) > most:
+        raise InvalidFrameError(f"its content has more than {most:,} bytes")
+    if not unpacking.eof or unpacking.unused_data:
+        raise InvalidFrameError("its content is not one compressed piece")
+    return data
+
+
+def _as_content(frame: msgspec.Struct) -> Content:
+    found: Content = {}
+    for name in frame.__struct_fields__:
+        value = getattr(frame, name)
+        if isinstance(value, msgspec.Raw):
+            found[name] = _mapping(name, bytes(value))
+        elif isinstance(value, msgspec.Struct):
+            found[name] = _as_content(value)
+        elif value is not UNSET:
+            found[name] = value
+    return found
+
+
+def _mapping(name: str, data: bytes) -> Content:
+    if len(data) > MAX_TEXT:
+        raise InvalidFrameError(f"{name} has more than {MAX_TEXT:,} bytes")
+    heads = np.frombuffer(data, np.uint8)
+    lists = np.count_nonzero((heads >> 5 == 4) | (heads >> 2 == 0xDC >> 2))
+    if lists > MAX_LISTS:
+        raise InvalidFrameError(f"{name} has more than {MAX_LISTS:,} lists and mappings")
+    try:
+        found: Content = msgspec.msgpack.decode(data, type=dict[str, Any])
+    except RecursionError:
+        raise _too_deep(name) from None
+    except (msgspec.MsgspecError, ValueError) as error:
+        raise InvalidFrameError(f"{name} cannot be read: {error}") from None
+    level: list[Any] = [found]
+    for _ in range(MAX_NESTING):
+        level = [value for part in level for value in _nested_in(part)]
+    if level:
+        raise _too_deep(name)
+    return found
+
+
+def _nested_in(holder: Any) -> list[Any]:
+    """The lists and mappings in one; of millions of numbers it is only asked whether there are any."""
+    parts = [*holder, *holder.values()] if isinstance(holder, dict) else holder
+    if _NESTING.isdisjoint(map(type, parts)):
+        return []
+    return [value for value in parts if type(value) in _NESTING]
+
+
+def _too_deep(name: str) -> InvalidFrameError:
+    return InvalidFrameError(f"{name} is nested more than {MAX_NESTING} levels deep")
+
+
+_NESTING: Final = frozenset((dict, list, tuple))  # types that msgpack nests
+ARRAY_CODE: Final = 1  # msgpack extension: (dtype, shape, bytes)
+_DTYPES: Final = {
+    np.dtype(kind).newbyteorder("<").str: np.dtype(kind).newbyteorder("<")
+    for kind in ("u1", "i2", "u2", "i4", "i8", "u8")
+}
+_DESCRIBED = msgspec.msgpack.Decoder(tuple[str, tuple[int, ...], memoryview])
+
+
+def array_out(value: Any) -> Any:
+    """An array, or a number of NumPy, as msgpack stores it."""
+    if isinstance(value, np.generic):
+        return value.item()
+    little = np.ascontiguousarray(value, value.dtype.newbyteorder("<"))
+    described = (little.dtype.str, little.shape, little.tobytes())
+    return msgspec.msgpack.Ext(ARRAY_CODE, msgspec.msgpack.encode(described))
+
+
+def _array_in(code: int, data: memoryview) -> Array:
+    if code != ARRAY_CODE:
+        raise InvalidFrameError(f"it has an unknown extension {code}")
+    try:
+        name, shape, content = _DESCRIBED.decode(data)
+    except msgspec.MsgspecError as error:
+        raise InvalidFrameError(f"an array of it cannot be read: {error}") from None
+    dtype = _DTYPES.get(name)
+    if dtype is None:
+        raise InvalidFrameError(f"an array of it has the type {name[:20]!r}")
+    count = 1
+    for extent in shape:
+        if not 0 <= extent < MAX_NUMBER:
+            raise InvalidFrameError(f"an array of it has an extent of {extent}")
+        count *= extent
+    if not count and max(shape) > MAX_EMPTY:
+        raise InvalidFrameError(f"an array of it has no values and an extent of {max(shape):,}")
+    if len(shape) > 2 or count * dtype.itemsize != len(content):
+        raise InvalidFrameError("an array of it has another size than its shape says")
+    array: Array = np.frombuffer(content, dtype).reshape(shape)
+    return array
+
+
+class Range(NamedTuple):
+    """What an array must be; a text among shape and bounds names a size."""
+
+    dtype: str
+    shape: tuple[str | int, ...]  # a size that is not known yet is the one found
+    least: int
+    below: str | int
+
+
+# Those that others are measured by come first.
+HEADER_ARRAYS: Final = {
+    "floor.kind": Range("u1", ("rows", "columns"), 0, len(CELL_KINDS)),
+    "floor.exits": Range("u1", ("rows", "columns"), 0, ALL_EXITS + 1),
+    "floor.capacity": Range("u1", ("rows", "columns"), 0, 3),
+    "floor.loads": Range("u1", ("rows", "columns"), 0, 2),
+    "floor.bays": Range("i4", ("bays", 2), 0, "cells"),
+    "robots.home": Range("i4", ("robots",), 0, "cells"),
+    "robots.bay": Range("i4", ("robots",), -1, "cells"),
+    "robots.cell": Range("i4", ("robots",), -1, "cells"),
+    "robots.heading": Range("u1", ("robots",), 0, 4),
+    "robots.charge": Range("i4", ("robots",), 0, 1_000_001),
+    "slots.cell": Range("i4", ("slots",), -1, "cells"),
+    "orders.source": Range("i4", ("orders",), 0, "spare"),
+    "orders.target": Range("i4", ("orders",), 0, "spare"),
+    "orders.release_tick": Range("i4", ("orders",), 0, MAX_NUMBER),
+    "orders.release_sequence": Range("i4", ("orders",), -1, "orders"),
+    "orders.weight": Range("i4", ("orders",), 0, MAX_NUMBER),
+    "jobs.processing_time": Range("i4", ("jobs",), 0, MAX_NUMBER),
+    "jobs.arrival_tick": Range("i4", ("jobs",), -1, MAX_NUMBER),
+}
+CONDITIONS_ARRAYS: Final = {
+    "period": Range("i4", (5,), 0, MAX_NUMBER),
+    "wait": Range("i4", (5,), 1, 10_001),
+}
+# Only the validator reads states, as numbers; `verify` compares them with the run made again.
+STATE_SIZES: Final = {"robots": "robots", "orders": "orders", "slots": "slots"}
+
+
+def check_arrays(content: Content, wanted: Mapping[str, Range], sizes: dict[str, int]) -> None:
+    """Check arrays by dotted names; enter sizes not known yet. Raises InvalidFrameError."""
+    for name, (dtype, shape, least, below) in wanted.items():
+        *path, last = name.split(".")
+        part = content
+        for key in path:
+            part = part[key]
+        if last not in part:
+            continue
+        array = part[last]
+        if array.dtype != np.dtype(dtype):
+            raise InvalidFrameError(f"{name} has the type {array.dtype}, not {np.dtype(dtype)}")
+        _check_shape(name, array, shape, sizes)
+        most = sizes[below] if isinstance(below, str) else below
+        if array.size and not (int(array.min()) >= least and int(array.max()) < most):
+            found = int(array.min()) if int(array.min()) < least else int(array.max())
+            raise InvalidFrameError(
+                f"{name} has the value {found}; {least} to {most - 1} are possible"
+            )
+
+
+def _check_shape(
+    name: str, array: Array, shape: tuple[str | int, ...], sizes: dict[str, int]
+) -> None:
+    if array.ndim != len(shape):
+        raise InvalidFrameError(f"{name} has {array.ndim} dimensions, not {len(shape)}")
+    for extent, size in zip(array.shape, shape, strict=True):
+        expected = sizes.setdefault(size, extent) if isinstance(size, str) else size
+        if extent != expected:
+            raise InvalidFrameError(
+                f"{name} has {extent:,} rows or columns where there are {expected:,}"
+            )
+
+
+def check_keyframe(content: Content, sizes: dict[str, int]) -> None:
+    """Check the shapes of a state. Raises InvalidFrameError."""
+    for part, arrays in KEYFRAME_ARRAYS.items():
+        for name in arrays:
+            array = content[part][name]
+            if array.ndim != 1:
+                raise InvalidFrameError(f"{part}.{name} has {array.ndim} dimensions, not 1")
+            if part in STATE_SIZES and len(array) != sizes[STATE_SIZES[part]]:
+                text = f"{len(array):,} {part} where there are {sizes[STATE_SIZES[part]]:,}"
+                raise InvalidFrameError(f"{part}.{name} tells of {text}")
+
+
+def unpacked_ticks(content: Content, known: Mapping[str, int]) -> Content:
+    """FRAME_KIND_TICKS as they are used: a row for each tick.
+
+    `known`: how many robots and names of digests there are, where that is known. Raises
+    InvalidFrameError if parts do not fit it or each other.
+    """
+    ticks = content["executed"].shape[1] if content["executed"].ndim == 2 else 0
+    sizes = {**known, "ticks": ticks}
+    if not 0 < ticks <= FRAME_TICKS or not 0 < content["first"] <= LAST_TICK:
+        raise InvalidFrameError(f"it tells of {ticks} ticks from tick {content['first']} on")
+    most = MAX_ROWS * (len(content["executed"]) + 1)  # in a tick
+    if content["changes"].ndim == 2 and content["changes"].shape[1] > min(
+        MAX_CHANGES, most * ticks
+    ):
+        raise InvalidFrameError(f"it tells of more than {min(MAX_CHANGES, most * ticks):,} changes")
+    check_arrays(
+        content,
+        {
+            "executed": Range("u1", ("robots", "ticks"), 0, 256),
+            "decisions": Range("i8", ("words",), -(1 << 63), 1 << 63),
+            "changes": Range("i4", (4, "changes"), -MAX_NUMBER, MAX_NUMBER),
+            "due": Range("i4", ("due",), 0, "ticks"),
+            "digests": Range("u8", ("names", "due"), 0, 1 << 64),
+        },
+        sizes,
+    )
+    due, changes = content["due"], content["changes"].T.astype(np.int64)
+    if (np.diff(due) <= 0).any():
+        raise InvalidFrameError("digests are not in the sequence of their ticks")
+    if len(changes) and (
+        (np.diff(changes[:, 0]) < 0).any() or changes[0, 0] < 0 or changes[-1, 0] >= ticks
+    ):
+        raise InvalidFrameError("changes are not in the sequence of its ticks")
+    if np.bincount(changes[:, 0], minlength=1).max() > most:
+        raise InvalidFrameError(f"it tells of more than {most:,} changes in a tick")
+    changes[:, 0] += content["first"]
+    digests = np.zeros((ticks, len(content["digests"])), np.uint64)
+    digests[due] = np.bitwise_xor.accumulate(content["digests"].T, axis=0)
+    return {
+        "first": content["first"],
+        "executed": np.ascontiguousarray(content["executed"].T),
+        "decisions": content["decisions"],
+        "changes": changes,
+        "digests": digests,
+    }
+
+
+def check_changes(changes: Array, sizes: Mapping[str, int]) -> None:
+    """Changes name robots, orders and slots that there are. Raises InvalidFrameError."""
+    robots, orders, slots = (sizes[name] for name in ("robots", "orders", "slots"))
+    limits = {
+        CHANGE_ORDER_RESERVED: (orders, -1, robots),
+        CHANGE_SLOT_RESERVED: (slots, -1, robots),
+        CHANGE_DURATION: (robots, 0, MAX_NUMBER),
+        CHANGE_PICKED: (robots, 0, orders),
+        CHANGE_DROPPED: (robots, 0, slots),
+        CHANGE_ZONE: (robots, -1, MAX_NUMBER),
+        CHANGE_LOAD_LEFT: (robots, 0, slots),
+        CHANGE_STATUS: (robots, 0, 7),
+    }
+    table = np.array([limits.get(code, (0, 0, 0)) for code in range(max(limits) + 1)], np.int64)
+    code, subject, value = changes[:, 1:].T
+    known = (code > 0) & (code < len(table))
+    subjects, least, values = table[np.where(known, code, 0)].T
+    wrong = ~known | (subject < 0) | (subject >= subjects) | (value < least) | (value >= values)
+    if wrong.any():
+        tick, *row = changes[int(wrong.argmax())].tolist()
+        raise InvalidFrameError(f"in tick {tick} it tells of a change that cannot be: {row}")
+
+
+def refusal(error: InvalidFrameError, file: str, number: int, kind: int, at: int) -> InputError:
+    """The sentence about a frame that cannot be."""
+    name = {
+        FRAME_KIND_HEADER: "the header",
+        FRAME_KIND_TICKS: "ticks",
+        FRAME_KIND_KEYFRAME: "a state",
+        FRAME_KIND_END: "the end",
+    }.get(kind, "conditions")
+    text = " ".join(str(error).split())
+    return InputError(f"damaged or altered: frame {number} at byte {at:,} ({name}): {text}", file)

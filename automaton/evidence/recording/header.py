@@ -1,0 +1,147 @@
+"""The header of a recording: what a run follows from, and what a validator has to know of it.
+
+Nothing in it needs the scenario's file, the generator of its floor, or Numba to be read again.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from automaton.build.resolve import Resolved, StrategyChoice
+from automaton.errors import InputError
+from automaton.evidence.recording.contents import Content
+from automaton.floor.floor_plan import FloorPlan
+from automaton.runs.provenance import file_hashes, recorded_files, source_hash, versions
+from automaton.scenario.schema import LAYER_NAMES, Scenario
+from automaton.strategy import lookup
+from automaton.strategy.entry import AsRecorded
+
+FLOOR_ARRAYS = ("kind", "exits", "capacity", "bays", "loads")
+
+
+def header_of(resolved: Resolved, seed: int, world: Any, digest_names: tuple[str, ...]) -> Content:
+    """The header of a run; `world` is its state at tick 0 with robots stored by identity."""
+    floor_plan, robots = resolved.floor_plan, world.robots
+    closed = resolved.scenario.orders.in_system
+    weighs = bool((world.orders.weight != 1).any())
+    plugins = tuple(choice.name for choice in resolved.strategies.values() if ":" in choice.name)
+    return {
+        "scenario": msgspec.to_builtins(resolved.scenario),
+        "seed": seed,
+        "strategies": _strategies(resolved),
+        "start": resolved.start,
+        "overrides": resolved.overrides,
+        "text": resolved.source,
+        "sources": source_hash(plugins),
+        **recorded_files(resolved),
+        "versions": versions(),
+        "digest_names": digest_names,
+        "floor": {
+            "width": floor_plan.width,
+            "height": floor_plan.height,
+            "starts": floor_plan.starts,
+            "numbered": floor_plan.numbered,
+            **{name: getattr(floor_plan, name) for name in FLOOR_ARRAYS},
+        },
+        "robots": {
+            name: getattr(robots, name).copy()
+            for name in ("home", "bay", "cell", "heading", "charge")
+        },
+        "orders": {
+            name: getattr(world.orders, name).copy()
+            for name in (
+                *("source", "target", "release_tick"),
+                *(["release_sequence"] if closed else []),
+                *(["weight"] if weighs else []),
+            )
+        },
+        "jobs": {
+            name: getattr(world.stations, name).copy()
+            for name in ("processing_time", "arrival_tick")
+        },
+        "slots": {"cell": world.slots.cell.copy(), "first_spare": world.slots.first_spare},
+    }
+
+
+def rules_of(simulation: Any, settings: tuple[str, ...] = ()) -> Content:
+    """What holds after the current tick of a simulation; `settings` were changed here."""
+    resolved, rules = simulation.resolved, simulation.world.rules
+    return {
+        "tick": simulation.tick,
+        "settings": settings,
+        "scenario": msgspec.to_builtins(resolved.scenario),
+        "strategies": _strategies(resolved),
+        **file_hashes(resolved),
+        "period": rules.period.copy(),
+        "wait": rules.wait.copy(),
+    }
+
+
+def _strategies(resolved: Resolved) -> Content:
+    return {
+        layer: {"name": choice.name, "parameters": msgspec.to_builtins(choice.parameters)}
+        for layer, choice in resolved.strategies.items()
+    }
+
+
+def changed(header: Content, rules: Content) -> Content:
+    """The header with the scenario and the strategies that hold after a CONDITIONS frame."""
+    return {**header, "scenario": rules["scenario"], "strategies": rules["strategies"]}
+
+
+def resolved_of(header: Content, with_strategies: bool = True) -> Resolved:
+    """The scenario of a recording, ready to run again.
+
+    Raises InputError when a strategy is not installed here or takes other parameters now. Without
+    its strategies, which a replay does not need, plug-ins keep their parameters as recorded.
+    """
+    start = header["start"]
+    return Resolved(
+        scenario=msgspec.convert(header["scenario"], Scenario),
+        floor_plan=floor_plan_of(header["floor"]),
+        strategies={
+            layer: _strategy_choice(layer, **given)
+            if with_strategies or lookup.is_built_in(layer, given["name"])
+            else StrategyChoice(given["name"], AsRecorded(given["parameters"]))
+            for layer, given in ((layer, header["strategies"][layer]) for layer in LAYER_NAMES)
+        },
+        start=start if isinstance(start, str) else tuple(start),  # type: ignore[arg-type]
+        source=header["text"],
+        overrides=tuple(header["overrides"]),
+    )
+
+
+def floor_plan_of(floor: Content) -> FloorPlan:
+    """The floor that a header tells of."""
+    return FloorPlan(
+        width=floor["width"],
+        height=floor["height"],
+        starts=tuple(floor["starts"]),
+        numbered=tuple(floor["numbered"]),
+        **{name: floor[name] for name in FLOOR_ARRAYS},
+    )
+
+
+def _strategy_choice(layer: str, name: str, parameters: Content) -> StrategyChoice:
+    wanted = lookup.parameters_type(layer, name)
+    try:
+        return StrategyChoice(name, msgspec.convert(parameters, wanted))
+    except msgspec.ValidationError as error:
+        raise InputError(
+            f"the recorded parameters of the {layer} strategy {name!r} do not fit it now: {error}"
+        ) from None
+
+
+def state_of(world: Any, names: dict[str, tuple[str, ...]]) -> Content:
+    """Copies of arrays of a world, robots by identity: {"robots": {"cell": ...}, ...}."""
+    state: Content = {}
+    for part, fields in names.items():
+        arrays = {name: getattr(getattr(world, part), name) for name in fields}
+        if part == "robots":
+            by_identity = world.robots.at_index
+            arrays = {name: array[by_identity] for name, array in arrays.items()}
+        state[part] = {name: np.array(array) for name, array in arrays.items()}
+    return state

@@ -1,0 +1,1 @@
+"""The independent validator, and recordings run again and compared."""

@@ -1,0 +1,202 @@
+"""The rules of batteries and faults, checked on committed actions: charges worked out a second time.
+
+What a robot does is paid when it begins, in ten-thousandths of a percent; waiting and standing are
+paid as long as there is something left. A robot that is down does nothing until it is towed, which
+happens exactly when the scenario says so, and comes back with the charge that it says.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from automaton.engine.record_codes import (
+    ACTION_MASK,
+    CHANGE_DURATION,
+    CHANGE_LOAD_LEFT,
+    CHANGE_STATUS,
+    ENTERED_PARKING_BAY,
+    EXECUTED_BLOCKED,
+    EXECUTED_CHARGE,
+    EXECUTED_DROP,
+    EXECUTED_ILLEGAL,
+    EXECUTED_PICK,
+    EXECUTED_RETREAT,
+    EXECUTED_TRY_DROP,
+    EXECUTED_WAIT,
+    MOVE_EAST,
+    MOVE_NORTH,
+    TURN_LEFT,
+    TURN_RIGHT,
+)
+from automaton.evidence.verification.motion_rules import Acts, Complaint, Motion
+from automaton.evidence.verification.move_time_rules import NIL
+from automaton.floor.cells import CHARGER
+
+BATTERY_FULL: Final = 1_000_000
+# statuses as they are recorded
+STATUS_UP, STATUS_DEPLETED, STATUS_FAILED, STATUS_TOWED, STATUS_REMOVED = 0, 3, 4, 5, 6
+OPERATION_BY_CODE: Final = {
+    **dict.fromkeys(range(MOVE_EAST, MOVE_NORTH + 1), "move"),
+    TURN_LEFT: "turn",
+    TURN_RIGHT: "turn",
+    EXECUTED_PICK: "pick",
+    EXECUTED_DROP: "drop",
+    EXECUTED_TRY_DROP: "try_drop",
+}
+WAIT_CODES: Final = (EXECUTED_WAIT, EXECUTED_BLOCKED, EXECUTED_RETREAT, EXECUTED_ILLEGAL)
+
+Rows = list[list[int]]  # (tick, code, subject, value)
+
+
+def units(percent: float) -> int:
+    """Percent of a battery in units of charge."""
+    return round(percent * BATTERY_FULL / 100)
+
+
+class Energy:
+    """The charge and the status of each robot."""
+
+    def __init__(self, header: dict[str, Any], motion: Motion, report_violation: Complaint) -> None:
+        self.motion = motion
+        self.report_violation = report_violation
+        self.charge: list[int] = header["robots"]["charge"].tolist()
+        self.status = [STATUS_UP] * len(self.charge)
+        self.since = [0] * len(self.charge)  # tick in which a robot got its status
+        self.apply_rules(header["scenario"])
+
+    def apply_rules(self, scenario: dict[str, Any]) -> None:
+        """Take over what a scenario says of batteries and faults."""
+        self.battery = scenario.get("battery")
+        self.faults = scenario["faults"]
+        self.duration = scenario["durations"]
+        if self.battery is None:
+            return
+        drain = self.battery["drain"]
+        self.rates = {
+            name: (units(rate), units(rate * drain["loaded_factor"]))
+            for name, rate in drain.items()
+            if name != "loaded_factor"
+        }
+        given = self.battery["charge_rate"]
+        curve = given if isinstance(given, list | tuple) else ((0, given),)
+        self.curve = [(units(since), units(rate)) for since, rate in curve]
+
+    def spend(self, tick: int, acts: Acts, rows: Rows, load: list[int]) -> None:
+        """Pay for what begins in a tick, as loads are before it."""
+        for r, did in acts:
+            if self.status[r] != STATUS_UP and did & ACTION_MASK:
+                text = "does something although it is down"
+                self.report_violation(tick, "energy", [r], self.motion.cell[r], text)
+        if self.battery is None:
+            return
+        lengths = {row[2]: row[3] for row in rows if row[1] == CHANGE_DURATION}
+        for r, did in acts:
+            code, loaded = did & ACTION_MASK, int(load[r] != NIL)
+            if code in OPERATION_BY_CODE:
+                name = OPERATION_BY_CODE[code]
+                usual = max(1, self.duration[name])
+                ticks = lengths.get(r, self.motion.pace.usual_of(r) if name == "move" else usual)
+                self._operate(tick, r, name, ticks * self.rates[name][loaded])
+            elif code in WAIT_CODES:
+                self._stand(r, lengths.get(r, 1) * self.rates["wait"][loaded])
+            elif code == EXECUTED_CHARGE:
+                self._take_in(tick, r)
+        if any(self.rates["wait"]):
+            busy = {r for r, did in acts if did & (ACTION_MASK | ENTERED_PARKING_BAY)}
+            for r, cell in enumerate(self.motion.cell):
+                free = self.motion.free[r] <= tick and self.status[r] == STATUS_UP
+                if cell != NIL and free and r not in busy:
+                    self._stand(r, self.rates["wait"][int(load[r] != NIL)])
+
+    def _operate(self, tick: int, r: int, name: str, price: int) -> None:
+        if price > self.charge[r]:
+            text = f"begins a {name} that takes {price} units of charge and has {self.charge[r]}"
+            self.report_violation(tick, "energy", [r], self.motion.cell[r], text)
+        self.charge[r] -= min(price, self.charge[r])
+
+    def _stand(self, r: int, price: int) -> None:
+        self.charge[r] -= min(price, self.charge[r])
+
+    def _take_in(self, tick: int, r: int) -> None:
+        cell = self.motion.cell[r]
+        if cell == NIL or self.motion.kind[cell] != CHARGER:
+            self.report_violation(tick, "energy", [r], cell, "charges where there is no charger")
+        rate = max(step for step in self.curve if step[0] <= self.charge[r])[1]
+        self.charge[r] += min(rate, BATTERY_FULL - self.charge[r])
+
+    def become(self, tick: int, r: int, status: int) -> None:
+        """A robot goes down, is towed, or comes back."""
+        before, since = self.status[r], self.since[r]
+        cell = self.motion.cell[r]
+        if status in (STATUS_DEPLETED, STATUS_FAILED):
+            self._check_fault(tick, r, status, before)
+            self.motion.parked[r] = cell == NIL
+            self.motion.unsure.discard(r)
+        elif status in (STATUS_TOWED, STATUS_REMOVED):
+            wait = self.faults["tow_after"]
+            in_bay = cell == NIL
+            if before not in (STATUS_DEPLETED, STATUS_FAILED) or not (
+                in_bay or tick - since == wait
+            ):
+                self.report_violation(
+                    tick, "energy", [r], cell, "is towed at another time than it must be"
+                )
+            if (status == STATUS_REMOVED) != (self.faults["repair_time"] is None):
+                self.report_violation(
+                    tick, "energy", [r], cell, "is gone, or comes back, against the rules"
+                )
+            if status == STATUS_TOWED and self.battery is not None:
+                self._mend(r, before == STATUS_DEPLETED, units(self.battery["reserve"]))
+            self.motion.tow(r)
+        elif before != STATUS_TOWED or tick - since != self.faults["repair_time"]:
+            self.report_violation(
+                tick, "energy", [r], cell, "comes back at another time than it must"
+            )
+        self.status[r], self.since[r] = status, tick
+
+    def _mend(self, r: int, ran_empty: bool, reserve: int) -> None:
+        """The charge with which a towed robot comes back."""
+        given = self.faults["charge"]
+        if given != "kept":
+            self.charge[r] = units(given)
+        elif ran_empty:
+            self.charge[r] = max(self.charge[r], reserve)
+
+    def _check_fault(self, tick: int, r: int, status: int, before: int) -> None:
+        cell = self.motion.cell[r]
+        if before != STATUS_UP:
+            self.report_violation(tick, "energy", [r], cell, "goes down although it is already")
+        if status == STATUS_DEPLETED:
+            if self.charge[r] and self.charge[r] >= self._dearest():
+                text = f"is out of energy with {self.charge[r]} units of charge"
+                self.report_violation(tick, "energy", [r], cell, text)
+        elif not self.faults["failure_probability"]:
+            due = [f["at"] for f in self.faults["list"] if f["robot"] == r and f["at"] <= tick]
+            if not due:
+                self.report_violation(
+                    tick, "energy", [r], cell, "breaks down although nothing says so"
+                )
+
+    def _dearest(self) -> int:
+        """Units that the dearest operation takes; a move in a slow zone lasts many times longer."""
+        if self.battery is None:
+            return 0
+        around = 1 if self.motion.pace.usual else len(self.charge) + 1
+        slowest = max(self.motion.types.move_time_factor)
+        longer = self.duration["handling_jitter"]  # of a pick or a drop
+        prices = [
+            max(rates) * (max(1, self.duration.get(n, 1)) * slowest + longer)
+            for n, rates in self.rates.items()
+        ]
+        dearest: int = max(prices) * around
+        return dearest
+
+
+def parted_faults(rows: Rows) -> tuple[Rows, Rows]:
+    """The changes of a tick: robots that go down, are towed or come back, then the others."""
+    told = [k for k, row in enumerate(rows) if row[1] in (CHANGE_STATUS, CHANGE_LOAD_LEFT)]
+    if not told:
+        return [], rows
+    # The order of a load that was left is given back right after it.
+    first = told[-1] + (2 if rows[told[-1]][1] == CHANGE_LOAD_LEFT else 1)
+    return rows[:first], rows[first:]

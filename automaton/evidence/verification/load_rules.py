@@ -1,0 +1,371 @@
+"""The rules of loads, checked on committed actions: conservation, and reservations one at a time.
+
+Every order is in exactly one place: on a slot, or on a robot. It is taken only by the robot that
+reserved it, from a slot beside that robot; it is dropped only on an empty shelf that the robot
+reserved, or where it has to go in the end. Racks are reached from above and below only.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from automaton.engine.record_codes import (
+    ACTION_MASK,
+    CHANGE_DROPPED,
+    CHANGE_DURATION,
+    CHANGE_LOAD_LEFT,
+    CHANGE_ORDER_RESERVED,
+    CHANGE_PICKED,
+    CHANGE_SLOT_RESERVED,
+    CHANGE_STATUS,
+    CHANGE_ZONE,
+    DROPPED_ON_ARRIVAL,
+    ENTERED_PARKING_BAY,
+    EXECUTED_DROP,
+    EXECUTED_PICK,
+    EXECUTED_TRY_DROP,
+    EXECUTED_WAIT,
+    MOVE_NORTH,
+    PICKED_ON_ARRIVAL,
+)
+from automaton.evidence.verification.motion_rules import Acts, Complaint, Motion
+from automaton.evidence.verification.move_time_rules import NIL
+from automaton.evidence.verification.station_rules import Work
+from automaton.floor.cells import CELL_KINDS, RACK, STATION
+
+ORDER_WAITING: Final = 0  # states of an order
+ORDER_CARRIED: Final = 1
+ORDER_DELIVERED: Final = 2
+ORDER_UNRELEASED: Final = 3
+STATUS_REMOVED: Final = 6  # the last status of a robot
+
+Rows = list[list[int]]  # (tick, code, subject, value)
+
+# Handling on arrival: the flag, what it is like, and the duration that has to be 0.
+ON_ARRIVAL: Final = (
+    (PICKED_ON_ARRIVAL, EXECUTED_PICK, "pick"),
+    (DROPPED_ON_ARRIVAL, EXECUTED_DROP, "drop"),
+)
+
+
+def parted(rows: Rows, acts: Acts) -> tuple[Rows, Rows]:
+    """The changes before the moves of a tick have ended, and those of robots that arrive."""
+    arriving = {r for r, did in acts if did & (PICKED_ON_ARRIVAL | DROPPED_ON_ARRIVAL)}
+    for at, (_, code, subject, _) in enumerate(rows if arriving else ()):
+        if code in (CHANGE_PICKED, CHANGE_DROPPED) and subject in arriving:
+            # How long moves and waits take is told in between.
+            lengths = [row for row in rows[at:] if row[1] == CHANGE_DURATION]
+            return rows[:at] + lengths, [row for row in rows[at:] if row[1] != CHANGE_DURATION]
+    return rows, []
+
+
+class Loads:
+    """Where all orders are and what is reserved, replayed from the committed changes."""
+
+    def __init__(self, header: dict[str, Any], motion: Motion, report_violation: Complaint) -> None:
+        self.motion = motion
+        self.report_violation = report_violation
+        self.slot_cell: list[int] = header["slots"]["cell"].tolist()
+        self.spare: int = header["slots"][
+            "first_spare"
+        ]  # the first slot for loads that robots left
+        spares = len(self.slot_cell) - self.spare
+        kinds = [CELL_KINDS[motion.kind[cell]] for cell in self.slot_cell[: self.spare]]
+        none = [False] * spares
+        self.rack = [kind.code == RACK for kind in kinds] + none
+        self.dock = [kind.is_source and not kind.is_sink for kind in kinds] + none
+        self.station = [kind.code == STATION for kind in kinds] + none
+        self.endless = [kind.is_sink or kind.is_source for kind in kinds] + [True] * spares
+        self.target: list[int] = header["orders"]["target"].tolist()
+        weights = header["orders"].get("weight")
+        self.weight = [1] * len(self.target) if weights is None else weights.tolist()
+        self.place: list[int] = header["orders"]["source"].tolist()
+        released = header["orders"]["release_tick"].tolist()
+        self.state = [ORDER_UNRELEASED if tick else ORDER_WAITING for tick in released]
+        self.work = Work(header)
+        coming = sorted(range(len(released)), key=released.__getitem__, reverse=True)
+        timed = [order for order in coming if released[order] and order not in self.work.ends]
+        self._coming = [(released[order], order) for order in timed]
+        arrivals = header["scenario"]["orders"].get("arrivals") or {}
+        self._in_system: int = (arrivals.get("closed_loop") or {}).get("in_system", 0)
+        if self._in_system:
+            later = header["orders"]["release_sequence"].tolist()[self._in_system :]
+            self._coming = [(0, order) for order in reversed(later)]
+            for order in later:
+                self.state[order] = ORDER_UNRELEASED
+        self.by = [NIL] * len(self.place)
+        self.content = [NIL] * len(self.slot_cell)
+        self.reserved = [NIL] * len(self.slot_cell)
+        self.load = [NIL] * len(motion.home)
+        self.order = [NIL] * len(motion.home)  # reserved or carried by each robot
+        self.slot = [NIL] * len(motion.home)  # shelf reserved by each robot
+        self.undelivered = len(self.place)
+        self._lengths: dict[int, int] = {}  # recorded durations of this tick
+        self._arriving = False
+        for order, (start, end) in self.work.ends.items():
+            ends = self.slot_cell[self.place[order]], self.slot_cell[self.target[order]]
+            if ends != (start, end):
+                report_violation(0, "part", [], start, f"order {order} is not the way of its part")
+        for order, slot in enumerate(self.place):
+            if self.dock[slot] or self.station[slot]:
+                continue
+            if not kinds[slot].slot or self.endless[slot]:
+                report_violation(
+                    0, "load", [], self.slot_cell[slot], f"order {order} starts on no shelf"
+                )
+            if self.content[slot] != NIL:
+                report_violation(
+                    0, "load", [], self.slot_cell[slot], "two loads start on one shelf"
+                )
+            self.content[slot] = order
+
+    def release(self, tick: int) -> None:
+        """Orders are released: in their ticks, or one for each that was delivered before this tick."""
+        while self._coming and self._coming[-1][0] <= tick:
+            # Known and not delivered are all but those to come, of those that are left.
+            if self._in_system and self.undelivered - len(self._coming) >= self._in_system:
+                break
+            self.state[self._coming.pop()[1]] = ORDER_WAITING
+        for order in self.work.begin(tick):
+            self.state[order] = ORDER_WAITING
+
+    def leave(self, tick: int, r: int, slot: int) -> None:
+        """A robot that goes down leaves its load in a spare slot in its cell."""
+        order, cell = self.load[r], self.motion.cell[r]
+        if order == NIL or slot < self.spare or self.slot_cell[slot] != NIL:
+            self.report_violation(
+                tick, "load", [r], cell, "leaves no load, or in a slot that is not a spare one"
+            )
+            return
+        self.load[r], self.place[order], self.state[order] = NIL, slot, ORDER_WAITING
+        self.slot_cell[slot], self.content[slot], self.endless[slot] = cell, order, False
+
+    def apply(self, tick: int, rows: Rows, acts: Acts) -> dict[int, int]:
+        """Carry out the changes of a tick in their order; returns lengths of waits and charging."""
+        lengths: dict[int, int] = {}
+        self._lengths, self._arriving = lengths, False
+        if not rows and not any(did & ACTION_MASK >= EXECUTED_PICK for _, did in acts):
+            return lengths
+        did = {r: code & ACTION_MASK for r, code in acts}
+        handled: set[int] = set()
+        for _, code, subject, value in rows:
+            if not self.exists(code, subject, value):
+                self.report_violation(
+                    tick, "record", [], NIL, f"no such change: {code} {subject} {value}"
+                )
+            elif code == CHANGE_DURATION:
+                lengths[subject] = value
+                self._check_length(tick, subject, value, did.get(subject, 0))
+            else:
+                self._change(tick, code, subject, value, did)
+                handled |= {subject} if code in (CHANGE_PICKED, CHANGE_DROPPED) else set()
+        self._check_acts(tick, did, lengths, handled)
+        return lengths
+
+    def arrive(self, tick: int, rows: Rows, acts: Acts) -> None:
+        """Carry out what robots do with their loads as they arrive, at the end of a tick."""
+        did: dict[int, int] = {}
+        self._arriving = True
+        for r, code in acts:
+            for flag, action, name in ON_ARRIVAL:
+                if code & flag:
+                    did[r] = action
+                    self._check_arrival(tick, r, name)
+        handled: set[int] = set()
+        for _, code, subject, value in rows:
+            if self.exists(code, subject, value):
+                self._change(tick, code, subject, value, did)
+                handled |= {subject} if code in (CHANGE_PICKED, CHANGE_DROPPED) else set()
+            else:
+                self.report_violation(
+                    tick, "record", [], NIL, f"no such change: {code} {subject} {value}"
+                )
+        self._check_acts(tick, did, {}, handled)
+
+    def _change(self, tick: int, code: int, subject: int, value: int, did: dict[int, int]) -> None:
+        if code == CHANGE_ORDER_RESERVED:
+            self._reserve_order(tick, subject, value)
+        elif code == CHANGE_SLOT_RESERVED:
+            self._reserve_slot(tick, subject, value)
+        elif code == CHANGE_PICKED:
+            self._pick(tick, subject, value, did.get(subject, 0))
+        elif code == CHANGE_DROPPED:
+            self._drop(tick, subject, value, did.get(subject, 0))
+
+    def _check_arrival(self, tick: int, r: int, name: str) -> None:
+        cell = self.motion.cell[r]
+        if self.motion.given[name]:
+            text = (
+                f"handles its load on arrival, but a {name} takes {self.motion.given[name]} ticks"
+            )
+            self.report_violation(tick, "arrival", [r], cell, text)
+        elif r not in self.motion.arrived:
+            text = "handles its load on arrival, but none of its moves ends in this tick"
+            self.report_violation(tick, "arrival", [r], cell, text)
+
+    def exists(self, code: int, subject: int, value: int) -> bool:
+        """Whether a change names things that there are."""
+        robots, orders, slots = len(self.load), len(self.place), len(self.slot_cell)
+        limits = {
+            CHANGE_ORDER_RESERVED: (orders, robots),
+            CHANGE_SLOT_RESERVED: (slots, robots),
+            CHANGE_DURATION: (robots, 1 << 31),
+            CHANGE_PICKED: (robots, orders),
+            CHANGE_DROPPED: (robots, slots),
+            CHANGE_LOAD_LEFT: (robots, slots),
+            CHANGE_STATUS: (robots, STATUS_REMOVED + 1),
+            CHANGE_ZONE: (robots, 1 << 31),
+        }
+        subjects, values = limits.get(code, (0, 0))
+        least = NIL if code in (CHANGE_ORDER_RESERVED, CHANGE_SLOT_RESERVED, CHANGE_ZONE) else 0
+        return 0 <= subject < subjects and least <= value < values
+
+    def _check_length(self, tick: int, r: int, ticks: int, code: int) -> None:
+        if code in (EXECUTED_PICK, EXECUTED_DROP):
+            least = self.motion.duration[code]
+            if not least <= ticks <= least + self.motion.given["handling_jitter"]:
+                text = f"handles its load for {ticks} ticks, which no rule gives"
+                self.report_violation(tick, "duration", [r], self.motion.cell[r], text)
+        elif ticks < 1 or not (code == EXECUTED_WAIT or 1 <= code <= MOVE_NORTH):
+            text = f"a duration of {ticks} belongs to nothing that it does"
+            self.report_violation(tick, "duration", [r], self.motion.cell[r], text)
+
+    def _check_acts(
+        self, tick: int, did: dict[int, int], lengths: dict[int, int], handled: set[int]
+    ) -> None:
+        for r, code in did.items():
+            cell = self.motion.cell[r]
+            if code in (EXECUTED_PICK, EXECUTED_DROP) and r not in handled:
+                self.report_violation(tick, "load", [r], cell, "handles a load that is not named")
+            elif (
+                code == EXECUTED_WAIT
+                or (code in (EXECUTED_PICK, EXECUTED_DROP) and self.motion.given["handling_jitter"])
+            ) and (r not in lengths):
+                self.report_violation(tick, "duration", [r], cell, "waits without a duration")
+            elif code == EXECUTED_TRY_DROP and self.load[r] == NIL:
+                self.report_violation(tick, "load", [r], cell, "tries to drop without a load")
+
+    def _reserve_order(self, tick: int, order: int, r: int) -> None:
+        had = self.by[order]
+        if r == NIL:
+            if had == NIL or self.state[order] in (ORDER_CARRIED, ORDER_UNRELEASED):
+                text = f"order {order} is given back, but is carried or was not reserved"
+                self.report_violation(tick, "order", [had] if had != NIL else [], NIL, text)
+            if had != NIL and self.order[had] == order:
+                self.order[had] = NIL
+        else:
+            if had != NIL or self.state[order] != ORDER_WAITING:
+                robots = [r] if had == NIL else [r, had]
+                text = f"order {order} is given out although it is not free"
+                self.report_violation(tick, "order", robots, NIL, text)
+            elif self.order[r] != NIL or self.load[r] != NIL:
+                self.report_violation(tick, "order", [r], NIL, f"gets order {order} beside another")
+            self.order[r] = order
+        self.by[order] = r
+
+    def _reserve_slot(self, tick: int, slot: int, r: int) -> None:
+        had, cell = self.reserved[slot], self.slot_cell[slot]
+        if r == NIL:
+            if had == NIL:
+                self.report_violation(
+                    tick, "slot", [], cell, "a shelf is given back that was not reserved"
+                )
+            elif self.slot[had] == slot:
+                self.slot[had] = NIL
+        else:
+            if had != NIL or self.content[slot] != NIL or self.endless[slot]:
+                robots = [r] if had == NIL else [r, had]
+                text = "a slot is reserved that is not a shelf, or not empty and free"
+                self.report_violation(tick, "slot", robots, cell, text)
+            elif self.slot[r] != NIL or self.load[r] == NIL:
+                self.report_violation(
+                    tick, "slot", [r], cell, "reserves a second shelf, or has no load"
+                )
+            self.slot[r] = slot
+        self.reserved[slot] = r
+
+    def _beside(self, tick: int, r: int, slot: int) -> None:
+        offset = self.slot_cell[slot] - self.motion.cell[r]
+        if self.station[slot]:
+            if offset:
+                text = "handles a load of a station that it is not on"
+                self.report_violation(tick, "load", [r], self.slot_cell[slot], text)
+        elif self.motion.cell[r] == NIL or offset not in self.motion.step:
+            self.report_violation(
+                tick, "load", [r], self.slot_cell[slot], "handles a slot not beside it"
+            )
+        elif self.rack[slot] and abs(offset) == 1:
+            self.report_violation(
+                tick, "load", [r], self.slot_cell[slot], "handles a rack from its side"
+            )
+
+    def _pick(self, tick: int, r: int, order: int, code: int) -> None:
+        slot = self.place[order]
+        cell = self.motion.cell[r]
+        if code != EXECUTED_PICK:
+            self.report_violation(tick, "load", [r], cell, "gets a load without picking it up")
+        if self.load[r] != NIL:
+            self.report_violation(tick, "load", [r], cell, "picks up a second load")
+        most = self.motion.types.payload[r]
+        if self.weight[order] > most:
+            text = (
+                f"picks up order {order} of weight {self.weight[order]} and carries {most} at most"
+            )
+            self.report_violation(tick, "payload", [r], cell, text)
+        if self.by[order] != r:
+            self.report_violation(
+                tick, "order", [r], cell, f"picks up order {order} that it has not"
+            )
+        if slot == NIL or self.state[order] != ORDER_WAITING:
+            text = f"picks up order {order} that waits on no slot"
+            self.report_violation(tick, "load", [r], cell, text)
+        else:
+            self._beside(tick, r, slot)
+            self.content[slot] = NIL
+        if slot != NIL and slot == self.target[order]:
+            self.state[order] = ORDER_DELIVERED  # it had only to be visited
+            self.undelivered -= 1
+            self.work.deliver(tick + self._handling(r, EXECUTED_PICK), order)
+            return
+        self.place[order], self.state[order], self.load[r] = NIL, ORDER_CARRIED, order
+        if slot >= self.spare:
+            self.slot_cell[slot], self.endless[slot] = NIL, True
+
+    def _drop(self, tick: int, r: int, slot: int, code: int) -> None:
+        order, cell = self.load[r], self.slot_cell[slot]
+        if code != EXECUTED_DROP:
+            self.report_violation(tick, "load", [r], cell, "loses a load without setting it down")
+        if order == NIL:
+            self.report_violation(tick, "load", [r], cell, "drops without a load")
+            return
+        self._beside(tick, r, slot)
+        if self.endless[slot]:
+            on_its_way = self.station[slot]
+            if (self.target[order] != slot and not on_its_way) or self.dock[slot]:
+                self.report_violation(tick, "load", [r], cell, "drops where its load must not go")
+        else:
+            if self.content[slot] != NIL:
+                self.report_violation(tick, "load", [r], cell, "drops on a full shelf")
+            if self.reserved[slot] != r:
+                self.report_violation(
+                    tick, "slot", [r], cell, "drops on a shelf it has not reserved"
+                )
+            self.content[slot] = order
+        self.load[r], self.place[order] = NIL, slot
+        delivered = slot == self.target[order]
+        self.state[order] = ORDER_DELIVERED if delivered else ORDER_WAITING
+        self.undelivered -= delivered
+        if delivered:
+            self.work.deliver(tick + self._handling(r, EXECUTED_DROP), order)
+
+    def _handling(self, r: int, code: int) -> int:
+        """Ticks that a robot handles its load for; none as it arrives."""
+        if self._arriving:
+            return 0
+        return self._lengths.get(r, self.motion.duration[code])
+
+    def check_parked(self, tick: int, acts: Acts) -> None:
+        """A robot parks only with nothing to do."""
+        for r, did in acts:
+            if did & ENTERED_PARKING_BAY and (self.load[r] != NIL or self.order[r] != NIL):
+                self.report_violation(tick, "bay", [r], self.motion.home[r], "parks with an order")

@@ -1,0 +1,348 @@
+"""The rules of motion, checked on committed actions: a second opinion that knows no kernel.
+
+A *resource* is a cell of capacity 1, or one lane of a cell of capacity 2 (east and south share
+lane 0, west and north lane 1). A resource has one holder; a cell without limit has no resources.
+Of each tick: parking bays open, operations begin, all moves happen at once, robots at home park.
+Robots that leave the floor when they are done are at home wherever they stand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final
+
+from automaton.engine.record_codes import (
+    ACTION_MASK,
+    ENTERED_PARKING_BAY,
+    EXECUTED_BAY_BLOCKED,
+    EXECUTED_DROP,
+    EXECUTED_ILLEGAL,
+    EXECUTED_PICK,
+    EXECUTED_TRY_DROP,
+    EXECUTED_WAIT,
+    LEFT_PARKING_BAY,
+    MOVE_NORTH,
+    TURN_LEFT,
+    TURN_RIGHT,
+)
+from automaton.evidence.verification.move_time_rules import NIL, MoveTimes
+from automaton.evidence.verification.type_rules import Types
+from automaton.floor.cells import CELL_KINDS, EAST, NORTH, SOUTH, WEST
+
+HEADING_COUNTS: Final = {"omni": 1, "rail": 2, "differential": 4}
+
+Acts = list[tuple[int, int]]  # (robot, what the recording says it did), robots ascending
+Complaint = Callable[..., None]  # (tick, rule, robots, cell, text)
+Mover = tuple[int, int, int, int]  # robot, from, to, direction
+
+
+class Motion:
+    """Positions of all robots, replayed from the header and the committed actions."""
+
+    def __init__(self, header: dict[str, Any], report_violation: Complaint) -> None:
+        floor, scenario, robots = header["floor"], header["scenario"], header["robots"]
+        stride = floor["width"] + 2
+        self.report_violation = report_violation
+        self.step = (1, stride, -1, -stride)
+        self.exits: list[int] = floor["exits"].ravel().tolist()
+        self.capacity: list[int] = floor["capacity"].ravel().tolist()
+        self.kind: list[int] = floor["kind"].ravel().tolist()
+        self.headings = HEADING_COUNTS[scenario["fleet"]["kinematics"]]
+        self.types = Types(floor, scenario)
+        self.pace = MoveTimes(floor, header["seed"], self.types.move_time_factor)
+        self.apply_rules(scenario)
+        self.leave: bool = scenario["fleet"].get("when_idle") == "leave"
+        self.home: list[int] = robots["home"].tolist()
+        self.bay: list[int] = robots["bay"].tolist()
+        self.cell: list[int] = robots["cell"].tolist()  # NIL in its parking bay
+        self.heading: list[int] = robots["heading"].tolist()
+        self.travel = list(self.heading)  # direction in which it came into its cell
+        self.free = [1] * len(self.home)  # first tick in which it may begin something
+        self.parked = [True] * len(self.home)
+        self.unsure: set[int] = set()  # parked on the floor, or about to leave: actions do not tell
+        self.claim: dict[int, tuple[int, int]] = {}  # long moves: robot -> (to, direction)
+        self.holder: dict[int, int] = {}  # resource -> robot
+        # (from, to) -> the robot that last drove there, and the tick in which it arrived or will
+        self._drive: dict[tuple[int, int], tuple[int, int]] = {}
+        self._arrivals: dict[int, list[int]] = {}  # tick -> robots whose long move ends in it
+        self._turned: dict[int, list[int]] = {}  # tick -> robots that give their second lane back
+        self.arrived: set[int] = set()  # robots whose move ended in this tick
+        self._check_start(floor["bays"].tolist())
+
+    def apply_rules(self, scenario: dict[str, Any]) -> None:
+        """Take over what a scenario says of motion."""
+        self.following: bool = scenario["world"]["following"]
+        self.given: dict[str, int] = scenario["durations"]
+        self.duration = _durations(self.given)
+        self.pace.apply_rules(scenario)
+
+    def _check_start(self, bays: list[list[int]]) -> None:
+        used = [bay for bay in self.bay if bay != NIL]
+        known = {(bay, home) for bay, home in bays}
+        if len(set(used)) != len(used):
+            self.report_violation(0, "bay", [], NIL, "two robots have the same parking bay")
+        for r, cell in enumerate(self.cell):
+            if self.bay[r] != NIL and (self.bay[r], self.home[r]) not in known:
+                self.report_violation(
+                    0, "bay", [r], self.bay[r], "its parking bay does not open on its home cell"
+                )
+            if cell == NIL:
+                continue
+            if not CELL_KINDS[self.kind[cell]].drivable:
+                self.report_violation(0, "exits", [r], cell, "it starts where no robot can stand")
+            self._check_area(0, r, cell)
+            self._take(0, r, cell, self.heading[r])
+
+    # Resources
+
+    def resource(self, cell: int, direction: int) -> int:
+        """What a robot travelling in `direction` holds in a cell, NIL where there is no limit."""
+        capacity = self.capacity[cell]
+        if capacity == 1:
+            return 2 * cell
+        return 2 * cell + (direction >> 1) if capacity == 2 else NIL
+
+    def _take(self, tick: int, r: int, cell: int, direction: int) -> None:
+        resource = self.resource(cell, direction)
+        if resource == NIL:
+            return
+        other = self.holder.get(resource, r)
+        if other != r:
+            self.report_violation(
+                tick, "capacity", [other, r], cell, "two robots where one has room"
+            )
+        self.holder[resource] = r
+
+    def _give(self, r: int, cell: int, direction: int) -> None:
+        resource = self.resource(cell, direction)
+        if self.holder.get(resource) == r:
+            del self.holder[resource]
+
+    # One tick
+
+    def look(self, acts: Acts) -> None:
+        """Note what the length of a move depends on, before anything happens."""
+        if self.pace.slow and any(0 < did & ACTION_MASK <= MOVE_NORTH for _, did in acts):
+            self.pace.count(self.cell, self.travel)
+
+    def open_bays(self, tick: int, acts: Acts) -> set[int]:
+        """Place the robots that leave their parking bays; returns them."""
+        placed: set[int] = set()
+        for r, did in acts:
+            if not did & LEFT_PARKING_BAY:
+                continue
+            if self.cell[r] != NIL or self.free[r] > tick:
+                self.report_violation(
+                    tick, "bay", [r], self.cell[r], "leaves a parking bay it is not parked in"
+                )
+                continue
+            home = self.home[r]
+            heading = self.entry_heading(home)
+            other = self.holder.get(self.resource(home, heading), NIL)
+            if other != NIL:
+                text = "leaves its parking bay although its home cell is held"
+                self.report_violation(tick, "bay", [r, other], home, text)
+            self._check_area(tick, r, home)
+            self.cell[r], self.heading[r], self.travel[r] = home, heading, heading
+            self.parked[r] = False
+            self.holder[self.resource(home, heading)] = r
+            self.holder.pop(NIL, None)
+            placed.add(r)
+        return placed
+
+    def entry_heading(self, cell: int) -> int:
+        """How a robot stands that comes out of its bay: vertical where the cell leads so."""
+        for direction in (SOUTH, NORTH, EAST, WEST):
+            if self.exits[cell] >> direction & 1:
+                return direction & (self.headings - 1)
+        return 0
+
+    def execute(self, tick: int, acts: Acts, lengths: dict[int, int], placed: set[int]) -> None:
+        """Begin what robots do in this tick, carry out the moves, park who is home."""
+        movers: list[Mover] = []
+        parking = False
+        for r, did in acts:
+            parking |= did & ENTERED_PARKING_BAY != 0
+            code = did & ACTION_MASK
+            if not code or not self._may_act(tick, r, code):
+                continue
+            if code <= MOVE_NORTH:
+                self._begin_move(tick, r, code - 1, movers)
+                self._check_pace(tick, r, code - 1, lengths.get(r), r in placed)
+                self.free[r] = tick + lengths.get(r, self.pace.usual_of(r))
+            elif code <= TURN_RIGHT:
+                self._turn(tick, r, code)
+                self.free[r] = tick + self.duration[code]
+            else:
+                self.free[r] = tick + lengths.get(r, self.duration[code])
+        if movers:
+            self._check_moves(tick, movers, placed)
+        self._carry_out(tick, movers)
+        if parking:
+            for r, did in acts:
+                if did & ENTERED_PARKING_BAY:
+                    self._park(tick, r)
+
+    def _may_act(self, tick: int, r: int, code: int) -> bool:
+        if self.free[r] > tick:
+            text = f"begins something although it is busy until tick {self.free[r] - 1}"
+            self.report_violation(tick, "busy", [r], self.cell[r], text)
+            return False
+        if self.cell[r] == NIL:
+            if code not in (EXECUTED_BAY_BLOCKED, EXECUTED_ILLEGAL):
+                self.report_violation(
+                    tick, "bay", [r], self.home[r], "acts although it is in its parking bay"
+                )
+            return False
+        if code == EXECUTED_BAY_BLOCKED:
+            self.report_violation(
+                tick, "bay", [r], self.cell[r], "waits to leave a parking bay it is not in"
+            )
+        if code != EXECUTED_ILLEGAL:
+            self.parked[r] = False
+            self.unsure.discard(r)
+        elif self.parked[r]:
+            self.unsure.add(r)  # it may have been told to leave as well, and have lost the tick
+        return True
+
+    def _begin_move(self, tick: int, r: int, direction: int, movers: list[Mover]) -> None:
+        cell = self.cell[r]
+        if not self.exits[cell] >> direction & 1:
+            self.report_violation(tick, "exits", [r], cell, "moves where its cell has no exit")
+        elif direction & (self.headings - 1) != self.heading[r]:
+            self.report_violation(tick, "heading", [r], cell, "moves across its heading")
+        else:
+            self._check_area(tick, r, cell + self.step[direction])
+            movers.append((r, cell, cell + self.step[direction], direction))
+
+    def _check_area(self, tick: int, r: int, cell: int) -> None:
+        if cell in self.types.closed[r]:
+            text = f"is in an area that is closed to robots of the type {self.types.name[r]}"
+            self.report_violation(tick, "area", [r], cell, text)
+
+    def _check_pace(
+        self, tick: int, r: int, direction: int, length: int | None, placed: bool
+    ) -> None:
+        """Whether a move takes as long as the rules say; `length`: as recorded, None for usual."""
+        if length is None and self.pace.usual:
+            return
+        came = None if placed else self.travel[r]
+        due, why = self.pace.due(tick, r, self.cell[r], direction, came)
+        ticks = self.pace.usual_of(r) if length is None else length
+        if ticks != due:
+            text = f"its move is recorded with {ticks} ticks and must take {due}: {why}"
+            self.report_violation(tick, "move time", [r], self.cell[r], text)
+
+    def _turn(self, tick: int, r: int, code: int) -> None:
+        cell = self.cell[r]
+        if self.headings == 1:
+            self.report_violation(tick, "turn", [r], cell, "an omnidirectional robot does not turn")
+            return
+        if self.headings == 2 and not CELL_KINDS[self.kind[cell]].turns:
+            self.report_violation(tick, "turn", [r], cell, "turns on rails without a turntable")
+        if self.headings == 2 and code == TURN_LEFT:
+            self.report_violation(tick, "turn", [r], cell, "on rails a turn has no side")
+        quarter = 3 if code == TURN_LEFT else 1
+        self.heading[r] = (self.heading[r] + quarter) & (self.headings - 1)
+        if self.capacity[cell] == 2:
+            self._take(tick, r, cell, self.travel[r] ^ 2)
+            self.claim[r] = (cell, self.travel[r])
+            self._turned.setdefault(tick + self.duration[code] - 1, []).append(r)
+
+    def _check_moves(self, tick: int, movers: list[Mover], placed: set[int]) -> None:
+        for r, start, to, direction in movers:
+            self._check_edge(tick, r, start, to)
+            resource = self.resource(to, direction)
+            holder = self.holder.get(resource)
+            if holder is None:
+                continue
+            if not self.following:
+                text = "enters a cell that was held when the tick began"
+                self.report_violation(tick, "following", [r, holder], to, text)
+            elif holder in placed and self.resource(to, self.travel[holder]) == resource:
+                text = "follows a robot that came out of its parking bay in this tick"
+                self.report_violation(tick, "bay", [r, holder], to, text)
+
+    def _check_edge(self, tick: int, r: int, start: int, to: int) -> None:
+        """Between two cells from this tick on, a robot meets no robot who is there the other way."""
+        other, arrival = self._drive.get((to, start), (NIL, NIL))
+        limited = self.capacity[start] == 1 or self.capacity[to] == 1
+        if arrival >= tick and limited:
+            self.report_violation(
+                tick, "swap", [other, r], start, "two robots pass through each other"
+            )
+        self._drive[start, to] = r, self.free[r] - 1
+
+    def _carry_out(self, tick: int, movers: list[Mover]) -> None:
+        """All releases, then all claims: moves of one tick are simultaneous."""
+        self.arrived.clear()
+        for r in self._arrivals.pop(tick, ()):
+            self.arrived.add(r)
+            self._give(r, self.cell[r], self.travel[r])
+            self.cell[r], self.travel[r] = self.claim.pop(r)
+        for r in self._turned.pop(tick, ()):
+            self._give(r, self.cell[r], self.travel[r] ^ 2)
+            del self.claim[r]
+        for r, start, _, _ in movers:
+            if self.free[r] == tick + 1:
+                self._give(r, start, self.travel[r])
+        for r, _, to, direction in movers:
+            self._take(tick, r, to, direction)
+            if self.free[r] == tick + 1:
+                self.cell[r], self.travel[r] = to, direction
+                self.arrived.add(r)
+            else:
+                self.claim[r] = (to, direction)
+                self._arrivals.setdefault(self.free[r] - 1, []).append(r)
+
+    def _park(self, tick: int, r: int) -> None:
+        cell = self.cell[r]
+        if self.leave and cell != NIL:
+            self.home[r] = cell
+        if cell != self.home[r] or self.free[r] > tick + 1:
+            self.report_violation(
+                tick, "bay", [r], cell, "parks although it does not stand at home"
+            )
+            return
+        self.parked[r] = True
+        self.unsure.discard(r)
+        if self.bay[r] != NIL or self.leave:
+            self._give(r, cell, self.travel[r])
+            self.cell[r] = NIL
+            self.heading[r] = self.entry_heading(cell)
+
+    def tow(self, r: int) -> None:
+        """Robot r is off the floor, at home."""
+        if self.cell[r] != NIL:
+            self._give(r, self.cell[r], self.travel[r])
+            self.home[r] = self.cell[r] if self.leave else self.home[r]
+            self.heading[r] = self.travel[r] = self.entry_heading(self.home[r])
+        self.cell[r], self.parked[r] = NIL, True
+        self.unsure.discard(r)
+
+    def know(self, parked: list[int]) -> None:
+        """Take over from a recorded state who is parked, where actions do not tell."""
+        for r in self.unsure:
+            self.parked[r] = bool(parked[r])
+        self.unsure.clear()
+
+    def all_parked(self) -> set[bool]:
+        """Whether all robots are parked, as far as actions tell: each answer that is possible."""
+        sure = all(parked or r in self.unsure for r, parked in enumerate(self.parked))
+        return {sure, sure and not self.unsure}
+
+    def busy(self, tick: int) -> list[int]:
+        """Ticks that each robot still needs after this one."""
+        return [max(0, free - tick - 1) for free in self.free]
+
+
+def _durations(given: dict[str, int]) -> list[int]:
+    """Ticks by code of recorded action; 1 for those that have none of their own."""
+    ticks = [1] * (ACTION_MASK + 1)
+    ticks[1 : MOVE_NORTH + 1] = [given["move"]] * 4
+    ticks[TURN_LEFT] = ticks[TURN_RIGHT] = given["turn"]
+    # One that takes no time costs a tick where no move precedes it.
+    ticks[EXECUTED_PICK], ticks[EXECUTED_DROP] = max(1, given["pick"]), max(1, given["drop"])
+    ticks[EXECUTED_TRY_DROP] = given["try_drop"]
+    ticks[EXECUTED_WAIT] = 1  # the recording says how long
+    return ticks

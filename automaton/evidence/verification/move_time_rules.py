@@ -1,0 +1,122 @@
+"""How long moves take, worked out a second time from a floor and from where the robots are.
+
+Zones are found by walking over the floor cell by cell; random draws are computed with integers of
+Python. None of this is shared with what the world uses.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from automaton.floor.cells import CELL_KINDS, EAST, NORTH, SOUTH, WEST
+
+NIL: Final = -1
+MAX_MOVE_TICKS: Final = 65_535  # of a move
+EXTRA_TICKS: Final = 6  # the stream of draws that say whether a move takes a tick more
+ALL_BITS: Final = 2**64 - 1
+STEP_OF_STATE: Final = 0x9E3779B97F4A7C15
+
+
+class MoveTimes:
+    """The rules about the length of a move: its duration, slow zones, extra ticks."""
+
+    def __init__(self, floor: dict[str, Any], seed: int, pace: list[int]) -> None:
+        self.floor = floor
+        self.pace = pace  # by robot: how many times as long its moves take
+        self.seed = seed
+        self.zones: list[tuple[int, int]] = []  # by cell: of robots that travel E or S, W or N
+        self.crowd: dict[int, int] = {}  # robots by zone as the tick began
+
+    def apply_rules(self, scenario: dict[str, Any]) -> None:
+        """Take over what a scenario says of the length of moves."""
+        world = scenario["world"]
+        self.move: int = scenario["durations"]["move"]
+        self.slow: bool = world.get("slowdown", "none") == "zones"
+        self.extra = round(world.get("extra_tick_probability", 0.0) * 2**32)
+        self.usual = not self.slow and not self.extra
+        self.zones = zones_by_cell(self.floor, world["traffic_zones"]) if self.slow else []
+
+    def count(self, cell: list[int], travel: list[int]) -> None:
+        """Count the robots of each zone; call before anything happens in a tick."""
+        self.crowd = {}
+        for c, direction in zip(cell, travel, strict=True):
+            if c != NIL:
+                zone = self.zones[c][direction >> 1]
+                self.crowd[zone] = self.crowd.get(zone, 0) + 1
+
+    def usual_of(self, robot: int) -> int:
+        """What a move of a robot takes where nothing slows it down."""
+        return self.move * self.pace[robot]
+
+    def due(
+        self, tick: int, robot: int, cell: int, direction: int, came: int | None
+    ) -> tuple[int, str]:
+        """How many ticks a move that starts now takes, and why.
+
+        `came`: the direction in which the robot entered the cell, None if from its parking bay just
+        now.
+        """
+        ticks = self.usual_of(robot)
+        why = f"a move takes {ticks}"
+        zone = self.zones[cell][direction >> 1] if self.slow else NIL
+        if zone != NIL:
+            counted = came is not None and self.zones[cell][came >> 1] == zone
+            robots = self.crowd.get(zone, 0) + (not counted)
+            ticks *= robots
+            why = f"zone {zone} holds {robots} robot{'s' if robots != 1 else ''} when it starts"
+        if self.extra:
+            late = self.draw(tick, robot) < self.extra
+            ticks += late
+            why += f" and chance adds {'a tick' if late else 'none'}"
+        return min(ticks, MAX_MOVE_TICKS), why
+
+    def draw(self, tick: int, robot: int) -> int:
+        """The 32 bits that decide on the extra tick of a robot's move."""
+        state = splitmix64(self.seed + STEP_OF_STATE * EXTRA_TICKS)
+        state = splitmix64(state ^ (tick + STEP_OF_STATE & ALL_BITS))
+        return splitmix64(state ^ (robot * STEP_OF_STATE + 0xBF58476D1CE4E5B9 & ALL_BITS)) >> 32
+
+
+def splitmix64(value: int) -> int:
+    """The finalizer of SplitMix64 (Steele, Lea & Flood 2014)."""
+    value &= ALL_BITS
+    value = (value ^ (value >> 30)) * 0xBF58476D1CE4E5B9 & ALL_BITS
+    value = (value ^ (value >> 27)) * 0x94D049BB133111EB & ALL_BITS
+    return value ^ (value >> 31)
+
+
+def zones_by_cell(floor: dict[str, Any], mode: str) -> list[tuple[int, int]]:
+    """The zones of each flat cell, for travel east or south and for travel west or north."""
+    stride = floor["width"] + 2
+    exits: list[int] = floor["exits"].ravel().tolist()
+    drivable = [CELL_KINDS[kind].drivable for kind in floor["kind"].ravel().tolist()]
+    steps = {EAST: 1, SOUTH: stride, WEST: -1, NORTH: -stride}
+
+    def neighbours(cell: int, *directions: int) -> list[int]:
+        return [
+            cell + steps[d]
+            for d in directions
+            if exits[cell] >> d & 1 or exits[cell + steps[d]] >> (d ^ 2) & 1
+        ]
+
+    places = [cell for cell, robots in enumerate(drivable) if robots]
+    crossings = [c for c in places if neighbours(c, EAST, WEST) and neighbours(c, SOUTH, NORTH)]
+    segment = dict.fromkeys(crossings, NIL)
+    segments = 0
+    for first in places:
+        if first in segment:
+            continue
+        front = [first]
+        while front:
+            cell = front.pop()
+            if cell not in segment:
+                segment[cell] = segments
+                front += neighbours(cell, EAST, SOUTH, WEST, NORTH)
+        segments += 1
+    if mode == "with-intersections":
+        segment.update((cell, segments + k) for k, cell in enumerate(crossings))
+    pairs = [(NIL, NIL)] * len(exits)
+    for cell, zone in segment.items():
+        ways = (2 * zone, 2 * zone + 1) if mode == "directed" else (zone, zone)
+        pairs[cell] = ways if zone != NIL else (NIL, NIL)
+    return pairs

@@ -1,0 +1,157 @@
+"""A floor drawn in characters, one per cell, as a FloorPlan.
+
+b....s     The first column holds only parking bays, blanks and walls: it is the column x = -1, and
+b>>>.d     the second character of a row is x = 0. Other rows are counted from their first
+#....#     character. Short rows are filled with wall; A to Z are robots on free floor.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from automaton.errors import InputError, alternatives
+from automaton.floor.cells import (
+    ALL_EXITS,
+    ALONG_X,
+    ALONG_Y,
+    CELL_KINDS,
+    DIRECTIONS,
+    FLOOR,
+    KIND_BY_NAME,
+    NO_EXITS,
+    SHELF,
+    SYMBOLS,
+    TRACK,
+    Symbol,
+)
+from automaton.floor.floor_plan import FloorPlan, home_of, make_floor_plan
+
+Legend = tuple[tuple[str, Symbol], ...]  # symbols beyond the built-in ones; hashable
+
+ROBOTS = frozenset("ABCDEFGHIJKLMNOPQRSTUVWXYZ")
+MAX_SIDE = 4096
+
+
+class PictureError(InputError):
+    """An error in a row of a picture; rows count from 0."""
+
+    def __init__(self, message: str, row: int = 0) -> None:
+        super().__init__(message)
+        self.row = row
+
+
+def symbol_of(
+    kind_name: str,
+    capacity: int | None = None,
+    exits: tuple[str, ...] | None = None,
+    loaded: bool = False,
+) -> Symbol:
+    """A symbol as a legend describes it. Raises InputError for what contradicts its kind."""
+    kind = KIND_BY_NAME[kind_name]
+    if not kind.drivable and (capacity is not None or exits is not None):
+        raise InputError(f"a {kind_name} has neither capacity nor exits: robots do not drive on it")
+    if loaded and kind.code != SHELF:
+        raise InputError(f"a {kind_name} cannot be loaded; only a shelf can")
+    bits = sum(1 << DIRECTIONS.index(name) for name in set(exits)) if exits is not None else None
+    if kind.code == TRACK and (not bits or (bits & ~ALONG_X and bits & ~ALONG_Y)):
+        raise InputError("a track needs exits along one axis: [east, west] or [north, south]")
+    if bits is None:
+        bits = ALL_EXITS if kind.drivable else NO_EXITS
+    return Symbol(kind.code, bits, 1 if capacity is None else capacity, loaded)
+
+
+@lru_cache(maxsize=64)
+def draw_floor(picture: str, legend: Legend = ()) -> FloorPlan:
+    """The floor of a picture. Raises PictureError. Equal pictures give the same object."""
+    symbols = {**SYMBOLS, **dict(legend)}
+    rows = picture.rstrip().split("\n") if picture.strip() else []
+    if not rows:
+        raise PictureError("the picture is empty")
+    if len(rows) > MAX_SIDE or max(map(len, rows)) > MAX_SIDE:
+        raise PictureError(f"the picture has a side of more than {MAX_SIDE} cells")
+    codes = _codes(rows)
+    used = _symbols_of(codes, symbols)
+    if not _first_column_is_bays(codes):
+        codes = np.pad(codes, ((0, 0), (1, 0)), constant_values=ord("#"))
+    codes = np.pad(codes, ((1, 1), (0, 1)), constant_values=ord("#"))
+
+    kind, leave, capacity, loads = (_mapped(codes, used, field) for field in range(4))
+    for bay in np.flatnonzero(kind == KIND_BY_NAME["parking-bay"].code).tolist():
+        if home_of(kind, bay) is None:
+            row = bay // kind.shape[1] - 1
+            raise PictureError(
+                "a parking bay in this row opens on no cell that robots drive on", row
+            )
+    if not any(CELL_KINDS[symbol.kind].drivable for symbol in used.values()):
+        raise PictureError("the picture has no cell that robots drive on")
+    return make_floor_plan(kind, leave, capacity, loads, _starts(codes))
+
+
+def _codes(rows: list[str]) -> npt.NDArray[np.uint32]:
+    """(rows, longest row) code points, short rows filled with wall."""
+    width = max(map(len, rows))
+    text = "".join(row.ljust(width, "#") for row in rows)
+    return np.frombuffer(text.encode("utf-32-le"), np.uint32).reshape(len(rows), width)
+
+
+def _symbols_of(codes: npt.NDArray[np.uint32], symbols: dict[str, Symbol]) -> dict[str, Symbol]:
+    """The symbols that a picture uses; robots stand on free floor."""
+    used: dict[str, Symbol] = {"#": symbols["#"]}
+    for character in map(chr, np.unique(codes).tolist()):
+        if character in ROBOTS:
+            used[character] = Symbol(FLOOR, ALL_EXITS)
+        elif character in symbols:
+            used[character] = symbols[character]
+        else:
+            row, x = (int(index[0]) for index in np.nonzero(codes == ord(character)))
+            known = "".join(sorted(set(symbols) - {" "}))
+            raise PictureError(
+                f"the symbol {character!r} (character {x + 1} of its row) has no meaning; "
+                f"known are {known} and blanks, a legend may add others",
+                row,
+            )
+    return used
+
+
+def _first_column_is_bays(codes: npt.NDArray[np.uint32]) -> bool:
+    first = {chr(code) for code in codes[:, 0].tolist()}
+    return "b" in first and first <= {"b", " ", "#"} and codes.shape[1] > 1
+
+
+def _mapped(
+    codes: npt.NDArray[np.uint32], used: dict[str, Symbol], field: int
+) -> npt.NDArray[np.uint8]:
+    """One field of the symbol of every cell."""
+    values = np.zeros(codes.shape, np.uint8)
+    for character, symbol in used.items():
+        values[codes == ord(character)] = int(symbol[field])
+    return values
+
+
+def _starts(codes: npt.NDArray[np.uint32]) -> list[int]:
+    """Flat cells of the robots drawn, A first."""
+    starts: dict[str, int] = {}
+    flat = codes.reshape(-1)
+    drawn = np.flatnonzero((flat >= ord("A")) & (flat <= ord("Z"))).tolist()
+    for cell in drawn:
+        name = chr(flat[cell])
+        if name in starts:
+            row = cell // codes.shape[1] - 1
+            raise PictureError(f"robot {name} is drawn twice", row)
+        starts[name] = cell
+    return [starts[name] for name in sorted(starts)]
+
+
+def check_new_symbol(character: str) -> None:
+    """Raises InputError for a legend's symbol that is not a single character or already in use."""
+    if len(character) != 1:
+        raise InputError(f"a symbol is a single character, found '{character}'")
+    if character in ROBOTS:
+        raise InputError(f"'{character}': capital letters stand for robots")
+    if character in SYMBOLS:
+        name = CELL_KINDS[SYMBOLS[character].kind].name
+        free = alternatives(sorted(set("oxytkz*:") - set(SYMBOLS)))
+        raise InputError(f"'{character}' already stands for {name}; use another such as {free}")

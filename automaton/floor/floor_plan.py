@@ -1,0 +1,196 @@
+"""The floor of a scenario as plain, immutable data: kinds of cells, exits, capacities, parking
+bays.
+
+Users count cells from (0, 0) at the upper left; the arrays have one border cell all round, so that
+no neighbour is ever outside: flat index c = (y + 1) * (width + 2) + (x + 1).
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from automaton.errors import InputError
+from automaton.floor.cells import (
+    ALL_EXITS,
+    BAY,
+    CELL_KINDS,
+    EAST,
+    NORTH,
+    SOUTH,
+    STATION,
+    WEST,
+    entries,
+)
+
+CellBytes = npt.NDArray[np.uint8]  # (height + 2, width + 2)
+Cells = npt.NDArray[np.int32]  # flat indices
+
+DRIVABLE = np.array([kind.drivable for kind in CELL_KINDS])  # (kinds,) bool
+CAN_TURN = np.array([kind.turns for kind in CELL_KINDS])  # (kinds,) bool
+SLOT = np.array([kind.slot for kind in CELL_KINDS])  # (kinds,) bool
+ENTRIES = np.array(  # (kinds, 16) uint8: directions of travel that enter a cell with these exits
+    [[entries(kind.code, exits) for exits in range(ALL_EXITS + 1)] for kind in CELL_KINDS], np.uint8
+)
+
+
+@dataclass(frozen=True, eq=False)
+class FloorPlan:
+    """A floor. All arrays are read-only; two plans with the same contents are equal."""
+
+    width: int  # cells, without the border
+    height: int
+    kind: CellBytes  # (height + 2, width + 2) code of CELL_KINDS
+    exits: CellBytes  # (height + 2, width + 2) bit d: may be left in direction d; 0 if not drivable
+    capacity: CellBytes  # (height + 2, width + 2) robots at a time; 0 = unlimited
+    bays: Cells  # (bays, 2) flat cells (bay, home cell), in reading order
+    loads: CellBytes  # (height + 2, width + 2) 1 = a shelf drawn with a load
+    starts: tuple[int, ...] = ()  # flat cells of robots drawn in the picture
+    numbered: tuple[int, ...] = ()  # flat cells of stations 1, 2, ...; (): in reading order
+
+    @property
+    def stride(self) -> int:
+        """Distance of vertical neighbours in flat indices."""
+        return self.width + 2
+
+    def cell(self, x: int, y: int) -> int:
+        """Flat index of (x, y); the border column x = -1 counts as a cell."""
+        return (y + 1) * self.stride + x + 1
+
+    def xy(self, cell: int) -> tuple[int, int]:
+        """Coordinates of a flat index, as a user writes them."""
+        row, column = divmod(int(cell), self.stride)
+        return column - 1, row - 1
+
+    def holds(self, x: int, y: int) -> bool:
+        """Whether (x, y) lies on the floor, border excluded."""
+        return 0 <= x < self.width and 0 <= y < self.height
+
+    def neighbours(self, cell: int) -> tuple[int, int, int, int]:
+        """Flat neighbours in the order of directions: east, south, west, north."""
+        return cell + 1, cell + self.stride, cell - 1, cell - self.stride
+
+    def slots(self) -> Cells:
+        """Flat cells that take loads (shelves, destinations) in table order: by x, then y."""
+        columns, rows = np.nonzero(SLOT[self.kind].T)
+        return (rows * self.stride + columns).astype(np.int32)
+
+    def stations(self) -> Cells:
+        """Flat cells of the stations 1, 2, ..."""
+        if self.numbered:
+            return np.array(self.numbered, np.int32)
+        return np.flatnonzero(self.kind == STATION).astype(np.int32)
+
+    def drivable(self) -> npt.NDArray[np.bool_]:
+        """(height + 2, width + 2) mask of the cells that robots stand on."""
+        return DRIVABLE[self.kind]
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Hash of the contents, equal in every process."""
+        parts = (self.kind, self.exits, self.capacity, self.bays, self.loads)
+        digest = hashlib.blake2b(
+            f"{self.width}x{self.height} {self.starts} {self.numbered}".encode()
+        )
+        for part in parts:
+            digest.update(part.tobytes())
+        return digest.hexdigest()[:32]
+
+    def with_exits(self, exits: CellBytes) -> FloorPlan:
+        """The same floor with other exits: (height + 2, width + 2)."""
+        return replace(self, exits=_frozen(exits))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, FloorPlan) and self.fingerprint == other.fingerprint
+
+    def __hash__(self) -> int:
+        return hash(self.fingerprint)
+
+
+def bordered(height: int, width: int, fill: int = 0) -> CellBytes:
+    """An array for a floor of that size, border included."""
+    return np.full((height + 2, width + 2), fill, np.uint8)
+
+
+def make_floor_plan(
+    kind: CellBytes,
+    leave: CellBytes,
+    capacity: CellBytes | None = None,
+    loads: CellBytes | None = None,
+    starts: Iterable[int] = (),
+    numbered: Iterable[int] = (),
+) -> FloorPlan:
+    """Derive a floor from what each cell is by itself.
+
+    `kind`, `leave`, `capacity`, `loads`: (height + 2, width + 2), border included; `leave` has the
+    directions in which a cell lets robots out, whatever lies there. `starts`: flat cells;
+    `numbered`: those of all stations, in the sequence of their numbers.
+    Raises InputError for a parking bay that opens on no drivable cell.
+    """
+    exits = derive_exits(kind, leave)
+    height, width = kind.shape[0] - 2, kind.shape[1] - 2
+    return FloorPlan(
+        width=width,
+        height=height,
+        kind=_frozen(kind),
+        exits=_frozen(exits),
+        capacity=_frozen(bordered(height, width, 1) if capacity is None else capacity),
+        bays=bays_of(kind),
+        loads=_frozen(bordered(height, width) if loads is None else loads),
+        starts=tuple(int(cell) for cell in starts),
+        numbered=tuple(int(cell) for cell in numbered),
+    )
+
+
+def derive_exits(kind: CellBytes, leave: CellBytes) -> CellBytes:
+    """Exits that hold: the cell lets out, the neighbour is drivable and lets in."""
+    entry = ENTRIES[kind, leave]  # 0 where not drivable
+    exits = np.zeros_like(leave)
+    for direction, (rows, columns) in enumerate(((0, 1), (1, 0), (0, -1), (-1, 0))):
+        bit = np.uint8(1 << direction)
+        # np.roll wraps round, but only through the border, which is never drivable.
+        enters = np.roll(entry, (-rows, -columns), (0, 1)) & bit
+        exits |= leave & enters
+    exits[~DRIVABLE[kind]] = 0
+    return exits
+
+
+def home_of(kind: CellBytes, bay: int) -> int | None:
+    """The cell on which a parking bay opens: the first drivable one of east, west, south, north."""
+    stride = kind.shape[1]
+    flat = kind.reshape(-1)
+    offsets = {EAST: 1, WEST: -1, SOUTH: stride, NORTH: -stride}
+    for offset in offsets.values():
+        home = int(bay + offset)
+        if 0 <= home < flat.size and DRIVABLE[flat[home]]:
+            return home
+    return None
+
+
+def bays_of(kind: CellBytes) -> Cells:
+    """(bays, 2) flat cells (bay, home cell), in reading order. Raises InputError."""
+    stride = kind.shape[1]
+    pairs: list[tuple[int, int]] = []
+    for bay in np.flatnonzero(kind == BAY).tolist():
+        home = home_of(kind, bay)
+        if home is None:
+            x, y = bay % stride - 1, bay // stride - 1
+            raise InputError(f"the parking bay at ({x}, {y}) opens on no cell that robots drive on")
+        pairs.append((bay, home))
+    return _frozen_cells(np.array(pairs, np.int32).reshape(-1, 2))
+
+
+def _frozen(array: CellBytes) -> CellBytes:
+    frozen = np.ascontiguousarray(array, np.uint8).copy()
+    frozen.setflags(write=False)
+    return frozen
+
+
+def _frozen_cells(array: Cells) -> Cells:
+    array.setflags(write=False)
+    return array

@@ -1,0 +1,161 @@
+"""Which cells robots can reach on an empty floor."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from automaton.floor.cells import EAST, NIL, NORTH, RACK, SOUTH, STATION, WEST
+from automaton.floor.floor_plan import CAN_TURN, Cells, FloorPlan
+
+Mask = npt.NDArray[np.bool_]  # (cells,) flat
+
+
+@lru_cache(maxsize=64)
+def around_home(floor_plan: FloorPlan, home: int, rail: bool) -> Mask:
+    """The cells that a robot can drive to from a home and come back from."""
+    mask: Mask = reached(floor_plan, [home], rail) & reached(
+        floor_plan, [home], rail, backwards=True
+    )
+    mask.setflags(write=False)
+    return mask
+
+
+def backward_exits(floor_plan: FloorPlan) -> npt.NDArray[np.uint8]:
+    """(cells,) flat: bit d is set where a robot may come from the neighbour in direction d."""
+    exits = floor_plan.exits.reshape(-1)
+    back = np.zeros_like(exits)
+    for direction, offset in enumerate((1, floor_plan.stride, -1, -floor_plan.stride)):
+        leaves = np.roll(exits, -offset) >> np.uint8(direction ^ 2) & np.uint8(1)
+        back |= leaves << np.uint8(direction)
+    return back
+
+
+def reached(
+    floor_plan: FloorPlan, starts: Iterable[int], rail: bool, backwards: bool = False
+) -> Mask:
+    """The cells reachable from any of the starts over the exits, or from which one is reachable.
+
+    Robots on rails change their axis on turntables only; they may start along either axis.
+    """
+    exits = backward_exits(floor_plan) if backwards else floor_plan.exits.reshape(-1)
+    turns = CAN_TURN[floor_plan.kind.reshape(-1)] if rail else np.ones(exits.size, np.bool_)
+    offsets = (1, floor_plan.stride, -1, -floor_plan.stride)
+    seen = np.zeros((2, exits.size), np.bool_)  # by axis of travel
+    first = np.array(sorted(set(starts)), np.int64)
+    seen[:, first] = True
+    front = [first, first]
+    while front[0].size or front[1].size:
+        following = []
+        for axis in (0, 1):
+            cells, across = front[axis], front[1 - axis]
+            ahead = [cells[exits[cells] >> d & 1 != 0] + offsets[d] for d in (axis, axis + 2)]
+            new = np.unique(np.concatenate([*ahead, across[turns[across]]]))
+            following.append(new[~seen[axis, new]])
+        for axis in (0, 1):
+            seen[axis, following[axis]] = True
+        front = following
+    either: Mask = seen[0] | seen[1]
+    return either
+
+
+def closed_step(
+    floor_plan: FloorPlan, starts: Iterable[int], goals: Iterable[int]
+) -> tuple[int, int, int] | None:
+    """The first step that is closed on a way with as few of them as there can be: from, to, direction.
+
+    The way leads over cells that robots drive on; None if there is none, or nothing is closed on it.
+    """
+    exits, drivable = (
+        floor_plan.exits.reshape(-1).tolist(),
+        floor_plan.drivable().reshape(-1).tolist(),
+    )
+    offsets = tuple(enumerate((1, floor_plan.stride, -1, -floor_plan.stride)))
+    closed_first: dict[int, tuple[int, int, int] | None] = dict.fromkeys(starts)
+    wanted, done = set(goals), set()
+    front = deque(closed_first)
+    while front:
+        cell = front.popleft()
+        if cell in wanted:
+            return closed_first[cell]
+        if cell in done:
+            continue
+        done.add(cell)
+        for direction, offset in offsets:
+            to, is_open = cell + offset, exits[cell] >> direction & 1
+            if not drivable[to] or to in done or (to in closed_first and not is_open):
+                continue
+            closed_first[to] = closed_first[cell] or (None if is_open else (cell, to, direction))
+            (front.appendleft if is_open else front.append)(to)
+    return None
+
+
+def steps_from(
+    floor_plan: FloorPlan, starts: Iterable[int], backwards: bool = False
+) -> npt.NDArray[np.int32]:
+    """(cells,) moves from the nearest start to each cell, or from there to it; NIL: no way.
+
+    Turns are free here, so no robot needs fewer moves.
+    """
+    exits = backward_exits(floor_plan) if backwards else floor_plan.exits.reshape(-1)
+    front = np.array(sorted(set(starts)), np.int64)
+    found = np.full(exits.size, NIL, np.int32)
+    moves = 0
+    while front.size:
+        found[front] = moves
+        moves += 1
+        offsets = enumerate((1, floor_plan.stride, -1, -floor_plan.stride))
+        ahead = [front[exits[front] >> d & 1 != 0] + offset for d, offset in offsets]
+        front = np.unique(np.concatenate(ahead))
+        front = front[found[front] == NIL]
+    return found
+
+
+@lru_cache(maxsize=16)
+def slot_access(floor_plan: FloorPlan) -> npt.NDArray[np.int32]:
+    """(s, 4) the cells east, south, west and north from which each slot is served, or NIL.
+
+    Racks open upwards and downwards only; a robot drives onto a station: its only cell is itself.
+    """
+    cells, drivable = floor_plan.slots().astype(np.int64), floor_plan.drivable().reshape(-1)
+    around = cells[:, None] + np.array([1, floor_plan.stride, -1, -floor_plan.stride])
+    inside = (around >= 0) & (around < drivable.size)
+    around = np.where(inside, around, 0)
+    access = np.where(inside & drivable[around], around, NIL).astype(np.int32)
+    kind = floor_plan.kind.reshape(-1)[cells]
+    access[np.ix_(kind == RACK, [EAST, WEST])] = NIL
+    stations = kind == STATION
+    access[stations] = NIL
+    access[stations, EAST] = cells[stations]
+    access.setflags(write=False)
+    return access
+
+
+def rack_stands(floor_plan: FloorPlan) -> Cells:
+    """A cell in front of each rack that has one, above it if there is one, in table order."""
+    racks = slot_access(floor_plan)[floor_plan.kind.reshape(-1)[floor_plan.slots()] == RACK]
+    stands = np.where(racks[:, NORTH] != NIL, racks[:, NORTH], racks[:, SOUTH])
+    found: Cells = stands[stands != NIL]
+    return found
+
+
+def slots_without_access(floor_plan: FloorPlan) -> Cells:
+    """Flat cells of the slots with no drivable cell beside them, in table order."""
+    return _slots_beside(floor_plan, ~floor_plan.drivable().reshape(-1))
+
+
+def slots_out_of_reach(floor_plan: FloorPlan, within: Mask) -> Cells:
+    """Flat cells of the slots beside which no robot gets, in table order; within: (C,) where they do."""
+    return _slots_beside(floor_plan, ~within)
+
+
+def _slots_beside(floor_plan: FloorPlan, mask: npt.NDArray[np.bool_]) -> Cells:
+    """Slots all of whose four neighbours are in the mask."""
+    slots = floor_plan.slots()
+    around = [mask[slots + offset] for offset in (1, floor_plan.stride, -1, -floor_plan.stride)]
+    station = floor_plan.kind.reshape(-1)[slots] == STATION
+    return slots[np.where(station, mask[slots], np.logical_and.reduce(around))]

@@ -1,0 +1,229 @@
+"""Claims of a publication, judged by runs: each is one or more figures that must lie in a range.
+
+A figure is any smooth function of the means of metrics. Its 95 % interval is Student's, with the
+jackknife's standard error over the seeds: leaving out one seed in all cases at once keeps what the
+cases have in common (the same seed is the same demand), and a difference of means gets exactly the
+paired interval. A share of runs has Clopper and Pearson's.
+
+What came out alike in all n runs has no spread, and an interval without width would say that nothing
+else can happen. Such a claim is "not contradicted" inside the range and does not hold outside: with
+95 % certainty at most a share 1 - 0.025^(1 / n) of runs are otherwise. Only what is not drawn at all
+holds by being so every time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any, Final, Literal
+
+from automaton.studies.inference.intervals import ROUNDING
+from automaton.studies.inference.proportions import exact_share
+from automaton.studies.inference.t_distribution import student
+
+Verdict = Literal["holds", "not contradicted", "undecided", "does not hold"]
+WORST_FIRST: Final[tuple[Verdict, ...]] = ("does not hold", "undecided", "not contradicted")
+Sample = tuple[str, tuple[Any, ...]]  # metric and key of a case
+Mean = Callable[..., float]  # mean(metric, *labels of the case)
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A number that a claim rests on, and the range in which it must lie."""
+
+    label: str
+    of: Callable[[Mean], float]
+    at_least: float = -math.inf
+    at_most: float = math.inf
+    strict: bool = False  # the ends of the range do not belong to it: "more" is not "as many"
+    unit: str = ""  # "%" and "points" show shares times 100
+    digits: int = 0  # shown after the decimal point of what is no share
+    certain: bool = False  # nothing about it is drawn: one run tells it
+    why: str = ""  # the range ends there, if it is neither "more" nor "the same"
+
+    def holds(self, low: float, high: float) -> bool:
+        """Whether everything from low to high lies in the range."""
+        if self.strict:
+            return low > self.at_least and high < self.at_most
+        return low >= self.at_least and high <= self.at_most
+
+    def fails(self, low: float, high: float) -> bool:
+        """Whether nothing from low to high does."""
+        if self.strict:
+            return high <= self.at_least or low >= self.at_most
+        return high < self.at_least or low > self.at_most
+
+
+@dataclass(frozen=True)
+class Claim:
+    """What the publication says, in our words, and how it is read as figures."""
+
+    text: str
+    figures: tuple[Figure, ...]
+    source: str = ""  # the publication's own sentence, where the claim is not plain from it
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A figure with its interval; low and high are None where the runs give none."""
+
+    figure: Figure
+    value: float
+    low: float | None
+    high: float | None
+    printed: float | None  # the same figure from the publication's own table
+    runs: int = 1
+    alike: bool = False  # all runs gave the same, though they need not have
+    what: str = "run"  # is repeated: a run, a tour, a training
+
+    @property
+    def verdict(self) -> Verdict:
+        """holds if the whole interval lies in the range, does not hold if none of it does."""
+        if self.low is not None and self.high is not None:
+            if self.figure.holds(self.low, self.high):
+                return "holds"
+            if self.figure.fails(self.low, self.high):
+                return "does not hold"
+        return self._of_alike() if self.alike else "undecided"
+
+    def _of_alike(self) -> Verdict:
+        """Without spread: no run speaks against it, or none speaks for it.
+
+        A share that must be 0 or 1 is a claim of never or always, which no number of runs can show;
+        any other share has its interval.
+        """
+        never_or_always = self.value in (self.figure.at_least, self.figure.at_most)
+        if self.low is not None and not never_or_always:
+            return "undecided"
+        inside = self.figure.holds(self.value, self.value)
+        return "not contradicted" if inside else "does not hold"
+
+    @property
+    def otherwise(self) -> float | None:
+        """The largest share of runs that may be otherwise (95 %); None where some are."""
+        return exact_share(0, self.runs).high if self.alike else None
+
+    @property
+    def in_print(self) -> bool | None:
+        """Whether the publication's own table bears the figure out; None if it prints none."""
+        if self.printed is None:
+            return None
+        return self.figure.holds(self.printed, self.printed)
+
+    @property
+    def margin(self) -> float:
+        """How far inside the range the value is; negative outside."""
+        return min(self.value - self.figure.at_least, self.figure.at_most - self.value)
+
+
+@dataclass(frozen=True)
+class JudgedClaim:
+    """A claim with its figures; it holds if all of them do."""
+
+    claim: Claim
+    figures: Sequence[Judged] = field(default_factory=tuple)
+
+    @property
+    def verdict(self) -> Verdict:
+        verdicts = [figure.verdict for figure in self.figures]
+        for worst in WORST_FIRST:
+            if worst in verdicts:
+                return worst
+        return "holds"
+
+    @property
+    def in_print(self) -> bool | None:
+        known = [figure.in_print for figure in self.figures]
+        if any(value is None for value in known):
+            return None
+        return all(known)
+
+
+def judge(
+    claim: Claim,
+    samples: Mapping[Sample, Sequence[float]],
+    printed: Mapping[Sample, float],
+    repeated: Mapping[Sample, str] = MappingProxyType({}),
+) -> JudgedClaim | None:
+    """Judge a claim by the values of each case over the seeds; None if a case was not run.
+
+    `repeated`: what a value of a sample is of, unless it is a run.
+    """
+    try:
+        found = [_judged(figure, samples, printed, repeated) for figure in claim.figures]
+        return JudgedClaim(claim, found)
+    except KeyError:
+        return None
+
+
+def _judged(
+    figure: Figure,
+    samples: Mapping[Sample, Sequence[float]],
+    printed: Mapping[Sample, float],
+    repeated: Mapping[Sample, str],
+) -> Judged:
+    used: list[Sample] = []
+
+    def overall(metric: str, *key: Any) -> float:
+        used.append((metric, key))
+        values = samples[metric, key]
+        return math.fsum(values) / len(values)
+
+    value = figure.of(overall)
+    own = {sample: samples[sample] for sample in used}
+    try:
+        in_print = figure.of(lambda metric, *key: printed[metric, key])
+    except KeyError:
+        in_print = None
+    low, high, alike = _interval(figure, value, own)
+    fewest = min(own, key=lambda sample: len(own[sample]))
+    runs, what = len(own[fewest]), repeated.get(fewest, "run")
+    return Judged(figure, value, low, high, in_print, runs, alike, what)
+
+
+def _interval(
+    figure: Figure, value: float, samples: Mapping[Sample, Sequence[float]]
+) -> tuple[float | None, float | None, bool]:
+    """The ends of the 95 % interval, and whether all runs gave the same though they need not have."""
+    if _is_share(figure, samples):
+        [values] = samples.values()
+        share = exact_share(round(math.fsum(values)), len(values))
+        return share.low, share.high, value in (0, 1)
+    margin = _half_width(figure, samples)
+    if figure.certain:
+        return value - (margin or 0.0), value + (margin or 0.0), False
+    if margin is None:
+        return None, None, False
+    largest = max(abs(one) for values in samples.values() for one in values)
+    if margin <= ROUNDING * max(largest, abs(value)):
+        return None, None, True
+    return value - margin, value + margin, False
+
+
+def _is_share(figure: Figure, samples: Mapping[Sample, Sequence[float]]) -> bool:
+    """Whether a figure is the plain share of runs in which something happens."""
+    if figure.unit != "%" or len(samples) != 1:
+        return False
+    [values] = samples.values()
+    return set(values) <= {0, 1} and figure.of(lambda metric, *key: 0.25) == 0.25
+
+
+def _half_width(figure: Figure, samples: Mapping[Sample, Sequence[float]]) -> float | None:
+    """Half of the 95 % interval; None for a single seed."""
+    n = min(map(len, samples.values()))
+    if n < 2:
+        return None
+    sums = {sample: math.fsum(values) for sample, values in samples.items()}
+
+    def without(seed: int) -> Mean:
+        def mean(metric: str, *key: Any) -> float:
+            return (sums[metric, key] - samples[metric, key][seed]) / (n - 1)
+
+        return mean
+
+    left_out = [figure.of(without(seed)) for seed in range(n)]
+    centre = math.fsum(left_out) / n
+    spread = math.fsum((value - centre) ** 2 for value in left_out)
+    return student(n - 1) * math.sqrt(spread * (n - 1) / n)

@@ -1,0 +1,356 @@
+"""What a reproduction consists of: tables with cases to run, printed figures, claims to judge.
+
+A case is a line or a cell of a printed table. How its figures are found is the table's own affair:
+by runs of scenarios, or by whatever else gives a `Measured` for each repetition.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final, Literal, Protocol
+
+from automaton.build.resolve import resolve
+from automaton.errors import InputError, alternatives, nearest
+from automaton.papers.claims import Claim
+from automaton.runs.process_pool import OnDone, Result, run_all
+from automaton.studies.inference.intervals import Interval
+from automaton.studies.inference.proportions import exact_share
+from automaton.studies.inference.t_distribution import student
+
+Label = str | int
+Key = tuple[Label, ...]  # the labels of a case, in order
+
+
+class Measured(Protocol):
+    """One repetition of a case: a run, a trial."""
+
+    @property
+    def finished(self) -> bool:
+        """Whether it came to its end."""
+
+    @property
+    def metrics(self) -> Mapping[str, float]:
+        """Its figures; one that does not apply to it is left out."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One column or cell of a published table, and what it is called."""
+
+    labels: Mapping[str, Label]
+
+    @property
+    def key(self) -> Key:
+        return tuple(self.labels.values())
+
+
+@dataclass(frozen=True)
+class ScenarioCase(Case):
+    """A case for which a scenario is run."""
+
+    scenario: str
+    overrides: tuple[str, ...]
+
+
+# cases, seeds, workers, on_done -> by case, the repetitions of all seeds
+Runner = Callable[[Sequence[Any], Sequence[int], int | None, OnDone | None], list[list[Any]]]
+
+
+# Metrics that have the symbols of the papers, or older names, in the rows of a reproduction.
+PUBLISHED_NAMES: Final = {
+    "makespan": "T_total",
+    "operations_per_robot": "T_R",
+    "operations": "T_Rtotal",
+    "empty_moves_share": "E_U_moves",
+    "empty_operations_share": "E_U_operations",
+    "empty_ticks_share": "E_U_cycles",
+    "throughput_per_robot": "completions",
+    "battery_depletions": "ran_empty",
+}
+
+
+def with_published_names(result: Result) -> Result:
+    """Return the result of a run with the metric names that reproductions print."""
+    metrics = {PUBLISHED_NAMES.get(name, name): value for name, value in result.metrics.items()}
+    return result._replace(metrics=metrics)
+
+
+def run_scenarios(
+    cases: Sequence[ScenarioCase],
+    seeds: Sequence[int],
+    workers: int | None = None,
+    on_done: OnDone | None = None,
+) -> list[list[Result]]:
+    """Run the scenario of each case with each seed."""
+    scenarios = [resolve(case.scenario, case.overrides) for case in cases]
+    results = run_all(scenarios, seeds, workers, on_done)
+    return [[with_published_names(result) for result in batch] for batch in results]
+
+
+# by the key of a case, its repetitions -> (metric, key) and values, one for each repetition
+Together = Callable[
+    [Mapping[Key, Sequence[Measured]]], Iterator[tuple[tuple[str, Key], list[float]]]
+]
+
+
+@dataclass(frozen=True)
+class Table:
+    """A published table, and how it is made again."""
+
+    cases: Callable[[Sequence[str]], Sequence[Case]]  # for these strategies
+    panels: tuple[tuple[str, ...], ...]  # metrics, grouped as they are printed
+    published: Callable[[Key, str], float | None]  # the printed figure of a case and metric
+    title: str = ""  # where a reproduction has several tables
+    name: str = ""  # by which it can be chosen
+    run: Runner = run_scenarios
+    repetition: str = "run"  # what is repeated
+    per_seed: int = 1  # repetitions
+    shares: tuple[str, ...] = ()  # metrics that are shown in per cent
+    digits: int = 0  # of the other metrics, after the decimal point
+    seeds: int = 0  # unless another number is asked for; 0: as many as the reproduction
+    usual: bool = True  # made when no table is chosen
+    ranked: bool = False  # shown: 95 % intervals, and where printed figures lie among our runs
+    together: Together | None = None  # figures for claims that rest on the runs of several cases
+    grouped: int = -1  # lines with the same labels[:grouped] stand together
+    spread: Literal["sd", "se"] = "sd"  # shown: of single repetitions, or of their mean
+    stored: Callable[[], str] | None = None  # how figures were made that are read, not run for
+
+    @property
+    def metrics(self) -> tuple[str, ...]:
+        return tuple(metric for panel in self.panels for metric in panel)
+
+
+@dataclass(frozen=True)
+class Further:
+    """What is read off all runs besides tables: a text under a title, and the data behind it."""
+
+    name: str
+    title: str
+    text: str
+    data: Any
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """What is made again of a publication."""
+
+    name: str
+    title: str
+    source: str
+    strategies: tuple[str, ...]  # those of the publication; () where there is no choice
+    tables: tuple[Table, ...]
+    averaged: tuple[str, ...]  # metrics whose mean |error| is reported
+    claims: tuple[Claim, ...]
+    remarks: tuple[str, ...]
+    seeds: int = 60  # unless another number is asked for
+    texts: Callable[[], Sequence[tuple[str, str]]] | None = None  # (title, text), shown at the end
+    further: Callable[[Reproduced], Sequence[Further]] | None = None
+    claims_title: str = "The publication's claims"
+    remarks_title: str = "Where the publication contradicts itself or leaves things open"
+
+
+@dataclass(frozen=True)
+class Row:
+    """A metric of a case: the printed figure (None if there is none) and ours."""
+
+    case: Mapping[str, Label]
+    metric: str
+    paper: float | None
+    mean: float
+    sd: float | None  # of single repetitions, n - 1 in the denominator; None for a single one
+    repetitions: int
+    ranked: bool = False  # its interval and rank are reported
+    rank: float | None = None  # share of repetitions below the printed figure, ties by half
+    exact: Interval | None = None  # Clopper and Pearson's, of a share of repetitions
+    stored: bool = False  # read from a file, not computed in this run
+
+    @property
+    def se(self) -> float | None:
+        """The standard error of the mean."""
+        return None if self.sd is None else self.sd / math.sqrt(self.repetitions)
+
+    @property
+    def half_width(self) -> float | None:
+        """Half of the 95 % interval of the mean; None for a single repetition."""
+        return None if self.se is None else student(self.repetitions - 1) * self.se
+
+    @property
+    def error(self) -> float | None:
+        """mean / paper - 1."""
+        return self.mean / self.paper - 1 if self.paper else None
+
+
+@dataclass(frozen=True)
+class MadeTable:
+    """A table made again. Runs that did not finish count with the ticks they were given."""
+
+    table: Table
+    cases: Sequence[Case]
+    results: Sequence[Sequence[Measured]]  # by case, then by seed and repetition
+    first_seed: int = 1
+
+    @property
+    def repetitions(self) -> int:
+        return sum(map(len, self.results))
+
+    @property
+    def unfinished(self) -> int:
+        return sum(not result.finished for batch in self.results for result in batch)
+
+    def rows(self) -> list[Row]:
+        """One for each case and each metric that it has, in the order of the cases."""
+        of_runs = {metric for metric in self.table.shares if self._counts_runs(metric)}
+        return [
+            self._row(case, metric, values, metric in of_runs)
+            for case, batch in zip(self.cases, self.results, strict=True)
+            for metric in self.table.metrics
+            if (values := [one.metrics[metric] for one in batch if metric in one.metrics])
+        ]
+
+    def _counts_runs(self, metric: str) -> bool:
+        """Whether a metric is 0 or 1 in each repetition: its mean is a share of them."""
+        every = (one.metrics.get(metric, 0) for batch in self.results for one in batch)
+        return set(every) <= {0, 1}
+
+    def _row(self, case: Case, metric: str, values: Sequence[float], of_runs: bool) -> Row:
+        paper = self.table.published(case.key, metric)
+        # fsum is exact: the figures do not depend on how a processor orders a sum.
+        mean = math.fsum(values) / len(values)
+        spread = math.fsum((value - mean) ** 2 for value in values)
+        sd = math.sqrt(spread / (len(values) - 1)) if len(values) > 1 else None
+        rank = _rank(paper, values) if self.table.ranked else None
+        exact = exact_share(round(math.fsum(values)), len(values)) if of_runs else None
+        ranked, stored = self.table.ranked, self.table.stored is not None
+        return Row(case.labels, metric, paper, mean, sd, len(values), ranked, rank, exact, stored)
+
+    def samples(self) -> Iterator[tuple[tuple[str, Key], list[float]]]:
+        """(metric, key of a case) and its values, of the metrics that every repetition has."""
+        for case, batch in zip(self.cases, self.results, strict=True):
+            for metric in batch[0].metrics:
+                if all(metric in one.metrics for one in batch):
+                    yield (metric, case.key), [one.metrics[metric] for one in batch]
+        if self.table.together is not None:
+            keys = [case.key for case in self.cases]
+            yield from self.table.together(dict(zip(keys, self.results, strict=True)))
+
+    def published(self) -> Iterator[tuple[tuple[str, Key], float]]:
+        """(metric, key of a case) and the printed figure, where there is one."""
+        for case in self.cases:
+            for metric in self.table.metrics:
+                value = self.table.published(case.key, metric)
+                if value is not None:
+                    yield (metric, case.key), value
+
+
+def _rank(paper: float | None, values: Sequence[float]) -> float | None:
+    if paper is None:
+        return None
+    below = sum(value < paper for value in values) + sum(value == paper for value in values) / 2
+    return below / len(values)
+
+
+@dataclass(frozen=True)
+class Reproduced:
+    """All tables of a reproduction, made again."""
+
+    reproduction: Reproduction
+    seeds: int
+    tables: Sequence[MadeTable]
+    first_seed: int = 1
+
+    @property
+    def repetitions(self) -> int:
+        """Those that were run for this reproduction."""
+        return sum(made.repetitions for made in self.tables if made.table.stored is None)
+
+    @property
+    def unfinished(self) -> int:
+        return sum(table.unfinished for table in self.tables)
+
+    def rows(self) -> list[Row]:
+        """The rows of all tables."""
+        return [row for table in self.tables for row in table.rows()]
+
+    def mean_errors(self) -> dict[str, float | None]:
+        """Mean |error| over the cases with a printed figure, by metric."""
+        rows = self.rows()
+        found: dict[str, float | None] = {}
+        for metric in self.reproduction.averaged:
+            errors = [row.error for row in rows if row.metric == metric]
+            known = [abs(error) for error in errors if error is not None]
+            found[metric] = math.fsum(known) / len(known) if known else None
+        return found
+
+    def samples(self) -> dict[tuple[str, Key], list[float]]:
+        """(metric, key of a case) -> its values, what claims are judged by."""
+        return dict(sample for table in self.tables for sample in table.samples())
+
+    def repeated(self) -> dict[tuple[str, Key], str]:
+        """(metric, key of a case) -> what its values are of: runs, tours, trainings."""
+        return {
+            sample: made.table.repetition for made in self.tables for sample, _ in made.samples()
+        }
+
+    def published(self) -> dict[tuple[str, Key], float]:
+        """(metric, key of a case) -> the printed figure, where there is one."""
+        return dict(figure for table in self.tables for figure in table.published())
+
+
+def tables_named(reproduction: Reproduction, names: Sequence[str]) -> tuple[Table, ...]:
+    """The tables with these names, the usual ones without names. Raises InputError for an unknown one."""
+    known = {table.name: table for table in reproduction.tables if table.name}
+    for name in names:
+        if not known:
+            raise InputError(f"{reproduction.name} has no tables to choose: leave out --tables")
+        if name not in known:
+            raise InputError(
+                f"{reproduction.name} has no table '{name}'{nearest(name, known)}; "
+                f"there is {alternatives(known)}"
+            )
+    usual = tuple(table for table in reproduction.tables if table.usual)
+    return tuple(known[name] for name in names) or usual
+
+
+def reproduce(
+    reproduction: Reproduction,
+    seeds: int | None,
+    strategies: Sequence[str] = (),
+    workers: int | None = None,
+    on_start: Callable[[int], Any] | None = None,
+    on_done: OnDone | None = None,
+    tables: Sequence[str] = (),
+    first_seed: int = 1,
+) -> Reproduced:
+    """Make the usual tables, or those with these names, with so many seeds from `first_seed` on (None:
+    as many as each table needs).
+
+    `strategies` instead of the published ones; `on_start` is told the number of repetitions. Raises
+    InputError for an unknown strategy before anything runs, and where there is none to choose.
+    """
+    if strategies and not reproduction.strategies:
+        raise InputError(f"{reproduction.name} compares no strategies: leave out --strategies")
+    reproduction = replace(reproduction, tables=tables_named(reproduction, tables))
+    chosen = tuple(strategies) or reproduction.strategies
+    cases = [table.cases(chosen) for table in reproduction.tables]
+    many = [seeds or table.seeds or reproduction.seeds for table in reproduction.tables]
+    plan = list(zip(reproduction.tables, cases, many, strict=True))
+    if on_start is not None:
+        on_start(
+            sum(
+                len(of_table) * n * table.per_seed
+                for table, of_table, n in plan
+                if table.stored is None
+            )
+        )
+    made = [
+        MadeTable(
+            table,
+            of_table,
+            table.run(of_table, range(first_seed, first_seed + n), workers, on_done),
+            first_seed,
+        )
+        for table, of_table, n in plan
+    ]
+    return Reproduced(reproduction, seeds or reproduction.seeds, made, first_seed)

@@ -1,0 +1,1 @@
+"""Grzejszczak & Nocoń: a table-top warehouse."""

@@ -1,0 +1,1 @@
+"""Bhattathiri, Li & Kuhl: traffic avoidance in a warehouse."""

@@ -1,0 +1,174 @@
+"""What happens when every robot of the warehouse avoids traffic: beyond Bhattathiri, Li & Kuhl.
+
+The paper dispatches one robot among five that do not react. Here all of a fleet follow one policy,
+under the dynamic rule of slow zones, with a task after the other; nothing of this is printed there.
+All policies face the same orders: dock and rack of order k depend on the seed and on k alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Final
+
+from automaton.papers.claims import Claim, Figure, Mean
+from automaton.papers.reproduction_study import Key, Reproduction, ScenarioCase, Table
+
+SCENARIO: Final = "warehouse-100"
+ROBOTS: Final = (6, 20, 50, 100)
+CROWD: Final = ROBOTS[-1]
+TICKS: Final = {6: 6900}  # so that a small fleet finishes enough tasks, too
+USUAL_TICKS: Final = 2300
+CHANCE: Final = "10 %"  # of a tick more for a move
+
+A_STAR: Final = "A*"
+AVOIDANCE: Final = "avoidance"
+SHARES: Final = "time average"
+TASKS: Final = "undelayed"
+PLANS: Final = "shared plans"
+CONGESTION: Final = "congestion"
+
+POLICIES: Final = {  # what strategy.routing is set to; any other strategy stands for itself
+    A_STAR: "{name: astar, tie_break: random}",
+    AVOIDANCE: "{name: traffic-avoidance, tie_break: random}",
+    SHARES: "{name: congestion, forecast: task-averages, beta: 1, replan_period: 0}",
+    TASKS: "{name: congestion, forecast: tasks, beta: 1, replan_period: 0}",
+    PLANS: "{name: congestion, beta: 1, replan_period: 0}",
+    CONGESTION: "{name: congestion, beta: 2, replan_period: 20}",
+}
+
+
+def scenario_of(policy: str, robots: int) -> tuple[str, ...]:
+    """The overrides of warehouse-100 for a fleet with a policy."""
+    routing = POLICIES.get(policy, policy)
+    ticks = TICKS.get(robots, USUAL_TICKS)
+    return f"strategy.routing={routing}", f"fleet.robots={robots}", f"stop.max_duration={ticks}"
+
+
+def fleets(policies: Sequence[str]) -> list[ScenarioCase]:
+    """Each policy with each size of the fleet."""
+    return [
+        ScenarioCase({"policy": policy, "robots": robots}, SCENARIO, scenario_of(policy, robots))
+        for policy in policies
+        for robots in ROBOTS
+    ]
+
+
+def delayed_fleets(policies: Sequence[str]) -> list[ScenarioCase]:
+    """The largest fleet with each policy, its moves taking longer by chance."""
+    return [
+        ScenarioCase(
+            {"policy": policy, "extra tick": CHANCE},
+            SCENARIO,
+            (*scenario_of(policy, CROWD), "world.extra_tick_probability=0.1"),
+        )
+        for policy in policies
+    ]
+
+
+def unpublished(key: Key, metric: str) -> None:
+    """The paper has no figures of such fleets."""
+
+
+METRICS: Final = ("task_time", "delay", "completions")
+
+
+def table(title: str, cases: Callable[[Sequence[str]], list[ScenarioCase]], grouped: int) -> Table:
+    """A table of these cases, without printed figures beside them."""
+    return Table(
+        title=title,
+        cases=cases,
+        panels=(METRICS,),
+        published=unpublished,
+        digits=2,
+        grouped=grouped,
+    )
+
+
+def delay(policy: str, of: int | str = CROWD) -> Callable[[Mean], float]:
+    """The mean delay with a policy; `of`: robots, or CHANCE."""
+    return lambda mean: mean("delay", policy, of)
+
+
+def beyond_a_star(policy: str, robots: int) -> Figure:
+    """A figure: by how much a policy has the greater delay."""
+    return Figure(
+        f"delay beyond A*, N = {robots}",
+        lambda mean: mean("delay", policy, robots) - mean("delay", A_STAR, robots),
+        digits=1,
+    )
+
+
+def beyond_plans(policy: str) -> Callable[[Mean], float]:
+    """By how much a policy has the greater delay than search in time through shared plans."""
+    return lambda mean: delay(policy)(mean) - delay(PLANS)(mean)
+
+
+def more_completions(mean: Mean) -> float:
+    return mean("completions", CONGESTION, CROWD) / mean("completions", A_STAR, CROWD) - 1
+
+
+OURS: Final = "a bound of ours"  # nothing of it is printed
+
+CLAIMS: Final = (
+    Claim(
+        "Avoidance by static counts harms a fleet in which everybody uses it",
+        tuple(
+            replace(beyond_a_star(AVOIDANCE, robots), at_least=0, strict=True) for robots in ROBOTS
+        ),
+    ),
+    Claim(
+        "What helps is to know the plans of the others: their tasks alone are not enough",
+        tuple(
+            Figure(
+                f"delay by {policy} beyond {PLANS}", beyond_plans(policy), 0, strict=True, digits=1
+            )
+            for policy in (SHARES, TASKS)
+        ),
+    ),
+    Claim(
+        "Search in time through shared plans leaves 100 robots at most 7 ticks of delay",
+        (Figure("delay", delay(CONGESTION), at_most=7, digits=1, why=OURS),),
+    ),
+    Claim(
+        "It gives at least a fifth more throughput than A*",
+        (Figure("more completions", more_completions, at_least=0.2, unit="%", why=OURS),),
+    ),
+    Claim(
+        "Six robots lose nothing by it",
+        (replace(beyond_a_star(CONGESTION, 6), at_most=0),),
+    ),
+    Claim(
+        "It bears that plans are not kept: at most 27 ticks of delay, extra ticks included",
+        (Figure("delay", delay(CONGESTION, CHANCE), at_most=27, digits=1, why=OURS),),
+    ),
+)
+
+REMARKS: Final = (
+    "The paper judges one robot that avoids five others which drive plain A*; what happens when all "
+    "avoid each other it leaves to further work.",
+    "Counts of who will ever use a zone send everybody round the same busy zones at once, and into "
+    "each other; what helps is when they will be there, and that by the plans that they really drive.",
+    "time average: a zone costs what share of their tasks the others spend there on their A* paths; "
+    "undelayed: the same paths, searched in time as if nobody delayed anybody; shared plans: the "
+    "routes of all, replayed with the slow zones.",
+    "Extra ticks count as delay, though nobody is in the way then.",
+)
+
+REPRODUCTION: Final = Reproduction(
+    name="traffic-fleet",
+    title="Warehouse with slow zones, the whole fleet by one policy",
+    source="beyond Shaji Bhattathiri, Li & Kuhl, A traffic avoidance path planning method for "
+    "autonomous vehicles in a warehouse environment: no printed figures",
+    strategies=tuple(POLICIES),
+    tables=(
+        table("All moves take what their zones say", fleets, 1),
+        table(f"{CROWD} robots, a tick more for {CHANCE} of the moves", delayed_fleets, 0),
+    ),
+    averaged=(),
+    claims=CLAIMS,
+    remarks=REMARKS,
+    seeds=3,
+    claims_title="Claims",
+    remarks_title="Remarks",
+)

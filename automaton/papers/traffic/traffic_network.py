@@ -1,0 +1,164 @@
+"""The network of Bhattathiri, Li & Kuhl in their reproduction: what it foresees, and Tables 1 to 4.
+
+Training takes minutes, so it is no part of a reproduction: the network and the figures of the tables
+are read from files that `automaton train traffic` wrote, and that it writes anew on request.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, Final
+
+import numpy as np
+
+from automaton.engine.state import Array
+from automaton.papers.reproduction_study import Case, Key, Table
+from automaton.papers.traffic.traffic_trials import Warehouse
+from automaton.papers.training.training_tables import COLUMNS, PRINTED, Row, from_json
+from automaton.runs.process_pool import OnDone
+from strategies.routing.traffic_avoidance.network_files import network_for, predicted_zones, shipped
+
+SCENARIO: Final = "warehouse-100"
+COMMAND: Final = "automaton train traffic --tables --out FILE"
+DEPTHS_COMMAND: Final = "automaton train traffic --depths --epochs 5 --out FILE"
+
+
+def network(where: Warehouse, seed: int, tasks: Array) -> Array:
+    """(trials, Z) int32: the other robots that the shipped network predicts in each zone.
+
+    A robot uses the zones of either of its two legs.
+    """
+    trained = network_for(where.grid, where.duration, shipped(SCENARIO))
+    zones = where.grid.traffic_zone[tasks[:, 1:], 0].astype(np.int64)  # (trials, others, 3)
+    foreseen = np.zeros((len(tasks), where.grid.traffic_zone_count), np.int32)
+    for robot in range(zones.shape[1]):
+        start, pick, drop = zones[:, robot].T
+        foreseen += predicted_zones(trained, start, pick) | predicted_zones(trained, pick, drop)
+    return foreseen
+
+
+@dataclass(frozen=True)
+class Trained:
+    """A row of Tables 1 to 4."""
+
+    metrics: Mapping[str, float]
+    finished: bool = True
+
+
+@cache
+def stored() -> dict[str, Any]:
+    """The file of results: how they were made, and the rows."""
+    path = shipped(SCENARIO).with_name(f"{SCENARIO}-tables.json")
+    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return found
+
+
+def rows() -> dict[Key, Row]:
+    """The rows by their labels, in the order of print; the printed loss first."""
+    in_print = [(table, keep) for table, figures in PRINTED.items() for keep in figures]
+    found = sorted(
+        from_json(stored()["rows"]), key=lambda row: in_print.index((row.table, row.monitored))
+    )
+    return {tuple(labels(row).values()): row for row in found}
+
+
+def labels(row: Row) -> dict[str, str | int]:
+    """What a row is called, short enough for a line."""
+    return {"table": row.table, "monitored": row.short, "loss": row.loss}
+
+
+def read_rows(
+    cases: Sequence[Case],
+    seeds: Sequence[int],
+    workers: int | None = None,
+    on_done: OnDone | None = None,
+) -> list[list[Trained]]:
+    """One training each: the seeds of a reproduction do not matter to it."""
+    known = rows()
+    return [[Trained(known[case.key].ours)] for case in cases]
+
+
+def published(key: Key, metric: str) -> float | None:
+    """The printed figure: the paper prints one for each row, whatever the loss."""
+    return rows()[key].paper.get(metric)
+
+
+def origin() -> str:
+    """How the stored figures were made."""
+    found = stored()
+    settings = found["settings"]
+    return (
+        f"From a file that `{COMMAND}` wrote: {settings['legs']:,} legs, batches of "
+        f"{settings['batch']}, at most {settings['epochs']} epochs, seed {settings['seed']}; Tables 1 "
+        "and 2 with output bias, 3 and 4 with sample weights; 1 and 3 on the legs of the training, "
+        "2 and 4 on others. A row keeps the weights of the epoch that last improved all that it "
+        "monitors."
+    )
+
+
+@cache
+def stored_depths() -> dict[str, Any]:
+    """The file of networks of several depths: how they were trained, and what they came to."""
+    path = shipped(SCENARIO).with_name(f"{SCENARIO}-depths.json")
+    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return found
+
+
+def depths() -> dict[Key, dict[str, Any]]:
+    """The trainings by loss and hidden layers."""
+    return {("depth", row["loss"], row["hidden"]): row for row in stored_depths()["rows"]}
+
+
+def read_depths(
+    cases: Sequence[Case],
+    seeds: Sequence[int],
+    workers: int | None = None,
+    on_done: OnDone | None = None,
+) -> list[list[Trained]]:
+    """One training each; beyond: by how much the loss stays above that of a constant answer."""
+    known = [depths()[case.key] for case in cases]
+    return [
+        [Trained({name: row[name] for name in DEPTH} | {"beyond": row["least"] - row["constant"]})]
+        for row in known
+    ]
+
+
+def origin_of_depths() -> str:
+    """How the stored trainings were made."""
+    settings = stored_depths()["settings"]
+    return (
+        f"From a file that `{DEPTHS_COMMAND}` wrote: {settings['legs']:,} legs, batches of "
+        f"{settings['batch']}, at most {settings['epochs']} epochs, seed {settings['seed']}; the least "
+        "loss of an epoch, beside the least of a constant answer."
+    )
+
+
+DEPTH: Final = ("least", "constant", "precision", "recall")
+DEPTHS: Final = Table(
+    title="Deeper networks: what they learn",
+    cases=lambda strategies: [
+        Case({"study": study, "loss": loss, "hidden": hidden}) for study, loss, hidden in depths()
+    ],
+    panels=(DEPTH,),
+    published=lambda key, metric: None,
+    run=read_depths,
+    stored=origin_of_depths,
+    repetition="training",
+    digits=4,
+    grouped=2,
+)
+
+TABLES_1_TO_4: Final = Table(
+    title="Tables 1 to 4: what the network learns",
+    cases=lambda strategies: [Case(labels(row)) for row in rows().values()],
+    panels=(COLUMNS,),
+    published=published,
+    run=read_rows,
+    stored=origin,
+    repetition="training",
+    digits=2,
+    grouped=1,
+)

@@ -1,0 +1,160 @@
+"""The trials of Bhattathiri, Li & Kuhl on their warehouse: from a seed to the figures of each trial.
+
+A *predictor* says how many of the other robots use each zone, from where they start, pick up and
+drop off; what really happens is decided by their paths.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Final, Literal, NamedTuple
+
+import numpy as np
+
+from automaton.build.prepared_floor import Floor, floor_for
+from automaton.engine.state import ACTION_COUNT, NIL, Array, Grid
+from automaton.floor.cells import DOCK, EAST, RACK
+from automaton.scenario.floor_section import generator_type
+from strategies.routing.astar.frontier import LARGER_G
+from strategies.routing.astar.route_workspace import (
+    MonteCarloWorkspace,
+    RouteSpace,
+    monte_carlo_workspace,
+    route_space,
+)
+from strategies.routing.traffic_avoidance import monte_carlo
+from strategies.routing.traffic_avoidance.avoidance import LEAST_TIME, MOST_CAUTIOUS
+from strategies.routing.traffic_avoidance.prediction_noise import CERTAIN, USED_SHARE, false_alarms
+
+SIDE: Final = 100  # cells
+ROBOTS: Final = 6  # five are active, one is dispatched
+TRIALS: Final = 100  # of a seed
+MOST_THRESHOLD: Final = 6  # A = 1..6
+
+
+class Warehouse(NamedTuple):
+    """The warehouse, ready for trials."""
+
+    grid: Grid
+    duration: Array  # (A,) int32
+    racks: Array  # (k,) int32: the cell from which each rack is served
+    docks: Array  # (k,) int32
+    workspace: RouteSpace
+    trial: MonteCarloWorkspace
+
+
+Predictor = Callable[[Warehouse, int, Array], Array]  # warehouse, seed, tasks -> (trials, Z) int32
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One reading of the experiment."""
+
+    predictor: Predictor
+    slowdown: Literal["static", "dynamic"] = "static"
+    cautious: bool = False  # take the feasible path of least A, whatever its time
+
+
+@cache
+def warehouse(side: int = SIDE) -> Warehouse:
+    """The warehouse E1, or one of another size like it; undirected zones, a move takes a tick."""
+    plan = generator_type("racks")(preset="E1", rows=side, columns=side).build()  # type: ignore[attr-defined]
+    floor = floor_for(plan, "omni", 1, 1, "undirected")
+    duration = np.ones(ACTION_COUNT, np.int32)
+    duration.setflags(write=False)
+    grid = floor.grid.read_only()
+    return Warehouse(
+        grid,
+        duration,
+        stands(floor, RACK),
+        stands(floor, DOCK),
+        route_space(grid.kind.size, grid.traffic_zone_count),
+        monte_carlo_workspace(ROBOTS, 2 * floor.longest_route, grid.traffic_zone_count),
+    )
+
+
+def stands(floor: Floor, kind: int) -> Array:
+    """(k,) the cells from which the slots of a kind are served: docks from the east."""
+    access = floor.slot_access[floor.grid.kind[floor.slot_cell] == kind]
+    found: Array = np.where(access[:, EAST] != NIL, access[:, EAST], access.max(1))
+    return found.astype(np.int32)
+
+
+def tasks_of(where: Warehouse, seed: int, trials: int = TRIALS) -> Array:
+    """(trials, ROBOTS, 3) int32: start, pick-up and drop-off cells."""
+    tasks = np.zeros((trials, ROBOTS, 3), np.int32)
+    with np.errstate(over="ignore"):
+        monte_carlo.draw_tasks(np.uint64(seed), where.racks, where.docks, tasks)
+    return tasks
+
+
+def noisy(precision: float, recall: float) -> Predictor:
+    """Exact predictions with errors of this precision and recall, drawn for each zone and robot."""
+    add = false_alarms(precision, recall, USED_SHARE)
+
+    def predict(where: Warehouse, seed: int, tasks: Array) -> Array:
+        foreseen = np.zeros((len(tasks), where.grid.traffic_zone_count), np.int32)
+        chances = round(recall * CERTAIN), round(add * CERTAIN)
+        arguments = (where.grid, where.duration, where.workspace, where.trial, LARGER_G)
+        with np.errstate(over="ignore"):
+            monte_carlo.count_foreseen(*arguments, np.uint64(seed), tasks, *chances, foreseen)
+        return foreseen
+
+    return predict
+
+
+exact: Final = noisy(precision=1, recall=1)
+
+
+class Trial(NamedTuple):
+    """The dispatched robot in one trial: by plain A*, and by the path that it chose."""
+
+    plain: Mapping[str, float]
+    chosen: Mapping[str, float]
+
+
+def run_seed(setting: Setting, seed: int) -> list[Trial]:
+    """The TRIALS trials of a seed; the same tasks for every setting."""
+    where = warehouse()
+    tasks = tasks_of(where, seed)
+    out = np.zeros((TRIALS, monte_carlo.TRIAL_COLUMNS), np.int64)
+    with np.errstate(over="ignore"):
+        monte_carlo.run_trials(
+            where.grid,
+            where.duration,
+            where.workspace,
+            where.trial,
+            LARGER_G,
+            np.uint64(seed),
+            tasks,
+            setting.predictor(where, seed, tasks),
+            MOST_THRESHOLD,
+            MOST_CAUTIOUS if setting.cautious else LEAST_TIME,
+            int(setting.slowdown == "dynamic"),
+            out,
+        )
+    return [_figures(row.tolist()) for row in out]
+
+
+def run_seeds(setting: Setting, seeds: Iterable[int]) -> list[Trial]:
+    """The trials of several seeds, one after the other."""
+    return [one for seed in seeds for one in run_seed(setting, seed)]
+
+
+def _figures(row: Sequence[int]) -> Trial:
+    """Saving is known only of trials in which the path is another one than that of plain A*."""
+    plain, chosen = (
+        row[: monte_carlo.TRIAL_CHOSEN],
+        row[monte_carlo.TRIAL_CHOSEN : monte_carlo.TRIAL_ALTERNATIVE],
+    )
+    names = ("time", "distance", "encounters")
+    taken, saved = (
+        row[monte_carlo.TRIAL_ALTERNATIVE],
+        plain[monte_carlo.TRIAL_TIME] - chosen[monte_carlo.TRIAL_TIME],
+    )
+    found = dict(zip(names, chosen, strict=True)) | {"taken": taken, "saved": saved}
+    if taken:
+        found["saving"] = saved
+    return Trial(dict(zip(names, plain, strict=True)), found)

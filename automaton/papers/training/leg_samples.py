@@ -1,0 +1,125 @@
+"""Legs to learn from: drives between racks and docks, and the zones that A* takes them through.
+
+A network learns which zones a leg touches from the zones in which it starts and ends. A leg touches
+the zone of every cell that its moves leave; ties of A* are settled first in, first out.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from automaton.build.prepared_floor import Floor, floor_for, frozen
+from automaton.build.resolve import Resolved
+from automaton.build.rules import duration_table
+from automaton.build.starts import first_headings
+from automaton.engine.state import NIL
+from automaton.errors import InputError
+from automaton.floor.cells import DOCK, RACK
+from strategies.routing.astar.frontier import FIFO
+from strategies.routing.astar.route_workspace import route_space, words
+from strategies.routing.traffic_avoidance import training_legs
+
+Cells = npt.NDArray[np.int32]
+
+
+class Legs(NamedTuple):
+    """n legs on a floor of Z zones."""
+
+    start: Cells  # (n,) flat cells
+    end: Cells  # (n,)
+    start_zone: npt.NDArray[np.int64]  # (n,) NIL on an intersection
+    end_zone: npt.NDArray[np.int64]  # (n,)
+    touched: npt.NDArray[np.bool_]  # (n, Z)
+
+    def some(self, mask: npt.NDArray[np.bool_]) -> Legs:
+        """The legs of a mask (n,)."""
+        return Legs(
+            self.start[mask],
+            self.end[mask],
+            self.start_zone[mask],
+            self.end_zone[mask],
+            self.touched[mask],
+        )
+
+
+class Site(NamedTuple):
+    """Where legs are driven: a floor, its robots' ticks, and the cells between which they drive."""
+
+    floor: Floor
+    duration: npt.NDArray[np.int32]  # ticks of each action
+    racks: Cells  # (r,) flat cells from which a rack is served, one for each
+    docks: Cells  # (d,)
+
+
+def site_of(resolved: Resolved) -> Site:
+    """The site of a scenario: racks and docks, or else whatever holds loads and wherever they go.
+
+    On a floor with neither, legs lead from any cell to any other. Raises InputError for a floor
+    without zones: nothing could be learnt there.
+    """
+    fleet, durations = resolved.scenario.fleet, resolved.scenario.durations
+    floor = floor_for(
+        resolved.floor_plan,
+        fleet.kinematics,
+        durations.move,
+        durations.turn,
+        resolved.scenario.world.traffic_zones,
+    )
+    if floor.grid.traffic_zone_count == 0:
+        raise InputError(f"{resolved.scenario.name}: this floor has no zones to learn")
+    kind = floor.grid.kind[floor.slot_cell]
+    outer, inner = kind == DOCK, kind == RACK
+    if not outer.any() or not inner.any():
+        outer, inner = floor.slot_endless == 1, floor.slot_endless == 0
+    racks, docks = _access(resolved, floor, inner), _access(resolved, floor, outer)
+    if not racks.size or not docks.size:
+        racks = docks = np.flatnonzero(resolved.floor_plan.drivable()).astype(np.int32)
+    duration = frozen(duration_table(durations))  # as strategies see it: the same compiled search
+    return Site(floor, duration, racks, docks)
+
+
+def _access(resolved: Resolved, floor: Floor, mask: npt.NDArray[np.bool_]) -> Cells:
+    """The first access cell of each slot of a mask that has one."""
+    access = floor.slot_access[mask]
+    served = access[(access != NIL).any(axis=1)]
+    first: Cells = served[np.arange(len(served)), (served != NIL).argmax(axis=1)]
+    return first
+
+
+def legs_of(site: Site, count: int, seed: int) -> Legs:
+    """`count` legs, rack to dock and dock to rack by turns, drawn uniformly by (seed, leg).
+
+    Raises InputError if robots cannot drive one of them.
+    """
+    start, end = np.zeros(count, np.int32), np.zeros(count, np.int32)
+    grid = site.floor.grid
+    used = np.zeros((count, words(grid.traffic_zone_count)), np.int64)
+    workspace = route_space(grid.kind.size * grid.headings, grid.traffic_zone_count)
+    with np.errstate(over="ignore"):
+        training_legs.draw_legs(site.racks, site.docks, np.uint64(seed), start, end)
+        poses = start.astype(np.int64) * grid.headings + first_headings(grid, start)
+        driven = training_legs.trace_legs(grid, site.duration, workspace, FIFO, poses, end, used)
+    if driven < count:
+        raise InputError("robots cannot drive from everywhere to everywhere on this floor")
+    zone = grid.traffic_zone[:, 0].astype(np.int64)
+    return Legs(start, end, zone[start], zone[end], members(used, grid.traffic_zone_count))
+
+
+def members(used: npt.NDArray[np.int64], zones: int) -> npt.NDArray[np.bool_]:
+    """(n, zones) bool of sets (n, words) with a bit for each zone."""
+    octets: Any = used.astype("<i8").view(np.uint8)
+    return np.unpackbits(octets, axis=1, count=zones, bitorder="little").astype(np.bool_)
+
+
+def unseen(new: Legs, known: Legs) -> npt.NDArray[np.bool_]:
+    """(n,) mask of the legs between zones that none of the known legs connects in that direction."""
+    zones = np.int64(new.touched.shape[1] + 1)
+
+    def pair(some: Legs) -> npt.NDArray[np.int64]:
+        return (some.start_zone + 1) * zones + some.end_zone + 1
+
+    mask: npt.NDArray[np.bool_] = ~np.isin(pair(new), pair(known))
+    return mask

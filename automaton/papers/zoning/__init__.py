@@ -1,0 +1,1 @@
+"""Keith & La: dynamic zones of a factory."""

@@ -1,0 +1,1 @@
+"""One run: the simulation, its metrics, its report, and pictures of the world as text."""

@@ -1,0 +1,183 @@
+"""One run without a screen: to its end or its limit, and what stands still at the limit."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from automaton.build.resolve import Resolved
+from automaton.engine.jit.kernel import seconds_compiled
+from automaton.engine.state import (
+    ACTION_CHARGE,
+    ACTION_DOWN,
+    ACTION_QUEUE,
+    ACTION_WAIT,
+    NIL,
+    ORDER_DELIVERED,
+    ORDER_UNRELEASED,
+    ORDER_WAITING,
+    Array,
+)
+from automaton.errors import InputError
+from automaton.runs.metrics import OPERATIONS, metrics_by_robot, metrics_by_type, metrics_of
+from automaton.runs.run_diagnosis import describe_unfinished_run, stalled_robots
+from automaton.runs.simulation import RECORD_TICKS, Simulation
+from automaton.runs.strategy_failure import is_from_outside, strategy_failure
+from automaton.runs.wait_cycles import find_wait_cycles
+
+# Between two looks at the clock and at Ctrl-C. A multiple of the ticks that a recording buffers, so
+# that looking changes no recording; 5 robots drive them in 0.3 ms.
+WINDOW_TICKS = 4 * RECORD_TICKS
+ACTIONS_WORKING = [action for action in OPERATIONS if action != ACTION_WAIT]
+ACTIONS_AWAY = [ACTION_CHARGE, ACTION_QUEUE, ACTION_DOWN]
+
+OnWindow = Callable[[Simulation], None]
+
+
+class OrdersExhausted(NamedTuple):
+    """When a run that goes on without orders had none left."""
+
+    taken: int  # tick in which the last order was taken
+    delivered: int | None  # tick of the last delivery; None: not all are delivered
+
+
+class Outcome(NamedTuple):
+    """What is left of a run."""
+
+    finished: bool  # the stop condition held, or the scenario has none and its last tick came
+    ticks: int
+    orders: int
+    delivered: int
+    digest: str
+    wall_s: float | None  # of the run itself, without start-up; None for a replay
+    metrics: dict[str, float | int]
+    robots: list[dict[str, Any]]
+    diagnosis: str  # why it did not finish, one phrase; "" if it did
+    stopped: bool  # at the tick that was asked for
+    circles: list[tuple[int, ...]]  # the robots of each wait cycle at the end
+    ran_out: OrdersExhausted | None  # None: there were orders to the end, or it ends with them
+    types: Sequence[dict[str, Any]] = ()  # metrics by type of robot, where there are several
+
+
+def run_to_end(
+    simulation: Simulation,
+    on_window: OnWindow | None = None,
+    last_worked: Array | None = None,
+    until: int | None = None,
+) -> float:
+    """Run until finished, at tick `until` or at the limit; the seconds that took, compiling aside.
+
+    `on_window` is called before the first and after every WINDOW_TICKS ticks. `last_worked`: (n,)
+    int64 output, the last window's end at which each stored robot had worked since the one before.
+    """
+    limit = simulation.resolved.scenario.stop.max_duration
+    limit = limit if until is None else min(limit, until)
+    begun = time.perf_counter() - seconds_compiled()
+    worked = operations(simulation)
+    if on_window is not None:
+        on_window(simulation)
+    while not simulation.finished and simulation.tick < limit:
+        simulation.run(min(simulation.tick + WINDOW_TICKS, limit))
+        if last_worked is not None:
+            worked = record_work(simulation, worked, last_worked)
+        if on_window is not None:
+            on_window(simulation)
+    return time.perf_counter() - begun - seconds_compiled()
+
+
+def record_work(simulation: Simulation, before: Array, last_worked: Array) -> Array:
+    """Record this tick for the robots that have not just waited since `before`; return operations.
+
+    One that is off the floor, in its parking bay or in repair, does not wait either.
+    """
+    now = operations(simulation)
+    last_worked[(now != before) | (simulation.world.robots.parked == 1)] = simulation.tick
+    return now
+
+
+def operations(simulation: Simulation) -> Array:
+    """(n,) int64: operations that each stored robot has begun, and ticks in which it was no use.
+
+    Who charges, queues before a charger or is down does not just wait.
+    """
+    tally = simulation.world.tally
+    total: Array = tally.operations[:, ACTIONS_WORKING].sum((1, 2)) + tally.ticks[
+        :, ACTIONS_AWAY
+    ].sum((1, 2))
+    return total
+
+
+@contextmanager
+def attribute_strategy_errors(resolved: Resolved) -> Iterator[None]:
+    """Turn what a strategy raises in here into an InputError that names it."""
+    try:
+        yield
+    except InputError:
+        raise
+    except BaseException as error:  # a strategy may raise anything
+        explained = None if is_from_outside(error) else strategy_failure(error, resolved)
+        if explained is None:
+            raise
+        raise explained from error
+
+
+def run_once(
+    resolved: Resolved,
+    on_record: Callable[[Simulation], None] | None = None,
+    on_window: OnWindow | None = None,
+    until: int | None = None,
+    on_end: OnWindow | None = None,
+    patience: float | None = None,
+) -> Outcome:
+    """Run a scenario with its own seed, to its end or to tick `until`, and call `on_end` then.
+
+    `patience`: seconds that a Python strategy has for each decision.
+
+    Raises InputError for a strategy that raises.
+    """
+    last_worked = np.zeros(resolved.scenario.fleet.robots, np.int64)
+    with attribute_strategy_errors(resolved):
+        simulation = Simulation(resolved, on_record=on_record, patience=patience)
+        wall = run_to_end(simulation, on_window, last_worked, until)
+    if on_end is not None:
+        on_end(simulation)
+    state = simulation.world.orders.state
+    finished = is_finished(simulation)
+    return Outcome(
+        finished=finished,
+        ticks=simulation.tick,
+        orders=len(state),
+        delivered=int((state == ORDER_DELIVERED).sum()),
+        digest=simulation.digest,
+        wall_s=wall,
+        metrics=metrics_of(simulation),
+        robots=metrics_by_robot(simulation),
+        diagnosis="" if finished else describe_unfinished_run(simulation, last_worked),
+        stopped=not finished and simulation.tick == until,
+        circles=find_wait_cycles(simulation.world, stalled_robots(simulation, last_worked)),
+        ran_out=orders_exhausted(simulation),
+        types=metrics_by_type(simulation),
+    )
+
+
+def is_finished(simulation: Simulation) -> bool:
+    """Whether a run came to its end: its stop condition, or its last tick if it has no other."""
+    stop = simulation.resolved.scenario.stop
+    return simulation.finished or (stop.when == "never" and simulation.tick >= stop.max_duration)
+
+
+def orders_exhausted(simulation: Simulation) -> OrdersExhausted | None:
+    """When a run that does not end with its orders had none left for its robots, if it did."""
+    orders, stop = simulation.world.orders, simulation.resolved.scenario.stop
+    is_open = (orders.state == ORDER_UNRELEASED) | (
+        (orders.state == ORDER_WAITING) & (orders.reserved_by == NIL)
+    )
+    taken = int(orders.dispatched.max(initial=0))
+    if stop.when != "never" or is_open.any() or taken >= simulation.tick:
+        return None
+    done = bool((orders.state == ORDER_DELIVERED).all())
+    return OrdersExhausted(taken, int(orders.delivered.max()) if done else None)

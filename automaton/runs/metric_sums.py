@@ -1,0 +1,100 @@
+"""Metrics as quotients of what a run adds up, so that any stretch of it can be measured alone.
+
+    throughput = 1000 deliveries / ticks        blocked_share = lost ticks / active ticks
+
+Sums of stretches that follow each other add up to those of the whole. What is no such quotient
+cannot be taken out of a run that is over: quantiles of its orders, the station that works most.
+Importing this needs nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final, NamedTuple
+
+from automaton.engine.robot_status import BATTERY_FULL
+
+LOST_TICK_SUMS: Final = (
+    "lost_waiting",
+    "lost_refused",
+    "lost_retreating",
+    "lost_leaving_bay",
+    "lost_queueing",
+    "lost_illegal",
+)
+COUNTED_BY_STRATEGIES: Final = (
+    *(
+        "redesigns",
+        "shared_orders",
+        "messages",
+        "alternative_routes",
+        "ticks_in_balance",
+        "ticks_watched",
+    ),
+)
+# What rows of a steady state keep of each stretch; "charge" in units of it, "taken": tasks.
+SUMS: Final = (
+    *("ticks", "robot_ticks"),
+    *("operations", "moves", "empty_moves", "empty_driving", "empty_driving_ticks", "active"),
+    *LOST_TICK_SUMS,
+    *("retreats", "illegal_answers", "slowdown_ticks", "distance"),
+    *("charge", "charging", "battery_depletions", "repaired", "breakdowns", "towed", "downtime"),
+    *("delivered", "legs", "timed", "lead_times"),
+    *("taken", "task_times", "delays"),
+    *("parts_finished", "part_flow_times"),
+    *COUNTED_BY_STRATEGIES,
+)
+TASK_SUMS: Final = {*SUMS, "robots", "completed", "watched_robot_ticks"} - {*COUNTED_BY_STRATEGIES}
+
+
+class Quotient(NamedTuple):
+    """A metric: times * part / whole."""
+
+    part: str | tuple[str, ...]  # a sum, or several of which those that there are count
+    whole: str | int = 1  # likewise a sum, or a number
+    times: int = 1
+    measured: bool = True  # False: absent where the whole is 0, and not 0
+
+
+QUOTIENTS: Final = {
+    "operations_per_robot": Quotient("operations", "robots"),
+    "operations": Quotient("operations"),
+    "empty_moves_share": Quotient("empty_moves", "moves"),
+    "empty_operations_share": Quotient("empty_driving", "operations"),
+    "empty_ticks_share": Quotient("empty_driving_ticks", "active"),
+    "delivered": Quotient("delivered"),
+    "throughput": Quotient("delivered", "ticks", 1000),
+    "ticks_per_operation": Quotient("active", "operations"),
+    "legs_per_order": Quotient("legs", "delivered", measured=False),
+    "utilization": Quotient("active", "robot_ticks"),
+    "blocked_share": Quotient(LOST_TICK_SUMS, "active"),
+    "task_time": Quotient("task_times", "taken", measured=False),
+    "delay": Quotient("delays", "taken", measured=False),
+    "throughput_per_robot": Quotient("completed", "watched_robot_ticks", 1000),
+    "lead_time": Quotient("lead_times", "timed", measured=False),
+    "energy": Quotient("charge", BATTERY_FULL),
+    "repair_energy": Quotient("repaired", BATTERY_FULL),
+    "charging_share": Quotient("charging", "robot_ticks"),
+    "part_flow_time": Quotient("part_flow_times", "parts_finished", measured=False),
+    "balanced_share": Quotient("ticks_in_balance", "ticks_watched", measured=False),
+}
+
+
+def metric(name: str, sums: Mapping[str, int]) -> float | int | None:
+    """A metric of a stretch by its sums; None if they do not tell it.
+
+    Beside SUMS they have `robots`, and where tasks are measured `completed` and `watched_robot_ticks`.
+    What has no quotient of its own is such a sum.
+    """
+    quotient = QUOTIENTS.get(name, Quotient(name))
+    names = (quotient.part,) if isinstance(quotient.part, str) else quotient.part
+    parts = [sums[part] for part in names if part in sums]
+    if not parts:
+        return None
+    value, whole = quotient.times * sum(parts), quotient.whole
+    if whole == 1:
+        return value
+    whole = sums.get(whole, 0) if isinstance(whole, str) else whole
+    if not whole:
+        return 0.0 if quotient.measured else None
+    return float(value) / float(whole)

@@ -1,0 +1,309 @@
+"""The metrics of a run, read off its counters: the paper's, and general ones.
+
+Operations are what Grzejszczak & Nocon count: moves, turns, picks, drops, tries and waits (one for a
+wait of any length). E_U, the share of empty runs, has three readings: by moves, by operations, and
+by ticks (MOVE, TURN and WAIT without load over all active ticks).
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from automaton.engine.robot_status import (
+    BATTERY_FULL,
+    FAILURE_DEPLETED,
+    FAILURE_FAULT,
+    FAILURE_TOWED,
+)
+from automaton.engine.state import (
+    ACTION_BAY_BLOCKED,
+    ACTION_BLOCKED,
+    ACTION_CHARGE,
+    ACTION_DOWN,
+    ACTION_DROP,
+    ACTION_ILLEGAL,
+    ACTION_MOVE,
+    ACTION_NAMES,
+    ACTION_PICK,
+    ACTION_QUEUE,
+    ACTION_RETREAT,
+    ACTION_TRY_DROP,
+    ACTION_TURN,
+    ACTION_WAIT,
+    CLOCK_TICK,
+    LAYER_NAMES,
+    NIL,
+    ORDER_DELIVERED,
+    Array,
+    World,
+)
+from automaton.runs.metric_catalogue import METRIC_CATALOGUE as METRIC_CATALOGUE
+from automaton.runs.metric_sums import LOST_TICK_SUMS, metric
+from automaton.runs.station_metrics import busy_ticks, sums_of_parts
+from automaton.runs.task_metrics import Measured, Tasks, quantile_95, summed, tasks_after
+
+OPERATIONS = [ACTION_MOVE, ACTION_TURN, ACTION_PICK, ACTION_DROP, ACTION_TRY_DROP, ACTION_WAIT]
+DRIVING = [ACTION_MOVE, ACTION_TURN, ACTION_WAIT]  # what can be an empty run
+LOST_IN = dict(
+    zip(
+        LOST_TICK_SUMS,
+        (
+            ACTION_WAIT,
+            ACTION_BLOCKED,
+            ACTION_RETREAT,
+            ACTION_BAY_BLOCKED,
+            ACTION_QUEUE,
+            ACTION_ILLEGAL,
+        ),
+        strict=True,
+    )
+)  # figure: action
+SHARES = (
+    "empty_moves_share",
+    "empty_operations_share",
+    "empty_ticks_share",
+    "ticks_per_operation",
+    "blocked_share",
+)
+BALANCE = ("ticks_in_balance", "ticks_watched")  # counted by zoning, told as balanced_share
+
+
+class Counted(NamedTuple):
+    """What a run has counted up to a tick."""
+
+    tick: int
+    sums: dict[
+        str, int
+    ]  # by the names of automaton.runs.metric_sums, those of orders and parts aside
+    actions: Array  # (A,) int64: robot ticks spent in each action
+    busy: Array  # (k,) int64: ticks in which each station worked
+
+
+def executed_ticks(world: World) -> Array:
+    """(n, A, 2): ticks spent in each action, without what the operations under way still need."""
+    ticks: Array = world.tally.ticks.copy()
+    at = under_way(world)
+    ticks[at[0], at[1], at[2]] -= world.robots.busy[at[0]]
+    return ticks
+
+
+def fleet_ticks(world: World) -> Array:
+    """(A, 2): the same of all robots together."""
+    ticks: Array = world.tally.ticks.sum(0)
+    at = under_way(world)
+    np.subtract.at(ticks, (at[1], at[2]), world.robots.busy[at[0]])
+    return ticks
+
+
+def under_way(world: World) -> tuple[Array, Array, Array]:
+    """The robots whose operation is not over, the operation, and whether they are loaded."""
+    robots = world.robots
+    busy = np.flatnonzero(robots.busy > 0)
+    return busy, robots.action[busy], (robots.load[busy] != NIL).astype(np.int64)
+
+
+def counted(run: Measured) -> Counted:
+    """What a run has counted so far; what it does not measure is not there."""
+    world = run.world
+    tally, rules, out = world.tally, world.rules, world.tally.failures.sum(0)
+    times, ticks = tally.operations.sum(0), fleet_ticks(world)
+    sums = _of_actions(times, ticks)
+    if not rules.battery:
+        del sums["lost_queueing"]
+    sums |= {
+        "retreats": int(times[ACTION_RETREAT].sum()),
+        "illegal_answers": int(tally.illegal.sum()),
+    }
+    if may_slow(world):
+        sums["slowdown_ticks"] = int(tally.slowdown_ticks.sum())
+    if run.resolved.scenario.units.cell is not None:
+        sums["distance"] = sums["moves"]
+    if rules.battery:
+        sums |= {
+            "charge": int(tally.energy_used.sum()),
+            "charging": int(ticks[ACTION_CHARGE].sum()),
+        }
+        sums |= {
+            "battery_depletions": int(out[FAILURE_DEPLETED]),
+            "repaired": int(tally.repaired.sum()),
+        }
+    if rules.may_fail:
+        sums |= {"breakdowns": int(out[FAILURE_FAULT]), "towed": int(out[FAILURE_TOWED])}
+        sums["downtime"] = int(ticks[ACTION_DOWN].sum())
+    found = {**dict(run.counted), **sums}
+    return Counted(int(world.clock[CLOCK_TICK]), found, ticks.sum(1), busy_ticks(world))
+
+
+def metrics_of(run: Measured, since: Counted | None = None) -> dict[str, float | int]:
+    """All metrics of the fleet, by the names of METRIC_CATALOGUE, but for makespan only of what came
+    `since`.
+
+    Those of tasks are there if the scenario measures tasks, `slowdown_ticks` if moves may take
+    longer; times of tasks, orders and parts are there once one has ended: what was not measured is
+    not 0. What strategies count themselves comes under the names that they give it, those unknown
+    here last.
+    """
+    world, now = run.world, counted(run)
+    begin = 0 if since is None else since.tick
+    before = {} if since is None else since.sums
+    n = len(world.robots.cell)
+    sums = {name: value - before.get(name, 0) for name, value in now.sums.items()}
+    sums |= _of_stretch(n, now.tick - begin)
+    borders = np.array([begin, now.tick])
+    for found in (sums_of_orders(world, borders), sums_of_parts(world, borders)):
+        sums |= {name: int(value[0]) for name, value in found.items()}
+    figures: dict[str, float | int] = {"makespan": now.tick}
+    measure = run.resolved.scenario.measure
+    if measure is not None:
+        tasks = tasks_after(run, measure.warm_up)
+        sums |= _of_tasks(world, tasks, n, measure.warm_up)
+        if len(tasks.begun):
+            figures["delay_p95"] = quantile_95(tasks.delays)
+    if sums.get("timed"):
+        orders = world.orders
+        timed = (orders.state == ORDER_DELIVERED) & (orders.delivered > begin)
+        figures["lead_time_p95"] = quantile_95((orders.delivered - orders.release_tick)[timed])
+    if world.rules.battery:
+        figures["min_charge"] = float(world.robots.charge.min() / BATTERY_FULL)
+    if len(world.stations.part):
+        busy = now.busy if since is None else now.busy - since.busy
+        figures["busiest_station"] = (most := int(np.argmax(busy))) + 1
+        figures["busiest_station_utilization"] = float(busy[most]) / max(1, now.tick - begin)
+    others = [name for name in now.sums if name in run.counted and name not in METRIC_CATALOGUE]
+    if set(BALANCE) <= set(others):
+        others = [name for name in others if name not in BALANCE]
+    for name in (*METRIC_CATALOGUE, *others):
+        value = metric(name, sums)
+        if value is not None:
+            figures[name] = value
+    return {name: figures[name] for name in (*METRIC_CATALOGUE, *others) if name in figures}
+
+
+def _of_stretch(robots: int, ticks: int) -> dict[str, int]:
+    return {"robots": robots, "ticks": ticks, "robot_ticks": robots * ticks}
+
+
+def _of_tasks(world: World, tasks: Tasks, robots: int, warm_up: int) -> dict[str, int]:
+    """The sums of the tasks that were taken after a warm-up, and of what was delivered after it."""
+    orders, after = world.orders, max(0, int(world.clock[CLOCK_TICK]) - warm_up)
+    completed = (orders.state == ORDER_DELIVERED) & (orders.delivered > warm_up)
+    return {
+        **{name: int(value.sum()) for name, value in tasks.sums.items()},
+        "completed": int(np.count_nonzero(completed)),
+        "watched_robot_ticks": robots * after,
+    }
+
+
+def sums_of_orders(world: World, borders: Array) -> dict[str, Array]:
+    """Of the orders that were delivered in each stretch between ascending borders, in ticks.
+
+    How many, their legs, and where orders arrive over time how long they took: (borders - 1,) each.
+    """
+    orders = world.orders
+    done = np.flatnonzero(orders.state == ORDER_DELIVERED)
+    at = np.maximum(orders.delivered[done], 1)  # ticks count from 1
+    found = {
+        "delivered": summed(at, np.ones(len(done)), borders),
+        "legs": summed(at, orders.legs[done], borders),
+    }
+    if orders.release_tick.any():
+        times = orders.delivered[done].astype(np.int64) - orders.release_tick[done]
+        found |= {"timed": found["delivered"], "lead_times": summed(at, times, borders)}
+    return found
+
+
+def may_slow(world: World) -> bool:
+    """Whether moves may take longer than their duration, or did so before the rules were changed."""
+    rules = world.rules
+    return bool(rules.slowdown or rules.extra_tick or world.tally.slowdown_ticks.any())
+
+
+def metrics_by_robot(run: Measured) -> list[dict[str, Any]]:
+    """For each robot, in the order of identities: operations, lost ticks, utilization.
+
+    `slowdown_ticks` is there if moves may take longer, `lost_queueing` if robots run on batteries.
+    """
+    world = run.world
+    elapsed = int(world.clock[CLOCK_TICK])
+    ticks = executed_ticks(world)
+    slows, names = may_slow(world), type_names(run)
+    rows = []
+    for identity, i in enumerate(world.robots.at_index):
+        figures = _shares(world.tally.operations[i], ticks[i])
+        active = figures.pop("active")
+        if not world.rules.battery:
+            del figures["lost_queueing"]
+        actions = {
+            ACTION_NAMES[a] + "s": int(world.tally.operations[i, a].sum()) for a in OPERATIONS
+        }
+        row: dict[str, Any] = {"robot": identity}
+        if names:
+            row["type"] = names[world.robots.type[i]]
+        row |= {"operations": figures.pop("operations")}
+        row |= actions | {"utilization": _ratio(active, elapsed)} | figures
+        rows.append(row | ({"slowdown_ticks": int(world.tally.slowdown_ticks[i])} if slows else {}))
+    return rows
+
+
+def type_names(run: Measured) -> list[str]:
+    """The names of the types of robots; none where all are alike."""
+    return [kind.name for kind in run.resolved.scenario.fleet.types]
+
+
+def metrics_by_type(run: Measured) -> list[dict[str, Any]]:
+    """For each type of robots: how many, what they delivered, and the ticks of what they did.
+
+    A delivery counts for the type of the robot that took the order last.
+    """
+    world, ticks = run.world, executed_ticks(run.world)
+    done = world.orders.dispatched_type[world.orders.state == ORDER_DELIVERED]
+    rows = []
+    for number, kind in enumerate(run.resolved.scenario.fleet.types):
+        mine = world.robots.type == number
+        spent = {
+            ACTION_NAMES[a]: int(ticks[mine, a].sum())
+            for a in (ACTION_MOVE, ACTION_TURN, ACTION_PICK, ACTION_DROP)
+        }
+        active = int(ticks[mine, 1:ACTION_DOWN].sum())
+        row = {
+            "type": kind.name,
+            "robots": int(mine.sum()),
+            "move_time_factor": kind.move_time_factor,
+        }
+        row |= {"payload": kind.payload, "delivered": int((done == number).sum())}
+        row |= {f"{name}_ticks": total for name, total in spent.items()}
+        share = _ratio(active, mine.sum() * int(world.clock[CLOCK_TICK]))
+        rows.append(row | {"utilization": share})
+    return rows
+
+
+def illegal_by_layer(run: Measured) -> dict[str, int]:
+    """Illegal answers that each layer's strategy gave."""
+    return dict(zip(LAYER_NAMES, (int(count) for count in run.world.tally.illegal), strict=True))
+
+
+def _shares(times: Array, ticks: Array) -> dict[str, float | int]:
+    """Metrics from (A, 2) counts of operations and of ticks; [:, 0] is without load."""
+    sums = _of_actions(times, ticks)
+    figures: dict[str, float | int] = {"operations": sums["operations"]}
+    figures |= {name: float(metric(name, sums) or 0.0) for name in SHARES}
+    return figures | {name: sums[name] for name in ("active", *LOST_TICK_SUMS)}
+
+
+def _of_actions(times: Array, ticks: Array) -> dict[str, int]:
+    """Sum (A, 2) counts of operations and of ticks, as metric_sums names them; [:, 0] is without load."""
+    return {
+        "operations": int(times[OPERATIONS].sum()),
+        "moves": int(times[ACTION_MOVE].sum()),
+        "empty_moves": int(times[ACTION_MOVE, 0]),
+        "empty_driving": int(times[DRIVING, 0].sum()),
+        "empty_driving_ticks": int(ticks[DRIVING, 0].sum()),
+        "active": int(ticks[1:ACTION_DOWN].sum()),
+        **{name: int(ticks[action].sum()) for name, action in LOST_IN.items()},
+    }
+
+
+def _ratio(part: Any, whole: Any) -> float:
+    return float(part) / float(whole) if whole else 0.0

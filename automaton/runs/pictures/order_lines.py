@@ -1,0 +1,71 @@
+"""An order's line in a picture, needed once it is not where it was at the start.
+
+    order 7 delivered to (11, 4) in tick 123, picked up 3 times
+
+Which robot has an order stands in that robot's line; a carried order has a line only if it was set
+down on its way before.
+"""
+
+from __future__ import annotations
+
+import re
+
+from automaton.engine.state import NIL, ORDER_CARRIED, ORDER_DELIVERED, ORDER_WAITING, World
+from automaton.errors import InputError
+from automaton.floor.floor_plan import FloorPlan
+from automaton.runs.pictures.phrases import Facts, Phrase, Value, read_facts, write_facts
+
+ORDER_NUMBERS = ("state", "delivered", "legs")
+
+STATE_PHRASES = (
+    Phrase("delivered to {current_slot} in tick {delivered}", state=ORDER_DELIVERED),
+    Phrase("lies at {current_slot} as load {spare} for {target}", state=ORDER_WAITING),
+    Phrase("waits on {current_slot} for {target}", state=ORDER_WAITING),
+    Phrase("on its way to {target}", state=ORDER_CARRIED),
+)
+PHRASE_GROUPS = (STATE_PHRASES, (Phrase("picked up {legs} time(s)"),))
+ORDER_LINE = re.compile(r"order (?P<number>\d+) (?P<facts>[^;]+)")
+
+
+def order_line(world: World, floor_plan: FloorPlan, order: int) -> str | None:
+    """The line of an order, None if nothing about it needs to be said."""
+    facts = order_facts(world, floor_plan, order)
+    if facts["current_slot"] == facts["source"] and facts["legs"] == 0:
+        return None  # where it was at the start
+    if facts["state"] == ORDER_CARRIED and facts["legs"] == 1:
+        return None  # the robot's line says it
+    return f"order {order} {', '.join(write_facts(PHRASE_GROUPS, facts, default_facts(facts)))}"
+
+
+def order_facts(world: World, floor_plan: FloorPlan, order: int) -> Facts:
+    """What the world holds of an order, slots as (x, y)."""
+    orders = world.orders
+
+    def xy(slot: int) -> Value:
+        return None if slot == NIL else floor_plan.xy(int(world.slots.cell[slot]))
+
+    facts: Facts = {name: int(getattr(orders, name)[order]) for name in ORDER_NUMBERS}
+    for name in ("current_slot", "target", "source"):
+        facts[name] = xy(int(getattr(orders, name)[order]))
+    current_slot = int(orders.current_slot[order])
+    facts["spare"] = (
+        current_slot - world.slots.first_spare if current_slot >= world.slots.first_spare else NIL
+    )
+    return facts
+
+
+def default_facts(facts: Facts) -> Facts:
+    """The values that a line leaves out: an order with a line was picked up once."""
+    numbers: Facts = {"state": NIL, "delivered": NIL, "legs": 1, "spare": NIL}
+    return numbers | {"current_slot": None, "target": None}
+
+
+def read_order(text: str) -> tuple[int, Facts]:
+    """Number and values that an order's line gives. Raises InputError."""
+    match = ORDER_LINE.fullmatch(text)
+    if match is None:
+        raise InputError(f"'{text}' is not a line about an order, such as order 7 waits on (3, 4)")
+    facts = read_facts(PHRASE_GROUPS, match["facts"], f"order {match['number']}")
+    if "state" not in facts:
+        raise InputError(f"order {match['number']}: is it delivered, waiting, or on its way?")
+    return int(match["number"]), default_facts(facts) | facts

@@ -1,0 +1,296 @@
+"""A robot's line in a picture: everything about it that the map cannot show.
+
+    A (2, 3) vertical, northbound, carries 7 to (11, 4) via (10, 4), moved; route nnEES
+
+Robots 0 to 25 are called A to Z, later ones by their number. Only what differs from the default is
+said; the default of some values depends on others (a robot has come in the direction it faces).
+"""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+from automaton.engine.robot_status import BATTERY_FULL, STATUS_NAMES
+from automaton.engine.state import (
+    ACTION_NAMES,
+    GOAL_CHARGE,
+    GOAL_DROP,
+    GOAL_NONE,
+    GOAL_PARK,
+    GOAL_PICK,
+    LAYER_CHARGING,
+    NEED_ALLOCATION,
+    NEED_CHARGING,
+    NEED_RIGHT_OF_WAY,
+    NEED_ROUTE,
+    NIL,
+    NO_STEP,
+    REASON_AROUND_ROBOTS,
+    REASON_IDLE,
+    REASON_NEW_GOAL,
+    REASON_NO_ORDER,
+    REASON_ORDER_RETURNED,
+    REASON_ORDER_TAKEN,
+    REASON_PICKED,
+    REASON_REPLAN,
+    RETRY_EXHAUSTED,
+    RETRY_WAITED,
+    World,
+)
+from automaton.errors import InputError
+from automaton.floor.cells import DIRECTIONS
+from automaton.floor.floor_plan import FloorPlan
+from automaton.runs.pictures.phrases import (
+    Facts,
+    Phrase,
+    Value,
+    pair,
+    read_facts,
+    read_route,
+    write_facts,
+    write_route,
+)
+
+# Fields that a line gives as they are, and of those the ones that are 0 unless it says otherwise.
+ZERO = (
+    *(
+        "action",
+        "busy",
+        "goal_type",
+        "charge_target",
+        "charging_interruptible",
+        "try_drop",
+        "priority",
+    ),
+    *(
+        "retreat_moves",
+        "failed_retries",
+        "retry_state",
+        "status",
+        "status_until",
+        "ticket",
+        "charging_reason",
+    ),
+)
+ROBOT_NUMBERS = (
+    *ZERO,
+    *("heading", "travel", "load", "order", "parked"),
+    *("reason", "route_reason", "seen_revision", "step", "charge"),
+)
+NEEDS = {
+    "need_work": NEED_ALLOCATION,
+    "need_route": NEED_ROUTE,
+    "need_way": NEED_RIGHT_OF_WAY,
+    "need_charging": NEED_CHARGING,
+}
+
+ACTION_PHRASES = {  # of each action: while it lasts, and when it is over
+    "idle": ("rests", "rested"),
+    "move": ("moves", "moved"),
+    "turn": ("turns", "turned"),
+    "pick": ("picks up", "picked up"),
+    "drop": ("drops", "dropped"),
+    "try_drop": ("tries to drop", "tried to drop"),
+    "wait": ("waits", "waited"),
+    "charge": ("charges", "charged"),
+    "blocked": ("is blocked", "was blocked"),
+    "retreat": ("decides to retreat", "decided to retreat"),
+    "bay_blocked": ("is kept in its parking bay", "was kept in its parking bay"),
+    "illegal": ("loses time to an illegal answer", "lost a tick to an illegal answer"),
+    "queueing": ("queues", "queued"),
+    "down": ("is down", "went down"),
+}
+
+TASK = (
+    Phrase("carries {load} to {slot} via {goal_cell}", goal_type=GOAL_DROP),
+    Phrase("carries {load}", goal_type=GOAL_NONE),
+    Phrase("fetches {order} from {place} via {goal_cell}", goal_type=GOAL_PICK),
+    Phrase("goes home", goal_type=GOAL_PARK),
+    Phrase("goes to {goal_cell} to charge up to {charge_target} %", goal_type=GOAL_CHARGE),
+)
+ACTION = tuple(
+    Phrase(text, action=code) if "{busy}" in text else Phrase(text, action=code, busy=0)
+    for code, name in enumerate(ACTION_NAMES)
+    for text in (f"{ACTION_PHRASES[name][0]} for {{busy}} more tick(s)", ACTION_PHRASES[name][1])
+)
+REASON = (
+    Phrase("last asked as free", reason=REASON_IDLE),
+    Phrase("last asked after a pick", reason=REASON_PICKED),
+    Phrase("last asked after giving its order back", reason=REASON_ORDER_RETURNED),
+    Phrase("last asked for a new plan", reason=REASON_REPLAN),
+)
+PHRASE_GROUPS = (
+    tuple(Phrase(f"{name}bound", travel=d) for d, name in enumerate(DIRECTIONS)),
+    TASK,
+    (Phrase("will try to drop first", try_drop=1),),
+    ACTION,
+    (Phrase("claims {claim}"),),
+    (Phrase("retreats {retreat_moves} more step(s)"),),
+    (Phrase("failed {failed_retries} time(s)"),),
+    (
+        Phrase("then retries", retry_state=RETRY_WAITED),
+        Phrase("is stuck", retry_state=RETRY_EXHAUSTED),
+    ),
+    (Phrase("asks for the right of way", need_way=1),),
+    (
+        Phrase("found no work at change {seen_revision}", need_work=1),
+        Phrase("asks for work", need_work=1),
+    ),
+    REASON,
+    (Phrase("asks for a route", need_route=1),),
+    (
+        Phrase("routed around robots", route_reason=REASON_AROUND_ROBOTS),
+        Phrase("routed freely", route_reason=REASON_NEW_GOAL),
+        Phrase("never routed", route_reason=0),
+    ),
+    tuple(Phrase(f"is told to step {name}", step=d) for d, name in enumerate(DIRECTIONS)),
+    (Phrase("parked", parked=1),),
+    (Phrase("priority {priority}"),),
+    (Phrase("zone {service_zone}"),),
+    (Phrase("may have an order while it charges", charging_interruptible=1),),
+    (Phrase("charge {charge} %"),),
+    tuple(Phrase(name, status=code) for code, name in enumerate(STATUS_NAMES)),
+    (Phrase("for good", status_until=NIL), Phrase("until tick {status_until}")),
+    (Phrase("has ticket {ticket}"),),
+    (Phrase("asks for charging", need_charging=1),),
+    (
+        Phrase("charging asked after an order", charging_reason=REASON_ORDER_TAKEN),
+        Phrase("charging asked when idle", charging_reason=REASON_NO_ORDER),
+    ),
+)
+
+# Names of the headings, by how many there are: omni, rail, differential.
+HEADING_PHRASES = {
+    1: ("",),
+    2: ("horizontal", "vertical"),
+    4: tuple(f"facing {name}" for name in DIRECTIONS),
+}
+OFF_FLOOR = "off the floor at"
+ROBOT_LINE = re.compile(
+    r"(?P<name>[A-Z]|\d+) "
+    r"(?P<place>\(-?\d+, -?\d+\)|in its parking bay|off the floor at \(\d+, \d+\))"
+    r"(?:,? (?P<heading>horizontal|vertical|facing \w+))?(?:, (?P<facts>[^;]+))?"
+    r"(?:; route (?P<route>\w+))?(?:; plan (?P<plan>[\d ]+))?"
+)
+
+
+def name_of(identity: int) -> str:
+    """A to Z, then numbers from 26."""
+    return chr(ord("A") + identity) if identity < 26 else str(identity)
+
+
+def identity_of(name: str) -> int:
+    return ord(name) - ord("A") if name.isupper() else int(name)
+
+
+def robot_line(world: World, floor_plan: FloorPlan, i: int, brief: bool = False) -> str:
+    """The line of the robot at storage index i; brief: without what tells a person nothing."""
+    robots = world.robots
+    facts = robot_facts(world, floor_plan, i)
+    default = default_facts(facts, int(world.clock[0]))
+    if brief:
+        facts |= {name: default[name] for name in idle_facts(world)}
+    said = write_facts(PHRASE_GROUPS, facts, default)
+    heading = HEADING_PHRASES[world.grid.headings][int(robots.heading[i])]
+    start = f"{name_of(int(robots.identity[i]))} {_place(facts)}"
+    if heading:
+        start += f"{',' if facts['cell'] is None else ''} {heading}"
+    line = ", ".join([start, *said])
+    route_length, order_queue_length = (
+        int(robots.route_length[i]),
+        int(robots.order_queue_length[i]),
+    )
+    if route_length:
+        steps, driven = robots.route[i, :route_length].tolist(), int(robots.route_index[i])
+        line += f"; route {write_route(steps, driven)}"
+    if order_queue_length:
+        line += (
+            f"; plan {' '.join(str(order) for order in robots.order_queue[i, :order_queue_length])}"
+        )
+    return line
+
+
+def idle_facts(world: World) -> list[str]:
+    """What nothing follows from here: the way of robots that never turn, wishes to charge in vain."""
+    names = ["travel"] if world.grid.headings == 1 else []
+    if world.tally.batches[LAYER_CHARGING] == 0:  # there is no strategy for it
+        names += ["need_charging", "charging_reason"]
+    return names
+
+
+def _place(facts: Facts) -> str:
+    """Where a robot is."""
+    if facts["cell"] is not None:
+        return str(facts["cell"])
+    return f"{OFF_FLOOR} {facts['left']}" if facts["left"] else "in its parking bay"
+
+
+def robot_facts(world: World, floor_plan: FloorPlan, i: int) -> Facts:
+    """What the world holds of a robot, cells as (x, y)."""
+    robots = world.robots
+
+    def xy(cell: int) -> Value:
+        return None if cell == NIL else floor_plan.xy(cell)
+
+    facts: Facts = {name: int(getattr(robots, name)[i]) for name in ROBOT_NUMBERS}
+    facts["service_zone"] = int(robots.service_zone[i]) + 1  # counted from 1, as stations
+    for name in ("cell", "claim", "goal_cell"):
+        facts[name] = xy(int(getattr(robots, name)[i]))
+    off = facts["cell"] is None and robots.bay[i] == NIL
+    facts["left"] = xy(int(robots.home[i])) if off else None
+    slot, order = int(robots.slot[i]), int(robots.order[i])
+    place = NIL if order == NIL else int(world.orders.current_slot[order])
+    facts["slot"] = None if slot == NIL else xy(int(world.slots.cell[slot]))
+    facts["place"] = None if place == NIL else xy(int(world.slots.cell[place]))
+    for name, bit in NEEDS.items():
+        facts[name] = int(int(robots.need[i]) & bit != 0)
+    return facts
+
+
+def default_facts(facts: Facts, tick: int) -> Facts:
+    """The values that a line leaves out, given what else it says."""
+    default: Facts = dict.fromkeys([*ZERO, *NEEDS, "service_zone"], 0)
+    default.update(dict.fromkeys(("load", "order", "seen_revision"), NIL))
+    default.update(dict.fromkeys(("claim", "goal_cell", "slot", "place", "left")))
+    default["step"] = NO_STEP
+    default["charge"] = BATTERY_FULL
+    default["cell"] = None
+    default["heading"] = default["travel"] = facts.get("heading", 0)
+    default["parked"] = int(facts["cell"] is None)
+    default["reason"] = REASON_IDLE if facts.get("load", NIL) == NIL else REASON_PICKED
+    default["route_reason"] = REASON_NEW_GOAL if tick else 0
+    return default
+
+
+class RobotLine(NamedTuple):
+    """What a robot's line says."""
+
+    identity: int
+    facts: Facts
+    route: tuple[list[int], int]  # steps, and how many are driven
+    plan: list[int]
+
+
+def read_robot(text: str, tick: int) -> RobotLine:
+    """What a robot's line gives. Raises InputError."""
+    match = ROBOT_LINE.fullmatch(text)
+    if match is None:
+        raise InputError(f"'{text}' is not a line about a robot, such as A (2, 3) vertical, moved")
+    facts = read_facts(PHRASE_GROUPS, match["facts"] or "", f"robot {match['name']}")
+    place = match["place"]
+    facts["cell"] = pair(place) if place.startswith("(") else None
+    facts["left"] = pair(place) if place.startswith(OFF_FLOOR) else None
+    if match["heading"]:
+        facts["heading"] = _heading(match["heading"])
+    facts["order"] = facts.get("load", facts.get("order", NIL))
+    facts = default_facts(facts, tick) | facts
+    plan = [int(order) for order in (match["plan"] or "").split()]
+    return RobotLine(identity_of(match["name"]), facts, read_route(match["route"] or ""), plan)
+
+
+def _heading(words: str) -> int:
+    for names in HEADING_PHRASES.values():
+        if words in names:
+            return names.index(words)
+    raise InputError(f"'{words}' is not a direction; there are {', '.join(DIRECTIONS)}")

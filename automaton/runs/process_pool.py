@@ -1,0 +1,238 @@
+"""Many runs over all cores: each (scenario, seed) is one run, and nothing else decides its result.
+
+Processes are spawned, not forked, so that it works the same everywhere; each imports the compiled
+kernels from the cache, which the parent has filled before.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from multiprocessing import connection, parent_process, resource_tracker
+from types import FrameType, TracebackType
+from typing import Final, NamedTuple
+
+from automaton.build.resolve import Resolved
+from automaton.errors import WorkerDiedError
+from automaton.runs.headless import attribute_strategy_errors, run_to_end
+from automaton.runs.metrics import metrics_of
+from automaton.runs.simulation import Simulation
+
+POOL_START_DELAY_S: Final = 2.0
+SIGNAL_GRACE_S: Final = 1.0  # for a coordinator to hear the signal that its workers hear
+CHUNKS_PER_WORKER = 8  # small enough to spread evenly, large enough that sending costs nothing
+MAX_CHUNK_RUNS = 25  # runs, so that progress is seen
+
+
+class Result(NamedTuple):
+    """What is kept of one of many runs."""
+
+    seed: int
+    finished: bool
+    digest: str
+    metrics: dict[str, float | int]
+
+
+RunSpec = tuple[Resolved, int]  # a scenario and a seed
+RunFunction = Callable[[Simulation], dict[str, float | int]]  # runs to the end; returns the metrics
+
+
+class Chunk(NamedTuple):
+    """Work for one call of a worker: some runs, and the number of the first."""
+
+    first: int
+    jobs: tuple[RunSpec, ...]
+    conduct: RunFunction
+
+
+OnDone = Callable[[int], None]  # called with the runs just done
+
+
+def run_and_measure(simulation: Simulation) -> dict[str, float | int]:
+    """Run to the end; the metrics of the run."""
+    run_to_end(simulation)
+    return metrics_of(simulation)
+
+
+def cores() -> int:
+    """The cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def run_all(
+    scenarios: Sequence[Resolved],
+    seeds: Sequence[int],
+    workers: int | None = None,
+    on_done: OnDone | None = None,
+) -> list[list[Result]]:
+    """Run every scenario with every seed; results by scenario, then by seed, as they were given.
+
+    `workers`: processes, default one for each core; 1 runs everything in this process. A strategy
+    that raises becomes an InputError; Ctrl-C ends all processes and raises KeyboardInterrupt, and so
+    does a process that dies, which raises WorkerDiedError.
+    """
+    jobs = [(resolved, seed) for resolved in scenarios for seed in seeds]
+    results = run_jobs(jobs, workers, on_done)
+    return [results[k : k + len(seeds)] for k in range(0, len(results), len(seeds) or 1)]
+
+
+def run_jobs(
+    jobs: Sequence[RunSpec],
+    workers: int | None = None,
+    on_done: OnDone | None = None,
+    run_function: RunFunction = run_and_measure,
+) -> list[Result]:
+    """Run each scenario with its seed; like `run_all`. `conduct`: a function of a module."""
+    workers = min(cores() if workers is None else workers, len(jobs))
+    with PersistentPool(workers, run_function, patience_s=0.0) as rounds:
+        return rounds.run(jobs, on_done)
+
+
+def run_chunk(chunk: Chunk) -> tuple[int, list[Result]]:
+    """The runs of a chunk; this is what a worker does. Raises InputError for a failing strategy."""
+    batch = []
+    for resolved, seed in chunk.jobs:
+        with attribute_strategy_errors(resolved):
+            simulation = Simulation(resolved, seed)
+            figures = chunk.conduct(simulation)
+        finished = simulation.finished or resolved.scenario.stop.when == "never"
+        batch.append(Result(seed, finished, simulation.digest, figures))
+    return chunk.first, batch
+
+
+def chunks_of(jobs: Sequence[RunSpec], workers: int, run_function: RunFunction) -> Iterator[Chunk]:
+    """The jobs in chunks that spread evenly over so many workers."""
+    size = max(1, min(MAX_CHUNK_RUNS, len(jobs) // (CHUNKS_PER_WORKER * workers)))
+    for first in range(0, len(jobs), size):
+        yield Chunk(first, tuple(jobs[first : first + size]), run_function)
+
+
+class PersistentPool:
+    """Processes that stay for round after round of jobs; a context manager that leaves none behind.
+
+    `workers`: processes, default one for each core; 1 runs everything in this process. A pool takes
+    a second to start: it is started when the rounds have taken `patience_s`, default POOL_START_DELAY_S.
+    Neither changes a result.
+    """
+
+    def __init__(
+        self,
+        workers: int | None = None,
+        run_function: RunFunction = run_and_measure,
+        patience_s: float | None = None,
+    ) -> None:
+        self._workers = cores() if workers is None else workers
+        self._conduct = run_function
+        self._patience_s = POOL_START_DELAY_S if patience_s is None else patience_s
+        self._spent_s = 0.0
+        self._pool: ProcessPoolExecutor | None = None
+        self._warm: set[tuple[str, ...]] = set()  # strategies that workers find in the cache
+
+    def __enter__(self) -> PersistentPool:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if self._pool is None:
+            return
+        processes = list((self._pool._processes or {}).values())  # its own, and no others
+        self._pool.shutdown(wait=error is None, cancel_futures=True)
+        for process in processes if error is not None else ():
+            process.kill()
+
+    def run(self, jobs: Sequence[RunSpec], on_done: OnDone | None = None) -> list[Result]:
+        """The results of one round, in the order of its jobs; as `run_all` otherwise."""
+        alone = self._workers <= 1 or len(jobs) < 2 or self._spent_s < self._patience_s
+        chunks = list(chunks_of(jobs, 1 if alone else self._workers, self._conduct))
+        results: list[Result | None] = [None] * len(jobs)
+        begun = time.perf_counter()
+        for first, batch in map(run_chunk, chunks) if alone else self._spread(chunks):
+            results[first : first + len(batch)] = batch
+            if on_done is not None:
+                on_done(len(batch))
+        self._spent_s += time.perf_counter() - begun
+        return [result for result in results if result is not None]
+
+    def _spread(self, chunks: Sequence[Chunk]) -> Iterator[tuple[int, list[Result]]]:
+        """The first run's number and the results of each chunk, in the order in which they are ready."""
+        self._warm_up(chunks)
+        if self._pool is None:
+            context = multiprocessing.get_context("spawn")
+            self._pool = ProcessPoolExecutor(self._workers, context, initializer=init_worker)
+        try:
+            with children_ignore_interrupts():
+                futures = [self._pool.submit(run_chunk, chunk) for chunk in chunks]
+            for future in as_completed(futures):
+                yield future.result()
+        except BrokenExecutor:
+            raise WorkerDiedError from None
+
+    def _warm_up(self, chunks: Sequence[Chunk]) -> None:
+        """Compile, or find in the cache, whatever the workers will load; once for all rounds."""
+        for resolved, seed in (job for chunk in chunks for job in chunk.jobs):
+            names = tuple(choice.name for choice in resolved.strategies.values())
+            if names not in self._warm:
+                self._warm.add(names)
+                with attribute_strategy_errors(resolved):
+                    Simulation(resolved, seed)
+
+
+def init_worker() -> None:
+    """Begin a worker process: deaf to Ctrl-C, slow to heed SIGTERM, gone when its coordinator is.
+
+    The end of a job is told to all its processes: it would look as if workers died.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, _leave_later)
+    parent = parent_process()
+    if parent is not None:
+        threading.Thread(target=_leave_with, args=(parent.sentinel,), daemon=True).start()
+
+
+def _leave_later(number: int, _: FrameType | None) -> None:
+    time.sleep(SIGNAL_GRACE_S)
+    os._exit(128 + number)
+
+
+def _leave_with(sentinel: int) -> None:
+    connection.wait([sentinel])
+    os._exit(1)
+
+
+@contextmanager
+def children_ignore_interrupts() -> Iterator[None]:
+    """Processes started in here are deaf to Ctrl-C from their first moment on: the parent ends them.
+
+    They inherit that the signal is blocked. The parent hears one that comes meanwhile at the end,
+    SIGTERM as well.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    resource_tracker.ensure_running()  # when it starts, it unblocks the signal
+    heard: list[int] = []
+    before = {
+        number: signal.signal(number, lambda number, _: heard.append(number))
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        if heard:
+            signal.raise_signal(heard[0])

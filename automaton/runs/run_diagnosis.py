@@ -1,0 +1,97 @@
+"""Why a run is not finished: what is undelivered, who is down, who waits and for whom."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from automaton.engine.observation import DEADLOCK_TICKS
+from automaton.engine.robot_status import STATUS_DEPLETED, STATUS_FAILED, STATUS_REMOVED
+from automaton.engine.state import GOAL_NONE, NIL, ORDER_DELIVERED, Array
+from automaton.runs.metrics import illegal_by_layer
+from automaton.runs.simulation import Simulation
+from automaton.runs.wait_cycles import blockers_of, find_wait_cycles
+from automaton.units import count, listed
+
+MAX_NAMED_BLOCKERS = 3  # robots that keep others
+
+
+def stalled_robots(simulation: Simulation, last_worked: Array) -> Array:
+    """Storage indices of the robots on the floor that have not worked for long.
+
+    last_worked: (n,) the tick up to which each stored robot has worked. Robots that are down are
+    not stalled.
+    """
+    robots = simulation.world.robots
+    on_floor = np.flatnonzero((robots.parked == 0) & (robots.status < STATUS_DEPLETED))
+    found: Array = on_floor[last_worked[on_floor] <= simulation.tick - DEADLOCK_TICKS]
+    return found
+
+
+def describe_wait_cycles(found: list[tuple[int, ...]]) -> list[str]:
+    """Return a phrase about wait cycles, or none."""
+    if not found:
+        return []
+    others = f", and there are {count(len(found) - 1, 'more wait cycle')}" if found[1:] else ""
+    return [f"deadlock: robots {listed(list(found[0]))} form a wait cycle{others}"]
+
+
+def describe_unfinished_run(simulation: Simulation, last_worked: Array) -> str:
+    """Return in phrases why a run is not finished; `last_worked` as of `stalled_robots`."""
+    world = simulation.world
+    illegal = {layer: n for layer, n in illegal_by_layer(simulation).items() if n}
+    on_floor = int((world.robots.parked == 0).sum())
+    undelivered = int((world.orders.state != ORDER_DELIVERED).sum())
+    phrases = [f"{undelivered:,} of {count(len(world.orders.state), 'order')} undelivered"]
+    if not undelivered:
+        phrases = [f"all orders delivered, but {count(on_floor, 'robot')} not parked"]
+    phrases += [f"{layer} gave {count(n, 'illegal answer')}" for layer, n in illegal.items()]
+    phrases += describe_robots_down(simulation)
+    waiting = stalled_robots(simulation, last_worked)
+    if len(waiting):
+        since = int(last_worked[waiting].max())
+        phrases.append(
+            f"{robot_names(simulation, waiting)} done nothing but wait since tick {since:,} or before"
+        )
+        phrases += describe_blockers(simulation, waiting)
+        phrases += describe_wait_cycles(find_wait_cycles(world, waiting))
+    elif undelivered:
+        last = int(world.orders.delivered.max(initial=0))
+        phrases.append(f"last delivery at tick {last:,}" if last > 0 else "nothing was delivered")
+    return ", ".join(phrases)
+
+
+def robot_names(simulation: Simulation, stored: Array) -> str:
+    """Robots by their identities, with a verb: "robot 2 has"."""
+    names = sorted(int(identity) for identity in simulation.world.robots.identity[stored])
+    return f"robot {names[0]} has" if len(names) == 1 else f"robots {listed(names)} have"
+
+
+def describe_robots_down(simulation: Simulation) -> list[str]:
+    """Describe the robots that are down: failed, or without charge, and not repaired."""
+    status = simulation.world.robots.status
+    kinds = (
+        (STATUS_FAILED, "broken down"),
+        (STATUS_DEPLETED, "run empty"),
+        (STATUS_REMOVED, "been towed away for good"),
+    )
+    found = [(np.flatnonzero(status == code), what) for code, what in kinds]
+    return [f"{robot_names(simulation, stored)} {what}" for stored, what in found if len(stored)]
+
+
+def describe_blockers(simulation: Simulation, waiting: Array) -> list[str]:
+    """Describe the robots that hold a cell for which some of these wait, and do not wait themselves."""
+    robots, floor_plan = simulation.world.robots, simulation.resolved.floor_plan
+    blocker = blockers_of(simulation.world, waiting)
+    phrases = []
+    for j in sorted(set(blocker.values()) - set(blocker), key=lambda j: int(robots.identity[j])):
+        kept = sorted(int(robots.identity[i]) for i, other in blocker.items() if other == j)
+        who = f"robot {kept[0]} waits" if len(kept) == 1 else f"robots {listed(kept)} wait"
+        if robots.status[j] >= STATUS_DEPLETED:
+            why = "is down"
+        elif robots.goal_type[j] == GOAL_NONE and robots.load[j] == NIL:
+            why = "has nothing to do"
+        else:
+            why = "has work to do"
+        cell = floor_plan.xy(int(robots.cell[j]))
+        phrases.append(f"{who} for robot {robots.identity[j]}, which holds {cell} and {why}")
+    return phrases[:MAX_NAMED_BLOCKERS]

@@ -1,0 +1,210 @@
+"""The report of a run as text: its metrics, the time it lost by cause, and each robot."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from automaton.build.resolve import Resolved
+from automaton.runs.headless import Outcome
+from automaton.runs.metric_units import units_of
+from automaton.runs.metrics import METRIC_CATALOGUE
+from automaton.runs.run_diagnosis import describe_wait_cycles
+from automaton.strategy.lookup import NO_STRATEGY
+from automaton.units import Unit, count, duration, number, percent
+
+LOST_METRIC_PREFIX = "lost_"
+ROBOT_COLUMNS = {  # head: what of the robot's metrics
+    "robot": "robot",
+    "type": "type",
+    "ops": "operations",
+    "moves": "moves",
+    "turns": "turns",
+    "picks": "picks",
+    "drops": "drops",
+    "tries": "try_drops",
+    "waits": "waits",
+    "used": "utilization",
+    "empty": "empty_ticks_share",
+    "lost": "lost",
+    "slowdown": "slowdown_ticks",
+}
+SLOWDOWN = "slowdown_ticks"  # shown with the lost time, though it is none of its causes
+ROBOTS_SHOWN = 50
+NEVER_WITH_CELLS = ("try_drops",)  # makes room for the distance
+
+
+class Reports(Console):
+    """A console that lets it be known that nobody reads any more; rich would exit with code 1."""
+
+    def on_broken_pipe(self) -> None:
+        """The command line knows what to do."""
+        raise BrokenPipeError
+
+
+def console(stream: Any = None) -> Console:
+    """Where reports go: no markup, no guessing at what to colour; 80 columns in a pipe."""
+    return Reports(file=stream or sys.stdout, highlight=False, markup=False, emoji=False)
+
+
+def plain_table(*headers: str, gap: int = 2) -> Table:
+    """A table of right-aligned columns without a frame, so many blanks apart."""
+    table = Table(box=None, pad_edge=False, padding=(0, gap, 0, 0), header_style="bold underline")
+    for header in headers:
+        table.add_column(header, justify="right", no_wrap=True)
+    return table
+
+
+def print_table(out: Console, table: Table) -> None:
+    """Print a table without the blanks that rich puts at the ends of lines."""
+    with out.capture() as captured:
+        out.print(table)
+    for line in captured.get().splitlines():
+        out.file.write(line.rstrip() + "\n")
+
+
+def print_report(resolved: Resolved, outcome: Outcome) -> None:
+    """Print the whole report."""
+    tick, cell = units_of(resolved)
+    out = console()
+    for line in heading(resolved, outcome, tick):
+        out.print(line, soft_wrap=True)
+    tables = metrics_table(outcome, tick, cell), lost_table(outcome, tick)
+    by_type = [types_table(outcome, tick)] if outcome.types else []
+    for table in (*tables, *by_type, robots_table(outcome, tick, cell)):
+        out.print()
+        print_table(out, table)
+    if len(outcome.robots) > ROBOTS_SHOWN:
+        rest = len(outcome.robots) - ROBOTS_SHOWN
+        out.print(f"... and {count(rest, 'more robot')}: --json prints all", soft_wrap=True)
+
+
+def heading(resolved: Resolved, outcome: Outcome, tick: Unit) -> list[str]:
+    """What ran, how it ended, and what one tick is."""
+    scenario = resolved.scenario
+    time = f"{number(tick.of(outcome.ticks))} {tick.plural}"
+    value, told = duration(outcome.ticks, tick)
+    if told != tick.plural:
+        time += f" ({number(value)} {told})"
+    finished = "finished after" if scenario.stop.when != "never" else "ran for"
+    unfinished = "stopped after" if outcome.stopped else "NOT FINISHED after"
+    end = f"{finished if outcome.finished else unfinished} {time}"
+    strategies = [
+        f"{layer.replace('_', ' ')} {choice.name}"
+        for layer, choice in resolved.strategies.items()
+        if choice.name != NO_STRATEGY
+    ]
+    cell = "" if scenario.units.cell is None else f", 1 cell = {scenario.units.cell}"
+    return [
+        f"{scenario.name}, {count(scenario.fleet.robots, 'robot')}, seed {scenario.seed}: {end}, "
+        f"{outcome.delivered:,} of {count(outcome.orders, 'order')} delivered",
+        ", ".join(strategies),
+        *out_of_orders(outcome),
+        *(describe_wait_cycles(outcome.circles) if outcome.finished or outcome.stopped else []),
+        f"1 tick = {scenario.units.tick}{cell}; digest {outcome.digest}"
+        + ("" if outcome.wall_s is None else f"; computed in {1000 * outcome.wall_s:,.1f} ms"),
+    ]
+
+
+def out_of_orders(outcome: Outcome) -> list[str]:
+    """One sentence if the orders ran out before the end."""
+    if outcome.ran_out is None:
+        return []
+    taken, delivered = outcome.ran_out
+    end = "not all are delivered" if delivered is None else f"the last delivered at {delivered:,}"
+    return [
+        f"orders ran out: the last of {outcome.orders:,} was taken at tick {taken:,}, {end}; "
+        "metrics after it count idle robots"
+    ]
+
+
+def metrics_table(outcome: Outcome, tick: Unit, cell: Unit | None) -> Table:
+    """The metrics of the fleet with their units and meanings.
+
+    Where the scenario says what a cell is, ticks and cells stand beside the translated values.
+    """
+    table = plain_table("metric", "value", "unit", *(["of the grid"] if cell else []))
+    table.columns[0].justify = table.columns[2].justify = "left"
+    table.add_column("meaning", overflow="fold")
+    for name in outcome.metrics:
+        if name.startswith(LOST_METRIC_PREFIX) or name == SLOWDOWN:
+            continue
+        kind, meaning = METRIC_CATALOGUE.get(name, ("times", "counted by a strategy"))
+        value, in_unit = in_units(outcome.metrics[name], kind, tick, cell)
+        raw = f"{number(outcome.metrics[name])} {kind}" if kind in ("ticks", "cells") else ""
+        table.add_row(name, value, in_unit, *([raw] if cell else []), meaning)
+    return table
+
+
+def in_units(value: float, kind: str, tick: Unit, cell: Unit | None) -> tuple[str, str]:
+    """A value and its unit as text; `kind` is the unit in METRIC_CATALOGUE."""
+    if kind == "share":
+        return f"{100 * value:.1f}", "%"
+    if kind == "ticks":
+        amount, told = duration(value, tick) if cell else (tick.of(value), tick.plural)
+        return number(amount), told
+    if kind == "cells" and cell is not None:
+        return number(cell.of(value)), cell.name
+    if "1000 ticks" in kind:
+        return number(value / tick.size), kind.replace("ticks", tick.plural)
+    return number(value), kind
+
+
+def lost_table(outcome: Outcome, tick: Unit) -> Table:
+    """Robot time lost to others, by cause; and what driving slowly cost, which is not a wait."""
+    table = plain_table("lost time", tick.plural, "share")
+    table.columns[0].justify = "left"
+    table.add_column("cause", overflow="fold")
+    total = sum(
+        value for name, value in outcome.metrics.items() if name.startswith(LOST_METRIC_PREFIX)
+    )
+    for name, (_, meaning) in METRIC_CATALOGUE.items():
+        if name.startswith(LOST_METRIC_PREFIX) and name in outcome.metrics:
+            value = outcome.metrics[name]
+            share = percent(value / total) if total else "-"
+            table.add_row(name, number(tick.of(value)), share, meaning)
+    if SLOWDOWN in outcome.metrics:
+        cost = number(tick.of(outcome.metrics[SLOWDOWN]))
+        table.add_row(SLOWDOWN, cost, "-", METRIC_CATALOGUE[SLOWDOWN][1])
+    return table
+
+
+def types_table(outcome: Outcome, tick: Unit) -> Table:
+    """One line for each type of robots: what they delivered, and how their time went by."""
+    heads = ("robots", "move time", "payload", "delivered", "driving", "handling", "used")
+    table = plain_table("type", *heads, gap=1)
+    table.columns[0].justify = "left"
+    for row in outcome.types:
+        payload = "any" if row["payload"] is None else number(row["payload"])
+        driving = number(tick.of(row["move_ticks"] + row["turn_ticks"]))
+        handling = number(tick.of(row["pick_ticks"] + row["drop_ticks"]))
+        counted = (number(row[name]) for name in ("robots", "move_time_factor"))
+        done = number(row["delivered"])
+        used = percent(row["utilization"], 0)
+        table.add_row(row["type"], *counted, payload, done, driving, handling, used)
+    return table
+
+
+def robots_table(outcome: Outcome, tick: Unit, cell: Unit | None) -> Table:
+    """One line for each robot, at most ROBOTS_SHOWN; how far it drove where cells have a side."""
+    slows = SLOWDOWN in outcome.metrics
+    absent = {name for name, there in ((SLOWDOWN, slows), ("type", outcome.types)) if not there}
+    columns = {head: name for head, name in ROBOT_COLUMNS.items() if name not in absent}
+    if cell is not None:
+        columns = {head: name for head, name in columns.items() if name not in NEVER_WITH_CELLS}
+        columns[cell.name] = "distance"
+    table = plain_table(*columns, gap=1)  # long runs fit 80 columns
+    for row in outcome.robots[:ROBOTS_SHOWN]:
+        lost = sum(value for name, value in row.items() if name.startswith(LOST_METRIC_PREFIX))
+        shares = {name: percent(row[name], 0) for name in ("utilization", "empty_ticks_share")}
+        cells = {**row, **shares, "lost": number(tick.of(lost))}
+        if cell is not None:
+            cells["distance"] = number(cell.of(row["moves"]))
+        if slows:
+            cells[SLOWDOWN] = number(tick.of(row[SLOWDOWN]))
+        texts = [cells[name] for name in columns.values()]
+        table.add_row(*(text if isinstance(text, str) else number(text) for text in texts))
+    return table

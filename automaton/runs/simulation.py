@@ -1,0 +1,391 @@
+"""A run: a world, its strategies, and the compiled loop that carries it from tick to tick."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from typing import Any
+
+import numpy as np
+
+from automaton.build.initial_service_zones import with_zones
+from automaton.build.resolve import Resolved
+from automaton.build.world import (
+    build_buffers,
+    build_observation,
+    build_record,
+    build_sight,
+    build_world,
+    no_memory,
+)
+from automaton.engine import loop as loop_kernels
+from automaton.engine.digest import DIGEST_NAMES, combine, digest_world
+from automaton.engine.jit.kernel import first_compilation_announced, jit_is_on
+from automaton.engine.jit.structs import window
+from automaton.engine.observation import COUNT_CURVE_ROWS, COUNT_EVENTS
+from automaton.engine.record_codes import KEYFRAME_TICKS
+from automaton.engine.state import (
+    CLOCK_CHANGE_ROWS,
+    CLOCK_DECISION_WORDS,
+    CLOCK_FINISHED,
+    CLOCK_OBSERVING,
+    CLOCK_RECORDED_TICKS,
+    CLOCK_RECORDING,
+    CLOCK_STOP_TICK,
+    CLOCK_TICK,
+    LAYER_NAMES,
+    NIL,
+    Array,
+    Memory,
+    World,
+)
+from automaton.errors import InputError
+from automaton.runs.interruption import give_up, interruptible
+from automaton.runs.metric_sums import TASK_SUMS
+from automaton.runs.state_copy import take_over
+from automaton.strategy import lookup
+from automaton.strategy.contract import (
+    check_counters,
+    check_decides,
+    checked_memory,
+    checked_period,
+    checked_wait_ranges,
+)
+from automaton.strategy.decide_compilation import compiled_decide
+from automaton.strategy.layer import Strategy
+from automaton.strategy.patience import Watchdog
+
+RECORD_TICKS = 256  # ticks in the buffers of a recording
+OBSERVED_TICKS = 1024  # and of an observation
+# Decisions in Python after which the state is compared: two digests take longer than a short decision.
+ALWAYS_CHECKED = 100  # the first ones
+CHECKED_EVERY = 256  # and later ones
+
+
+class Simulation:
+    """One run of a resolved scenario.
+
+    `seed` replaces the scenario's; `storage` permutes how robots are stored (the digest does not
+    change). With `on_record` every tick is recorded, with `on_observe` observed: these functions
+    are called when the buffers are full and before `run` returns, and empty them. `strategies`,
+    one for each layer or None, replace the scenario's; `after` is a simulation whose state this
+    one goes on from. A Python strategy has `patience` seconds for a decision, None: any time. What
+    it raises comes out of `run`.
+    """
+
+    def __init__(
+        self,
+        resolved: Resolved,
+        seed: int | None = None,
+        storage: Array | None = None,
+        on_record: Callable[[Simulation], None] | None = None,
+        on_observe: Callable[[Simulation], None] | None = None,
+        strategies: Sequence[Strategy | None] | None = None,
+        after: Simulation | None = None,
+        patience: float | None = None,
+    ) -> None:
+        self.resolved = resolved
+        self._decisions = 0  # of strategies in Python
+        self._watchdog = None if patience is None else Watchdog(patience)
+        self.seed = resolved.scenario.seed if seed is None else seed
+        self.world, floor = build_world(resolved, self.seed, storage)
+        self.workspace = with_zones(floor.borrow_space(self), self.world)
+        # (m,) int32: ticks that a delivered order takes to drive at least, NIL while not asked for.
+        self.least = np.full(len(self.world.orders.state), NIL, np.int32)
+        self.visible_world = build_sight(self.world, floor)
+        self.view: World = self.visible_world.read_only()
+        self.full_batch, self.batch, self.decisions = build_buffers(self.world)
+        self._batch_view = self.batch.read_only()
+        self.on_record = on_record
+        self.record = build_record(self.world, RECORD_TICKS if on_record else 0, len(DIGEST_NAMES))
+        self.world.clock[CLOCK_RECORDING] = 1 if on_record else 0
+        self.on_observe = on_observe
+        self.observation = build_observation(self.world, OBSERVED_TICKS if on_observe else 0)
+        self.world.clock[CLOCK_OBSERVING] = 1 if on_observe else 0
+        picked = (
+            [self._load_strategy(layer) for layer in LAYER_NAMES]
+            if strategies is None
+            else strategies
+        )
+        self._strategies = [self._validate_strategy(strategy) for strategy in picked]
+        for strategy in self._strategies:
+            if strategy is not None:
+                strategy.other_layers = {
+                    layer: other
+                    for layer, other in zip(LAYER_NAMES, self._strategies, strict=True)
+                    if other is not None
+                }
+        if after is not None:
+            take_over(self.world, self.observation, after.world, after.observation)
+            if (
+                self.resolved.strategies["allocation"].name
+                != after.resolved.strategies["allocation"].name
+            ):
+                self.world.robots.order_queue_length[:] = 0  # nobody goes on with them
+            self.update_finished()
+        with self._constants_kept():
+            self._memories = [self._memory(strategy) for strategy in self._strategies]
+        if after is not None and strategies is None:
+            self._restore_memories(after)
+        self._ticks = self._start()
+
+    def continue_with(self, resolved: Resolved) -> Simulation:
+        """Return a simulation that continues from the state of this one with another scenario.
+
+        Floor, fleet and orders are those of this one. Strategies that stay keep their memory; new
+        ones begin with what they see now. This simulation must not be run any more.
+        """
+        return Simulation(
+            resolved,
+            self.seed,
+            storage=self.world.robots.identity,
+            on_record=self.on_record,
+            on_observe=self.on_observe,
+            after=self,
+            patience=self._watchdog.seconds if self._watchdog else None,
+        )
+
+    def _restore_memories(self, before: Simulation) -> None:
+        """Restore the memories of the strategies that stay, and their objects: some keep more there."""
+        limited = before.world.rules.radius > 0
+        for index, layer in enumerate(LAYER_NAMES):
+            if self.resolved.strategies[layer] != before.resolved.strategies[layer]:
+                continue
+            old = before._full_memories[index] if limited else before._memories[index]
+            self._strategies[index] = before._strategies[index]
+            self._memories[index] = old.copied()
+
+    def _load_strategy(self, layer: str) -> Strategy | None:
+        """Load the strategy that the scenario chooses for a layer."""
+        choice = self.resolved.strategies[layer]
+        if choice.name == lookup.NO_STRATEGY:
+            return None
+        kind = lookup.load(layer, choice.name)
+        with self._within_patience():
+            strategy: Strategy = kind(choice.parameters)
+        return strategy
+
+    def _within_patience(self) -> AbstractContextManager[None]:
+        """While inside, a strategy has its time to decide."""
+        return self._watchdog.watching() if self._watchdog else nullcontext()
+
+    def _validate_strategy(self, strategy: Strategy | None) -> Strategy | None:
+        """Validate a strategy, and enter how often, after which waits and with what it is called."""
+        if strategy is not None:
+            check_decides(strategy)
+            layer = LAYER_NAMES.index(strategy.layer)
+            self.world.rules.period[layer] = checked_period(strategy)
+            self.world.rules.holders[layer] = bool(strategy.holders)
+            if strategy.layer == "right_of_way":
+                self.world.rules.wait[:] = checked_wait_ranges(strategy)
+        return strategy
+
+    def _memory(self, strategy: Strategy | None) -> Memory:
+        if strategy is None:
+            return no_memory()
+        with self._within_patience():
+            memory = strategy.reset(self.view)
+        check_counters(strategy, TASK_SUMS)
+        return checked_memory(strategy, memory, self.view)
+
+    def _start(self) -> Iterator[int]:
+        arguments = (
+            self.world,
+            self.visible_world,
+            self.view,
+            self.full_batch,
+            self.batch,
+            self._batch_view,
+            self.decisions,
+            self.record,
+            self.observation,
+            self.workspace,
+            np.zeros(len(LAYER_NAMES), np.uint8),
+        )
+        loop, decide_type = _compiled_loop(arguments, no_memory())
+        layer_mode = arguments[-1]
+        functions = []
+        for index, strategy in enumerate(self._strategies):
+            function = None if strategy is None else type(strategy).compiled
+            if strategy is not None:
+                layer_mode[index] = (
+                    loop_kernels.MODE_INTERPRETED
+                    if function is None
+                    else loop_kernels.MODE_COMPILED
+                )
+            functions.append(compiled_decide(function or loop_kernels.no_op, decide_type))
+            if (
+                layer_mode[index] == loop_kernels.MODE_INTERPRETED
+            ):  # whatever becomes of the strategy's own
+                self._memories[index] = self._memories[index].copied()
+        full_memories = self._full_memories = [memory.copied() for memory in self._memories]
+        if self.world.rules.radius > 0:  # each robot gets its own row, when it is asked
+            for memory in self._memories:
+                memory.per_robot[:] = 0
+                memory.shared[:] = 0
+        if loop_kernels.MODE_INTERPRETED in layer_mode:
+            self._lent_decisions = self.decisions.lent()
+            self._faces = [memory.lent() for memory in self._memories]
+            # With the JIT off, kernels write to what Python sees.
+            self._sealed = self.workspace.sealed() if jit_is_on() else self.workspace
+        # Kernels count no references: whatever is freed here would be overwritten under the loop.
+        self._lent = (arguments, functions, full_memories)
+        ticks: Iterator[int] = loop(*arguments, *functions, *self._memories, *full_memories)
+        return ticks
+
+    @property
+    def memories(self) -> list[Memory]:
+        """The memory of each layer's strategy."""
+        return self._memories
+
+    @property
+    def counted(self) -> dict[str, int]:
+        """What the strategies count themselves (`Strategy.counters`), over all robots."""
+        limited = self.world.rules.radius > 0  # then what robots remember is put away
+        found: dict[str, int] = {}
+        for strategy, memory in zip(
+            self._strategies, self._full_memories if limited else self._memories, strict=True
+        ):
+            for name, column in strategy.counters.items() if strategy else ():
+                found[name] = found.get(name, 0) + int(memory.per_robot[:, column].sum())
+        return found
+
+    @property
+    def tick(self) -> int:
+        """Ticks executed so far."""
+        return int(self.world.clock[CLOCK_TICK])
+
+    @property
+    def finished(self) -> bool:
+        """Whether the scenario's stop condition holds."""
+        return bool(self.world.clock[CLOCK_FINISHED])
+
+    def run(self, until: int | None = None) -> None:
+        """Run to the stop condition, or to tick `until`, or to the scenario's `stop.max_duration`.
+
+        Ctrl-C, SIGTERM and `interrupt` end it within a moment, in mid-tick if need be: KeyboardInterrupt.
+        Then it cannot be run any more; what was recorded up to the tick before is whole.
+        """
+        limit = self.resolved.scenario.stop.max_duration
+        limit = limit if until is None else min(until, limit)
+        # With the JIT off, NumPy warns where hashes wrap.
+        with interruptible(self.workspace.stop), np.errstate(over="ignore"), self._constants_kept():
+            try:
+                self._run_to(limit)
+            except KeyboardInterrupt:
+                if self.on_record:
+                    self.on_record(self)  # the ticks before this one
+                raise
+
+    def _run_to(self, limit: int) -> None:
+        self.world.clock[CLOCK_STOP_TICK] = self._next_pause(limit)
+        for event in self._ticks:
+            if event == loop_kernels.LOOP_GIVEN_UP:
+                give_up()
+            if event != loop_kernels.LOOP_PAUSED:
+                self._decide(event)
+                continue
+            if self.on_record:
+                self.on_record(self)
+            if self.on_observe:
+                self.on_observe(self)
+            if self.finished or self.world.clock[CLOCK_TICK] >= limit:
+                return
+            self.world.clock[CLOCK_STOP_TICK] = self._next_pause(limit)
+
+    @contextmanager
+    def _constants_kept(self) -> Iterator[None]:
+        """Inside, strategies in Python may write to bare memory: put right what other runs share."""
+        in_python = [
+            f"the {layer.replace('_', '-')} strategy '{self.resolved.strategies[layer].name}'"
+            for layer, strategy in zip(LAYER_NAMES, self._strategies, strict=True)
+            if strategy is not None and type(strategy).compiled is None
+        ]
+        constants = constants_of(self.world) if in_python else []
+        written = []
+        try:
+            yield
+        finally:
+            for name, array, value in constants:
+                if not np.array_equal(array, value):
+                    window(array, writable=True)[...] = value
+                    written.append(name)
+        if written:
+            who = " or ".join(in_python)
+            raise InputError(f"{who} has written to {written[0]} of the world")
+
+    def _next_pause(self, limit: int) -> int:
+        """The tick of the next pause: a recording keeps the states after certain ticks."""
+        if self.on_record is None:
+            return limit
+        return min(limit, (self.tick // KEYFRAME_TICKS + 1) * KEYFRAME_TICKS)
+
+    def interrupt(self) -> None:
+        """Let `run`, in another thread, raise KeyboardInterrupt as soon as possible."""
+        self.workspace.stop[0] = 1
+
+    def update_finished(self) -> None:
+        """Update whether the stop condition holds: the state or the rules were replaced."""
+        self.world.clock[CLOCK_FINISHED] = self.tick > 0 and loop_kernels.is_finished(self.world)
+
+    def empty_record(self) -> None:
+        """What `on_record` does when it has taken what the buffers of the recording hold."""
+        self.world.clock[[CLOCK_RECORDED_TICKS, CLOCK_CHANGE_ROWS, CLOCK_DECISION_WORDS]] = 0
+
+    def empty_observation(self) -> None:
+        """What `on_observe` does when it has taken what the buffers of the observation hold."""
+        self.observation.count[[COUNT_EVENTS, COUNT_CURVE_ROWS]] = 0
+
+    def _decide(self, layer: int) -> None:
+        strategy = self._strategies[layer]
+        assert strategy is not None
+        self._decisions += 1
+        checked = self._decisions <= ALWAYS_CHECKED or self._decisions % CHECKED_EVERY == 0
+        before = (self.digests(), self.world.clock.copy()) if checked else None
+        with self._within_patience():
+            strategy.decide(
+                self.view, self._batch_view, self._lent_decisions, self._faces[layer], self._sealed
+            )
+        changed = self._changed_since(*before) if before else ()
+        if changed:
+            raise PermissionError(f"it has written to {changed[0]} of the world")
+
+    def _changed_since(self, digests: Array, clock: Array) -> Sequence[str]:
+        """The arrays that are not as they were: somebody writes to bare memory."""
+        arrays = [DIGEST_NAMES[k] for k in np.flatnonzero(self.digests() != digests)]
+        return arrays or ([] if np.array_equal(self.world.clock, clock) else ["the clock"])
+
+    def digests(self) -> Array:
+        """(D,) uint64: the digest of each array of the state, named by DIGEST_NAMES."""
+        out = np.zeros(len(DIGEST_NAMES), np.uint64)
+        with np.errstate(over="ignore"):
+            digest_world(self.world, out, self.record.values)
+        return out
+
+    @property
+    def digest(self) -> str:
+        """The digest of the whole state, 16 hex digits."""
+        with np.errstate(over="ignore"):
+            return f"{int(combine(self.digests())):016x}"
+
+
+def constants_of(world: World) -> list[tuple[str, Array, Array]]:
+    """Name, array and value of all that no run changes."""
+    return [
+        (f"{group}.{name}", array, array.copy())
+        for group in ("grid", "rules")
+        for name, array in vars(getattr(world, group)).items()
+        if isinstance(array, np.ndarray) and not name.startswith("_")
+    ]
+
+
+_LOOPS: dict[str, Any] = {}
+
+
+def _compiled_loop(arguments: tuple[Any, ...], memory: Memory) -> tuple[Any, Any]:
+    """The loop, compiled or loaded once per process: all worlds have the same types."""
+    if "loop" not in _LOOPS:
+        with first_compilation_announced():
+            _LOOPS["loop"] = loop_kernels.compile_loop(arguments, memory)  # type: ignore[no-untyped-call]
+    found: tuple[Any, Any] = _LOOPS["loop"]
+    return found

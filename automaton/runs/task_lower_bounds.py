@@ -1,0 +1,106 @@
+"""The least time that a task takes: both legs driven on the empty floor."""
+
+import numpy as np
+
+from automaton.engine.facilities import MAY_TURN
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.search import (
+    STARTED,
+    TURNED_AHEAD,
+    TURNED_BEHIND,
+    UNREACHABLE,
+    begin_search,
+    distance,
+    pop,
+    reach,
+)
+from automaton.engine.state import ACTION_MOVE, ACTION_TURN
+from automaton.strategy.access_cells import dropoff_cell, pickup_cell
+
+POSE_MASK = (1 << 32) - 1  # a key of the queue: estimated ticks << 32 | pose
+
+
+@kernel
+def min_drive_ticks(view, workspace, which, out):
+    """out[order] = least ticks of driving for each order in `which`: to its source, then to its target.
+
+    The first leg begins where and with the heading in which the order was taken, the second one
+    with the heading in which the first one ends; of several that take the least ticks, the best
+    counts. Slots are served from their access cells, by the type of robot that took the order last.
+    UNREACHABLE if there is no way.
+    """
+    orders = view.orders
+    for k in range(which.shape[0]):
+        order = which[k]
+        start = orders.dispatched_from[order] * view.grid.headings
+        start += orders.dispatched_heading[order]
+        robot_type = orders.dispatched_type[order]
+        origin = np.int64(orders.dispatched_from[order])
+        access_cell = pickup_cell(view, robot_type, orders.source[order], origin)
+        end = dropoff_cell(view, robot_type, orders.target[order], access_cell)
+        out[order] = least_by(view, workspace, robot_type, start, access_cell, end)
+
+
+@kernel
+def least_by(view, workspace, robot_type, start, access_cell, end):
+    """Least ticks from a pose to a cell, and from there to another one; UNREACHABLE if there is no way.
+
+    A* with the Manhattan estimate, to every heading in which the first cell is reached soonest.
+    """
+    headings = view.grid.headings
+    if headings == 1:
+        to_access_cell = distance(view, workspace, robot_type, start, 0, access_cell)
+        return to_access_cell + distance(view, workspace, robot_type, access_cell, 0, end)
+    search = begin_search(workspace)
+    size = reach(
+        workspace, search, 0, start, 0, estimate(view, robot_type, start, access_cell), STARTED
+    )
+    least = best = UNREACHABLE
+    while size > 0 and workspace.stop[0] == 0:
+        key = pop(workspace.heap, size)
+        size -= 1
+        pose = key & POSE_MASK
+        ticks = workspace.cost[pose]
+        if (key >> 32) > least:
+            break
+        if (key >> 32) != ticks + estimate(view, robot_type, pose, access_cell):
+            continue  # a better way to this pose was found meanwhile
+        if pose // headings == access_cell:
+            least = ticks
+            best = min(
+                best,
+                ticks + distance(view, workspace, robot_type, access_cell, pose % headings, end),
+            )
+        size = go_on(view, workspace, search, size, robot_type, pose, ticks, access_cell)
+    return best
+
+
+@kernel
+def go_on(view, workspace, search, size, robot_type, pose, ticks, access_cell):
+    """Enter the poses that follow on a pose into the queue; returns its size."""
+    grid, duration, type_cell_flags = (
+        view.grid,
+        view.rules.duration[robot_type],
+        view.grid.type_cell_flags[robot_type],
+    )
+    cell, heading = pose // grid.headings, pose % grid.headings
+    for way in range(heading, 4, grid.headings):
+        if (type_cell_flags[cell] >> way) & 1:
+            to = (cell + grid.offset[way]) * grid.headings + heading
+            left = estimate(view, robot_type, to, access_cell)
+            size = reach(workspace, search, size, to, ticks + duration[ACTION_MOVE], left, way)
+    if grid.headings > 1 and type_cell_flags[cell] & MAY_TURN:
+        left = estimate(view, robot_type, pose, access_cell)
+        for k in range(2):
+            to = cell * grid.headings + ((heading + 1 - 2 * k) & (grid.headings - 1))
+            how = TURNED_BEHIND if k else TURNED_AHEAD
+            size = reach(workspace, search, size, to, ticks + duration[ACTION_TURN], left, how)
+    return size
+
+
+@kernel
+def estimate(view, robot_type, pose, target):
+    """Ticks from a pose to a cell at least."""
+    cell, width = pose // view.grid.headings, view.grid.width
+    left = abs(cell // width - target // width) + abs(cell % width - target % width)
+    return left * view.rules.duration[robot_type, ACTION_MOVE]

@@ -1,0 +1,204 @@
+"""The floor of a scenario: generated, drawn in it, or in a file of its own."""
+
+from __future__ import annotations
+
+import importlib
+import os
+from collections.abc import Callable, Hashable
+from functools import lru_cache
+from typing import Any, NamedTuple, Protocol, cast
+
+import msgspec
+import yaml
+
+from automaton.errors import InputError, alternatives, nearest
+from automaton.floor.drawn_floors import (
+    Legend,
+    PictureError,
+    check_new_symbol,
+    draw_floor,
+    symbol_of,
+)
+from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.matrices import MatrixError, read_matrix
+from automaton.scenario.document import Document, Keys, node_at
+from automaton.scenario.reading import read_text
+from automaton.scenario.schema import FileLayout, LegendEntry, MatrixLayout, PictureLayout
+from automaton.scenario.validation import shown, validated
+
+LAYOUT: Keys = ("layout",)
+
+
+class Generator(Hashable, Protocol):
+    """A floor generator: a msgspec struct of parameters."""
+
+    def build(self) -> FloorPlan:
+        """The floor with these parameters."""
+
+
+class Floor(NamedTuple):
+    """A floor and how to place an error about one of its rows."""
+
+    floor_plan: FloorPlan
+    error: Callable[[str, int], InputError]  # message, row y
+
+
+def floor_of(document: Document, layout: dict[str, Any]) -> Floor:
+    """The floor that the layout of a scenario describes. Raises InputError."""
+    forms = {
+        "generator": _generated,
+        "picture": _drawn,
+        "file": _from_file,
+        "matrix": _from_matrix,
+    }
+    found = [form for form in forms if form in layout]
+    if len(found) != 1:
+        hint = next((nearest(key, forms) for key in layout if not found), "")
+        raise document.error(LAYOUT, f"layout must have exactly one of {alternatives(forms)}{hint}")
+    return forms[found[0]](document, layout)
+
+
+def generators() -> dict[str, str]:
+    """The floor generators by name, each as "module:Class"."""
+    return cast("dict[str, str]", importlib.import_module("layouts.generators").GENERATORS)
+
+
+def is_shipped(layout: dict[str, Any]) -> bool:
+    """Whether a layout names a generator that comes with the program."""
+    name = layout.get("generator")
+    return isinstance(name, str) and name in generators()
+
+
+def generator_type(name: Any) -> type[msgspec.Struct]:
+    """The struct of parameters of a generator, by name or "module:Class". Raises InputError."""
+    known = generators()
+    if not isinstance(name, str):
+        raise InputError(f"layout.generator must be a name, found {shown(name)}")
+    target = known.get(name, name)
+    module, colon, attribute = target.partition(":")
+    if not colon:
+        raise InputError(
+            f"unknown generator '{name}'{nearest(name, known)}; "
+            f"there are {', '.join(known)}, or write module:Class"
+        )
+    try:
+        found = getattr(importlib.import_module(module), attribute)
+    except Exception as error:  # whatever a user's module does wrong while it is imported
+        raise InputError(f"generator '{name}' cannot be loaded: {error}") from error
+    struct = isinstance(found, type) and issubclass(found, msgspec.Struct)
+    if not struct or not hasattr(found, "build"):
+        raise InputError(f"generator '{name}' is not a msgspec struct with a method build()")
+    return cast("type[msgspec.Struct]", found)
+
+
+def point_names(layout: dict[str, Any]) -> dict[str, tuple[int, int]]:
+    """The names that a generator gives to cells of its floor, for zone designs; mostly none.
+
+    Raises InputError for other parameters than it takes.
+    """
+    if "generator" not in layout:
+        return {}
+    wanted = generator_type(layout["generator"])
+    parameters = {key: value for key, value in layout.items() if key != "generator"}
+    points = getattr(validated(Document({}), parameters, wanted, LAYOUT), "points", None)
+    return dict(points()) if points else {}
+
+
+def _generated(document: Document, layout: dict[str, Any]) -> Floor:
+    try:
+        wanted = generator_type(layout["generator"])
+    except InputError as error:
+        raise document.error(("layout", "generator"), error.message) from None
+    parameters = {key: value for key, value in layout.items() if key != "generator"}
+    generator = cast(Generator, validated(document, parameters, wanted, LAYOUT))
+
+    def error_at(message: str, row: int) -> InputError:
+        return document.error(LAYOUT, message)
+
+    try:
+        floor_plan = _built(generator)
+    except InputError as error:
+        raise document.error(LAYOUT, error.message) from None
+    except Exception as error:  # the generator is a user's code
+        text = f"generator {layout['generator']!r} failed: {type(error).__name__}: {error}"
+        raise document.error(LAYOUT, text) from error
+    if not isinstance(floor_plan, FloorPlan):
+        text = (
+            f"generator {layout['generator']!r} built {type(floor_plan).__name__}, not a FloorPlan"
+        )
+        raise document.error(LAYOUT, text)
+    return Floor(floor_plan, error_at)
+
+
+@lru_cache(maxsize=64)
+def _built(generator: Generator) -> FloorPlan:
+    return generator.build()
+
+
+def _drawn(document: Document, layout: dict[str, Any]) -> Floor:
+    drawn = validated(document, layout, PictureLayout, LAYOUT)
+    keys: Keys = ("layout", "picture")
+    node = node_at(document.root, keys)
+    # Only a block keeps its rows on lines of their own.
+    block = isinstance(node, yaml.ScalarNode) and node.style == "|"
+
+    def error_at(message: str, row: int) -> InputError:
+        error = document.error(keys, message)
+        if block and node is not None and error.line is not None:
+            error.line = node.start_mark.line + 2 + row
+        return error
+
+    return _picture(drawn.picture, _legend(document, drawn.legend), error_at)
+
+
+def _from_file(document: Document, layout: dict[str, Any]) -> Floor:
+    wanted = validated(document, layout, FileLayout, LAYOUT)
+    path = document.folder / wanted.file
+    if not os.path.isfile(path):
+        raise document.error(("layout", "file"), f"there is no floor file '{wanted.file}'")
+    picture = read_text(path)
+
+    def error_at(message: str, row: int) -> InputError:
+        return InputError(message, str(path), row + 1)
+
+    return _picture(picture, _legend(document, wanted.legend), error_at)
+
+
+def _from_matrix(document: Document, layout: dict[str, Any]) -> Floor:
+    wanted = validated(document, layout, MatrixLayout, LAYOUT)
+    path = document.folder / wanted.matrix
+    if not os.path.isfile(path):
+        raise document.error(("layout", "matrix"), f"there is no floor file '{wanted.matrix}'")
+    text = read_text(path)
+
+    def error_at(message: str, row: int) -> InputError:
+        return InputError(message, str(path), row + 1)
+
+    try:
+        return Floor(read_matrix(text, wanted.capacity), error_at)
+    except MatrixError as error:
+        raise error_at(error.message, error.row) from None
+
+
+def _picture(picture: str, legend: Legend, error_at: Callable[[str, int], InputError]) -> Floor:
+    tab = picture.find("\t")
+    if tab >= 0:
+        raise error_at("the picture holds a tab; use blanks or '#'", picture.count("\n", 0, tab))
+    try:
+        return Floor(draw_floor(picture, legend), error_at)
+    except PictureError as error:
+        raise error_at(error.message, error.row) from None
+
+
+def _legend(document: Document, legend: dict[str, Any]) -> Legend:
+    symbols = []
+    for character, value in legend.items():
+        keys: Keys = ("layout", "legend", character)
+        try:
+            check_new_symbol(character)
+            entry = validated(document, value, LegendEntry, keys)
+            symbol = symbol_of(entry.kind, entry.capacity, entry.exits, entry.loaded)
+        except InputError as error:
+            raise error if error.file else document.error(keys, error.message) from None
+        symbols.append((character, symbol))
+    return tuple(symbols)

@@ -1,0 +1,70 @@
+"""From which cell a robot picks up and drops: one rule, for whatever decides it or predicts it.
+
+fixed (default)   A load is picked up from the right of its shelf where the floor allows it (the
+                  table-top robots stand at (x + 1, y)), and dropped from the left: so loads travel
+                  to the right.
+nearest           The cell with the least rows and columns to the cell from which the robot comes;
+                  of several the one that is first by the fixed rule.
+"""
+
+import numpy as np
+
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.state import NIL
+
+PICK_DIRECTIONS = (0, 2, 1, 3)  # neighbours E, W, S, N of the slot; to drop, each turned around
+
+
+@kernel
+def access_cell(view, robot_type, slot, turned, origin):
+    """The cell from which robots of a type serve a slot, NIL if there is none.
+
+    turned: 0 to pick up, 2 to drop; origin: the cell from which the robot comes, NIL if unknown.
+    """
+    one = view.slots.reachable.shape[0] == 1  # then access holds only what it gets to
+    is_nearest = view.rules.nearest_access != 0 and origin != NIL
+    width = view.grid.width
+    best, least = np.int64(NIL), np.int64(0)
+    for direction in PICK_DIRECTIONS:
+        cell = np.int64(view.slots.access[slot, direction ^ turned])
+        if cell == NIL or not (one or view.slots.reachable[robot_type, cell]):
+            continue
+        if not is_nearest:
+            return cell
+        way = abs(cell // width - origin // width) + abs(cell % width - origin % width)
+        if best == NIL or way < least:
+            best, least = cell, way
+    return best
+
+
+@kernel
+def pickup_cell(view, robot_type, slot, origin):
+    """The cell from which robots of a type that come from `origin` pick a load up, or NIL."""
+    return access_cell(view, robot_type, slot, 0, origin)
+
+
+@kernel
+def dropoff_cell(view, robot_type, slot, origin):
+    """The cell from which robots of a type that come from `origin` drop a load, or NIL."""
+    return access_cell(view, robot_type, slot, 2, origin)
+
+
+@kernel
+def can_bring(view, robot_type, order, slot):
+    """Whether robots of a type carry an order, and get to where it lies and to a slot with it."""
+    if view.orders.weight[order] > view.rules.payload[robot_type]:
+        return False
+    accessible = view.slots.accessible
+    if accessible.shape[0] == 1:
+        return True  # there are no orders but for slots that a robot serves
+    return (
+        accessible[robot_type, view.orders.current_slot[order]] != 0
+        and accessible[robot_type, slot] != 0
+    )
+
+
+@kernel
+def can_do(view, i, order):
+    """Whether robot i carries an order, and gets to where it lies and to its target."""
+    robot_type = np.int64(view.robots.type[i])
+    return can_bring(view, robot_type, order, np.int64(view.orders.target[order]))

@@ -1,0 +1,1 @@
+"""Many runs: sweeps, sizes of fleets, statistics and reports."""

@@ -1,0 +1,167 @@
+"""A whole report on a folder of results."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+
+from automaton.errors import InputError
+from automaton.scenario.reading import shipped
+from automaton.scenario.unavailable_metrics import warm_up_of
+from automaton.studies.reports.curves import curves
+from automaton.studies.reports.metric_tables import Scenarios, metric_section
+from automaton.studies.reports.report_document import Document, Heading, Listed, Text
+from automaton.studies.reports.sections import (
+    comparison_section,
+    design,
+    not_cut,
+    remarks,
+    started_cold,
+)
+from automaton.studies.reports.steady_section import steady_section
+from automaton.studies.reports.study_results import Results, point_name, read_results
+from automaton.studies.reports.warm_up_cut import LENGTHS
+from automaton.studies.sweeps.result_store import STUDY_FILE, Store, content_of, study_document_in
+from automaton.studies.sweeps.run_keys import fingerprint
+from automaton.studies.sweeps.study import Study
+from automaton.studies.sweeps.sweep_plan import resolved_study
+from automaton.units import count
+
+NOT_DECLARED = (
+    "Not declared by the study: told of every floor whose orders arrive over time, or whose "
+    "tasks are "
+    "measured. Quantiles are taken within each run, and then over runs: orders of a run depend on each "
+    "other."
+)
+
+
+MAX_POINTS_NAMED = 24  # points
+
+
+def compose(store: Store, floors: Sequence[int] = ()) -> Document:
+    """The report; `floors`: points of which one run is observed again. Raises InputError."""
+    results = read_results(store)
+    if not results.rows:
+        why = "holds no runs of its study yet"
+        if results.damaged:
+            names = ", ".join(results.damaged)
+            why = f"holds no runs that can be read: damaged are {names}; sweep again to repair"
+        raise InputError(why, str(store.folder))
+    scenarios, lacking = scenarios_of(store)
+    study = results.study
+    document = Document(study.name)
+    document.add(Heading(study.name, 1))
+    if study.summary:
+        document.add(Text(study.summary))
+    notes = [*remarks(results), *started_cold(results, scenarios), *([lacking] if lacking else [])]
+    if notes:
+        document.add(Listed(notes))
+    document.add(*design(results, scenarios), Text(numbered_points(study)), Heading("Figures"))
+    for metric in results.analysis.metrics:
+        if results.has(metric):
+            document.add(*metric_section(results, scenarios, metric))
+        else:
+            document.add(Heading(metric, 3), Text(without(results, metric)))
+    for metric in results.quantiles:
+        document.add(*metric_section(results, scenarios, metric), Text(NOT_DECLARED))
+    document.add(*steady_section(results), *comparison_section(results))
+    drawn = list(curves(results))
+    if drawn:
+        document.add(Heading("Curves"), *drawn)
+    add_floors(document, results, scenarios, floors, lacking)
+    add_repeat(document, store)
+    return document
+
+
+def numbered_points(study: Study) -> str:
+    """The design points by the numbers that --floor takes."""
+    points = study.points
+    named = [f"{point.number} {point_name(study, point)}" for point in points[:MAX_POINTS_NAMED]]
+    more = f"; and so on up to {len(points) - 1}" if len(points) > MAX_POINTS_NAMED else ""
+    return f"Points by number, for --floor: {'; '.join(named)}{more}"
+
+
+def without(results: Results, metric: str) -> str:
+    """Why there is no table of a metric."""
+    if results.study.design == "steady-state" and metric in LENGTHS:
+        return f"{metric} tells how long runs are, not what they do in a steady state."
+    if results.cut is not None and metric in results.cut.left_out:
+        return not_cut([metric], results.cut)
+    unsteady = results.cut is not None and any(name == metric for _, name in results.cut.unsteady)
+    if unsteady or (results.cut is not None and len(results.cut.refused) == len(results.points)):
+        return f"No point has a metric of {metric} after the warm-up: the remarks above say why."
+    return "No run has this metric."
+
+
+def scenarios_of(store: Store) -> tuple[Scenarios, str]:
+    """The scenario of each point if it is still the one that was run; what is lacking, and why."""
+    planned = store.manifest.points
+    try:
+        _, _, scenarios = resolved_study(study_document_in(store.folder, store.manifest))
+    except InputError as error:
+        return {}, f"without lower bounds and maps, since a scenario cannot be read: {error}"
+    same = {
+        number: resolved
+        for number, (point, resolved) in enumerate(zip(planned, scenarios, strict=True))
+        if fingerprint(resolved, point.windows) == point.fingerprint
+    }
+    other = [point for point in store.study.points if point.number not in same]
+    if not other:
+        return same, ""
+    names = ", ".join(dict.fromkeys(point.scenario for point in other))
+    what = f"{len(other)} of {count(len(planned), 'point')}"
+    return same, (
+        f"without lower bounds and maps of {what}, since another scenario is found now than was "
+        f"run: {names} changed (the file, its floor, or the code)"
+    )
+
+
+def add_floors(
+    document: Document,
+    results: Results,
+    scenarios: Scenarios,
+    floors: Sequence[int],
+    lacking: str,
+) -> None:
+    """Maps of the floor; `lacking`: why scenarios are not there. Raises InputError."""
+    if not floors:
+        return
+    from automaton.studies.reports.floor_maps import floor_maps
+
+    document.add(Heading("Floors"))
+    for number in floors:
+        if number >= len(results.points):
+            last = len(results.points) - 1
+            raise InputError(f"--floor {number}: the study has the points 0 to {last}")
+        if number not in scenarios:
+            raise InputError(f"--floor {number}: no map can be made; the report is {lacking}")
+        point = results.points[number]
+        first = results.first_run(point)
+        if first is None:
+            raise InputError(f"--floor {number}: this point has no runs with metrics yet")
+        name = f"point {number}: {point_name(results.study, point)}"
+        scenario = scenarios[number].scenario
+        after = warm_up_of(scenario) if results.cut is None else results.cut.ticks
+        document.add(*floor_maps(scenarios[number], *first, name, after))
+
+
+def add_repeat(document: Document, store: Store) -> None:
+    """How to get the same again."""
+    folder = Path(store.folder)
+    command = f"automaton sweep {shlex.quote(STUDY_FILE)} --out {shlex.quote(folder.name)}"
+    document.add(
+        Heading("Repeat"),
+        Text("This command, with the code named above and these files, gives the same rows:"),
+        Text(f"{command} && automaton report {shlex.quote(folder.name)}", code=True),
+        Text(f"{STUDY_FILE}:"),
+        Text(store.manifest.text.strip(), code=True),
+    )
+    for name in dict.fromkeys(point.scenario for point in store.manifest.points):
+        if (folder / name).is_file():  # a copy; shipped ones come with the code
+            document.add(
+                Text(f"{name} (files that it names lie in the folder of results, too):"),
+                Text(content_of(folder / name).decode(errors="replace").strip(), code=True),
+            )
+        elif name not in shipped():
+            document.add(Text(f"And {name} as it was, which lies outside the study's folder."))

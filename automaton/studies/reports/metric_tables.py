@@ -1,0 +1,153 @@
+"""The metrics of a report: for each metric a table of means, one line for each point."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+from automaton.build.bounds import bounds, least_ticks
+from automaton.build.resolve import Resolved
+from automaton.scenario.orders import DRAWN
+from automaton.studies.inference.intervals import (
+    NO_SPREAD_WARNING,
+    STUDENT_MIN_RUNS,
+    Interval,
+    mean_interval,
+    skewness,
+)
+from automaton.studies.reports.report_document import Block, Heading, Listed, Table, Text
+from automaton.studies.reports.same_runs import same_cells, same_heads
+from automaton.studies.reports.study_results import (
+    Counts,
+    Results,
+    described,
+    factor_cells,
+    factor_heads,
+    point_name,
+)
+from automaton.studies.sweeps.study import Point
+from automaton.units import count, number, percent
+
+Scenarios = Mapping[int, Resolved]  # by number of the point; none where a file is not found
+RUN_HEADS = ("runs", "unfinished", "failed")
+
+
+class Summary(NamedTuple):
+    """A metric of a point."""
+
+    point: Point
+    counts: Counts
+    interval: Interval | None  # None: no run has a metric
+    sd: float | None
+    skew: float  # of the runs
+    bound: str  # what no strategy can beat, or ""
+
+
+def summary(results: Results, scenarios: Scenarios, point: Point, metric: str) -> Summary:
+    """The mean of a metric over the runs that finished, and what became of the others."""
+    values = list(results.values(point, metric).values())
+    interval, sd = interval_of(results, values), None
+    if interval is not None and len(values) > 1:
+        sd = math.sqrt(math.fsum((v - interval.value) ** 2 for v in values) / (len(values) - 1))
+    skew = skewness(values) if values else 0.0
+    return Summary(
+        point, results.counts(point), interval, sd, skew, bound(scenarios, point, metric)
+    )
+
+
+def interval_of(results: Results, values: Sequence[float]) -> Interval | None:
+    """The mean of these metrics of runs; None without any."""
+    return mean_interval(values, 1 - results.analysis.error) if values else None
+
+
+def bound(scenarios: Scenarios, point: Point, metric: str) -> str:
+    """What no strategy can beat: the least makespan, the most throughput; or ""."""
+    resolved = scenarios.get(point.number)
+    if resolved is None:
+        return ""
+    scenario = resolved.scenario
+    of_time, of_rate = metric in ("makespan", "ticks"), metric == "throughput"
+    # Of orders that are drawn the cheapest possible say next to nothing of the rate of these.
+    drawn = scenario.orders.generator in DRAWN
+    if scenario.stop.when == "never" or not (of_time or of_rate) or (of_rate and drawn):
+        return ""
+    found = bounds(resolved)
+    least, _ = least_ticks(found, scenario.fleet.robots)
+    if of_time:
+        return number(least)
+    return number(1000 * found.orders / least) if least else ""
+
+
+def metric_section(results: Results, scenarios: Scenarios, metric: str) -> Iterator[Block]:
+    """A table of a metric, one line for each point."""
+    unit, meaning = described(metric)
+    yield Heading(metric, 3)
+    yield Text(f"{meaning} ({unit})")
+    found = [summary(results, scenarios, point, metric) for point in results.points]
+    bounded = any(one.bound for one in found)
+    level = percent(1 - results.analysis.error, 0)
+    heads = [*factor_heads(results.study), "mean", f"{level} low", "high", "sd", "by"]
+    limit = "most" if metric == "throughput" else "least"
+    heads += [limit] if bounded else []
+    rows = []
+    for one in found:
+        interval = one.interval
+        cells = ["-"] * 5
+        if interval is not None:
+            ends = ["-" if end is None else figure(end) for end in (interval.low, interval.high)]
+            sd = "-" if one.sd is None else figure(one.sd)
+            cells = [figure(interval.value), *ends, sd, interval.method]
+        cells += [one.bound or "-"] if bounded else []
+        cells += run_cells(one.counts) + same_cells(results, one.point)
+        rows.append([*factor_cells(results.study, one.point), *cells])
+    left = len(factor_heads(results.study))
+    yield Table([*heads, *RUN_HEADS, *same_heads(results)], rows, left=max(1, left))
+    if bounded:
+        yield Text(
+            f"{limit}: no strategy can do better; by the work of the orders over the robots, each "
+            "the cheapest way, and by what stations and chargers can do"
+        )
+    lacking = [
+        f"{point_name(results.study, one.point)}: {without} of "
+        f"{count(one.counts.finished, 'run')} without {metric}, since nothing ended that it is "
+        "measured by; the mean is of the others"
+        for one in found
+        if one.interval is not None and (without := one.counts.finished - one.interval.n)
+    ]
+    if lacking:
+        yield Listed(lacking)
+    yield from warnings(results, found)
+
+
+def warnings(results: Results, found: list[Summary]) -> Iterator[Block]:
+    """The warnings of a table's intervals: equal ones once."""
+    told: dict[str, list[str]] = {}
+    skews: dict[str, float] = {}
+    for one in found:
+        if one.interval is not None and (text := one.interval.warning):
+            told.setdefault(text, []).append(point_name(results.study, one.point))
+            skews.setdefault(text, abs(one.skew))
+    if len(told.keys() - {NO_SPREAD_WARNING}) > 3:
+        few = min(one.interval.n for one in found if one.interval is not None)
+        worst = max(told, key=skews.__getitem__)
+        many = sum(one.interval is not None and one.interval.n < STUDENT_MIN_RUNS for one in found)
+        rest = f"{many} points have fewer than {STUDENT_MIN_RUNS} runs (least {few}); the most skewed: "
+        same = (
+            [f"warning: {', '.join(told[NO_SPREAD_WARNING])}: {NO_SPREAD_WARNING}"]
+            if NO_SPREAD_WARNING in told
+            else []
+        )
+        yield Listed([f"warning: {rest}{told[worst][0]}: {worst}", *same])
+    elif told:
+        yield Listed([f"warning: {', '.join(names)}: {text}" for text, names in told.items()])
+
+
+def run_cells(counts: Counts) -> list[str]:
+    """Under RUN_HEADS."""
+    return [f"{one:,}" for one in (counts.done, counts.censored, counts.failed)]
+
+
+def figure(value: float) -> str:
+    """A metric of a table: four digits, more for large ones."""
+    return f"{value:,.1f}" if abs(value) >= 1000 else f"{value:.4g}"

@@ -1,0 +1,1 @@
+"""Studies as files, and the runs that they ask for."""

@@ -1,0 +1,342 @@
+"""Studies as files: which runs are made, how often, and what will be asked of them.
+
+A study varies keys of one or several scenarios: `factors` crosses their levels, `points` lists the
+combinations one by one. Nothing here needs Numba or Arrow.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal, NamedTuple
+
+import msgspec
+from msgspec import Meta
+
+from automaton.errors import InputError, nearest
+from automaton.scenario.document import Document, parse
+from automaton.scenario.reading import SHIPPED_FOLDER, STUDY_KEYS, read_text, shipped
+from automaton.scenario.schema import ConfigSection, NonEmptyText, SingleLine
+from automaton.scenario.validation import shown, validated
+from automaton.studies.sweeps.result_columns import check_factor, column_type
+
+STUDY_WANTED: Final = (
+    "a study is a file of its own, such as {name: my-fleet, scenario: my-floor.yaml, "
+    "factors: {fleet.robots: [2, 3]}, replications: 60}"
+)
+SHIPPED_STUDIES: Final = SHIPPED_FOLDER / "studies"
+MAX_POINTS: Final = 10_000
+MAX_RUNS: Final = 10_000_000
+SCENARIO: Final = "scenario"  # as a column, and as a factor where a study has several
+
+Levels = dict[str, Any]  # key of a scenario, such as "fleet.robots" -> its value
+
+
+def plain(value: Any) -> Any:
+    """A value of Python or NumPy as a file of a study could hold it. Raises InputError."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, dict):
+        return {key: plain(one) for key, one in value.items()}
+    if isinstance(value, tuple):
+        return tuple(map(plain, value))
+    if isinstance(value, list | range):
+        return list(map(plain, value))
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    raise InputError(f"a study holds numbers, text, lists and mappings, found {shown(value)}")
+
+
+class Analysis(ConfigSection, frozen=True, kw_only=True):
+    """What will be asked of the runs; declared before they are made."""
+
+    metrics: Annotated[
+        tuple[NonEmptyText, ...],
+        Meta(min_length=1, description="Metrics that are reported, such as makespan."),
+    ]
+    paired: Annotated[
+        bool | None,
+        Meta(
+            description="Compare runs of the same replication with each other (common demand); "
+            "default: whether they have the same seed, as common_random_numbers says."
+        ),
+    ] = None
+    baseline: Annotated[
+        Levels | None,
+        Meta(description="Levels of some factors: points that have them are compared with."),
+    ] = None
+    comparisons: Annotated[
+        Literal["none", "baseline", "pairs"],
+        Meta(
+            description="baseline: each other level of the baseline's factors with the baseline, "
+            "at equal levels of the other factors; pairs: all pairs of points."
+        ),
+    ] = "none"
+    family: Annotated[
+        Literal["metric", "study"],
+        Meta(description="What is corrected for together: comparisons of one metric, or all."),
+    ] = "study"
+    error: Annotated[
+        float, Meta(gt=0, le=0.5, description="Of the whole family; 0.05: 95 % intervals.")
+    ] = 0.05
+    precision: Annotated[
+        Annotated[float, Meta(ge=1e-6, le=1)] | None,
+        Meta(
+            description="How far the intervals of differences shall reach to each side, as a share of "
+            "the mean that is compared with: the report says how many runs that takes."
+        ),
+    ] = None
+
+    def __post_init__(self) -> None:
+        msgspec.structs.force_setattr(self, "baseline", plain(self.baseline))
+        if self.comparisons == "baseline" and not self.baseline:
+            raise ValueError("comparisons with the baseline need a baseline")
+        if self.baseline is not None and self.comparisons != "baseline":
+            raise ValueError("baseline belongs to comparisons: baseline")
+        if self.precision is not None and self.comparisons == "none":
+            raise ValueError("precision is that of comparisons, and none are declared")
+
+
+class Point(NamedTuple):
+    """A design point: a scenario with some of its keys changed."""
+
+    number: int  # from 0, in the order of the study
+    scenario: str  # as the study names it
+    levels: Levels  # by factor
+
+
+class Study(ConfigSection, frozen=True, kw_only=True):
+    """A study of automaton: scenarios, what varies in them, how often each is run."""
+
+    name: Annotated[SingleLine, Meta(description="The name in tables.")]
+    summary: Annotated[SingleLine | None, Meta(description="One line for `automaton list`.")] = None
+    scenario: Annotated[
+        NonEmptyText | tuple[NonEmptyText, ...],
+        Meta(description="The scenario that varies, by path or shipped name, or several."),
+    ]
+    factors: Annotated[
+        dict[str, Any] | None,
+        Meta(description="Keys of the scenario, such as fleet.robots, each with its levels."),
+    ] = None
+    listed: Annotated[
+        tuple[Levels, ...] | None,
+        Meta(description="Instead of factors: the combinations one by one, {KEY: VALUE, ...}."),
+    ] = msgspec.field(name="points", default=None)
+    replications: Annotated[
+        int, Meta(ge=1, le=1_000_000, description="Runs of each point, with different seeds.")
+    ]
+    seed: Annotated[
+        int, Meta(ge=0, le=2**63 - 1, description="The seeds of all runs follow from it.")
+    ] = 1
+    common_random_numbers: Annotated[
+        bool, Meta(description="Replication r of every point has the same seed, the same demand.")
+    ] = True
+    design: Annotated[
+        Literal["terminating", "steady-state"],
+        Meta(description="Whether runs end by themselves, or show a stretch of something endless."),
+    ] = "terminating"
+    warm_up: Annotated[
+        Literal["mser-5"] | Annotated[int, Meta(ge=0, le=2_000_000_000)] | None,
+        Meta(description="Of a steady state: what to leave out, in ticks, or found by MSER-5."),
+    ] = None
+    window: Annotated[
+        Annotated[int, Meta(ge=1, le=1_000_000)] | None,
+        Meta(
+            description="Of a steady state: rows hold the deliveries in each so many ticks "
+            "(`series`); default a 200th of the run, at least 1."
+        ),
+    ] = None
+    analysis: Analysis | None = None
+
+    def __post_init__(self) -> None:
+        for field in set(self.__struct_fields__) - {"analysis"}:
+            msgspec.structs.force_setattr(self, field, plain(getattr(self, field)))
+        if (self.factors is None) == (self.listed is None):
+            raise ValueError("a study must have either factors or points")
+        if not self.scenarios:
+            raise ValueError("scenario must name at least one")
+        if len(set(self.scenarios)) < len(self.scenarios):
+            raise ValueError("scenario names one of them twice")
+        if self.factors is not None:
+            self._check_factors(self.factors)
+        if self.listed is not None and not self.listed:
+            raise ValueError("points must list at least one")
+        if self.design == "terminating" and (self.warm_up is not None or self.window is not None):
+            key = "window" if self.warm_up is None else "warm_up"
+            raise ValueError(f"{key} belongs to design: steady-state")
+        if self.analysis and self.analysis.paired and not self.common_random_numbers:
+            raise ValueError("common_random_numbers must be true, since analysis.paired is")
+
+    def _check_factors(self, factors: dict[str, Any]) -> None:
+        if not factors:
+            raise ValueError("factors must have at least one key, such as fleet.robots")
+        points = len(self.scenarios)
+        for levels in factors.values():
+            points *= max(1, len(levels)) if isinstance(levels, list | tuple) else 1
+        if points > MAX_POINTS:
+            raise ValueError(f"factors cross to {points:,} points; {MAX_POINTS:,} are allowed")
+
+    @property
+    def paired(self) -> bool:
+        """Whether runs of the same replication are compared with each other."""
+        declared = self.analysis.paired if self.analysis else None
+        return self.common_random_numbers if declared is None else declared
+
+    @property
+    def scenarios(self) -> tuple[str, ...]:
+        """The scenarios as the study names them."""
+        return (self.scenario,) if isinstance(self.scenario, str) else self.scenario
+
+    @property
+    def factor_names(self) -> tuple[str, ...]:
+        """The keys that vary: columns of the results."""
+        if self.factors is not None:
+            return tuple(self.factors)
+        return tuple(dict.fromkeys(key for levels in self.listed or () for key in levels))
+
+    def levels(self, factor: str) -> tuple[Any, ...]:
+        """The levels of a factor, each once, in the order of the study."""
+        if factor == SCENARIO:
+            return self.scenarios
+        if self.factors is not None:
+            return tuple(self.factors[factor])
+        found: list[Any] = []
+        for levels in self.listed or ():
+            if factor in levels and levels[factor] not in found:
+                found.append(levels[factor])
+        return tuple(found)
+
+    @property
+    def points(self) -> tuple[Point, ...]:
+        """The design points: every combination, for each scenario; the last factor runs fastest."""
+        return tuple(
+            Point(number, scenario, levels)
+            for number, (scenario, levels) in enumerate(
+                itertools.product(self.scenarios, self._combinations())
+            )
+        )
+
+    @property
+    def runs(self) -> int:
+        """How many runs the study asks for."""
+        return len(self.scenarios) * len(self._combinations()) * self.replications
+
+    def _combinations(self) -> list[Levels]:
+        if self.factors is None:
+            return list(self.listed or ())
+        names = list(self.factors)
+        crossed = itertools.product(*self.factors.values())
+        return [dict(zip(names, levels, strict=True)) for levels in crossed]
+
+    def column_types(self) -> dict[str, str]:
+        """For each factor "int", "float", "bool" or "text": what its column holds.
+
+        Levels that are lists or mappings, or of several types, stand there as JSON.
+        """
+        return {name: column_type(self.levels(name)) for name in self.factor_names}
+
+
+def shipped_studies() -> dict[str, Path]:
+    """The studies that come with the package, by name."""
+    return {path.stem: path for path in sorted(SHIPPED_STUDIES.glob("*.yaml"))}
+
+
+def read_study(name: str | Path) -> Study:
+    """A study by path or shipped name; what it says of its scenarios is not checked yet.
+
+    Raises InputError.
+    """
+    return checked_study(study_document(name))
+
+
+def study_document(name: str | Path) -> Document:
+    """What a study file says, unchecked: a path, or the name of a shipped one. Raises InputError."""
+    path = Path(name)
+    known = shipped_studies()
+    if not os.path.exists(path) and str(name) in known:
+        path = known[str(name)]
+    elif not os.path.exists(path) and path.suffix not in (".yaml", ".yml") and len(path.parts) == 1:
+        if str(name) in shipped():
+            raise InputError(f"'{name}' is a scenario; {STUDY_WANTED}")
+        hint = nearest(str(name), known) or f"; there are {', '.join(known)}"
+        raise InputError(f"no file and no shipped study is called '{name}'{hint}")
+    elif not os.path.exists(path):
+        raise InputError("no such file", str(name))
+    elif os.path.isdir(path):
+        raise InputError("is a folder, not a study file", str(name))
+    return document_of(read_text(path), path)
+
+
+def document_of(text: str, path: Path) -> Document:
+    """What the text of a study file says, unchecked. Raises InputError."""
+    data, root = parse(text, str(path))
+    if data is None:
+        raise InputError(
+            "is empty; a study needs a name, scenario, factors, replications", str(path)
+        )
+    if not isinstance(data, dict):
+        raise InputError("a study has keys such as name, scenario and factors", str(path), 1)
+    return Document(data=data, file=str(path), folder=path.parent, text=text, root=root)
+
+
+def checked_study(document: Document) -> Study:
+    """The study that a document holds. Raises InputError with its place."""
+    if "layout" in document.data and STUDY_KEYS.isdisjoint(document.data):
+        raise InputError(f"this is a scenario; {STUDY_WANTED}", document.file)
+    study = validated(document, document.data, Study)
+    for where, levels in _declared(study):
+        for key, value in levels.items():
+            objection = check_factor(key)
+            if objection:
+                raise document.error((*where, key), objection)
+            if study.factors is not None:
+                _check_levels(document, key, value)
+    if study.runs > MAX_RUNS:
+        text = f"{study.runs:,} runs; a study may have {MAX_RUNS:,}"
+        raise document.error(("replications",), text)
+    if study.analysis is not None:
+        _check_baseline(document, study, study.analysis)
+    return study
+
+
+def _declared(study: Study) -> Iterator[tuple[tuple[str | int, ...], Levels]]:
+    if study.factors is not None:
+        yield ("factors",), dict(study.factors)
+    for number, levels in enumerate(study.listed or ()):
+        yield ("points", number), levels
+
+
+def _check_levels(document: Document, key: str, levels: Any) -> None:
+    keys = ("factors", key)
+    if not isinstance(levels, list | tuple):
+        text = f"factors.{key} must be a list of levels, found {shown(levels)}"
+        raise document.error(keys, text)
+    if not levels:
+        raise document.error(keys, f"factors.{key} must list at least one level")
+    for number, level in enumerate(levels):
+        if any(_same(level, earlier) for earlier in levels[:number]):
+            raise document.error((*keys, number), f"factors.{key} has {shown(level)} twice")
+
+
+def _check_baseline(document: Document, study: Study, analysis: Analysis) -> None:
+    names = study.factor_names
+    several = (SCENARIO,) if len(study.scenarios) > 1 else ()
+    for key, level in (analysis.baseline or {}).items():
+        keys = ("analysis", "baseline", key)
+        if key not in (*names, *several):
+            known = ", ".join((*names, *several))
+            hint = nearest(key, names)
+            text = f"the baseline names '{key}', which is not a factor{hint}; there are {known}"
+            raise document.error(keys, text)
+        levels = study.levels(key)
+        if not any(_same(level, known) for known in levels):
+            found = ", ".join(shown(known) for known in levels)
+            text = f"the baseline has {key} {shown(level)}, which is not one of its levels: {found}"
+            raise document.error(keys, text)
+
+
+def _same(one: Any, other: Any) -> bool:
+    # In Python 1 == True == 1.0.
+    return bool(one == other) and isinstance(one, bool) == isinstance(other, bool)

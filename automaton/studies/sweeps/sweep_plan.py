@@ -1,0 +1,260 @@
+"""A study made ready to run: every design point resolved, its contradictions refused beforehand."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import yaml
+
+from automaton.build.resolve import Resolved, resolve
+from automaton.errors import InputError, nearest
+from automaton.runs.metric_catalogue import METRIC_CATALOGUE
+from automaton.runs.provenance import versions
+from automaton.scenario.document import Document, Override, line_of
+from automaton.scenario.overrides import keys_of
+from automaton.scenario.reading import find
+from automaton.scenario.unavailable_metrics import not_measured, warm_up_of
+from automaton.strategy import lookup
+from automaton.studies.inference.steady_state import MIN_OBSERVATIONS, MIN_REPLICATIONS, MSER_BATCH
+from automaton.studies.sweeps.result_columns import COUNT_COLUMN_NAMES, RESULT_COLUMNS
+from automaton.studies.sweeps.run_keys import (
+    WHOLE_RUNS,
+    Manifest,
+    Windows,
+    fingerprint,
+    manifest_of,
+)
+from automaton.studies.sweeps.study import Point, Study, checked_study, study_document
+
+DEFAULT_WINDOWS = 200  # of a run, if a study does not say how long they are
+WARM_UP_KEYS = ("measure", "warm_up")
+
+
+class SweepPlan(NamedTuple):
+    """All that the runs of a study follow from."""
+
+    study: Study
+    points: tuple[Point, ...]
+    scenarios: tuple[Resolved, ...]  # by point
+    plugins: tuple[str, ...]  # modules of foreign strategies
+    manifest: Manifest
+
+
+def make_sweep_plan(study: str | Path | Study) -> SweepPlan:
+    """Check a study completely: a path, the name of a shipped one, or a Study. Raises InputError.
+
+    Imports what its strategies are made of, and so Numba.
+    """
+    declared, document, scenarios = resolved_study(study)
+    names = counted_by(scenarios)
+    check_metrics(document, declared, scenarios, names)
+    windows = windows_of(declared, scenarios)
+    text = document.text or yaml.safe_dump(_plain(declared), sort_keys=False, allow_unicode=True)
+    manifest, plugins = manifest_of(declared, text, scenarios, windows, versions(), names)
+    return SweepPlan(declared, declared.points, scenarios, plugins, manifest)
+
+
+def resolved_study(
+    study: str | Path | Study | Document,
+) -> tuple[Study, Document, tuple[Resolved, ...]]:
+    """The study, what it was read from, and the scenario of each point. Raises InputError.
+
+    Needs no Numba, but for metrics that only strategies know.
+    """
+    document = study if isinstance(study, Document) else _document(study)
+    declared = checked_study(document)
+    scenarios = tuple(_resolved(document, declared, point) for point in declared.points)
+    seen: dict[str, Point] = {}
+    for point, resolved in zip(declared.points, scenarios, strict=True):
+        first = seen.setdefault(fingerprint(resolved), point)
+        if first is not point:
+            text = f"points {first.number} and {point.number} are the same runs: {describe_point(point)}"
+            raise document.error(_where(declared, point), text)
+    check_windows(document, declared, scenarios)
+    return declared, document, scenarios
+
+
+def _document(study: str | Path | Study) -> Document:
+    return Document(data=_plain(study)) if isinstance(study, Study) else study_document(study)
+
+
+def _plain(study: Study) -> dict[str, Any]:
+    import msgspec
+
+    data: dict[str, Any] = msgspec.to_builtins(study)
+    return {key: value for key, value in data.items() if value is not None}
+
+
+def _resolved(document: Document, study: Study, point: Point) -> Resolved:
+    settings = [
+        Override(_place(document, study, point, key), keys_of(key), value)
+        for key, value in point.levels.items()
+    ]
+    if isinstance(study.warm_up, int):
+        argument = _at(document, ("warm_up",))
+        settings.append(Override(argument, WARM_UP_KEYS, study.warm_up))
+    file = scenario_file(document, point.scenario)
+    try:
+        resolved = resolve(file, settings)
+    except InputError as error:
+        error.message = f"{error.message} (point {point.number}: {describe_point(point)})"
+        raise error.at(document.file, document.line(("scenario",))) from None
+    if study.design == "steady-state" and resolved.scenario.stop.when != "never":
+        text = (
+            "a steady state is seen in runs of a given length: the scenario needs stop.when never"
+        )
+        raise document.error(("design",), f"{text} (point {point.number}: {describe_point(point)})")
+    spelled = tuple(f"{key}={json.dumps(value)}" for key, value in point.levels.items())
+    return replace(resolved, overrides=spelled)
+
+
+def describe_point(point: Point) -> str:
+    """A point in words: "tabletop-1, fleet.robots 3"."""
+    levels = (
+        f"{key} {level if isinstance(level, str) else json.dumps(level)}"
+        for key, level in point.levels.items()
+    )
+    return ", ".join([point.scenario, *levels])
+
+
+def scenario_file(document: Document, name: str) -> Path:
+    """A scenario that a study names: a file seen from its folder, from here, or a shipped one.
+
+    Raises InputError.
+    """
+    beside = document.folder / name
+    if document.file is not None and os.path.isfile(beside):
+        return beside
+    try:
+        return find(name)
+    except InputError as error:
+        text = f"{name}: {error.message}" if error.file else error.message
+        raise document.error(("scenario",), text) from None
+
+
+def _where(study: Study, point: Point) -> tuple[str | int, ...]:
+    """The keys of a point in its study."""
+    if study.listed is None:
+        return ("factors",)
+    return ("points", point.number % len(study.listed))
+
+
+def _place(document: Document, study: Study, point: Point, key: str) -> str:
+    """Where a level of a point stands, as errors name it."""
+    if study.factors is None:
+        return _at(document, (*_where(study, point), key))
+    levels = study.factors[key]
+    index = next(i for i, level in enumerate(levels) if level is point.levels[key])
+    return _at(document, ("factors", key, index))
+
+
+def _at(document: Document, keys: tuple[str | int, ...]) -> str:
+    if document.root is None:
+        return ".".join(map(str, keys))
+    return f"{document.file}:{line_of(document.root, keys)[0]}"
+
+
+def windows_of(study: Study, scenarios: tuple[Resolved, ...]) -> Windows:
+    """The windows of a study's rows, the same for all points so that one cut fits all."""
+    if study.design != "steady-state":
+        return WHOLE_RUNS
+    ticks = shortest(scenarios)
+    window = study.window or math.ceil(ticks / DEFAULT_WINDOWS)
+    groups = math.ceil(ticks / (window * DEFAULT_WINDOWS))
+    return Windows(window, window * MSER_BATCH * groups)
+
+
+def shortest(scenarios: tuple[Resolved, ...]) -> int:
+    """Ticks of the shortest runs of a study of steady states."""
+    return min(resolved.scenario.stop.max_duration for resolved in scenarios)
+
+
+def counted_by(scenarios: tuple[Resolved, ...]) -> tuple[str, ...]:
+    """Metrics that the strategies in use count themselves, those of every run left out."""
+    picks = {
+        (layer, choice.name)
+        for resolved in scenarios
+        for layer, choice in resolved.strategies.items()
+    }
+    names = {
+        name
+        for layer, strategy in sorted(picks)
+        if strategy != lookup.NO_STRATEGY
+        for name in getattr(lookup.load(layer, strategy), "counters", {})
+    }
+    return tuple(sorted(names - set(METRIC_CATALOGUE) - set(RESULT_COLUMNS)))
+
+
+def check_metrics(
+    document: Document, study: Study, scenarios: tuple[Resolved, ...], counted: tuple[str, ...]
+) -> None:
+    """Raises InputError for a metric of the analysis that no run has."""
+    known = [*COUNT_COLUMN_NAMES, *METRIC_CATALOGUE, *counted]
+    lacking = [not_measured(resolved.scenario) for resolved in scenarios]
+    for number, name in enumerate(study.analysis.metrics if study.analysis else ()):
+        place = ("analysis", "metrics", number)
+        if name not in known:
+            hint = nearest(name, known) or f"; there are {', '.join(known)}"
+            raise document.error(place, f"no metric is called '{name}'{hint}")
+        if all(name in one for one in lacking):
+            needs = lacking[0][name]
+            raise document.error(place, f"no point of this study measures {name}; it takes {needs}")
+
+
+def check_windows(document: Document, study: Study, scenarios: tuple[Resolved, ...]) -> None:
+    """Raises InputError where runs end before the warm-up that all leave out does, whatever they give.
+
+    And where MSER-5 cannot find one.
+    """
+    if study.design == "steady-state":
+        check_cut(document, study, scenarios)
+    if study.warm_up != "mser-5":
+        return
+    if study.replications < MIN_REPLICATIONS:
+        text = f"warm_up: mser-5 needs {MIN_REPLICATIONS} replications, there are"
+        raise document.error(("replications",), f"{text} {study.replications}")
+    window, ticks = windows_of(study, scenarios).window, shortest(scenarios)
+    if ticks // window < MIN_OBSERVATIONS:
+        text = (
+            f"warm_up: mser-5 needs {MIN_OBSERVATIONS} windows in a run, there are "
+            f"{ticks // window} of {window:,} ticks in stop.max_duration {ticks:,}"
+        )
+        where = ("window",) if study.window else ("warm_up",)
+        raise document.error(where, text)
+
+
+def check_cut(document: Document, study: Study, scenarios: tuple[Resolved, ...]) -> None:
+    """Raises InputError where the largest warm-up of a steady state leaves nothing of some runs."""
+    declared = [warm_up_of(resolved.scenario) for resolved in scenarios]
+    cut, ticks = max(declared), shortest(scenarios)
+    if min(declared) < cut:  # some are cut by their sums, at the end of a stretch
+        stretch = windows_of(study, scenarios).stretch
+        cut = math.ceil(cut / stretch) * stretch
+    if cut < ticks:
+        return
+    point = next(
+        point
+        for point, resolved in zip(study.points, scenarios, strict=True)
+        if resolved.scenario.stop.max_duration == ticks
+    )
+    text = (
+        f"the largest warm-up is left out of the runs of all points: the first {cut:,} ticks, but runs "
+        f"of point {point.number} end after {ticks:,} ({describe_point(point)}); a warm-up of less is "
+        "allowed there, or longer runs"
+    )
+    raise document.error(_where(study, point), text)
+
+
+def check_study(name: str | Path) -> tuple[Study, tuple[Resolved, ...]]:
+    """Everything that can be known of a study without running it. Raises InputError."""
+    study, document, scenarios = resolved_study(name)
+    ordinary = {*COUNT_COLUMN_NAMES, *METRIC_CATALOGUE}
+    asked = study.analysis.metrics if study.analysis else ()
+    strange = [metric for metric in asked if metric not in ordinary]
+    check_metrics(document, study, scenarios, counted_by(scenarios) if strange else ())
+    return study, scenarios

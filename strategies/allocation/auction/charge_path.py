@@ -1,0 +1,206 @@
+"""Where to charge: the shortest path over states (position i, charger c).
+
+In state (i, c) the robot drives to charger c between tasks i - 1 and i of its list. The first stretch
+must fit into what the robot has, each later one into a full battery. With a linear curve the charging
+time depends on the energy of the whole way alone, so the path that minimises rate x ticks + energy is
+exact with any number of stops. Ways are shortest ways: a detour never saves time or energy.
+
+Ties: fewer ticks from the task before to the charger, then the later position.
+"""
+
+import numpy as np
+
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.state import NIL
+from automaton.strategy.kernels import CURVE_RATE
+from strategies.allocation.auction.insertion import place_before
+from strategies.allocation.auction.market import BATTERY_FULL, COUNT_STATES, INF_COST
+
+# Places of Scratch.path, while a path is searched.
+PATH_NODES = 0  # chargers to go on from: scratch.node[:PATH_NODES]
+PATH_LAST = 1  # the last stop of the best path so far
+PATH_BEST = 2  # its weight
+PATH_TICKS_TO_STOP = 3  # ticks from the task before to that stop
+PATH_POSITION = 4  # the position of that stop
+PATH_REST_TICKS = 5  # of the whole list
+PATH_REST_ENERGY = 6  # and the way to a charger at its end
+PATH_READY = 7  # ticks until the robot sets out: set by the quote
+
+
+@kernel
+def energy_to_charger(battery, place):
+    """Units that must be left at the end of a list for the way to a charger; INF_COST: none is there."""
+    if battery.end_reach == 0:
+        return np.int64(0)
+    return np.int64(battery.reach[battery.robot_type[0], place])
+
+
+@kernel
+def waiting_at(battery, scratch, c, ticks):
+    """Ticks that a robot waits at charger c when it comes there `ticks` after setting out.
+
+    Charging before that, which makes it come later, is not counted: the wait is never too short.
+    """
+    return max(np.int64(0), np.int64(battery.wait[c]) - scratch.path[PATH_READY] - ticks)
+
+
+@kernel
+def find_stops(costs, battery, scratch, place, charge, order, length):
+    """The last stop, i * C + c, of the best way through chargers; NIL if there is none."""
+    chargers = battery.charger.shape[0]
+    path = scratch.path
+    path[PATH_NODES] = 0
+    path[PATH_LAST] = NIL
+    path[PATH_BEST] = INF_COST
+    path[PATH_TICKS_TO_STOP] = INF_COST
+    path[PATH_REST_TICKS] = scratch.done_ticks[length]
+    path[PATH_REST_ENERGY] = scratch.done_energy[length]
+    path[PATH_REST_ENERGY] += energy_to_charger(battery, costs.end[order[length - 1]])
+    for i in range(length):
+        in_reach = scratch.done_energy[i] <= charge - battery.reserve
+        if not in_reach and path[PATH_NODES] == 0:
+            break
+        scratch.count[COUNT_STATES] += chargers
+        reach_chargers(costs, battery, scratch, place, charge, order, i)
+        nodes = path[PATH_NODES]
+        relax_to_end(costs, battery, scratch, place, order, i)
+        if (
+            chargers > 1
+            and path[PATH_NODES] > nodes
+            and relax_charger_to_charger(costs, battery, scratch, i)
+        ):
+            path[PATH_NODES] = nodes
+            relax_to_end(costs, battery, scratch, place, order, i)
+    return path[PATH_LAST]
+
+
+@kernel
+def reach_chargers(costs, battery, scratch, place, charge, order, i):
+    """weight[i], parent[i]: the best ways to the chargers before task i, from the start or a stop."""
+    rate = np.int64(battery.curve[0, CURVE_RATE])
+    before = place_before(costs, place, order, i)
+    for c in range(battery.charger.shape[0]):
+        at = np.int64(battery.charger[c])
+        into_energy = costs.energy[costs.robot_type[0], before, at] + scratch.done_energy[i]
+        best = np.int64(INF_COST)
+        if into_energy <= charge - battery.reserve:
+            into_ticks = costs.ticks[costs.robot_type[0], before, at] + scratch.done_ticks[i]
+            into_ticks += waiting_at(battery, scratch, c, into_ticks)
+            best = rate * into_ticks + into_energy
+        scratch.weight[i, c] = best
+        scratch.parent[i, c] = NIL
+        if scratch.path[PATH_NODES] > 0:
+            relax_from_stops(costs, battery, scratch, before, order, i, c)
+
+
+@kernel
+def relax_from_stops(costs, battery, scratch, before, order, i, c):
+    """Improve weight[i, c], parent[i, c] by ways from the stops that are noted."""
+    chargers = battery.charger.shape[0]
+    rate = np.int64(battery.curve[0, CURVE_RATE])
+    at = np.int64(battery.charger[c])
+    into_ticks = costs.ticks[costs.robot_type[0], before, at] + scratch.done_ticks[i]
+    into_ticks += waiting_at(battery, scratch, c, into_ticks)
+    into_energy = costs.energy[costs.robot_type[0], before, at] + scratch.done_energy[i]
+    best, parent = scratch.weight[i, c], np.int64(NIL)
+    for node in range(scratch.path[PATH_NODES]):
+        k, b = scratch.node[node] // chargers, scratch.node[node] % chargers
+        if scratch.weight[k, b] >= best:
+            continue
+        stop = np.int64(battery.charger[b])
+        after = np.int64(costs.begin[order[k]])
+        energy = (
+            costs.energy[costs.robot_type[0], stop, after] + into_energy - scratch.begun_energy[k]
+        )
+        if energy > BATTERY_FULL - battery.reserve:
+            continue
+        ticks = costs.ticks[costs.robot_type[0], stop, after] + into_ticks - scratch.begun_ticks[k]
+        weight = scratch.weight[k, b] + rate * ticks + energy
+        if weight <= best:
+            best, parent = weight, np.int64(k * chargers + b)
+    scratch.weight[i, c] = best
+    scratch.parent[i, c] = parent
+
+
+@kernel
+def relax_to_end(costs, battery, scratch, place, order, i):
+    """Drive on to the end from each charger before task i, or note it as one to go on from."""
+    chargers = battery.charger.shape[0]
+    rate = np.int64(battery.curve[0, CURVE_RATE])
+    path = scratch.path
+    before = place_before(costs, place, order, i)
+    after = np.int64(costs.begin[order[i]])
+    rest_ticks = path[PATH_REST_TICKS] - scratch.begun_ticks[i]
+    rest_energy = path[PATH_REST_ENERGY] - scratch.begun_energy[i]
+    for c in range(chargers):
+        so_far = scratch.weight[i, c]
+        at = np.int64(battery.charger[c])
+        energy = costs.energy[costs.robot_type[0], at, after] + rest_energy
+        total = so_far + rate * (costs.ticks[costs.robot_type[0], at, after] + rest_ticks) + energy
+        if so_far >= INF_COST or total > path[PATH_BEST]:
+            continue  # what goes on from here is no better than the best that is known
+        if energy > BATTERY_FULL - battery.reserve:
+            scratch.node[path[PATH_NODES]] = i * chargers + c
+            path[PATH_NODES] += 1
+            continue
+        # The end is in reach: another stop would only make the way longer.
+        detour = np.int64(costs.ticks[costs.robot_type[0], before, at])
+        later = detour == path[PATH_TICKS_TO_STOP] and path[PATH_POSITION] != i
+        if total < path[PATH_BEST] or detour < path[PATH_TICKS_TO_STOP] or later:
+            path[PATH_BEST], path[PATH_TICKS_TO_STOP], path[PATH_LAST] = (
+                total,
+                detour,
+                i * chargers + c,
+            )
+            path[PATH_POSITION] = i
+
+
+@kernel
+def relax_charger_to_charger(costs, battery, scratch, i):
+    """Ways from one charger straight to another, where the way between tasks is long; found any?"""
+    chargers = battery.charger.shape[0]
+    rate = np.int64(battery.curve[0, CURVE_RATE])
+    found = False
+    changed = True
+    while changed:
+        changed = False
+        for b in range(chargers):
+            if scratch.weight[i, b] >= INF_COST:
+                continue
+            for c in range(chargers):
+                between = np.int64(
+                    costs.energy[costs.robot_type[0], battery.charger[b], battery.charger[c]]
+                )
+                ticks = np.int64(
+                    costs.ticks[costs.robot_type[0], battery.charger[b], battery.charger[c]]
+                )
+                ticks += waiting_at(battery, scratch, c, scratch.done_ticks[i] + ticks)
+                weight = scratch.weight[i, b] + rate * ticks + between
+                if (
+                    c != b
+                    and between <= BATTERY_FULL - battery.reserve
+                    and weight < scratch.weight[i, c]
+                ):
+                    scratch.weight[i, c] = weight
+                    scratch.parent[i, c] = i * chargers + b
+                    changed = True
+                    found = True
+    return found
+
+
+@kernel
+def note_stops(battery, scratch, last):
+    """Write the way to the last stop into the plan, in the order of driving."""
+    chargers = battery.charger.shape[0]
+    stops = 0
+    node = np.int64(last)
+    while node != NIL:
+        stops += 1
+        node = np.int64(scratch.parent[node // chargers, node % chargers])
+    scratch.plan.stops[0] = stops
+    node = np.int64(last)
+    while node != NIL:
+        stops -= 1
+        scratch.plan.position[stops] = node // chargers
+        scratch.plan.charger[stops] = node % chargers
+        node = np.int64(scratch.parent[node // chargers, node % chargers])

@@ -1,0 +1,200 @@
+"""Which robots go to a charger now: those whose list, as it is quoted, has a stop before its first task.
+
+The list of a robot is the order that it has taken but not begun, then its plan. If the whole list
+cannot be done, its end is left out until the rest can.
+"""
+
+import numpy as np
+
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.robot_status import BATTERY_FULL
+from automaton.engine.state import (
+    ACTION_WAIT,
+    GOAL_CHARGE,
+    NIL,
+    ORDER_WAITING,
+    REASON_IDLE,
+    REASON_PERIODIC,
+)
+from automaton.strategy.kernels import charging_ticks, first_cell
+from strategies.allocation.auction.floor_market import count_queues, enter_task, measure_distances
+from strategies.allocation.auction.market import INF_COST, POLICY_NO_CHARGING
+from strategies.allocation.auction.quotes import quote, select_robot_type
+
+IDLE_ENERGY_MARGIN = (
+    BATTERY_FULL // 20
+)  # what an idle robot keeps beyond the way to a charger, where waiting costs
+
+
+@kernel
+def choose_charging(view, batch, out, market, workspace, idle_below):
+    """Decide for a batch; idle robots below `idle_below` go to a free charger and may be called away."""
+    robots = view.robots
+    for k in range(batch.count[0]):
+        i = np.int64(batch.robot[k])
+        if robots.load[i] != NIL or robots.goal_type[i] == GOAL_CHARGE or robots.retreat_moves[i]:
+            continue
+        tasks = enter_list(view, workspace, market, i)
+        if batch.reason[k] == REASON_PERIODIC and (tasks or robots.busy[i]):
+            continue
+        home = market.costs.begin[0]
+        if tasks == 0:
+            robot_type = market.costs.robot_type[0]
+            market.cell[robot_type, home] = robots.home[i]
+            market.cell[robot_type, home + 1] = robots.home[i]
+        measure_distances(view, workspace, market, robots.type[i], 1, max(tasks, 1))
+        count_queues(view, market, i)
+        count_earlier(view, batch, out, market, k)
+        compare_queues(market.battery.wait)
+        if tasks:
+            charge_for_list(view, out, market, k, tasks)
+        elif batch.reason[k] != REASON_IDLE or idle_below > 0:
+            charge_when_idle(view, out, market, k, np.int64(home), idle_below)
+
+
+@kernel
+def count_earlier(view, batch, out, market, k):
+    """Whom earlier decisions of the batch send to a charger comes before robot k of it, too."""
+    if market.queues == 0:
+        return
+    for earlier in range(k):
+        if out.goal_cell[earlier] >= 0:
+            j = np.int64(batch.robot[earlier])
+            charge_target = np.int64(out.charge_target[earlier])
+            market.battery.wait[view.chargers.charger_at[out.goal_cell[earlier]]] += charging_ticks(
+                view.rules.curve, np.int64(view.robots.charge[j]), charge_target
+            )
+
+
+@kernel
+def best_charger(market, charge):
+    """The charger at which the robot can begin soonest, of those that it gets to; NIL: none."""
+    best, least = np.int64(NIL), np.int64(INF_COST)
+    ticks, energy = (
+        market.costs.ticks[market.costs.robot_type[0]],
+        market.costs.energy[market.costs.robot_type[0]],
+    )
+    for c in range(market.battery.charger.shape[0]):
+        place = market.battery.charger[c]
+        soonest = np.int64(ticks[0, place]) + market.battery.wait[c]
+        if energy[0, place] <= charge and soonest < least:
+            best, least = np.int64(c), soonest
+    return best
+
+
+@kernel
+def compare_queues(wait):
+    """Leave of the waits what they are longer than the shortest.
+
+    A robot that must charge looks for the shorter line; it does not put charging off because there is
+    a line everywhere (that made orders wait a tenth longer).
+    """
+    if wait.shape[0] == 0:
+        return
+    shortest = np.int64(wait[0])
+    for c in range(wait.shape[0]):
+        shortest = min(shortest, np.int64(wait[c]))
+    for c in range(wait.shape[0]):
+        wait[c] -= shortest
+
+
+@kernel
+def enter_list(view, workspace, market, i):
+    """Make the market one of robot i and its list; returns how many tasks that has."""
+    robots, orders = view.robots, view.orders
+    market.robot[0] = i
+    select_robot_type(market.costs, market.battery, robots.type[i])
+    market.cell[robots.type[i], 0] = first_cell(robots, i)
+    market.fleet.charge[0] = robots.charge[i]
+    tasks = np.int64(0)
+    if robots.order[i] != NIL:
+        enter_task(view, workspace, market, robots.type[i], tasks, np.int64(robots.order[i]))
+        tasks += 1
+    for p in range(robots.order_queue_length[i]):
+        order = np.int64(robots.order_queue[i, p])
+        waits = orders.state[order] == ORDER_WAITING and orders.reserved_by[order] == NIL
+        if waits and tasks < market.order.shape[0]:
+            enter_task(view, workspace, market, robots.type[i], tasks, order)
+            tasks += 1
+    for task in range(tasks):
+        market.fleet.order[0, task] = task
+    return tasks
+
+
+@kernel
+def charge_for_list(view, out, market, k, tasks):
+    """Decision k: to a charger if the quote of the list begins with a stop."""
+    charge = np.int64(market.fleet.charge[0])
+    order = market.fleet.order[0]
+    plan = market.scratch.plan
+    length = np.int64(tasks)
+    cost = quote(market.costs, market.battery, market.scratch, 0, 0, charge, order, length)
+    while cost >= INF_COST and length > 1:
+        length -= 1
+        cost = quote(market.costs, market.battery, market.scratch, 0, 0, charge, order, length)
+    if cost >= INF_COST:
+        nearest = best_charger(market, charge)
+        if nearest != NIL and charge < BATTERY_FULL:
+            send(view, out, k, nearest, BATTERY_FULL, 0)
+    elif plan.stops[0] > 0 and plan.position[0] == 0 and plan.duration[0] > 0:
+        send(view, out, k, np.int64(plan.charger[0]), np.int64(plan.level[0]), 0)
+
+
+@kernel
+def charge_when_idle(view, out, market, k, home, idle_below):
+    """Decision k: a robot without orders charges where no robot is, or before it cannot any more.
+
+    It is about to drive home, or is there: from there it must still get to a charger.
+    """
+    battery, robot_type = market.battery, market.costs.robot_type[0]
+    ticks, energy, reach = (
+        market.costs.ticks[robot_type],
+        market.costs.energy[robot_type],
+        battery.reach[robot_type],
+    )
+    charge = np.int64(market.fleet.charge[0])
+    nearest = best_charger(market, charge)
+    if nearest == NIL or battery.policy == POLICY_NO_CHARGING:
+        return
+    low = battery.reserve + (IDLE_ENERGY_MARGIN if view.rules.drain[ACTION_WAIT, 0] > 0 else 0)
+    later = charge - energy[0, home] - reach[home]
+    now = charge - reach[0]
+    filled = BATTERY_FULL - energy[battery.charger[nearest], home] - reach[home]
+    at_home = energy[0, home] == 0
+    stands_there = ticks[0, battery.charger[nearest]] == 0  # it is no use to any other robot
+    worth_it = not at_home or filled >= low  # else it would be back as empty as it is
+    if charge < BATTERY_FULL and (stands_there or (min(later, now) < low and worth_it)):
+        send(view, out, k, nearest, BATTERY_FULL, 1)
+    elif charge < idle_below:
+        free = free_charger(view, out, market, k)
+        if free != NIL:
+            send(view, out, k, free, BATTERY_FULL, 1)
+
+
+@kernel
+def free_charger(view, out, market, k):
+    """The nearest charger to which no robot was sent, NIL if there is none."""
+    robots, chargers, robot_type = view.robots, view.chargers, market.costs.robot_type[0]
+    best, least = np.int64(NIL), np.int64(INF_COST)
+    for c in range(chargers.cell.shape[0]):
+        taken = False
+        for j in range(robots.cell.shape[0]):
+            taken = taken or (
+                robots.goal_type[j] == GOAL_CHARGE and robots.goal_cell[j] == chargers.cell[c]
+            )
+        for earlier in range(k):
+            taken = taken or out.goal_cell[earlier] == chargers.cell[c]
+        place = market.battery.charger[c]
+        ticks = np.int64(market.costs.ticks[robot_type, 0, place])
+        enough = market.costs.energy[robot_type, 0, place] <= view.robots.charge[market.robot[0]]
+        if not taken and enough and ticks < least:
+            best, least = np.int64(c), ticks
+    return best
+
+
+@kernel
+def send(view, out, k, charger, level, yields):
+    """Decision k: charge there up to a level."""
+    out.goal_cell[k] = view.chargers.cell[charger]
+    out.charge_target[k] = level
+    out.charging_interruptible[k] = yields

@@ -1,0 +1,279 @@
+"""The floor of a run as a market: where robots will be free, and how far everything is from there.
+
+Places, in this order: one for each robot, where it is free next; the chargers; for each task the cells
+where it begins and ends. Ways are those of the empty floor. A way between two tasks begins in the
+worst heading, so that energy is never counted too low; every tick of it is paid as the dearest of
+driving and turning.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.jit.structs import Struct
+from automaton.engine.robot_status import STATUS_UP
+from automaton.engine.state import (
+    ACTION_DROP,
+    ACTION_MOVE,
+    ACTION_PICK,
+    ACTION_TURN,
+    GOAL_CHARGE,
+    GOAL_PICK,
+    NIL,
+)
+from automaton.strategy.kernels import (
+    charging_ticks,
+    distance,
+    dropoff_cell,
+    first_cell,
+    pickup_cell,
+)
+from strategies.allocation.auction.market import INF_COST, Battery, Fleet, Scratch, TaskCosts
+from strategies.allocation.auction.market_preparation import (
+    battery_of,
+    deliveries,
+    fleet_of,
+    scratch_for,
+)
+
+Array = NDArray[Any]
+
+CAPPED = 1 << 29  # ticks or units of what cannot be reached: two of them still fit an int32
+
+
+class FloorMarket(Struct):
+    """A market over a world: R robots, T tasks, C chargers, K types; P = R + C + 2 T places."""
+
+    costs: TaskCosts
+    battery: Battery
+    fleet: Fleet
+    scratch: Scratch
+    robot: Array  # (R,) int32: storage index of each robot
+    cell: Array  # (K, P) int32: places are served from other cells by other types of robots
+    order: Array  # (T,) int32: the order of each task
+    item: Array  # (T,) int32: tasks that are for sale
+    queues: int  # 1: robots wait for those that were sent to a charger before
+
+
+def make_floor_market(
+    view: Any, robots: int, tasks: int, longest: int, policy: dict[str, int], queues: bool = True
+) -> FloorMarket:
+    """Room for so many robots and tasks; `policy`: policy, end_reach, threshold and target."""
+    chargers = view.chargers.cell
+    places = robots + len(chargers) + 2 * tasks
+    types = len(view.grid.type_cell_flags)
+    nothing, none = np.zeros((types, places, places), np.int32), np.zeros((types, tasks), np.int32)
+    curve = tuple((int(since), int(rate)) for since, rate in view.rules.curve)
+    battery = battery_of(
+        nothing,
+        np.arange(robots, robots + len(chargers)),
+        curve=curve,
+        reserve=int(view.rules.reserve),
+        end_reach=bool(policy["end_reach"]),
+        policy=policy["policy"],
+        threshold=policy["threshold"],
+        target=policy["target"],
+    )
+    cell = np.full((types, places), NIL, np.int32)
+    cell[:, robots : robots + len(chargers)] = chargers
+    begin = robots + len(chargers) + 2 * np.arange(tasks)
+    return FloorMarket(
+        costs=deliveries(nothing, nothing, begin, begin + 1, none, none),
+        battery=battery,
+        fleet=fleet_of(np.arange(robots), tasks, longest=longest),
+        scratch=scratch_for(robots, tasks, longest, len(chargers)),
+        robot=np.zeros(robots, np.int32),
+        cell=cell,
+        order=np.zeros(tasks, np.int32),
+        item=np.zeros(tasks, np.int32),
+        queues=int(queues),
+    )
+
+
+@kernel
+def longest_way(view, workspace, robot_type, start, end):
+    """Ticks of robots of a type from one cell to another in the worst heading at the start."""
+    most = 0
+    for heading in range(view.grid.headings):
+        most = max(most, distance(view, workspace, robot_type, start, heading, end))
+    return min(most, CAPPED)
+
+
+@kernel
+def way_from(view, workspace, i, end):
+    """Ticks from where robot i is, as it stands there."""
+    robots = view.robots
+    start, heading = first_cell(robots, i), np.int64(robots.heading[i])
+    return min(distance(view, workspace, robots.type[i], start, heading, end), CAPPED)
+
+
+@kernel
+def rate_of_driving(rules, headings, loaded):
+    """Units that a tick on the way takes at most."""
+    rate = np.int64(rules.drain[ACTION_MOVE, loaded])
+    if headings > 1:
+        rate = max(rate, np.int64(rules.drain[ACTION_TURN, loaded]))
+    return rate
+
+
+@kernel
+def enter_task(view, workspace, market, robot_type, task, order):
+    """Task number `task` of the site is to carry this order to its target, by robots of a type."""
+    costs, duration, drain = market.costs, view.rules.duration[robot_type], view.rules.drain
+    slot, target = np.int64(view.orders.current_slot[order]), np.int64(view.orders.target[order])
+    if view.service_zones.queue.shape[0] and dropoff_cell(view, robot_type, target, NIL) == NIL:
+        target = np.int64(view.service_zones.next_slot[order])  # the robot hands it over there
+    begin = pickup_cell(view, robot_type, slot, NIL)  # it is not known yet from where a robot comes
+    end = begin
+    if slot != target and target != NIL:
+        end = dropoff_cell(view, robot_type, target, begin)
+    market.order[task] = order
+    market.cell[robot_type, costs.begin[task]] = begin
+    market.cell[robot_type, costs.end[task]] = end
+    if begin == NIL or end == NIL:
+        costs.inside[robot_type, task] = CAPPED
+        costs.use[robot_type, task] = CAPPED
+        return
+    drive = longest_way(view, workspace, robot_type, begin, end) if slot != target else 0
+    loaded = rate_of_driving(view.rules, view.grid.headings, 1)
+    picking, dropping = np.int64(duration[ACTION_PICK]), np.int64(duration[ACTION_DROP])
+    costs.inside[robot_type, task] = min(
+        drive + picking + (dropping if slot != target else 0), CAPPED
+    )
+    energy = drive * loaded + max(picking, 1) * drain[ACTION_PICK, 0]
+    if slot != target:
+        energy += max(dropping, 1) * drain[ACTION_DROP, 1]
+    costs.use[robot_type, task] = min(energy, CAPPED)
+
+
+@kernel
+def enter_robot(view, workspace, market, r, i):
+    """Robot i, stored at that index, is number r of the site: where it is free next, and then."""
+    robots, fleet, rules = view.robots, market.fleet, view.rules
+    robot_type = np.int64(robots.type[i])
+    duration = rules.duration[robot_type]
+    empty = rate_of_driving(rules, view.grid.headings, 0)
+    loaded = rate_of_driving(rules, view.grid.headings, 1)
+    place, ready = first_cell(robots, i), np.int64(robots.busy[i])
+    charge = np.int64(robots.charge[i])
+    order = np.int64(robots.order[i])
+    if robots.goal_type[i] == GOAL_CHARGE and robots.charging_interruptible[i] == 0:
+        place = np.int64(robots.goal_cell[i])
+        drive = way_from(view, workspace, i, place)
+        charge -= drive * empty
+        ready += drive + charging_ticks(rules.curve, charge, np.int64(robots.charge_target[i]))
+        if market.queues:
+            ready += max(np.int64(0), charging_queue_ticks(view, i) - drive)
+        charge = max(charge, np.int64(robots.charge_target[i]))
+    elif robots.load[i] != NIL:
+        target = np.int64(view.orders.target[robots.load[i]])
+        place = dropoff_cell(view, robot_type, target, first_cell(robots, i))
+        if place == NIL:
+            place = first_cell(robots, i)
+        drive = way_from(view, workspace, i, place)
+        ready += drive + duration[ACTION_DROP]
+        charge -= (
+            drive * loaded + max(np.int64(duration[ACTION_DROP]), 1) * rules.drain[ACTION_DROP, 1]
+        )
+    elif order != NIL and robots.goal_type[i] == GOAL_PICK:
+        slot, target = (
+            np.int64(view.orders.current_slot[order]),
+            np.int64(view.orders.target[order]),
+        )
+        begin = np.int64(robots.goal_cell[i])
+        drive = way_from(view, workspace, i, begin)
+        place = begin if slot == target else dropoff_cell(view, robot_type, target, begin)
+        inside = longest_way(view, workspace, robot_type, begin, place) if slot != target else 0
+        ready += drive + inside + duration[ACTION_PICK] + duration[ACTION_DROP]
+        charge -= drive * empty + inside * loaded
+        charge -= max(np.int64(duration[ACTION_PICK]), 1) * rules.drain[ACTION_PICK, 0]
+        charge -= max(np.int64(duration[ACTION_DROP]), 1) * rules.drain[ACTION_DROP, 1]
+    market.robot[r] = i
+    fleet.robot_type[r] = robot_type
+    market.cell[robot_type, r] = place
+    fleet.ready[r] = min(ready, CAPPED)
+    fleet.charge[r] = charge
+    fleet.first[r] = 0
+    fleet.length[r] = 0
+
+
+@kernel
+def ticks_to_level(view, j):
+    """Ticks at a charger until robot j has the charge that it was sent there for."""
+    robots = view.robots
+    return charging_ticks(
+        view.rules.curve, np.int64(robots.charge[j]), np.int64(robots.charge_target[j])
+    )
+
+
+@kernel
+def charging_queue_ticks(view, i):
+    """Ticks of charging of those that charge at the charger of robot i, or queue before it."""
+    robots = view.robots
+    ticks = np.int64(0)
+    for j in range(robots.cell.shape[0]):
+        if (
+            j == i
+            or robots.goal_type[j] != GOAL_CHARGE
+            or robots.goal_cell[j] != robots.goal_cell[i]
+        ):
+            continue
+        there = robots.cell[j] == robots.goal_cell[j]
+        before = robots.ticket[j] != 0 and (
+            robots.ticket[i] == 0 or robots.ticket[j] < robots.ticket[i]
+        )
+        if robots.charging_interruptible[j] == 0 and (there or before):
+            ticks += ticks_to_level(view, j)
+    return ticks
+
+
+@kernel
+def measure_distances(view, workspace, market, robot_type, robots, tasks):
+    """Measure a type's ways between the first so many robots' places, the chargers, and so many tasks'.
+
+    Places that robots of the type do not get to are out of reach.
+    """
+    costs, battery = market.costs, market.battery
+    chargers = view.chargers.cell.shape[0]
+    first_task = market.fleet.place.shape[0] + chargers
+    rate = rate_of_driving(view.rules, view.grid.headings, 0)
+    places = first_task + 2 * tasks
+    cell, ticks, energy = market.cell[robot_type], costs.ticks[robot_type], costs.energy[robot_type]
+    for b in range(market.fleet.place.shape[0], places):  # one distance field after another
+        end = np.int64(cell[b])
+        for a in range(places):
+            if a < robots or a >= market.fleet.place.shape[0]:
+                known = cell[a] != NIL and end != NIL
+                way = longest_way(view, workspace, robot_type, cell[a], end) if known else CAPPED
+                ticks[a, b] = way
+                energy[a, b] = min(way * rate, CAPPED)
+    for a in range(places):
+        battery.nearest[robot_type, a] = NIL
+        battery.reach[robot_type, a] = INF_COST
+        if robots <= a < market.fleet.place.shape[0]:
+            continue
+        for c in range(chargers):
+            units = np.int64(energy[a, battery.charger[c]])
+            if units < battery.reach[robot_type, a] and units < CAPPED:
+                battery.nearest[robot_type, a] = c
+                battery.reach[robot_type, a] = units
+
+
+@kernel
+def count_queues(view, market, besides):
+    """How long a robot waits at each charger for those that were sent there before, but for one."""
+    wait, robots = market.battery.wait, view.robots
+    for c in range(wait.shape[0]):
+        wait[c] = 0
+    if market.queues == 0:
+        return
+    for j in range(robots.cell.shape[0]):
+        if j == besides or robots.goal_type[j] != GOAL_CHARGE or robots.status[j] != STATUS_UP:
+            continue
+        goal_cell = np.int64(robots.goal_cell[j])
+        if goal_cell != NIL and robots.charging_interruptible[j] == 0:
+            wait[view.chargers.charger_at[goal_cell]] += ticks_to_level(view, j)

@@ -1,0 +1,153 @@
+"""Markets made ready for the kernels: arrays of the right shapes, from what a caller knows."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from strategies.allocation.auction.market import (
+    BATTERY_FULL,
+    COUNT_COLUMNS,
+    INF_COST,
+    POLICY_NO_CHARGING,
+    TOTAL_COLUMNS,
+    Array,
+    Battery,
+    ChargingPlan,
+    Fleet,
+    Scratch,
+    TaskCosts,
+)
+
+
+def visits(ticks: ArrayLike, energy: ArrayLike, places: ArrayLike) -> TaskCosts:
+    """Tasks that are done by being at these places."""
+    at = np.asarray(places, np.int32)
+    nothing = np.zeros(len(at), np.int32)
+    return deliveries(ticks, energy, at, at, nothing, nothing)
+
+
+def deliveries(
+    ticks: ArrayLike,
+    energy: ArrayLike,
+    begin: ArrayLike,
+    end: ArrayLike,
+    inside: ArrayLike,
+    use: ArrayLike,
+) -> TaskCosts:
+    """Tasks that begin and end at different places; ticks, energy: (P, P), or (K, P, P) by type."""
+
+    def numbers(values: ArrayLike, by_type: int = 0) -> Array:
+        found = np.array(values, np.int32)
+        return found if found.ndim >= by_type else found[None]
+
+    return TaskCosts(
+        robot_type=np.zeros(1, np.int64),
+        ticks=numbers(ticks, 3),
+        energy=numbers(energy, 3),
+        begin=numbers(begin),
+        end=numbers(end),
+        inside=numbers(inside, 2),
+        use=numbers(use, 2),
+    )
+
+
+def battery_of(
+    energy: ArrayLike,
+    chargers: ArrayLike = (),
+    curve: tuple[tuple[int, int], ...] = ((0, 1),),
+    reserve: int = 0,
+    end_reach: bool = False,
+    policy: int = POLICY_NO_CHARGING,
+    threshold: int = 0,
+    target: int = BATTERY_FULL,
+) -> Battery:
+    """energy: (P, P) units, or (K, P, P); chargers: their places; curve: (from units, units per tick)."""
+    between = np.asarray(energy, np.int64)
+    between = between if between.ndim == 3 else between[None]
+    at = np.asarray(chargers, np.int32)
+    to = between[:, :, at]
+    none, shape = at.size == 0, between.shape[:2]
+    return Battery(
+        robot_type=np.zeros(1, np.int64),
+        charger=at,
+        wait=np.zeros(at.size, np.int32),
+        nearest=np.full(shape, -1, np.int32) if none else to.argmin(2).astype(np.int32),
+        reach=np.full(shape, INF_COST, np.int64) if none else to.min(2),
+        curve=np.array(curve, np.int32),
+        reserve=reserve,
+        end_reach=int(end_reach),
+        policy=policy,
+        threshold=threshold,
+        target=target,
+    )
+
+
+def fleet_of(
+    places: ArrayLike, tasks: int, charge: ArrayLike = BATTERY_FULL, longest: int | None = None
+) -> Fleet:
+    """Robots at these places with empty lists, at most `longest` tasks in each."""
+    at = np.asarray(places, np.int32).copy()
+    robots = len(at)
+    most = tasks if longest is None else longest
+
+    def numbers(value: ArrayLike = 0, kind: Any = np.int32) -> Array:
+        return np.full(robots, value, kind)
+
+    return Fleet(
+        robot_type=numbers(kind=np.uint8),
+        place=at,
+        ready=numbers(),
+        charge=numbers(charge),
+        first=numbers(),
+        capacity=numbers(most),
+        may_bid=np.ones((robots, tasks), np.uint8),
+        order=np.zeros((robots, most), np.int32),
+        length=numbers(),
+        travel=numbers(kind=np.int64),
+        energy=numbers(kind=np.int64),
+        cost=numbers(kind=np.int64),
+    )
+
+
+def scratch_for(robots: int, tasks: int, longest: int, chargers: int) -> Scratch:
+    """Room for auctions of so many tasks among so many robots with lists of at most `longest`."""
+    stops = (longest + 1) * max(chargers, 1) + longest + 2
+
+    def numbers(size: int, kind: Any = np.int64) -> Array:
+        return np.zeros(size, kind)
+
+    return Scratch(
+        order=numbers(longest + 1, np.int32),
+        done_ticks=numbers(longest + 2),
+        done_energy=numbers(longest + 2),
+        begun_ticks=numbers(longest + 2),
+        begun_energy=numbers(longest + 2),
+        weight=np.zeros((longest + 1, chargers), np.int64),
+        parent=np.zeros((longest + 1, chargers), np.int32),
+        node=numbers(stops, np.int32),
+        path=numbers(8),
+        bid=np.zeros((robots, tasks), np.int64),
+        best=numbers(robots, np.int32),
+        left=numbers(tasks, np.int32),
+        low=numbers(tasks),
+        second=numbers(tasks),
+        high=numbers(tasks),
+        bidders=numbers(tasks, np.int32),
+        lowest_bidder=numbers(tasks, np.int32),
+        needs_update=numbers(tasks, np.uint8),
+        sold=numbers(tasks, np.int32),
+        count=numbers(COUNT_COLUMNS),
+        plan=ChargingPlan(
+            stops=numbers(1),
+            position=numbers(stops, np.int32),
+            charger=numbers(stops, np.int32),
+            arrival=numbers(stops),
+            level=numbers(stops),
+            duration=numbers(stops),
+            waited=numbers(stops),
+            totals=numbers(TOTAL_COLUMNS),
+        ),
+    )

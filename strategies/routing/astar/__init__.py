@@ -1,0 +1,1 @@
+"""A* over poses, its ties settled by a rule."""

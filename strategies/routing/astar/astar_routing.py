@@ -1,0 +1,69 @@
+"""A* with the Manhattan estimate: ignores robots at first, plans around them after a retreat.
+
+Of several shortest paths the tie rule picks one; where robots slow each other down it matters which.
+"""
+
+import numpy as np
+
+from automaton.engine.state import NIL, REASON_AROUND_ROBOTS
+from automaton.strategy.kernels import find_path, kernel, position
+from automaton.strategy.layer import Strategy, memory_of
+from strategies.routing.astar.astar import astar
+from strategies.routing.astar.frontier import TIES
+
+RULE = 0  # memory.parameters: the tie rule, an index of TIES
+
+
+@kernel
+def around_robots(view, workspace, i, reason, steps):
+    """The length of a way around the other robots if a retreat is over; NIL if not, or if none."""
+    if reason != REASON_AROUND_ROBOTS:
+        return NIL
+    heading, goal_cell = np.int64(view.robots.heading[i]), np.int64(view.robots.goal_cell[i])
+    robot_type = view.robots.type[i]
+    return find_path(
+        view, workspace, robot_type, position(view, i), heading, goal_cell, True, steps
+    )
+
+
+@kernel
+def start_pose(view, i):
+    """Where and how robot i stands when its route begins."""
+    return position(view, i) * view.grid.headings + np.int64(view.robots.heading[i])
+
+
+@kernel
+def decide(view, batch, decisions, memory, workspace):
+    seed = view.rules.seed
+    for k in range(batch.count[0]):
+        i = np.int64(batch.robot[k])
+        steps = decisions.routing.steps[k]
+        length = around_robots(view, workspace, i, batch.reason[k], steps)
+        if length == NIL:
+            start, goal_cell = start_pose(view, i), np.int64(view.robots.goal_cell[i])
+            rule, robot_type = memory.parameters[RULE], view.robots.type[i]
+            duration = view.rules.duration[robot_type]
+            length = astar(
+                view.grid,
+                robot_type,
+                duration,
+                workspace.routes,
+                rule,
+                seed,
+                start,
+                goal_cell,
+                False,
+                steps,
+            )
+        if length != NIL:
+            decisions.routing.route_length[k] = length
+
+
+class AStar(Strategy):
+    """A shortest path of A*; which one of several is settled by a tie rule."""
+
+    layer = "routing"
+    compiled = decide
+
+    def reset(self, view):
+        return memory_of(view, parameters=(TIES.index(self.parameters.tie_break),))

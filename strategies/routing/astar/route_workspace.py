@@ -1,0 +1,91 @@
+"""Scratch of the route searches (strategies.routing), sized for a floor and kinematics."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from automaton.engine.jit.structs import Struct
+
+Array = NDArray[Any]
+
+IN_DEGREE = 4  # ways into a pose: each may find it again
+
+
+class RouteSpace(Struct):
+    """What A*, replays and avoidance work in, for P poses and Z zones; it never decides anything."""
+
+    label: Array  # (P,) int64: stamp << 32 | cost of the best way found to a pose
+    came: Array  # (P,) uint8: how it came there: a direction, a turn, or the start
+    tick: Array  # (P,) int32: searches in time: when it comes there
+    key: Array  # (4P + 1,) int64, heap: f << 32 | tie
+    item: Array  # (4P + 1,) int64, heap: number << 32 | pose
+    lane: Array  # (4P + 1,) int64: row << 32 | pose of the level that is expanded
+    state: Array  # (8,) int64, strategies.routing.astar.frontier
+    stop: Array  # (1,) int64: not 0 = searches find nothing any more (Workspace.stop)
+    closed: Array  # (Z,) uint8: 1 = no robot may enter
+    count: Array  # (Z,) int32: others that are predicted in each zone
+
+
+class MonteCarloWorkspace(Struct):
+    """What a Monte Carlo trial of r robots works in (strategies.routing.traffic_avoidance.monte_carlo).
+
+    R steps of the longest task; Z zones.
+    """
+
+    task: Array  # (r, 3) int32: start, pick-up and drop-off cell
+    route: Array  # (r, R) uint8: directions of both legs
+    plain: Array  # (R,) uint8: robot 0's by plain A*
+    length: Array  # (r,) int32
+    at: Array  # (r,) int32: steps driven
+    cell: Array  # (r,) int32
+    busy: Array  # (r,) int32: ticks until it arrives
+    zone: Array  # (r,) int32: the zone it is in
+    met: Array  # (r,) int32: the zone in which robot 0 is together with it
+    used: Array  # (words,) int64: zones of one path, a bit for each
+    actual: Array  # (Z,) int32: others with a path through each zone
+
+
+def route_space(poses: int, zones: int, stop: Array | None = None) -> RouteSpace:
+    """Scratch for searches on a floor with so many poses; pages that no search uses cost nothing."""
+    found = IN_DEGREE * poses + 1
+    return RouteSpace(
+        label=np.zeros(poses, np.int64),
+        came=np.zeros(poses, np.uint8),
+        tick=np.zeros(poses, np.int32),
+        key=np.zeros(found, np.int64),
+        item=np.zeros(found, np.int64),
+        lane=np.zeros(found, np.int64),
+        state=np.zeros(8, np.int64),
+        stop=np.zeros(1, np.int64) if stop is None else stop,
+        closed=np.zeros(zones, np.uint8),
+        count=np.zeros(zones, np.int32),
+    )
+
+
+def monte_carlo_workspace(robots: int, steps: int, zones: int) -> MonteCarloWorkspace:
+    """Room for trials of so many robots whose two legs have at most so many steps together."""
+
+    def numbers() -> Array:
+        return np.zeros(robots, np.int32)
+
+    return MonteCarloWorkspace(
+        task=np.zeros((robots, 3), np.int32),
+        route=np.zeros((robots, steps), np.uint8),
+        plain=np.zeros(steps, np.uint8),
+        length=numbers(),
+        at=numbers(),
+        cell=numbers(),
+        busy=numbers(),
+        zone=numbers(),
+        met=numbers(),
+        used=np.zeros(words(zones), np.int64),
+        actual=np.zeros(zones, np.int32),
+    )
+
+
+def words(zones: int) -> int:
+    """int64 words of a set of zones, a bit for each."""
+    return -(-zones // 64)

@@ -1,0 +1,1 @@
+"""Routes around the congestion to come: forecasts of zones, and search in time."""

@@ -1,0 +1,148 @@
+"""What each robot is going to do, as far as it is known: its route, then the rest of its task.
+
+A plan begins where the robot is free for its next step. It consists of directions, of the work at
+the goal cell, and of the way with the load to the order's target, for which the path of plain A*
+stands.
+"""
+
+import numpy as np
+
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.state import GOAL_DROP, GOAL_NONE, GOAL_PICK, NIL
+from automaton.strategy.kernels import dropoff_cell, first_cell
+from strategies.routing.astar.astar import astar
+from strategies.routing.astar.frontier import LARGER_G
+from strategies.routing.congestion.zone_forecast import (
+    COLUMNS,
+    FREE,
+    HEADING,
+    IN_BAY,
+    PLACE,
+    SINCE,
+    STEP,
+    STEPS,
+    TRAVEL,
+    VISITS,
+    ZONE,
+    most_steps,
+)
+
+PICKS = 4  # steps besides the four directions
+DROPS = 5
+
+
+@kernel
+def zone_of(grid, cell, direction):
+    """The zone of a robot in a cell that came or leaves in a direction."""
+    return np.int64(grid.traffic_zone[cell, direction >> 1])
+
+
+@kernel
+def begin_plan(view, memory, i):
+    """Robot i has no plan; until it is free it counts where it stands, or whence it is coming."""
+    robots, row = view.robots, memory.per_robot[i]
+    cell, claim = np.int64(robots.cell[i]), np.int64(robots.claim[i])
+    row[PLACE] = first_cell(robots, i)
+    row[TRAVEL] = np.int64(robots.travel[i])
+    row[HEADING] = np.int64(robots.heading[i])
+    row[FREE] = np.int64(robots.busy[i])
+    row[ZONE] = NIL if cell == NIL else zone_of(view.grid, cell, row[TRAVEL])
+    row[SINCE] = 0
+    row[STEP] = 0
+    row[STEPS] = 0
+    row[VISITS] = 0
+    row[IN_BAY] = cell == NIL
+    if cell == NIL:
+        row[TRAVEL] = row[HEADING]  # as if it had come along its heading
+    if claim != NIL and claim != cell:
+        for direction in range(4):
+            if cell + view.grid.offset[direction] == claim:
+                row[TRAVEL] = direction
+
+
+@kernel
+def append(memory, i, step):
+    """Add a step to the plan of robot i; what does not fit lies beyond the horizon."""
+    row = memory.per_robot[i]
+    if row[STEPS] < most_steps(memory):
+        row[COLUMNS + row[STEPS]] = step
+        row[STEPS] += 1
+
+
+@kernel
+def append_rest(view, workspace, memory, i, heading):
+    """Add what follows when robot i is at its goal cell with a heading: the rest of its task."""
+    robots = view.robots
+    if robots.goal_type[i] == GOAL_DROP:
+        append(memory, i, DROPS)
+    elif robots.goal_type[i] == GOAL_PICK and robots.order[i] != NIL:
+        append(memory, i, PICKS)
+        target, pick = np.int64(view.orders.target[robots.order[i]]), np.int64(robots.goal_cell[i])
+        access_cell = dropoff_cell(view, robots.type[i], target, pick)
+        if access_cell != NIL:
+            pose = np.int64(robots.goal_cell[i]) * view.grid.headings + heading
+            append_path(view, workspace, memory, i, pose, access_cell)
+            append(memory, i, DROPS)
+
+
+@kernel
+def append_path(view, workspace, memory, i, pose, target):
+    """Add the path of plain A* from a pose to a cell."""
+    rules, robot_type = view.rules, view.robots.type[i]
+    length = astar(
+        view.grid,
+        robot_type,
+        rules.duration[robot_type],
+        workspace.routes,
+        LARGER_G,
+        rules.seed,
+        pose,
+        target,
+        False,
+        workspace.steps,
+    )
+    for s in range(length):
+        append(memory, i, np.int64(workspace.steps[s]))
+
+
+@kernel
+def plan_on(view, workspace, memory, i, steps, first, end):
+    """Give robot i the plan to drive steps[first:end], and then to go on with its task."""
+    begin_plan(view, memory, i)
+    cell, heading = memory.per_robot[i, PLACE], memory.per_robot[i, HEADING]
+    for s in range(first, end):
+        step = np.int64(steps[s])
+        append(memory, i, step)
+        cell += view.grid.offset[step]
+        heading = step & (view.grid.headings - 1)
+    if cell == view.robots.goal_cell[i]:
+        append_rest(view, workspace, memory, i, heading)
+
+
+@kernel
+def has_task(robots, i):
+    """Whether robot i is on its way to somewhere, with a route or about to get one."""
+    return (
+        robots.goal_type[i] != GOAL_NONE
+        and robots.goal_cell[i] != NIL
+        and robots.retreat_moves[i] == 0
+    )
+
+
+@kernel
+def plan_all(view, workspace, memory):
+    """Give every robot the plan that it has: its route."""
+    robots = view.robots
+    for i in range(robots.cell.shape[0]):
+        if has_task(robots, i):
+            plan_on(
+                view,
+                workspace,
+                memory,
+                i,
+                robots.route[i],
+                robots.route_index[i],
+                robots.route_length[i],
+            )
+        else:
+            begin_plan(view, memory, i)

@@ -1,0 +1,1 @@
+"""Traffic avoidance (Bhattathiri, Li & Kuhl): its search, its predictors and their network."""

@@ -1,0 +1,214 @@
+"""Networks that predict which zones a leg touches: their files, and their answers in NumPy.
+
+    start zone, end zone (one-hot) -> hidden layers of rectifiers -> a logit for each zone
+
+A file is a plain .npz: float16 arrays, and a text that says what it was trained for. Inference is in
+whole numbers (value * 2^bits), so that NumPy and the compiled form agree in every bit.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import zipfile
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib import resources
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from automaton.atomic_write import atomic_writer
+from automaton.engine.state import ACTION_MOVE, ACTION_TURN, NIL, Array, Grid
+from automaton.errors import InputError
+
+Weights = npt.NDArray[np.float16]
+Whole = npt.NDArray[np.int64]
+
+NETWORK_LAYERS: Final = 4  # three hidden ones and the output
+NETWORK_HEADER_WORDS: Final = (
+    8  # numbers of a packed network before its first layer, as kernels read it
+)
+MOST_BITS, FEWEST_BITS = 16, 8  # after the binary point
+ZIP_ERRORS: Final = (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError)
+EXACT = 2**53  # float64 adds whole numbers below this without rounding, in any order
+NETWORK_FORMAT = "automaton zone network 1"
+
+
+@dataclass(frozen=True, eq=False)
+class ZoneNetwork:
+    """A trained network: weights (inputs, outputs) and biases of its layers, and its origin.
+
+    The first layer has 2 x zones inputs: the start zone, then the end zone.
+    """
+
+    layers: tuple[tuple[Weights, Weights], ...]
+    about: Mapping[str, Any]  # floor (fingerprint), scenario, mode, and how it was trained
+
+    @property
+    def zones(self) -> int:
+        return int(self.layers[-1][1].size)
+
+
+def floor_fingerprint(grid: Grid, duration: Array) -> str:
+    """32 hex digits of all that A* paths and their zones follow from: ways, turns, zones.
+
+    `duration`: (A,) ticks of each action of a robot of the first type.
+    """
+    costs = [int(duration[action]) for action in (ACTION_MOVE, ACTION_TURN)]
+    text = f"{grid.width} {grid.headings} {costs if grid.headings > 1 else []}"
+    digest = hashlib.blake2b(text.encode(), digest_size=16)
+    digest.update((grid.cell_flags & np.uint8(31)).tobytes())
+    digest.update(np.ascontiguousarray(grid.traffic_zone, np.int32).tobytes())
+    return digest.hexdigest()
+
+
+def save_network(path: Path, network: ZoneNetwork) -> None:
+    """Write a network; the file takes its name only when it is whole. Raises InputError."""
+    arrays: dict[str, Any] = {
+        "about": np.array(json.dumps({"format": NETWORK_FORMAT, **network.about}))
+    }
+    for k, (weights, bias) in enumerate(network.layers):
+        arrays[f"weights{k}"], arrays[f"bias{k}"] = weights, bias
+    with atomic_writer(path) as file:
+        np.savez_compressed(file, **arrays)
+
+
+def load_network(path: Path) -> ZoneNetwork:
+    """Read a network. Raises InputError for a file that is none."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            about = json.loads(str(file["about"]))
+            layers = tuple((file[f"weights{k}"], file[f"bias{k}"]) for k in range(NETWORK_LAYERS))
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}") from error
+    except (KeyError, ValueError, EOFError, TypeError, MemoryError, *ZIP_ERRORS) as error:
+        raise InputError(f"{path} is not a file of a zone network") from error
+    network = ZoneNetwork(layers, about)
+    if not isinstance(about, dict) or about.get("format") != NETWORK_FORMAT or not _fits(network):
+        raise InputError(f"{path} is not a file of a zone network")
+    return network
+
+
+def _fits(network: ZoneNetwork) -> bool:
+    """Whether the layers fit one another."""
+    width = 2 * network.zones
+    for weights, bias in network.layers:
+        if weights.dtype != np.float16 or bias.dtype != np.float16 or bias.ndim != 1:
+            return False
+        if weights.shape != (width, bias.size) or not np.isfinite(weights).all():
+            return False
+        if not np.isfinite(bias).all():
+            return False
+        width = bias.size
+    return True
+
+
+def check_floor(network: ZoneNetwork, grid: Grid, duration: Array, file: Path) -> None:
+    """Raises InputError when a network was trained for other ways or zones."""
+    if network.about.get("floor") == floor_fingerprint(grid, duration):
+        return
+    about = network.about
+    raise InputError(
+        f"{file.name} was trained for the floor of {about.get('scenario')} with "
+        f"{network.zones:,} zones ({about.get('mode')}), which is not this floor with "
+        f"{grid.traffic_zone_count:,}; train one for it by `automaton train traffic --scenario NAME "
+        "--out FILE` and name it as {network: FILE}"
+    )
+
+
+def network_for(grid: Grid, duration: Array, file: Path) -> ZoneNetwork:
+    """The network of a file, which was trained for this floor. Raises InputError."""
+    try:
+        network = _loaded(file, file.stat().st_mtime_ns)
+    except OSError as error:
+        raise InputError(f"cannot read {file}: {error.strerror or error}") from error
+    check_floor(network, grid, duration, file)
+    return network
+
+
+@lru_cache(maxsize=4)
+def _loaded(file: Path, changed: int) -> ZoneNetwork:
+    return load_network(file)
+
+
+@lru_cache(maxsize=4)
+def whole_layers(network: ZoneNetwork) -> tuple[int, list[tuple[Whole, Whole]]]:
+    """(bits, layers as whole numbers value * 2^bits): as many bits as keep every sum exact.
+
+    Raises InputError for weights so large that fewer than 8 bits are left.
+    """
+    for bits in range(MOST_BITS, FEWEST_BITS - 1, -1):
+        layers = [(_whole(weights, bits), _whole(bias, bits)) for weights, bias in network.layers]
+        widest = max(int(np.abs(part).max()) for layer in layers for part in layer)
+        if widest < 2**31 and largest_sum(layers, bits) < EXACT:
+            return bits, layers
+    raise InputError("the weights of the network are too large: it was not trained well")
+
+
+def _whole(values: Weights, bits: int) -> Whole:
+    return np.rint(values.astype(np.float64) * 2.0**bits).astype(np.int64)
+
+
+def largest_sum(layers: list[tuple[Whole, Whole]], bits: int) -> int:
+    """A bound on the absolute value of every partial sum, whatever the input."""
+    weights, bias = layers[0]
+    bound = 2 * int(np.abs(weights).max()) + int(np.abs(bias).max())
+    highest = bound
+    for k, (weights, bias) in enumerate(layers[1:]):
+        largest = bound if k == 0 else bound >> bits
+        heaviest = int(np.abs(weights).sum(axis=0).max())
+        bound = largest * heaviest + (int(np.abs(bias).max()) << bits)
+        highest = max(highest, bound)
+    return highest
+
+
+def predicted_zones(network: ZoneNetwork, start: Whole, end: Whole) -> npt.NDArray[np.bool_]:
+    """(n, zones) bool: the zones that n legs are predicted to touch; `start`, `end` zones or NIL.
+
+    Equal to the compiled form in every bit: all numbers are whole and below 2^53, which float64
+    adds exactly whatever the order.
+    """
+    bits, layers = whole_layers(network)
+    weights, bias = (part.astype(np.float64) for part in layers[0])
+    weights = np.vstack([weights, np.zeros((1, weights.shape[1]))])  # the row of no zone
+    none = len(weights) - 1
+    sums = weights[np.where(start == NIL, none, start)] + bias
+    sums += weights[np.where(end == NIL, none, end + network.zones)]
+    for k, (whole_weights, whole_bias) in enumerate(layers[1:]):
+        active = np.maximum(sums, 0.0)
+        if k > 0:
+            active = np.floor(active / 2.0**bits)
+        sums = active @ whole_weights.astype(np.float64) + whole_bias * 2.0**bits
+    answer: npt.NDArray[np.bool_] = sums > 0
+    return answer
+
+
+@lru_cache(maxsize=4)
+def packed(network: ZoneNetwork) -> Whole:
+    """The network as words for the kernel `predict_zones`; read-only."""
+    bits, layers = whole_layers(network)
+    header = np.zeros(NETWORK_HEADER_WORDS, np.int64)
+    header[0] = network.zones
+    header[1:NETWORK_LAYERS] = [bias.size for _, bias in layers[:-1]]
+    header[NETWORK_LAYERS] = bits
+    parts = [header, *(part.reshape(-1) for layer in layers for part in layer)]
+    numbers = np.concatenate(parts)
+    numbers = np.append(numbers, np.zeros(numbers.size % 2, np.int64))
+    words: Whole = numbers.astype(np.int32).view(np.int64)
+    words.setflags(write=False)
+    return words
+
+
+def scratch_size(network: ZoneNetwork) -> int:
+    """Numbers of scratch that `predict_zones` needs."""
+    return sum(bias.size for _, bias in network.layers)
+
+
+def shipped(scenario: str) -> Path:
+    """The network that is installed for the floor of a shipped scenario, if there is one."""
+    return Path(str(resources.files("strategies.routing.traffic_avoidance") / f"{scenario}.npz"))

@@ -1,0 +1,1 @@
+"""Zones repaired by simulated annealing (Ho & Liao, modified)."""

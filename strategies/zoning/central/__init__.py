@@ -1,0 +1,1 @@
+"""Zones of one central computer: watched, shared, and redesigned."""

@@ -1,0 +1,192 @@
+"""Zones that are redesigned: by simulated annealing, or by a genetic algorithm."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any
+
+import numpy as np
+
+from automaton.engine.state import CLOCK_TICK, NIL, Array, Memory, Workspace, World
+from automaton.errors import InputError
+from automaton.units import SECONDS_PER_UNIT, count
+from strategies.zoning.annealing.annealing import MAX_REPAIRS, repair
+from strategies.zoning.central.monitored import (
+    AFTER_REPAIR,
+    BAD_SINCE,
+    FLOW,
+    NEW_ZONES_AT,
+    NEXT_LOOK,
+    REDESIGNS,
+    MonitoredZones,
+)
+from strategies.zoning.design.zone_paths import copy_design
+from strategies.zoning.genetic.genetic_zones import evolve
+from strategies.zoning.genetic.population import population_for
+from strategies.zoning.queues.zone_queues import record_flow
+from strategies.zoning.queues.zone_units import ticks
+from strategies.zoning.zoning_parameters import Annealing, Genetic, Monitoring
+
+
+class StaticZones(MonitoredZones):
+    """Zones that never change; out of balance, robots share orders."""
+
+    Parameters = Monitoring
+
+
+class RedesignedZones(MonitoredZones, ABC):
+    """Zones that are redesigned when they have been out of balance for long."""
+
+    def _check_redesign(self, view: World, state: Any) -> None:
+        """Out of balance for longer than patience: new zones are made of the flow of this moment."""
+        now = int(view.clock[CLOCK_TICK])
+        if not state[BAD_SINCE] or state[NEW_ZONES_AT] or now < self._patience_ends(view, state):
+            return
+        record_flow(
+            view, ticks(view, SECONDS_PER_UNIT["min"] * self.parameters.window), now, self._flow
+        )
+        state[FLOW:] = self._flow.reshape(-1).astype(np.int64)
+        state[NEW_ZONES_AT] = now + max(1, ticks(view, self.parameters.compute))
+
+    def _patience_ends(self, view: World, state: Any) -> int:
+        return (
+            int(state[BAD_SINCE])
+            + ticks(view, SECONDS_PER_UNIT["min"] * self.parameters.patience)
+            + 1
+        )
+
+    def _due(self, view: World, state: Any) -> list[int]:
+        """As for zones that stay, and when new ones are begun or take effect."""
+        times = super()._due(view, state)
+        if state[NEW_ZONES_AT]:
+            times.append(int(state[NEW_ZONES_AT]))
+        elif state[BAD_SINCE]:
+            times.append(self._patience_ends(view, state))
+        return times
+
+    def _shares(self, state: Any) -> bool:
+        """Not while new zones are computed, if the scenario says so."""
+        return self.parameters.share_while_computing or not state[NEW_ZONES_AT]
+
+    def _apply_redesign(self, view: World, out: Any, memory: Memory, workspace: Workspace) -> None:
+        """New zones of the flow that was recorded take effect when they are due."""
+        state, now = memory.shared, int(view.clock[CLOCK_TICK])
+        if not state[NEW_ZONES_AT] or now < state[NEW_ZONES_AT]:
+            return
+        self._flow[:] = state[FLOW:].reshape(self._flow.shape)
+        if self._design(view, out.design, workspace):
+            out.redesigned[0] = 1
+            memory.per_robot[view.robots.at_index[0], REDESIGNS] += 1
+        else:
+            copy_design(view.service_zones.design, out.design)
+        state[NEW_ZONES_AT] = state[BAD_SINCE] = 0
+        state[NEXT_LOOK] = now + ticks(view, AFTER_REPAIR)
+
+    @abstractmethod
+    def _design(self, view: World, design: Any, workspace: Workspace) -> bool:
+        """Make new zones of self._flow; False if none are found, and the design is spoiled then."""
+
+
+class AnnealedZones(RedesignedZones):
+    """Zones repaired by simulated annealing (Ho & Liao, modified by Keith & La)."""
+
+    Parameters = Annealing
+
+    def _design(self, view: World, design: Any, workspace: Workspace) -> bool:
+        given = self.parameters
+        return bool(
+            repair(
+                view.service_zones.roads,
+                self._rules,
+                self._flow,
+                float(given.hot),
+                float(given.cold),
+                given.steps,
+                given.steps,
+                MAX_REPAIRS,
+                design,
+                workspace.zoning,
+                self._everywhere,
+                view.rules.seed,
+                int(view.clock[CLOCK_TICK]),
+            )
+        )
+
+
+class GeneticZones(RedesignedZones):
+    """Zones repaired by a genetic algorithm; each goes to the robot whose pose is nearest to it."""
+
+    Parameters = Genetic
+
+    def reset(self, view: World) -> Memory:
+        """Room for the population besides."""
+        memory = super().reset(view)
+        self._poses = self._poses_of(view)
+        self._population = population_for(view.service_zones.roads, self.parameters.population)
+        return memory
+
+    def _design(self, view: World, design: Any, workspace: Workspace) -> bool:
+        given = self.parameters
+        found = evolve(
+            view.service_zones.roads,
+            self._rules,
+            self._flow,
+            given.generations,
+            given.selected,
+            float(given.mutation),
+            self._population,
+            design,
+            workspace.zoning,
+            self._everywhere,
+            view.rules.seed,
+            int(view.clock[CLOCK_TICK]),
+        )
+        if found and given.matched:
+            self._assign_zones(view, design)
+        return bool(found)
+
+    def _poses_of(self, view: World) -> Array:
+        """(n, 2) by identity: columns and rows of the grid, from where each robot looks for its zone."""
+        given, robots = self.parameters.poses, len(view.service_zones.server)
+        if given is None:
+            homes = view.robots.home[view.robots.at_index]
+            return np.stack((homes % view.grid.width, homes // view.grid.width), axis=1)
+        if len(given) != robots:
+            raise InputError(
+                f"strategy.zoning.poses has {count(len(given), 'cell')}, one for each robot; "
+                f"there are {robots}"
+            )
+        return np.array(given) + 1  # the border of the grid
+
+    def _assign_zones(self, view: World, design: Any) -> None:
+        """Name each zone after the robot whose pose is nearest to its middle; robots choose in order.
+
+        Robots of a type choose among the zones that were bred for their type.
+        """
+        cells = view.service_zones.roads.cell[view.service_zones.roads.point]
+        across, down = cells % view.grid.width, cells // view.grid.width
+        zones, kinds = len(view.service_zones.server), view.robots.type[view.robots.at_index]
+        name = np.full(zones, NIL, np.int32)
+        for robot in range(zones):
+            x, y = self._poses[robot]
+            alike = (view.service_zones.accessible == view.service_zones.accessible[robot]).all(
+                axis=1
+            )
+            alike &= (
+                view.service_zones.has_priority == view.service_zones.has_priority[robot]
+            ).all(axis=1)
+            alike &= kinds == kinds[robot]
+            free = [zone for zone in range(zones) if name[zone] == NIL and alike[zone]]
+            middle = [design.zone == zone for zone in free]
+            far = [
+                np.hypot(across[mask].mean() - x, down[mask].mean() - y) if mask.any() else np.inf
+                for mask in middle
+            ]
+            name[free[int(np.argmin(far))]] = robot
+        design.zone[:] = name[design.zone]
+        used = int(design.segments[0])
+        design.owner[:used] = name[design.owner[:used]]
+        transfer = design.transfer.copy()
+        for a in range(zones):
+            for b in range(zones):
+                design.transfer[name[a], name[b]] = transfer[a, b]

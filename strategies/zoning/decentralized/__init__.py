@@ -1,0 +1,1 @@
+"""Decentralized dynamic zoning (Keith & La, Algorithms 3 and 4)."""

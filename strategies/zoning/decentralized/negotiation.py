@@ -1,0 +1,200 @@
+"""Decentralized dynamic zoning (Algorithm 4): a leader tries exchanges with whom it can reach.
+
+Zones stand for their robots. `reach` (Z,) uint8 marks the leader's zone and those of its
+neighbours. Parts outside these zones are not known to it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.jit.structs import Struct
+from automaton.engine.state import NIL
+from strategies.zoning.annealing.annealing import (
+    MIN_ZONE_STATIONS,
+    facing_tips,
+    forget_tips,
+    random_tip,
+)
+from strategies.zoning.decentralized.consensus import sigma_about
+from strategies.zoning.design.exchange import give
+from strategies.zoning.design.part_routing import ROUTING_NEIGHBOURS, route
+from strategies.zoning.design.portable_math import exponential, temperature
+from strategies.zoning.design.transfer_stations import find_transfers, joined, reach_connected
+from strategies.zoning.design.zone_load import load_of, members
+from strategies.zoning.design.zone_paths import copy_design
+from strategies.zoning.design.zone_workspace import ZONE_RULE_ADJACENT, ZONE_RULE_SHARED
+from strategies.zoning.design.zoning_draws import DRAWS_NEGOTIATION, below, chance
+
+Array = NDArray[Any]
+
+# Defaults of the published run.
+NEGOTIATION_INITIAL_TEMPERATURE = 4.5
+NEGOTIATION_FINAL_TEMPERATURE = 0.3
+NEGOTIATION_STEPS = 20  # M of eq. 6
+DEFAULT_ACCEPTANCE_SCALE = 10.0  # k of Algorithm 4
+DEFAULT_LEADER_TURNS = 2  # that every robot leads
+DEFAULT_ITERATIONS = 10  # of a turn
+
+
+class NegotiatedParts(Struct):
+    """Parts in the queues or hands of robots; room for K."""
+
+    count: Array  # (1,) int64: how many there are
+    order: Array  # (K,) int32: the order of each, whatever that is to the caller
+    at: Array  # (K,) int32: the station where it is, or was picked up
+    to: Array  # (K,) int32: the next station of its route
+    carried: Array  # (K,) uint8: 1 = in a robot's hands; it keeps its zone and stop
+    zone: Array  # (K,) int32: the zone in whose queue it is
+    stop: Array  # (K,) int32: the station where it is dropped
+    proposed_zone: Array  # (K,) int32: what they would be in another design
+    proposed_slot: Array  # (K,) int32
+
+
+def parts_for(room: int) -> NegotiatedParts:
+    """No parts, and room for some."""
+    names = ("order", "at", "to", "carried", "zone", "stop", "proposed_zone", "proposed_slot")
+    kinds = {name: np.uint8 if name == "carried" else np.int32 for name in names}
+    arrays = {name: np.zeros(room, kind) for name, kind in kinds.items()}
+    return NegotiatedParts(count=np.zeros(1, np.int64), **arrays)
+
+
+@kernel
+def lead(
+    roads, rules, parts, hot, cold, steps, scale, before, iterations, design, workspace, leader, reach,
+    mean, seed, tick,
+):  # fmt: skip
+    """A turn of the leader: `iterations` exchanges about its consensus `mean` (minutes).
+
+    Leaves the best design of the turn, that at its start included, and the parts queued by it;
+    returns its sigma. before: iterations that this robot led in earlier turns.
+    """
+    workspace.drawn[0] = DRAWS_NEGOTIATION + (leader << 32)
+    loads_of_queues(roads, rules, design, workspace, parts, parts.zone, parts.stop, reach)
+    sigma = sigma_about(workspace.load, reach, mean)
+    best = sigma
+    copy_design(design, workspace.best)
+    for k in range(iterations):
+        heat = temperature(hot, cold, steps, before + k) * scale
+        tried = exchange(
+            roads, rules, parts, heat, sigma, design, workspace, leader, reach, mean, seed, tick
+        )
+        if tried < 0.0:
+            continue
+        sigma = tried
+        if sigma < best:
+            best = sigma
+            copy_design(design, workspace.best)
+    copy_design(workspace.best, design)
+    requeue(roads, design, workspace, parts, reach)
+    adopt(parts)
+    return best
+
+
+@kernel
+def exchange(roads, rules, parts, heat, sigma, design, workspace, leader, reach, mean, seed, tick):
+    """One iteration: changes design, parts and space.load if it is accepted.
+
+    Returns the new sigma, or -1 when there was nothing to exchange or it was refused. Refused are
+    also designs that leave the leader without a transfer station, or zones cut off.
+    """
+    copy_design(design, workspace.trial)
+    if propose(roads, rules, workspace.trial, workspace, leader, reach, seed, tick) == 0:
+        return -1.0
+    find_transfers(roads, rules, workspace.trial, workspace, reach)
+    if (
+        has_transfer(workspace.trial, leader) == 0
+        or reach_connected(workspace.trial, workspace, reach) == 0
+    ):
+        return -1.0
+    requeue(roads, workspace.trial, workspace, parts, reach)
+    loads_of_queues(
+        roads,
+        rules,
+        workspace.trial,
+        workspace,
+        parts,
+        parts.proposed_zone,
+        parts.proposed_slot,
+        reach,
+    )
+    tried = sigma_about(workspace.load, reach, mean)
+    if tried <= sigma or chance(workspace, seed, tick) < exponential((sigma - tried) / heat):
+        copy_design(workspace.trial, design)
+        adopt(parts)
+        return tried
+    loads_of_queues(roads, rules, design, workspace, parts, parts.zone, parts.stop, reach)
+    return -1.0
+
+
+@kernel
+def propose(roads, rules, design, workspace, leader, reach, seed, tick):
+    """The busier of the leader and a random neighbour gives a tip to the other; 0 if it cannot."""
+    count = np.int64(0)
+    for z in range(reach.shape[0]):
+        if z != leader and reach[z] == 1:
+            workspace.frontier[count] = z
+            count += 1
+    if count == 0:
+        return 0
+    a, b = leader, np.int64(workspace.frontier[below(workspace, count, seed, tick)])
+    if workspace.load[a] < workspace.load[b]:
+        a, b = b, a
+    forget_tips(roads, design, workspace)
+    if facing_tips(roads, rules, design, workspace, a, b) == 0:
+        return 0
+    tip = random_tip(workspace, a, b, seed, tick)
+    through = np.int64(workspace.via_station[a, b, tip])
+    return give(
+        roads, design, workspace, tip, through, rules[ZONE_RULE_ADJACENT], MIN_ZONE_STATIONS
+    )
+
+
+@kernel
+def has_transfer(design, zone):
+    """1 if a zone has a transfer station."""
+    for z in range(design.transfer.shape[0]):
+        if z != zone and joined(design, zone, z) == 1:
+            return 1
+    return 0
+
+
+@kernel
+def requeue(roads, design, workspace, parts, reach):
+    """parts.proposed_zone and proposed_slot: queued parts of zones in reach, from where they are."""
+    for k in range(parts.count[0]):
+        parts.proposed_zone[k] = parts.zone[k]
+        parts.proposed_slot[k] = parts.stop[k]
+        if parts.carried[k] == 1 or reach[parts.zone[k]] == 0:
+            continue
+        at, to = np.int64(parts.at[k]), np.int64(parts.to[k])
+        if design.zone[at] == NIL or design.zone[to] == NIL:
+            continue  # in a zone out of sight
+        zone, stop, _ = route(roads, design, workspace, ROUTING_NEIGHBOURS, design.zone[at], at, to)
+        parts.proposed_zone[k] = zone
+        parts.proposed_slot[k] = stop
+
+
+@kernel
+def adopt(parts):
+    """What was tried becomes what is."""
+    for k in range(parts.count[0]):
+        parts.zone[k] = parts.proposed_zone[k]
+        parts.stop[k] = parts.proposed_slot[k]
+
+
+@kernel
+def loads_of_queues(roads, rules, design, workspace, parts, zone, stop, reach):
+    """space.load of the zones in reach, each from the legs in its own queue; others stay."""
+    workspace.leg_flow[:] = 0.0
+    for k in range(parts.count[0]):
+        if parts.at[k] != stop[k]:
+            workspace.leg_flow[zone[k], parts.at[k], stop[k]] += 1.0
+    for z in range(reach.shape[0]):
+        if reach[z] == 1:
+            members(design, workspace, z, rules[ZONE_RULE_SHARED])
+            workspace.load[z] = load_of(roads, rules, workspace.leg_flow[z], workspace, z)

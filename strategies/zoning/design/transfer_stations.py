@@ -1,0 +1,220 @@
+"""Transfer stations between zones (Algorithm 1, by the rules that gave the published numbers).
+
+For each pair of zones, tips that are near a station of the other zone are joined by union paths;
+shortest first, the tip in the zone with more load becomes a transfer station, where the other
+zone's robot fetches. A pair one of whose ends is a transfer station of this pair of zones already
+is passed over (the paper removes both ends of a chosen pair).
+"""
+
+import numpy as np
+
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.state import NIL
+from strategies.zoning.design.tip_stations import find_tips
+from strategies.zoning.design.zone_paths import block_others, spread, whole_cells
+from strategies.zoning.design.zone_workspace import (
+    INF_COST,
+    ZONE_RULE_ADJACENT,
+    ZONE_RULE_BLOCKS,
+    ZONE_RULE_LIMIT,
+)
+
+
+@kernel
+def find_transfers(roads, rules, design, workspace, reach):
+    """design.transfer between all zones with reach[z] = 1, from space.load.
+
+    Between others it stays, but for stations that are in neither of the two zones any more.
+    """
+    forget_moved(design)
+    find_tips(roads, design, workspace)
+    workspace.claimed[:] = 0
+    for a in range(reach.shape[0]):
+        for b in range(a + 1, reach.shape[0]):
+            if reach[a] == 1 and reach[b] == 1:
+                between_two(roads, rules, design, workspace, a, b)
+
+
+@kernel
+def forget_moved(design):
+    """A transfer station of two zones is a station of one of them."""
+    for a in range(design.transfer.shape[0]):
+        for b in range(design.transfer.shape[0]):
+            for s in range(design.zone.shape[0]):
+                if design.zone[s] != a and design.zone[s] != b:
+                    design.transfer[a, b, s] = 0
+
+
+@kernel
+def between_two(roads, rules, design, workspace, a, b):
+    """The transfer stations of two zones."""
+    design.transfer[a, b, :] = 0
+    design.transfer[b, a, :] = 0
+    close_to_two(design, workspace, a, b)
+    count = joined_tips(roads, rules, design, workspace, a, b)
+    for k in range(count):
+        x, y = np.int64(workspace.pair[k, 0]), np.int64(workspace.pair[k, 1])
+        if design.transfer[a, b, x] == 1 or design.transfer[a, b, y] == 1:
+            continue
+        of_a = workspace.load[a] >= workspace.load[b]
+        if workspace.serves[b, x] == 0 or workspace.serves[a, y] == 0:
+            of_a = workspace.serves[b, x] == 1
+            if workspace.serves[b, x] == 0 and workspace.serves[a, y] == 0:
+                continue  # neither can be fetched from
+        station, fetcher = (x, b) if of_a else (y, a)
+        share_station(design, a, b, station)
+        if rules[ZONE_RULE_BLOCKS] == 1.0:
+            claim(roads, workspace, x, y, fetcher)
+
+
+@kernel
+def share_station(design, a, b, station):
+    """It becomes a transfer station of two zones."""
+    design.transfer[a, b, station] = 1
+    design.transfer[b, a, station] = 1
+
+
+@kernel
+def close_to_two(design, workspace, a, b):
+    """Close what other zones hold or have claimed."""
+    block_others(design, workspace, a, b)
+    for p in range(design.held.shape[0]):
+        for z in range(design.transfer.shape[0]):
+            if z != a and z != b and workspace.claimed[p, z] == 1:
+                workspace.blocked[p] = 1
+
+
+@kernel
+def joined_tips(roads, rules, design, workspace, a, b):
+    """space.pair: tips x of a and y of b with a union path, the shortest first; how many."""
+    bound = whole_cells(rules[ZONE_RULE_LIMIT])
+    count = np.int64(0)
+    for x in range(design.zone.shape[0]):
+        if faces(roads, rules, design, workspace, x, a, b) == 0:
+            continue
+        spread(roads, workspace, roads.point[x], NIL, bound)
+        for y in range(design.zone.shape[0]):
+            far = workspace.distance[roads.point[y]]
+            if far == INF_COST or faces(roads, rules, design, workspace, y, b, a) == 0:
+                continue
+            at = count
+            while at > 0 and workspace.length[at - 1] > far:
+                workspace.length[at] = workspace.length[at - 1]
+                workspace.pair[at, 0] = workspace.pair[at - 1, 0]
+                workspace.pair[at, 1] = workspace.pair[at - 1, 1]
+                at -= 1
+            workspace.length[at] = far
+            workspace.pair[at, 0] = x
+            workspace.pair[at, 1] = y
+            count += 1
+    return count
+
+
+@kernel
+def faces(roads, rules, design, workspace, s, own, other):
+    """1 if s is a tip of its own zone, near any station of the other one."""
+    if design.zone[s] != own or workspace.tip[s] == 0:
+        return 0
+    for t in range(design.zone.shape[0]):
+        if design.zone[t] == other and roads.between[s, t] <= rules[ZONE_RULE_ADJACENT]:
+            return 1
+    return 0
+
+
+@kernel
+def claim(roads, workspace, x, y, zone):
+    """The inner points of the path between two stations are in the way of later pairs of zones."""
+    spread(roads, workspace, roads.point[x], roads.point[y], INF_COST)
+    p = np.int64(workspace.back[roads.point[y]])
+    while p != NIL and p != roads.point[x]:
+        workspace.claimed[p, zone] = 1
+        p = np.int64(workspace.back[p])
+
+
+@kernel
+def joined(design, a, b):
+    """1 if two zones have a transfer station."""
+    for s in range(design.zone.shape[0]):
+        if design.transfer[a, b, s] == 1:
+            return 1
+    return 0
+
+
+@kernel
+def find_levels(design, workspace, zone):
+    """space.level: transfers from each zone to this one, NIL where none leads there."""
+    workspace.level[:] = NIL
+    workspace.level[zone] = 0
+    workspace.frontier[0] = zone
+    count, at = np.int64(1), np.int64(0)
+    while at < count:
+        here = np.int64(workspace.frontier[at])
+        at += 1
+        for z in range(design.transfer.shape[0]):
+            if workspace.level[z] == NIL and joined(design, here, z) == 1:
+                workspace.level[z] = workspace.level[here] + 1
+                workspace.frontier[count] = z
+                count += 1
+    return count
+
+
+@kernel
+def reach_connected(design, workspace, reach):
+    """1 if a part can get between all zones with reach[z] = 1."""
+    begun = False
+    for z in range(reach.shape[0]):
+        if reach[z] == 1 and not begun:
+            find_levels(design, workspace, z)
+            begun = True
+        if reach[z] == 1 and workspace.level[z] == NIL:
+            return 0
+    return 1
+
+
+@kernel
+def connected(design, workspace):
+    """1 if a part can get from every zone to every other one."""
+    return 1 if find_levels(design, workspace, 0) == design.transfer.shape[0] else 0
+
+
+@kernel
+def connect_cut_off(roads, design, workspace):
+    """Join zones that are cut off, from space.load; returns 1 if all are connected then.
+
+    Here tips may be any way apart, and no transfer path is in the way of another (as in DDZ).
+    """
+    find_tips(roads, design, workspace)
+    while connected(design, workspace) == 0:
+        if join_nearest(roads, design, workspace) == 0:
+            return 0
+    return 1
+
+
+@kernel
+def join_nearest(roads, design, workspace):
+    """A transfer station between a zone that parts reach by space.level and one that they do not.
+
+    Of all such pairs of zones that with the shortest union path between two tips; the zone with more
+    load gives the station. Returns 0 if there is none.
+    """
+    best = np.int64(INF_COST)
+    x, y = np.int64(NIL), np.int64(NIL)
+    for a in range(design.transfer.shape[0]):
+        for b in range(design.transfer.shape[0]):
+            if workspace.level[a] == NIL or workspace.level[b] != NIL:
+                continue
+            block_others(design, workspace, a, b)
+            for s in range(design.zone.shape[0]):
+                if design.zone[s] != a or workspace.tip[s] == 0:
+                    continue
+                spread(roads, workspace, roads.point[s], NIL, best)
+                for t in range(design.zone.shape[0]):
+                    far = workspace.distance[roads.point[t]]
+                    if design.zone[t] == b and workspace.tip[t] == 1 and far < best:
+                        best = far
+                        x, y = np.int64(s), np.int64(t)
+    if x == NIL:
+        return 0
+    a, b = np.int64(design.zone[x]), np.int64(design.zone[y])
+    share_station(design, a, b, x if workspace.load[a] >= workspace.load[b] else y)
+    return 1

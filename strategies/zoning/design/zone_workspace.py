@@ -1,0 +1,149 @@
+"""Scratch of the kernels of zoning, and the numbers by which designs are made and judged."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from automaton.engine.jit.structs import Struct
+from automaton.engine.service_zones import Design, Roads, empty_design
+from strategies.allocation.auction.bundle_workspace import Assignment, assignment_for
+
+Array = NDArray[Any]
+
+INF_COST: Final = 1 << 60  # a distance that stands for "no way", or a limit for "none"
+
+# Columns of the rules, (ZONE_RULE_COUNT,) float64.
+ZONE_RULE_BASE: Final = 0  # loads that a zone has besides its flow: 1 for SA and GA, 0 for DDZ
+ZONE_RULE_SPEED: Final = 1  # cells per minute
+ZONE_RULE_HANDLING: Final = 2  # minutes to load and to unload
+ZONE_RULE_ADJACENT: Final = 3  # cells: stations that are nearer are adjacent
+# cells: the longest path between a transfer station and who fetches from it
+ZONE_RULE_LIMIT: Final = 4
+ZONE_RULE_BLOCKS: Final = 5  # 1: these paths are in the way of other zones (SA, GA)
+ZONE_RULE_SHARED: Final = 6  # 1: transfer stations belong to the stations of a zone's load (DDZ)
+ZONE_RULE_COUNT: Final = 7
+
+# Columns of ZoneSpace.extent: between any two stations.
+EXTENT_MIN_DISTANCE: Final = 0  # cells
+EXTENT_MAX_DISTANCE: Final = 1
+EXTENT_MIN_FLOW: Final = 2  # loads
+EXTENT_MAX_FLOW: Final = 3
+
+
+class ZoneSpace(Struct):
+    """P points, S stations, Z zones; what is not given for a run decides nothing later."""
+
+    distance: Array  # (P,) int64 cells from where a search began
+    back: Array  # (P,) int32: the point before
+    open: Array  # (P,) int32: points reached and not settled
+    done: Array  # (P,) uint8: 1 = settled
+    blocked: Array  # (P,) uint8: 1 = a search may not pass
+    claimed: Array  # (P, Z) uint8: 1 = on a path from a transfer station that is the zone's
+    tip: Array  # (S,) uint8: 1 = a tip of its zone
+    part: Array  # (S,) int32: the lowest station that it is joined with
+    listed: Array  # (S,) int32: stations of some kind, the first ones
+    member: Array  # (S,) uint8
+    # (Z, Z, S) int32: the tip of the second zone near a tip of the first, or NIL
+    via_station: Array
+    fresh: Array  # (Z, Z) uint8: 1 = `through` holds for the present design
+    legs: Array  # (S, S) float64: the flow that a load is made of
+    leg_flow: Array  # (Z, S, S) float64: the legs in each robot's queue
+    into: Array  # (S,) float64
+    out: Array  # (S,) float64
+    load: Array  # (Z,) float64 minutes
+    reach: Array  # (Z,) uint8: 1 = a zone that a negotiation is about
+    rules: Array  # (ZONE_RULE_COUNT,) float64
+    extent: Array  # (4,) float64
+    level: Array  # (Z,) int32: transfers to some zone, or NIL
+    frontier: Array  # (Z,) int32
+    zones: Array  # (Z * Z, 2) int32: pairs of zones
+    length: Array  # (S * S,) int64: of pairs of stations
+    pair: Array  # (S * S, 2) int32
+    drawn: Array  # (1,) int64: draws so far
+    serves: Array  # (Z, S) uint8: 1 = the robot of the zone gets to the station; given for a run
+    first: Array  # (Z, S) uint8: 1 = its type has priority there; given for a run
+    move_time_factor: Array  # (Z,) float64: how many times as long its moves take
+    matching: Assignment  # of zones to robots
+    trial: Design  # what an exchange makes
+    now: Design  # where a search is
+    best: Design
+
+
+def zone_rules(
+    speed: float,
+    adjacent: float,
+    base: float = 1.0,
+    handling: float = 0.084,
+    limit: float | None = None,
+    blocks: bool = True,
+    shared: bool = False,
+) -> Array:
+    """(ZONE_RULE_COUNT,) float64; the defaults are those of SA and GA (DDZ: base 0, a limit, not blocks,
+    shared). speed: cells per minute; adjacent, limit: cells; handling: minutes."""
+    rules = np.zeros(ZONE_RULE_COUNT)
+    (
+        rules[ZONE_RULE_BASE],
+        rules[ZONE_RULE_SPEED],
+        rules[ZONE_RULE_HANDLING],
+        rules[ZONE_RULE_ADJACENT],
+    ) = base, speed, handling, adjacent
+    rules[ZONE_RULE_LIMIT], rules[ZONE_RULE_BLOCKS], rules[ZONE_RULE_SHARED] = (
+        INF_COST if limit is None else limit,
+        blocks,
+        shared,
+    )
+    return rules
+
+
+def zone_space(points: int, stations: int, zones: int) -> ZoneSpace:
+    """Scratch of these sizes."""
+
+    def numbers(*shape: int) -> Array:
+        return np.zeros(shape, np.int32)
+
+    def flags(*shape: int) -> Array:
+        return np.zeros(shape, np.uint8)
+
+    return ZoneSpace(
+        distance=np.zeros(points, np.int64),
+        back=numbers(points),
+        open=numbers(points),
+        done=flags(points),
+        blocked=flags(points),
+        claimed=flags(points, zones),
+        tip=flags(stations),
+        part=numbers(stations),
+        listed=numbers(stations),
+        member=flags(stations),
+        via_station=numbers(zones, zones, stations),
+        fresh=flags(zones, zones),
+        legs=np.zeros((stations, stations)),
+        leg_flow=np.zeros((zones, stations, stations)),
+        into=np.zeros(stations),
+        out=np.zeros(stations),
+        load=np.zeros(zones),
+        reach=flags(zones),
+        rules=np.zeros(ZONE_RULE_COUNT),
+        extent=np.zeros(4),
+        level=numbers(zones),
+        frontier=numbers(zones),
+        zones=numbers(zones * zones, 2),
+        length=np.zeros(stations * stations, np.int64),
+        pair=numbers(stations * stations, 2),
+        drawn=np.zeros(1, np.int64),
+        serves=np.ones((zones, stations), np.uint8),
+        first=flags(zones, stations),
+        move_time_factor=np.ones(zones),
+        matching=assignment_for(zones),
+        trial=empty_design(points, stations, zones),
+        now=empty_design(points, stations, zones),
+        best=empty_design(points, stations, zones),
+    )
+
+
+def space_for(roads: Roads, zones: int) -> ZoneSpace:
+    """Scratch for these roads."""
+    return zone_space(len(roads.cell), len(roads.point), zones)

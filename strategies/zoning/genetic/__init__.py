@@ -1,0 +1,1 @@
+"""Zones bred by a genetic algorithm."""

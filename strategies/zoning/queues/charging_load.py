@@ -1,0 +1,28 @@
+"""Charging counts as work: what is missing in a robot's battery is time that its zone has not."""
+
+import numpy as np
+
+from automaton.engine.robot_status import BATTERY_FULL
+from automaton.engine.state import ACTION_MOVE, NIL
+from automaton.strategy.kernels import charging_ticks, kernel
+from strategies.zoning.design.zone_workspace import ZONE_RULE_SPEED
+
+
+@kernel
+def charging_minutes(view, rules, i):
+    """Minutes that robot i needs at a charger until its battery is full; 0 without batteries."""
+    if view.rules.battery == 0:
+        return 0.0
+    ticks = charging_ticks(view.rules.curve, np.int64(view.robots.charge[i]), BATTERY_FULL)
+    return ticks / (rules[ZONE_RULE_SPEED] * view.rules.duration[0, ACTION_MOVE])
+
+
+@kernel
+def add_charging(view, workspace, rules):
+    """Add the minutes that the server of each zone charges to the zone's space.load."""
+    for zone in range(workspace.load.shape[0]):
+        server = view.service_zones.server[zone]
+        if server != NIL:
+            workspace.load[zone] += charging_minutes(
+                view, rules, np.int64(view.robots.at_index[server])
+            )

@@ -1,0 +1,48 @@
+"""The zones with which a run begins, where the scenario gives none."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from automaton.engine.service_zones import design_for
+from automaton.engine.state import Array, World
+from automaton.errors import InputError
+from automaton.units import count
+from strategies.zoning.annealing.annealing import (
+    ANNEALING_STEPS,
+    DEFAULT_FINAL_TEMPERATURE,
+    DEFAULT_INITIAL_TEMPERATURE,
+    first_zones,
+)
+from strategies.zoning.design.zone_workspace import space_for
+from strategies.zoning.queues.reassignment import set_zone_move_time_factors
+
+
+def no_first_zones(view: World) -> InputError:
+    """What is said when none are found."""
+    return InputError(
+        f"zoning found no zones for {count(len(view.service_zones.server), 'robot')} on this floor; "
+        "strategy.zoning.design gives them, and fewer robots or more groups are easier"
+    )
+
+
+def try_first_zones(view: World, rules: Array) -> int:
+    """How many tries fail before those zones are found that a compiled strategy is going to find.
+
+    It could not say that there are none, and need not fail again. rules: (RULES,) float64, as it has
+    them. Raises InputError.
+    """
+    roads, zones = view.service_zones.roads, len(view.service_zones.server)
+    workspace = space_for(roads, zones).replaced(
+        serves=view.service_zones.accessible.copy(), first=view.service_zones.has_priority.copy()
+    )
+    set_zone_move_time_factors(view, workspace)
+    everywhere = np.ones(zones, np.uint8)
+    found = first_zones(
+        roads, rules, DEFAULT_INITIAL_TEMPERATURE, DEFAULT_FINAL_TEMPERATURE, ANNEALING_STEPS,
+        0, design_for(roads, zones), workspace, everywhere,
+        view.rules.seed, 0,
+    )  # fmt: skip
+    if not found:
+        raise no_first_zones(view)
+    return int(found) - 1

@@ -1,0 +1,41 @@
+"""Minutes and lengths of parameters in ticks and cells."""
+
+from __future__ import annotations
+
+from automaton.engine.state import ACTION_DROP, ACTION_MOVE, ACTION_PICK, World
+from automaton.units import SECONDS_PER_UNIT
+from strategies.zoning.design.roads import typical_distance
+from strategies.zoning.design.zone_workspace import zone_rules
+
+
+def seconds_of_tick(view: World) -> float:
+    """Seconds in a tick; 1 where the scenario does not say."""
+    return view.rules.tick_us / 1e6 if view.rules.tick_us else 1.0
+
+
+def ticks(view: World, seconds: float) -> int:
+    """Seconds in ticks, at least 1 if they are any."""
+    found = round(seconds / seconds_of_tick(view))
+    return max(1, found) if seconds > 0 else 0
+
+
+def cells(view: World, length: float) -> float:
+    """A length in the scenario's unit, in cells."""
+    return 1000 * length / view.rules.cell_milli if view.rules.cell_milli else length
+
+
+def rules_of_zones(view: World, adjacency: float | None, decentralized: bool = False):
+    """Return the numbers by which zones are made: (RULES,) float64 of zone_workspace."""
+    tick = seconds_of_tick(view)
+    duration = view.rules.duration[0]
+    between = view.service_zones.roads.between
+    adjacent = typical_distance(between) if adjacency is None else cells(view, adjacency)
+    given = {"base": 0.0, "limit": adjacent, "blocks": False, "shared": True}
+    return zone_rules(
+        speed=SECONDS_PER_UNIT["min"] / (tick * float(duration[ACTION_MOVE])),
+        adjacent=float(adjacent),
+        handling=tick
+        * float(duration[ACTION_PICK] + duration[ACTION_DROP])
+        / SECONDS_PER_UNIT["min"],
+        **(given if decentralized else {}),  # type: ignore[arg-type]
+    )

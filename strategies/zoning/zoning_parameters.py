@@ -1,0 +1,229 @@
+"""Parameters of zoning. Times are in seconds and minutes, lengths in the scenario's unit of length.
+
+Where a scenario does not say what a tick stands for (`units.tick`), a tick counts as a second; where it
+does not say what a cell is (`units.cell`), lengths are in cells.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Self
+
+import msgspec
+import numpy as np
+import yaml
+from msgspec import Meta
+
+from automaton.errors import InputError, nearest
+from automaton.floor.cells import NIL
+from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.reachability import slot_access
+from automaton.floor.station_groups import grouped
+from automaton.scenario.floor_section import point_names
+from automaton.scenario.schema import Scenario
+from automaton.strategy.zone_parameters import ZoningParameters
+from automaton.units import count
+from strategies.zoning.design.roads import road_network
+
+SHIPPED = Path(__file__).parent.parent.parent / "layouts" / "zones"
+
+Seconds = Annotated[float, Meta(ge=0, le=1_000_000)]
+Minutes = Annotated[float, Meta(ge=0, le=100_000)]
+Length = Annotated[float, Meta(gt=0, le=1_000_000)]
+
+
+class Zones(ZoningParameters, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """What zones are made of."""
+
+    adjacency: Annotated[
+        Length | None,
+        Meta(description="stations that are nearer are adjacent; left out: typical of the floor"),
+    ] = None
+
+    def resolve_paths(self, folder: Path) -> Self:
+        """The same with the design read from its file. Raises InputError."""
+        if not isinstance(self.design, str):
+            return self
+        return msgspec.structs.replace(self, design=read_zones(self.design, folder))
+
+    def _wrong_priority(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
+        names = [robot_type.name for robot_type in scenario.fleet.types]
+        most = len(floor_plan.stations()) or self.groups
+        for name, stations in self.priority.items():
+            if name not in names:
+                known = (
+                    f"fleet.types has {', '.join(names)}" if names else "there are no fleet.types"
+                )
+                return f"priority names the type '{name}'{nearest(name, names)}, but {known}"
+            for station in stations:
+                if not 1 <= station <= most:
+                    return f"priority names station {station}, but there are stations 1 to {most}"
+        return None
+
+    def stations(self, floor_plan: FloorPlan) -> int:
+        """The stations that zones are made of; without any, the groups of slots that count as such."""
+        served = slot_access(floor_plan).max(axis=1, initial=NIL)
+        stands = int(np.unique(served[served != NIL]).size)
+        return len(floor_plan.stations()) or min(self.groups, stands)
+
+    def flaw(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
+        """What is wrong with the design on this floor."""
+        if self.design is None:
+            return None
+        # Only a design needs Numba.
+        from automaton.engine.service_zones import Roads
+        from strategies.zoning.design.design_files import read_design
+
+        cells = (
+            floor_plan.stations()
+            if len(floor_plan.stations())
+            else grouped(floor_plan, self.groups)[0]
+        )
+        try:
+            roads = Roads(**road_network(floor_plan, cells)._asdict())
+            read_design(floor_plan, roads, self.design, point_names(scenario.layout))
+        except InputError as error:
+            choice = scenario.strategy.zoning
+            name = choice.get("design") if isinstance(choice, dict) else None
+            which = f"the zone design {name!r}" if isinstance(name, str) else "the zone design"
+            return f"{which}: {error.message}"
+        return None
+
+    def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
+        """Each robot has a zone with a station in it; a design says how many robots there are, and
+        priority names types and stations."""
+        if wrong := self._wrong_priority(scenario, floor_plan):
+            return wrong
+        zones = self.design.get("zones") if isinstance(self.design, dict) else None
+        robots, stations = scenario.fleet.robots, self.stations(floor_plan)
+        if robots > stations:
+            counted = "stations" if len(floor_plan.stations()) else "groups of slots (raise groups)"
+            return (
+                f"each robot serves a zone with a station at least, and there are {robots} robots and "
+                f"{stations} {counted}; use fewer robots"
+            )
+        if not isinstance(zones, list) or len(zones) == robots:
+            return self.flaw(scenario, floor_plan)
+        return (
+            f"the zone design has {count(len(zones), 'zone')}, one for each robot; there are {robots} "
+            "(without a design, strategy.zoning.design=null, zones are made for any number)"
+        )
+
+
+class Monitoring(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """When zones count as out of balance, and what is done about it (Keith & La; Ho & Liao)."""
+
+    sharing: Annotated[bool, Meta(description="out of balance, robots share orders directly")] = (
+        True
+    )
+    tolerance: Annotated[float, Meta(ge=0, le=1, description="largest SVp of balanced zones")] = 0.2
+    window: Annotated[Minutes, Meta(description="flow counts so long after its delivery")] = 20.0
+    often: Annotated[Seconds, Meta(description="between two looks, out of balance")] = 60.0
+    seldom: Annotated[Seconds, Meta(description="between two looks, balanced for long")] = 180.0
+    calm: Annotated[Minutes, Meta(description="in balance so long: look seldom")] = 5.0
+    share_every: Annotated[Seconds, Meta(description="between two times of sharing")] = 60.0
+
+    def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
+        """As of all zones; and one computer makes them, of what all robots do."""
+        if scenario.information != "everything":
+            return (
+                "one computer watches all zones, so it needs information: everything; with less, "
+                "robots make zones by decentralized"
+            )
+        return super().check_scenario(scenario, floor_plan)
+
+
+class Repairing(Monitoring, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """When zones are redesigned."""
+
+    patience: Annotated[Minutes, Meta(description="out of balance so long: new zones")] = 15.0
+    compute: Annotated[Seconds, Meta(description="until a new design takes effect")] = 200.0
+    share_while_computing: Annotated[
+        bool, Meta(description="robots share orders meanwhile, too; the paper leaves it open")
+    ] = True
+
+
+class Annealing(Repairing, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """Simulated annealing of zones (Ho & Liao, as Keith & La modified it)."""
+
+    steps: Annotated[int, Meta(ge=1, le=100_000, description="M, and most moves")] = 500
+    hot: Annotated[float, Meta(gt=0, le=1000, description="T_i")] = 4.5
+    cold: Annotated[float, Meta(gt=0, le=1000, description="T_f")] = 0.35
+
+
+class Genetic(Repairing, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """A genetic algorithm over zone designs."""
+
+    population: Annotated[int, Meta(ge=2, le=1000)] = 60
+    generations: Annotated[int, Meta(ge=1, le=10_000)] = 100
+    selected: Annotated[int, Meta(ge=1, le=1000, description="best designs that are bred")] = 10
+    mutation: Annotated[float, Meta(ge=0, le=0.95, description="chance of one more mutation")] = (
+        0.45
+    )
+    matched: Annotated[
+        bool,
+        Meta(
+            description="new zones go to the robots whose poses are nearest; false: in the order in "
+            "which they are bred"
+        ),
+    ] = True
+    poses: Annotated[
+        tuple[tuple[int, int], ...] | None,
+        Meta(description="cells [x, y], one for each robot; left out: where robots begin"),
+    ] = None
+
+
+class Decentralized(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """Robots negotiate their zones with those in range (Keith & La, Algorithms 3 and 4)."""
+
+    range: Annotated[Length, Meta(description="r: as far as robots talk, as the crow flies")] = (
+        328.0
+    )
+    tolerance: Annotated[Minutes, Meta(description="L_TOL: load may be so far from the mean")] = (
+        18.0
+    )
+    patience: Annotated[Minutes, Meta(description="T_LT: so long since the last calm")] = 15.0
+    hysteresis: Annotated[Minutes, Meta(description="in or out of tolerance without a break")] = 6.5
+    look: Annotated[Seconds, Meta(description="between two looks at the own load")] = 30.0
+    average_every: Annotated[Seconds, Meta(description="T_AC: between two averages")] = 120.0
+    rounds: Annotated[int, Meta(ge=1, le=10_000, description="steps of the consensus")] = 100
+    turns: Annotated[int, Meta(ge=1, le=100, description="E_t: turns that each robot leads")] = 2
+    iterations: Annotated[int, Meta(ge=1, le=1000, description="I_t: exchanges in a turn")] = 10
+    hot: Annotated[float, Meta(gt=0, le=1000, description="T_i")] = 4.5
+    cold: Annotated[float, Meta(gt=0, le=1000, description="T_f")] = 0.3
+    scale: Annotated[float, Meta(gt=0, le=1000, description="k, minutes")] = 10.0
+    pause: Annotated[Seconds, Meta(description="robots stand still in a redesign")] = 0.0
+    sharing: Annotated[
+        bool,
+        Meta(
+            description="out of tolerance, a robot gives orders that begin near a neighbour's zone "
+            "to that neighbour"
+        ),
+    ] = False
+    drop_near: Annotated[
+        Annotated[float, Meta(ge=0, le=1_000_000)],
+        Meta(
+            description="an order whose next station is so near a transfer station is brought there "
+            "directly"
+        ),
+    ] = 0.0
+
+
+def read_zones(name: str, folder: Path) -> dict[str, Any]:
+    """The data of a design: a shipped one by name, or a file. Raises InputError."""
+    shipped = {path.stem: path for path in sorted(SHIPPED.glob("*.yaml"))}
+    path = shipped.get(name, folder / name)
+    try:
+        found = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError:
+        known = ", ".join(shipped)
+        raise InputError(
+            f"there is no zone design {name!r}{nearest(name, shipped)}; shipped are {known}, "
+            "or name a file"
+        ) from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        first = str(error).splitlines()[0]
+        raise InputError(f"the zone design {name!r} cannot be read: {first}") from None
+    if not isinstance(found, dict):
+        raise InputError(f"the zone design {name!r} must have a list `zones`")
+    return found

@@ -1,0 +1,62 @@
+"""What the viewer itself sends: bytes per frame of a walking fleet, and silence when nothing moves."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import pytest
+
+from tui.bench.viewer_session import Session, cursor_colour
+from tui.bench.viewer_speed import fleet
+from tui.terminal.terminal_host import FRAME_END
+
+FRAMES = 60
+FRAMES_OF_NOBODY = 20
+ANSWER = "\x1b[?2026;2$y"  # of a terminal: it goes through the viewer's loop, and means nothing
+ANSWERS = 200
+LINES = 4  # below the map: what the mouse is over, metrics, time, keys
+
+LIMITS = [  # robots, size of the floor, bytes per frame at most
+    ({**fleet(100), "width": 198}, 2_500),
+    ({**fleet(1000), "width": 198}, 15_000),
+    ({**fleet(1000), "width": 1000, "height": 1000}, 3_000),
+]
+
+
+@pytest.mark.parametrize(("walk", "limit"), LIMITS, ids=["100", "1000", "1000 far away"])
+def test_a_frame_in_which_all_robots_move_is_small(walk: dict[str, Any], limit: int) -> None:
+    with Session({**walk, "panels": False}) as session:
+        size = frames = 0
+        while frames < FRAMES:
+            more, counted, _ = session.watch(1.0)
+            size, frames = size + more, frames + counted
+        assert 100 < size / frames < limit  # and something was sent
+
+
+def test_a_paused_viewer_sends_nothing_until_something_changes() -> None:
+    """The first frame after the pause is that of the next key, whatever else the viewer hears."""
+    with Session(fleet(100)) as session:
+        session.host.send(" ")
+        session.host.wait_for_quiet(1.5)
+        before = len(session.host.output())
+        for _ in range(ANSWERS):
+            session.host.send(ANSWER)
+        session.host.send("i")
+        session.host.wait_for(lambda: FRAME_END in session.host.output()[before:], "a frame")
+        frame, _, _ = session.host.output()[before:].partition(FRAME_END)
+        assert cursor_colour() in frame
+
+
+def test_a_run_in_which_nobody_moves_sends_no_map() -> None:
+    """Only the lines below the map go on: the tick is another one."""
+    with Session({**fleet(1), "width": 1, "height": 1, "panels": False}) as session:
+        before = len(session.host.output())
+
+        def sent() -> bytes:
+            return session.host.output()[before:]
+
+        session.host.wait_for(lambda: sent().count(FRAME_END) >= FRAMES_OF_NOBODY, "frames")
+        data = sent()
+    rows = {int(row) for row in re.findall(rb"\x1b\[(\d+);\d+H", data)}
+    assert rows and min(rows) > session.host.rows - LINES

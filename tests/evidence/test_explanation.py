@@ -1,0 +1,94 @@
+"""Why is this robot waiting: the chain of causes in words, to the robot or the wait cycle at its end."""
+
+from __future__ import annotations
+
+import pytest
+from small_runs import SmallRun
+
+from automaton.engine.observation import CAUSE_HEAD_ON, CAUSES
+from automaton.engine.state import ACTION_MOVE, ACTION_NAMES, NIL
+from automaton.evidence.history.explanation import doing, explain
+from automaton.scenario.schema import Durations, WorldRules
+
+
+def why(floor: SmallRun, name: str) -> list[str]:
+    return explain(floor.snapshot(), floor.floor_plan, ord(name) - ord("A")).lines
+
+
+def test_a_chain_ends_with_the_robot_that_keeps_all() -> None:
+    floor = SmallRun("ABC.", {"A": "E", "B": "E"}, waits=(99, 99, 99, 99, 255)).tick(3)
+    assert why(floor, "A") == [
+        "robot 0 has waited 3 ticks: robot 1 holds (1, 0) and waits itself",
+        "robot 1 has waited 3 ticks: robot 2 holds (2, 0) and has nothing to do",
+        "robot 2 has waited 3 ticks: robot 2 has no order",
+    ]
+    chain = explain(floor.snapshot(), floor.floor_plan, 0).chain
+    assert [link.robot for link in chain] == [0, 1, 2]
+    assert chain[0].cell == (1, 0) and chain[0].blocker == 1 and chain[0].cause == "queue"
+    assert "capacity" in chain[0].rule and chain[2].rule == "allocation gave it nothing to do"
+
+
+def test_a_chain_ends_with_a_robot_at_work() -> None:
+    floor = SmallRun("AB..", {"A": "E", "B": "EE"}, durations=Durations(move=4)).tick()
+    assert why(floor, "A") == [
+        "robot 0 has waited 1 tick: robot 1 holds (1, 0) and is driving on",
+        "robot 1 drives for 3 more ticks",
+    ]
+
+
+def test_a_circle_is_told_from_where_it_begins() -> None:
+    floor = SmallRun("CAB", {"A": "E", "B": "W", "C": "E"}).tick()
+    found = explain(floor.snapshot(), floor.floor_plan, 2)
+    assert [link.robot for link in found.chain] == [2, 0, 1] and found.cycle == 1
+    assert (
+        found.lines[-1] == "a wait cycle: robot 0 -> robot 1 -> robot 0; none of them can go first"
+    )
+    assert explain(floor.snapshot(), floor.floor_plan, 0).cycle == 0
+
+
+def test_a_cell_that_nobody_holds_any_more() -> None:
+    floor = SmallRun("AB.", {"A": "E", "B": "E"}, following=False).tick()
+    assert why(floor, "A") == [
+        "robot 0 has waited 1 tick: (1, 0) was vacated only at the end of this tick"
+    ]
+
+
+def test_who_does_not_wait_says_what_it_does() -> None:
+    floor = SmallRun("A..", {"A": "EE"}).tick()
+    found = explain(floor.snapshot(), floor.floor_plan, 0)
+    assert len(found.chain) == 1 and found.cycle == NIL and found.chain[0].cause == ""
+    floor.world.robots.parked[0] = 1
+    assert doing(floor.snapshot(), 0) == "is parked"
+
+
+def test_who_drives_through_a_slow_zone_says_with_how_many() -> None:
+    """B stands on an intersection, where nothing slows it."""
+    rules = WorldRules(slowdown="zones")
+    floor = SmallRun("##.###\nA.B.C.", {"A": "EE", "B": "E", "C": "E"}, rules=rules).tick()
+    assert why(floor, "C") == ["robot 2 drives"]
+    floor = SmallRun("##.####\nB.A.C.D", {"C": "E", "A": "E"}, rules=rules).tick()
+    assert why(floor, "C") == [
+        "robot 2 drives slowly for 1 more tick: zone 2 held 2 robots when this move began"
+    ]
+    assert why(floor, "A") == ["robot 0 drives"]
+    assert why(floor.tick(), "C") == ["robot 2 drives"], "it has arrived"
+
+
+@pytest.mark.parametrize("action", range(len(ACTION_NAMES)))
+def test_every_action_has_words(action: int) -> None:
+    floor = SmallRun("A..").tick()
+    floor.world.robots.action[0], floor.world.robots.busy[0] = action, 2
+    text = doing(floor.snapshot(), 0)
+    assert text and text != ACTION_NAMES[action]
+    assert action != ACTION_MOVE or text == "drives for 2 more ticks"
+
+
+@pytest.mark.parametrize("code", range(1, len(CAUSES)))
+def test_every_cause_makes_a_sentence(code: int) -> None:
+    floor = SmallRun("AB", {"A": "E", "B": "W"}).tick()
+    assert floor.run.observation.cause[0] == CAUSE_HEAD_ON
+    floor.run.observation.cause[0] = code
+    text = explain(floor.snapshot(), floor.floor_plan, 0).chain[0].text
+    assert text.startswith("robot 0 has waited 1 tick: ") and "{" not in text
+    assert ("robot 1" in text) == ("{blocker}" in CAUSES[code].text)
+    assert ("(1, 0)" in text) == ("{cell}" in CAUSES[code].text)

@@ -1,0 +1,53 @@
+"""Strategies whose decision in one tick never ends, in compiled code."""
+
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.state import CLOCK_TICK, NIL
+from automaton.strategy.kernels import find_path, position
+from strategies.allocation.independent_python import IndependentPython
+from strategies.routing import shortest
+
+LONG_TICK = 5
+
+
+class Told(IndependentPython):
+    """Says which tick is being computed, before routing is asked."""
+
+    period = 1
+
+    def decide(self, view, batch, decisions, memory, workspace):
+        print(f"tick {view.clock[CLOCK_TICK]}", flush=True)
+        super().decide(view, batch, decisions, memory, workspace)
+
+
+@kernel
+def search_on(view, batch, decisions, memory, workspace):
+    shortest.decide(view, batch, decisions, memory, workspace)
+    here = position(view, 0)
+    while view.clock[CLOCK_TICK] == LONG_TICK:
+        if find_path(view, workspace, 0, here, 0, here, False, workspace.steps) == NIL:
+            break
+
+
+@kernel
+def count_on(view, batch, decisions, memory, workspace):
+    shortest.decide(view, batch, decisions, memory, workspace)
+    while view.clock[CLOCK_TICK] == LONG_TICK:
+        memory.shared[0] += 1
+
+
+class Searches(shortest.Shortest):
+    """Searches the way from a cell to itself until that is not found any more."""
+
+    period = 1
+    compiled = search_on
+
+
+class Counts(Searches):
+    """Looks at nothing that could end it."""
+
+    compiled = count_on
+
+    def reset(self, view):
+        from automaton.strategy.layer import memory_of
+
+        return memory_of(view, shared=1)

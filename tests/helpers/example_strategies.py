@@ -1,0 +1,172 @@
+"""Strategies that tests name as "example_strategies:Class": good ones, and every kind of bad one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.robot_status import BATTERY_FULL
+from automaton.engine.state import (
+    CLOCK_TICK,
+    CMD_DROP_AT,
+    CMD_PARK,
+    CMD_TAKE_ORDER,
+    GOAL_NONE,
+    KEEP,
+    NIL,
+    REASON_IDLE,
+    REASON_PICKED,
+)
+from automaton.floor.cells import CHARGER
+from automaton.strategy.layer import Strategy, memory_of
+from automaton.strategy.per_robot import drop_at, park, per_robot, take
+
+
+class HalfAndHalf(Strategy):
+    """Zoning: robots with even identities serve zone 0, the others zone 1."""
+
+    layer = "zoning"
+    period = 5
+
+    def decide(self, view, batch, decisions, memory, workspace):
+        for k in range(batch.count[0]):
+            decisions.zoning.service_zone[k] = view.robots.identity[batch.robot[k]] % 2
+
+
+class Halts(Strategy):
+    """Zoning: in every tenth tick, all robots are told to stand still for six ticks."""
+
+    layer = "zoning"
+    period = 10
+
+    def decide(self, view, batch, decisions, memory, workspace):
+        if view.clock[CLOCK_TICK] % 10 == 0:
+            decisions.zoning.halt[: batch.count[0]] = 6
+
+
+class ChargeFirst(Strategy):
+    """Charging: a robot without an order goes once to the first charger, until it is full."""
+
+    layer = "charging"
+    period = 1
+
+    def reset(self, view):
+        return memory_of(view, per_robot=1)
+
+    def decide(self, view, batch, decisions, memory, workspace):
+        charger = int(np.flatnonzero(view.grid.kind == CHARGER)[0])
+        for k in range(batch.count[0]):
+            robot = batch.robot[k]
+            idle = view.robots.order[robot] == NIL and view.robots.goal_type[robot] == GOAL_NONE
+            if idle and view.robots.busy[robot] == 0 and not memory.per_robot[robot, 0]:
+                memory.per_robot[robot, 0] = 1
+                decisions.charging.goal_cell[k], decisions.charging.charge_target[k] = (
+                    charger,
+                    BATTERY_FULL,
+                )
+
+
+class Greedy(Strategy):
+    """Allocation: takes orders that are reserved, sets loads down anywhere: all illegal."""
+
+    layer = "allocation"
+
+    def decide(self, view, batch, decisions, memory, workspace):
+        out = decisions.allocation
+        for k in range(batch.count[0]):
+            out.command[k] = CMD_DROP_AT if batch.reason[k] == REASON_IDLE else CMD_TAKE_ORDER
+            out.order[k] = 10_000
+            out.slot[k] = -5
+
+
+class Idle(Strategy):
+    """Allocation: everybody stays home."""
+
+    layer = "allocation"
+
+    def decide(self, view, batch, decisions, memory, workspace):
+        decisions.allocation.command[: batch.count[0]] = CMD_PARK
+
+
+class Writes(Strategy):
+    """Allocation: tries to move a robot by writing to the view."""
+
+    layer = "allocation"
+
+    def decide(self, view, batch, decisions, memory, workspace):
+        view.robots.cell[0] = 0
+
+
+class Raises(Strategy):
+    """Allocation: fails."""
+
+    layer = "allocation"
+
+    def decide(self, view, batch, decisions, memory, workspace):
+        raise RuntimeError("the strategy's own mistake")
+
+
+@kernel
+def write_to_view(view, batch, decisions, memory, workspace):
+    view.robots.cell[0] = 0
+
+
+class CompiledWrites(Strategy):
+    """Allocation: a kernel that writes to the view does not compile."""
+
+    layer = "allocation"
+    compiled = write_to_view
+
+
+@kernel
+def four_arguments(view, batch, decisions, memory):
+    pass
+
+
+class WrongArity(Strategy):
+    """Allocation: a kernel with a missing argument."""
+
+    layer = "allocation"
+    compiled = four_arguments
+
+
+class Watcher(Strategy):
+    """Right of way: notes which other robots it can see, and whether it may know their memory."""
+
+    layer = "right_of_way"
+    period = 1
+    sightings: list[tuple[int, frozenset[int]]] = []  # noqa: RUF012
+    memories: list[int] = []  # noqa: RUF012
+
+    def reset(self, view):
+        return memory_of(view, per_robot=1, shared=1)
+
+    def decide(self, view, batch, decisions, memory, workspace):
+        robots = view.robots
+        for k in range(batch.count[0]):
+            i = int(batch.robot[k])
+            seen = {int(robots.identity[j]) for j in (robots.cell != NIL).nonzero()[0]}
+            self.sightings.append((int(robots.identity[i]), frozenset(seen)))
+            self.memories.append(int(memory.per_robot[:, 0].sum() - memory.per_robot[i, 0]))
+            memory.per_robot[i, 0] += 1
+            memory.shared[0] += 1
+            decisions.right_of_way.command[k] = KEEP
+
+
+@per_robot("allocation")
+def eager(me, view):
+    """Takes the open order that is nearest."""
+    if me.load is not None:
+        return drop_at(view.target_of(me.load))
+    orders = view.open_orders()
+    return take(min(orders, key=lambda order: me.ticks_to(order.slot))) if orders else park()
+
+
+@per_robot("allocation", memory=1)
+def counting(me, view):
+    """Takes orders in turn, and counts in its own memory how often it was asked."""
+    me.memory[0] += 1
+    if me.reason == REASON_PICKED:
+        return drop_at(view.target_of(me.load))
+    orders = view.open_orders()
+    return take(orders[0]) if orders else park()

@@ -1,0 +1,28 @@
+"""Metrics that not every run has."""
+
+from __future__ import annotations
+
+from automaton.runs.task_metrics import TASK_METRICS
+
+# Shown where tasks are measured, moves may take longer, a strategy counts them, orders come later,
+# robots run on batteries or may fail, stations work on parts, cells have a side.
+OF_OTHER_RUNS = (
+    *(*TASK_METRICS, "slowdown_ticks", "alternative_routes", "lead_time", "lead_time_p95"),
+    *(
+        "lost_queueing",
+        "energy",
+        "charging_share",
+        "min_charge",
+        "repair_energy",
+        "battery_depletions",
+    ),
+    *("breakdowns", "towed", "downtime"),
+    *(
+        "parts_finished",
+        "part_flow_time",
+        "busiest_station",
+        "busiest_station_utilization",
+        "distance",
+    ),
+    *("redesigns", "balanced_share", "shared_orders", "messages"),
+)

@@ -1,0 +1,58 @@
+"""Random floors, and a leg on each."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from hypothesis import strategies as st
+from random_floors import pictures
+from reference_paths import Pose, Ways
+
+from automaton.build.prepared_floor import Floor, floor_for
+from automaton.engine.state import ACTION_COUNT, ACTION_MOVE, ACTION_TURN, Array
+from automaton.floor.drawn_floors import draw_floor
+from strategies.routing.astar.route_workspace import RouteSpace, route_space
+
+SYMBOLS = ".......++--||==~><v^##"
+
+
+class Case(NamedTuple):
+    """A floor and a leg on it."""
+
+    ways: Ways
+    start: Pose
+    target: int
+    mode: str = "undirected"
+
+    def built(self) -> tuple[Floor, Array, RouteSpace]:
+        ways = self.ways
+        floor = floor_for(ways.floor_plan, ways.kinematics, ways.move, ways.turn, self.mode)
+        duration = np.ones(ACTION_COUNT, np.int32)
+        duration[ACTION_MOVE], duration[ACTION_TURN] = ways.move, ways.turn
+        return (
+            floor,
+            duration,
+            route_space(floor.grid.cell_flags.size * ways.headings, floor.grid.traffic_zone_count),
+        )
+
+    def start_pose(self) -> int:
+        return self.start[0] * self.ways.headings + self.start[1]
+
+
+@st.composite
+def cases(draw: Any) -> Case:
+    width = draw(st.integers(1, 6))
+    lines = draw(pictures(SYMBOLS, width, draw(st.integers(1, 6)))).split("\n")
+    if all(set(line) == {"#"} for line in lines):
+        lines.append("." * width)
+    ways = Ways(
+        floor_plan=draw_floor("\n".join(lines)),
+        kinematics=draw(st.sampled_from(["rail", "differential", "omni"])),
+        move=draw(st.integers(1, 3)),
+        turn=draw(st.sampled_from([0, 1, 2, 5])),
+    )
+    cells = ways.cells()
+    start = (draw(st.sampled_from(cells)), draw(st.integers(0, ways.headings - 1)))
+    mode = draw(st.sampled_from(["undirected", "directed", "with-intersections"]))
+    return Case(ways, start, draw(st.sampled_from(cells)), mode)

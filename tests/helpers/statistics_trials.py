@@ -1,0 +1,361 @@
+"""Whether the statistics keep their promises: long trials, run by hand.
+
+    python tests/helpers/statistics_trials.py TRIAL [STUDIES]
+
+TRIAL is one of coverage, families, steady, batches, search, pairing.
+
+Each prints what it measured and exits with 1 if a promise is broken. The tests run them in small.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from automaton.studies.inference.effects import effect
+from automaton.studies.inference.intervals import (
+    DEFAULT_CONFIDENCE,
+    STUDENT_MIN_RUNS,
+    mean_interval,
+    skewness,
+)
+from automaton.studies.inference.multiple_comparisons import bonferroni
+from automaton.studies.inference.selection import batches, feasible, region, select_least
+from automaton.studies.inference.steady_state import (
+    NotSteadyError,
+    WarmUp,
+    batch_means,
+    mser5,
+    replication_deletion,
+)
+from automaton.studies.sizing.candidates import FleetConfig, Run
+from automaton.studies.sizing.fleet_runs import replication_seeds
+from automaton.studies.sizing.fleet_search import Search
+from automaton.studies.sizing.question import Question, Target, make_question
+
+Values = Any
+STUDIES = 2000
+SIZES = (10, 20, STUDENT_MIN_RUNS)
+SHIPPED = (  # a scenario of each kind, a setting of it, the metric of a run, runs in its pool
+    ("tabletop-1", ("fleet.robots=5",), "makespan", 2000),
+    ("tabletop-2", (), "makespan", 2000),
+    ("depots", (), "lead_time", 1000),
+    ("factory", (), "makespan", 300),
+    ("warehouse-100", (), "delay", 300),
+)
+LOAD = 0.8
+CUSTOMERS = 1000
+HIDDEN = (  # runs, observations, r, share of the variance
+    (1, 1000, 0.98, 0.05), (1, 1000, 0.99, 0.05), (1, 1000, 0.99, 0.1), (1, 1000, 0.995, 0.05),
+    (1, 1000, 0.995, 0.1), (1, 3000, 0.995, 0.05), (5, 1000, 0.99, 0.1), (5, 1000, 0.995, 0.1),
+    (1, 10_000, 0.99, 0.02), (1, 20_000, 0.98, 0.05),
+)  # fmt: skip
+
+
+def shipped_runs(
+    scenario: str, settings: tuple[str, ...], metric: str, number: int, workers: int | None = None
+) -> Values:
+    """(number,) a metric of replications of one seed; kept between calls."""
+    from automaton.build.resolve import resolve
+    from automaton.runs.process_pool import run_jobs
+
+    name = "-".join([scenario, *settings, metric, str(number)]).replace("=", "")
+    path = Path(tempfile.gettempdir()) / f"automaton-trials-{name}.npy"
+    if path.exists():
+        return np.load(path)
+    resolved = resolve(scenario, settings)
+    jobs = [(resolved, one) for one in replication_seeds(1, 0, number)]
+    values = np.array([float(one.metrics[metric]) for one in run_jobs(jobs, workers)])
+    np.save(path, values)
+    return values
+
+
+def tabletop_runs(number: int, *settings: str) -> Values:
+    """(number,) makespan of tabletop-1."""
+    return shipped_runs("tabletop-1", settings, "makespan", number)
+
+
+def waits(rng: np.random.Generator, queues: int, customers: int, from_empty: bool = True) -> Values:
+    """(queues, customers) waiting times of M/M/1 at LOAD, service 1: W' = max(0, W + S - A)."""
+    found = np.zeros((queues, customers))
+    wait = np.zeros(queues)
+    if not from_empty:  # a steady state: 0 with probability 1 - load, else exponential
+        busy = rng.random(queues) < LOAD
+        wait = np.where(busy, rng.exponential(1 / (1 - LOAD), queues), 0.0)
+    for customer in range(customers):
+        found[:, customer] = wait
+        step = rng.exponential(1.0, queues) - rng.exponential(1 / LOAD, queues)
+        wait = np.maximum(0.0, wait + step)
+    return found
+
+
+def coverage(
+    draw: Callable[[int, int], Values],
+    truth: float,
+    n: int,
+    studies: int,
+    level: float = DEFAULT_CONFIDENCE,
+) -> float:
+    """The share of studies of n runs whose interval holds the truth."""
+    values = draw(studies, n)
+    return float(np.mean([mean_interval(row, level).holds(truth) for row in values]))
+
+
+def false_families(n: int, comparisons: int, families: int, seed: int = 9) -> float:
+    """The share of families of intervals of n normal runs in which any misses the truth."""
+    rng, level = np.random.default_rng(seed), bonferroni(DEFAULT_CONFIDENCE, comparisons)
+    drawn = rng.normal(size=(families, comparisons, n))
+    held = [all(mean_interval(row, level).holds(0.0) for row in one) for one in drawn]
+    return 1 - float(np.mean(held))
+
+
+def families(studies: int = STUDIES) -> bool:
+    """Families of intervals of which any misses; at most 5 %, and 2 standard errors, is promised."""
+    kept = True
+    most = 0.05 + 2 * np.sqrt(0.05 * 0.95 / studies)
+    for n, comparisons in ((5, 1), (5, 10), (10, 2), (10, 20), (20, 20), (30, 20)):
+        found = false_families(n, comparisons, studies)
+        shown(f"normal, n = {n}: families of {comparisons} with a miss", found, studies)
+        kept &= found <= most
+    return kept
+
+
+def drawn_from(pool: Values, seed: int) -> Callable[[int, int], Values]:
+    """Studies of runs drawn from a pool: its mean is their truth."""
+    rng = np.random.default_rng(seed)
+    return lambda studies, n: pool[rng.integers(0, len(pool), (studies, n))]
+
+
+def shown(name: str, found: float, studies: int) -> bool:
+    error = np.sqrt(found * (1 - found) / studies)
+    print(f"{name:<62} {100 * found:6.2f} % +- {200 * error:.2f}", flush=True)
+    return True
+
+
+def coverages(studies: int = STUDIES, workers: int | None = None) -> bool:
+    """Coverage of 95 % intervals of the mean: of normal runs, of shipped scenarios, of a queue.
+
+    Studies are drawn from a pool of runs, whose mean is their truth. 93 to 97 % are promised from the
+    number of runs on that has no warning.
+    """
+    rng = np.random.default_rng(1)
+    queue = waits(rng, 40_000, CUSTOMERS // 4).mean(axis=1)
+    pools = {"normal": rng.normal(10, 2, 40_000), "M/M/1, mean delay of 250 customers": queue}
+    for scenario, settings, metric, number in SHIPPED:
+        name = " ".join([scenario, *settings, metric])
+        pools[name] = shipped_runs(scenario, settings, metric, number, workers)
+    kept = True
+    for seed, (name, pool) in enumerate(pools.items()):
+        print(f"{name}: {len(pool):,} runs, skew {skewness(pool):.1f}", flush=True)
+        for n in SIZES:
+            found = coverage(drawn_from(pool, seed), float(pool.mean()), n, studies)
+            shown(f"  n = {n}{'' if n >= STUDENT_MIN_RUNS else ' (warned)'}", found, studies)
+            kept &= n != STUDENT_MIN_RUNS or 0.93 <= found <= 0.97
+    return kept
+
+
+def steady_coverages(studies: int = STUDIES) -> bool:
+    """Coverage of the steady-state delay of M/M/1, LOAD / (1 - LOAD): the true value is known."""
+    rng, truth = np.random.default_rng(4), LOAD / (1 - LOAD)
+    held: dict[str, list[bool]] = {"replication-deletion": [], "batch means": []}
+    refused = {name: 0 for name in held}
+    for _ in range(studies):
+        series = waits(rng, 30, 5 * CUSTOMERS)
+        for name, interval in (
+            ("replication-deletion", lambda s=series: deleted(s)),
+            ("batch means", lambda: batch_means(waits(rng, 1, 100 * CUSTOMERS, False)[0])),
+        ):
+            if name == "batch means" and len(held[name]) + refused[name] >= studies // 10:
+                continue
+            try:
+                held[name].append(interval().holds(truth))
+            except NotSteadyError:
+                refused[name] += 1
+    for name, found in held.items():
+        shown(f"M/M/1 steady, {name} ({refused[name]} refused)", float(np.mean(found)), len(found))
+    return True
+
+
+def batch_coverages(studies: int = STUDIES) -> bool:
+    """Coverage of batch means: AR(1) with mean 0, alone and under noise, and the delay of M/M/1."""
+    rng = np.random.default_rng(4)
+    for r in (0.9, 0.95, 0.98):
+        for n in (1000, 3000, 10_000):
+            told(f"AR(1) {r:g}, {n:,}", autoregressive(rng, studies, n, r), 0.0)
+    for customers in (5000, 20_000):
+        told(f"M/M/1, {customers:,}", waits(rng, studies, customers, False), LOAD / (1 - LOAD))
+    for runs, n, r, share in HIDDEN:
+        name = f"{runs} x {n:,}, {100 * share:g} % AR(1) {r:g}, noise"
+        told(name, under_noise(rng, studies, runs, n, r, share), 0.0)
+    return True
+
+
+def told(name: str, series: Values, truth: float) -> None:
+    """Print the coverage of batch means."""
+    found, given = batch_coverage(series, truth)
+    wrong = round((1 - found) * given) if given else 0
+    what = f"{name}: batch means ({len(series) - given} refused, {wrong} wrong)"
+    if given:
+        shown(what, found, given)
+    else:
+        print(what, flush=True)
+
+
+def autoregressive(rng: np.random.Generator, studies: int, n: int, r: float) -> Values:
+    """(studies, n) series of y' = r y + normal noise, from their steady state with mean 0."""
+    y = rng.normal(size=(n, studies))
+    y[0] /= np.sqrt(1 - r * r)
+    for t in range(1, n):
+        y[t] += r * y[t - 1]
+    return y.T
+
+
+def under_noise(
+    rng: np.random.Generator, studies: int, runs: int, n: int, r: float, share: float
+) -> Values:
+    """(studies, runs, n) AR(1) series with this share of the variance, the rest independent noise."""
+    slow = autoregressive(rng, studies * runs, n, r) * np.sqrt(1 - r * r)
+    mixed = np.sqrt(share) * slow + np.sqrt(1 - share) * rng.normal(size=slow.shape)
+    return mixed.reshape(studies, runs, n)
+
+
+def batch_coverage(series: Values, truth: float) -> tuple[float, int]:
+    """The share of intervals by batch means that hold the truth, and how many were given."""
+    held = []
+    for one in series:
+        with contextlib.suppress(NotSteadyError):
+            held.append(batch_means(one).holds(truth))
+    return float(np.mean(held)) if held else float("nan"), len(held)
+
+
+def deleted(series: Values) -> Any:
+    cut: WarmUp = mser5(series)
+    return replication_deletion(series, cut.cut)
+
+
+def synthetic(shares: list[float], rng: np.random.Generator) -> Callable[..., list[Run]]:
+    """A runner whose fleets of 1, 2, ... robots meet `x <= 0` in these shares of runs."""
+
+    def run(place: FleetConfig, first: int, number: int) -> list[Run]:
+        missed = rng.random(number) >= shares[place.robots - 1]
+        return [Run(True, {"makespan": float(bad)}) for bad in missed]
+
+    return run
+
+
+def asked_of(shares: list[float]) -> Question:
+    return make_question(Target("makespan", True, 0.0), (1, len(shares)), budget=1_000_000)
+
+
+def wrong_answers(shares: list[float], studies: int, seed: int = 5) -> tuple[float, float]:
+    """The share of searches with a wrong verdict, and the mean number of runs of a search."""
+    rng, question = np.random.default_rng(seed), asked_of(shares)
+    wrong = spent = 0
+    for _ in range(studies):
+        search = Search(question, "", synthetic(shares, rng), question.budget)
+        search.go()
+        wrong += any(
+            (one.verdict == "meets") != (shares[one.place.robots - 1] > question.success_share)
+            for one in search.candidates
+        )
+        spent += search.spent
+    return wrong / studies, spent / studies
+
+
+def wrong_means(
+    pool: Values, side: float, studies: int, error: float = 0.05
+) -> tuple[float, float]:
+    """Wrong verdicts on the mean when it lies just `side` zones (-1 or 1) off the bound."""
+    rng = np.random.default_rng(6)
+    zone = 0.01 * float(pool.mean())
+    limits, bound = region(zone, error), float(pool.mean()) - side * zone
+    wrong, runs = 0, 0
+    for _ in range(studies):
+        verdict, after, number = "undecided", 0, 4000
+        while verdict == "undecided":
+            sample = pool[rng.integers(0, len(pool), number)]
+            verdict, after = feasible(batches(sample), bound, limits)
+            number *= 2
+        wrong += verdict == ("meets" if side > 0 else "fails")
+        runs += 10 * after
+    return wrong / studies, runs / studies
+
+
+def wrong_selections(pool: Values, studies: int, systems: int = 3) -> float:
+    """How often Kim & Nelson miss the best of several, all others being one zone worse."""
+    rng = np.random.default_rng(8)
+    zone, wrong = 0.01 * float(pool.mean()), 0
+    for _ in range(studies):
+        means = [
+            batches(pool[rng.integers(0, len(pool), 4000)]) + zone * (index > 0)
+            for index in range(systems)
+        ]
+        wrong += select_least(means, zone, 0.05).left != (0,)
+    return wrong / studies
+
+
+def searches(studies: int = STUDIES) -> bool:
+    """Wrong answers at the boundaries; at most the error, and 2 standard errors, is promised."""
+    kept = True
+    most = 0.05 + 2 * np.sqrt(0.05 * 0.95 / studies)
+    cases = ([0.93], [0.97], [0.93] * 4 + [0.97], [0.93] * 8, [0.97] * 3)
+    for shares in cases:
+        wrong, runs = wrong_answers(list(shares), studies)
+        shown(f"wrong verdicts, shares {shares}, {runs:,.0f} runs", wrong, studies)
+        kept &= wrong <= most
+    pool = tabletop_runs(100_000, "fleet.robots=5")
+    for side in (-1, 1):
+        wrong, runs = wrong_means(pool, side, studies)
+        shown(
+            f"wrong verdicts, mean {side:+d} zone, table-top N = 5, {runs:,.0f} runs",
+            wrong,
+            studies,
+        )
+        kept &= wrong <= most
+    wrong = wrong_selections(pool, studies)
+    shown("wrong selections of 3, others one zone worse, table-top N = 5", wrong, studies)
+    return kept and wrong <= most
+
+
+def pairing(number: int = STUDIES) -> bool:
+    """Cooperative against independent with four robots: the published 30 %, and what pairing does."""
+    for robots in (1, 4):
+        fleet = f"fleet.robots={robots}"
+        a = tabletop_runs(number, fleet, "strategy.allocation=cooperative")
+        b = tabletop_runs(number, fleet, "strategy.allocation=independent")
+        found = effect(a, b)
+        relative = found.relative
+        assert relative is not None and relative.low is not None and relative.high is not None
+        print(
+            f"N = {robots}: makespan {a.mean():.1f} against {b.mean():.1f}: "
+            f"{100 * relative.value:.2f} % "
+            f"({100 * relative.low:.2f} to {100 * relative.high:.2f}), {number:,} seeds; "
+            f"correlation {found.correlation:+.2f}, variance ratio {found.variance_ratio:.2f}"
+        )
+    return True
+
+
+def parts() -> Iterator[tuple[str, Callable[..., bool]]]:
+    yield from {
+        "coverage": coverages,
+        "families": families,
+        "steady": steady_coverages,
+        "batches": batch_coverages,
+        "search": searches,
+        "pairing": pairing,
+    }.items()
+
+
+if __name__ == "__main__":
+    begun = time.perf_counter()
+    chosen = dict(parts())[sys.argv[1]]
+    good = chosen(*map(int, sys.argv[2:]))
+    print(f"{time.perf_counter() - begun:.0f} s")
+    sys.exit(0 if good else 1)

@@ -1,0 +1,340 @@
+"""What each action of the viewer does, as a check by its name, and how it is carried out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import map_cases  # its checks are entered into the table
+import numpy as np
+from action_cases import CHECKS, check, press, said
+from viewer_harness import Watched, compared, mini, viewing
+
+from automaton.engine.state import NIL
+from tui.render import styles
+from tui.render.glyphs import GLYPH_BITS
+from tui.render.scene import SHADED
+from tui.screens.help_screen import HelpScreen
+from tui.widgets.bindings import COMPARING
+
+__all__ = ["map_cases"]
+
+
+def moves(name: str, start: int, end: int) -> None:
+    """An action that goes from one tick to another."""
+
+    async def action(user: Watched) -> None:
+        await user.at(start)
+        await press(user, name)
+        await user.until(lambda: user.tick == end, f"tick {end}, not {user.tick}")
+
+    CHECKS[name] = action
+
+
+moves("step_forward", 150, 151)
+moves("step_back", 150, 149)
+moves("forward_10", 150, 160)
+moves("back_10", 150, 140)
+moves("forward_100", 150, 250)
+moves("back_100", 150, 50)
+moves("go_start", 150, 0)
+
+
+@check
+async def play_pause(user: Watched) -> None:
+    await press(user, "play_pause")
+    await user.until(lambda: user.app.playback.playing == 1 and user.tick > 0)
+    await press(user, "play_pause")
+    await user.until(lambda: user.app.playback.playing == 0)
+
+
+@check
+async def reverse(user: Watched) -> None:
+    await user.at(150)
+    await press(user, "reverse")
+    await user.until(lambda: user.app.playback.playing == -1 and user.tick < 150)
+
+
+def speeds(name: str, before: float, after: float) -> None:
+    async def action(user: Watched) -> None:
+        user.app._set_speed(before)
+        await user.until(lambda: user.app.playback.asked == 10 * before)
+        await press(user, name)
+        await user.until(lambda: user.app.playback.asked == 10 * after)
+
+    CHECKS[name] = action
+
+
+speeds("faster", 4.0, 8.0)
+speeds("slower", 4.0, 2.0)
+speeds("normal_speed", 4.0, 1.0)
+speeds("full_speed", 4.0, math.inf)
+
+
+@check
+async def go_end(user: Watched) -> None:
+    await user.at(150)
+    await user.at(20)
+    await press(user, "go_end")
+    await user.until(lambda: user.tick == 150)
+
+
+@check
+async def go_to(user: Watched) -> None:
+    await press(user, "go_to")
+    await user.until(lambda: len(user.app.screen_stack) == 2)
+    await user.press("1", "2", "3", "enter")
+    await user.until(lambda: user.tick == 123)
+
+
+async def with_events(user: Watched) -> list[int]:
+    await user.at(300)
+    return sorted(set(user.app.runs[0].event_history.events[:, 0].tolist()))
+
+
+@check
+async def next_event(user: Watched) -> None:
+    ticks = await with_events(user)
+    await user.at(ticks[3])
+    await press(user, "next_event")
+    await user.until(lambda: user.tick == ticks[4])
+
+
+@check
+async def previous_event(user: Watched) -> None:
+    ticks = await with_events(user)
+    await user.at(ticks[3])
+    await press(user, "previous_event")
+    await user.until(lambda: user.tick == ticks[2])
+
+
+@check
+async def follow(user: Watched) -> None:
+    await user.at(120)
+    user.app.choose(1)
+    await press(user, "follow")
+    assert user.app.choice.following
+    camera = user.app.pictures.camera
+    camera.resize(4, 12)
+    await user.at(500)
+    cell = int(user.app.playback.snapshots[0].robots.cell[1])
+    assert camera.place_of(cell) is not None
+
+
+@check
+async def maximise(user: Watched) -> None:
+    before = user.app.maps[0].size.height
+    await press(user, "maximise")
+    await user.until(lambda: user.app.maps[0].size.height > before)
+    assert not user.app.query_one("#side").display
+
+
+@check
+async def minimap(user: Watched) -> None:
+    user.app.pictures.camera.resize(4, 12)
+    user.app.pictures.camera.one_to_one()
+    before = user.app.pictures.corner(user.app.choice)
+    await press(user, "minimap")
+    after = user.app.pictures.corner(user.app.choice)
+    assert (before is None) != (after is None)
+
+
+@check
+async def find(user: Watched) -> None:
+    await press(user, "find")
+    await user.until(lambda: len(user.app.screen_stack) == 2)
+    await user.press(*"robot", "space", "2", "enter")
+    await user.until(lambda: user.app.choice.robot == 2)
+
+
+@check
+async def next_robot(user: Watched) -> None:
+    user.app.choose(2)
+    await press(user, "next_robot")
+    await user.until(lambda: user.app.choice.robot == 0)
+
+
+@check
+async def previous_robot(user: Watched) -> None:
+    user.app.choose(0)
+    await press(user, "previous_robot")
+    await user.until(lambda: user.app.choice.robot == 2)
+
+
+@check
+async def clear(user: Watched) -> None:
+    user.app.choose(1)
+    user.app.choice.found = np.array([0, 1], np.int32)
+    user.app.choice.following = True
+    await press(user, "clear")
+    choice = user.app.choice
+    assert choice.robot == NIL and not len(choice.found) and not choice.following
+
+
+def opens(name: str, panel: str) -> None:
+    async def action(user: Watched) -> None:
+        user.app.column.open("figures")
+        user.app.column.open("events" if panel != "events" else "inspector")
+        user.app.choose(1)
+        await press(user, name)
+        await user.until(lambda: user.app.column.name_open == panel)
+
+    CHECKS[name] = action
+
+
+opens("why", "why")
+opens("inspect", "inspector")
+opens("events", "events")
+opens("robots", "robots")
+opens("legend", "legend")
+
+
+@check
+async def breakpoints(user: Watched) -> None:
+    await press(user, "breakpoints")
+    await user.until(lambda: len(user.app.screen_stack) == 2)
+    await user.press(*"delivered", "enter", "escape")
+    await user.until(lambda: user.app.stops)
+    user.app.player.play()
+    await user.until(lambda: "delivered" in user.app.playback.stopped)
+
+
+@check
+async def branch(user: Watched) -> None:
+    await user.at(200)
+    await user.at(150)
+    await press(user, "branch")
+    await user.until(lambda: len(user.app.screen_stack) == 2)
+    await user.press(*"durations.pick", "equals_sign", "3", "0", "ctrl+s")
+    await user.until(lambda: user.app.runs[0].resolved.scenario.durations.pick == 30)
+    await user.until(lambda: any(mark.kind == "branch" for mark in user.app.marks))
+    assert user.tick == 150
+
+
+def lays(name: str, before: str, after: str) -> None:
+    async def action(user: Watched) -> None:
+        await user.at(100)
+        user.app.show_layer(before)
+        await press(user, name)
+        assert user.app.choice.layer == after
+
+    CHECKS[name] = action
+
+
+lays("layer_none", "visits", "")
+lays("layer_visits", "", "visits")
+lays("layer_waiting", "", "waiting")
+lays("layer_congestion", "", "congestion")
+lays("layer_flow", "", "flow")
+lays("next_layer", "visits", "waiting")
+lays("layer_zones", "", "traffic-zones")
+
+
+@check
+async def layer_explored(user: Watched) -> None:
+    await press(user, "layer_explored")
+    assert "select a robot, and the search for its way is shown" in user.toasts()
+    await user.at(120)
+    user.app.choose(int(np.argmax(user.app.playback.snapshots[0].robots.route_length)))
+    await user.until(lambda: np.any(user.app.playback.snapshots[0].heat))
+
+
+@check
+async def layer_predicted(user: Watched) -> None:
+    await user.at(120)
+    for least in (2, 3, 4, 5, 1):
+        await press(user, "layer_predicted")
+        assert user.app.choice.laid == f"predicted {least}+"
+    await user.until(lambda: np.any(user.app.playback.snapshots[0].heat))
+    assert user.app.pictures.scene(user.app.playback, user.app.choice, 0).values is not None
+    for layer in (*SHADED, ""):  # the snapshot still brings what the layer before counts
+        chosen = replace(user.app.choice, layer=layer)
+        scene = user.app.pictures.scene(user.app.playback, chosen, 0)
+        assert (scene.values is not None) == (layer == "predicted")
+        user.app.pictures.picture(scene, chosen, 20, 60)
+
+
+@check
+async def layer_route(user: Watched) -> None:
+    await user.at(120)
+    user.app.choose(int(np.argmax(user.app.playback.snapshots[0].robots.route_length)))
+    await user.until(lambda: len(user.app.playback.snapshots[0].route))
+    await press(user, "layer_route")
+    assert not len(user.app.pictures.scene(user.app.playback, user.app.choice, 0).route)
+
+
+@check
+async def panels(user: Watched) -> None:
+    side, maps = user.app.query_one("#side"), user.app.query_one("#maps")
+    assert side.display and maps.display
+    await press(user, "panels")
+    await user.until(lambda: side.display and not maps.display)
+    await press(user, "panels")
+    await user.until(lambda: not side.display and maps.display)
+
+
+@check
+async def compare_side(user: Watched) -> None:
+    await press(user, "compare_side")
+    assert user.app.view().side == 1
+
+
+@check
+async def next_difference(user: Watched) -> None:
+    await user.until(lambda: user.app.divergence is not None)
+    assert user.app.divergence.tick > 1
+    await user.until(lambda: "the runs differ first" in said(user.app.info))
+    foregrounds = user.app.info.shown[0, :9] // ((1 << GLYPH_BITS) * len(styles.COLOURS))
+    # blue, as found robots are, is not legible
+    assert set(foregrounds.tolist()) == {styles.COLOUR_TEXT}
+    await press(user, "next_difference")
+    await user.until(lambda: user.tick == user.app.divergence.tick)
+
+
+@check
+async def screenshot(user: Watched) -> None:
+    await user.at(120)
+    await press(user, "screenshot")
+    await user.until(lambda: list(Path.cwd().glob("tabletop-mini-120-*.svg")))
+    assert "◍" in next(Path.cwd().glob("*.svg")).read_text(encoding="utf-8")
+
+
+@check
+async def copy_text(user: Watched) -> None:
+    await press(user, "copy_text")
+    await user.until(lambda: list(Path.cwd().glob("tabletop-mini-0-*.txt")))
+    assert "◍" in next(Path.cwd().glob("*.txt")).read_text(encoding="utf-8")
+    assert "◍" in user.app.clipboard
+
+
+@check
+async def help(user: Watched) -> None:
+    await press(user, "help")
+    await user.until(lambda: isinstance(user.app.screen, HelpScreen))
+
+
+@check
+async def theme(user: Watched) -> None:
+    await press(user, "theme")
+    assert user.app.maps[0].look.theme == "light" and not user.app.current_theme.dark
+
+
+@check
+async def link_figures(user: Watched) -> None:
+    await press(user, "link_figures")
+    await user.until(lambda: "rtt" in said(user.app.info))
+
+
+@check
+async def quit(user: Watched) -> None:
+    await press(user, "quit")
+    await user.until(lambda: user.app.return_code == 0)
+
+
+async def carry_out(name: str, folder: Path, met: Callable[[Watched], None] = id) -> None:
+    opening = compared(folder) if name in COMPARING else mini()
+    async with viewing(opening) as user:
+        met(user)
+        await CHECKS[name](user)

@@ -1,0 +1,138 @@
+"""The viewer without a terminal, for tests: a small live run or two recorded ones, paused."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+from textual.pilot import Pilot
+
+from automaton.build.resolve import resolve
+from automaton.evidence.history.live_run import branch_of
+from automaton.evidence.history.watched_run import RecordedRun
+from automaton.evidence.recording.recorder import Recorder
+from automaton.evidence.recording.recording_reader import read_recording
+from automaton.runs.simulation import Simulation
+from tui.playback.run_source import Opening, live, recorded
+from tui.terminal.options import Options
+from tui.viewer.app import Viewer
+
+PATIENCE_S = 60.0
+
+
+def screen_text(app: Viewer) -> str:
+    """What a person sees, dialogs included."""
+    return "\n".join(
+        strip.text for strip in app.screen._compositor.render_strips(app.size)
+    ).replace("\N{BRAILLE PATTERN BLANK}", " ")
+
+
+class Watched:
+    """A viewer, and somebody who uses it."""
+
+    def __init__(self, app: Viewer, pilot: Pilot[Any]) -> None:
+        self.app = app
+        self.pilot = pilot
+        self.patience = PATIENCE_S
+
+    async def until(self, condition: Callable[[], Any], what: str = "") -> None:
+        """Wait until it holds, but not for ever."""
+        begun = time.monotonic()
+        while not condition():
+            assert time.monotonic() - begun < self.patience, (
+                what or "what was waited for did not come"
+            )
+            await asyncio.sleep(0.005)
+
+    async def press(self, *keys: str) -> None:
+        await self.pilot.press(*keys)
+
+    @property
+    def tick(self) -> int:
+        assert self.app.playback is not None
+        return self.app.playback.tick
+
+    async def at(self, tick: int) -> None:
+        """Go there, and wait until it is shown."""
+        self.app.go_to_tick(tick)
+        await self.until(lambda: self.tick == tick, f"tick {tick}")
+
+    async def shown(self) -> None:
+        """Wait until nothing is left to be drawn."""
+        player = self.app.player
+        assert player is not None
+        known = [-1]
+        while known[-1] != player.latest().known or self.app.playback is not player.latest():
+            known.append(player.latest().known)  # a recording is read ahead meanwhile
+            await self.pilot.pause(0.3)
+        before, now = "", screen_text(self.app)
+        while before != now:
+            await self.pilot.pause(0.3)
+            before, now = now, screen_text(self.app)
+
+    def toasts(self) -> list[str]:
+        """What is said over the map, and last what is said for a while in the line under it."""
+        notice = self.app.notice
+        said = [] if notice is None else [notice.words.text]
+        return [*(toast.message for toast in self.app._notifications), *said]
+
+
+def mini(*settings: str) -> Opening:
+    """A live run that is not recorded."""
+    return live(resolve("tabletop-mini", settings), None)
+
+
+def record(path: Path, *settings: str, until: int = 600) -> Path:
+    """Record the beginning of a run."""
+    resolved = resolve("tabletop-mini", settings)
+    with Recorder(path, resolved, resolved.scenario.seed) as recorder:
+        Simulation(resolved, on_record=recorder).run(until=until)
+    return path
+
+
+def branch(path: Path, to: Path, tick: int, *settings: str) -> Path:
+    """Record what follows, to the end, from a recorded run with other settings from a tick on."""
+    run = RecordedRun(read_recording(path))
+    run.show(tick, 99)
+    other = branch_of(run, settings, to)
+    other.show(99_999, 99)
+    other.close()
+    return to
+
+
+def compared(folder: Path) -> Opening:
+    """Two recordings that part after a while."""
+    waits = "strategy.right_of_way=wait"
+    return recorded(record(folder / "a.rec"), record(folder / "b.rec", waits))
+
+
+def laid_out(app: Viewer) -> bool:
+    """Whether the maps have their final size, and the camera knows it."""
+    rows = min(view.size.height for view in app.maps)
+    shown = all(view.shown is not None for view in app.maps)
+    return shown and 1 < rows == app.pictures.camera.rows
+
+
+@asynccontextmanager
+async def viewing(
+    opening: Opening | None = None,
+    size: tuple[int, int] = (120, 36),
+    options: Options | None = None,
+    toasts: bool = False,
+) -> AsyncIterator[Watched]:
+    """A viewer whose run and panels are there."""
+    app = Viewer(opening or mini(), options or Options(paused=True, color="true"))
+    try:
+        async with app.run_test(size=size, notifications=toasts) as pilot:
+            user = Watched(app, pilot)
+            await user.until(lambda: app.playback is not None and app.column is not None, app.error)
+            await user.until(
+                lambda: app.column.is_mounted and laid_out(app) and app.timeline.past is not None
+            )
+            yield user
+    finally:
+        app.close_runs()

@@ -1,0 +1,150 @@
+"""Signals in the middle of a long tick: compiled code ends, and what was recorded is whole."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import endless_strategies
+import numpy as np
+import pytest
+from sweep_studies import end_all, started, wait_until
+
+from automaton.build.resolve import resolve
+from automaton.commands import main
+from automaton.engine.search import (
+    UNREACHABLE,
+    begin_search,
+    distance,
+    find_path,
+    follow_gradient,
+    nearest_mark,
+)
+from automaton.engine.state import NIL
+from automaton.runs.interruption import interruptible
+from automaton.runs.simulation import Simulation
+from strategies.routing.astar.astar import search
+from strategies.routing.astar.frontier import FIFO
+
+LONG_TICK = endless_strategies.LONG_TICK
+TOLD = ("--set", "strategy.allocation=endless_strategies:Told")
+
+
+def in_the_long_tick(routing: str, *more: str) -> subprocess.Popen[str]:
+    """A run whose strategy of routing computes its endless tick."""
+    arguments = ["run", "tabletop-mini", *TOLD, "--set", f"strategy.routing={routing}", *more]
+    code = f"import sys; sys.path.insert(0, {str(Path(endless_strategies.__file__).parent)!r}); "
+    code += "from automaton.commands import main; sys.exit(main(sys.argv[1:]))"
+    process = started([sys.executable, "-c", code, *arguments])
+    assert process.stdout is not None
+    while process.stdout.readline() != f"tick {LONG_TICK}\n":
+        assert process.poll() is None, process.communicate()
+    before = processor_s(process)
+    wait_until(lambda: processor_s(process) > before + 0.3)  # it is in compiled code
+    return process
+
+
+def processor_s(process: subprocess.Popen[str]) -> float:
+    fields = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()
+    return sum(map(int, fields[11:13])) / os.sysconf("SC_CLK_TCK")
+
+
+@pytest.mark.parametrize(
+    "number, code, words",
+    [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")],
+)
+def test_a_signal_ends_a_search_in_the_middle_of_a_tick(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    number: signal.Signals,
+    code: int,
+    words: str,
+) -> None:
+    path = tmp_path / "run.rec"
+    process = in_the_long_tick("endless_strategies:Searches", "--record", str(path))
+    try:
+        process.send_signal(number)
+        _, said = process.communicate(timeout=60)
+    finally:
+        end_all([process])
+    assert (process.returncode, said.splitlines()[-1]) == (code, f"automaton: {words}")
+    assert main(["verify", str(path)]) == 0
+    assert f"{LONG_TICK - 1} ticks" in capsys.readouterr().out
+
+
+def test_a_loop_that_looks_at_nothing_is_ended_by_force() -> None:
+    process = in_the_long_tick("endless_strategies:Counts")
+    try:
+        process.send_signal(signal.SIGTERM)
+        _, said = process.communicate(timeout=60)
+    finally:
+        end_all([process])
+    assert (process.returncode, said.splitlines()[-1]) == (143, "automaton: terminated, at once")
+
+
+@pytest.fixture
+def given_up() -> Simulation:
+    """A run that was interrupted before its first tick."""
+    simulation = Simulation(resolve("tabletop-mini"))
+    simulation.interrupt()
+    return simulation
+
+
+def test_a_run_that_is_interrupted_raises_and_computes_nothing(given_up: Simulation) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        given_up.run()
+    assert given_up.tick == 0
+
+
+def test_a_handler_of_somebody_else_lets_the_run_go_on() -> None:
+    told: list[int] = []
+    before = signal.signal(signal.SIGTERM, lambda number, _: told.append(number))
+    try:
+        simulation = Simulation(resolve("tabletop-mini"))
+        simulation.run(until=10)
+        with interruptible(simulation.workspace.stop):
+            signal.raise_signal(signal.SIGTERM)
+            deadline = time.monotonic() + 0.2  # for the watcher to hear of it
+            wait_until(lambda: time.monotonic() > deadline)
+        simulation.run()
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert told == [signal.SIGTERM] and simulation.finished
+
+
+def test_searches_find_nothing_once_a_run_is_given_up(given_up: Simulation) -> None:
+    view, workspace = given_up.view, given_up.workspace
+    workspace.field_of[:] = workspace.field_owner[:] = NIL  # runs before may have left distances
+    here, there = int(view.robots.home[0]), int(view.robots.home[1])
+    steps = np.zeros(100, np.uint8)
+    assert distance(view, workspace, 0, here, 0, there) == UNREACHABLE
+    assert follow_gradient(view, workspace, 0, here, 0, there, steps) == NIL
+    assert find_path(view, workspace, 0, here, 0, there, False, steps) == NIL
+    assert nearest_mark(view, workspace, begin_search(workspace), 0, here, 0, False) == NIL
+    grid, duration = view.grid, view.rules.duration[0]
+    pose = here * grid.headings
+    assert (
+        search(grid, 0, duration, workspace.routes, FIFO, np.uint64(1), pose, there, False) == NIL
+    )
+
+
+def test_the_next_run_on_the_floor_finds_its_ways() -> None:
+    """A floor lends its workspace, distance tables included, to one run after another."""
+    resolved = resolve("tabletop-mini")
+    first = Simulation(resolved)
+    first.run()
+    expected = first.digest
+    del first
+    broken = Simulation(resolved)
+    broken.run(until=3)
+    broken.interrupt()
+    with pytest.raises(KeyboardInterrupt):
+        broken.run()
+    del broken
+    after = Simulation(resolved)
+    after.run()
+    assert after.digest == expected

@@ -1,0 +1,71 @@
+"""Curves of a report, and how points and lines are named."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from synthetic_results import study_of, synthetic_store
+
+from automaton.studies.reports.curves import curves
+from automaton.studies.reports.html_output import COLOURS
+from automaton.studies.reports.study_results import point_name
+from automaton.studies.reports.text_charts import CURVE_MARKS
+
+
+def test_curves_are_drawn_over_the_robots_one_for_each_other_level() -> None:
+    factors = {"strategy.allocation": ("a", "b"), "fleet.robots": (1, 2, 4)}
+    results = synthetic_store(study_of(factors), lambda p, r: 100.0 * p + r)
+    (drawn,) = curves(results)
+    assert [line.name for line in drawn.lines] == ["a", "b"]
+    assert list(drawn.lines[1].x) == [1, 2, 4]
+    assert drawn.lines[1].value == pytest.approx([329.5, 429.5, 529.5])
+
+
+def test_levels_with_equal_values_have_lines_of_their_own_and_names_that_tell_them_apart() -> None:
+    rules = (
+        {"name": "retreat", "max_retries": 3},
+        {"name": "retreat", "after": 3},
+        {"name": "wait"},
+    )
+    factors = {"fleet.robots": (1, 2), "strategy.right_of_way": rules}
+    (drawn,) = curves(synthetic_store(study_of(factors), lambda p, r: 100.0 * p))
+    assert [line.name for line in drawn.lines] == [
+        "retreat max_retries 3",
+        "retreat after 3",
+        "wait",
+    ]
+    assert [list(line.x) for line in drawn.lines] == [[1, 2]] * 3
+    assert drawn.lines[1].value == pytest.approx([100, 400])
+
+
+def test_curves_find_no_bounds_since_they_show_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delattr("automaton.studies.reports.metric_tables.bound")
+    (drawn,) = curves(
+        synthetic_store(study_of({"fleet.robots": (1, 2)}, 2), lambda p, r: 100.0 * p)
+    )
+    assert list(drawn.lines[0].value) == [0, 100]
+
+
+def test_every_line_has_a_sign_and_a_colour_of_its_own() -> None:
+    factors = {"fleet.robots": (1, 2), "strategy.allocation": tuple("abcdefghij")}
+    (drawn,) = curves(synthetic_store(study_of(factors, 2), lambda p, r: 100.0 * p))
+    assert len(drawn.lines) == len(CURVE_MARKS) == len(COLOURS)
+    assert drawn.title == "makespan by fleet.robots, 2 more not shown"
+
+
+def test_points_are_named_by_their_levels() -> None:
+    study = study_of(
+        {"fleet.robots": (1, 2), "strategy.routing": ({"name": "astar", "tie_break": "fifo"},)}
+    )
+    assert point_name(study, study.points[1]) == "robots 2, routing astar fifo"
+    assert json.dumps(point_name(study, study.points[0]))
+
+
+def test_numbers_have_as_many_digits_as_tell_them_apart() -> None:
+    for levels, names in (
+        ((0.123456789, 0.5), ["0.123457", "0.5"]),
+        ((0.1234567, 0.12345671), ["0.1234567", "0.12345671"]),
+    ):
+        study = study_of({"strategy.gain": levels})
+        assert [point_name(study, point) for point in study.points] == [f"gain {n}" for n in names]

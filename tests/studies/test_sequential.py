@@ -1,0 +1,227 @@
+"""Sequential tests, selection and steady states: known values, and their errors in small."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from statistics_trials import (
+    LOAD,
+    autoregressive,
+    batch_coverage,
+    under_noise,
+    waits,
+    wrong_answers,
+    wrong_means,
+)
+
+from automaton.studies.inference.proportions import confidence_sequence, share_test
+from automaton.studies.inference.selection import batches, feasible, region, select_least
+from automaton.studies.inference.steady_state import (
+    NotSteadyError,
+    batch_means,
+    correlation_time,
+    independent,
+    mser5,
+    replication_deletion,
+    von_neumann,
+)
+
+
+def test_walds_test_by_hand() -> None:
+    test = share_test(0.95, 0.02, 0.05)
+    assert test.bound == pytest.approx(math.log(19))
+    assert test.fewest == math.ceil(math.log(19) / math.log(0.97 / 0.93))  # 70
+    assert test.verdict([True] * 69) == ("undecided", 69)
+    assert test.verdict([True] * 200) == ("meets", 70)
+    assert test.verdict([False] * 10) == ("fails", 4)
+
+
+@given(st.lists(st.booleans(), max_size=300))
+def test_what_follows_a_verdict_does_not_change_it(outcomes: list[bool]) -> None:
+    test = share_test(0.9, 0.05, 0.1)
+    verdict, after = test.verdict(outcomes)
+    assert test.verdict(outcomes[:after]) == (verdict, after)
+    if verdict != "undecided":
+        assert test.verdict([*outcomes, True, False]) == (verdict, after)
+
+
+@pytest.mark.parametrize(
+    ("share", "zone", "error"), [(0.99, 0.02, 0.05), (0.95, 0, 0.05), (0.9, 0.1, 0.5)]
+)
+def test_impossible_tests_are_refused(share: float, zone: float, error: float) -> None:
+    with pytest.raises(ValueError):
+        share_test(share, zone, error)
+
+
+def test_the_confidence_sequence_is_where_the_mixture_is_below_its_bound() -> None:
+    found = confidence_sequence(190, 200)
+    assert found.low is not None and found.high is not None
+
+    def log_beta(a: float, b: float) -> float:
+        return math.lgamma(a) + math.lgamma(b) - math.lgamma(a + b)
+
+    for edge in (found.low, found.high):
+        mixture = log_beta(190.5, 10.5) - log_beta(0.5, 0.5)
+        ratio = mixture - 190 * math.log(edge) - 10 * math.log(1 - edge)
+        assert ratio == pytest.approx(math.log(20), abs=1e-6)
+
+
+@given(st.integers(0, 400), st.integers(0, 400))
+def test_the_confidence_sequence_holds_its_share(met: int, missed: int) -> None:
+    found = confidence_sequence(met, met + missed)
+    assert found.low is not None and found.high is not None
+    assert 0 <= found.low <= found.high <= 1
+    if met + missed:
+        assert found.low <= met / (met + missed) <= found.high
+
+
+def test_the_confidence_sequence_survives_stopping_at_the_worst_moment() -> None:
+    rng, held = np.random.default_rng(2), 0
+    looks = [5, 10, 20, 40, 80, 160, 320, 640]
+    for _ in range(300):
+        met = np.cumsum(rng.random(640) < 0.9)
+        held += all(confidence_sequence(int(met[n - 1]), n).holds(0.9) for n in looks)
+    assert held / 300 >= 0.95 - 2 * math.sqrt(0.05 * 0.95 / 300)
+
+
+def test_searches_at_the_boundaries_err_as_seldom_as_they_say() -> None:
+    studies = 150
+    most = 0.05 + 2 * math.sqrt(0.05 * 0.95 / studies)
+    for shares in ([0.93, 0.93, 0.97], [0.97]):
+        assert wrong_answers(shares, studies)[0] <= most
+
+
+def test_means_at_the_boundaries_err_as_seldom_as_they_say() -> None:
+    studies = 200
+    pool = 1500 + np.random.default_rng(7).gamma(1.1, 110, 20_000)
+    most = 0.05 + 2 * math.sqrt(0.05 * 0.95 / studies)
+    for side in (-1, 1):
+        assert wrong_means(pool, side, studies)[0] <= most
+
+
+def test_kim_and_nelsons_constants_by_hand() -> None:
+    limits = region(1.0, 0.05)
+    eta = ((2 * 0.05) ** (-2 / 19) - 1) / 2
+    assert limits.h2 == pytest.approx(2 * eta * 19)
+    assert limits.width(9.0, 20) == pytest.approx(max(0, limits.h2 * 9 / 2 - 10))
+    assert limits.width(9.0, 21) < limits.width(9.0, 20) and limits.width(9.0, 1000) == 0
+
+
+def test_a_mean_is_judged_after_twenty_batches_at_the_earliest() -> None:
+    limits = region(1.0, 0.05)
+    clear = np.linspace(0, 1, 40)
+    assert feasible(clear[:19], 100.0, limits) == ("undecided", 19)
+    assert feasible(clear, 100.0, limits) == ("meets", 20)
+    assert feasible(clear, -100.0, limits) == ("fails", 20)
+
+
+def test_a_triangle_closes_so_every_mean_is_judged() -> None:
+    rng = np.random.default_rng(1)
+    limits, means = region(0.5, 0.05), rng.normal(0, 1, 2000)
+    verdict, after = feasible(means, 0.0, limits)
+    assert verdict != "undecided"
+    assert limits.width(float(means[:20].var(ddof=1)), after + 1) == 0 or after < 2000
+
+
+def test_batches_wait_for_whole_ones() -> None:
+    assert batches(list(range(25))).tolist() == [4.5, 14.5]
+    assert len(batches([])) == 0
+
+
+def test_the_best_of_several_is_found_as_often_as_promised() -> None:
+    rng, right = np.random.default_rng(3), 0
+    for _ in range(100):
+        systems = [rng.normal(mean, 2, 3000) for mean in (11.0, 10.0, 11.0)]
+        found = select_least(systems, 1.0, 0.05)
+        right += found.left == (1,)
+    assert right / 100 >= 0.95 - 2 * math.sqrt(0.05 * 0.95 / 100)
+
+
+def test_too_few_batches_select_nobody() -> None:
+    systems = [np.arange(10.0), np.arange(10.0)]
+    assert select_least(systems, 1.0, 0.05).left == (0, 1)
+    assert select_least([np.arange(30.0)], 1.0, 0.05).left == (0,)
+
+
+def test_mser_cuts_the_warm_up_off() -> None:
+    rng = np.random.default_rng(1)
+    ramp = np.concatenate([np.linspace(-20, 0, 100), np.zeros(900)])
+    series = ramp + rng.normal(0, 1, (8, 1000))
+    found = mser5(series)
+    assert 70 <= found.cut <= 150 and found.cut % 5 == 0
+    assert mser5(rng.normal(0, 1, (8, 1000))).cut <= 250
+
+
+def test_mser_refuses_what_is_not_stationary_and_what_is_too_little() -> None:
+    rng = np.random.default_rng(1)
+    growing = np.linspace(0, 50, 1000) ** 2 + rng.normal(0, 1, (5, 1000))
+    with pytest.raises(NotSteadyError, match="not stationary or too short"):
+        mser5(growing)
+    with pytest.raises(NotSteadyError, match="needs 5 replications, there are 4"):
+        mser5(np.zeros((4, 1000)))
+    with pytest.raises(NotSteadyError, match="observations"):
+        mser5(np.zeros((5, 20)))
+
+
+def test_replication_deletion_needs_twenty() -> None:
+    rng = np.random.default_rng(1)
+    series = rng.normal(3, 1, (60, 200))
+    assert replication_deletion(series, 50).holds(3.0)
+    with pytest.raises(NotSteadyError, match="20 replications, there are 19"):
+        replication_deletion(series[:19], 50)
+    with pytest.raises(NotSteadyError, match="leaves nothing"):
+        replication_deletion(series, 200)
+
+
+def test_von_neumanns_ratio_by_hand() -> None:
+    assert von_neumann([1, 2, 3, 4, 5]) == pytest.approx(4 / 10)
+    assert not independent([1.0, 2, 3, 4, 5, 6, 7, 8, 9, 10])
+    assert von_neumann([2.0, 2.0, 2.0]) == 2
+
+
+def test_batch_means_of_a_queue_hold_its_delay() -> None:
+    rng = np.random.default_rng(8)
+    series = waits(rng, 40, 20_000, from_empty=False)
+    held, given = batch_coverage(series, LOAD / (1 - LOAD))
+    assert given >= 30 and held * given >= 0.95 * given - 3
+    several = rng.normal(size=(7, 1000))
+    few = batch_means(several)  # of a few runs all count
+    assert (few.n, few.method) == (14, "14 batch means of 7 runs")
+    assert few.value == pytest.approx(several.mean())
+    with pytest.raises(NotSteadyError, match="observations"):
+        batch_means(series[0, :100])
+    with pytest.raises(NotSteadyError, match="depend"):
+        batch_means(np.linspace(0, 1, 1000))
+
+
+def test_batch_means_hold_the_truth_or_are_refused() -> None:
+    rng = np.random.default_rng(9)
+    for r, n, least in ((0.9, 3000, 150), (0.95, 1000, 0), (0.98, 3000, 0)):
+        held, given = batch_coverage(autoregressive(rng, 200, n, r), 0.0)
+        assert given >= least
+        assert given == 0 or (1 - held) * given <= 0.05 * 200 + 3
+
+
+def test_a_slow_series_under_noise_is_refused_until_its_batches_outlast_it() -> None:
+    rng = np.random.default_rng(10)
+    for runs, n, r, share in ((5, 1000, 0.99, 0.1), (1, 3000, 0.995, 0.05)):
+        _, given = batch_coverage(under_noise(rng, 200, runs, n, r, share), 0.0)
+        assert given <= 10
+    held, given = batch_coverage(under_noise(rng, 100, 1, 20_000, 0.98, 0.05), 0.0)
+    assert given >= 75 and (1 - held) * given <= 0.05 * 100 + 3
+    _, given = batch_coverage(rng.normal(size=(200, 300)), 0.0)
+    assert given >= 160  # independent observations, although of few batches
+
+
+def test_over_how_many_observations_a_series_depends_on_itself() -> None:
+    rng = np.random.default_rng(11)
+    alone = autoregressive(rng, 1, 100_000, 0.9)
+    for longest in (1, 19):
+        assert correlation_time(alone, longest) == pytest.approx(19, rel=0.1)  # (1 + r) / (1 - r)
+    hidden = under_noise(rng, 1, 1, 100_000, 0.98, 0.05)[0]
+    assert correlation_time(hidden) < 1.3 and correlation_time(hidden, 3000) > 50
+    assert correlation_time(rng.normal(size=(7, 350)), 50) < 10

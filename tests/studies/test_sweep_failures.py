@@ -1,0 +1,182 @@
+"""Strategies and workers that make trouble: a row says so, and all other runs are done."""
+
+from __future__ import annotations
+
+import json
+import pickle
+import signal
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from threading import Event
+
+import pytest
+from sweep_studies import (
+    TROUBLE,
+    row_files,
+    small_study,
+    started,
+    sweep_command,
+    swept_here,
+    troubled,
+)
+
+from automaton.commands import main
+from automaton.errors import InputError
+from automaton.experiments import sweep
+from automaton.studies.sweeps import pools, sweep_runs
+from automaton.studies.sweeps.result_store import Store, read_rows
+from automaton.studies.sweeps.sweep_forecast import done_in
+from automaton.studies.sweeps.sweep_plan import make_sweep_plan
+from automaton.studies.sweeps.sweep_session import sweep_into
+
+
+def test_a_run_whose_strategy_raises_is_a_row_that_says_so(tmp_path: Path) -> None:
+    command = sweep_command(troubled(tmp_path, "Raises"), tmp_path / "out", "--workers", "1")
+    process = started(command)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 1 and "3 runs failed" in err
+    rows = Store(tmp_path / "out").rows().to_pylist()
+    assert [row["error"] is None for row in rows] == [True] * 3 + [False] * 3
+    assert "two are too many" in rows[3]["error"] and rows[3]["digest"] is None
+    assert not rows[0]["finished"] and rows[0]["ticks"] == 50  # nobody does anything: the limit
+    assert "3 runs reached the limit" in out
+
+
+def test_what_a_strategy_says_is_kept_though_it_is_no_text(tmp_path: Path) -> None:
+    failed = swept_here(troubled(tmp_path, "SaysSomethingOdd")).column("error").to_pylist()
+    assert failed[:3] == [None] * 3
+    assert all("no caf?.csv" in why for why in failed[3:])
+
+
+def test_a_strategy_that_never_answers_is_named_in_the_row(tmp_path: Path) -> None:
+    study, out = troubled(tmp_path, "NeverAnswers"), tmp_path / "out"
+    process = started(sweep_command(study, out, "--workers", "1", "--strategy-timeout", "1"))
+    _, err = process.communicate(timeout=120)
+    assert process.returncode == 1 and "3 runs failed" in err
+    failed = Store(out).rows().column("error").to_pylist()
+    assert failed[:3] == [None] * 3
+    assert all(
+        "'sweep_studies:NeverAnswers' raised NoAnswer: no answer within 1 s" in why
+        for why in failed[3:]
+    )
+
+
+def test_runs_of_a_worker_that_dies_are_done_again(tmp_path: Path) -> None:
+    command = sweep_command(
+        troubled(tmp_path, "DiesOnce"), tmp_path / "out", "--json", "--workers=1"
+    )
+    process = started(command, **{TROUBLE: str(tmp_path)})
+    told, err = process.communicate(timeout=60)
+    assert process.returncode == 0, err
+    found = json.loads(told)
+    assert found["failed"] == 0 and found["done"] == 6 and 1 <= found["repeated"] <= 6
+    assert Store(tmp_path / "out").rows().num_rows == 6
+
+
+def test_runs_that_need_all_memory_are_done_one_after_the_other(tmp_path: Path) -> None:
+    study, out = troubled(tmp_path, "NeedsAllMemory"), tmp_path / "out"
+    text = study.read_text().replace("[1, 2]", "[1]")
+    study.write_text(text.replace("replications: 3", "replications: 6"))
+    process = started(sweep_command(study, out, "--workers", "2"), **{TROUBLE: str(tmp_path)})
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 0, err
+    assert Store(out).rows().column("error").to_pylist() == [None] * 6
+
+
+def test_workers_that_cannot_start_are_told_and_no_run_has_failed(tmp_path: Path) -> None:
+    script = tmp_path / "unguarded.py"
+    study, out = small_study(tmp_path), tmp_path / "out"
+    script.write_text(
+        "from automaton.experiments import sweep\n"
+        f"sweep({str(study)!r}, out={str(out)!r}, workers=2)\n"
+    )
+    process = started([sys.executable, str(script)])
+    _, err = process.communicate(timeout=120)
+    last = err.splitlines()[-1]
+    assert last.startswith("automaton.errors.InputError: the workers cannot start"), err
+    assert Store(out).rows().num_rows == 0
+
+
+def test_a_run_that_kills_its_worker_twice_has_failed_until_it_is_tried_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study, out = troubled(tmp_path, "DiesUntilMended"), tmp_path / "out"
+    command = sweep_command(study, out, "--workers", "1")
+    process = started(command, **{TROUBLE: str(tmp_path)})
+    _, err = process.communicate(timeout=60)
+    assert (process.returncode, err.count("\n")) == (1, 1), err
+    failed = Store(out).rows().column("error").to_pylist()
+    assert failed[:3] == [None] * 3
+    assert all("the worker process died twice" in why for why in failed[3:])
+    # Mended, but they are not done again by themselves: they might kill workers for ever.
+    monkeypatch.setenv(TROUBLE, str(tmp_path))
+    (tmp_path / "mended").touch()
+    assert main(command[3:]) == 1
+    said = "3 runs failed; the column `error` says why, --retry-failed tries again\n"
+    assert capsys.readouterr().err == f"automaton: {said}"
+    assert [done_in(out, make_sweep_plan(study), retry) for retry in (False, True)] == [6, 3]
+    assert swept_here(study, out, retry_failed=True).column("error").to_pylist() == [None] * 6
+    (file,) = row_files(out)
+    assert read_rows(file).num_rows == 6  # the rows of failures are gone
+
+
+@pytest.mark.parametrize(
+    ("strategy", "told"), [("Quits", "SystemExit: 0"), ("Interrupts", "raised KeyboardInterrupt (")]
+)
+def test_a_strategy_that_ends_python_ends_its_run_alone(
+    strategy: str, told: str, tmp_path: Path
+) -> None:
+    study, out = troubled(tmp_path, strategy), tmp_path / "out"
+    process = started(sweep_command(study, out, "--workers", "1"))
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 1 and "3 runs failed" in err
+    with ThreadPoolExecutor(1) as executor:
+        tables = Store(out).rows(), sweep(study, executor=executor)
+    for failed in (table.column("error").to_pylist() for table in tables):
+        assert failed[:3] == [None] * 3 and all(told in why for why in failed[3:])
+
+
+def test_ctrl_c_ends_a_sweep_whose_runs_are_done_in_its_own_thread(tmp_path: Path) -> None:
+    plan = make_sweep_plan(troubled(tmp_path, "IsInterrupted"))
+    _, two, *_ = plan.manifest.runs()
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            sweep_runs.run_one(plan.scenarios[1], two)
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def test_a_scenario_that_another_thread_lets_go_is_still_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sweep_runs, "_SCENARIOS", {})
+    monkeypatch.setattr(
+        sweep_runs, "Simulation", lambda resolved, **_: sweep_runs._SCENARIOS.clear()
+    )
+    given = make_sweep_plan(troubled(tmp_path, "Raises")).scenarios[0]
+    assert sweep_runs._scenario("one", pickle.dumps(given)).scenario == given.scenario
+
+
+def test_an_executor_is_left_without_the_runs_of_a_sweep_that_ended(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun, over = [], Event()
+
+    def run_chunk(chunk: sweep_runs.Chunk) -> list[sweep_runs.Row]:
+        begun.append(chunk)
+        assert len(begun) == 1 or over.wait(20)
+        return sweep_runs.run_chunk(chunk)
+
+    def stop(rows: list[sweep_runs.Row]) -> None:
+        raise InputError("stopped")
+
+    monkeypatch.setattr(pools, "run_chunk", run_chunk)
+    plan = make_sweep_plan(troubled(tmp_path, "Raises"))
+    with ThreadPoolExecutor(1) as executor:
+        with pytest.raises(InputError, match="stopped"):
+            backend = pools.ExternalExecutor(executor)
+            sweep_into(tmp_path / "out", plan, lambda: backend, on_rows=stop)
+        over.set()
+    assert len(begun) <= 2  # one that was done, and one that was under way

@@ -1,0 +1,197 @@
+"""Keys of runs follow from contents: the same study in another folder has the same ones."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from sweep_studies import environment, plain, swept_here
+
+from automaton.errors import InputError
+from automaton.studies.reports.build_report import scenarios_of
+from automaton.studies.sweeps import run_keys as keys
+from automaton.studies.sweeps import sweep_runs
+from automaton.studies.sweeps.result_store import Store
+from automaton.studies.sweeps.run_keys import sources_of
+
+PLUG_IN = """from pathlib import Path
+
+import msgspec
+
+from automaton.strategy.layer import Strategy
+from automaton.engine.state import CMD_PARK
+
+
+class Parameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    table: str = "table.txt"
+
+    @property
+    def files(self):
+        return (Path(self.table),)
+
+    def resolve_paths(self, folder):
+        return msgspec.structs.replace(self, table=str((folder / self.table).resolve()))
+
+
+class Own(Strategy):
+    layer = "allocation"
+    Parameters = Parameters
+
+    def decide(self, view, batch, decisions, memory, workspace):
+        decisions.allocation.command[: batch.count[0]] = CMD_PARK
+"""
+SCENARIO = """name: own
+layout: {file: floor.txt}
+fleet: {robots: 1}
+orders: {generator: picture-loads}
+strategy: {allocation: {name: 'own_allocation:Own', table: table.txt}}
+"""
+STUDY = """name: own
+scenario: own.yaml
+factors:
+  fleet.robots: [1, 2]
+  strategy.allocation:
+    - {name: 'own_allocation:Own', table: table.txt}
+    - independent
+replications: 2
+"""
+TELL = (
+    "import sys\n"
+    "from automaton.studies.sweeps.sweep_plan import make_sweep_plan\n"
+    "print(*sorted(make_sweep_plan(sys.argv[1]).manifest.keys()))\n"
+)
+
+
+def copied(folder: Path, table: str = "1 2 3\n") -> Path:
+    """A checkout: a study, its scenario with a floor, a plug-in and the file that it reads."""
+    folder.mkdir()
+    (folder / "own_allocation.py").write_text(PLUG_IN)
+    (folder / "table.txt").write_text(table)
+    (folder / "floor.txt").write_text("b.$.d\nb....\n#....\n")
+    (folder / "own.yaml").write_text(SCENARIO)
+    (folder / "own-study.yaml").write_text(STUDY)
+    return folder / "own-study.yaml"
+
+
+def keys_told(study: Path, folder: Path) -> str:
+    """The keys of a study as a process tells them that runs in a folder, and has its plug-ins."""
+    paths = os.pathsep.join([str(study.parent), environment()["PYTHONPATH"]])
+    found = subprocess.run(
+        [sys.executable, "-c", TELL, os.path.relpath(study, folder)],
+        cwd=folder,
+        env=environment() | {"PYTHONPATH": paths},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert found.returncode == 0, found.stderr
+    return found.stdout
+
+
+def test_two_checkouts_have_the_same_keys(tmp_path: Path) -> None:
+    one, other = copied(tmp_path / "one"), copied(tmp_path / "another one")
+    changed = copied(tmp_path / "changed", table="1 2 4\n")
+    keys = keys_told(one, one.parent)
+    assert len(set(keys.split())) == 4 * 2
+    assert keys_told(other, tmp_path) == keys
+    differ = set(keys_told(changed, tmp_path).split()) - set(keys.split())
+    assert len(differ) == 2 * 2  # the points whose strategy reads the table
+
+
+@pytest.mark.parametrize("begun", ["", "__init__.py"], ids=["without __init__", "with it"])
+def test_all_files_of_a_package_of_plug_ins_count(
+    begun: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name = f"own_package{len(begun)}"
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / name / "deep").mkdir(parents=True)
+    (tmp_path / "beside.py").touch()
+    for file in ("own.py", "deep/more.py", *([begun] if begun else [])):
+        (tmp_path / name / file).touch()
+    for file in ("deep/data.json", "__pycache__/own.pyc", ".git/HEAD", "results/sweep.json"):
+        (tmp_path / name / file).parent.mkdir(exist_ok=True)
+        (tmp_path / name / file).touch()
+    counted = {file for file in sources_of((f"{name}.own",)) if file.startswith(name)}
+    names = {"own.py", "deep/more.py", "deep/data.json", *([begun] if begun else [])}
+    assert counted == {f"{name}: {file}" for file in names}
+
+
+def far_study(folder: Path, scenario: str) -> Path:
+    """A study whose scenario lies deeper, with its floor above it and its orders beside it."""
+    (folder / "deep").mkdir(parents=True)
+    (folder / "floor.txt").write_bytes(b"b.$.d\r\nb....\r\ns....\r\n")
+    (folder / "deep" / "orders.csv").write_text("tick,from_x,from_y,to_x,to_y\n0,0,2,4,0\n")
+    (folder / "deep" / "own.yaml").write_text(
+        "name: own\nlayout: {file: ../floor.txt}\nfleet: {robots: 1}\n"
+        "orders: {arrivals: {file: orders.csv}}\nstop: {when: delivered, max_duration: 500}\n"
+    )
+    study = folder / "far.yaml"
+    study.write_text(
+        f"name: far\nscenario: {scenario}\nfactors: {{fleet.robots: [1, 2]}}\nreplications: 1\n"
+    )
+    return study
+
+
+def test_a_folder_of_results_needs_no_file_of_its_study(tmp_path: Path) -> None:
+    study, out = far_study(tmp_path / "home", "deep/own.yaml"), tmp_path / "out"
+    rows = swept_here(study, out)
+    shutil.rmtree(study.parent)
+    scenarios, note = scenarios_of(Store(out))
+    assert set(scenarios) == {0, 1} and note == ""
+    assert swept_here(out / "study.yaml", out).equals(rows)
+    assert plain(swept_here(out / "study.yaml", tmp_path / "again")) == plain(rows)
+
+
+def test_only_what_lies_below_a_study_is_copied(tmp_path: Path) -> None:
+    study, out = (
+        far_study(tmp_path / "home", "[tabletop-mini, ../outside/own.yaml]"),
+        tmp_path / "o",
+    )
+    (study.parent / "deep").rename(tmp_path / "outside")
+    (study.parent / "floor.txt").rename(tmp_path / "floor.txt")
+    swept_here(study, out)
+    names = {path.name for path in out.iterdir()}
+    assert names == {".lock", "rows", "study.yaml", "sweep.json"}
+
+
+def test_a_file_that_is_in_the_way_of_a_copy_stays(tmp_path: Path) -> None:
+    study, out = far_study(tmp_path / "home", "deep/own.yaml"), tmp_path / "out"
+    out.mkdir()
+    (out / "floor.txt").write_text("mine")
+    with pytest.raises(InputError, match=r"holds another file floor\.txt than the study"):
+        swept_here(study, out)
+    assert (out / "floor.txt").read_text() == "mine"
+
+
+def test_a_worker_that_lives_on_says_which_code_it_has(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "lasting_plug_in.py").touch()
+    sweep_runs._packages.cache_clear()
+    mine = sweep_runs._version(())
+    with monkeypatch.context() as later:  # the disk has other code now
+        later.setattr(keys, "DATA_SUFFIXES", ())
+        changed = keys.hashed(sources_of(("lasting_plug_in",)))
+        assert (
+            sweep_runs._version(("lasting_plug_in",)) != changed and sweep_runs._version(()) == mine
+        )
+    assert sweep_runs._version(("lasting_plug_in",)) == keys.hashed(
+        sources_of(("lasting_plug_in",))
+    )
+
+
+def test_a_link_that_leads_nowhere_is_no_source(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Such as an editor leaves beside a file that is open in it."""
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "edited_plug_in.py").touch()
+    (tmp_path / ".#edited_plug_in.py").symlink_to("somebody@somewhere.1")
+    assert set(sources_of(("edited_plug_in",))) - set(sources_of()) == {
+        "edited_plug_in: edited_plug_in.py"
+    }

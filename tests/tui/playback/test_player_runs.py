@@ -1,0 +1,204 @@
+"""The player with two runs, with breakpoints, and with runs that cannot go on."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+from manual_clock import FLEET, ManualClock, clock, live, manual_player, recorded
+
+from automaton.errors import InputError
+from automaton.evidence.history.breakpoints import breakpoint_of
+from automaton.evidence.history.watched_run import Run
+from tui.playback.player import STATE_INTERVAL_S, UNSEEN_S
+
+__all__ = ["clock"]
+FAILING = ("strategy.right_of_way=test_run_history:FailsLater",)
+
+
+# Two runs
+
+
+def test_two_runs_are_always_at_the_same_tick(clock: ManualClock, tmp_path: Path) -> None:
+    player = manual_player(
+        clock, live(*FLEET), recorded(tmp_path, 400, "strategy.right_of_way=wait")
+    )
+    player.set_speed(math.inf)
+    orders = [player.play, lambda: player.seek(30), lambda: player.play(-1), player.pause]
+    for order in [*orders, lambda: player.seek(390), player.play, lambda: player.step(-3)]:
+        order()
+        for _ in range(5):
+            playback = player.turn()
+            for snapshot in playback.snapshots:
+                assert snapshot.tick == min(playback.tick, 400) or snapshot.tick == playback.tick
+    playback = player.settle()
+    assert playback.head == player.runs[0].head
+
+
+def test_the_shorter_run_waits_at_its_end(clock: ManualClock, tmp_path: Path) -> None:
+    player = manual_player(clock, recorded(tmp_path, 300), recorded(tmp_path, 200))
+    player.seek(10_000)
+    playback = player.settle()
+    assert playback.tick == 300 == playback.end
+    assert [snapshot.tick for snapshot in playback.snapshots] == [300, 200]
+    player.step(-50)
+    assert [s.tick for s in player.settle().snapshots] == [250, 200]
+    player.step(-100)
+    assert [s.tick for s in player.settle().snapshots] == [150, 150]
+
+
+def test_two_fleets_of_different_size(clock: ManualClock) -> None:
+    player = manual_player(clock, live("fleet.robots=5"), live("fleet.robots=2"))
+    player.select(4)
+    player.seek(50)
+    playback = player.settle()
+    assert not playback.error and [len(s.robots) for s in playback.snapshots] == [5, 2]
+    assert playback.snapshots[1].route.size == 0
+
+
+def test_when_one_of_two_fails_both_stay_together(clock: ManualClock) -> None:
+    player = manual_player(clock, live(*FLEET), live(*FLEET, *FAILING))
+    player.seek(400)
+    playback = player.settle()
+    assert "own mistake" in playback.error
+    # How far they came before depends on the machine.
+    assert [snapshot.tick for snapshot in playback.snapshots] == [
+        playback.tick,
+        min(playback.tick, 49),
+    ]
+
+
+# Breakpoints
+
+
+def begins(run: Run, text: str) -> dict[int, list[int]]:
+    """Ticks at which a breakpoint begins to hold, and for which robots."""
+    point, found, before = breakpoint_of(text), {}, set[int]()
+    while run.tick != run.end:
+        run.show(run.tick + 1, 99)
+        now = set(point.test(run.shown, run.floor_plan).tolist())
+        if now - before:
+            found[run.tick] = sorted(now - before)
+        before = now
+    return found
+
+
+@pytest.mark.parametrize(
+    "text", ["delivered", "delivered 7", "stalled > 12", "wait cycle", "loaded and y > 2"]
+)
+def test_it_stops_at_each_tick_where_a_condition_begins_to_hold(
+    text: str, clock: ManualClock
+) -> None:
+    stops = list(begins(live(*FLEET), text).items())[:6]
+    assert stops
+    player = manual_player(clock)
+    player.set_breakpoints([breakpoint_of(text)])
+    player.set_speed(math.inf)
+    for tick, culprits in stops:
+        player.play()
+        playback = player.settle()
+        assert (playback.tick, list(playback.breakpoint_robots)) == (tick, culprits)
+        assert playback.stopped.startswith(f"{text}: robot {culprits[0]}") and not playback.playing
+    player.step(1)
+    assert player.settle().stopped == ""
+
+
+def test_every_way_forward_stops_at_a_breakpoint_but_no_jump_and_not_the_way_back(
+    clock: ManualClock,
+) -> None:
+    player = manual_player(clock)
+    player.set_speed(math.inf)
+    player.set_breakpoints([breakpoint_of("delivered")])
+    player.play()
+    first = player.settle().tick
+    assert first > 1
+    ways = (
+        player.play,
+        lambda: player.seek(first + 50, stop_at_breakpoints=True),
+        lambda: player.step(100),
+    )
+    for way in ways:
+        player.seek(first - 5)
+        assert player.settle().stopped == ""
+        way()
+        playback = player.settle()
+        assert playback.tick == first and playback.stopped.startswith("delivered: robot ")
+    player.step(1)
+    assert (player.settle().tick, player.latest().stopped) == (first + 1, "")
+    player.step(-1)
+    assert (player.settle().tick, player.latest().stopped) == (first, "")
+    player.seek(0)
+    player.seek(first + 50)
+    assert (player.settle().tick, player.latest().stopped) == (first + 50, "")
+    player.play(-1)
+    assert player.settle().tick == 0
+
+
+def test_of_two_runs_each_is_stopped_at_its_own_breakpoints(
+    clock: ManualClock, tmp_path: Path
+) -> None:
+    runs = [recorded(tmp_path, 400), recorded(tmp_path, 399, "strategy.right_of_way=wait")]
+    mine, its = (begins(run, "stalled > 15") for run in runs)
+    player = manual_player(clock, *runs)
+    player.set_breakpoints([breakpoint_of("stalled > 15")])
+    player.set_speed(math.inf)
+    player.seek(0)
+    met = []
+    for tick in sorted({*mine, *its}):
+        player.play()
+        playback = player.settle()
+        sides = [side for side, found in enumerate((mine, its)) if tick in found]
+        assert (playback.tick, playback.side) == (tick, sides[0])
+        assert list(playback.breakpoint_robots) == (mine, its)[sides[0]][tick]
+        named = [f"run {'AB'[side]}, robot {(mine, its)[side][tick][0]}" for side in sides]
+        told = [one.removesuffix(" and others") for one in playback.stopped.split("; ")]
+        assert told == [f"stalled > 15: {name}" for name in named]
+        met.append(sides)
+    assert [0, 1] in met and [1] in met  # both at once, and one alone
+    player.play()
+    assert player.settle().tick == 400
+
+
+def test_an_unreadable_recording_is_a_sentence(clock: ManualClock, tmp_path: Path) -> None:
+    run = recorded(tmp_path, 600)
+    del run.frames.payloads[3]
+    player = manual_player(clock, run)
+    player.seek(600)
+    playback = player.settle()
+    assert "altered" in playback.error and playback.snapshots[0].tick == playback.tick < 600
+    with pytest.raises(InputError):
+        run.show(600, 99)
+
+
+def test_shots_are_no_more_frequent_than_a_screen_can_show(clock: ManualClock) -> None:
+    player = manual_player(clock, live(*FLEET, "stop={when: never, max_duration: 1000000000}"))
+    player.set_speed(math.inf)
+    player.play()
+    player.turn()
+    seq = player.latest().seq
+    player.turn(5)  # the clock stands still: nothing waits at full speed
+    assert player.latest().seq <= seq + 1
+    for pause, fresh in ((1.5 * STATE_INTERVAL_S, 1), (1.5 * STATE_INTERVAL_S, 0), (UNSEEN_S, 1)):
+        seq = player._playback.seq
+        clock.now += pause
+        player._carry_on(1)
+        assert player._playback.seq == seq + fresh, (
+            "a shot that nobody has looked at yet lasts longer"
+        )
+    clock.now += 1.5 * STATE_INTERVAL_S
+    seq = player.latest().seq
+    assert player.turn().seq == seq + 1
+    clock.now += 1.5 * STATE_INTERVAL_S
+    assert player.turn().seq == seq + 2
+
+
+def test_a_speed_that_was_not_measured_yet_is_not_told(clock: ManualClock) -> None:
+    player = manual_player(clock, live(*FLEET, "stop={when: never, max_duration: 1000000000}"))
+    player.play()
+    for order in (lambda: player.set_speed(4), lambda: player.play(-1)):
+        player.turn()
+        clock.now += 3.0
+        assert player.turn(3).achieved > 0
+        order()
+        assert player.turn().achieved == 0

@@ -1,0 +1,102 @@
+"""The legend explains what is drawn, and a line says what a cell holds."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from render_scenes import (
+    camera_at,
+    composed,
+    crossing,
+    drawn,
+    fg,
+    make_scene,
+    mini,
+    open_floor,
+    shipped,
+    signs,
+)
+
+from automaton.floor.traffic_zones import traffic_zones_of
+from tui.render.describe import describe
+from tui.render.glyphs import UNICODE
+from tui.render.map_legend import legend, worst_cells
+
+
+@pytest.mark.parametrize("zoom", ["1x1", "braille 1"])
+def test_the_legend_explains_every_sign_of_the_picture(zoom: str):
+    for scene in (crossing(), mini()):
+        codes, camera = composed(scene, zoom)
+        explained = {
+            (fg(sign), sign & 0xFFFF if zoom == "1x1" else 0)
+            for entry in legend(scene, camera.zoom, UNICODE)
+            for sign in entry.signs
+        }
+        shown = {
+            (fg(code), int(code) & 0xFFFF if zoom == "1x1" else 0)
+            for code in codes.reshape(-1)
+            if signs(np.array([code]))[0] not in " ⠀"
+        }
+        assert shown <= explained
+
+
+def test_the_legend_has_only_what_can_occur():
+    words = [
+        entry.meaning
+        for entry in legend(mini(), camera_at(mini().floor.floor_plan, "1x1").zoom, UNICODE)
+    ]
+    assert "turntable: robots turn here" in words and "parking bay" in words
+    assert not {"charger", "charges", "one-way floor", "two robots pass here"} & set(words)
+
+
+def test_the_legend_gives_the_numbers_of_a_layer():
+    floor_plan = open_floor(3, 3)
+    heat = np.zeros(floor_plan.kind.size, np.int32)
+    heat[floor_plan.cell(1, 1)] = 90
+    zoom = camera_at(floor_plan, "1x1").zoom
+    hot = legend(make_scene(floor_plan, heat=heat, layer="visits"), zoom, UNICODE)
+    assert [entry.meaning for entry in hot if "visits" in entry.meaning][:2] == [
+        "visits: 1",
+        "visits: 2 to 5",
+    ]
+    flow = np.zeros((floor_plan.kind.size, 4), np.int32)
+    flow[floor_plan.cell(1, 1), 2] = 90
+    flowing = legend(make_scene(floor_plan, flow=flow, layer="flow"), zoom, UNICODE)
+    assert "moves: 77 to 100" in [entry.meaning for entry in flowing]
+    floor_plan = shipped("tabletop-mini")
+    shown = make_scene(floor_plan, zones=traffic_zones_of(floor_plan), layer="traffic-zones")
+    meanings = [entry.meaning for entry in legend(shown, zoom, UNICODE)]
+    assert "16 zones, undirected; those that touch differ" in meanings
+    assert "intersection, in no zone" in meanings
+
+
+def test_a_cell_is_described_in_one_line():
+    floor_plan = drawn("$.>.d\ns====")
+    robots = [
+        {"cell": floor_plan.cell(1, 0), "load": 7, "cause": 2},
+        {"cell": floor_plan.cell(1, 1), "claim": floor_plan.cell(2, 1), "action": 1},
+    ]
+    scene = make_scene(floor_plan, *robots)
+    scene.snapshot.orders.reserved_by[0] = 1
+    scene.snapshot.slots.reserved_by[1] = 0
+    described = [
+        describe(scene, floor_plan.cell(*xy)) for xy in ((0, 0), (0, 1), (1, 0), (2, 0), (2, 1))
+    ]
+    assert described == [
+        "(0, 0) shelf with load 0 for (4, 0), to be fetched by robot 1",
+        "(0, 1) shelf, empty, reserved by robot 0",
+        "(1, 0) floor, robot 0 with load 7, waits: head-on",
+        "(2, 0) one-way floor east",
+        "(2, 1) passing aisle, robot 1 comes",
+    ]
+    assert describe(scene, floor_plan.cell(1, 1)) == "(1, 1) passing aisle, robot 1 (move)"
+    assert describe(scene, floor_plan.cell(4, 0)) == "(4, 0) destination with 0 loads"
+
+
+def test_the_worst_cells_of_a_layer_are_known():
+    floor_plan = open_floor(4, 4)
+    heat = np.zeros(floor_plan.kind.size, np.int32)
+    heat[floor_plan.cell(2, 1)], heat[floor_plan.cell(0, 3)] = 51, 7
+    scene = make_scene(floor_plan, heat=heat, layer="waiting")
+    assert worst_cells(scene) == [(floor_plan.cell(2, 1), 51), (floor_plan.cell(0, 3), 7)]
+    assert worst_cells(scene.with_(layer="")) == []

@@ -1,0 +1,44 @@
+"""Every action of the viewer, by its key."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import map_cases  # its checks are entered into the table
+import pytest
+from action_cases import CHECKS
+from viewer_actions import carry_out
+from viewer_harness import mini, viewing
+
+from tui.viewer.app import Viewer
+from tui.widgets.bindings import ACTIONS
+
+__all__ = ["map_cases"]
+
+
+def test_a_branch_brings_its_zones(folder: Path) -> None:
+    async def story() -> None:
+        async with viewing(mini()) as user:
+            await user.at(20)
+            before = user.app.pictures.floors[0].traffic_zones.count
+            user.app._take_branch(("world.traffic_zones=directed",))
+            await user.until(lambda: user.app.pictures.floors[0].traffic_zones.count == 2 * before)
+
+    asyncio.run(story())
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_every_action_has_a_check_and_no_check_is_without_action() -> None:
+    assert set(CHECKS) == {action.id for action in ACTIONS}
+    assert all(callable(getattr(Viewer, f"action_{action.id}")) for action in ACTIONS)
+
+
+@pytest.mark.parametrize("name", list(CHECKS))
+def test_action(name: str, folder: Path) -> None:
+    asyncio.run(carry_out(name, folder))

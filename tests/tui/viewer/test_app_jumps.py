@@ -1,0 +1,104 @@
+"""From a list to the place: what is chosen is seen on the map; and what `i` inspects."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+
+import pytest
+from viewer_harness import Watched, viewing
+
+from automaton.engine.state import NIL
+from tui.playback.panel_view import CellChosen, RobotChosen, TickChosen
+
+NARROW, MIDDLE = (80, 24), (120, 36)
+
+
+def story(tell: Callable[[Watched], Awaitable[None]], size: tuple[int, int] = NARROW) -> None:
+    async def told() -> None:
+        async with viewing(size=size) as user:
+            await user.at(120)
+            await tell(user)
+
+    asyncio.run(told())
+
+
+def covered(user: Watched) -> bool:
+    """Whether panels are in the place of the map."""
+    return not user.app.query_one("#maps").display
+
+
+def place_of(user: Watched, cell: int) -> tuple[int, int]:
+    row, column = user.app.pictures.camera.place_of(cell)
+    return column, row
+
+
+@pytest.mark.parametrize("size", [NARROW, MIDDLE])
+def test_what_is_chosen_in_a_list_is_seen_on_the_map(size: tuple[int, int]) -> None:
+    async def tell(user: Watched) -> None:
+        cell = user.app.pictures.camera.floor_plan.cell(1, 4)
+        for message in (RobotChosen(2), CellChosen(cell), TickChosen(60)):
+            user.app.show_panels("full")
+            await user.until(lambda: covered(user))
+            user.app.column.post_message(message)
+            await user.until(lambda: not covered(user))
+        assert user.app.choice.cell == cell
+        await user.until(lambda: user.tick == 60)
+
+    story(tell, size)
+
+
+def test_a_robot_of_the_table_is_seen_on_the_map() -> None:
+    async def tell(user: Watched) -> None:
+        await user.press("t")
+        await user.until(lambda: covered(user))
+        await user.press("down", "enter")
+        await user.until(lambda: not covered(user))
+        assert user.app.choice.robot != NIL and user.app.maps[0].has_focus
+
+    story(tell)
+
+
+def test_what_was_found_is_seen_on_the_map() -> None:
+    async def tell(user: Watched) -> None:
+        await user.press("e")
+        await user.until(lambda: covered(user))
+        await user.press("slash", *"robot", "space", "2", "enter")
+        await user.until(lambda: user.app.choice.robot == 2 and not covered(user))
+
+    story(tell)
+
+
+def test_the_next_robot_is_looked_at_without_leaving_the_inspector() -> None:
+    async def tell(user: Watched) -> None:
+        await user.press("i", "right_parenthesis")
+        await user.until(lambda: user.app.choice.robot != NIL)
+        assert covered(user) and user.app.column.name_open == "inspector"
+
+    story(tell)
+
+
+def test_inspect_tells_of_what_the_mouse_has_moved_to_and_else_of_what_is_selected() -> None:
+    async def tell(user: Watched) -> None:
+        floor_plan = user.app.pictures.camera.floor_plan
+        one, other = floor_plan.cell(1, 4), floor_plan.cell(2, 4)
+        user.app.choose(1)
+        await user.pilot.hover("#map-0", offset=place_of(user, one))
+        await user.until(lambda: user.app.hovered == one)
+        await user.press("i")
+        assert (user.app.choice.robot, user.app.choice.cell) == (NIL, one)
+        await user.pilot.hover("#map-0", offset=place_of(user, other))
+        await user.until(lambda: user.app.hovered == other)
+        await user.press("right_parenthesis", "i")  # chosen after the mouse came to rest
+        assert (user.app.choice.robot, user.app.choice.cell) == (0, NIL)
+
+    story(tell, MIDDLE)
+
+
+def test_with_nothing_selected_the_middle_of_the_map_is_inspected() -> None:
+    async def tell(user: Watched) -> None:
+        await user.press("i")
+        choice = user.app.choice
+        assert (choice.robot, choice.cell) != (NIL, NIL)
+
+    story(tell, MIDDLE)

@@ -1,0 +1,174 @@
+"""The figures: of one run and of two, and over time."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from panel_harness import (
+    NARROW,
+    WIDE,
+    PanelHarness,
+    busy,
+    click,
+    moment,
+    run_in_harness,
+    said,
+    shown,
+)
+from textual.pilot import Pilot
+
+from automaton.engine.observation import CAUSE_NO_ORDER, CAUSE_NOT_WAITING, CAUSES
+from automaton.evidence.history.event_history import Curve
+from automaton.runs.metrics import METRIC_CATALOGUE
+from tui.widgets import metric_curve
+from tui.widgets.lost_time import CAUSE_LETTERS
+from tui.widgets.metrics_panel import Figures
+
+
+@pytest.mark.parametrize("width", [NARROW, WIDE])
+def test_figures_tell_orders_rates_robots_and_causes(width: int) -> None:
+    view = busy()
+    metrics = view.playback.figures[0].metrics
+    said_then = shown(Figures(), view, width, 80)
+    for words in (
+        "delivered 19 of 50",
+        f"throughput {metrics['throughput']:.1f} /1000 ticks",
+        "last 500 34.0 /1000 ticks",
+        f"blocked {100 * metrics['blocked_share']:.1f} %",
+        "robots 5 work, 0 wait" + (", 0 parked" if width == WIDE else " 0 parked"),
+        "time lost of all robot ticks W working ahead",
+        "tick 600",
+    ):
+        assert words in said_then
+    for name in metrics:
+        assert name in said_then
+
+
+def test_every_cause_of_lost_time_stands_apart_from_its_bar() -> None:
+    view = moment(20, "tabletop-mini")  # of its own: it is changed here
+    lost = view.snapshot.robots.lost
+    for code, cause in enumerate(CAUSES):
+        if code not in (CAUSE_NOT_WAITING, CAUSE_NO_ORDER):
+            lost[:] = 0
+            lost[0, code] = 1
+            assert f" {CAUSE_LETTERS[code]} {cause.name} " in shown(Figures(), view, WIDE, 80)
+
+
+def test_two_runs_stand_side_by_side_with_the_better_one_marked() -> None:
+    view = moment(1500, "tabletop-1", "fleet.robots=5", against="strategy.allocation=independent")
+    first, second = (figures.metrics for figures in view.playback.figures)
+    assert first["delivered"] > second["delivered"]
+    lines: list[str] = []
+
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
+        figures = stage.widget
+        assert isinstance(figures, Figures)
+        figures.show(view)
+        await pilot.pause()
+        lines.extend(said(figures))
+
+    run_in_harness(Figures(), story, 64, 40)
+    row = next(words.split() for words in lines if words.startswith("delivered"))
+    difference = int(second["delivered"] - first["delivered"])
+    assert row == ["delivered", f"{first['delivered']}◂", f"{second['delivered']}", f"{difference}"]
+    assert f"empty_moves_share {100 * first['empty_moves_share']:.1f}" in shown(Figures(), view, 64)
+    assert "delivered orders" in shown(Figures(), view, NARROW)
+
+
+def test_figures_of_different_ticks_are_not_judged() -> None:
+    view = moment(1500, "tabletop-1", "fleet.robots=5", against="strategy.allocation=independent")
+    first, second = view.playback.figures
+    assert "+" in shown(Figures(), view, 64) and "◂" in shown(Figures(), view, 64)
+    early = replace(
+        view, playback=replace(view.playback, figures=(replace(first, tick=900), second))
+    )
+    for width in (NARROW, WIDE):
+        told = shown(Figures(), early, width)
+        assert "900 1,500" in told and "not compared: one run has ended" in told
+        assert "◂" not in told and "better" not in told and "B - A" not in told
+        assert f"{first.metrics['delivered']} {second.metrics['delivered']} " in told
+    whole = tuple(replace(shown, finished=True) for shown in view.playback.snapshots)
+    early_end = replace(whole[0], tick=900)
+    ended = replace(early, playback=replace(early.playback, snapshots=(early_end, whole[1])))
+    assert "◂" in shown(Figures(), ended, WIDE) and "900 1,500" in shown(Figures(), ended, WIDE)
+
+
+def test_a_click_on_a_curve_leads_to_its_tick() -> None:
+    figures = Figures()
+
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
+        figures.show(busy())
+        await pilot.pause()
+        row = said(figures).index("waiting robots") + 3
+        await pilot.click(figures, offset=(1 + metric_curve.LABEL_WIDTH, row))
+        await pilot.click(figures, offset=(figures.width, row))
+        (_, first), (_, last) = stage.wishes()
+        assert first == 0 and last == 600
+
+    run_in_harness(figures, story)
+
+
+def test_a_curve_fills_its_rows_up_to_the_label() -> None:
+    values = np.array([0.0, 0.0, 10.0, 10.0, 5.0, 5.0])
+    assert metric_curve.drawn(values, 2, dots=True) == ["    10 \u2800⣿\u2800", "     0 \u2800⣿⣿"]
+    assert metric_curve.drawn(values, 2, dots=False) == ["    10   ||  ", "     0   ||||"]
+
+
+def test_throughput_counts_the_deliveries_of_each_stretch() -> None:
+    rows = np.zeros((4000, 3), np.int32)
+    rows[:, 2] = np.arange(4000) // 100  # a delivery every 100 ticks
+    known = Curve(rows, 1, 4000)
+    assert np.allclose(metric_curve.throughput(known, 4)[1:], 10)
+    rows[2000:, 0] = 6
+    assert metric_curve.waiting(known, 4).tolist() == [0, 0, 6, 6]
+    assert metric_curve.now_throughput(known) == 10
+
+
+@pytest.mark.parametrize("every", [2, 16, 512])
+def test_of_a_thinned_curve_the_rates_stay_right(every: int) -> None:
+    ticks = 40_000
+    rows = np.zeros((ticks // every, 3), np.int32)
+    rows[:, 2] = np.arange(1, len(rows) + 1) * every // 10  # a delivery every 10 ticks
+    known = Curve(rows, every, ticks)
+    assert np.allclose(metric_curve.throughput(known, 40), 100, atol=2)
+    assert abs(metric_curve.now_throughput(known) - 100) < 2
+    assert abs(metric_curve.now_throughput(known.until(20_000)) - 100) < 2
+
+
+def test_no_unit_is_cut_where_there_is_little_room() -> None:
+    lines: list[str] = []
+
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
+        figures = stage.widget
+        assert isinstance(figures, Figures)
+        figures.show(busy())
+        await pilot.pause()
+        lines.extend(said(figures))
+
+    run_in_harness(Figures(), story, 24, 80)
+    assert "last 500    34.0 /kt" in lines and "orders/1000 ticks" in lines
+    lines.clear()
+    run_in_harness(Figures(), story, 32, 80)
+    at = lines.index("robots       5 work, 0 wait")
+    assert lines[at + 1] == "0 parked"
+
+
+def test_a_click_explains_a_cause_and_a_share() -> None:
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
+        figures = stage.widget
+        assert isinstance(figures, Figures)
+        figures.show(busy())
+        await pilot.pause()
+        for word, meaning in (
+            ("working ahead", "another robot holds the next cell while it works there"),
+            ("utilization", METRIC_CATALOGUE["utilization"][1]),
+        ):
+            assert meaning not in " ".join(said(figures))
+            await click(pilot, figures, word)
+            assert meaning in " ".join(" ".join(said(figures)).split())
+            await click(pilot, figures, word)
+            assert meaning not in " ".join(" ".join(said(figures)).split())
+
+    run_in_harness(Figures(), story, WIDE, 80)

@@ -1,0 +1,252 @@
+"""The panels together, the legend, and the lines that panels are made of."""
+
+from __future__ import annotations
+
+import pytest
+from panel_harness import (
+    NARROW,
+    WIDE,
+    PanelHarness,
+    busy,
+    click,
+    deadlocked,
+    moment,
+    of_robot,
+    run_in_harness,
+    said,
+    text,
+)
+from textual.pilot import Pilot
+
+from tui.playback.panel_view import View
+from tui.render.camera import Camera
+from tui.render.depth import Depth
+from tui.render.glyphs import ASCII, UNICODE
+from tui.render.scene import Floor, Scene
+from tui.render.styles import Look
+from tui.widgets.inspector import Inspector
+from tui.widgets.legend_panel import Legend
+from tui.widgets.metrics_panel import Figures
+from tui.widgets.panel_column import TABS, PanelColumn
+from tui.widgets.signs import UNICODE as SIGNS
+from tui.widgets.signs import bar
+from tui.widgets.styled_lines import line, linked, robot_link, wrapped
+
+LOOK = Look(Depth.TRUE)
+
+
+def _scene(view: View) -> tuple[Scene, Camera]:
+    slots = view.snapshot.slots
+    scene = Scene(Floor(view.floor_plan, slots.cell, slots.unbounded), view.snapshot)
+    return scene, Camera(view.floor_plan, 40, 120)
+
+
+@pytest.mark.parametrize("glyphs", [UNICODE, ASCII], ids=["unicode", "ascii"])
+def test_the_legend_shows_the_signs_of_the_map_in_its_colours(glyphs: object) -> None:
+    assert glyphs in (UNICODE, ASCII)
+    legend = Legend(LOOK, UNICODE if glyphs is UNICODE else ASCII)
+
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
+        scene, camera = _scene(busy())
+        legend.show_floor(scene, camera.zoom)
+        await pilot.pause()
+        words = text(legend)
+        assert "turntable: robots turn here" in words and "robot with a load" in words
+        sign = legend.glyphs.characters[legend.glyphs.turntable]
+        assert any(row.startswith(sign) for row in said(legend))
+        foregrounds = {segment.style.color for segment in legend.render_line(0) if segment.style}
+        assert len(foregrounds) > 1
+
+    run_in_harness(legend, story)
+
+
+def test_the_legend_leads_to_the_worst_cells_of_a_layer() -> None:
+    view = moment(600, "tabletop-1", "fleet.robots=5", layer="visits")
+    legend = Legend(LOOK, UNICODE)
+
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
+        scene, camera = _scene(view)
+        legend.show_floor(scene.with_(layer="visits"), camera.zoom)
+        await pilot.pause()
+        assert view.snapshot.heat is not None
+        cell = int(view.snapshot.heat.argmax())
+        x, y = view.floor_plan.xy(cell)
+        await click(pilot, legend, f"({x}, {y})")
+        assert stage.wishes() == [("cell", cell)]
+
+    run_in_harness(legend, story)
+
+
+def test_tabs_open_by_click_and_only_the_open_panel_works() -> None:
+    column = PanelColumn(LOOK, UNICODE)
+
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
+        column.show(of_robot(deadlocked(), 1))
+        await pilot.pause()
+        assert column.name_open == "inspector" and "head-on, in a wait cycle" in text(
+            column.inspector
+        )
+        assert column.why.view is None and column.robots.view is None
+        await click(pilot, column.tabs, "why")
+        assert column.name_open == "why" and "two robots never swap" in text(column.why)
+        assert not column.inspector.display
+        column.tabs.focus()
+        await pilot.press("right")
+        assert column.name_open == "events"
+
+    run_in_harness(column, story, NARROW, 60)
+
+
+@pytest.mark.parametrize("name", TABS)
+def test_every_panel_can_be_opened_by_name_and_focused(name: str) -> None:
+    column = PanelColumn(LOOK, UNICODE)
+
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
+        column.show(busy())
+        column.open(name, focus=True)
+        await pilot.pause()
+        assert column.name_open == name
+        assert stage.focused is not None
+        assert name in [node.id for node in stage.focused.ancestors_with_self]
+
+    run_in_harness(column, story, WIDE, 40)
+
+
+def test_an_order_that_is_clicked_opens_the_inspector() -> None:
+    column = PanelColumn(LOOK, UNICODE)
+
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
+        column.show(of_robot(busy(), 1))
+        await pilot.pause()
+        await click(pilot, column.inspector, "order 6")
+        assert "order 6 under way" in text(column.inspector)
+
+    run_in_harness(column, story, NARROW, 60)
+
+
+def test_full_screen_has_the_figures_beside_the_tabs() -> None:
+    column = PanelColumn(LOOK, UNICODE)
+    column.add_class("full")
+
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
+        column.show(busy())
+        await pilot.pause()
+        assert column.figures.region.y == column.tabs.region.y == 0
+        assert column.figures.region.right <= column.tabs.region.x
+        assert "delivered 19 of 50" in text(column.figures)
+
+    run_in_harness(column, story, 80, 22)
+
+
+def test_nothing_is_done_again_when_nothing_changed() -> None:
+    column = PanelColumn(LOOK, UNICODE)
+
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
+        column.show(of_robot(busy(), 1))
+        await pilot.pause()
+        shown_of: list[int] = []
+        column.inspector.show = lambda view: shown_of.append(view.robot)  # type: ignore[method-assign]
+        column.show(of_robot(busy(), 1))
+        column.show(of_robot(busy(), 2))
+        column.show(of_robot(busy(), 2))
+        assert shown_of == [2]
+
+    run_in_harness(column, story, NARROW, 60)
+
+
+def test_a_robot_that_a_run_does_not_have_is_not_selected_in_it() -> None:
+    column = PanelColumn(LOOK, UNICODE)
+
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
+        column.show(of_robot(busy(), 5))
+        await pilot.pause()
+        assert "nothing is selected" in text(column.inspector)
+
+    run_in_harness(column, story, NARROW, 60)
+
+
+def test_only_lines_that_say_something_else_are_painted_again() -> None:
+    inspector = Inspector()
+
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
+        inspector.show(of_robot(busy(), 1))
+        await pilot.pause()
+        painted: list[int] = []
+        inspector.refresh = lambda *regions, **_: painted.extend(r.y for r in regions)  # type: ignore[method-assign, return-value, assignment]
+        inspector.write([*inspector.lines[:3], line("heading  another"), *inspector.lines[4:]])
+        assert painted == [3]
+
+    run_in_harness(inspector, story)
+
+
+# Lines.
+
+
+def test_lines_break_between_words_and_never_within_a_link() -> None:
+    made = wrapped(line("because ", robot_link(12), " waits, it stays"), 16, indent=2)
+    texts = ["".join(span.text for span in spans) for spans in made]
+    assert texts == ["because robot 12", "  waits, it", "  stays"]
+
+
+def test_robots_and_cells_of_a_sentence_become_links() -> None:
+    floor_plan = busy().floor_plan
+    spans = linked("robot 3 holds (8, 0), robot 4 waits", floor_plan)
+    assert [span.link for span in spans if span.link] == [
+        ("robot", 3),
+        ("cell", floor_plan.cell(8, 0)),
+        ("robot", 4),
+    ]
+    assert "".join(span.text for span in spans) == "robot 3 holds (8, 0), robot 4 waits"
+
+
+def test_a_bar_shows_what_is_not_nothing() -> None:
+    assert bar(0.001, 4, SIGNS) == "⡇   "
+    assert bar(0, 4, SIGNS) == "    "
+    assert bar(0.5, 4, SIGNS) == "⣿⣿  "
+    assert bar(1.0, 4, SIGNS) == "⣿⣿⣿⣿"
+
+
+def test_above_another_panel_the_figures_end_with_a_whole_part() -> None:
+    alone, two = busy(), moment(300, "tabletop-1", against="strategy.right_of_way=wait")
+    figures = Figures()
+    for view, width, begins in (
+        (alone, NARROW, "title"),
+        (alone, WIDE, "title"),
+        (two, 34, "plain"),
+    ):
+        lines = figures.panel_lines(view, width)
+        for most in range(9, 30):
+            rows = figures.rows_within(most)
+            assert most - 12 < rows <= most
+            assert lines[rows][0].look == begins and lines[rows][0].text[0] != " "
+
+
+def test_what_the_figures_show_above_another_panel_is_whole() -> None:
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
+        column = stage.widget
+        assert isinstance(column, PanelColumn)
+        column.show(busy())
+        await pilot.pause()
+        figures = column.figures
+        assert figures.size.height == figures.rows_within(15) < 15
+        column.set_class(True, "full")
+        await pilot.pause()
+        column.show(busy())
+        await pilot.pause()
+        assert figures.size.height == 30
+
+    run_in_harness(PanelColumn(LOOK, UNICODE), story, NARROW, 30)
+
+
+@pytest.mark.parametrize("width", [34, 41, 48])  # of the side beside 100, 120 and 140 columns
+def test_the_tabs_leave_a_column_free_at_the_edge(width: int) -> None:
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
+        column = stage.widget
+        assert isinstance(column, PanelColumn)
+        column.styles.width = width
+        await pilot.pause()
+        words = said(column.tabs)[0]
+        assert len(words) < column.tabs.width and all(name in words for name, _ in TABS.values())
+        assert words.endswith("K") == (width > 40)
+
+    run_in_harness(PanelColumn(LOOK, UNICODE), story, width, 24)

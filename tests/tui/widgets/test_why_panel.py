@@ -1,0 +1,185 @@
+"""Why a robot waits: queues, head-on, wait cycles and parking bays, and where its time went."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from panel_harness import (
+    NARROW,
+    WIDE,
+    PanelHarness,
+    click,
+    deadlocked,
+    moment,
+    of_robot,
+    run_in_harness,
+    said,
+    shown,
+)
+from textual.pilot import Pilot
+
+from automaton.engine.observation import CAUSES
+from automaton.evidence.history.snapshot import Fleet
+from tui.widgets.lost_time import CAUSE_LETTERS, drawn, key, split
+from tui.widgets.signs import ASCII, UNICODE, Signs
+from tui.widgets.why_panel import Why
+
+WAIT = ("tabletop-1", "fleet.robots=5", "strategy.right_of_way=wait")
+
+# The parking bays share their home, in which robot 0 picks up a load.
+SHARED_HOME = """
+name: shared-home
+layout:
+  picture: |
+    #s#
+    b.b
+    s.#
+    #d#
+fleet: {robots: 2, kinematics: omni}
+durations: {pick: 20}
+"""
+
+
+@pytest.mark.parametrize("width", [NARROW, WIDE])
+def test_a_queue_is_told_back_to_the_robot_that_works(width: int) -> None:
+    said_then = shown(Why(), of_robot(moment(5, *WAIT), 4), width)
+    chain = [
+        "robot 4 has waited 5 ticks: queue robot 3 holds (0, 3) and waits itself",
+        "because robot 3 has waited 5 ticks: queue robot 2 holds (0, 2) and waits itself",
+        "because robot 2 has waited 5 ticks: queue robot 1 holds (0, 1) and waits itself",
+        "because robot 1 has waited 5 ticks: working ahead robot 0 holds (0, 0) while it works "
+        "there",
+        "but robot 0 turns",
+    ]
+    places = [said_then.index(words) for words in chain]
+    assert places == sorted(places)
+    assert said_then.count("rule: occupancy: a cell holds no more robots than its capacity") == 4
+
+
+def test_head_on_names_the_rule_and_the_circle_is_shown_as_such() -> None:
+    said_then = shown(Why(), of_robot(deadlocked(), 3))
+    assert "robot 1 holds (8, 1) and wants to come the other way" in said_then
+    assert "rule: two robots never swap over one edge" in said_then
+    assert "a wait cycle: robot 2 -> robot 1 -> robot 2; none of them can go first" in said_then
+
+
+def test_the_members_of_a_circle_are_in_the_colour_of_faults() -> None:
+    why = Why()
+    run_in_harness(why, _noop)
+    made = why.panel_lines(of_robot(deadlocked(), 3), 80)
+    faults = "".join(span.text for spans in made for span in spans if span.look == "fault")
+    assert "a wait cycle" in faults and "head-on" in faults
+    assert "queue" not in faults  # robots 3 and 4 are not members
+
+
+def test_a_robot_in_its_bay_is_told_who_holds_its_home(tmp_path: Path) -> None:
+    file = tmp_path / "shared-home.yaml"
+    file.write_text(SHARED_HOME)
+    view = moment(10, str(file))
+    (robot,) = np.flatnonzero(view.snapshot.robots.cause == 8).tolist()
+    said_then = shown(Why(), of_robot(view, robot), WIDE)
+    assert (
+        f"robot {1 - robot} holds (1, 1), so robot {robot} cannot leave its parking bay"
+        in said_then
+    )
+    assert "rule: a robot leaves its parking bay when its home cell was empty" in said_then
+
+
+def test_lost_time_is_split_by_cause_the_greatest_first() -> None:
+    view = of_robot(deadlocked(), 1)
+    lost = view.snapshot.robots.lost[1]
+    said_then = shown(Why(), view).partition("time lost: ")[2]
+    assert said_then.startswith(f"{100 * lost[1:].sum() / 300:.0f} % of 300 ticks HHHH")
+    for code in np.flatnonzero(lost).tolist():
+        assert f" {CAUSE_LETTERS[code]} {CAUSES[code].name} " in said_then
+        assert f" {lost[code]} " in said_then
+
+
+def test_every_cause_has_a_letter_and_those_that_count_as_blocked_have_capitals() -> None:
+    assert len(set(CAUSE_LETTERS)) == len(CAUSE_LETTERS) == len(CAUSES)
+    for letter, cause in list(zip(CAUSE_LETTERS, CAUSES, strict=True))[1:]:
+        assert letter.isupper() == cause.blocked
+
+
+def test_the_whole_time_is_one_bar_in_which_no_cause_is_lost() -> None:
+    bar = split([(2, 0.5), (1, 0.25), (9, 0.001)], 20)
+    assert "".join(span.text for span in bar) == "HHHHHHHHHHQQQQQw...."
+
+
+@pytest.mark.parametrize("signs", [UNICODE, ASCII], ids=["unicode", "ascii"])
+def test_bars_of_blocked_and_of_other_time_differ_without_colours(signs: Signs) -> None:
+    queue, drawn_wait = (drawn(cause, 0.5, 8, signs).text for cause in (1, 9))
+    assert len(queue) == len(drawn_wait) == 8 and queue != drawn_wait
+    told = "".join(span.text for span in key([1, 9], signs))
+    assert queue[0] in told and drawn_wait[0] in told
+
+
+def test_without_a_robot_the_longest_waits_can_be_picked() -> None:
+    why = Why()
+
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
+        why.show(deadlocked())
+        await pilot.pause()
+        assert said(why)[0] == "4 robots wait, longest first"
+        since = deadlocked().snapshot.robots.since
+        listed = [int(words.split()[1]) for words in said(why)[1:5]]
+        assert listed == sorted(listed, key=lambda robot: since[robot])
+        await click(pilot, why, "robot 3")
+        assert stage.wishes() == [("robot", 3)]
+
+    run_in_harness(why, story)
+
+
+def test_every_robot_and_every_cell_of_the_chain_can_be_clicked() -> None:
+    why = Why()
+
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
+        why.show(of_robot(deadlocked(), 1))
+        await pilot.pause()
+        await click(pilot, why, "(8, 0)")
+        await click(pilot, why, "robot 2 holds")
+        assert stage.wishes() == [("cell", deadlocked().floor_plan.cell(8, 0)), ("robot", 2)]
+
+    run_in_harness(why, story)
+
+
+def test_of_a_very_long_chain_the_beginning_and_the_end_are_told() -> None:
+    view = moment(5, *WAIT)
+    fleet = view.snapshot.robots
+    many = 100
+    longer = {
+        field.name: np.resize(value, (many, *value.shape[1:]))
+        for field in fields(fleet)
+        if (value := getattr(fleet, field.name)) is not None
+    }
+    longer["cause"], longer["blocker"] = np.ones(many, np.uint8), np.arange(-1, many - 1)
+    longer["cause"][0] = 0
+    snapshot = replace(view.snapshot, robots=Fleet(**longer))
+    chain = replace(view, playback=replace(view.playback, snapshots=(snapshot,)), robot=many - 1)
+    said_then = shown(Why(), chain, WIDE, 80)
+    assert "robot 99 has waited" in said_then and "robot 88 has waited" in said_then
+    assert "robot 50" not in said_then and "... 84 more robots ..." in said_then
+    assert "because robot 1 has waited" in said_then
+
+
+async def _noop(stage: PanelHarness, pilot: Pilot[None]) -> None:
+    await pilot.pause()
+
+
+def test_a_cause_in_the_list_of_lost_time_is_explained_by_keys() -> None:
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
+        panel = stage.widget
+        assert isinstance(panel, Why)
+        panel.show(of_robot(moment(600, "tabletop-1", "fleet.robots=5"), 1))
+        panel.focus()
+        await pilot.press(*["down"] * 30, "enter")
+        explained = panel.explained
+        assert explained is not None and explained[0] == "cause"
+        meaning = CAUSES[explained[1]].meaning
+        assert "{" not in meaning
+        assert " ".join(meaning.split()) in " ".join(" ".join(said(panel)).split())
+
+    run_in_harness(Why(), story, WIDE, 60)

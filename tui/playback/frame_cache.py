@@ -1,0 +1,216 @@
+"""From a playback state to pictures: one camera for all maps, a scene for each run, the minimap in
+a corner.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from automaton.engine.state import NIL
+from tui.playback.run_source import Opening, floor_of
+from tui.render import styles
+from tui.render.camera import Camera
+from tui.render.compose import compose
+from tui.render.glyphs import Codes, GlyphSet, code
+from tui.render.minimap import Minimap
+from tui.render.scene import NO_CELLS, Scene
+from tui.render.styles import style
+
+if TYPE_CHECKING:
+    from automaton.build.resolve import Resolved
+    from tui.playback.playback_state import PlaybackState
+
+MINIMAP_SHARE: Final = 3  # at most a third of the map's rows and columns
+MINIMAP_ROWS: Final = 12
+MINIMAP_COLUMNS: Final = 40
+NARROW: Final = 100  # columns under which equal maps are put one below the other
+DEAD_ZONE: Final = 4  # a followed robot may be this part of the screen away from the edges
+
+
+@dataclass
+class Choice:
+    """What the user has chosen to see."""
+
+    robot: int = NIL
+    cell: int = NIL
+    zone: int = NIL
+    layer: str = ""
+    least: int = 2  # paths through a cell of the layer "predicted"
+    side: int = 0  # which of two runs the panels tell of
+    following: bool = False
+    route: bool = True
+    minimap: bool = True
+    found: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # robots
+
+    @property
+    def laid(self) -> str:
+        """The layer, as it is said."""
+        names = {
+            "predicted": f"predicted {self.least}+",
+            "service-zones": "service zones",
+            "traffic-zones": "traffic zones",
+        }
+        return names.get(self.layer, self.layer)
+
+
+class Corner(NamedTuple):
+    """Where the minimap lies on the map."""
+
+    top: int
+    left: int
+    minimap: Minimap
+
+    def holds(self, row: int, column: int) -> bool:
+        camera = self.minimap.camera
+        inside = 0 <= row - self.top < camera.rows and 0 <= column - self.left < camera.columns
+        return inside
+
+
+class Pictures:
+    """Draws what there is to be seen."""
+
+    def __init__(self, opening: Opening, glyphs: GlyphSet) -> None:
+        self.glyphs = glyphs
+        self.floors = [floor_of(resolved) for resolved in opening.resolved]
+        robots = max(one.scenario.fleet.robots for one in opening.resolved)
+        self.camera = Camera(opening.resolved[0].floor_plan, 1, 1, robots)
+        self.fitted = True  # the whole floor is to be seen, whatever the size
+        self._corner: tuple[tuple[int, int], Corner] | None = None  # by the size of the map
+
+    def resize(self, rows: int, columns: int) -> None:
+        """The maps have another size."""
+        self.camera.resize(rows, columns)
+        if self.fitted:
+            self.camera.fit()
+
+    def split(self, rows: int, columns: int) -> str:
+        """How two maps, each under a head, share this room best: "vertical" is one below another."""
+        if rows < 4 or columns < 2:
+            return ""
+        sizes = {"horizontal": (rows - 1, columns // 2), "vertical": (rows // 2 - 1, columns)}
+        steps = {}
+        for name, size in sizes.items():
+            camera = self.camera.copy()
+            camera.resize(*size)
+            camera.fit()
+            steps[name] = camera.ladder.index(camera.zoom)
+        if steps["horizontal"] == steps["vertical"]:
+            return "vertical" if columns < NARROW else "horizontal"
+        return min(steps, key=steps.__getitem__)
+
+    def scene(self, playback: PlaybackState | None, choice: Choice, side: int) -> Scene:
+        """What one run's picture is made of."""
+        if playback is None:
+            return Scene(self.floors[side], cursor=_cursor(choice), zone=choice.zone)
+        snapshot = playback.snapshots[side]
+        robot = choice.robot if choice.robot < len(snapshot.robots) else NIL
+        found = choice.found[choice.found < len(snapshot.robots)]  # the other fleet may be larger
+        late = snapshot.heat is not None and snapshot.layer != choice.layer
+        return Scene(
+            self.floors[side],
+            snapshot,
+            selected=robot,
+            route=snapshot.route if choice.route and snapshot.selected == robot else NO_CELLS,
+            cursor=_cursor(choice),
+            layer="" if late else choice.layer,  # not the numbers of the layer before
+            zone=choice.zone,
+            least=choice.least,
+            marked=found if len(found) else differing(playback),
+        )
+
+    def take_zones(self, resolved: Resolved) -> bool:
+        """After a branch of the only run: whether it has other zones."""
+        traffic_zones = self.floors[0].traffic_zones
+        other = traffic_zones is None or traffic_zones.mode != resolved.scenario.world.traffic_zones
+        if other:
+            self.floors[0] = floor_of(resolved)
+        return other
+
+    def zone_cells(self, playback: PlaybackState | None, zone: int, side: int) -> list[int]:
+        """The cells of a zone, in reading order."""
+        snapshot = None if playback is None else playback.snapshots[side]
+        cells: list[int] = Scene(self.floors[side], snapshot, zone=zone).zone_cells.tolist()
+        return cells
+
+    def picture(self, scene: Scene, choice: Choice, rows: int, columns: int) -> Codes:
+        """(rows, columns) codes: the scene as the camera sees it, and the minimap."""
+        codes = compose(scene, self.camera, self.glyphs)
+        corner = self.corner(choice)
+        if corner is not None:
+            small = corner.minimap.picture(scene, self.camera, self.glyphs)
+            height, width = small.shape
+            codes[corner.top : corner.top + height, corner.left : corner.left + width] = small
+        if codes.shape == (rows, columns):
+            return codes
+        # Of two maps side by side one may be a column wider than the camera.
+        whole = np.full(
+            (rows, columns), code(style(styles.COLOUR_VOID, styles.COLOUR_VOID), 0), np.uint32
+        )
+        part = codes[:rows, :columns]
+        whole[: part.shape[0], : part.shape[1]] = part
+        return whole
+
+    def corner(self, choice: Choice) -> Corner | None:
+        """The minimap, while some of the floor is off the screen."""
+        camera = self.camera
+        if not choice.minimap or not camera.exceeds():
+            return None
+        if self._corner is None or self._corner[0] != (camera.rows, camera.columns):
+            self._corner = (camera.rows, camera.columns), _corner(camera)
+        return self._corner[1]
+
+    def follow(self, playback: PlaybackState, choice: Choice) -> bool:
+        """Keep the selected robot away from the edges; whether the view has moved."""
+        if not choice.following or choice.robot == NIL:
+            return False
+        cell = robot_cell(playback, choice)
+        place = None if cell == NIL else self.camera.place_of(cell)
+        rows, columns = self.camera.rows // DEAD_ZONE, self.camera.columns // DEAD_ZONE
+        if cell == NIL or (
+            place is not None
+            and rows <= place[0] < self.camera.rows - rows
+            and columns <= place[1] < self.camera.columns - columns
+        ):
+            return False
+        before = self.camera.key
+        self.camera.centre_on(cell)
+        return self.camera.key != before
+
+
+def _corner(camera: Camera) -> Corner:
+    """A minimap in the lower right corner of what this camera shows; it looks at every cell."""
+    rows = min(camera.rows // MINIMAP_SHARE, MINIMAP_ROWS)
+    columns = min(camera.columns // MINIMAP_SHARE, MINIMAP_COLUMNS)
+    minimap = Minimap(camera, rows, columns)
+    height, width = minimap.camera.size()
+    minimap.camera.resize(min(height, rows), min(width, columns))
+    own = minimap.camera
+    return Corner(camera.rows - own.rows, camera.columns - own.columns, minimap)
+
+
+def robot_cell(playback: PlaybackState, choice: Choice) -> int:
+    """Where the selected robot is, its parking bay included, or NIL."""
+    robots = playback.snapshots[choice.side].robots
+    if not 0 <= choice.robot < len(robots):
+        return NIL
+    cell = int(robots.cell[choice.robot])
+    return int(robots.bay[choice.robot]) if cell == NIL else cell
+
+
+def differing(playback: PlaybackState) -> NDArray[np.int32]:
+    """The robots that are elsewhere or carry something else in the other run."""
+    if len(playback.snapshots) < 2:
+        return NO_CELLS
+    one, other = (snapshot.robots for snapshot in playback.snapshots)
+    both = min(len(one), len(other))
+    differs = one.cell[:both] != other.cell[:both]
+    differs |= one.load[:both] != other.load[:both]
+    return np.flatnonzero(differs).astype(np.int32)
+
+
+def _cursor(choice: Choice) -> int | None:
+    return None if choice.cell == NIL else choice.cell

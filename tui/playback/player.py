@@ -1,0 +1,427 @@
+"""The thread that carries one or two runs along: one clock, so that both are at the same tick.
+
+Everything about the runs is done here; the screen asks for the latest PlaybackState and sends requests,
+neither of which ever waits for the simulation.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from typing import Final
+
+from automaton.engine.state import NIL
+from automaton.errors import InputError
+from automaton.evidence.history.breakpoints import Breakpoint
+from automaton.evidence.history.snapshot import Snapshot, take_snapshot
+from automaton.evidence.history.watched_run import COMPUTE_SLICE_S, Run
+from tui.playback.breakpoint_hits import Hit, begun, held_by, reason
+from tui.playback.playback_state import Figures, PlaybackState, figures_of
+from tui.playback.route_overlays import Overlays
+
+TICKS_PER_S: Final = 10.0  # at speed x1
+REWIND: Final = 64.0  # the fastest way back
+# between two states while ticks fly by: less than between two pictures,
+STATE_INTERVAL_S: Final = 0.012
+UNSEEN_S: Final = 1 / 30  # and longer while nobody has looked at the last one: each takes the GIL
+FIGURES_S: Final = 0.3  # between two readings of the metrics
+IDLE_S: Final = 0.5
+RATE_S: Final = 0.5  # over which the speed is measured at least,
+RATE_TICKS: Final = 20  # and that so many ticks are due in: one less is still the speed asked for
+PLAYER_JOIN_TIMEOUT_S: Final = 3.0  # with a strategy that is to be left,
+TICK_S: Final = 0.5  # and with the tick that is being computed
+LONG_TICK_S: Final = 2.0  # from then on it is said which tick is being computed
+
+
+class Player:
+    """Owns the runs from now on; use only `latest` and the requests, from any thread."""
+
+    def __init__(self, runs: Sequence[Run], start: bool = True) -> None:
+        self.runs = list(runs)
+        self._requests: deque[Callable[[], None]] = deque()
+        self._wake = threading.Condition()
+        self._alive = True
+        self._direction, self._speed = 0, 1.0
+        self._tick = 0
+        self._busy_since = math.inf  # when it began to compute
+        self._goal: int | None = None  # a tick to be shown, however long it takes,
+        self._stop_at_breakpoints = False  # and whether breakpoints stop on the way
+        self._anchor = (0.0, 0)  # time and tick at which the clock was set
+        self._rate = (0.0, 0, 0.0)  # time and tick of the last measurement; ticks per second
+        self._selected, self._layer = NIL, ""
+        self._breakpoints: list[Breakpoint] = []
+        self._stops, self._stopped, self._error = 0, "", ""
+        self._hit: Hit | None = None  # the breakpoint that stopped it
+        self._overlays = [Overlays() for _ in self.runs]
+        self._figures: tuple[Figures, ...] = ()
+        self._figures_at = -math.inf
+        self._stale = True
+        for run in self.runs:
+            run.give_up = self._is_closing
+        self.published: Callable[[], None] = lambda: None  # called in the thread for each new state
+        self._playback = self._take_state(0)
+        self._thread = threading.Thread(target=self._run_thread, name="player", daemon=True)
+        if start:
+            self._thread.start()
+
+    def latest(self) -> PlaybackState:
+        """Return the newest state without waiting."""
+        self._seen = True
+        return self._playback
+
+    def computing(self) -> tuple[int, int] | None:
+        """The tick that takes long, and for how many seconds it has; None: none does."""
+        seconds = time.monotonic() - self._busy_since
+        return (
+            None
+            if seconds < LONG_TICK_S
+            else (max(run.leading_simulation.tick for run in self.runs), int(seconds))
+        )
+
+    @property
+    def thread(self) -> int:
+        """The system's number of the player's thread."""
+        return self._thread.native_id or 0
+
+    def play(self, direction: int = 1) -> None:
+        """Go on; with -1 backwards."""
+        self._enqueue_request(lambda: self._set_clock(direction, self._speed))
+
+    def toggle(self, direction: int = 1) -> None:
+        """Play in this direction; if it does already, or forwards if it plays at all, pause."""
+
+        def turn() -> None:
+            playing = self._direction == direction or (direction > 0 and self._direction != 0)
+            if playing:
+                self._halt()
+            else:
+                self._set_clock(direction, self._speed)
+
+        self._enqueue_request(turn)
+
+    def pause(self) -> None:
+        """Stop at the tick that is shown."""
+        self._enqueue_request(self._halt)
+
+    def set_speed(self, factor: float) -> None:
+        """Times TICKS_PER_S; math.inf for as fast as it goes."""
+        self._enqueue_request(lambda: self._set_clock(self._direction, factor))
+
+    def step(self, ticks: int) -> None:
+        """Pause, and show so many ticks later, unless a breakpoint comes before, or earlier."""
+        self._enqueue_request(
+            lambda: self._set_target(self._target + ticks, stop_at_breakpoints=True)
+        )
+
+    def seek(self, tick: int, stop_at_breakpoints: bool = False) -> None:
+        """Pause, and show a tick; `stop_at_breakpoints`: on the way forward, stop at the first."""
+        self._enqueue_request(lambda: self._set_target(tick, stop_at_breakpoints))
+
+    def select(self, robot: int) -> None:
+        """The robot whose route the snapshots give, or NIL."""
+        self._enqueue_request(lambda: self._choose(robot, self._layer))
+
+    def show_layer(self, name: str) -> None:
+        """The layer of which the snapshots hold the field, or ""."""
+        self._enqueue_request(lambda: self._choose(self._selected, name))
+
+    def set_breakpoints(self, breakpoints: Sequence[Breakpoint]) -> None:
+        """Stop where one of them begins to hold."""
+        self._enqueue_request(lambda: setattr(self, "_breakpoints", list(breakpoints)))
+
+    def exchange(self, work: Callable[[Run], Run], done: Callable[[str], None]) -> None:
+        """Replace the first run by what `work` makes of it; `done` gets "" or what was wrong.
+
+        Both are called in the player's thread.
+        """
+        self._enqueue_request(lambda: self._exchange(work, done))
+
+    def close(self) -> None:
+        """End the thread and close the runs: what was recorded is whole after it."""
+        with self._wake:
+            self._alive = False
+            self._wake.notify()
+        if self._thread.is_alive():
+            self._thread.join(TICK_S)
+        if self._thread.is_alive():
+            for run in self.runs:
+                run.leading_simulation.interrupt()
+            self._thread.join(PLAYER_JOIN_TIMEOUT_S)
+        if self._thread.is_alive():
+            return  # a strategy does not answer; what was recorded so far lies on the disk
+        for run in self.runs:
+            run.close()
+
+    def _enqueue_request(self, work: Callable[[], None]) -> None:
+        with self._wake:
+            self._requests.append(work)
+            self._wake.notify()
+
+    # From here on in the player's thread.
+
+    def _run_thread(self) -> None:
+        while self._alive:
+            try:
+                self._handle_requests()
+                busy = self._goal is not None or self._direction != 0
+                if busy:
+                    self._advance()
+                else:
+                    busy = self._look_ahead()
+                if busy and self._until_next_tick() > COMPUTE_SLICE_S:
+                    self._look_ahead()
+                self._publish()
+            except KeyboardInterrupt:
+                return  # given up
+            except Exception as error:
+                self._fail(error)
+                busy = False
+            self._wait_for_request(busy)
+
+    def _is_closing(self) -> bool:
+        return not self._alive
+
+    def _handle_requests(self) -> None:
+        while self._requests:
+            self._stale = True
+            self._requests.popleft()()
+
+    def _fail(self, error: Exception) -> None:
+        """Halt and show why; the screen goes on."""
+        self._error = sentence(error)
+        self._halt()
+        self._tick = min(run.tick for run in self.runs)
+        with suppress(Exception):  # the same again: one sentence is enough
+            self._tick = self._show(self._tick)
+        try:
+            self._playback = self._take_state(self._playback.seq + 1)
+        except Exception:  # then the last one has to do
+            self._playback = replace(
+                self._playback,
+                seq=self._playback.seq + 1,
+                error=self._error,
+                playing=0,
+                achieved=0.0,
+            )
+        self.published()
+
+    def _wait_for_request(self, busy: bool) -> None:
+        """Wait for a request, or until the clock asks for the next tick."""
+        pause = self._until_next_tick() if busy else IDLE_S
+        if pause <= 0 and (busy or self._requests):
+            return
+        with self._wake:
+            if not self._requests and self._alive:
+                self._wake.wait(pause)
+
+    def _until_next_tick(self) -> float:
+        if self._goal is not None or self._direction == 0 or math.isinf(self._clock_speed):
+            return 0.0
+        began, tick = self._anchor
+        due = began + (abs(self._tick - tick) + 1) / self._ticks_per_second
+        return min(due - time.monotonic(), IDLE_S)
+
+    def _halt(self) -> None:
+        self._goal = None
+        self._set_clock(0, self._speed)
+
+    def _set_clock(self, direction: int, speed: float) -> None:
+        if direction and not self._direction:
+            self._clear_stop()
+        if (direction, speed) != (self._direction, self._speed):  # what was measured is of another
+            self._rate = (time.monotonic(), self._tick, 0.0)
+        self._direction, self._speed = direction, speed
+        if direction:
+            self._goal = None
+        self._anchor = (time.monotonic(), self._tick)
+
+    @property
+    def _target(self) -> int:
+        """The tick that will be shown."""
+        return self._tick if self._goal is None else self._goal
+
+    def _set_target(self, tick: int, stop_at_breakpoints: bool = False) -> None:
+        self._set_clock(0, self._speed)
+        self._clear_stop()
+        ends = [run.end for run in self.runs]
+        last = math.inf if None in ends else max(end for end in ends if end is not None)
+        self._goal, self._stop_at_breakpoints = int(max(0, min(tick, last))), stop_at_breakpoints
+
+    def _clear_stop(self) -> None:
+        """Clear what stopped the clock."""
+        self._hit, self._stopped, self._error = None, "", ""
+
+    def _choose(self, robot: int, layer: str) -> None:
+        self._selected, self._layer = robot, layer
+
+    def _exchange(self, work: Callable[[Run], Run], done: Callable[[str], None]) -> None:
+        try:
+            fresh = work(self.runs[0])
+        except Exception as error:
+            done(sentence(error))
+            return
+        before, self.runs[0] = self.runs[0], fresh
+        fresh.give_up = self._is_closing
+        before.close()
+        self._error = ""
+        self._set_target(fresh.tick)
+        self._figures_at = -math.inf
+        done("")
+
+    def _advance(self) -> None:
+        """Bring all runs nearer to the tick that the clock or a request asks for."""
+        goal = self._goal if self._goal is not None else self._due()
+        stop_at_breakpoints = (
+            self._stop_at_breakpoints if self._goal is not None else self._direction > 0
+        )
+        before = self._tick
+        self._busy_since = time.monotonic()
+        try:
+            if stop_at_breakpoints and self._breakpoints and goal > before:
+                self._step_until_breakpoint(goal)
+            else:
+                self._tick = self._show(goal)
+        finally:
+            self._busy_since = math.inf
+        if self._tick != before:
+            self._stale = True
+        if self._tick == self._goal or (self._goal is not None and self._tick == before):
+            self._report_lost_past()
+            self._goal = None
+        elif self._goal is None and self._at_an_end():
+            self._set_clock(0, self._speed)
+            self._stale = True
+        elif math.isinf(self._clock_speed) or self._tick != goal:
+            self._anchor = (time.monotonic(), self._tick)
+
+    def _report_lost_past(self) -> None:
+        """A tick was asked for that a long run without a recording does not keep."""
+        if self._goal is not None and self._goal < self._first <= self._tick:
+            self._error = f"what happened before tick {self._first:,} is not kept any more"
+            self._stale = True
+
+    @property
+    def _first(self) -> int:
+        """The first tick that can be shown."""
+        return max(run.first for run in self.runs)
+
+    @property
+    def _ticks_per_second(self) -> float:
+        """Ticks a second."""
+        return TICKS_PER_S * self._clock_speed
+
+    @property
+    def _clock_speed(self) -> float:
+        """The speed in this direction."""
+        return self._speed if self._direction > 0 else min(self._speed, REWIND)
+
+    def _due(self) -> int:
+        """The tick that the clock asks for now."""
+        began, tick = self._anchor
+        if math.isinf(self._clock_speed):
+            return self._tick + 2**30
+        passed = int((time.monotonic() - began) * self._ticks_per_second)
+        return max(0, tick + self._direction * passed)
+
+    def _show(self, tick: int) -> int:
+        """Show a tick in all runs, or one as near to it as they all get in a moment."""
+        reached = [run.show(tick) for run in self.runs]
+        if len(self.runs) == 1:
+            return reached[0]
+        under_way = [at for at, run in zip(reached, self.runs, strict=True) if at != run.end]
+        common = min(under_way, default=max(reached))
+        for run in self.runs:
+            while run.tick != common and run.tick != run.end:
+                run.show(common)
+        return common
+
+    def _step_until_breakpoint(self, tick: int) -> None:
+        """Go on tick by tick, for a moment, and stop where a breakpoint begins to hold in a run."""
+        until = time.monotonic() + STATE_INTERVAL_S
+        held = held_by(self._breakpoints, self.runs)
+        while self._tick < tick and time.monotonic() < until and not self._at_an_end():
+            self._tick = self._show(self._tick + 1)
+            now = held_by(self._breakpoints, self.runs)
+            hits = begun(self._breakpoints, held, now)
+            if hits:
+                self._stop_at(hits)
+                return
+            held = now
+
+    def _stop_at(self, hits: Sequence[Hit]) -> None:
+        self._halt()
+        self._stops += 1
+        self._hit, self._stopped = hits[0], reason(hits, len(self.runs))
+
+    def _at_an_end(self) -> bool:
+        if self._direction < 0:
+            return self._tick <= self._first
+        return all(run.end is not None and self._tick >= run.end for run in self.runs)
+
+    def _look_ahead(self) -> bool:
+        """Go through a recording while nothing else is to be done, so that its events are known."""
+        before = [run.event_history.known for run in self.runs]
+        for run in self.runs:
+            if not run.live:
+                run.extend()
+        grown = before != [run.event_history.known for run in self.runs]
+        self._stale = self._stale or grown
+        return grown
+
+    def _publish(self) -> None:
+        now = time.monotonic()
+        measured, tick, rate = self._rate
+        if self._direction and now - measured >= max(RATE_S, RATE_TICKS / self._ticks_per_second):
+            rate = abs(self._tick - tick) / (now - measured)
+            self._rate = (now, self._tick, rate)
+            self._stale = True
+        pause = STATE_INTERVAL_S if self._seen else UNSEEN_S
+        if self._stale and (now - self._published >= pause or not self._direction):
+            self._playback = self._take_state(self._playback.seq + 1)
+            self.published()
+
+    def _take_state(self, seq: int) -> PlaybackState:
+        self._stale = self._seen = False
+        self._published = now = time.monotonic()
+        if now - self._figures_at >= FIGURES_S or (not self._direction and self._goal is None):
+            self._figures_at = now
+            self._figures = tuple(figures_of(run) for run in self.runs)
+        failed = next((run.failed for run in self.runs if run.failed), "")
+        trouble = next((run.warning for run in self.runs if run.warning), "")
+        return PlaybackState(
+            seq=seq,
+            tick=self._tick,
+            runs=tuple(self.runs),
+            snapshots=tuple(map(self._snapshot_of, self.runs, self._overlays)),
+            figures=self._figures,
+            playing=self._direction,
+            asked=TICKS_PER_S * self._speed,
+            achieved=self._rate[2] if self._direction else 0.0,
+            head=max(run.head for run in self.runs),
+            known=min(run.event_history.known for run in self.runs),
+            ends=tuple(run.end for run in self.runs),
+            live=self.runs[0].live,
+            stops=self._stops,
+            stopped=self._stopped,
+            breakpoint_robots=() if self._hit is None else self._hit.robots,
+            side=0 if self._hit is None else self._hit.side,
+            error=self._error or trouble,
+            failed=failed,
+        )
+
+    def _snapshot_of(self, run: Run, overlays: Overlays) -> Snapshot:
+        bare = take_snapshot(run.shown, self._selected, self._layer)
+        playing = self._direction != 0 or self._goal is not None
+        return overlays.laid_over(bare, run.shown, self._layer, playing)
+
+
+def sentence(error: Exception) -> str:
+    """What went wrong, for the user."""
+    if isinstance(error, InputError):
+        return str(error)
+    return f"internal error, {type(error).__name__}: {error}"

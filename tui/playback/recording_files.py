@@ -1,0 +1,105 @@
+"""Where recordings and screenshots go: the user's state folder, as the XDG rules name it."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import tempfile
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+from automaton.errors import InputError
+from automaton.evidence.recording.frames import MAGIC
+from automaton.units import SECONDS_PER_UNIT
+
+MAX_RECORDINGS_KEPT = 20  # recordings in the state folder
+ABANDONED_S = (
+    24 * SECONDS_PER_UNIT["h"]
+)  # since the last byte: nobody writes to a FILE.part any more
+
+
+def state_folder(environ: Mapping[str, str]) -> Path:
+    """$XDG_STATE_HOME/automaton, or ~/.local/state/automaton."""
+    home = environ.get("XDG_STATE_HOME", "")
+    base = Path(home) if os.path.isabs(home) else Path.home() / ".local" / "state"
+    return base / "automaton"
+
+
+def new_recording(name: str, environ: Mapping[str, str]) -> Path:
+    """A free file for a run of this name; of older ones the newest stay. Raises InputError."""
+    folder = state_folder(environ) / "recordings"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        _tidy(folder)
+        tempfile.TemporaryFile(dir=folder).close()  # rights alone do not tell whether it works
+    except OSError as error:
+        raise InputError(
+            f"cannot keep recordings here: {error.strerror}; --no-record does without", str(folder)
+        ) from None
+    return _free(folder, name, ".rec")
+
+
+def checked_target(path: Path) -> Path:
+    """A file that a recording may be written to. Raises InputError before anything is drawn."""
+    if path.is_dir():
+        raise InputError("cannot write the recording: this is a folder", str(path))
+    folder = path.parent
+    if not folder.is_dir():
+        raise InputError("cannot write the recording: there is no such folder", str(folder))
+    if not os.access(path if path.exists() else folder, os.W_OK):
+        raise InputError("cannot write the recording: permission denied", str(path))
+    if path.exists():
+        with path.open("rb") as file:
+            if file.read(len(MAGIC)) != MAGIC:
+                raise InputError("is not a recording, so it is not replaced by one", str(path))
+    return path
+
+
+def beside(path: Path) -> Path:
+    """A free file for a branch of the run that is recorded in `path`."""
+    return _numbered(path.parent, path.stem + "-branch", path.suffix)
+
+
+def short_path(path: Path) -> str:
+    """As a user in the current folder writes it."""
+    return str(path.relative_to(Path.cwd())) if path.is_relative_to(Path.cwd()) else str(path)
+
+
+def comparing_command(old: Path, new: Path) -> str:
+    """What shows the two side by side."""
+    return shlex.join(["automaton", "replay", short_path(old), short_path(new)])
+
+
+def capture_file(name: str, suffix: str, environ: Mapping[str, str], here: bool) -> Path:
+    """A free file for a screenshot: in the current folder, or in the state folder."""
+    folder = Path.cwd()
+    if not here or not os.access(folder, os.W_OK):
+        folder = state_folder(environ) / "screenshots"
+        folder.mkdir(parents=True, exist_ok=True)
+    return _free(folder, name, suffix)
+
+
+def _free(folder: Path, name: str, suffix: str) -> Path:
+    safe = re.sub(r"[^\w.-]+", "-", name).strip("-.") or "run"
+    return _numbered(folder, f"{safe}-{time.strftime('%Y%m%d-%H%M%S')}", suffix)
+
+
+def _numbered(folder: Path, stem: str, suffix: str) -> Path:
+    number = 1
+    path = folder / f"{stem}{suffix}"
+    while path.exists() or path.with_name(path.name + ".part").exists():
+        number += 1
+        path = folder / f"{stem}-{number}{suffix}"
+    return path
+
+
+def _tidy(folder: Path) -> None:
+    """Room for one more: only the newest stay. One that may still be written to stays, too."""
+    now = time.time()
+    files = [path for path in folder.iterdir() if path.name.endswith((".rec", ".rec.part"))]
+    files = [p for p in files if p.suffix == ".rec" or now - p.stat().st_mtime > ABANDONED_S]
+    files.sort(key=lambda path: path.stat().st_mtime)
+    for path in files[: max(0, len(files) - MAX_RECORDINGS_KEPT + 1)]:
+        path.unlink(missing_ok=True)

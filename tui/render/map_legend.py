@@ -1,0 +1,204 @@
+"""What the signs of a picture mean: those that can occur on this floor, with this layer."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from automaton.engine.robot_status import BATTERY_PERCENT
+from automaton.floor.cells import CELL_KINDS, FLOOR, RACK, SHELF, TRACK, WALL
+from tui.render import robot_marks as fleet
+from tui.render import styles
+from tui.render.camera import Zoom
+from tui.render.cell_looks import FAR_SHELF, cell_codes, colour_of, look
+from tui.render.cell_view import flow_codes, heat_codes
+from tui.render.field import HEAT_LEVELS, OVERLAYS
+from tui.render.glyphs import GlyphSet, code
+from tui.render.map_overlays import overlay_meanings, zone_entries
+from tui.render.pixels import DRIVEN
+from tui.render.scene import (
+    DETAIL_FULL_SHELF,
+    DETAIL_OUTSIDE,
+    DETAIL_PASSING,
+    DETAIL_SHIFT,
+    DETAIL_UNLIMITED,
+    HEAT,
+    KIND_MASK,
+    Scene,
+)
+from tui.render.styles import style
+
+UNITS = {
+    "visits": "visits",
+    "waiting": "ticks lost",
+    "congestion": "ticks lost of late",
+    "flow": "moves",
+}
+
+
+MAX_WORST_CELLS = 10  # cells of a layer that are listed
+
+
+class Entry(NamedTuple):
+    """One line of a legend."""
+
+    signs: tuple[int, ...]  # codes
+    meaning: str
+
+
+def legend(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
+    """The layer, the robots, what lies over the floor, and the floor."""
+    near = zoom.kind == "cells"
+    solid = zoom.kind == "pixels" and scene.values is None and not scene.tinted
+    sign = glyphs.full if solid else glyphs.fleet[255]
+    entries = _robots(scene, glyphs) if near else _far_robots(scene, sign)
+    entries = _layer(scene, glyphs) + entries + _overlays(scene, glyphs, near)
+    return entries + (_cells(scene, glyphs) if near else _far_cells(scene, glyphs))
+
+
+def worst_cells(scene: Scene) -> list[tuple[int, int]]:
+    """Cells with the greatest numbers of a heat layer, and the numbers."""
+    if scene.layer not in HEAT or scene.values is None:
+        return []
+    order = np.argsort(-scene.values, kind="stable")[:MAX_WORST_CELLS]
+    return [(int(cell), int(scene.values[cell])) for cell in order if scene.values[cell] > 0]
+
+
+def _robots(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
+    shapes = fleet.shapes(glyphs)
+
+    def signs(state: int, shape: int, directions: tuple[int, ...]) -> tuple[int, ...]:
+        fg = style(int(fleet.STATE_COLOURS[state]), styles.COLOUR_FLOOR)
+        return tuple(int(code(fg, shapes[shape, d])) for d in directions)
+
+    ways = (0, 1, 2, 3)
+    entries = [
+        Entry(signs(fleet.DRAW_EMPTY, fleet.SHAPE_HOLLOW, ways), "robot, and the way it faces"),
+        Entry(signs(fleet.DRAW_LOADED, fleet.SHAPE_FILLED, ways), "robot with a load"),
+        Entry(signs(fleet.DRAW_WAITING, fleet.SHAPE_HOLLOW, (0,)), "waits"),
+        Entry(signs(fleet.DRAW_DEADLOCK, fleet.SHAPE_HOLLOW, (0,)), "waits in a wait cycle"),
+        Entry(signs(fleet.DRAW_PARKED, fleet.SHAPE_SQUARE, (0,)), "parked"),
+    ]
+    if scene.floor.battery:
+        low = f"battery below {fleet.LOW_CHARGE // BATTERY_PERCENT} %"
+        entries += [
+            Entry(signs(fleet.DRAW_CHARGING, fleet.SHAPE_PLUG, (0,)), "charges"),
+            Entry(signs(fleet.DRAW_LOW_BATTERY, fleet.SHAPE_THIN, ways), low),
+            Entry(signs(fleet.DRAW_LOW_BATTERY, fleet.SHAPE_BOXED, ways), f"{low}, with a load"),
+            Entry(signs(fleet.DRAW_DEADLOCK, fleet.SHAPE_VOID, (0,)), "battery empty, down"),
+        ]
+    if scene.floor.faults:
+        entries.append(Entry(signs(fleet.DRAW_DEADLOCK, fleet.SHAPE_CROSS, (0,)), "broken down"))
+    if scene.floor.loads_may_lie:
+        left = int(code(style(styles.COLOUR_LOADED, styles.COLOUR_FLOOR), glyphs.left_load))
+        entries.append(Entry((left,), "load that a robot had to leave"))
+    if (scene.floor.floor_plan.capacity[scene.floor.floor_plan.drivable()] != 1).any():
+        several = style(styles.COLOUR_FLOOR, styles.COLOUR_ROBOT)
+        entries.append(Entry((int(code(several, glyphs.digits[2])),), "so many robots in one cell"))
+    claim = int(code(style(styles.COLOUR_DIM, styles.COLOUR_FLOOR), glyphs.arrow[0]))
+    return [*entries, Entry((claim,), "held by a robot that is moving in")]
+
+
+def _far_robots(scene: Scene, sign: int) -> list[Entry]:
+    worst = "waiting in a wait cycle" + (", down" if scene.floor.loads_may_lie else "")
+    names = {
+        fleet.DRAW_DEADLOCK: worst,
+        fleet.DRAW_WAITING: "waiting",
+        fleet.DRAW_LOW_BATTERY: f"battery below {fleet.LOW_CHARGE // BATTERY_PERCENT} %",
+        fleet.DRAW_LOADED: "with a load",
+        fleet.DRAW_EMPTY: "empty",
+        fleet.DRAW_CHARGING: "charging",
+        fleet.DRAW_PARKED: "parked robots",
+    }
+    entries = []
+    for state in names:
+        if state not in (fleet.DRAW_CHARGING, fleet.DRAW_LOW_BATTERY) or scene.floor.battery:
+            shown = int(code(style(int(fleet.STATE_COLOURS[state]), styles.COLOUR_FLOOR), sign))
+            entries.append(Entry((shown,), names[state]))
+    return entries
+
+
+def _overlays(scene: Scene, glyphs: GlyphSet, near: bool) -> list[Entry]:
+    def bg(fg: int) -> tuple[int, ...]:
+        return (int(code(style(styles.COLOUR_ROBOT, fg), glyphs.robot[0])),)
+
+    entries = []
+    if scene.selected >= 0:
+        entries.append(Entry(bg(styles.COLOUR_SELECTED), f"robot {scene.selected}, selected"))
+        route = style(styles.COLOUR_ROUTE, styles.COLOUR_FLOOR)
+        entries.append(Entry((int(code(route, glyphs.route)),), "its route"))
+        if near:
+            entries.append(Entry((int(code(route, glyphs.stand)),), "where the route ends"))
+    if scene.zone >= 0:
+        entries.append(
+            Entry(
+                (int(code(style(styles.COLOUR_FLOOR, styles.COLOUR_MARKED), glyphs.blank)),),
+                scene.zone_name,
+            )
+        )
+    if len(scene.marked):
+        entries.append(Entry(bg(styles.COLOUR_MARKED), "found"))
+    return entries
+
+
+def _layer(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
+    """Levels with their numbers, or the zones."""
+    if scene.traffic_zones is not None or scene.layer == "service-zones":
+        return [Entry(*entry) for entry in zone_entries(scene, glyphs)]
+    if scene.layer in OVERLAYS:
+        said = overlay_meanings(scene)
+        return [
+            Entry((int(heat_codes(glyphs)[level]),) if level else (), text) for level, text in said
+        ]
+    if scene.values is None:
+        return []
+    lines: dict[tuple[int, ...], list[int]] = {}
+    for level in range(1, HEAT_LEVELS):
+        heat = (int(heat_codes(glyphs)[level]),)
+        arrows = tuple(flow_codes(glyphs)[level].tolist())
+        lines.setdefault(heat if scene.layer in HEAT else arrows, []).append(level)
+    return [
+        Entry(codes, f"{UNITS[scene.layer]}: {scene.scale.words(levels[0], levels[-1])}")
+        for codes, levels in lines.items()
+    ]
+
+
+def _cells(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
+    """The looks of this floor; those that differ in direction alone share a line."""
+    codes = cell_codes(glyphs, 1)
+    lines: dict[str, list[int]] = {}
+    numbers = set(np.unique(scene.floor.looks).tolist())
+    if look(SHELF) in numbers:
+        numbers.add(look(SHELF, DETAIL_FULL_SHELF))
+    for number in sorted(numbers - {look(WALL, DETAIL_OUTSIDE)}):
+        signs = lines.setdefault(_meaning(number), [])
+        if int(codes[number, 0]) not in signs:
+            signs.append(int(codes[number, 0]))
+    return [Entry(tuple(signs), meaning) for meaning, signs in lines.items()]
+
+
+def _far_cells(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
+    kinds = [kind for kind in np.unique(scene.floor.floor_plan.kind).tolist() if kind not in DRIVEN]
+
+    def sign(kind: int) -> int:
+        fg = FAR_SHELF if kind in (SHELF, RACK) else colour_of(look(kind))
+        return int(code(style(fg, styles.COLOUR_FLOOR), glyphs.braille[255]))
+
+    return [Entry((sign(kind),), CELL_KINDS[kind].name.replace("-", " ")) for kind in kinds]
+
+
+def _meaning(number: int) -> str:
+    kind, detail = number & KIND_MASK, number >> DETAIL_SHIFT
+    if kind == SHELF:
+        return "shelf with a load" if detail == DETAIL_FULL_SHELF else "empty shelf"
+    if kind == TRACK:
+        return "track, driven along"
+    if kind == FLOOR and detail:
+        return {
+            DETAIL_PASSING: "two robots pass here",
+            DETAIL_UNLIMITED: "any number of robots",
+        }.get(detail, "one-way floor")
+    return {"turntable": "turntable: robots turn here"}.get(
+        CELL_KINDS[kind].name, CELL_KINDS[kind].name.replace("-", " ")
+    )

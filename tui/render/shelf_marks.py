@@ -1,0 +1,42 @@
+"""The shelves on the screen, and which of them hold a load."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from automaton.engine.state import NIL
+from automaton.floor.cells import SHELF
+from tui.render.camera import Rectangle
+from tui.render.scene import Floor, Scene
+
+
+class Shelves(NamedTuple):
+    """Shelves within a rectangle of cells."""
+
+    slot: NDArray[np.int32]
+    at: NDArray[np.intp]  # index into the cells of the rectangle
+
+
+@lru_cache(maxsize=8)
+def shelves_in(floor: Floor, seen: Rectangle) -> Shelves:
+    """Kept until the camera moves."""
+    rows, columns = slice(seen.top, seen.bottom), slice(seen.left, seen.right)
+    slots = floor.slot_in.reshape(floor.looks.shape)[rows, columns].reshape(-1)
+    index = np.flatnonzero(floor.floor_plan.kind[rows, columns].reshape(-1) == SHELF)
+    index = index[slots[index] != NIL]
+    return Shelves(slots[index], index)
+
+
+def full_shelves(scene: Scene, seen: Rectangle) -> NDArray[np.intp]:
+    """Those with a load, in cells of the rectangle; before the run begins, as they are drawn."""
+    shelves = shelves_in(scene.floor, seen)
+    if scene.snapshot is not None:
+        full = scene.snapshot.slots.content[shelves.slot] != NIL
+    else:
+        full = scene.floor.floor_plan.loads.reshape(-1)[scene.floor.slots_cell[shelves.slot]] != 0
+    at: NDArray[np.intp] = shelves.at[full]
+    return at

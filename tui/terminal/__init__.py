@@ -1,0 +1,1 @@
+"""What the viewer has to do with terminals: presenting, pacing, colours, options."""

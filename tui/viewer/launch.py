@@ -1,0 +1,78 @@
+"""From a command to the viewer on the terminal and back, or to plain text where there is none."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import MutableMapping
+
+from tui.playback.recording_files import comparing_command
+from tui.playback.run_source import Opening
+from tui.terminal.options import Options
+
+BAD_INPUT = 2  # a strategy that fails counts as such
+
+
+def show(opening: Opening, options: Options) -> int:
+    """Show it until the user leaves; returns the exit code."""
+    if options.plain or os.environ.get("TERM") == "dumb" or not (_in_browser() or _has_terminal()):
+        from tui.viewer.text_mode import run_in_text_mode
+
+        return run_in_text_mode(opening)
+    os.environ.update(options.for_textual(os.environ))
+    if not _in_browser():
+        forget_size(os.environ)
+        draw_on_terminal()
+    from tui.terminal.signal_handling import handled
+    from tui.viewer.app import Viewer
+
+    viewer = Viewer(opening, options)
+    try:
+        with handled(viewer.leave, viewer.close_runs):
+            viewer.run()
+    finally:
+        viewer.close_runs()
+    failed, error = viewer.error or viewer.broken, ""
+    if viewer.playback is not None:
+        failed, error = failed or viewer.playback.failed, viewer.playback.error
+    if failed or error:
+        _say(failed or error)
+    kept = [path for path in viewer.recordings if path.exists()]
+    for path in kept:
+        _say(f"recorded in {path}")
+    runs = [*opening.files, *kept]
+    if kept and len(runs) > 1:
+        _say(f"to compare: {comparing_command(*runs[-2:])}")
+    bad = failed or (
+        error and not viewer.live
+    )  # a live run whose disk is full was shown all the same
+    return viewer.return_code or (BAD_INPUT if bad else 0)
+
+
+def _say(sentence: str) -> None:
+    """A line on the terminal, if it is still there; a lost one must not change the exit code."""
+    try:
+        print(f"automaton: {sentence}", file=sys.stderr, flush=True)
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
+
+
+def forget_size(environ: MutableMapping[str, str]) -> None:
+    """Ask the terminal itself: what a shell has exported does not change when it is resized."""
+    for name in ("LINES", "COLUMNS"):
+        environ.pop(name, None)
+
+
+def _in_browser() -> bool:
+    """It has no terminal, but a driver of its own, which is told the size."""
+    return bool(os.environ.get("TEXTUAL_DRIVER"))
+
+
+def _has_terminal() -> bool:
+    return sys.stdin.isatty() and sys.stdout.isatty()
+
+
+def draw_on_terminal() -> None:
+    """Textual draws on the process's stderr; where that goes to a file, on stdout."""
+    if not sys.stderr.isatty():
+        vars(sys)["__stderr__"] = sys.__stdout__

@@ -1,0 +1,252 @@
+"""The log of events: filtered, as long as the run, of which only the rows in sight are written."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Final
+
+import numpy as np
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Vertical
+from textual.widgets import Input
+
+from automaton.engine.state import NIL, Array
+from automaton.evidence.history.event_history import EVENT_COLUMNS, EventHistory, Log, event_of
+from automaton.units import count
+from tui.playback.panel_view import RobotChosen, TickChosen, View
+from tui.widgets.event_kinds import KindBoxes
+from tui.widgets.event_rows import EVENT_GROUPS, ROBOT_COLUMN_WIDTH, Wanted, event_line
+from tui.widgets.rows import Rows
+from tui.widgets.service_zone_facts import partition_of, parts_finished
+from tui.widgets.signs import UNICODE, Signs
+from tui.widgets.styled_lines import Line, Link, Span, dim, line, title
+
+NO_ROWS: Final = np.zeros(0, np.int64)
+
+
+class Matches:
+    """Which events of a run match the filter; events that were tested are not tested again."""
+
+    def __init__(self) -> None:
+        self._of: tuple[EventHistory | None, Wanted, int] = (None, Wanted(), 0)
+        self._seen = 0
+        self._found: Array = NO_ROWS
+
+    def of(self, event_history: EventHistory, log: Log, wanted: Wanted) -> Array:
+        """(M,) int64 indices of events in the event history's log, ascending."""
+        of = (event_history, wanted, log.dropped)
+        if event_history is not self._of[0] or of[1:] != self._of[1:]:
+            self._of, self._seen, self._found = of, 0, NO_ROWS
+        events = log.rows
+        if len(events) > self._seen:
+            fresh = self._seen + np.flatnonzero(wanted.mask(events[self._seen :]))
+            self._found = np.concatenate((self._found, fresh))
+            self._seen = len(events)
+        return self._found
+
+
+class Filter(Input):
+    """Words that events must match."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("escape,down", "leave", "To the list", show=False)
+    ]
+
+    def __init__(self) -> None:
+        super().__init__(
+            placeholder="F filters: robot 3, parked", compact=True, select_on_focus=False
+        )
+
+    def action_leave(self) -> None:
+        self.screen.focus_next(EventList)
+
+
+def kinds_of(view: View) -> list[str]:
+    """The kinds of events that can be picked: of parts and of zones only where there are any."""
+    absent = {"parts"} if parts_finished(view) is None else set()
+    absent |= {"zones"} if partition_of(view) is None else set()
+    return [name for name in EVENT_GROUPS if name not in absent]
+
+
+class EventList(Rows):
+    """The events that are asked for; those after the present tick are dim.
+
+    The cursor begins at the present and goes with it until it is moved somewhere else.
+    """
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("c", "kind(1)", "Next kind of event", show=False),
+        Binding("C", "kind(-1)", "Previous kind of event", show=False),
+        Binding("v", "only_selected", "The selected robot only", show=False),
+    ]
+
+    def __init__(self, signs: Signs, boxes: KindBoxes) -> None:
+        super().__init__(signs)
+        self.boxes = boxes
+        self.view: View | None = None
+        self.kept = Log(np.zeros((0, EVENT_COLUMNS), np.int32), 0)
+        self.kinds = frozenset(EVENT_GROUPS)
+        self.words = ""
+        self.only_selected = False
+        self._matches = Matches()
+        self._found: Array = NO_ROWS
+        self._present = 0  # how many of them lie up to the present tick
+        self._followed = True  # the present was in sight when it was shown last
+
+    def wanted(self, view: View) -> Wanted:
+        """The filter as it is set."""
+        return Wanted(self.kinds, view.robot if self.only_selected else NIL, self.words)
+
+    def matching(self, view: View) -> Array:
+        """(M,) int64: indices of the events that are asked for."""
+        return self._matches.of(
+            view.run.event_history, view.run.event_history.log, self.wanted(view)
+        )
+
+    def show(self, view: View) -> None:
+        """List the events; the present stays in sight unless the list was scrolled away from it."""
+        before = self._present
+        self._followed = self.view is None or self.in_sight(max(0, before - 1))
+        here = self.view is None or self.cursor == max(0, before - 1)
+        event_history = view.run.event_history
+        self.view, self.kept = view, event_history.log  # it may go on meanwhile
+        self._found = self._matches.of(event_history, self.kept, self.wanted(view))
+        known = self.kept.index_at(view.snapshot.tick)
+        self._present = int(np.searchsorted(self._found, known))
+        if here:
+            self.cursor = max(0, self._present - 1)
+        self.boxes.set_content(self._boxes(view))
+        self.heading = [self._heading(view)]
+        if self.kept.dropped:
+            self.heading.append(line(dim(f"{self.kept.dropped:,} older are not kept")))
+        self.update_rows(len(self._found))
+        if self._followed and self._present != before:
+            self.keep_in_sight(max(0, self._present - 1))
+
+    def _boxes(self, view: View) -> list[tuple[str, bool]]:
+        """The kinds of events, and whose."""
+        whose = f"robot {view.robot}" if view.robot != NIL else "the selected robot"
+        kinds = [(name, name in self.kinds) for name in kinds_of(view)]
+        return [*kinds, (f"only {whose}", self.only_selected)]
+
+    def _heading(self, view: View) -> Line:
+        """What is in the columns, and how many events there are."""
+        found, all_of = len(self._found), len(self.kept.rows)
+        told = count(found, "event") + (f" of {all_of:,}" if found != all_of else "")
+        return line(
+            title(f"{'tick':>{self._tick_width() + 1}}{'robot':>{ROBOT_COLUMN_WIDTH}} "), dim(told)
+        )
+
+    def row(self, index: int) -> Line:
+        assert self.view is not None
+        event = event_of(self.kept.rows[self._found[index]])
+        mark = self.signs.here if index == self._present - 1 else " "
+        made = event_line(event, tick_width=self._tick_width())
+        gap, tick, *rest = made
+        made = (gap, tick._replace(look="dim"), *rest)  # the whole row leads there
+        if index >= self._present:
+            made = tuple(span._replace(look="dim") for span in made)
+        return (Span(mark, "title"), *made)
+
+    def _tick_width(self) -> int:
+        assert self.view is not None
+        events = self.kept.rows
+        if not len(events):
+            return 5
+        return max(5, len(f"{events[-1, 0]:,}") + 1)
+
+    def chosen(self, index: int) -> None:
+        """Go to the tick of the event, and to its robot."""
+        assert self.view is not None
+        event = event_of(self.kept.rows[self._found[index]])
+        self.post_message(TickChosen(event.tick))
+        if event.robot != NIL:
+            self.post_message(RobotChosen(event.robot))
+
+    def follow(self, link: Link, column: int = 0) -> None:
+        self.chosen(self.cursor)  # all of a row leads to its event
+
+    def tick(self, box: int) -> None:
+        """A box of `_boxes` was ticked, or its tick taken away."""
+        kinds = list(EVENT_GROUPS) if self.view is None else kinds_of(self.view)
+        if box < len(kinds):
+            self.ask_for(self.kinds ^ {kinds[box]})
+        else:
+            self.action_only_selected()
+
+    def ask_for(self, kinds: frozenset[str], words: str | None = None) -> None:
+        """Set the filter."""
+        self.kinds = kinds
+        self.words = self.words if words is None else words
+        if self.view is not None:
+            self.show(self.view)
+
+    def action_kind(self, step: int) -> None:
+        """All kinds, then one after the other alone."""
+        kinds = list(EVENT_GROUPS) if self.view is None else kinds_of(self.view)
+        each = [frozenset(EVENT_GROUPS), *(frozenset({name}) for name in kinds)]
+        at = each.index(self.kinds) if self.kinds in each else 0
+        self.ask_for(each[(at + step) % len(each)])
+
+    def action_only_selected(self) -> None:
+        """Events of the selected robot, or of all."""
+        self.only_selected = not self.only_selected
+        if self.view is not None:
+            self.show(self.view)
+
+    def on_resize(self) -> None:
+        super().on_resize()
+        if self.view is not None:
+            followed = self._followed
+            self.show(self.view)
+            if followed:
+                self.keep_in_sight(max(0, self._present - 1))
+
+
+class Events(Vertical):
+    """The filter's words and boxes above the list; tab goes to them from the list."""
+
+    DEFAULT_CSS = """
+    Events {
+        height: 1fr;
+        & > Vertical { dock: top; height: auto; }
+        & Filter.-textual-compact { padding: 0 1; }
+        & Filter:focus { background: $panel; text-style: underline; }
+    }
+    """
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("F", "filter", "Filter", show=False)]
+
+    def __init__(self, signs: Signs = UNICODE, *, id: str | None = None) -> None:
+        super().__init__(id=id)
+        self.boxes = KindBoxes(signs)
+        self.list = EventList(signs, self.boxes)
+
+    def compose(self) -> ComposeResult:
+        yield self.list
+        with Vertical():
+            yield Filter()
+            yield self.boxes
+
+    def action_filter(self) -> None:
+        """Write what events must match."""
+        self.query_one(Filter).focus()
+
+    def on_kind_boxes_ticked(self, event: KindBoxes.Ticked) -> None:
+        event.stop()
+        self.list.tick(event.box)
+
+    def show(self, view: View) -> None:
+        """List the events of this run."""
+        self.list.show(view)
+
+    def matching(self, view: View) -> Array:
+        """(M,) int64: indices of the events that are asked for, ascending; shown or not."""
+        return self.list.matching(view)
+
+    def on_input_changed(self, event: Input.Changed) -> None:
+        event.stop()
+        self.list.ask_for(self.list.kinds, event.value)
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        event.stop()
+        self.list.focus()

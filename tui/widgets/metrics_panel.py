@@ -1,0 +1,254 @@
+"""The metrics of the run: now, so far, and over time; of two runs side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import accumulate
+from typing import Final
+
+import numpy as np
+
+from automaton.engine.observation import CAUSE_NO_ORDER, CAUSE_NOT_WAITING, CAUSES, is_waiting
+from automaton.engine.robot_status import BATTERY_FULL, STATUS_DEPLETED, STATUS_FAILED, STATUS_TOWED
+from automaton.engine.state import ORDER_DELIVERED
+from automaton.evidence.history.charging_words import charging, is_queueing
+from automaton.evidence.history.event_history import Curve
+from automaton.runs.metrics import METRIC_CATALOGUE
+from automaton.units import count, number, percent
+from tui.playback.panel_view import TickChosen, View
+from tui.render.robot_marks import LOW_CHARGE
+from tui.widgets import lost_time, metric_curve
+from tui.widgets.charge_facts import battery_figures, may_fail
+from tui.widgets.metric_comparison import compared_lines
+from tui.widgets.service_zone_facts import partition_of, parts_finished
+from tui.widgets.signs import bar
+from tui.widgets.styled_lines import Line, Link, Span, dim, fact, length, line, term, title
+from tui.widgets.text_panel import TextPanel
+from tui.widgets.traffic_zone_facts import zone_link
+
+NAME_COLUMNS: Final = 13  # columns for the name of a metric
+VALUE_COLUMNS: Final = 5  # columns of a metric, one digit behind the point
+CAUSE: Final = 19  # columns for the name of a cause
+CURVE_ROWS: Final = 3  # of a curve
+MAX_SLOW_ZONES_LISTED: Final = 5  # that are listed
+UNIT: Final = "/1000 ticks"
+SHORT_UNIT: Final = "/kt"  # the same where there is little room
+
+
+class Figures(TextPanel):
+    """What matters most comes first: the panel may have little room."""
+
+    ends: Sequence[int] = ()  # after which lines the panel may end
+
+    def panel_lines(self, view: View, width: int) -> list[Line]:
+        if len(view.runs) > 1:
+            throughput, waiting = self._curves(view, width)
+            lines = [*compared_lines(view, width, self.signs), (), *throughput, *waiting]
+            # What belongs to the line before it is indented.
+            self.ends = [at for at, one in enumerate(lines) if one and one[0].text[:1] != " "]
+            return lines
+        parts = (
+            self._now(view, width),
+            *self._curves(view, width),
+            self._lost(view, width),
+            slow_zones(view),
+            self._all(view, width),
+        )
+        self.ends = tuple(accumulate(len(part) for part in parts))
+        return [made for part in parts for made in part]
+
+    def rows_within(self, most: int) -> int:
+        """Rows that show whole parts only, as many as `most` allows."""
+        return max((end for end in self.ends if end <= most), default=most)
+
+    def _now(self, view: View, width: int) -> list[Line]:
+        metrics = view.playback.figures[view.side].metrics
+        curve_now = _known(view)
+        orders = view.snapshot.orders.state
+        done = int(np.count_nonzero(orders == ORDER_DELIVERED))
+        share = done / max(1, len(orders))
+        room = max(0, width - NAME_COLUMNS - len(f"{done:,} of {len(orders):,} "))
+        rate, now = float(metrics["throughput"]), metric_curve.now_throughput(curve_now)
+        unit = UNIT if width >= NAME_COLUMNS + len(f"100.0 {UNIT}") else SHORT_UNIT
+        return [
+            _figure("delivered", f"{done:,} of {len(orders):,} ", bar(share, room, self.signs)),
+            _figure("throughput", f"{_short(rate)} {unit}"),
+            _figure(f"  last {metric_curve.NOW_TICKS}", f"{_short(now)} {unit}"),
+            *self._share("utilization", "utilization", view, width),
+            *self._share("blocked_share", "blocked", view, width),
+            *_robots(view, width),
+            *self._energy(view, width),
+            *_out_of_order(view, width),
+            *self._parts(view, width),
+        ]
+
+    def _parts(self, view: View, width: int) -> list[Line]:
+        """Parts that are finished; how often the zones of robots changed, how long they balanced."""
+        lines: list[Line] = []
+        finished = parts_finished(view)
+        if finished is not None:
+            lines.append(_figure("parts", f"{finished[0]:,} of {finished[1]:,} finished"))
+        if partition_of(view) is not None:
+            changed = count(view.snapshot.redesigns, "time")
+            lines.append(_figure("zones", f"redesigned {changed}"))
+        metrics = view.playback.figures[view.side].metrics
+        if metrics.get("ticks_watched"):
+            share = metrics["ticks_in_balance"] / metrics["ticks_watched"]
+            lines.append(_figure("  in balance", f"{percent(share):>{VALUE_COLUMNS + 2}}"))
+        return lines
+
+    def _energy(self, view: View, width: int) -> list[Line]:
+        """Batteries now, what was used so far, and what charging takes of the time."""
+        charge = battery_figures(view)
+        metrics = view.playback.figures[view.side].metrics
+        if charge is None or "energy" not in metrics:
+            return []
+        fleet = view.snapshot.robots
+        there, waiting = charging(fleet), np.count_nonzero(is_queueing(fleet))
+        look = "warn" if charge[0] * BATTERY_FULL < LOW_CHARGE else "plain"
+        least, mean = percent(charge[0], 0), percent(charge[1], 0)
+        chargers = f"{np.count_nonzero(there):,}, {waiting:,} queue"
+        link = ("share", list(METRIC_CATALOGUE).index("energy"))
+        used = f"{_short(float(metrics['energy']))} batteries"
+        return [
+            _figure("at chargers", chargers),
+            *self._share("charging_share", "charging", view, width),
+            (*line(dim("mean battery "), f"{mean}, "), Span(f"least {least}", look)),
+            line(*term("energy", link, NAME_COLUMNS), used),
+            *self.explanation(link, METRIC_CATALOGUE["energy"][1], width),
+        ]
+
+    def _share(self, name: str, label: str, view: View, width: int) -> list[Line]:
+        """A share of time, and what counts."""
+        link = ("share", list(METRIC_CATALOGUE).index(name))
+        share = percent(float(view.playback.figures[view.side].metrics[name]))
+        value = f"{share:>{VALUE_COLUMNS + 2}}"
+        told = self.explanation(link, METRIC_CATALOGUE[name][1], width)
+        return [line(*term(label, link, NAME_COLUMNS), value), *told]
+
+    def _curves(self, view: View, width: int) -> tuple[list[Line], list[Line]]:
+        """Throughput and waiting robots over time; the axis is below the second."""
+        known = _known(view)
+        points = metric_curve.points_for(width, self.signs.dots)
+        rate = "throughput, orders/1000 ticks"
+        name = rate if width >= len(rate) else "orders/1000 ticks"
+        throughput = self._curve(name, metric_curve.throughput(known, points), known.ticks)
+        waiting = self._curve("waiting robots", metric_curve.waiting(known, points), known.ticks)
+        last = f"tick {known.ticks:,}"
+        axis = "0".ljust(max(1, width - metric_curve.LABEL_WIDTH - len(last))) + last
+        return throughput, [*waiting, line(dim(" " * metric_curve.LABEL_WIDTH + axis))]
+
+    def _curve(self, name: str, values: metric_curve.Values, ticks: int) -> list[Line]:
+        lines = [line(title(name))]
+        for text in metric_curve.drawn(values, CURVE_ROWS, self.signs.dots):
+            label, body = text[: metric_curve.LABEL_WIDTH], text[metric_curve.LABEL_WIDTH :]
+            lines.append(line(dim(label), Span(body, "plain", ("curve", ticks))))
+        return lines
+
+    def _lost(self, view: View, width: int) -> list[Line]:
+        """Robot ticks lost by cause."""
+        lost = view.snapshot.robots.lost.sum(0)
+        lost[CAUSE_NOT_WAITING] = lost[CAUSE_NO_ORDER] = 0
+        if not lost.any():
+            return [line(title("no time lost so far"))]
+        whole = max(1, view.snapshot.tick * len(view.snapshot.robots))
+        lines = [line(title("time lost"), dim(" of all robot ticks"))]
+        room = max(0, width - CAUSE - 10)
+        causes = np.argsort(-lost, kind="stable")[: np.count_nonzero(lost)].tolist()
+        for cause in causes:
+            drawn = lost_time.drawn(cause, int(lost[cause]) / int(lost.max()), room, self.signs)
+            link = ("cause", cause)
+            name = (lost_time.letter(cause), *term(CAUSES[cause].name, link, CAUSE))
+            lines.append(line(*name, drawn, f"{percent(int(lost[cause]) / whole):>8}"))
+            lines += self.explanation(link, CAUSES[cause].meaning, width)
+        return [*lines, lost_time.key(causes, self.signs)]
+
+    def _all(self, view: View, width: int) -> list[Line]:
+        """Every metric with its unit."""
+        metrics = view.playback.figures[view.side].metrics
+        lines = [line(title("all metrics"))]
+        for at, (name, (unit, meaning)) in enumerate(METRIC_CATALOGUE.items()):
+            if name not in metrics:
+                continue
+            value = percent(float(metrics[name])) if unit == "share" else number(metrics[name])
+            unit = "" if unit == "share" else f" {unit}"
+            room = width - len(name) - len(unit)
+            link = ("metric", at)
+            lines.append(line(*term(name, link, 0), f"{value:>{max(1, room)}}", dim(unit)))
+            lines += self.explanation(link, meaning, width)
+        return lines
+
+    def follow(self, link: Link, column: int = 0) -> None:
+        """A click on a curve leads to its tick."""
+        kind, ticks = link
+        if kind == "curve":
+            room = max(1, self.width - metric_curve.LABEL_WIDTH - 1)
+            self.post_message(TickChosen(round(ticks * min(1.0, column / room))))
+        elif kind in ("cause", "metric", "share"):
+            self.explain(link)
+        else:
+            super().follow(link, column)
+
+
+def slow_zones(view: View) -> list[Line]:
+    """The zones that slowed moves most so far, and by how many ticks."""
+    lost = view.snapshot.lost_in_zone
+    worst = [
+        zone
+        for zone in np.argsort(-lost, kind="stable")[:MAX_SLOW_ZONES_LISTED].tolist()
+        if lost[zone]
+    ]
+    if not worst:
+        return []
+    wide, served = len(str(max(worst))), partition_of(view) is not None
+    names = [str(zone) if served else zone_link(zone) for zone in worst]
+    rows = [
+        line("zone ", name, " " * (wide - len(str(zone))), f"{int(lost[zone]):>9,}")
+        for zone, name in zip(worst, names, strict=True)
+    ]
+    return [line(title("slowest zones"), dim(" by ticks lost in them")), *rows]
+
+
+def _known(view: View) -> Curve:
+    return view.run.event_history.curve.until(view.snapshot.tick)
+
+
+def _out_of_order(view: View, width: int) -> list[Line]:
+    """Robots that do not run, where there may be any."""
+    if not may_fail(view):
+        return []
+    status = view.snapshot.robots.status
+    standing = int(np.count_nonzero((status == STATUS_DEPLETED) | (status == STATUS_FAILED)))
+    towed = int(np.count_nonzero(status >= STATUS_TOWED))
+    out = Span(count(standing, "robot"), "fault" if standing else "plain")
+    return fact("down", out, f", {towed:,} towed", width=width, label=NAME_COLUMNS)
+
+
+def _figure(name: str, *parts: str) -> Line:
+    return (dim(name.ljust(NAME_COLUMNS)), *line(*parts))
+
+
+def _short(value: float) -> str:
+    return f"{value:>{VALUE_COLUMNS},.1f}"
+
+
+def _robots(view: View, width: int) -> list[Line]:
+    """How many robots work, wait and are parked or idle; two in a line where not all fit in one."""
+    fleet = view.snapshot.robots
+    waiting, parked = (
+        int(np.count_nonzero(is_waiting(fleet.cause))),
+        int(np.count_nonzero(fleet.parked)),
+    )
+    idle = int(np.count_nonzero((fleet.cause == CAUSE_NO_ORDER) & (fleet.parked == 0)))
+    work = len(fleet) - waiting - parked - idle
+    look = "fault" if fleet.wait_cycle_ticks.any() else "warn" if waiting else "plain"
+    said = [Span(f"{work:,} work"), Span(f"{waiting:,} wait", look), Span(f"{parked:,} parked")]
+    said += [Span(f"{idle:,} idle")] if idle else []
+    fits = length(said) + 2 * (len(said) - 1) <= width - NAME_COLUMNS
+    step = len(said) if fits else 2
+    rows = [said[at : at + step] for at in range(0, len(said), step)]
+    names = ["robots", *[""] * (len(rows) - 1)]
+    return [
+        (dim(name.ljust(NAME_COLUMNS)), *[part for span in row for part in (span, Span(", "))][:-1])
+        for name, row in zip(names, rows, strict=True)
+    ]

@@ -1,0 +1,129 @@
+"""Why is this robot waiting? The chain of causes with their rules, and where its time went."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from automaton.engine.observation import CAUSE_NOT_WAITING, CAUSES, is_waiting
+from automaton.engine.state import NIL
+from automaton.evidence.history.explanation import Explanation, explain
+from automaton.units import count, percent
+from tui.playback.panel_view import View
+from tui.widgets import lost_time
+from tui.widgets.styled_lines import (
+    Line,
+    Link,
+    Span,
+    dim,
+    line,
+    linked,
+    robot_link,
+    term,
+    title,
+    wrapped,
+)
+from tui.widgets.text_panel import TextPanel
+
+MAX_WAITING_LISTED: Final = 40  # robots in the list to pick from
+NAME_WIDTH: Final = 21  # columns for the letter and the name of a cause
+PERCENT_WIDTH: Final = 6
+FIRST_LINKS: Final = 12  # links of a chain that are told from its beginning
+LAST_LINKS: Final = 4
+
+
+class Why(TextPanel):
+    """The selected robot, or the robots that have waited longest."""
+
+    def panel_lines(self, view: View, width: int) -> list[Line]:
+        if view.robot == NIL:
+            return longest_waits(view, width)
+        found = explain(view.snapshot, view.floor_plan, view.robot)
+        lines = [made for at in _told(len(found.chain)) for made in _step(view, found, at, width)]
+        if found.cycle != NIL:
+            lines += _circle(view, found, width)
+        return [*lines, (), *self._lost(view, width)]
+
+    def _lost(self, view: View, width: int) -> list[Line]:
+        """The robot's time by cause, the greatest first."""
+        lost = view.snapshot.robots.lost[view.robot].copy()
+        lost[CAUSE_NOT_WAITING] = 0
+        total, ticks = int(lost.sum()), max(1, view.snapshot.tick)
+        if not total:
+            return [line(title("no time lost so far"))]
+        head = f"time lost: {percent(total / ticks, 0)} of {count(ticks, 'tick')}"
+        causes = np.argsort(-lost, kind="stable")[: np.count_nonzero(lost)].tolist()
+        shares = [(cause, int(lost[cause]) / ticks) for cause in causes]
+        lines = [*wrapped(line(title(head)), width), lost_time.split(shares, width)]
+        digits = len(f"{total:,}") + 1
+        room = max(0, width - NAME_WIDTH - digits - PERCENT_WIDTH)
+        for cause, share in shares:
+            link = ("cause", cause)
+            name = (lost_time.letter(cause), *term(CAUSES[cause].name, link, NAME_WIDTH - 2))
+            figures = f"{int(lost[cause]):>{digits},}{percent(share, 0):>{PERCENT_WIDTH}}"
+            lines.append(line(*name, lost_time.drawn(cause, share, room, self.signs), figures))
+            lines += self.explanation(link, CAUSES[cause].meaning, width)
+        return [*lines, lost_time.key(causes, self.signs)]
+
+    def follow(self, link: Link, column: int = 0) -> None:
+        """A cause is explained."""
+        if link[0] == "cause":
+            self.explain(link)
+        else:
+            super().follow(link, column)
+
+
+def _told(links: int) -> list[int]:
+    """Which links of a chain are told; NIL stands for those of a long one that are left out."""
+    if links <= FIRST_LINKS + LAST_LINKS + 1:
+        return list(range(links))
+    return [*range(FIRST_LINKS), NIL, *range(links - LAST_LINKS, links)]
+
+
+def _step(view: View, found: Explanation, at: int, width: int) -> list[Line]:
+    """One robot of the chain: how long, why, and by which rule."""
+    if at == NIL:
+        return [line(dim(f"... {len(found.chain) - FIRST_LINKS - LAST_LINKS:,} more robots ..."))]
+    link = found.chain[at]
+    in_circle = found.cycle != NIL and at >= found.cycle
+    if not link.cause:  # the last one does not wait
+        words = linked(link.text if at else f"{link.text}: it does not wait", view.floor_plan)
+        return wrapped(line(dim("but " if at else ""), *words), width, indent=2)
+    mark = "because " if at else ""
+    look = "fault" if in_circle else "warn"
+    waited = Span(f" has waited {count(link.ticks, 'tick')}: {link.cause}", look)
+    because = link.text.partition(": ")[2]
+    return [
+        *wrapped(line(dim(mark), robot_link(link.robot), waited), width, indent=2),
+        *wrapped(linked(because, view.floor_plan), width, indent=2, first=2),
+        *wrapped(
+            line(dim(f"rule: {link.rule.removeprefix('rule of ')}")), width, indent=4, first=2
+        ),
+    ]
+
+
+def _circle(view: View, found: Explanation, width: int) -> list[Line]:
+    return [(), *wrapped(linked(found.lines[-1], view.floor_plan, "fault"), width, indent=2)]
+
+
+def longest_waits(view: View, width: int) -> list[Line]:
+    """Robots that wait now, by how long they have."""
+    fleet, now = view.snapshot.robots, view.snapshot.tick
+    waiting = np.flatnonzero(is_waiting(fleet.cause))
+    if not len(waiting):
+        return [
+            line(title("no robot waits now")),
+            *wrapped(line(dim("Select a robot to see where its time went.")), width),
+        ]
+    ordered = waiting[np.argsort(fleet.since[waiting], kind="stable")].tolist()
+    head = "wait, longest first" if len(ordered) > 1 else "waits"
+    lines = [line(title(f"{count(len(ordered), 'robot')} {head}"))]
+    for robot in ordered[:MAX_WAITING_LISTED]:
+        ticks = now - int(fleet.since[robot])
+        look = "fault" if fleet.wait_cycle_ticks[robot] else "plain"
+        cause = CAUSES[int(fleet.cause[robot])].name
+        name = robot_link(robot)
+        gap = " " * max(1, 11 - len(name.text))
+        lines.append(line(name, gap, f"{ticks:>6,}  ", Span(cause, look)))
+    return lines

@@ -108,23 +108,14 @@ def orders_of(
 
     All of them are (m,).
     """
-    m = len(source)
-    nil = np.full(m, NIL, np.int32)
-    return Orders(
+    return Orders.sized(
         state=np.where(released > 0, ORDER_UNRELEASED, ORDER_WAITING).astype(np.uint8),
         current_slot=source.astype(np.int32).copy(),
         source=source.astype(np.int32),
         target=target.astype(np.int32),
-        reserved_by=nil.copy(),
         release_tick=released.astype(np.int32),
         weight=weight.astype(np.int32),
         release_sequence=coming.astype(np.int32),
-        dispatched=nil.copy(),
-        dispatched_from=nil.copy(),
-        dispatched_heading=np.zeros(m, np.uint8),
-        dispatched_type=np.zeros(m, np.uint8),
-        delivered=nil.copy(),
-        legs=np.zeros(m, np.int32),
     )
 
 
@@ -137,11 +128,10 @@ def slots_of(resolved: Resolved, floor: Floor, service: Service, source: Array) 
     content[source[on_shelf]] = np.flatnonzero(on_shelf)
     nobody = np.zeros((len(service.reachable), more), np.uint8)
     cell = np.concatenate([floor.slot_cell, np.full(more, NIL, np.int32)])
-    return Slots(
+    return Slots.sized(
         cell=cell,
         unbounded=np.concatenate([floor.slot_endless, np.ones(more, np.uint8)]),
         content=content,
-        reserved_by=np.full(spare + more, NIL, np.int32),
         access=np.concatenate([service.access, np.full((more, 4), NIL, np.int32)]),
         accessible=np.concatenate([service.accessible, nobody], axis=1),
         first_spare=spare,

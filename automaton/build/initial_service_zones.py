@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from automaton.engine.facilities import Slots, Stations
-from automaton.engine.service_zones import MESSAGE_WORDS, Roads, ServiceZones, design_for
+from automaton.engine.service_zones import Roads, ServiceZones, design_for
 from automaton.engine.state import NIL, Array, Workspace, World
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
@@ -112,35 +112,15 @@ def service_zones_of(
 ) -> ServiceZones:
     """A partition over some roads in which no station has a zone."""
 
-    def nil(count: int) -> Array:
-        return np.full(count, NIL, np.int32)
-
-    return ServiceZones(
+    return ServiceZones.sized(
+        {"Z": zones, "S": len(roads.point), "m": orders, "n": robots},
         roads=roads,
         design=design_for(roads, zones),
         station_of=station_of,
-        accessible=np.ones((zones, len(roads.point)), np.uint8),
-        has_priority=np.zeros((zones, len(roads.point)), np.uint8),
         server=np.arange(zones, dtype=np.int32),
-        queue=nil(orders),
-        next_slot=nil(orders),
-        skips_transfer=np.zeros(orders, np.uint8),
-        picked_from=nil(orders),
-        halt=np.full(robots, NIL, np.int64),
-        wake=np.full(robots, NIL, np.int64),
-        messages=np.zeros((robots, MESSAGE_WORDS), np.int64),
     )
 
 
 def no_roads() -> Roads:
     """The roads of a world without zoning."""
-    nothing = np.zeros(0, np.int32)
-    return Roads(
-        cell=nothing.copy(),
-        next=np.zeros((0, 4), np.int32),
-        step=np.zeros((0, 4), np.int32),
-        station=nothing.copy(),
-        point=nothing.copy(),
-        hop=np.zeros((0, 0), np.int32),
-        between=np.zeros((0, 0), np.int32),
-    )
+    return Roads.sized({"P": 0, "S": 0})

@@ -88,20 +88,14 @@ def build_stations(
     station, place_of, part_of, frees, comes = (column.copy() for column in table)
     entering = np.flatnonzero(comes != NIL).astype(np.int32)
     entering = entering[np.argsort(comes[entering], kind="stable")]
-    k = len(cells)
-    return Stations(
+    return Stations.sized(
         at=at,
         slot=slot_of[cells].astype(np.int32),
-        in_service=np.full(k, NIL, np.int32),
-        queue_tail=np.full(k, NIL, np.int32),
-        job_done_tick=np.zeros(k, np.int64),
         part_arrivals=entering,
         station=station,
         processing_time=work_ticks(scenario, station, part_of, place_of, seed).astype(np.int32),
         part=part_of,
         releases_order=frees,
-        next_in_queue=np.full(len(works), NIL, np.int32),
         arrival_tick=comes,
-        completion_tick=np.full(len(works), NIL, np.int32),
         job_of_order=arrives,
     )

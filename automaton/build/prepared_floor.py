@@ -114,20 +114,11 @@ def make_workspace(grid: Grid, longest_route: int) -> Workspace:
     types = len(grid.type_cell_flags)
     fields = max(1, min(types * cells, FIELDS_BYTES // (4 * poses)))
     stop = np.zeros(1, np.int64)
-    return Workspace(
-        cost=np.zeros(poses, np.int32),
-        stamp=np.zeros(poses, np.int64),
-        parent=np.zeros(poses, np.uint8),
-        mark=np.zeros(cells, np.int32),
-        mark_stamp=np.zeros(cells, np.int64),
-        heap=np.zeros(6 * poses + 16, np.int64),
-        generation=np.zeros(2, np.int64),
+    sizes = {"P": poses, "C": cells, "H": 6 * poses + 16, "R": longest_route}
+    return Workspace.sized(
+        sizes | {"K C": types * cells, "F": fields},
         stop=stop,
-        steps=np.zeros(longest_route, np.uint8),
-        field=np.empty((fields, poses), np.int32),
-        field_of=np.full(types * cells, NIL, np.int32),
-        field_owner=np.full(fields, NIL, np.int32),
-        field_next=np.zeros(1, np.int64),
+        distances=np.empty((fields, poses), np.int32),
         routes=route_space(poses, grid.traffic_zone_count, stop),
         zoning=zone_space(0, 0, 0),
         parts=parts_for(0),

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import NIL, Struct, field
 from automaton.engine.state import Array
 
 
@@ -219,15 +219,21 @@ class Scratch(Struct):
     `marks` and `words` share their memory, so that eight marks are looked at in one.
     """
 
-    count: Array  # (2,) int64
-    entry: Array  # (n,) int32: the resource of `holder` that a waiting robot wants, or NIL
-    holder: Array  # (2C,) int32: storage index of who holds what a robot wants; NIL between ticks
-    sieve: Array  # (power of two,) uint8: whether a cell of this remainder is wanted
-    marks: Array  # (n rounded up to eights,) uint8, by identity; zero between ticks
-    words: Array  # (ceil(n / 8),) uint64
-    waiters: Array  # (n,) int32: storage indices, by identity
-    eventful: Array  # (n,) int32: the same of robots of which events may tell
-    color: Array  # (n,) int32: in the search for cycles
+    count: Array = field("(2,) int64")
+    entry: Array = field(
+        "(n,) int32", "the resource of `holder` that a waiting robot wants, or NIL", default=NIL
+    )
+    holder: Array = field(
+        "(2C,) int32",
+        "storage index of who holds what a robot wants; NIL between ticks",
+        default=NIL,
+    )
+    sieve: Array = field("(power of two,) uint8", "whether a cell of this remainder is wanted")
+    marks: Array = field("(n rounded up to eights,) uint8", "by identity; zero between ticks")
+    words: Array = field("(ceil(n / 8),) uint64")
+    waiters: Array = field("(n,) int32", "storage indices, by identity")
+    eventful: Array = field("(n,) int32", "the same of robots of which events may tell")
+    color: Array = field("(n,) int32", "in the search for cycles")
 
 
 class Observation(Struct):
@@ -238,34 +244,42 @@ class Observation(Struct):
     from what it was after the tick before.
     """
 
-    cause: Array  # (n,) uint8: why it waits, of CAUSES
-    blocker: Array  # (n,) int32: identity of the robot that keeps it, or NIL
-    wanted: Array  # (n,) int32: the cell that it wants, or NIL
-    since: Array  # (n,) int64: tick in which its wait began; meaningful while cause is not 0
-    slow_zone: Array  # (n,) int32: zone that slows the move that it is in, or NIL
-    slow_zone_occupancy: (
-        Array  # (n,) int32: robots in that zone when the move began; meaningful beside a slow_zone
+    cause: Array = field("(n,) uint8", "why it waits, of CAUSES")
+    blocker: Array = field("(n,) int32", "identity of the robot that keeps it, or NIL", default=NIL)
+    wanted: Array = field("(n,) int32", "the cell that it wants, or NIL", default=NIL)
+    since: Array = field(
+        "(n,) int64", "tick in which its wait began; meaningful while cause is not 0"
     )
-    wait_cycle_ticks: (
-        Array  # (n,) int32: ticks that its cycle of robots that wait for each other has lasted
+    slow_zone: Array = field(
+        "(n,) int32", "zone that slows the move that it is in, or NIL", default=NIL
     )
-    lost: Array  # (n, CAUSE_COUNT) int64: ticks lost by cause
-    lost_in_zone: Array  # (Z,) int64: of CAUSE_REDUCED_SPEED, those of moves that a zone slows
-    busy_before: Array  # (n,) uint16: robots.busy after the tick before
-    dropped: Array  # (n,) int32: the load that it drop in this tick, or NIL
-    load_before: Array  # (n,) int32
-    order_before: Array  # (n,) int32
-    stays: Array  # (n,) int64: stays at chargers that events have told of
-    status_before: Array  # (n,) uint8
-    working: Array  # (k,) int32: stations.in_service after the tick before
-    zone_before: Array  # (S,) int32: service_zones.design.zone after the tick before
-    reshaped: Array  # (P,) int64: the last tick in which stations came to or left a zone, or NIL
-    redesigns: Array  # (1,) int64: ticks in which stations changed their zones
-    lost_ticks_by_cell: Array  # (C, DELAY_COLUMNS) int32: robot ticks lost in a cell
-    flow: Array  # (C, 4) int32: moves out of a cell, E S W N
-    count: Array  # (COUNTS,) int64
-    events: Array  # (E, 5) int64
-    curve: Array  # (T, CURVE_COLUMNS) int32: one row for each tick
+    slow_zone_occupancy: Array = field(
+        "(n,) int32", "robots in that zone when the move began; meaningful beside a slow_zone"
+    )
+    wait_cycle_ticks: Array = field(
+        "(n,) int32", "ticks that its cycle of robots that wait for each other has lasted"
+    )
+    lost: Array = field(f"(n, {CAUSE_COUNT}) int64", "ticks lost by cause")
+    lost_in_zone: Array = field(
+        "(Z,) int64", "of CAUSE_REDUCED_SPEED, those of moves that a zone slows"
+    )
+    busy_before: Array = field("(n,) uint16", "robots.busy after the tick before")
+    dropped: Array = field("(n,) int32", "the load that it drop in this tick, or NIL", default=NIL)
+    load_before: Array = field("(n,) int32", default=NIL)
+    order_before: Array = field("(n,) int32", default=NIL)
+    stays: Array = field("(n,) int64", "stays at chargers that events have told of")
+    status_before: Array = field("(n,) uint8")
+    working: Array = field("(k,) int32", "stations.in_service after the tick before", default=NIL)
+    zone_before: Array = field("(S,) int32", "service_zones.design.zone after the tick before")
+    reshaped: Array = field(
+        "(P,) int64", "the last tick in which stations came to or left a zone, or NIL", default=NIL
+    )
+    redesigns: Array = field("(1,) int64", "ticks in which stations changed their zones")
+    lost_ticks_by_cell: Array = field(f"(C, {DELAY_COLUMNS}) int32", "robot ticks lost in a cell")
+    flow: Array = field("(C, 4) int32", "moves out of a cell, E S W N")
+    count: Array = field(f"({COUNTS},) int64")
+    events: Array = field("(E, 5) int64")
+    curve: Array = field(f"(T, {CURVE_COLUMNS}) int32", "one row for each tick")
     scratch: Scratch
 
 

@@ -113,7 +113,7 @@ def relax(field, heap, size, pose, cost):
 
 @kernel
 def distance_field_to(view, workspace, robot_type, target):
-    """The row of workspace.field with a type's costs to a cell; NIL once workspace.stop is set.
+    """The row of workspace.distances with a type's costs to a cell; NIL once workspace.stop is set.
 
     It is computed if it is not there.
     """
@@ -122,7 +122,7 @@ def distance_field_to(view, workspace, robot_type, target):
     if row != NIL or workspace.stop[0]:
         return row
     row = np.int64(workspace.field_next[0])
-    workspace.field_next[0] = (row + 1) % workspace.field.shape[0]
+    workspace.field_next[0] = (row + 1) % workspace.distances.shape[0]
     if workspace.field_owner[row] != NIL:
         workspace.field_of[workspace.field_owner[row]] = NIL
     workspace.field_owner[row] = NIL
@@ -132,7 +132,7 @@ def distance_field_to(view, workspace, robot_type, target):
         robot_type,
         duration,
         target,
-        workspace.field[row],
+        workspace.distances[row],
         workspace.heap,
         workspace.stop,
     ):
@@ -148,7 +148,7 @@ def distance(view, workspace, robot_type, cell, heading, target):
     row = distance_field_to(view, workspace, robot_type, target)
     if row == NIL:
         return np.int64(UNREACHABLE)
-    return np.int64(workspace.field[row, cell * view.grid.headings + heading])
+    return np.int64(workspace.distances[row, cell * view.grid.headings + heading])
 
 
 @kernel
@@ -160,7 +160,7 @@ def follow_gradient(view, workspace, robot_type, cell, heading, target, steps):
         view.grid.type_cell_flags[robot_type],
     )
     row = distance_field_to(view, workspace, robot_type, target)
-    field = workspace.field[row]
+    field = workspace.distances[row]
     length = 0
     if row == NIL or field[cell * grid.headings + heading] >= UNREACHABLE:
         return NIL
@@ -231,17 +231,17 @@ def find_path(view, workspace, robot_type, cell, heading, target, around, steps)
         view.grid.type_cell_flags[robot_type],
     )
     row = distance_field_to(view, workspace, robot_type, target)
-    if row == NIL or workspace.field[row, cell * grid.headings + heading] >= UNREACHABLE:
+    if row == NIL or workspace.distances[row, cell * grid.headings + heading] >= UNREACHABLE:
         return NIL
     search = begin_search(workspace)
     start = cell * grid.headings + heading
-    size = reach(workspace, search, 0, start, 0, workspace.field[row, start], STARTED)
+    size = reach(workspace, search, 0, start, 0, workspace.distances[row, start], STARTED)
     while size > 0 and workspace.stop[0] == 0:
         key = pop(workspace.heap, size)
         size -= 1
         pose = key & POSE_MASK
         cost = np.int64(workspace.cost[pose])
-        if (key >> 32) != cost + workspace.field[row, pose]:
+        if (key >> 32) != cost + workspace.distances[row, pose]:
             continue  # a better way to this pose was found meanwhile
         workspace.generation[1] += 1
         here = pose // grid.headings
@@ -259,7 +259,7 @@ def find_path(view, workspace, robot_type, cell, heading, target, around, steps)
                         size,
                         to,
                         cost + duration[ACTION_MOVE],
-                        workspace.field[row, to],
+                        workspace.distances[row, to],
                         direction,
                     )
         if grid.headings > 1 and np.int64(type_cell_flags[here]) & MAY_TURN:
@@ -270,7 +270,7 @@ def find_path(view, workspace, robot_type, cell, heading, target, around, steps)
                 size,
                 to,
                 cost + duration[ACTION_TURN],
-                workspace.field[row, to],
+                workspace.distances[row, to],
                 TURNED_AHEAD,
             )
             to = here * grid.headings + ((h - 1) & (grid.headings - 1))
@@ -280,7 +280,7 @@ def find_path(view, workspace, robot_type, cell, heading, target, around, steps)
                 size,
                 to,
                 cost + duration[ACTION_TURN],
-                workspace.field[row, to],
+                workspace.distances[row, to],
                 TURNED_BEHIND,
             )
     return NIL

@@ -12,11 +12,11 @@ from typing import Any, Final
 
 from numpy.typing import NDArray
 
-from automaton.engine.facilities import NIL as NIL
 from automaton.engine.facilities import Chargers, Slots, Stations
 from automaton.engine.facilities import Grid as Grid
-from automaton.engine.jit.structs import Struct
-from automaton.engine.service_zones import Design, ServiceZones
+from automaton.engine.jit.structs import CONSTANT, Struct, field
+from automaton.engine.jit.structs import NIL as NIL
+from automaton.engine.service_zones import MESSAGE_WORDS, Design, ServiceZones
 
 Array = NDArray[Any]
 
@@ -144,134 +144,191 @@ STOP_NEVER: Final = 2
 class Rules(Struct):
     """The scenario's constants."""
 
-    seed: Any  # uint64
-    following: int  # 1: a robot may enter a cell that its holder gives up in the same tick
-    nearest_access: int  # 1: loads are picked up and dropped from the nearest access cell
-    stop: int  # STOP_PARKED, STOP_DELIVERED, STOP_NEVER
-    leave: int  # 1: a robot with nothing to do leaves the floor where it stands
-    radius: int  # how far strategies see, cells; NIL everything, or ORDER_LIST
-    circle: int  # 1: the radius is Euclid's, 0: Chebyshev's
-    in_system: int  # orders that a closed loop keeps open; 0: it is none
-    own_zones: int  # 1: only orders and stations in zones of robots that are seen
-    tick_us: int  # a tick in millionths of a second; 0: the scenario does not say
-    cell_milli: int  # a cell's side in thousandths of the scenario's unit of length; 0: none
-    duration: Array  # (K, A) int32, ticks of each action, by type of robot
-    payload: Array  # (K,) int32: the heaviest order that robots of a type carry
-    wait: Array  # (5,) int32: empty from, to; loaded from, to; retries before right of way is asked
-    period: Array  # (5,) int32: a layer is asked every so many ticks; 0 never
-    holders: Array  # (5,) uint8: 1 = a layer's strategy reads traffic.holder
-    slowdown: int  # 1: a move takes as many times longer as its zone has robots
-    extra_tick: int  # of 2**32 moves, how many take a tick more
-    handling_jitter: int  # a pick or drop takes up to so many ticks more
-    battery: int  # 1: robots run on batteries
-    drain: Array  # (A, 2) int32: units of charge that a tick of each action takes; [.., 1] loaded
-    curve: Array  # (K, 2) int32: from this charge on, units that a tick at a charger gives
-    reserve: int  # charge that plans never go below
-    tow_after: int  # ticks that a robot is down before it is towed; NIL: it stays
-    repair: int  # ticks from towing until it comes back; NIL: never
-    repaired: int  # charge with which it comes back; NIL: its own, or the reserve if it ran empty
-    may_fail: int  # 1: robots may go down
-    faults: Array  # (f, 2) int64: tick, identity; by tick
-    breakdown: int  # of 2**32 ticks on the floor, how many end in a fault
+    seed: Any = field("uint64", "all draws of a run follow from it")
+    following: int = field(
+        "int64", "1: a robot may enter a cell that its holder gives up in the same tick"
+    )
+    nearest_access: int = field(
+        "int64", "1: loads are picked up and dropped from the nearest access cell"
+    )
+    stop: int = field("int64", "STOP_PARKED, STOP_DELIVERED, STOP_NEVER")
+    leave: int = field("int64", "1: a robot with nothing to do leaves the floor where it stands")
+    radius: int = field("int64", "how far strategies see, cells; NIL everything, or ORDER_LIST")
+    circle: int = field("int64", "1: the radius is Euclid's, 0: Chebyshev's")
+    in_system: int = field("int64", "orders that a closed loop keeps open; 0: it is none")
+    own_zones: int = field("int64", "1: only orders and stations in zones of robots that are seen")
+    tick_us: int = field("int64", "a tick in millionths of a second; 0: the scenario does not say")
+    cell_milli: int = field(
+        "int64", "a cell's side in thousandths of the scenario's unit of length; 0: none"
+    )
+    duration: Array = field(f"(K, {ACTION_COUNT}) int32", "ticks of each action, by type of robot")
+    payload: Array = field("(K,) int32", "the heaviest order that robots of a type carry")
+    wait: Array = field(
+        "(5,) int32", "empty from, to; loaded from, to; retries before right of way is asked"
+    )
+    period: Array = field("(5,) int32", "a layer is asked every so many ticks; 0 never")
+    holders: Array = field("(5,) uint8", "1 = a layer's strategy reads traffic.holder")
+    slowdown: int = field("int64", "1: a move takes as many times longer as its zone has robots")
+    extra_tick: int = field("int64", "of 2**32 moves, how many take a tick more")
+    handling_jitter: int = field("int64", "a pick or drop takes up to so many ticks more")
+    battery: int = field("int64", "1: robots run on batteries")
+    drain: Array = field(
+        f"({ACTION_COUNT}, 2) int32",
+        "units of charge that a tick of each action takes; [.., 1] loaded",
+    )
+    curve: Array = field(
+        "(pieces, 2) int32", "from this charge on, units that a tick at a charger gives"
+    )
+    reserve: int = field("int64", "charge that plans never go below")
+    tow_after: int = field("int64", "ticks that a robot is down before it is towed; NIL: it stays")
+    repair: int = field("int64", "ticks from towing until it comes back; NIL: never")
+    repaired: int = field(
+        "int64", "charge with which it comes back; NIL: its own, or the reserve if it ran empty"
+    )
+    may_fail: int = field("int64", "1: robots may go down")
+    faults: Array = field("(f, 2) int64", "tick, identity; by tick")
+    breakdown: int = field("int64", "of 2**32 ticks on the floor, how many end in a fault")
 
 
 class Robots(Struct):
     """The fleet, indexed by storage."""
 
-    identity: Array  # (n,) int32, a permutation of 0..n-1
-    at_index: Array  # (n,) int32: the storage index of an identity
-    type: Array  # (n,) uint8
-    cell: Array  # (n,) int32: where it stands, or the cell left by a long move; NIL: off the floor
-    claim: Array  # (n,) int32: the cell that a long move enters, else NIL
-    heading: Array  # (n,) uint8: rail axis 0/1, differential direction 0..3, omni 0
-    travel: Array  # (n,) uint8: direction in which it entered its cell: its lane at capacity 2
-    action: Array  # (n,) uint8: what it does
-    busy: Array  # (n,) uint16: ticks until it is free
-    priority: Array  # (n,) int16: set by right of way, higher goes first
-    load: Array  # (n,) int32: the order it carries, or NIL
-    order: Array  # (n,) int32: the order it works on, or NIL
-    slot: Array  # (n,) int32: where it will drop the load, or NIL
-    goal_type: Array  # (n,) uint8: GOAL_*
-    goal_cell: Array  # (n,) int32: the cell in which the goal is done, or NIL
-    charge_target: Array  # (n,) int32: charge at which it leaves its charger
-    charging_interruptible: Array  # (n,) uint8: 1 = while it charges it may get an order
-    try_drop: Array  # (n,) uint8: 1 = a TRY_DROP follows the pick
-    route: Array  # (n, R) uint8: directions to drive; turns are implied
-    route_length: Array  # (n,) int32: steps in the route
-    route_index: Array  # (n,) int32: steps driven
-    route_hash: Array  # (n,) int64: hash of the route, for the digest
-    retreat_moves: Array  # (n,) int16: moves left of a retreat
-    failed_retries: Array  # (n,) uint8: failed retries since the last executed operation
-    retry_state: Array  # (n,) uint8: RETRY_*
-    # (n,) int32: cell in which it parks, through which it enters its parking bay, or has left
-    home: Array
-    bay: Array  # (n,) int32: its parking bay's cell, or NIL: it parks on the floor, or leaves it
-    parked: Array  # (n,) uint8
-    service_zone: Array  # (n,) int32: the service zone of the robot, set by zoning
-    charge: Array  # (n,) int32: units left in its battery
-    status: Array  # (n,) uint8: STATUS_*
-    status_until: Array  # (n,) int64: tick in which it is towed, or comes back
-    ticket: Array  # (n,) int64: its place in the queue of its charger, 0 outside
-    order_queue: Array  # (n, L) int32: orders that it is to do, one after another
-    order_queue_length: Array  # (n,) int32: how many those are
-    charging_reason: Array  # (n,) uint8: why charging is asked
-    need: Array  # (n,) uint8: NEED_* bits
-    reason: Array  # (n,) uint8: why allocation is asked
-    route_reason: Array  # (n,) uint8: REASON_NEW_GOAL or REASON_AROUND_ROBOTS
-    seen_revision: Array  # (n,) int64: CLOCK_REVISION when allocation last let it park
-    step: Array  # (n,) uint8: direction that right of way asks for this tick, or NO_STEP
-    executed: Array  # (n,) uint8: what was committed this tick (automaton.engine.record_codes)
+    identity: Array = field("(n,) int32", "a permutation of 0..n-1")
+    at_index: Array = field("(n,) int32", "the storage index of an identity")
+    type: Array = field("(n,) uint8")
+    cell: Array = field(
+        "(n,) int32", "where it stands, or the cell left by a long move; NIL: off the floor"
+    )
+    claim: Array = field("(n,) int32", "the cell that a long move enters, else NIL", default=NIL)
+    heading: Array = field("(n,) uint8", "rail axis 0/1, differential direction 0..3, omni 0")
+    travel: Array = field(
+        "(n,) uint8", "direction in which it entered its cell: its lane at capacity 2"
+    )
+    action: Array = field("(n,) uint8", "what it does")
+    busy: Array = field("(n,) uint16", "ticks until it is free")
+    priority: Array = field("(n,) int16", "set by right of way, higher goes first")
+    load: Array = field("(n,) int32", "the order it carries, or NIL", default=NIL)
+    order: Array = field("(n,) int32", "the order it works on, or NIL", default=NIL)
+    slot: Array = field("(n,) int32", "where it will drop the load, or NIL", default=NIL)
+    goal_type: Array = field("(n,) uint8", "GOAL_*")
+    goal_cell: Array = field(
+        "(n,) int32", "the cell in which the goal is done, or NIL", default=NIL
+    )
+    charge_target: Array = field("(n,) int32", "charge at which it leaves its charger")
+    charging_interruptible: Array = field("(n,) uint8", "1 = while it charges it may get an order")
+    try_drop: Array = field("(n,) uint8", "1 = a TRY_DROP follows the pick")
+    route: Array = field("(n, R) uint8", "directions to drive; turns are implied")
+    route_length: Array = field("(n,) int32", "steps in the route")
+    route_index: Array = field("(n,) int32", "steps driven")
+    route_hash: Array = field("(n,) int64", "hash of the route, for the digest")
+    retreat_moves: Array = field("(n,) int16", "moves left of a retreat")
+    failed_retries: Array = field("(n,) uint8", "failed retries since the last executed operation")
+    retry_state: Array = field("(n,) uint8", "RETRY_*")
+    home: Array = field(
+        "(n,) int32", "cell in which it parks, through which it enters its parking bay, or has left"
+    )
+    bay: Array = field(
+        "(n,) int32", "its parking bay's cell, or NIL: it parks on the floor, or leaves it"
+    )
+    parked: Array = field("(n,) uint8", default=1)
+    service_zone: Array = field(
+        "(n,) int32", "the service zone of the robot, set by zoning", default=NIL
+    )
+    charge: Array = field("(n,) int32", "units left in its battery")
+    status: Array = field("(n,) uint8", "STATUS_*")
+    status_until: Array = field("(n,) int64", "tick in which it is towed, or comes back")
+    ticket: Array = field("(n,) int64", "its place in the queue of its charger, 0 outside")
+    order_queue: Array = field("(n, L) int32", "orders that it is to do, one after another")
+    order_queue_length: Array = field("(n,) int32", "how many those are")
+    charging_reason: Array = field("(n,) uint8", "why charging is asked")
+    need: Array = field("(n,) uint8", "NEED_* bits", default=NEED_ALLOCATION)
+    reason: Array = field("(n,) uint8", "why allocation is asked")
+    route_reason: Array = field("(n,) uint8", "REASON_NEW_GOAL or REASON_AROUND_ROBOTS")
+    seen_revision: Array = field(
+        "(n,) int64", "CLOCK_REVISION when allocation last let it park", default=NIL
+    )
+    step: Array = field(
+        "(n,) uint8", "direction that right of way asks for this tick, or NO_STEP", default=NO_STEP
+    )
+    executed: Array = field(
+        "(n,) uint8", "what was committed this tick (automaton.engine.record_codes)"
+    )
 
 
 class Orders(Struct):
     """Transport orders; the load of an order has the order's number."""
 
-    state: Array  # (m,) uint8: ORDER_WAITING, ORDER_CARRIED, ORDER_DELIVERED, ORDER_UNRELEASED
-    current_slot: Array  # (m,) int32: slot in which it lies, or NIL
-    source: Array  # (m,) int32: slot in which it lay first
-    target: Array  # (m,) int32: slot to which it must go
-    reserved_by: Array  # (m,) int32: identity of the robot that reserved or carries it, or NIL
-    release_tick: Array  # (m,) int32: tick from which it is known
-    weight: Array  # (m,) int32: what a robot must be able to carry
-    release_sequence: Array  # (m,) int32: the orders, in the sequence in which they are released
-    dispatched: Array  # (m,) int32: tick in which a robot last took it, or NIL
-    dispatched_from: Array  # (m,) int32: the cell where that robot was then, or NIL
-    dispatched_heading: Array  # (m,) uint8: its heading then
-    dispatched_type: Array  # (m,) uint8: its type
-    delivered: Array  # (m,) int32: tick of delivery, or NIL
-    legs: Array  # (m,) int32: times it was picked up
+    state: Array = field(
+        "(m,) uint8", "ORDER_WAITING, ORDER_CARRIED, ORDER_DELIVERED, ORDER_UNRELEASED"
+    )
+    current_slot: Array = field("(m,) int32", "slot in which it lies, or NIL")
+    source: Array = field("(m,) int32", "slot in which it lay first")
+    target: Array = field("(m,) int32", "slot to which it must go")
+    reserved_by: Array = field(
+        "(m,) int32", "identity of the robot that reserved or carries it, or NIL", default=NIL
+    )
+    release_tick: Array = field("(m,) int32", "tick from which it is known")
+    weight: Array = field("(m,) int32", "what a robot must be able to carry")
+    release_sequence: Array = field(
+        "(m,) int32", "the orders, in the sequence in which they are released"
+    )
+    dispatched: Array = field(
+        "(m,) int32", "tick in which a robot last took it, or NIL", default=NIL
+    )
+    dispatched_from: Array = field(
+        "(m,) int32", "the cell where that robot was then, or NIL", default=NIL
+    )
+    dispatched_heading: Array = field("(m,) uint8", "its heading then")
+    dispatched_type: Array = field("(m,) uint8", "its type")
+    delivered: Array = field("(m,) int32", "tick of delivery, or NIL", default=NIL)
+    legs: Array = field("(m,) int32", "times it was picked up")
 
 
 class Traffic(Struct):
     """Occupancy and the intents of the current tick."""
 
-    occupancy: Array  # (C,) uint16: claims, room and the flags of a cell (automaton.engine.motion)
-    intent: Array  # (n,) uint8: the intent before motion, its outcome after
-    move_ticks: Array  # (n,) uint16: ticks that the intended move takes
-    zone_occupancy: Array  # (Z,) int32: robots in each traffic zone as the tick began
-    # (C, 2) int32: identity of the robot that stands in a limited cell or enters it, or NIL; the
-    # second column is for travel W or N through a cell for two. Entered while a strategy that says
+    occupancy: Array = field(
+        "(C,) uint16", "claims, room and the flags of a cell (automaton.engine.motion)"
+    )
+    intent: Array = field("(n,) uint8", "the intent before motion, its outcome after")
+    move_ticks: Array = field("(n,) uint16", "ticks that the intended move takes", default=1)
+    zone_occupancy: Array = field("(Z,) int32", "robots in each traffic zone as the tick began")
+    # The second column is for travel W or N through a cell for two. Entered while a strategy that says
     # `holders` is asked (automaton.engine.holders), else NIL; so is a cell without limit.
-    holder: Array
-    pending: Array  # (n, 8) int32: intents that the second pass could not decide
-    dirty: Array  # (n,) int32: cells whose claims are wiped at the end; first, robots that arrive
-    vacated: Array  # (4n,) int32: cell and direction of travel given up at the end of the tick
-    contest: Array  # (T,) int32: best claimant of a resource; NIL between ticks
-    key: Array  # (T,) int32: resources of a hash table, or (0,): every resource has its entry
+    holder: Array = field(
+        "(C, 2) int32",
+        "identity of the robot that stands in a limited cell or enters it, or NIL",
+        default=NIL,
+    )
+    pending: Array = field("(n, 8) int32", "intents that the second pass could not decide")
+    dirty: Array = field(
+        "(n,) int32", "cells whose claims are wiped at the end; first, robots that arrive"
+    )
+    vacated: Array = field(
+        "(4n,) int32", "cell and direction of travel given up at the end of the tick"
+    )
+    contest: Array = field(
+        "(T,) int32", "best claimant of a resource; NIL between ticks", default=NIL
+    )
+    key: Array = field(
+        "(H,) int32", "resources of a hash table, or (0,): every resource has its entry"
+    )
 
 
 class Tally(Struct):
     """Counters behind the metrics; [.., 0] empty, [.., 1] loaded."""
 
-    operations: Array  # (n, A, 2) int64: operations begun
-    ticks: Array  # (n, A, 2) int64: ticks of the operations begun
-    slowdown_ticks: Array  # (n,) int64: ticks that moves take beyond those of the robot's type
-    energy_used: Array  # (n,) int64: units of charge used
-    charged: Array  # (n,) int64: units of charge taken in at chargers
-    repaired: Array  # (n,) int64: units of charge that repairs added
-    failures: Array  # (n, 3) int64: times that it ran empty, broke down, was towed
-    illegal: Array  # (5,) int64: illegal decisions by layer
-    batches: Array  # (5,) int64: batches that each layer was asked about
+    operations: Array = field(f"(n, {ACTION_COUNT}, 2) int64", "operations begun")
+    ticks: Array = field(f"(n, {ACTION_COUNT}, 2) int64", "ticks of the operations begun")
+    slowdown_ticks: Array = field(
+        "(n,) int64", "ticks that moves take beyond those of the robot's type"
+    )
+    energy_used: Array = field("(n,) int64", "units of charge used")
+    charged: Array = field("(n,) int64", "units of charge taken in at chargers")
+    repaired: Array = field("(n,) int64", "units of charge that repairs added")
+    failures: Array = field("(n, 3) int64", "times that it ran empty, broke down, was towed")
+    illegal: Array = field("(5,) int64", "illegal decisions by layer")
+    batches: Array = field("(5,) int64", "batches that each layer was asked about")
 
 
 class World(Struct):
@@ -287,63 +344,71 @@ class World(Struct):
     service_zones: ServiceZones
     traffic: Traffic
     tally: Tally
-    clock: Array  # (CLOCK_SIZE,) int64
+    clock: Array = field(f"({CLOCK_SIZE},) int64")
 
 
 class Batch(Struct):
     """A batch: the robots that a layer is asked about, sorted by identity."""
 
-    count: Array  # (1,) int64
-    robot: Array  # (n,) int32 storage indices; the first `count` are valid
-    reason: Array  # (n,) uint8
+    count: Array = field("(1,) int64")
+    robot: Array = field("(n,) int32", "storage indices; the first `count` are valid")
+    reason: Array = field("(n,) uint8")
 
 
 class ZoningDecisions(Struct):
-    service_zone: Array  # (n,) int32: the service zone of the robot
-    halt: Array  # (n,) int32: ticks that it stands still from now on
-    again: Array  # (n,) int32: ticks after which zoning is asked about it again; NIL: when told to
-    sends_message: Array  # (n,) uint8: 1 = its message changes, to this row of
-    messages: Array  # (n, MESSAGE_WORDS) int64
-    server: Array  # (Z,) int32, by zone: KEEP, or the identity of the robot that serves it
-    redesigned: Array  # (1,) int64: 1 = the design changes, to
+    service_zone: Array = field("(n,) int32", "the service zone of the robot")
+    halt: Array = field("(n,) int32", "ticks that it stands still from now on")
+    again: Array = field(
+        "(n,) int32", "ticks after which zoning is asked about it again; NIL: when told to"
+    )
+    sends_message: Array = field("(n,) uint8", "1 = its message changes, to this row of")
+    messages: Array = field(f"(n, {MESSAGE_WORDS}) int64")
+    server: Array = field(
+        "(Z,) int32", "by zone: KEEP, or the identity of the robot that serves it"
+    )
+    redesigned: Array = field("(1,) int64", "1 = the design changes, to")
     design: Design
-    queued: Array  # (1,) int64: how many of the next four are in use
-    order: Array  # (m,) int32: this order
-    queue: Array  # (m,) int32: comes into the queue of this zone
-    next_slot: Array  # (m,) int32: and is to be dropped at this slot
-    skips_transfer: Array  # (m,) uint8: 1 = past transfer stations
-    refused: Array  # (1,) int64: illegal decisions that a recording tells of, and no strategy
+    queued: Array = field("(1,) int64", "how many of the next four are in use")
+    order: Array = field("(m,) int32", "this order")
+    queue: Array = field("(m,) int32", "comes into the queue of this zone")
+    next_slot: Array = field("(m,) int32", "and is to be dropped at this slot")
+    skips_transfer: Array = field("(m,) uint8", "1 = past transfer stations")
+    refused: Array = field(
+        "(1,) int64", "illegal decisions that a recording tells of, and no strategy"
+    )
 
 
 class ChargingDecisions(Struct):
-    goal_cell: Array  # (n,) int32: charger cell to drive to; NIL: stop charging
-    charge_target: Array  # (n,) int32: charge at which to leave
-    charging_interruptible: Array  # (n,) int32: 1 = it may get an order while it charges
+    goal_cell: Array = field("(n,) int32", "charger cell to drive to; NIL: stop charging")
+    charge_target: Array = field("(n,) int32", "charge at which to leave")
+    charging_interruptible: Array = field("(n,) int32", "1 = it may get an order while it charges")
 
 
 class AllocationDecisions(Struct):
-    command: Array  # (n,) int32: KEEP, CMD_TAKE_ORDER, CMD_DROP_AT or CMD_PARK
-    order: Array  # (n,) int32: CMD_TAKE_ORDER: the order to pick up
-    slot: Array  # (n,) int32: CMD_DROP_AT: where the load goes
-    goal_cell: Array  # (n,) int32: the cell from which it is picked up or dropped
-    try_drop: Array  # (n,) int32: CMD_DROP_AT: 1 = a TRY_DROP operation follows the pick
-    ask_again: Array  # (n,) uint8: 1 = ask again next tick, whatever happens
-    order_queue_length: Array  # (n,) int32, by storage index: KEEP, or how many orders
-    order_queue: Array  # (n, L) int32, by storage index: orders that a robot is to do
-    order_taken: Array  # (m,) uint8: scratch: reserved by an earlier decision of this batch
-    slot_taken: Array  # (s,) uint8
+    command: Array = field("(n,) int32", "KEEP, CMD_TAKE_ORDER, CMD_DROP_AT or CMD_PARK")
+    order: Array = field("(n,) int32", "CMD_TAKE_ORDER: the order to pick up")
+    slot: Array = field("(n,) int32", "CMD_DROP_AT: where the load goes")
+    goal_cell: Array = field("(n,) int32", "the cell from which it is picked up or dropped")
+    try_drop: Array = field("(n,) int32", "CMD_DROP_AT: 1 = a TRY_DROP operation follows the pick")
+    ask_again: Array = field("(n,) uint8", "1 = ask again next tick, whatever happens")
+    order_queue_length: Array = field("(n,) int32", "by storage index: KEEP, or how many orders")
+    order_queue: Array = field("(n, L) int32", "by storage index: orders that a robot is to do")
+    order_taken: Array = field(
+        "(m,) uint8", "scratch: reserved by an earlier decision of this batch"
+    )
+    slot_taken: Array = field("(s,) uint8")
 
 
 class RoutingDecisions(Struct):
-    route_length: Array  # (n,) int32: KEEP or the number of steps
-    steps: Array  # (n, R) uint8: directions
+    route_length: Array = field("(n,) int32", "KEEP or the number of steps")
+    steps: Array = field("(n, R) uint8", "directions")
 
 
 class RightOfWayDecisions(Struct):
-    command: Array  # (n,) int32: KEEP, CMD_STEP, CMD_WAIT or CMD_RETREAT
-    value: Array  # (n,) int32: direction, ticks, or moves
-    return_order: Array  # (n,) int32: 1 = an empty robot returns its order
-    priority: Array  # (n,) int32: KEEP or the robot's new priority
+    command: Array = field("(n,) int32", "KEEP, CMD_STEP, CMD_WAIT or CMD_RETREAT")
+    value: Array = field("(n,) int32", "direction, ticks, or moves")
+    return_order: Array = field("(n,) int32", "1 = an empty robot returns its order")
+    priority: Array = field("(n,) int32", "KEEP or the robot's new priority")
 
 
 class Decisions(Struct):
@@ -367,28 +432,33 @@ CMD_RETREAT: Final = 3
 class Memory(Struct):
     """A strategy's private state."""
 
-    per_robot: Array  # (n, k) int64: one row per robot
-    shared: Array  # (q,) int64
-    parameters: Array  # (p,) int64, read-only
+    per_robot: Array = field("(n, k) int64", "one row per robot")
+    shared: Array = field("(q,) int64")
+    parameters: Array = field("(p,) int64", "read-only", role=CONSTANT)
 
 
 class Workspace(Struct):
     """Scratch of the searches, and the cached distance fields; contents never decide anything."""
 
-    cost: Array  # (P,) int32, per pose = cell * headings + heading
-    stamp: Array  # (P,) int64: search in which `cost` was written
-    parent: Array  # (P,) uint8
-    mark: Array  # (C,) int32
-    mark_stamp: Array  # (C,) int64
-    heap: Array  # (H,) int64
-    generation: Array  # (2,) int64: searches so far; poses expanded
-    # (1,) int64: not 0 = the run is given up in mid-tick, what searches find is worthless
-    stop: Array
-    steps: Array  # (R,) uint8: a route that only needs to exist
-    field: Array  # (F, P) int32: cost from a pose to the field's target
-    field_of: Array  # (K C,) int32: the field of robots of type k to a cell, [k C + c], or NIL
-    field_owner: Array  # (F,) int32: which entry of field_of a field has, or NIL
-    field_next: Array  # (1,) int64: the field to overwrite next
+    cost: Array = field("(P,) int32", "per pose = cell * headings + heading")
+    stamp: Array = field("(P,) int64", "search in which `cost` was written")
+    parent: Array = field("(P,) uint8")
+    mark: Array = field("(C,) int32")
+    mark_stamp: Array = field("(C,) int64")
+    heap: Array = field("(H,) int64")
+    generation: Array = field("(2,) int64", "searches so far; poses expanded")
+    stop: Array = field(
+        "(1,) int64", "not 0 = the run is given up in mid-tick, what searches find is worthless"
+    )
+    steps: Array = field("(R,) uint8", "a route that only needs to exist")
+    distances: Array = field("(F, P) int32", "cost from a pose to the field's target")
+    field_of: Array = field(
+        "(K C,) int32", "the field of robots of type k to a cell, [k C + c], or NIL", default=NIL
+    )
+    field_owner: Array = field(
+        "(F,) int32", "which entry of field_of a field has, or NIL", default=NIL
+    )
+    field_next: Array = field("(1,) int64", "the field to overwrite next")
     # Scratch of methods, which the loop passes on.
     routes: Struct
     zoning: Struct
@@ -398,8 +468,10 @@ class Workspace(Struct):
 class Record(Struct):
     """Buffers that a recorder empties when the loop pauses."""
 
-    executed: Array  # (T, n) uint8, by identity
-    decisions: Array  # (Y,) int64: what strategies decided (automaton.engine.decision_stream)
-    changes: Array  # (X, 4) int64: tick, code, subject, value
-    digests: Array  # (T, D) uint64
-    values: Array  # (D,) int64, scratch
+    executed: Array = field("(T, n) uint8", "by identity")
+    decisions: Array = field(
+        "(Y,) int64", "what strategies decided (automaton.engine.decision_stream)"
+    )
+    changes: Array = field("(X, 4) int64", "tick, code, subject, value")
+    digests: Array = field("(T, D) uint64")
+    values: Array = field("(D,) int64", "scratch")

@@ -72,9 +72,5 @@ def memory_of(
     """Memory with `per_robot` numbers for each robot and `shared` ones for all, zero at the start."""
     constants = np.array(parameters, np.int64)
     constants.setflags(write=False)
-    robots = view.robots.cell.shape[0]
-    return Memory(
-        per_robot=np.zeros((robots, per_robot), np.int64),
-        shared=np.zeros(shared, np.int64),
-        parameters=constants,
-    )
+    sizes = {"n": view.robots.cell.shape[0], "k": per_robot, "q": shared}
+    return Memory.sized(sizes, parameters=constants)

@@ -123,7 +123,6 @@ def run(name: str, layer: str = "allocation", scenario: str = "tabletop-mini") -
         ("Silent", "allocation", r"Silent: it has no method decide \(did you mean 'decied'"),
         ("Base", "allocation", "reset\\(\\) must return memory_of"),
         ("OneRow", "allocation", "memory.per_robot as int64 of shape"),
-        ("Floats", "allocation", "memory.shared as int64 of shape"),
         ("NoWait", "right_of_way", "1 <= from <= to <= 10,000"),
         ("CountsNothing", "allocation", "counter 'asked' must name a column of memory.per_robot"),
         ("CountsMoves", "allocation", "counter 'moves': every run counts this itself; rename it"),
@@ -133,6 +132,11 @@ def run(name: str, layer: str = "allocation", scenario: str = "tabletop-mini") -
 def test_what_does_not_fit_the_contract_is_refused(name: str, layer: str, sentence: str) -> None:
     with pytest.raises(InputError, match=sentence):
         run(name, layer)
+
+
+def test_memory_of_another_type_than_declared_is_refused() -> None:
+    with pytest.raises(TypeError, match=r"Memory\.shared is \(3,\) float32; it is declared as"):
+        run("Floats", "allocation")
 
 
 def test_the_batch_cannot_be_written_to() -> None:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterator
 from typing import Any
 
-import numpy as np
 from llvmlite import ir
-from numba import types
+from numba import from_dtype, types
 from numba.extending import (
     NativeValue,
     lower_getattr_generic,
@@ -23,7 +23,7 @@ from automaton.engine.jit.numba_parts import (
     infer_getattr,
     populate_array,
 )
-from automaton.engine.jit.structs import WORDS, Struct
+from automaton.engine.jit.structs import CONSTANT, WORDS, Struct
 
 
 class StructType(types.Type):
@@ -47,19 +47,32 @@ class _StructModel(models.PrimitiveModel):
 
 @typeof_impl.register(Struct)
 def _typeof_struct(value: Struct, context: Any) -> types.Type:
-    known = type(value)._types
-    if value._writable not in known:
-        fields = []
-        for name in value._fields:
-            field = getattr(value, name)
-            plain = not isinstance(field, np.ndarray | Struct)
-            kind = types.int64 if plain else typeof_impl(field, context)
-            if plain and isinstance(field, np.uint64):
-                kind = types.uint64
-            fields.append((name, kind))
-        known[value._writable] = StructType(type(value).__name__, tuple(fields))
-    found: types.Type = known[value._writable]
+    """Its type follows from its declared fields, and from the types of the structs in it."""
+    if "_type" not in value.__dict__:
+        parts = [getattr(value, name) for name in value._fields if name not in value._declared]
+        inner = tuple(_typeof_struct(part, context) for part in parts)
+        known = type(value)._types
+        key = value._writable, *inner
+        if key not in known:
+            known[key] = _struct_type(type(value), value._writable, iter(inner))
+        value.__dict__["_type"] = known[key]
+    found: types.Type = value.__dict__["_type"]
     return found
+
+
+def _struct_type(cls: type[Struct], writable: bool, inner: Iterator[types.Type]) -> StructType:
+    fields = []
+    for name in cls._fields:
+        declared = cls._declared.get(name)
+        if declared is None:
+            kind = next(inner)
+        elif not declared.is_array:
+            kind = from_dtype(declared.dtype)
+        else:
+            readonly = not writable or declared.role == CONSTANT
+            kind = types.Array(from_dtype(declared.dtype), declared.ndim, "C", readonly)
+        fields.append((name, kind))
+    return StructType(cls.__name__, tuple(fields))
 
 
 @unbox(StructType)

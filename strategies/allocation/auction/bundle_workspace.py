@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-import numpy as np
 from numpy.typing import NDArray
 
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import Struct, field
 from automaton.errors import InputError
 
 Array = NDArray[Any]
@@ -20,26 +19,28 @@ MAX_GENERATIONS: Final = 1000
 class Bundles(Struct):
     """Every subset S of n tasks, as a number with bit k for item k, and every one of R robots."""
 
-    cost: Array  # (R, 2^n) int64 ticks of the bundle; INF: not feasible
-    best: Array  # (R, 2^n) int64: the best that robots 0..r make of S, by the objective
-    part: Array  # (R, 2^n) int32: what robot r takes of S then
-    ends: Array  # (2^n, n) int32: ticks of the shortest way through S that ends with item k
-    chosen: Array  # (R,) int32: the bundle that each robot gets
-    trying: Array  # (R,) int32, scratch of the search
-    rest: Array  # (R + 1,) int32, scratch
-    total: Array  # (R + 1,) int64, scratch
-    most: Array  # (R + 1,) int64, scratch
+    cost: Array = field("(R, 2^n) int64", "ticks of the bundle; INF: not feasible")
+    best: Array = field("(R, 2^n) int64", "the best that robots 0..r make of S, by the objective")
+    part: Array = field("(R, 2^n) int32", "what robot r takes of S then")
+    ends: Array = field(
+        "(2^n, n) int32", "ticks of the shortest way through S that ends with item k"
+    )
+    chosen: Array = field("(R,) int32", "the bundle that each robot gets")
+    trying: Array = field("(R,) int32", "scratch of the search")
+    rest: Array = field("(R + 1,) int32", "scratch")
+    total: Array = field("(R + 1,) int64", "scratch")
+    most: Array = field("(R + 1,) int64", "scratch")
 
 
 class Population(Struct):
     """N individuals: which of R robots does each of n items; and the lists to begin with."""
 
-    genes: Array  # (N, n) int32
-    children: Array  # (N, n) int32
-    fitness: Array  # (N,) int64: the objective; smaller is better
-    rank: Array  # (N,) int32: individuals from the best to the worst
-    order: Array  # (R, L) int32: the robots' lists before the auction
-    length: Array  # (R,) int32
+    genes: Array = field("(N, n) int32")
+    children: Array = field("(N, n) int32")
+    fitness: Array = field("(N,) int64", "the objective; smaller is better")
+    rank: Array = field("(N,) int32", "individuals from the best to the worst")
+    order: Array = field("(R, L) int32", "the robots' lists before the auction")
+    length: Array = field("(R,) int32")
 
 
 def bundles_for(robots: int, tasks: int) -> Bundles:
@@ -49,31 +50,12 @@ def bundles_for(robots: int, tasks: int) -> Bundles:
             f"bundles of {tasks} tasks for {robots} robots are too many: "
             f"at most {MAX_BUNDLE_TASKS} tasks and {MAX_BUNDLE_ROBOTS} robots can be done exactly"
         )
-    subsets = 1 << tasks
-    return Bundles(
-        cost=np.zeros((robots, subsets), np.int64),
-        best=np.zeros((robots, subsets), np.int64),
-        part=np.zeros((robots, subsets), np.int32),
-        ends=np.zeros((subsets, tasks), np.int32),
-        chosen=np.zeros(robots, np.int32),
-        trying=np.zeros(robots, np.int32),
-        rest=np.zeros(robots + 1, np.int32),
-        total=np.zeros(robots + 1, np.int64),
-        most=np.zeros(robots + 1, np.int64),
-    )
+    return Bundles.sized({"R": robots, "n": tasks, "2^n": 1 << tasks})
 
 
 def population_for(robots: int, tasks: int, longest: int) -> Population:
     """Ten individuals for each robot."""
-    size = 10 * robots
-    return Population(
-        genes=np.zeros((size, tasks), np.int32),
-        children=np.zeros((size, tasks), np.int32),
-        fitness=np.zeros(size, np.int64),
-        rank=np.zeros(size, np.int32),
-        order=np.zeros((robots, longest), np.int32),
-        length=np.zeros(robots, np.int32),
-    )
+    return Population.sized({"N": 10 * robots, "n": tasks, "R": robots, "L": longest})
 
 
 def generations(robots: int, tasks: int) -> int:
@@ -85,23 +67,15 @@ def generations(robots: int, tasks: int) -> int:
 class Assignment(Struct):
     """Scratch of the one-shot assignment, for up to q rows and columns."""
 
-    cost: Array  # (q, q) int64
-    row_price: Array  # (q,) int64
-    column_price: Array  # (q + 1,) int64
-    row_of: Array  # (q + 1,) int32: the row of a column, or NIL
-    parent_column: Array  # (q + 1,) int32: the column before it on the path
-    slack: Array  # (q + 1,) int64
-    seen: Array  # (q + 1,) uint8
+    cost: Array = field("(q, q) int64")
+    row_price: Array = field("(q,) int64")
+    column_price: Array = field("(q + 1,) int64")
+    row_of: Array = field("(q + 1,) int32", "the row of a column, or NIL")
+    parent_column: Array = field("(q + 1,) int32", "the column before it on the path")
+    slack: Array = field("(q + 1,) int64")
+    seen: Array = field("(q + 1,) uint8")
 
 
 def assignment_for(most: int) -> Assignment:
     """Scratch for so many robots and so many tasks."""
-    return Assignment(
-        cost=np.zeros((most, most), np.int64),
-        row_price=np.zeros(most, np.int64),
-        column_price=np.zeros(most + 1, np.int64),
-        row_of=np.zeros(most + 1, np.int32),
-        parent_column=np.zeros(most + 1, np.int32),
-        slack=np.zeros(most + 1, np.int64),
-        seen=np.zeros(most + 1, np.uint8),
-    )
+    return Assignment.sized({"q": most})

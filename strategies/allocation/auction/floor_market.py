@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import Struct, field
 from automaton.engine.robot_status import STATUS_UP
 from automaton.engine.state import (
     ACTION_DROP,
@@ -52,11 +52,13 @@ class FloorMarket(Struct):
     battery: Battery
     fleet: Fleet
     scratch: Scratch
-    robot: Array  # (R,) int32: storage index of each robot
-    cell: Array  # (K, P) int32: places are served from other cells by other types of robots
-    order: Array  # (T,) int32: the order of each task
-    item: Array  # (T,) int32: tasks that are for sale
-    queues: int  # 1: robots wait for those that were sent to a charger before
+    robot: Array = field("(R,) int32", "storage index of each robot")
+    cell: Array = field(
+        "(K, P) int32", "places are served from other cells by other types of robots"
+    )
+    order: Array = field("(T,) int32", "the order of each task")
+    item: Array = field("(T,) int32", "tasks that are for sale")
+    queues: int = field("int64", "1: robots wait for those that were sent to a charger before")
 
 
 def make_floor_market(
@@ -81,15 +83,13 @@ def make_floor_market(
     cell = np.full((types, places), NIL, np.int32)
     cell[:, robots : robots + len(chargers)] = chargers
     begin = robots + len(chargers) + 2 * np.arange(tasks)
-    return FloorMarket(
-        costs=deliveries(nothing, nothing, begin, begin + 1, none, none),
+    return FloorMarket.sized(
+        {"R": robots, "T": tasks},
+        work=deliveries(nothing, nothing, begin, begin + 1, none, none),
         battery=battery,
         fleet=fleet_of(np.arange(robots), tasks, longest=longest),
         scratch=scratch_for(robots, tasks, longest, len(chargers)),
-        robot=np.zeros(robots, np.int32),
         cell=cell,
-        order=np.zeros(tasks, np.int32),
-        item=np.zeros(tasks, np.int32),
         queues=int(queues),
     )
 

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from numpy.typing import NDArray
 
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import Struct, field
 from automaton.engine.robot_status import BATTERY_FULL as BATTERY_FULL
 
 Array = NDArray[Any]
@@ -35,60 +35,67 @@ POLICY_THRESHOLD_REACHABLE: Final = 5
 class TaskCosts(Struct):
     """T tasks and P places, as robots of each of K types find them."""
 
-    robot_type: Array  # (1,) int64: the robot type whose rows count
-    ticks: Array  # (K, P, P) int32: from place to place
-    energy: Array  # (K, P, P) int32 units: from place to place
-    begin: Array  # (T,) int32: place at which a task begins
-    end: Array  # (T,) int32: place at which it ends
-    inside: Array  # (K, T) int32 ticks from begin to end, all handling included
-    use: Array  # (K, T) int32 units from begin to end
+    robot_type: Array = field("(1,) int64", "the robot type whose rows count")
+    ticks: Array = field("(K, P, P) int32", "from place to place")
+    energy: Array = field("(K, P, P) int32", "units: from place to place")
+    begin: Array = field("(T,) int32", "place at which a task begins")
+    end: Array = field("(T,) int32", "place at which it ends")
+    inside: Array = field("(K, T) int32", "ticks from begin to end, all handling included")
+    use: Array = field("(K, T) int32", "units from begin to end")
 
 
 class Battery(Struct):
-    """The rules of energy, the same for all robots; C chargers, K pieces of the charging curve."""
+    """The rules of energy, the same for all robots; C chargers."""
 
-    robot_type: Array  # (1,) int64: the robot type whose rows count
-    charger: Array  # (C,) int32: its place
-    wait: Array  # (C,) int32 ticks until it is free of the robots that come before
-    nearest: Array  # (K, P) int32: the charger that takes least energy to reach; NIL: none
-    reach: Array  # (K, P) int64 units to it; INF_COST: none
-    curve: Array  # (C, 2) int32: of each piece the level from which it holds, and units per tick
-    reserve: int  # units that are left on every arrival
-    end_reach: int  # 1: at the end of a list a charger can still be reached (never strand)
-    policy: int
-    threshold: int  # units, of POLICY_THRESHOLD and POLICY_THRESHOLD_REACHABLE
-    target: int  # units, of POLICY_FILL_UP
+    robot_type: Array = field("(1,) int64", "the robot type whose rows count")
+    charger: Array = field("(C,) int32", "its place")
+    wait: Array = field("(C,) int32", "ticks until it is free of the robots that come before")
+    nearest: Array = field(
+        "(K, P) int32", "the charger that takes least energy to reach; NIL: none"
+    )
+    reach: Array = field("(K, P) int64", "units to it; INF: none")
+    curve: Array = field(
+        "(pieces, 2) int32", "of each piece the level from which it holds, and units per tick"
+    )
+    reserve: int = field("int64", "units that are left on every arrival")
+    end_reach: int = field(
+        "int64", "1: at the end of a list a charger can still be reached (never strand)"
+    )
+    policy: int = field("int64")
+    threshold: int = field("int64", "units, of LOOK and SAFE")
+    target: int = field("int64", "units, of FILL_UP")
 
 
 class Fleet(Struct):
     """R robots and their lists of at most L tasks."""
 
-    robot_type: Array  # (R,) uint8: the robot's type
-    place: Array  # (R,) int32: where the list starts
-    ready: Array  # (R,) int32 ticks until the robot is there
-    charge: Array  # (R,) int32 units that it has then
-    first: Array  # (R,) int32: 1 = it drives to its first task, which stays the first
-    capacity: Array  # (R,) int32: the maximum number of tasks in its list
-    may_bid: Array  # (R, T) uint8: 1 = it may bid on the task
-    order: Array  # (R, L) int32: its tasks in sequence
-    length: Array  # (R,) int32
-    travel: Array  # (R,) int64 ticks of the list without charging
-    energy: Array  # (R,) int64 units of the list without charging
-    # (R,) int64 ticks until the list is done, charging included; INF_COST: it cannot be
-    cost: Array
+    robot_type: Array = field("(R,) uint8", "the robot's type")
+    place: Array = field("(R,) int32", "where the list starts")
+    ready: Array = field("(R,) int32", "ticks until the robot is there")
+    charge: Array = field("(R,) int32", "units that it has then")
+    first: Array = field("(R,) int32", "1 = it drives to its first task, which stays the first")
+    capacity: Array = field("(R,) int32", "most tasks in its list")
+    may_bid: Array = field("(R, T) uint8", "1 = it may bid on the task")
+    order: Array = field("(R, L) int32", "its tasks in sequence")
+    length: Array = field("(R,) int32")
+    travel: Array = field("(R,) int64", "ticks of the list without charging")
+    energy: Array = field("(R,) int64", "units of the list without charging")
+    cost: Array = field(
+        "(R,) int64", "ticks until the list is done, charging included; INF: it cannot be"
+    )
 
 
 class ChargingPlan(Struct):
     """The charging stops of one list."""
 
-    stops: Array  # (1,) int64: how many
-    position: Array  # (S,) int32: before which task of the list
-    charger: Array  # (S,) int32
-    arrival: Array  # (S,) int64 units on arrival
-    level: Array  # (S,) int64 units on leaving
-    duration: Array  # (S,) int64 ticks of charging
-    waited: Array  # (S,) int64 ticks in the queue before it
-    totals: Array  # (TOTAL_COLUMNS,) int64: see below
+    stops: Array = field("(1,) int64", "how many")
+    position: Array = field("(S,) int32", "before which task of the list")
+    charger: Array = field("(S,) int32")
+    arrival: Array = field("(S,) int64", "units on arrival")
+    level: Array = field("(S,) int64", "units on leaving")
+    duration: Array = field("(S,) int64", "ticks of charging")
+    waited: Array = field("(S,) int64", "ticks in the queue before it")
+    totals: Array = field("(FIGURES,) int64", "see below")
 
 
 # Columns of ChargingPlan.totals.
@@ -105,26 +112,30 @@ TOTAL_COLUMNS: Final = 7
 class Scratch(Struct):
     """What bids are computed in; contents never decide anything between calls, except `sold`."""
 
-    order: Array  # (L + 1,) int32: a list that is tried
-    done_ticks: Array  # (L + 2,) int64: from the start until task i - 1 of the list is done
-    done_energy: Array  # (L + 2,) int64
-    begun_ticks: Array  # (L + 2,) int64: from the start until task i begins, driven directly
-    begun_energy: Array  # (L + 2,) int64
-    weight: Array  # (L + 1, C) int64: best way to a charger before task i
-    parent: Array  # (L + 1, C) int32: the stop before that one, as i * C + c, or NIL
-    node: Array  # (S,) int32: stops from which a better path may go on
-    path: Array  # (8,) int64 (strategies.allocation.auction.charge_path)
-    bid: Array  # (R, T) int64, by robot and number of the item
-    best: Array  # (R,) int32: the item of the robot's lowest bid, or NIL
-    left: Array  # (T,) int32: items that are not sold, by arrival
-    low: Array  # (T,) int64
-    second: Array  # (T,) int64
-    high: Array  # (T,) int64
-    bidders: Array  # (T,) int32: robots with a finite bid
-    lowest_bidder: Array  # (T,) int32: the robot with the lowest
-    needs_update: Array  # (T,) uint8: 1 = the five above are to be found again
-    sold: Array  # (T,) int32: who won the item, or NIL
-    count: Array  # (COUNT_COLUMNS,) int64
+    order: Array = field("(L + 1,) int32", "a list that is tried")
+    done_ticks: Array = field(
+        "(L + 2,) int64", "from the start until task i - 1 of the list is done"
+    )
+    done_energy: Array = field("(L + 2,) int64")
+    begun_ticks: Array = field(
+        "(L + 2,) int64", "from the start until task i begins, driven directly"
+    )
+    begun_energy: Array = field("(L + 2,) int64")
+    weight: Array = field("(L + 1, C) int64", "best way to a charger before task i")
+    parent: Array = field("(L + 1, C) int32", "the stop before that one, as i * C + c, or NIL")
+    node: Array = field("(S,) int32", "stops from which a better path may go on")
+    path: Array = field("(8,) int64", "(strategies.allocation.auction.charge_path)")
+    bid: Array = field("(R, T) int64", "by robot and number of the item")
+    best: Array = field("(R,) int32", "the item of the robot's lowest bid, or NIL")
+    left: Array = field("(T,) int32", "items that are not sold, by arrival")
+    low: Array = field("(T,) int64")
+    second: Array = field("(T,) int64")
+    high: Array = field("(T,) int64")
+    bidders: Array = field("(T,) int32", "robots with a finite bid")
+    lowest_bidder: Array = field("(T,) int32", "the robot with the lowest")
+    needs_update: Array = field("(T,) uint8", "1 = the five above are to be found again")
+    sold: Array = field("(T,) int32", "who won the item, or NIL")
+    count: Array = field("(COUNTS,) int64")
     plan: ChargingPlan
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -43,8 +41,7 @@ def deliveries(
         found = np.array(values, np.int32)
         return found if found.ndim >= by_type else found[None]
 
-    return TaskCosts(
-        robot_type=np.zeros(1, np.int64),
+    return TaskCosts.sized(
         ticks=numbers(ticks, 3),
         energy=numbers(energy, 3),
         begin=numbers(begin),
@@ -70,10 +67,8 @@ def battery_of(
     at = np.asarray(chargers, np.int32)
     to = between[:, :, at]
     none, shape = at.size == 0, between.shape[:2]
-    return Battery(
-        robot_type=np.zeros(1, np.int64),
+    return Battery.sized(
         charger=at,
-        wait=np.zeros(at.size, np.int32),
         nearest=np.full(shape, -1, np.int32) if none else to.argmin(2).astype(np.int32),
         reach=np.full(shape, INF_COST, np.int64) if none else to.min(2),
         curve=np.array(curve, np.int32),
@@ -92,62 +87,18 @@ def fleet_of(
     at = np.asarray(places, np.int32).copy()
     robots = len(at)
     most = tasks if longest is None else longest
-
-    def numbers(value: ArrayLike = 0, kind: Any = np.int32) -> Array:
-        return np.full(robots, value, kind)
-
-    return Fleet(
-        robot_type=numbers(kind=np.uint8),
+    return Fleet.sized(
+        {"L": most},
         place=at,
-        ready=numbers(),
-        charge=numbers(charge),
-        first=numbers(),
-        capacity=numbers(most),
-        may_bid=np.ones((robots, tasks), np.uint8),
-        order=np.zeros((robots, most), np.int32),
-        length=numbers(),
-        travel=numbers(kind=np.int64),
-        energy=numbers(kind=np.int64),
-        cost=numbers(kind=np.int64),
+        charge=np.full(robots, charge, np.int32),
+        room=np.full(robots, most, np.int32),
+        heard=np.ones((robots, tasks), np.uint8),
     )
 
 
 def scratch_for(robots: int, tasks: int, longest: int, chargers: int) -> Scratch:
     """Room for auctions of so many tasks among so many robots with lists of at most `longest`."""
     stops = (longest + 1) * max(chargers, 1) + longest + 2
-
-    def numbers(size: int, kind: Any = np.int64) -> Array:
-        return np.zeros(size, kind)
-
-    return Scratch(
-        order=numbers(longest + 1, np.int32),
-        done_ticks=numbers(longest + 2),
-        done_energy=numbers(longest + 2),
-        begun_ticks=numbers(longest + 2),
-        begun_energy=numbers(longest + 2),
-        weight=np.zeros((longest + 1, chargers), np.int64),
-        parent=np.zeros((longest + 1, chargers), np.int32),
-        node=numbers(stops, np.int32),
-        path=numbers(8),
-        bid=np.zeros((robots, tasks), np.int64),
-        best=numbers(robots, np.int32),
-        left=numbers(tasks, np.int32),
-        low=numbers(tasks),
-        second=numbers(tasks),
-        high=numbers(tasks),
-        bidders=numbers(tasks, np.int32),
-        lowest_bidder=numbers(tasks, np.int32),
-        needs_update=numbers(tasks, np.uint8),
-        sold=numbers(tasks, np.int32),
-        count=numbers(COUNT_COLUMNS),
-        plan=ChargingPlan(
-            stops=numbers(1),
-            position=numbers(stops, np.int32),
-            charger=numbers(stops, np.int32),
-            arrival=numbers(stops),
-            level=numbers(stops),
-            duration=numbers(stops),
-            waited=numbers(stops),
-            totals=numbers(TOTAL_COLUMNS),
-        ),
-    )
+    sizes = {"R": robots, "T": tasks, "L": longest, "C": chargers, "S": stops}
+    plan = ChargingPlan.sized(sizes | {"FIGURES": TOTAL_COLUMNS})
+    return Scratch.sized(sizes | {"COUNTS": COUNT_COLUMNS}, plan=plan)

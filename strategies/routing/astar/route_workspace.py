@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import Struct, field
 
 Array = NDArray[Any]
 
@@ -17,16 +17,16 @@ IN_DEGREE = 4  # ways into a pose: each may find it again
 class RouteSpace(Struct):
     """What A*, replays and avoidance work in, for P poses and Z zones; it never decides anything."""
 
-    label: Array  # (P,) int64: stamp << 32 | cost of the best way found to a pose
-    came: Array  # (P,) uint8: how it came there: a direction, a turn, or the start
-    tick: Array  # (P,) int32: searches in time: when it comes there
-    key: Array  # (4P + 1,) int64, heap: f << 32 | tie
-    item: Array  # (4P + 1,) int64, heap: number << 32 | pose
-    lane: Array  # (4P + 1,) int64: row << 32 | pose of the level that is expanded
-    state: Array  # (8,) int64, strategies.routing.astar.frontier
-    stop: Array  # (1,) int64: not 0 = searches find nothing any more (Workspace.stop)
-    closed: Array  # (Z,) uint8: 1 = no robot may enter
-    count: Array  # (Z,) int32: others that are predicted in each zone
+    label: Array = field("(P,) int64", "stamp << 32 | cost of the best way found to a pose")
+    came: Array = field("(P,) uint8", "how it came there: a direction, a turn, or the start")
+    tick: Array = field("(P,) int32", "searches in time: when it comes there")
+    key: Array = field("(4P + 1,) int64", "heap: f << 32 | tie")
+    item: Array = field("(4P + 1,) int64", "heap: number << 32 | pose")
+    lane: Array = field("(4P + 1,) int64", "row << 32 | pose of the level that is expanded")
+    state: Array = field("(8,) int64", "strategies.routing.astar.frontier")
+    stop: Array = field("(1,) int64", "not 0 = searches find nothing any more (Workspace.stop)")
+    closed: Array = field("(Z,) uint8", "1 = no robot may enter")
+    count: Array = field("(Z,) int32", "others that are predicted in each zone")
 
 
 class MonteCarloWorkspace(Struct):
@@ -35,55 +35,28 @@ class MonteCarloWorkspace(Struct):
     R steps of the longest task; Z zones.
     """
 
-    task: Array  # (r, 3) int32: start, pick-up and drop-off cell
-    route: Array  # (r, R) uint8: directions of both legs
-    plain: Array  # (R,) uint8: robot 0's by plain A*
-    length: Array  # (r,) int32
-    at: Array  # (r,) int32: steps driven
-    cell: Array  # (r,) int32
-    busy: Array  # (r,) int32: ticks until it arrives
-    zone: Array  # (r,) int32: the zone it is in
-    met: Array  # (r,) int32: the zone in which robot 0 is together with it
-    used: Array  # (words,) int64: zones of one path, a bit for each
-    actual: Array  # (Z,) int32: others with a path through each zone
+    task: Array = field("(r, 3) int32", "start, pick-up and drop-off cell")
+    route: Array = field("(r, R) uint8", "directions of both legs")
+    plain: Array = field("(R,) uint8", "robot 0's by plain A*")
+    length: Array = field("(r,) int32")
+    at: Array = field("(r,) int32", "steps driven")
+    cell: Array = field("(r,) int32")
+    busy: Array = field("(r,) int32", "ticks until it arrives")
+    zone: Array = field("(r,) int32", "the zone it is in")
+    met: Array = field("(r,) int32", "the zone in which robot 0 is together with it")
+    used: Array = field("(words,) int64", "zones of one path, a bit for each")
+    actual: Array = field("(Z,) int32", "others with a path through each zone")
 
 
 def route_space(poses: int, zones: int, stop: Array | None = None) -> RouteSpace:
     """Scratch for searches on a floor with so many poses; pages that no search uses cost nothing."""
-    found = IN_DEGREE * poses + 1
-    return RouteSpace(
-        label=np.zeros(poses, np.int64),
-        came=np.zeros(poses, np.uint8),
-        tick=np.zeros(poses, np.int32),
-        key=np.zeros(found, np.int64),
-        item=np.zeros(found, np.int64),
-        lane=np.zeros(found, np.int64),
-        state=np.zeros(8, np.int64),
-        stop=np.zeros(1, np.int64) if stop is None else stop,
-        closed=np.zeros(zones, np.uint8),
-        count=np.zeros(zones, np.int32),
-    )
+    sizes = {"P": poses, "Z": zones}
+    return RouteSpace.sized(sizes, stop=np.zeros(1, np.int64) if stop is None else stop)
 
 
 def monte_carlo_workspace(robots: int, steps: int, zones: int) -> MonteCarloWorkspace:
     """Room for trials of so many robots whose two legs have at most so many steps together."""
-
-    def numbers() -> Array:
-        return np.zeros(robots, np.int32)
-
-    return MonteCarloWorkspace(
-        task=np.zeros((robots, 3), np.int32),
-        route=np.zeros((robots, steps), np.uint8),
-        plain=np.zeros(steps, np.uint8),
-        length=numbers(),
-        at=numbers(),
-        cell=numbers(),
-        busy=numbers(),
-        zone=numbers(),
-        met=numbers(),
-        used=np.zeros(words(zones), np.int64),
-        actual=np.zeros(zones, np.int32),
-    )
+    return MonteCarloWorkspace.sized({"r": robots, "R": steps, "Z": zones, "words": words(zones)})
 
 
 def words(zones: int) -> int:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import Struct, field
 from automaton.engine.state import NIL
 from strategies.zoning.annealing.annealing import (
     MIN_ZONE_STATIONS,
@@ -44,23 +44,20 @@ DEFAULT_ITERATIONS = 10  # of a turn
 class NegotiatedParts(Struct):
     """Parts in the queues or hands of robots; room for K."""
 
-    count: Array  # (1,) int64: how many there are
-    order: Array  # (K,) int32: the order of each, whatever that is to the caller
-    at: Array  # (K,) int32: the station where it is, or was picked up
-    to: Array  # (K,) int32: the next station of its route
-    carried: Array  # (K,) uint8: 1 = in a robot's hands; it keeps its zone and stop
-    zone: Array  # (K,) int32: the zone in whose queue it is
-    stop: Array  # (K,) int32: the station where it is dropped
-    proposed_zone: Array  # (K,) int32: what they would be in another design
-    proposed_slot: Array  # (K,) int32
+    count: Array = field("(1,) int64", "how many there are")
+    order: Array = field("(K,) int32", "the order of each, whatever that is to the caller")
+    at: Array = field("(K,) int32", "the station where it is, or was picked up")
+    to: Array = field("(K,) int32", "the next station of its route")
+    carried: Array = field("(K,) uint8", "1 = in a robot's hands; it keeps its zone and stop")
+    zone: Array = field("(K,) int32", "the zone in whose queue it is")
+    stop: Array = field("(K,) int32", "the station where it is dropped")
+    proposed_zone: Array = field("(K,) int32", "what they would be in another design")
+    proposed_slot: Array = field("(K,) int32")
 
 
 def parts_for(room: int) -> NegotiatedParts:
     """No parts, and room for some."""
-    names = ("order", "at", "to", "carried", "zone", "stop", "proposed_zone", "proposed_slot")
-    kinds = {name: np.uint8 if name == "carried" else np.int32 for name in names}
-    arrays = {name: np.zeros(room, kind) for name, kind in kinds.items()}
-    return NegotiatedParts(count=np.zeros(1, np.int64), **arrays)
+    return NegotiatedParts.sized({"K": room})
 
 
 @kernel

@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import Struct, field
 from automaton.engine.service_zones import Design, Roads, empty_design
 from strategies.allocation.auction.bundle_workspace import Assignment, assignment_for
 
@@ -36,36 +36,43 @@ EXTENT_MAX_FLOW: Final = 3
 class ZoneSpace(Struct):
     """P points, S stations, Z zones; what is not given for a run decides nothing later."""
 
-    distance: Array  # (P,) int64 cells from where a search began
-    back: Array  # (P,) int32: the point before
-    open: Array  # (P,) int32: points reached and not settled
-    done: Array  # (P,) uint8: 1 = settled
-    blocked: Array  # (P,) uint8: 1 = a search may not pass
-    claimed: Array  # (P, Z) uint8: 1 = on a path from a transfer station that is the zone's
-    tip: Array  # (S,) uint8: 1 = a tip of its zone
-    part: Array  # (S,) int32: the lowest station that it is joined with
-    listed: Array  # (S,) int32: stations of some kind, the first ones
-    member: Array  # (S,) uint8
-    # (Z, Z, S) int32: the tip of the second zone near a tip of the first, or NIL
-    via_station: Array
-    fresh: Array  # (Z, Z) uint8: 1 = `through` holds for the present design
-    legs: Array  # (S, S) float64: the flow that a load is made of
-    leg_flow: Array  # (Z, S, S) float64: the legs in each robot's queue
-    into: Array  # (S,) float64
-    out: Array  # (S,) float64
-    load: Array  # (Z,) float64 minutes
-    reach: Array  # (Z,) uint8: 1 = a zone that a negotiation is about
-    rules: Array  # (ZONE_RULE_COUNT,) float64
-    extent: Array  # (4,) float64
-    level: Array  # (Z,) int32: transfers to some zone, or NIL
-    frontier: Array  # (Z,) int32
-    zones: Array  # (Z * Z, 2) int32: pairs of zones
-    length: Array  # (S * S,) int64: of pairs of stations
-    pair: Array  # (S * S, 2) int32
-    drawn: Array  # (1,) int64: draws so far
-    serves: Array  # (Z, S) uint8: 1 = the robot of the zone gets to the station; given for a run
-    first: Array  # (Z, S) uint8: 1 = its type has priority there; given for a run
-    move_time_factor: Array  # (Z,) float64: how many times as long its moves take
+    distance: Array = field("(P,) int64", "cells from where a search began")
+    back: Array = field("(P,) int32", "the point before")
+    open: Array = field("(P,) int32", "points reached and not settled")
+    done: Array = field("(P,) uint8", "1 = settled")
+    blocked: Array = field("(P,) uint8", "1 = a search may not pass")
+    claimed: Array = field(
+        "(P, Z) uint8", "1 = on a path from a transfer station that is the zone's"
+    )
+    tip: Array = field("(S,) uint8", "1 = a tip of its zone")
+    part: Array = field("(S,) int32", "the lowest station that it is joined with")
+    listed: Array = field("(S,) int32", "stations of some kind, the first ones")
+    member: Array = field("(S,) uint8")
+    via_station: Array = field(
+        "(Z, Z, S) int32", "the tip of the second zone near a tip of the first, or NIL"
+    )
+    fresh: Array = field("(Z, Z) uint8", "1 = `through` holds for the present design")
+    legs: Array = field("(S, S) float64", "the flow that a load is made of")
+    leg_flow: Array = field("(Z, S, S) float64", "the legs in each robot's queue")
+    into: Array = field("(S,) float64")
+    out: Array = field("(S,) float64")
+    load: Array = field("(Z,) float64", "minutes")
+    reach: Array = field("(Z,) uint8", "1 = a zone that a negotiation is about")
+    rules: Array = field(f"({ZONE_RULE_COUNT},) float64")
+    extent: Array = field("(4,) float64")
+    level: Array = field("(Z,) int32", "transfers to some zone, or NIL")
+    frontier: Array = field("(Z,) int32")
+    zones: Array = field("(Z * Z, 2) int32", "pairs of zones")
+    length: Array = field("(S * S,) int64", "of pairs of stations")
+    pair: Array = field("(S * S, 2) int32")
+    drawn: Array = field("(1,) int64", "draws so far")
+    serves: Array = field(
+        "(Z, S) uint8", "1 = the robot of the zone gets to the station; given for a run", default=1
+    )
+    first: Array = field("(Z, S) uint8", "1 = its type has priority there; given for a run")
+    move_time_factor: Array = field(
+        "(Z,) float64", "how many times as long its moves take", default=1
+    )
     matching: Assignment  # of zones to robots
     trial: Design  # what an exchange makes
     now: Design  # where a search is
@@ -100,43 +107,8 @@ def zone_rules(
 
 def zone_space(points: int, stations: int, zones: int) -> ZoneSpace:
     """Scratch of these sizes."""
-
-    def numbers(*shape: int) -> Array:
-        return np.zeros(shape, np.int32)
-
-    def flags(*shape: int) -> Array:
-        return np.zeros(shape, np.uint8)
-
-    return ZoneSpace(
-        distance=np.zeros(points, np.int64),
-        back=numbers(points),
-        open=numbers(points),
-        done=flags(points),
-        blocked=flags(points),
-        claimed=flags(points, zones),
-        tip=flags(stations),
-        part=numbers(stations),
-        listed=numbers(stations),
-        member=flags(stations),
-        via_station=numbers(zones, zones, stations),
-        fresh=flags(zones, zones),
-        legs=np.zeros((stations, stations)),
-        leg_flow=np.zeros((zones, stations, stations)),
-        into=np.zeros(stations),
-        out=np.zeros(stations),
-        load=np.zeros(zones),
-        reach=flags(zones),
-        rules=np.zeros(ZONE_RULE_COUNT),
-        extent=np.zeros(4),
-        level=numbers(zones),
-        frontier=numbers(zones),
-        zones=numbers(zones * zones, 2),
-        length=np.zeros(stations * stations, np.int64),
-        pair=numbers(stations * stations, 2),
-        drawn=np.zeros(1, np.int64),
-        serves=np.ones((zones, stations), np.uint8),
-        first=flags(zones, stations),
-        move_time_factor=np.ones(zones),
+    return ZoneSpace.sized(
+        {"P": points, "S": stations, "Z": zones, "Z * Z": zones**2, "S * S": stations**2},
         matching=assignment_for(zones),
         trial=empty_design(points, stations, zones),
         now=empty_design(points, stations, zones),

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import Struct, field
 from automaton.engine.service_zones import Roads
 
 Array = NDArray[Any]
@@ -17,15 +16,15 @@ Array = NDArray[Any]
 class Individuals(Struct):
     """N designs in rows; the names are those of Design."""
 
-    zone: Array  # (N, S) int32
-    segments: Array  # (N,) int64
-    owner: Array  # (N, S) int32
-    ends: Array  # (N, S, 2) int32
-    points: Array  # (N, S) int32
-    path: Array  # (N, S, P) int32
-    held: Array  # (N, P) int32
-    value: Array  # (N,) float64: balance; smaller is better
-    tips: Array  # (N,) int64: how many tips it has; of equal designs the more the better
+    zone: Array = field("(N, S) int32")
+    segments: Array = field("(N,) int64")
+    owner: Array = field("(N, S) int32")
+    ends: Array = field("(N, S, 2) int32")
+    points: Array = field("(N, S) int32")
+    path: Array = field("(N, S, P) int32")
+    held: Array = field("(N, P) int32")
+    value: Array = field("(N,) float64", "balance; smaller is better")
+    tips: Array = field("(N,) int64", "how many tips it has; of equal designs the more the better")
 
 
 class Population(Struct):
@@ -33,37 +32,22 @@ class Population(Struct):
 
     now: Individuals  # N + 1 rows
     next: Individuals  # N rows
-    rank: Array  # (N,) int32: rows from the best to the worst
-    pool: Array  # (N + 1,) int32: rows that zones are taken from
+    rank: Array = field("(N,) int32", "rows from the best to the worst")
+    pool: Array = field("(N + 1,) int32", "rows that zones are taken from")
 
 
 def individuals_of(rows: int, points: int, stations: int) -> Individuals:
     """Room for some designs."""
-
-    def numbers(*shape: int) -> Array:
-        return np.zeros((rows, *shape), np.int32)
-
-    return Individuals(
-        zone=numbers(stations),
-        segments=np.zeros(rows, np.int64),
-        owner=numbers(stations),
-        ends=numbers(stations, 2),
-        points=numbers(stations),
-        path=numbers(stations, points),
-        held=numbers(points),
-        value=np.zeros(rows),
-        tips=np.zeros(rows, np.int64),
-    )
+    return Individuals.sized({"N": rows, "P": points, "S": stations})
 
 
 def population_for(roads: Roads, individuals: int = 60) -> Population:
     """Room for a population on these roads."""
     points, stations = len(roads.cell), len(roads.point)
-    return Population(
+    return Population.sized(
+        {"N": individuals},
         now=individuals_of(individuals + 1, points, stations),
         next=individuals_of(individuals, points, stations),
-        rank=np.zeros(individuals, np.int32),
-        pool=np.zeros(individuals + 1, np.int32),
     )
 
 

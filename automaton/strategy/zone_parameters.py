@@ -23,7 +23,11 @@ class ZoningParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True, 
     ] = None
     groups: Annotated[
         int,
-        Meta(ge=2, le=500, description="stations that slots are grouped into, without stations"),
+        Meta(
+            ge=2,
+            le=500,
+            description="groups of slots that count as stations on a floor without any",
+        ),
     ] = 18
     priority: Annotated[
         dict[str, tuple[int, ...]],

@@ -37,7 +37,10 @@ class Zones(ZoningParameters, forbid_unknown_fields=True, frozen=True, kw_only=T
 
     adjacency: Annotated[
         Length | None,
-        Meta(description="stations that are nearer are adjacent; left out: typical of the floor"),
+        Meta(
+            description="length: nearer stations are adjacent, so that zones may exchange them; left "
+            "out: the typical distance of stations on the floor"
+        ),
     ] = None
 
     def resolve_paths(self, folder: Path) -> Self:
@@ -113,15 +116,21 @@ class Zones(ZoningParameters, forbid_unknown_fields=True, frozen=True, kw_only=T
 class Monitoring(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """When zones count as out of balance, and what is done about it (Keith & La; Ho & Liao)."""
 
-    sharing: Annotated[bool, Meta(description="out of balance, robots share orders directly")] = (
-        True
+    sharing: Annotated[
+        bool, Meta(description="out of balance, orders are given to other robots")
+    ] = True
+    tolerance: Annotated[
+        float, Meta(ge=0, le=1, description="the largest SVp of balanced zones")
+    ] = 0.2
+    window: Annotated[Minutes, Meta(description="minutes that flow counts after its delivery")] = (
+        20.0
     )
-    tolerance: Annotated[float, Meta(ge=0, le=1, description="largest SVp of balanced zones")] = 0.2
-    window: Annotated[Minutes, Meta(description="flow counts so long after its delivery")] = 20.0
-    often: Annotated[Seconds, Meta(description="between two looks, out of balance")] = 60.0
-    seldom: Annotated[Seconds, Meta(description="between two looks, balanced for long")] = 180.0
-    calm: Annotated[Minutes, Meta(description="in balance so long: look seldom")] = 5.0
-    share_every: Annotated[Seconds, Meta(description="between two times of sharing")] = 60.0
+    often: Annotated[Seconds, Meta(description="seconds between two looks, out of balance")] = 60.0
+    seldom: Annotated[
+        Seconds, Meta(description="seconds between two looks, balanced for `calm`")
+    ] = 180.0
+    calm: Annotated[Minutes, Meta(description="minutes in balance, then look seldom")] = 5.0
+    share_every: Annotated[Seconds, Meta(description="seconds between two times of sharing")] = 60.0
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         """As of all zones; and one computer makes them, of what all robots do."""
@@ -136,30 +145,34 @@ class Monitoring(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True):
 class Repairing(Monitoring, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """When zones are redesigned."""
 
-    patience: Annotated[Minutes, Meta(description="out of balance so long: new zones")] = 15.0
-    compute: Annotated[Seconds, Meta(description="until a new design takes effect")] = 200.0
+    patience: Annotated[Minutes, Meta(description="minutes out of balance before new zones")] = 15.0
+    compute: Annotated[Seconds, Meta(description="seconds until a new design takes effect")] = 200.0
     share_while_computing: Annotated[
-        bool, Meta(description="robots share orders meanwhile, too; the paper leaves it open")
+        bool,
+        Meta(description="robots share orders meanwhile, too; the paper leaves it open"),
     ] = True
 
 
 class Annealing(Repairing, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """Simulated annealing of zones (Ho & Liao, as Keith & La modified it)."""
 
-    steps: Annotated[int, Meta(ge=1, le=100_000, description="M, and most moves")] = 500
-    hot: Annotated[float, Meta(gt=0, le=1000, description="T_i")] = 4.5
-    cold: Annotated[float, Meta(gt=0, le=1000, description="T_f")] = 0.35
+    steps: Annotated[
+        int,
+        Meta(ge=1, le=100_000, description="M, and most moves"),
+    ] = 500
+    hot: Annotated[float, Meta(gt=0, le=1000, description="T_i: first temperature")] = 4.5
+    cold: Annotated[float, Meta(gt=0, le=1000, description="T_f: last temperature")] = 0.35
 
 
 class Genetic(Repairing, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """A genetic algorithm over zone designs."""
 
-    population: Annotated[int, Meta(ge=2, le=1000)] = 60
-    generations: Annotated[int, Meta(ge=1, le=10_000)] = 100
+    population: Annotated[int, Meta(ge=2, le=1000, description="designs in a generation")] = 60
+    generations: Annotated[int, Meta(ge=1, le=10_000, description="how many generations")] = 100
     selected: Annotated[int, Meta(ge=1, le=1000, description="best designs that are bred")] = 10
-    mutation: Annotated[float, Meta(ge=0, le=0.95, description="chance of one more mutation")] = (
-        0.45
-    )
+    mutation: Annotated[
+        float, Meta(ge=0, le=0.95, description="probability of one more mutation")
+    ] = 0.45
     matched: Annotated[
         bool,
         Meta(
@@ -176,23 +189,35 @@ class Genetic(Repairing, forbid_unknown_fields=True, frozen=True, kw_only=True):
 class Decentralized(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """Robots negotiate their zones with those in range (Keith & La, Algorithms 3 and 4)."""
 
-    range: Annotated[Length, Meta(description="r: as far as robots talk, as the crow flies")] = (
-        328.0
+    range: Annotated[Length, Meta(description="r, a length: how far messages reach")] = 328.0
+    tolerance: Annotated[
+        Minutes, Meta(description="L_TOL: minutes that a load may be from the mean")
+    ] = 18.0
+    patience: Annotated[
+        Minutes,
+        Meta(description="T_LT: minutes since the last balance"),
+    ] = 15.0
+    hysteresis: Annotated[Minutes, Meta(description="minutes in or out of tolerance")] = 6.5
+    look: Annotated[Seconds, Meta(description="seconds between two looks at the own load")] = 30.0
+    average_every: Annotated[Seconds, Meta(description="T_AC: seconds between two averages")] = (
+        120.0
     )
-    tolerance: Annotated[Minutes, Meta(description="L_TOL: load may be so far from the mean")] = (
-        18.0
-    )
-    patience: Annotated[Minutes, Meta(description="T_LT: so long since the last calm")] = 15.0
-    hysteresis: Annotated[Minutes, Meta(description="in or out of tolerance without a break")] = 6.5
-    look: Annotated[Seconds, Meta(description="between two looks at the own load")] = 30.0
-    average_every: Annotated[Seconds, Meta(description="T_AC: between two averages")] = 120.0
     rounds: Annotated[int, Meta(ge=1, le=10_000, description="steps of the consensus")] = 100
     turns: Annotated[int, Meta(ge=1, le=100, description="E_t: turns that each robot leads")] = 2
     iterations: Annotated[int, Meta(ge=1, le=1000, description="I_t: exchanges in a turn")] = 10
-    hot: Annotated[float, Meta(gt=0, le=1000, description="T_i")] = 4.5
-    cold: Annotated[float, Meta(gt=0, le=1000, description="T_f")] = 0.3
-    scale: Annotated[float, Meta(gt=0, le=1000, description="k, minutes")] = 10.0
-    pause: Annotated[Seconds, Meta(description="robots stand still in a redesign")] = 0.0
+    hot: Annotated[float, Meta(gt=0, le=1000, description="T_i: first temperature")] = 4.5
+    cold: Annotated[float, Meta(gt=0, le=1000, description="T_f: last temperature")] = 0.3
+    scale: Annotated[
+        float,
+        Meta(
+            gt=0,
+            le=1000,
+            description="k, minutes",
+        ),
+    ] = 10.0
+    pause: Annotated[Seconds, Meta(description="seconds that robots stand still in a redesign")] = (
+        0.0
+    )
     sharing: Annotated[
         bool,
         Meta(
@@ -203,8 +228,8 @@ class Decentralized(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True
     drop_near: Annotated[
         Annotated[float, Meta(ge=0, le=1_000_000)],
         Meta(
-            description="an order whose next station is so near a transfer station is brought there "
-            "directly"
+            description="length: an order whose next station is that near a transfer station is "
+            "brought there directly"
         ),
     ] = 0.0
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from docs_pages import page
 
 from automaton.bench import (
     PARTS,
@@ -44,22 +44,21 @@ def holders(world: World, cells: Any) -> Any:
     return np.bincount(held, minlength=cells)
 
 
-def quoted(readme: str) -> Iterator[tuple[str, set[str]]]:
-    """Each line of the README's tables of `bench` that names sizes: its part, and the sizes."""
+def quoted(text: str) -> Iterator[tuple[str, set[str]]]:
+    """Each line of the page's tables of `bench` that names sizes: its part, and the sizes."""
     for heading, part in (("Per robot and tick", "step"), ("Auctions (`automaton", "auctions")):
-        table = readme.partition(heading)[2].partition("|---")[2].partition("\n\n")[0]
+        table = text.partition(heading)[2].partition("|---")[2].partition("\n\n")[0]
         for line in table.splitlines()[1:]:
             yield part, set(re.findall(r"([\d,]*\d) (?:robots|tasks|x)", line.split("|")[1]))
 
 
-def test_each_size_that_the_readme_quotes_is_measured() -> None:
+def test_each_size_that_the_page_quotes_is_measured() -> None:
     names = {
         part: [set(re.findall(r"\d[\d,]*", one.name)) for one in measurements([part])]
         for part in ("step", "auctions", "routes", "crowd")
     }
     names["step"] += names["routes"] + names["crowd"]
-    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
-    lines = list(quoted(readme))
+    lines = list(quoted(page("docs/explanation/speed.md").text))
     assert len(lines) == 12
     for part, sizes in lines:
         assert any(sizes <= measured for measured in names[part]), f"{part}: {sizes}"

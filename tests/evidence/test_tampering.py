@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from docs_pages import page
 
 from automaton.build.resolve import resolve
 from automaton.commands import main
@@ -559,8 +560,8 @@ def test_a_label_is_not_checked_and_listed_as_one(
     taken = Taken(*copy.deepcopy(made[of]))
     alter(taken)
     assert verified(tmp_path / "run.rec", taken.header, taken.frames) == 0
-    readme = (Path(__file__).parents[2] / "README.md").read_text()
-    labels = readme.partition("Labels, which are not checked:")[2].partition(".\n")[0]
+    text = page("docs/explanation/trust.md").text
+    labels = text.partition("Labels, which are not checked:")[2].partition(".\n")[0]
     assert f"`{name.removeprefix('scenario.')}`" in labels
 
 

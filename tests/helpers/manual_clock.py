@@ -73,7 +73,7 @@ class ManualPlayer(Player):
                 return self.latest()
         raise AssertionError("it never comes to rest")
 
-    def _rest(self, busy: bool) -> None:
+    def _wait_for_request(self, busy: bool) -> None:
         super()._wait_for_request(busy)
         self._alive = False
 

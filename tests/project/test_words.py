@@ -1,4 +1,4 @@
-"""Words that sources and README do not use, with a list of exceptions that may only shrink.
+"""Words that sources and documentation do not use, with a list of exceptions that may only shrink.
 
 `forbidden_words.txt` says how often each word still stands in a file.
 `python tests/project/test_words.py` writes the list again after files were moved or words replaced; it
@@ -21,7 +21,7 @@ ROOT: Final = Path(__file__).parents[2]
 LIST: Final = Path(__file__).parent / "forbidden_words.txt"
 FOLDERS: Final = ("automaton", "strategies", "layouts", "tui")
 
-# In prose: comments, docstrings, messages, README. Behind each expression: what to write instead.
+# In prose: comments, docstrings, messages, documentation. Behind each expression: what to write instead.
 PROSE: Final = {
     r"\b(nobody|somebody|everybody|anybody)\b": "no robot, a robot, all robots",
     r"\banew\b": "again",
@@ -74,7 +74,10 @@ def names_of(path: Path) -> Iterator[str]:
 def sources() -> list[Path]:
     """Return the files that are searched."""
     found = [path for folder in FOLDERS for path in (ROOT / folder).rglob("*")]
-    return [ROOT / "README.md", *sorted(p for p in found if p.suffix in (".py", ".yaml"))]
+    code = sorted(path for path in found if path.suffix in (".py", ".yaml"))
+    # Generated pages have the words of the code.
+    pages = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+    return [*(page for page in pages if not page.read_text("utf-8").startswith("<!--")), *code]
 
 
 def uses() -> Counter[tuple[str, str]]:

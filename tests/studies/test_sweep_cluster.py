@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from docs_pages import page
 from sweep_studies import (
     end_all,
     hasty_command,
@@ -32,7 +33,6 @@ from automaton.studies.sweeps.result_store import Store
 pytest.importorskip("distributed")
 
 REPLICATIONS = 100  # in 4 points: more than are done before the kill
-README = Path(__file__).parents[2] / "README.md"
 
 
 @pytest.fixture
@@ -96,9 +96,9 @@ def command(path: Path, text: str) -> None:
     path.chmod(0o755)
 
 
-def test_the_slurm_job_of_the_readme_runs(tmp_path: Path) -> None:
-    blocks = README.read_text().split("```sh\n")
-    (job,) = (block.partition("```")[0] for block in blocks if "#SBATCH" in block)
+def test_the_slurm_job_of_the_page_runs(tmp_path: Path) -> None:
+    blocks = page("docs/how-to/run-on-a-cluster.md").blocks
+    (job,) = (block.text for block in blocks if "#SBATCH" in block.text)
     found = tmp_path / "bin"
     found.mkdir()
     command(found / "srun", 'exec "$@"')  # one task, on this node

@@ -129,6 +129,8 @@ class Struct:
         `sizes`: the extents that do not follow from the arrays among the values.
         """
         known = dict(sizes)
+        for name in values.keys() - set(cls._fields):
+            raise TypeError(f"{cls.__name__} has no field {name}")
         for name in values.keys() & cls._declared.keys():
             if cls._declared[name].is_array:
                 known |= zip(cls._declared[name].extents, values[name].shape, strict=True)

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from automaton.engine import robot_states
 from automaton.engine.robot_status import BATTERY_FULL
-from automaton.engine.state import ACTION_CHARGE, GOAL_CHARGE, NIL, Array, Robots
+from automaton.engine.state import GOAL_CHARGE, NIL, Array, Robots
 from automaton.units import count, percent
 
 if TYPE_CHECKING:  # it needs Numba, pictures do not
@@ -15,10 +16,8 @@ if TYPE_CHECKING:  # it needs Numba, pictures do not
 
 
 def charging(robots: Robots | Fleet) -> Array:
-    """(n,) bool: who charges. The action alone does not tell: it is the last one that was begun."""
-    at_its_stand = (robots.goal_type == GOAL_CHARGE) & (robots.cell == robots.goal_cell)
-    found: Array = at_its_stand & (robots.action == ACTION_CHARGE)
-    return found
+    """(n,) bool: robots that charge."""
+    return robot_states.is_charging(robots)
 
 
 def ticks_to_charge(charge: int, level: int, curve: Array) -> int:
@@ -39,10 +38,8 @@ def ticks_to_charge(charge: int, level: int, curve: Array) -> int:
 
 
 def is_queueing(robots: Robots | Fleet) -> Array:
-    """(n,) bool: who queues before a charger; who drives into it does not any more."""
-    entering = (robots.claim == robots.goal_cell) | (robots.cell == robots.goal_cell)
-    found: Array = (robots.ticket != 0) & ~entering
-    return found
+    """(n,) bool: robots that queue before a charger."""
+    return robot_states.is_queueing(robots)
 
 
 def charging_at(snapshot: Snapshot, cell: int) -> list[int]:

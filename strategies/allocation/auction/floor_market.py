@@ -85,7 +85,7 @@ def make_floor_market(
     begin = robots + len(chargers) + 2 * np.arange(tasks)
     return FloorMarket.sized(
         {"R": robots, "T": tasks},
-        work=deliveries(nothing, nothing, begin, begin + 1, none, none),
+        costs=deliveries(nothing, nothing, begin, begin + 1, none, none),
         battery=battery,
         fleet=fleet_of(np.arange(robots), tasks, longest=longest),
         scratch=scratch_for(robots, tasks, longest, len(chargers)),

@@ -91,8 +91,8 @@ def fleet_of(
         {"L": most},
         place=at,
         charge=np.full(robots, charge, np.int32),
-        room=np.full(robots, most, np.int32),
-        heard=np.ones((robots, tasks), np.uint8),
+        capacity=np.full(robots, most, np.int32),
+        may_bid=np.ones((robots, tasks), np.uint8),
     )
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from action_cases import CHECKS
+from docs_pages import page
 from viewer_actions import carry_out
 from viewer_harness import Watched
 
@@ -14,9 +15,9 @@ from tui.viewer.app import Viewer
 from tui.widgets.bindings import TOPICS
 
 
-def test_the_readme_gives_every_layer_its_own_key() -> None:
-    readme = (Path(__file__).parents[3] / "README.md").read_text()
-    row = next(line for line in readme.splitlines() if line.startswith("| **Layers** |"))
+def test_the_page_on_watching_gives_every_layer_its_own_key() -> None:
+    text = page("docs/how-to/watch-a-fleet.md").text
+    row = next(line for line in text.splitlines() if line.startswith("| **Layers** |"))
     (layers,) = [topic.actions for topic in TOPICS if topic.name == "Layers"]
     for action in layers:
         for key in action.keys.split(","):

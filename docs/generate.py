@@ -1,0 +1,493 @@
+"""Write the pages of docs/reference that follow from the code: `python docs/generate.py`.
+
+Each page is made from the table that the program itself uses: argument parsers, the structs of
+scenarios and studies, the catalogue of strategies, metrics, key bindings, columns and frames.
+A test compares the pages with what this module returns.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import json
+import re
+import sys
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any, Final
+
+from automaton.commands import COMMANDS
+from automaton.engine.observation import CAUSES, DEADLOCK_TICKS
+from automaton.engine.record_codes import KEYFRAME_TICKS
+from automaton.evidence.history.breakpoints import FIELDS
+from automaton.evidence.recording import contents, frames
+from automaton.floor.cells import CELL_KINDS, SYMBOLS, Symbol
+from automaton.runs.metric_catalogue import METRIC_CATALOGUE
+from automaton.scenario.floor_section import generator_type, generators
+from automaton.scenario.scenario_schema import json_schema
+from automaton.scenario.schema import LAYER_NAMES
+from automaton.strategy import lookup
+from automaton.studies.sweeps import result_columns, run_keys
+from automaton.studies.sweeps.study_schema import study_schema
+from tui.widgets.bindings import COMPARING, TOPICS, key_text
+
+EVENTS: Final = {
+    "deadlock": f"a wait cycle has lasted {DEADLOCK_TICKS} ticks",
+    "wait cycle": "robots that wait for each other have closed a cycle",
+    "delivered": "a load is delivered; `delivered 7`: load 7",
+    "zones redesigned": "stations come into another service zone",
+    "stalled > 50": "a robot has waited for more than 50 ticks",
+}
+FOLDER: Final = Path(__file__).parent / "reference"
+COMMAND: Final = "python docs/generate.py"
+MARK: Final = f"<!-- Generated: `{COMMAND}` writes this page again. -->\n"
+LONGEST_DEFAULT: Final = 60  # characters of a default value that fit a table
+
+Schema = dict[str, Any]
+
+
+def pages() -> dict[str, str]:
+    """Return the text of each generated page by its file name."""
+    return {
+        "commands.md": commands_page(),
+        "scenario.md": scenario_page(),
+        "study.md": study_page(),
+        "strategies.md": strategies_page(),
+        "floors.md": floors_page(),
+        "metrics.md": metrics_page(),
+        "keys.md": keys_page(),
+        "conditions.md": conditions_page(),
+        "formats.md": formats_page(),
+    }
+
+
+def table(heading: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    """Return a Markdown table."""
+    heading = list(heading)
+    lines = [heading, ["---"] * len(heading), *(map(cell_text, row) for row in rows)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
+
+
+def cell_text(text: str) -> str:
+    """Return text that a cell of a Markdown table can hold."""
+    return " ".join(text.split()).replace("|", "\\|")
+
+
+def page(title: str, introduction: str, *sections: str) -> str:
+    """Return a page with its mark, title, introduction and sections."""
+    return "\n".join([MARK, f"# {title}\n", introduction.strip() + "\n", *sections]).rstrip() + "\n"
+
+
+def code(text: Any) -> str:
+    """Return text as code."""
+    return f"`{text}`"
+
+
+# Commands
+
+
+def commands_page() -> str:
+    """Every command with its arguments, from the parsers."""
+    overview = table(
+        ("command", "what it does"),
+        ((f"[{code(name)}](#{name})", summary) for name, (_, summary) in COMMANDS.items()),
+    )
+    return page(
+        "Commands",
+        "`automaton COMMAND --help` prints the same. Every command takes `--debug`, which shows the "
+        "traceback of an error. Errors are one sentence on standard error, with file and line where "
+        "there is one. See also [exit codes and JSON output](json.md).",
+        overview,
+        *(_command_section(name) for name in COMMANDS),
+    )
+
+
+def parser_of(name: str) -> tuple[argparse.ArgumentParser, str]:
+    """Return a command's parser and what its module says of it."""
+    module = importlib.import_module(COMMANDS[name][0])
+    parser = argparse.ArgumentParser(prog=f"automaton {name}", add_help=False)
+    module.add_arguments(parser)
+    return parser, (module.__doc__ or "").split("\n\n")[0]
+
+
+def _command_section(name: str) -> str:
+    parser, description = parser_of(name)
+    rows = [(_argument(action), action.help or "") for action in parser._actions]
+    return f"## {name}\n\n{' '.join(description.split())}\n\n" + table(
+        ("argument", "meaning"), rows
+    )
+
+
+def _argument(action: argparse.Action) -> str:
+    value = action.metavar or (
+        "{" + ",".join(map(str, action.choices)) + "}" if action.choices else action.dest.upper()
+    )
+    if not action.option_strings:
+        optional = action.nargs in ("?", "*")
+        return code(f"[{value}]" if optional else value)
+    suffix = "" if action.nargs == 0 else f" {value}"
+    return ", ".join(code(option + suffix) for option in action.option_strings)
+
+
+# Scenarios and studies
+
+
+def scenario_page() -> str:
+    """Every key of a scenario file, from the structs that read it."""
+    definitions = json_schema()["$defs"]
+    definitions["Scenario"]["properties"]["layout"] |= {
+        "oneOf": [{"type": "`generator`, `picture`, `file` or `matrix`: see [floors](floors.md)"}]
+    }
+    layers = definitions["Strategies"]["properties"]
+    for layer in LAYER_NAMES:
+        layers[layer]["anyOf"] = [{"type": f"see [strategies](strategies.md#{layer})"}]
+    sections = list(reachable("Scenario", definitions))
+    return page(
+        "Keys of a scenario",
+        "A scenario is a YAML file. An unknown key, a wrong type and a value out of range are errors "
+        "with file and line. `automaton check FILE` reads a file without running it, and "
+        "`automaton schema` prints the JSON Schema for an editor. Strategies and their parameters: "
+        "[strategies](strategies.md). Layouts, cells and symbols: [floors](floors.md). "
+        "A floor, a fleet and orders from scratch: [your own floor](../tutorials/your-own-floor.md).",
+        *(struct_section(name, definitions, sections) for name in sections),
+    )
+
+
+def study_page() -> str:
+    """Every key of a study file."""
+    definitions = study_schema()["$defs"]
+    return page(
+        "Keys of a study",
+        "A study is a YAML file: which scenarios run, what varies, how often, and what is asked of "
+        "the runs. `automaton check FILE` reads it, `automaton schema study` prints its JSON Schema. "
+        "How to run one: [sweep a study](../how-to/sweep-a-study.md).",
+        *(struct_section(name, definitions, definitions) for name in definitions),
+    )
+
+
+def reachable(name: str, definitions: Schema) -> dict[str, None]:
+    """Return the structs that a struct is made of, itself first, in the order of its keys."""
+    found = {name: None}
+    for reference in re.findall(r"#/\$defs/([^\"]+)", json.dumps(definitions[name])):
+        if reference not in found:
+            found |= reachable(reference, definitions)
+    return found
+
+
+def struct_section(name: str, definitions: Schema, here: Iterable[str]) -> str:
+    """Return a table of the keys of one struct."""
+    definition = definitions[name]
+    return f"## {name}\n\n{definition.get('description', '')}\n\n" + keys_table(
+        definition, definitions, set(here)
+    )
+
+
+def keys_table(definition: Schema, definitions: Schema, here: set[str], skip: str = "") -> str:
+    """Return a table of keys: type, default, meaning."""
+    required = definition.get("required", ())
+    rows = [
+        (
+            code(key),
+            type_text(value, definitions, here),
+            "required" if key in required else _default(value),
+            _meaning(value, definitions),
+        )
+        for key, value in definition.get("properties", {}).items()
+        if key != skip
+    ]
+    return table(("key", "value", "default", "meaning"), rows)
+
+
+def _meaning(schema: Schema, definitions: Schema) -> str:
+    references = [one for one in (schema, *schema.get("anyOf", ())) if "$ref" in one]
+    inherited = [definitions[_name(one)].get("description", "") for one in references]
+    return str(schema.get("description") or "".join(inherited[:1]))
+
+
+def _default(schema: Schema) -> str:
+    if "default" not in schema:
+        return ""
+    text = json.dumps(schema["default"], ensure_ascii=False)
+    text = text[1:-1] if text.startswith('"') else text
+    return "see there" if len(text) > LONGEST_DEFAULT else code(text)
+
+
+def _name(schema: Schema) -> str:
+    return str(schema["$ref"]).rpartition("/")[2]
+
+
+def type_text(schema: Schema, definitions: Schema, here: set[str]) -> str:
+    """Return what values a JSON Schema allows, in words."""
+    if "$ref" in schema:
+        name = _name(schema)
+        if name in here:
+            return f"[{name}](#{name.lower()})"
+        return type_text(definitions[name], definitions, here)
+    for choice in ("anyOf", "oneOf"):
+        if choice in schema:
+            forms = [type_text(one, definitions, here) for one in schema[choice]]
+            return " or ".join(dict.fromkeys(forms))
+    if "enum" in schema:
+        return ", ".join(code("null" if one is None else one) for one in schema["enum"])
+    if "const" in schema:
+        return code(schema["const"])
+    kind = schema.get("type", "anything")
+    if kind == "array":
+        return _array(schema, definitions, here)
+    if kind == "object":
+        return _object(schema, definitions, here)
+    words = {
+        "string": "text",
+        "integer": "whole number",
+        "boolean": "true or false",
+        "null": "`null`",
+    }
+    return words.get(kind, kind) + _range(schema)
+
+
+def _array(schema: Schema, definitions: Schema, here: set[str]) -> str:
+    if "prefixItems" in schema:
+        items = ", ".join(type_text(one, definitions, here) for one in schema["prefixItems"])
+        return f"[{items}]"
+    if "items" in schema:
+        return f"list of {type_text(schema['items'], definitions, here)}"
+    return "list"
+
+
+def _object(schema: Schema, definitions: Schema, here: set[str]) -> str:
+    others = schema.get("additionalProperties")
+    if isinstance(others, dict):
+        return f"mapping to {type_text(others, definitions, here)}"
+    named = ", ".join(schema.get("properties", {}))
+    return f"mapping with {named}" if named else "mapping"
+
+
+def _range(schema: Schema) -> str:
+    bounds = [("minimum", "from {}"), ("exclusiveMinimum", "above {}")]
+    bounds += [("maximum", "to {}"), ("exclusiveMaximum", "below {}")]
+    said = [form.format(f"{schema[key]:,}") for key, form in bounds if key in schema]
+    return f" {' '.join(said)}" if said else ""
+
+
+# Strategies
+
+
+QUESTIONS: Final = {
+    "zoning": "Which robot serves which part of the floor?",
+    "charging": "When, where and how long does a robot charge?",
+    "allocation": "Which order does a robot do next, and where is its load dropped?",
+    "routing": "Which cells does it drive through?",
+    "right_of_way": "Who moves, and what does a blocked robot do?",
+}
+
+
+def strategies_page() -> str:
+    """Every shipped strategy with its parameters, from the catalogue."""
+    definitions = json_schema()["$defs"]
+    sections = [
+        f"## {layer}\n\n{question}\n\n"
+        + "\n".join(_strategy_section(layer, name, definitions) for name in _shipped(layer))
+        for layer, question in QUESTIONS.items()
+    ]
+    return page(
+        "Strategies and their parameters",
+        "A scenario picks one strategy for each layer, by its name (`strategy: {routing: astar}`) or "
+        "with parameters (`strategy: {routing: {name: astar, tie_break: fifo}}`). `none` stands for "
+        "no zoning and no charging. Lengths are in the unit of `units.cell`, or in cells where the "
+        "scenario does not say how large a cell is; where `units.tick` does not say how long a tick "
+        "is, a tick counts as a second. A strategy of your own is `module:Class`; see "
+        "[your own strategy](../tutorials/your-own-strategy.md).",
+        *sections,
+    )
+
+
+def _shipped(layer: str) -> list[str]:
+    built_in = (name for name in lookup.names(layer) if lookup.is_built_in(layer, name))
+    return [name for name in built_in if name != lookup.NO_STRATEGY]
+
+
+def _strategy_section(layer: str, name: str, definitions: Schema) -> str:
+    definition = definitions[f"{layer}-{name}"]
+    summary = lookup.summary(layer, name)
+    text = f"### {name}\n\n{summary[0].upper()}{summary[1:]}.\n\n"
+    if list(definition["properties"]) == ["name"]:
+        return text + "It has no parameters.\n"
+    return text + keys_table(definition, definitions, set(), "name")
+
+
+# Floors
+
+
+DRAWN: Final = ("PictureLayout", "FileLayout", "MatrixLayout", "LegendEntry")
+EXITS: Final = "east", "south", "west", "north"
+
+
+def floors_page() -> str:
+    """Symbols and kinds of cells, and the parameters of generators."""
+    definitions = json_schema()["$defs"]
+    symbols = [
+        (code(sign if sign != " " else "blank"), *_symbol(symbol))
+        for sign, symbol in SYMBOLS.items()
+    ]
+    layouts = [
+        f"### {name}\n\n{(generator_type(name).__doc__ or '').splitlines()[0]}\n\n"
+        + keys_table(definitions[f"layout-{name}"], definitions, set(), "generator")
+        for name in generators()
+    ]
+    return page(
+        "Floors",
+        "A floor is drawn (`layout: {picture: ...}`), read from a file (`file`, or `matrix` for a "
+        "table of codes), or made by a generator (`layout: {generator: NAME}`). Cells are [x, y], "
+        "from 0 at the upper left. Stations are numbered from 1, row by row from above and each row "
+        "from the left.",
+        "## Symbols\n",
+        "`A` to `Z` are starts of robots, on plain floor or on a crossing. `legend` adds symbols of "
+        "your own: `x: {kind: floor, capacity: 2, exits: [east, west]}`.\n",
+        table(("symbol", "kind", "robots at a time", "exits", "load"), symbols),
+        "Shelves, destinations, racks and docks are not driven over. They are served from the cells next "
+        "to them: from the east if possible to pick, then west, south, north; from the west to drop, "
+        "then east, north, south (`world: {access_cell: fixed}`); or from the cell that is nearest to "
+        "the robot in rows and columns (`nearest`; a strategy of your own may choose any). `=` is a "
+        "passing aisle: one robot each way. A floor with a single exit is one-way: it is entered from behind and "
+        "from the sides. A parking bay opens on a neighbour; a first column of parking bays is x = -1. A "
+        "matrix has no stations and no chargers: draw such floors. In pictures of a run `@` is a cell "
+        "with several robots.\n",
+        "## Kinds of cells\n",
+        table(("kind", "meaning"), ((code(kind.name), kind.meaning) for kind in CELL_KINDS)),
+        "## Drawn floors\n",
+        *(struct_section(name, definitions, DRAWN).replace("## ", "### ", 1) for name in DRAWN),
+        "## Generators\n",
+        *layouts,
+    )
+
+
+def _symbol(symbol: Symbol) -> Iterator[str]:
+    kind = CELL_KINDS[symbol.kind]
+    yield code(kind.name)
+    yield {0: "any number"}.get(symbol.capacity, str(symbol.capacity)) if kind.drivable else ""
+    ways = [way for bit, way in enumerate(EXITS) if symbol.exits >> bit & 1]
+    yield "all" if len(ways) == len(EXITS) else ", ".join(ways)
+    yield "yes" if symbol.loaded else ""
+
+
+# Metrics, keys, formats
+
+
+def metrics_page() -> str:
+    """Every metric of a run, with its unit and meaning."""
+    return page(
+        "Metrics",
+        "`run` prints them in this order, `run --json` has them under `metrics`, and each is a column "
+        "in the rows of a sweep. A metric that a run did not measure is absent, not 0. Robot ticks "
+        "are summed over all robots. A strategy may add metrics of its own, which come last. "
+        "`measure: {warm_up: N}` in a scenario adds metrics of tasks, over what is taken after N ticks; "
+        "under `stop: {when: never}` all metrics of sweeps and of `size` leave these ticks out, while "
+        "`run` covers the whole run.",
+        table(
+            ("metric", "unit", "meaning"),
+            ((code(name), unit, meaning) for name, (unit, meaning) in METRIC_CATALOGUE.items()),
+        ),
+    )
+
+
+def keys_page() -> str:
+    """The keys of the viewer, from its bindings."""
+    sections = [
+        f"## {topic.name}\n\n"
+        + table(
+            ("keys", "action", "what it does"),
+            (
+                (
+                    " ".join(code(key_text(key)) for key in action.keys.split(",")),
+                    action.label,
+                    action.meaning + (" (two runs)" if action.id in COMPARING else ""),
+                )
+                for action in topic.actions
+            ),
+        )
+        for topic in TOPICS
+    ]
+    return page(
+        "Keys of the viewer",
+        "`?` shows the same in the viewer. The mouse works as well: click a robot, a shelf or a cell, "
+        "drag the map or the timeline, and turn the wheel to zoom.",
+        *sections,
+    )
+
+
+def conditions_page() -> str:
+    """Conditions on robots, and the causes of lost time that they can name."""
+    return page(
+        "Conditions and causes of waiting",
+        "The viewer stops at a condition (`b`), and finds the robots that meet one (`/`). A condition "
+        "is one of the events below, or compares fields of a robot and joins comparisons with `and`, "
+        "`or` and `not`, as in `loaded and waiting > 20` or `cause == 'head-on'`.",
+        "## Events\n",
+        table(
+            ("condition", "holds when"), ((code(name), meaning) for name, meaning in EVENTS.items())
+        ),
+        "## Fields of a robot\n",
+        table(("field", "meaning"), ((code(name), meaning) for name, meaning in FIELDS.items())),
+        "## Causes of waiting\n",
+        "Every tick in which a robot waits has exactly one cause; `explain` and the panels of the "
+        "viewer show it.\n",
+        table(
+            ("cause", "what is shown", "rule or reason"),
+            ((code(cause.name), cause.meaning, cause.rule) for cause in CAUSES[1:]),
+        ),
+    )
+
+
+def formats_page() -> str:
+    """Recordings and folders of results: numbers, frames and columns."""
+    kinds = {
+        contents.FRAME_KIND_HEADER: "what the run follows from",
+        contents.FRAME_KIND_CONDITIONS: "what holds from the next tick on: at tick 0, and at each branch",
+        contents.FRAME_KIND_KEYFRAME: f"the state, every {KEYFRAME_TICKS:,} ticks and at the end",
+        contents.FRAME_KIND_TICKS: (
+            f"decisions, actions, changes, digests of {contents.FRAME_TICKS} ticks at most"
+        ),
+        contents.FRAME_KIND_END: "how the run ended; absent if the recording was cut short",
+    }
+    rows = [
+        (str(kind), meaning, ", ".join(map(code, contents._FRAMES[kind].__struct_fields__)))
+        for kind, meaning in kinds.items()
+    ]
+    state = [
+        (code(part), ", ".join(map(code, arrays)))
+        for part, arrays in contents.KEYFRAME_ARRAYS.items()
+    ]
+    columns = [(code(name), kind) for name, kind in result_columns.RESULT_COLUMNS.items()]
+    return page(
+        "Formats of files",
+        "Both formats carry a number. A file of another format is refused with a sentence.",
+        f"## Recordings (format {frames.RECORDING_FORMAT})\n",
+        "A recording is one append-only file: a preamble (magic bytes and the format number), then "
+        "frames. A frame is its kind, length, last tick, a CRC-32, a seal (a hash of the frame and of "
+        "the seal before it) and its payload, MessagePack compressed by zlib. Arrays are "
+        "little-endian.\n",
+        table(("frame", "content", "fields"), rows),
+        "A keyframe holds these arrays:\n",
+        table(("part", "arrays"), state),
+        f"## Results of a sweep (format {run_keys.MANIFEST_FORMAT})\n",
+        "The folder has `study.yaml` with copies of the scenarios and files that it needs, "
+        "`sweep.json` (format, study, code and what was declared when), and `rows/*.parquet`. A row is "
+        "a run; after these columns come one for each factor and one for each [metric](metrics.md), "
+        "null where the run has none. `delivered` and metrics are those after the warm-up, if there is "
+        "one; `ticks` and `orders` are of the whole run. Studies of a steady state add "
+        f"`{result_columns.SERIES}` (deliveries in windows) and "
+        f"`{result_columns.SUMS_COLUMN}` (sums by stretch).\n",
+        table(("column", "type"), columns),
+    )
+
+
+def main() -> int:
+    """Write the pages."""
+    for name, text in pages().items():
+        (FOLDER / name).write_text(text, encoding="utf-8")
+        print(FOLDER / name)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,176 @@
+"""README and docs: pages, links, and every command and snippet in them."""
+
+from __future__ import annotations
+
+import json
+import re
+import runpy
+import shlex
+from pathlib import Path
+
+import pytest
+from doc_commands import (
+    ONLY_READ,
+    carry_out,
+    commands_of,
+    compare,
+    in_this_process,
+    parse,
+    write_files,
+)
+from docs_pages import ROOT, Page, page, pages
+
+from automaton.build.resolve import resolve
+from automaton.commands import COMMANDS
+from automaton.engine import loop
+from automaton.strategy.lookup import names, parameters_type
+from automaton.studies.sweeps.sweep_plan import check_study
+
+LANGUAGES = {"sh", "console", "yaml", "csv", "python", "text", "mermaid"}
+WITH_COMMANDS = [
+    one for one in pages() if any(block.language in ("sh", "console") for block in one.blocks)
+]
+
+
+def test_the_readme_is_short() -> None:
+    assert len(page("README.md").text.splitlines()) <= 200
+
+
+def test_every_page_is_in_the_index() -> None:
+    index = page("docs/index.md")
+    linked = {f"docs/{link.partition('#')[0]}" for link in index.links}
+    assert {one.name for one in pages()} - {
+        "README.md",
+        "CONTRIBUTING.md",
+        "docs/index.md",
+    } <= linked
+
+
+@pytest.mark.parametrize("one", pages(), ids=lambda one: one.name)
+def test_links_lead_somewhere(one: Page) -> None:
+    by_path = {(ROOT / other.name).resolve(): other for other in pages()}
+    for link in one.links:
+        target, _, name = link.partition("#")
+        path = (ROOT / one.name).parent.joinpath(target).resolve() if target else ROOT / one.name
+        assert path.exists(), f"{one.name}: {link}"
+        if name:
+            assert name in by_path[path].anchors, f"{one.name}: {link}"
+
+
+@pytest.mark.parametrize("one", pages(), ids=lambda one: one.name)
+def test_blocks_are_closed_and_of_a_known_language(one: Page) -> None:
+    assert one.text.count("\n```") == 2 * len(one.blocks)
+    assert {block.language for block in one.blocks} <= LANGUAGES
+
+
+@pytest.mark.parametrize("one", WITH_COMMANDS, ids=lambda one: one.name)
+def test_the_commands_of_a_page_run(one: Page, tmp_path: Path) -> None:
+    write_files(one, tmp_path)
+    with in_this_process(tmp_path):
+        for block in one.blocks:
+            if "#SBATCH" in block.text:
+                continue  # test_sweep_cluster runs it
+            for line, shown in commands_of(block) if block.language in ("sh", "console") else ():
+                printed = carry_out(line, tmp_path, bool(shown))
+                if shown:
+                    compare(shown, printed)
+        for block in one.blocks:
+            if "__main__" in block.text:
+                runpy.run_path(block.title, run_name="__main__")
+
+
+@pytest.mark.parametrize("one", pages(), ids=lambda one: one.name)
+def test_commands_within_the_text_take_their_arguments(one: Page) -> None:
+    for command in re.findall(r"(?<!`)`automaton ([^`]+)`", one.prose):
+        if command.startswith(("--", "COMMAND")) or "..." in command:
+            continue
+        words = shlex.split(command)
+        assert words[0] in COMMANDS, command
+        if len(words) > 1 and not {"SCENARIO", "FILE", "DIR", "STUDY"} & set(words):
+            parse(words)
+
+
+@pytest.mark.parametrize("one", pages(), ids=lambda one: one.name)
+def test_files_that_a_page_names_exist(one: Page) -> None:
+    named = r"(?<![\w./-])((?:automaton|strategies|layouts|tui|tests|docs)/[\w*./-]*\w)"
+    assert [path for path in re.findall(named, one.text) if not list(ROOT.glob(path))] == []
+
+
+def test_commands_that_are_only_read_are_run_by_other_tests() -> None:
+    for test in ONLY_READ.values():
+        assert list((ROOT / "tests").rglob(f"{test}.py")), test
+
+
+def test_the_picture_test_of_the_page_draws_its_floor(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_files(page("docs/how-to/test-with-pictures.md"), tmp_path)
+    asked: list[int] = []
+    module = runpy.run_path("test_my_floor.py")
+    module["test_my_floor"](lambda simulation: asked.append(simulation.tick))
+    assert len(asked) == 1
+
+
+def test_the_study_of_the_tutorial_has_its_points(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_files(page("docs/tutorials/your-own-floor.md"), tmp_path)
+    study, scenarios = check_study("my-fleet.yaml")
+    assert len(scenarios) == 4 * 2 and study.scenario == "my-floor.yaml"
+
+
+def test_zones_of_ones_own_floor(tmp_path: Path) -> None:
+    write_files(page("docs/how-to/divide-a-floor-into-zones.md"), tmp_path)
+    with in_this_process(tmp_path):
+        printed = carry_out("automaton run my-plant.yaml --picture", tmp_path)
+    assert "zone 1 (d): 1 2* 4; robot 0, " in printed and "60 of 60 orders delivered" in printed
+    assert (
+        resolve(str(tmp_path / "my-plant.yaml")).strategies["zoning"].parameters.design is not None
+    )
+
+
+def test_every_parameter_of_zoning_has_its_row() -> None:
+    table = page("docs/reference/strategies.md").text
+    for name in names("zoning"):
+        for field in parameters_type("zoning", name).__struct_fields__:
+            assert f"| `{field}` |" in table, (name, field)
+
+
+def test_exit_codes_stand_in_one_table() -> None:
+    for code in (0, 1, 2, 130, 141, 143):
+        assert f"\n| {code} | " in page("docs/reference/json.md").text
+    assert sum("exit code of every command" in one.text for one in pages()) == 1
+
+
+def test_the_phases_of_a_tick_are_those_of_the_loop() -> None:
+    def phases(text: str) -> list[str]:
+        chain = re.search(r"^ *faults -> .*?observe$", text, re.MULTILINE | re.DOTALL)
+        assert chain is not None
+        return [phase.strip() for phase in chain.group().split("->")]
+
+    tick = page("docs/explanation/tick.md")
+    assert phases(tick.text) == phases(loop.__doc__ or "")
+    assert re.findall(r"^\| ([a-z ]+) \| ", tick.text, re.MULTILINE)[1:] == phases(tick.text)
+
+
+def test_the_page_on_json_names_the_keys_that_are_printed(tmp_path: Path) -> None:
+    rows = dict(re.findall(r"^\| `(\w+)` \| (.+) \|$", page("docs/reference/json.md").text, re.M))
+    recorded = "run tabletop-mini --until 200 --record a.rec"
+    study = {"name": "small", "scenario": "tabletop-mini", "points": [{}], "replications": 2}
+    (tmp_path / "small.yaml").write_text(json.dumps(study))
+    with in_this_process(tmp_path):
+        for command in (
+            recorded,
+            "explain a.rec --robot 0 --at 100",
+            "verify a.rec",
+            "branch a.rec --at 100 --until 150",
+            "list",
+            "sweep small.yaml --out out",
+            "size tabletop-mini --target makespan<=5000 --robots 2 --budget 70 --workers 1",
+            "reproduce tabletop --seeds 1 --strategies cooperative --workers 1",
+        ):
+            printed = json.loads(carry_out(f"automaton {command} --json", tmp_path, True))
+            named = re.findall(r"`(\w+)`", rows[command.split()[0]])
+            assert set(printed) <= set(named), command

@@ -344,14 +344,14 @@ def floors_page() -> str:
         "`A` to `Z` are starts of robots, on plain floor or on a crossing. `legend` adds symbols of "
         "your own: `x: {kind: floor, capacity: 2, exits: [east, west]}`.\n",
         table(("symbol", "kind", "robots at a time", "exits", "load"), symbols),
-        "Shelves, destinations, racks and docks are not driven over. They are served from the cells next "
-        "to them: from the east if possible to pick, then west, south, north; from the west to drop, "
-        "then east, north, south (`world: {access_cell: fixed}`); or from the cell that is nearest to "
-        "the robot in rows and columns (`nearest`; a strategy of your own may choose any). `=` is a "
-        "passing aisle: one robot each way. A floor with a single exit is one-way: it is entered from behind and "
-        "from the sides. A parking bay opens on a neighbour; a first column of parking bays is x = -1. A "
-        "matrix has no stations and no chargers: draw such floors. In pictures of a run `@` is a cell "
-        "with several robots.\n",
+        "Shelves, destinations, racks and docks are not driven over. They are served from the "
+        "cells next to them: from the east if possible to pick, then west, south, north; from the "
+        "west to drop, then east, north, south (`world: {access_cell: fixed}`); or from the cell "
+        "that is nearest to the robot in rows and columns (`nearest`; a strategy of your own may "
+        "choose any). `=` is a passing aisle: one robot each way. A floor with a single exit is "
+        "one-way: it is entered from behind and from the sides. A parking bay opens on a "
+        "neighbour; a first column of parking bays is x = -1. A matrix has no stations and no "
+        "chargers: draw such floors. In pictures of a run `@` is a cell with several robots.\n",
         "## Kinds of cells\n",
         table(("kind", "meaning"), ((code(kind.name), kind.meaning) for kind in CELL_KINDS)),
         "## Drawn floors\n",

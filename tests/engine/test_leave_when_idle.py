@@ -92,7 +92,7 @@ class Wrong(Strategy):
 
 def test_who_would_leave_and_loses_the_tick_is_not_parked_any_more(scenario):
     one = "orders.list=[{from: [0, 1], to: [3, 1]}]"
-    wrong = "strategy.right_of_way=test_leaving:Wrong"
+    wrong = "strategy.right_of_way=test_leave_when_idle:Wrong"
     resolved = scenario(one, wrong, "stop.max_duration=1")
     recorder = MemoryRecorder(resolved)
     simulation = Simulation(resolved, on_record=recorder)
@@ -136,7 +136,9 @@ def test_a_cell_given_up_by_leaving_is_free_for_others(scenario):
 @pytest.mark.parametrize("aisle", ["~~~~~~~~", "========", "........"])
 def test_who_gets_an_order_later_comes_back_where_it_left(scenario, kinematics, aisle):
     resolved = scenario(
-        "strategy.allocation=test_leaving:Late", f"fleet.kinematics={kinematics}", aisle=aisle
+        "strategy.allocation=test_leave_when_idle:Late",
+        f"fleet.kinematics={kinematics}",
+        aisle=aisle,
     )
     recorder = MemoryRecorder(resolved)
     simulation = Simulation(resolved, on_record=recorder)

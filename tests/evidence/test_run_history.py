@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from automaton.build.resolve import resolve
 from automaton.engine.observation import DELIVERED_ORDERS, EVENT_DELIVERED
-from automaton.engine.state import CLOCK_TICK, NIL, REASON_PICKED
+from automaton.engine.state import NIL, REASON_PICKED
 from automaton.errors import InputError
 from automaton.evidence.history.event_history import EventHistory
 from automaton.evidence.history.live_run import LiveRun, branch_of
@@ -45,17 +45,6 @@ class Moody(Strategy):
             self.question += 1
             if self.question % 97 == 0 and not view.robots.parked[batch.robot[k]]:
                 decisions.right_of_way.command[k], decisions.right_of_way.value[k] = 3, 1
-
-
-class FailsLater(Strategy):
-    """Right of way that fails in tick 50, in the middle of its answers."""
-
-    layer = "right_of_way"
-    period = 1
-
-    def decide(self, view, batch, decisions, memory, workspace):
-        if view.clock[CLOCK_TICK] == 50:
-            raise ZeroDivisionError("own mistake")
 
 
 @per_robot("allocation", memory=1)
@@ -325,7 +314,7 @@ def test_a_past_that_this_version_computes_otherwise_is_no_base(
 
 def test_a_run_whose_strategy_fails_ends_with_the_tick_before(tmp_path: Path) -> None:
     path = tmp_path / "run.rec"
-    run = live(*FLEET, "strategy.right_of_way=test_run_history:FailsLater", path=path)
+    run = live(*FLEET, "strategy.right_of_way=example_strategies:FailsLater", path=path)
     with pytest.raises(InputError, match=r"FailsLater' raised ZeroDivisionError: own mistake"):
         run.show(400, 99)
     assert run.tick == run.head == run.end == 49 == run.shown.tick and not run.live

@@ -170,3 +170,14 @@ def counting(me, view):
         return drop_at(view.target_of(me.load))
     orders = view.open_orders()
     return take(orders[0]) if orders else park()
+
+
+class FailsLater(Strategy):
+    """Right of way that fails in tick 50, in the middle of its answers."""
+
+    layer = "right_of_way"
+    period = 1
+
+    def decide(self, view, batch, decisions, memory, workspace):
+        if view.clock[CLOCK_TICK] == 50:
+            raise ZeroDivisionError("own mistake")

@@ -235,7 +235,7 @@ class Plainly(Strategy):
 def test_orders_that_are_given_back_are_taken_again(information, seed):
     """Robots in each other's way give orders back before they withdraw."""
     digests = []
-    for name in ("first-come", "test_tasks:Plainly"):
+    for name in ("first-come", "test_task_metrics:Plainly"):
         settings = [f"strategy.allocation={name}", "fleet.robots=5", f"information={information}"]
         simulation = Simulation(resolve("tabletop-mini", settings, seed))
         simulation.run()

@@ -22,7 +22,7 @@ from tui.render.scene import HEAT, MAP_LAYERS
 from tui.terminal.options import SPEEDS
 
 __all__ = ["clock"]
-FAILING = ("strategy.right_of_way=test_run_history:FailsLater",)
+FAILING = ("strategy.right_of_way=example_strategies:FailsLater",)
 
 
 @pytest.fixture

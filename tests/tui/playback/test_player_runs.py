@@ -14,7 +14,7 @@ from automaton.evidence.history.watched_run import Run
 from tui.playback.player import STATE_INTERVAL_S, UNSEEN_S
 
 __all__ = ["clock"]
-FAILING = ("strategy.right_of_way=test_run_history:FailsLater",)
+FAILING = ("strategy.right_of_way=example_strategies:FailsLater",)
 
 
 # Two runs

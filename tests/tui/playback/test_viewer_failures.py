@@ -64,7 +64,7 @@ def test_a_shot_that_fails_leaves_the_last_one_with_the_reason(
 def test_a_strategy_that_hangs_does_not_keep_the_player(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(player_module, "PLAYER_JOIN_TIMEOUT_S", 0.2)
     LET_GO.clear()
-    player = Player([live(*FLEET, "strategy.right_of_way=test_trouble:Hangs")])
+    player = Player([live(*FLEET, "strategy.right_of_way=test_viewer_failures:Hangs")])
     player.seek(40)
     assert ASKED.wait(60)
     player.close()  # returns

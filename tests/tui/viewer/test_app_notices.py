@@ -175,7 +175,7 @@ def test_what_failed_stays_in_the_line_whatever_is_selected() -> None:
         status = screen_text(user.app).splitlines()[-3]
         assert status.startswith("||  x1 10/s  tick 49") and status.rstrip().endswith("failed")
 
-    failing = resolve("tabletop-1", ("strategy.right_of_way=test_run_history:FailsLater",))
+    failing = resolve("tabletop-1", ("strategy.right_of_way=example_strategies:FailsLater",))
     story(tell, live(failing, None), (140, 24))
 
 

@@ -233,7 +233,7 @@ def write_record(world, record):
     for i in range(world.robots.executed.shape[0]):
         record.executed[row, world.robots.identity[i]] = world.robots.executed[i]
     if world.clock[CLOCK_TICK] % world.clock[CLOCK_DIGEST_EVERY] == 0:
-        digest_world(world, record.digests[row], record.values)
+        digest_world(world, record.digests[row])
     else:
         record.digests[row, :] = 0
     world.clock[CLOCK_RECORDED_TICKS] = row + 1

@@ -11,7 +11,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from automaton.engine.jit.structs import NIL, Struct, field
+from automaton.engine.jit.fields import MEASURED, NIL, SCRATCH, field
+from automaton.engine.jit.structs import Struct
 from automaton.engine.state import Array
 
 
@@ -213,7 +214,7 @@ DELAY_COLUMNS: Final = 4  # a power of two: no cell lies in two lines of the cac
 MEMORY_TICKS: Final = 128  # in which the congestion of a cell halves
 
 
-class Scratch(Struct):
+class Scratch(Struct, role=SCRATCH):
     """What the kernels that observe a tick need meanwhile; n robots, C cells.
 
     `marks` and `words` share their memory, so that eight marks are looked at in one.
@@ -236,12 +237,12 @@ class Scratch(Struct):
     color: Array = field("(n,) int32", "in the search for cycles")
 
 
-class Observation(Struct):
+class Observation(Struct, role=MEASURED):
     """What is watched while a run goes on; nothing in the world depends on it.
 
     n robots by storage, C cells, E events and T ticks between two pauses; k stations that work on
-    parts, S stations and P zones of a partition. All but BUFFERS and the scratch is state: it goes on
-    from what it was after the tick before.
+    parts, S stations and P zones of a partition. All but scratch and buffers goes on from what it was
+    after the tick before.
     """
 
     cause: Array = field("(n,) uint8", "why it waits, of CAUSES")
@@ -277,13 +278,10 @@ class Observation(Struct):
     redesigns: Array = field("(1,) int64", "ticks in which stations changed their zones")
     lost_ticks_by_cell: Array = field(f"(C, {DELAY_COLUMNS}) int32", "robot ticks lost in a cell")
     flow: Array = field("(C, 4) int32", "moves out of a cell, E S W N")
-    count: Array = field(f"({COUNTS},) int64")
-    events: Array = field("(E, 5) int64")
-    curve: Array = field(f"(T, {CURVE_COLUMNS}) int32", "one row for each tick")
+    count: Array = field(f"({COUNTS},) int64", role=SCRATCH)
+    events: Array = field("(E, 5) int64", role=SCRATCH)
+    curve: Array = field(f"(T, {CURVE_COLUMNS}) int32", "one row for each tick", role=SCRATCH)
     scratch: Scratch
-
-
-BUFFERS: Final = ("count", "events", "curve")  # emptied between two ticks, at any time
 
 
 def is_waiting(cause: Array) -> Array:

@@ -13,14 +13,15 @@ from typing import Any, Final
 
 from numpy.typing import NDArray
 
-from automaton.engine.jit.structs import NIL, Struct, field
+from automaton.engine.jit.fields import DERIVED, NIL, STATE, STATIC, field, nested
+from automaton.engine.jit.structs import Struct
 
 Array = NDArray[Any]
 
 MESSAGE_WORDS: Final = 8  # numbers in the message that a robot sends to those in range
 
 
-class Roads(Struct):
+class Roads(Struct, role=STATIC):
     """Critical points (stations, crossings, corners, dead ends) and the straight ways between them."""
 
     cell: Array = field("(P,) int32", "flat cell")
@@ -32,7 +33,7 @@ class Roads(Struct):
     between: Array = field("(S, S) int32", "cells of the shortest way, whatever the zones are")
 
 
-class Design(Struct):
+class Design(Struct, role=STATE):
     """A zone design; a segment is a path of points from one station of its zone to another."""
 
     zone: Array = field("(S,) int32", "the zone of each station", default=NIL)
@@ -53,29 +54,54 @@ class ServiceZones(Struct):
     """The service zones of a world."""
 
     roads: Roads
-    design: Design
-    station_of: Array = field("(s,) int32", "the station of a slot, or NIL")
+    design: Design = nested(digest=50, by="hash_of_design")
+    station_of: Array = field("(s,) int32", "the station of a slot, or NIL", role=DERIVED)
     accessible: Array = field(
-        "(Z, S) uint8", "1 = the robot with the number of the zone gets to the station", default=1
+        "(Z, S) uint8",
+        "1 = the robot with the number of the zone gets to the station",
+        default=1,
+        role=STATIC,
     )
-    has_priority: Array = field("(Z, S) uint8", "1 = its type has priority there")
-    server: Array = field("(Z,) int32", "identity of the robot that serves a zone")
+    has_priority: Array = field("(Z, S) uint8", "1 = its type has priority there", role=STATIC)
+    server: Array = field(
+        "(Z,) int32", "identity of the robot that serves a zone", hidden=NIL, digest=55
+    )
     queue: Array = field(
         "(m,) int32",
         "the zone in whose queue an order is; NIL: none yet; "
         "-2 - zone: none any more, since a robot of that zone dropped it on its way",
         default=NIL,
+        digest=51,
     )
-    next_slot: Array = field("(m,) int32", "the slot where it is dropped next, or NIL", default=NIL)
-    skips_transfer: Array = field("(m,) uint8", "1 = past the transfer stations, by load sharing")
+    next_slot: Array = field(
+        "(m,) int32", "the slot where it is dropped next, or NIL", default=NIL, digest=52
+    )
+    skips_transfer: Array = field(
+        "(m,) uint8", "1 = past the transfer stations, by load sharing", digest=53
+    )
     picked_from: Array = field(
-        "(m,) int32", "the slot from which it was picked up last, or NIL", default=NIL
+        "(m,) int32",
+        "the slot from which it was picked up last, or NIL",
+        default=NIL,
+        digest=54,
+        recorded=False,
     )
-    halt: Array = field("(n,) int64", "a robot stands still up to this tick", default=NIL)
+    halt: Array = field(
+        "(n,) int64", "a robot stands still up to this tick", default=NIL, digest=56
+    )
     wake: Array = field(
-        "(n,) int64", "zoning is asked about a robot from this tick on, or NIL", default=NIL
+        "(n,) int64",
+        "zoning is asked about a robot from this tick on, or NIL",
+        default=NIL,
+        digest=57,
+        recorded=False,
     )
-    messages: Array = field(f"(n, {MESSAGE_WORDS}) int64", "what each robot tells those in range")
+    messages: Array = field(
+        f"(n, {MESSAGE_WORDS}) int64",
+        "what each robot tells those in range",
+        digest=58,
+        recorded=False,
+    )
 
 
 def empty_design(points: int, stations: int, zones: int) -> Design:

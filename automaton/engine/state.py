@@ -14,8 +14,17 @@ from numpy.typing import NDArray
 
 from automaton.engine.facilities import Chargers, Slots, Stations
 from automaton.engine.facilities import Grid as Grid
-from automaton.engine.jit.structs import CONSTANT, Struct, field
-from automaton.engine.jit.structs import NIL as NIL
+from automaton.engine.jit.fields import (
+    BY_ENTRY,
+    CONSTANT,
+    DERIVED,
+    MEASURED,
+    SCRATCH,
+    STATIC,
+    field,
+)
+from automaton.engine.jit.fields import NIL as NIL
+from automaton.engine.jit.structs import Struct
 from automaton.engine.service_zones import MESSAGE_WORDS, Design, ServiceZones
 
 Array = NDArray[Any]
@@ -141,7 +150,7 @@ STOP_DELIVERED: Final = 1
 STOP_NEVER: Final = 2
 
 
-class Rules(Struct):
+class Rules(Struct, role=STATIC):
     """The scenario's constants."""
 
     seed: Any = field("uint64", "all draws of a run follow from it")
@@ -193,65 +202,111 @@ class Rules(Struct):
 class Robots(Struct):
     """The fleet, indexed by storage."""
 
-    identity: Array = field("(n,) int32", "a permutation of 0..n-1")
-    at_index: Array = field("(n,) int32", "the storage index of an identity")
-    type: Array = field("(n,) uint8")
+    identity: Array = field("(n,) int32", "a permutation of 0..n-1", role=STATIC)
+    at_index: Array = field("(n,) int32", "the storage index of an identity", role=STATIC)
+    type: Array = field("(n,) uint8", role=STATIC)
     cell: Array = field(
-        "(n,) int32", "where it stands, or the cell left by a long move; NIL: off the floor"
+        "(n,) int32",
+        "where it stands, or the cell left by a long move; NIL: off the floor",
+        hidden=NIL,
+        digest=0,
+        by="code_of_cell",
+        header=True,
     )
-    claim: Array = field("(n,) int32", "the cell that a long move enters, else NIL", default=NIL)
-    heading: Array = field("(n,) uint8", "rail axis 0/1, differential direction 0..3, omni 0")
+    claim: Array = field(
+        "(n,) int32", "the cell that a long move enters, else NIL", default=NIL, digest=1
+    )
+    heading: Array = field(
+        "(n,) uint8", "rail axis 0/1, differential direction 0..3, omni 0", digest=2, header=True
+    )
     travel: Array = field(
-        "(n,) uint8", "direction in which it entered its cell: its lane at capacity 2"
+        "(n,) uint8", "direction in which it entered its cell: its lane at capacity 2", digest=3
     )
-    action: Array = field("(n,) uint8", "what it does")
-    busy: Array = field("(n,) uint16", "ticks until it is free")
-    priority: Array = field("(n,) int16", "set by right of way, higher goes first")
-    load: Array = field("(n,) int32", "the order it carries, or NIL", default=NIL)
-    order: Array = field("(n,) int32", "the order it works on, or NIL", default=NIL)
-    slot: Array = field("(n,) int32", "where it will drop the load, or NIL", default=NIL)
-    goal_type: Array = field("(n,) uint8", "GOAL_*")
+    action: Array = field("(n,) uint8", "what it does", digest=4)
+    busy: Array = field("(n,) uint16", "ticks until it is free", digest=5)
+    priority: Array = field("(n,) int16", "set by right of way, higher goes first", digest=6)
+    load: Array = field("(n,) int32", "the order it carries, or NIL", default=NIL, digest=7)
+    order: Array = field("(n,) int32", "the order it works on, or NIL", default=NIL, digest=8)
+    slot: Array = field("(n,) int32", "where it will drop the load, or NIL", default=NIL, digest=9)
+    goal_type: Array = field("(n,) uint8", "GOAL_*", digest=10)
     goal_cell: Array = field(
-        "(n,) int32", "the cell in which the goal is done, or NIL", default=NIL
+        "(n,) int32", "the cell in which the goal is done, or NIL", default=NIL, digest=11
     )
-    charge_target: Array = field("(n,) int32", "charge at which it leaves its charger")
-    charging_interruptible: Array = field("(n,) uint8", "1 = while it charges it may get an order")
-    try_drop: Array = field("(n,) uint8", "1 = a TRY_DROP follows the pick")
-    route: Array = field("(n, R) uint8", "directions to drive; turns are implied")
-    route_length: Array = field("(n,) int32", "steps in the route")
-    route_index: Array = field("(n,) int32", "steps driven")
-    route_hash: Array = field("(n,) int64", "hash of the route, for the digest")
-    retreat_moves: Array = field("(n,) int16", "moves left of a retreat")
-    failed_retries: Array = field("(n,) uint8", "failed retries since the last executed operation")
-    retry_state: Array = field("(n,) uint8", "RETRY_*")
+    charge_target: Array = field("(n,) int32", "charge at which it leaves its charger", digest=12)
+    charging_interruptible: Array = field(
+        "(n,) uint8", "1 = while it charges it may get an order", digest=26, recorded=False
+    )
+    try_drop: Array = field("(n,) uint8", "1 = a TRY_DROP follows the pick", digest=13)
+    route: Array = field(
+        "(n, R) uint8",
+        "directions to drive; turns are implied",
+        used="route_length",
+        digest=25,
+        by="code_of_route",
+    )
+    route_length: Array = field("(n,) int32", "steps in the route", digest=14, recorded=False)
+    route_index: Array = field("(n,) int32", "steps driven", digest=15, recorded=False)
+    route_hash: Array = field("(n,) int64", "hash of the route, for the digest", role=DERIVED)
+    retreat_moves: Array = field("(n,) int16", "moves left of a retreat", digest=16)
+    failed_retries: Array = field(
+        "(n,) uint8", "failed retries since the last executed operation", digest=17
+    )
+    retry_state: Array = field("(n,) uint8", "RETRY_*", digest=18)
     home: Array = field(
-        "(n,) int32", "cell in which it parks, through which it enters its parking bay, or has left"
+        "(n,) int32",
+        "cell in which it parks, through which it enters its parking bay, or has left",
+        role=DERIVED,
+        hidden=NIL,
+        header=True,
     )
     bay: Array = field(
-        "(n,) int32", "its parking bay's cell, or NIL: it parks on the floor, or leaves it"
+        "(n,) int32",
+        "its parking bay's cell, or NIL: it parks on the floor, or leaves it",
+        role=DERIVED,
+        hidden=NIL,
+        header=True,
     )
-    parked: Array = field("(n,) uint8", default=1)
+    parked: Array = field("(n,) uint8", default=1, hidden=0, digest=19)
     service_zone: Array = field(
-        "(n,) int32", "the service zone of the robot, set by zoning", default=NIL
+        "(n,) int32", "the service zone of the robot, set by zoning", default=NIL, digest=20
     )
-    charge: Array = field("(n,) int32", "units left in its battery")
-    status: Array = field("(n,) uint8", "STATUS_*")
-    status_until: Array = field("(n,) int64", "tick in which it is towed, or comes back")
-    ticket: Array = field("(n,) int64", "its place in the queue of its charger, 0 outside")
-    order_queue: Array = field("(n, L) int32", "orders that it is to do, one after another")
-    order_queue_length: Array = field("(n,) int32", "how many those are")
-    charging_reason: Array = field("(n,) uint8", "why charging is asked")
-    need: Array = field("(n,) uint8", "NEED_* bits", default=NEED_ALLOCATION)
-    reason: Array = field("(n,) uint8", "why allocation is asked")
-    route_reason: Array = field("(n,) uint8", "REASON_NEW_GOAL or REASON_AROUND_ROBOTS")
+    charge: Array = field("(n,) int32", "units left in its battery", digest=27, header=True)
+    status: Array = field("(n,) uint8", "STATUS_*", digest=28)
+    status_until: Array = field(
+        "(n,) int64", "tick in which it is towed, or comes back", digest=29, recorded=False
+    )
+    ticket: Array = field(
+        "(n,) int64", "its place in the queue of its charger, 0 outside", digest=30, recorded=False
+    )
+    order_queue: Array = field(
+        "(n, L) int32",
+        "orders that it is to do, one after another",
+        used="order_queue_length",
+        digest=31,
+        by="hash_of_order_queue",
+    )
+    order_queue_length: Array = field("(n,) int32", "how many those are", role=DERIVED)
+    charging_reason: Array = field("(n,) uint8", "why charging is asked", digest=32, recorded=False)
+    need: Array = field("(n,) uint8", "NEED_* bits", default=NEED_ALLOCATION, hidden=0, digest=21)
+    reason: Array = field("(n,) uint8", "why allocation is asked", digest=22)
+    route_reason: Array = field(
+        "(n,) uint8", "REASON_NEW_GOAL or REASON_AROUND_ROBOTS", digest=23, recorded=False
+    )
     seen_revision: Array = field(
-        "(n,) int64", "CLOCK_REVISION when allocation last let it park", default=NIL
+        "(n,) int64",
+        "CLOCK_REVISION when allocation last let it park",
+        default=NIL,
+        digest=24,
+        recorded=False,
     )
     step: Array = field(
-        "(n,) uint8", "direction that right of way asks for this tick, or NO_STEP", default=NO_STEP
+        "(n,) uint8",
+        "direction that right of way asks for this tick, or NO_STEP",
+        default=NO_STEP,
+        role=DERIVED,
     )
     executed: Array = field(
-        "(n,) uint8", "what was committed this tick (automaton.engine.record_codes)"
+        "(n,) uint8", "what was committed this tick (automaton.engine.record_codes)", role=DERIVED
     )
 
 
@@ -259,36 +314,57 @@ class Orders(Struct):
     """Transport orders; the load of an order has the order's number."""
 
     state: Array = field(
-        "(m,) uint8", "ORDER_WAITING, ORDER_CARRIED, ORDER_DELIVERED, ORDER_UNRELEASED"
+        "(m,) uint8",
+        "ORDER_WAITING, ORDER_CARRIED, ORDER_DELIVERED, ORDER_UNRELEASED",
+        hidden=ORDER_UNRELEASED,
+        digest=33,
     )
-    current_slot: Array = field("(m,) int32", "slot in which it lies, or NIL")
-    source: Array = field("(m,) int32", "slot in which it lay first")
-    target: Array = field("(m,) int32", "slot to which it must go")
+    current_slot: Array = field(
+        "(m,) int32", "slot in which it lies, or NIL", hidden=NIL, digest=34
+    )
+    source: Array = field(
+        "(m,) int32", "slot in which it lay first", role=STATIC, hidden=NIL, digest=35, header=True
+    )
+    target: Array = field(
+        "(m,) int32", "slot to which it must go", role=STATIC, hidden=NIL, digest=36, header=True
+    )
     reserved_by: Array = field(
-        "(m,) int32", "identity of the robot that reserved or carries it, or NIL", default=NIL
+        "(m,) int32",
+        "identity of the robot that reserved or carries it, or NIL",
+        default=NIL,
+        digest=37,
     )
-    release_tick: Array = field("(m,) int32", "tick from which it is known")
-    weight: Array = field("(m,) int32", "what a robot must be able to carry")
+    release_tick: Array = field(
+        "(m,) int32", "tick from which it is known", hidden=NEVER, digest=38, header=True
+    )
+    weight: Array = field(
+        "(m,) int32", "what a robot must be able to carry", role=STATIC, hidden=0, header=True
+    )
     release_sequence: Array = field(
-        "(m,) int32", "the orders, in the sequence in which they are released"
+        "(releases,) int32",
+        "the orders, in the sequence in which they are released",
+        role=DERIVED,
+        header=True,
     )
     dispatched: Array = field(
-        "(m,) int32", "tick in which a robot last took it, or NIL", default=NIL
+        "(m,) int32", "tick in which a robot last took it, or NIL", default=NIL, role=MEASURED
     )
     dispatched_from: Array = field(
-        "(m,) int32", "the cell where that robot was then, or NIL", default=NIL
+        "(m,) int32", "the cell where that robot was then, or NIL", default=NIL, role=MEASURED
     )
-    dispatched_heading: Array = field("(m,) uint8", "its heading then")
-    dispatched_type: Array = field("(m,) uint8", "its type")
-    delivered: Array = field("(m,) int32", "tick of delivery, or NIL", default=NIL)
-    legs: Array = field("(m,) int32", "times it was picked up")
+    dispatched_heading: Array = field("(m,) uint8", "its heading then", role=MEASURED)
+    dispatched_type: Array = field("(m,) uint8", "its type", role=MEASURED)
+    delivered: Array = field("(m,) int32", "tick of delivery, or NIL", default=NIL, digest=39)
+    legs: Array = field("(m,) int32", "times it was picked up", digest=40)
 
 
-class Traffic(Struct):
+class Traffic(Struct, role=SCRATCH):
     """Occupancy and the intents of the current tick."""
 
     occupancy: Array = field(
-        "(C,) uint16", "claims, room and the flags of a cell (automaton.engine.motion)"
+        "(C,) uint16",
+        "claims, room and the flags of a cell (automaton.engine.motion)",
+        role=DERIVED,
     )
     intent: Array = field("(n,) uint8", "the intent before motion, its outcome after")
     move_ticks: Array = field("(n,) uint16", "ticks that the intended move takes", default=1)
@@ -315,7 +391,7 @@ class Traffic(Struct):
     )
 
 
-class Tally(Struct):
+class Tally(Struct, role=MEASURED):
     """Counters behind the metrics; [.., 0] empty, [.., 1] loaded."""
 
     operations: Array = field(f"(n, {ACTION_COUNT}, 2) int64", "operations begun")
@@ -344,7 +420,9 @@ class World(Struct):
     service_zones: ServiceZones
     traffic: Traffic
     tally: Tally
-    clock: Array = field(f"({CLOCK_SIZE},) int64")
+    clock: Array = field(
+        f"({CLOCK_SIZE},) int64", "entries: CLOCK_*", role=BY_ENTRY, digest=59, by="hash_of_tick"
+    )
 
 
 class Batch(Struct):
@@ -474,4 +552,3 @@ class Record(Struct):
     )
     changes: Array = field("(X, 4) int64", "tick, code, subject, value")
     digests: Array = field("(T, D) uint64")
-    values: Array = field("(D,) int64", "scratch")

@@ -14,12 +14,24 @@ a strategy gets its robot's own row of memory only, and no shared memory.
 
 import numpy as np
 
+from automaton.engine.facilities import Stations
+from automaton.engine.jit.field_kernels import hiding, showing
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import CLAIMS, FLAGS_SHIFT, U
-from automaton.engine.state import ACTION_COUNT, NEVER, NIL, NO_STEP, ORDER_UNRELEASED
+from automaton.engine.service_zones import ServiceZones
+from automaton.engine.state import NIL, ORDER_UNRELEASED, Orders, Robots, Tally
 from automaton.engine.zone_segments import copy_segment
 
 HIDDEN = -2  # design.held: the point belongs to a robot out of sight
+
+# What a robot, an order and so on have in a struct, hidden and shown.
+hide_robot, show_robot = hiding(Robots, "n"), showing(Robots, "n")
+hide_tally, show_tally = hiding(Tally, "n"), showing(Tally, "n")
+hide_signals, show_signals = hiding(ServiceZones, "n"), showing(ServiceZones, "n")
+hide_order, show_order = hiding(Orders, "m"), showing(Orders, "m")
+hide_queue, show_queue = hiding(ServiceZones, "m"), showing(ServiceZones, "m")
+hide_station, show_station = hiding(Stations, "k"), showing(Stations, "k")
+hide_job, show_job = hiding(Stations, "j"), showing(Stations, "j")
 
 
 @kernel
@@ -89,19 +101,16 @@ def mask_world(world, visible_world, i):
     hide_all(world, visible_world)
     for j in range(world.robots.cell.shape[0]):
         if is_visible(world, i, j):
-            reveal_robot(world, visible_world, j)
+            show_robot(visible_world.robots, world.robots, j)
             reveal_cell(world, visible_world, np.int64(world.robots.cell[j]))
             reveal_cell(world, visible_world, np.int64(world.robots.claim[j]))
-            reveal_zoning(world, visible_world, i, j)
+            if world.service_zones.wake.shape[0]:
+                show_signals(visible_world.service_zones, world.service_zones, j)
+                if j != i:
+                    visible_world.service_zones.wake[j] = NIL  # another robot's timer
     if world.rules.own_zones and world.service_zones.queue.shape[0]:
         mask_zones(world, visible_world, i)
-    for action in range(ACTION_COUNT):
-        for loaded in range(2):
-            visible_world.tally.operations[i, action, loaded] = world.tally.operations[
-                i, action, loaded
-            ]
-            visible_world.tally.ticks[i, action, loaded] = world.tally.ticks[i, action, loaded]
-    visible_world.tally.slowdown_ticks[i] = world.tally.slowdown_ticks[i]
+    show_tally(visible_world.tally, world.tally, i)
 
 
 @kernel
@@ -110,7 +119,10 @@ def hide_all(world, visible_world):
     for j in range(world.robots.cell.shape[0]):
         hide_cell(world, visible_world, np.int64(visible_world.robots.cell[j]))
         hide_cell(world, visible_world, np.int64(visible_world.robots.claim[j]))
-        hide_robot(visible_world, j)
+        hide_robot(visible_world.robots, j)
+        hide_tally(visible_world.tally, j)
+        if world.service_zones.wake.shape[0]:
+            hide_signals(visible_world.service_zones, j)
 
 
 @kernel
@@ -177,33 +189,20 @@ def hide_segments(design):
 @kernel
 def mask_orders(world, visible_world, i):
     """Orders in the zones of robots in sight, or on these robots; others look as if still to come."""
-    a, b, x, y = (
-        visible_world.orders,
-        world.orders,
-        visible_world.service_zones,
-        world.service_zones,
-    )
+    a, b = visible_world.orders, world.orders
+    x, y = visible_world.service_zones, world.service_zones
     for order in range(b.state.shape[0]):
         zone = zone_of_order(world, order)
         shown = zone != NIL and x.server[zone] != NIL
         reserved_by = np.int64(b.reserved_by[order])
         if reserved_by != NIL:
             shown = is_visible(world, i, np.int64(world.robots.at_index[reserved_by]))
-        a.state[order] = b.state[order] if shown else ORDER_UNRELEASED
-        a.current_slot[order] = b.current_slot[order] if shown else NIL
-        a.source[order] = b.source[order] if shown else NIL
-        a.target[order] = b.target[order] if shown else NIL
-        a.reserved_by[order] = reserved_by if shown else NIL
-        a.release_tick[order] = b.release_tick[order] if shown else NEVER
-        a.weight[order] = b.weight[order] if shown else 0
-        a.dispatched[order] = b.dispatched[order] if shown else NIL
-        a.dispatched_from[order] = b.dispatched_from[order] if shown else NIL
-        a.delivered[order] = b.delivered[order] if shown else NIL
-        a.legs[order] = b.legs[order] if shown else 0
-        x.queue[order] = y.queue[order] if shown else NIL
-        x.next_slot[order] = y.next_slot[order] if shown else NIL
-        x.skips_transfer[order] = y.skips_transfer[order] if shown else 0
-        x.picked_from[order] = y.picked_from[order] if shown else NIL
+        if shown:
+            show_order(a, b, order)
+            show_queue(x, y, order)
+        else:
+            hide_order(a, order)
+            hide_queue(x, order)
     for k in range(b.release_sequence.shape[0]):
         order = np.int64(b.release_sequence[k])
         a.release_sequence[k] = (
@@ -216,15 +215,15 @@ def mask_jobs(world, visible_world):
     """Lines of stations in the zones of robots in sight."""
     a, b = visible_world.stations, world.stations
     for k in range(b.slot.shape[0]):
-        shown = visible_world.service_zones.design.zone[k] != NIL
-        a.in_service[k] = b.in_service[k] if shown else NIL
-        a.queue_tail[k] = b.queue_tail[k] if shown else NIL
-        a.job_done_tick[k] = b.job_done_tick[k] if shown else 0
-    for work in range(b.completion_tick.shape[0]):
-        shown = visible_world.service_zones.design.zone[b.station[work]] != NIL
-        a.next_in_queue[work] = b.next_in_queue[work] if shown else NIL
-        a.arrival_tick[work] = b.arrival_tick[work] if shown else NIL
-        a.completion_tick[work] = b.completion_tick[work] if shown else NIL
+        if visible_world.service_zones.design.zone[k] != NIL:
+            show_station(a, b, k)
+        else:
+            hide_station(a, k)
+    for job in range(b.completion_tick.shape[0]):
+        if visible_world.service_zones.design.zone[b.station[job]] != NIL:
+            show_job(a, b, job)
+        else:
+            hide_job(a, job)
 
 
 @kernel
@@ -242,119 +241,3 @@ def reveal_cell(world, visible_world, cell):
     if cell != NIL:
         word = np.int64(world.traffic.occupancy[U(cell)]) & ~CLAIMS
         visible_world.traffic.occupancy[U(cell)] = np.uint16(word)
-
-
-@kernel
-def hide_robot(visible_world, j):
-    r = visible_world.robots
-    for k in range(r.route_length[j]):  # what was shown, and no more: the rows are long
-        r.route[j, k] = 0
-    for k in range(r.order_queue_length[j]):
-        r.order_queue[j, k] = 0
-    for array in (
-        r.cell,
-        r.claim,
-        r.load,
-        r.order,
-        r.slot,
-        r.goal_cell,
-        r.service_zone,
-        r.home,
-        r.bay,
-    ):
-        array[j] = NIL
-    for array in (r.route_length, r.route_index, r.charge_target, r.charge, r.order_queue_length):
-        array[j] = 0
-    for array in (
-        r.heading,
-        r.travel,
-        r.action,
-        r.goal_type,
-        r.try_drop,
-        r.failed_retries,
-        r.retry_state,
-    ):
-        array[j] = 0
-    for array in (
-        r.parked,
-        r.need,
-        r.reason,
-        r.route_reason,
-        r.executed,
-        r.charging_interruptible,
-        r.status,
-    ):
-        array[j] = 0
-    r.charging_reason[j] = 0
-    r.status_until[j] = 0
-    r.ticket[j] = 0
-    r.busy[j] = 0
-    r.priority[j] = 0
-    r.retreat_moves[j] = 0
-    r.seen_revision[j] = NIL
-    r.route_hash[j] = 0
-    r.step[j] = NO_STEP
-    visible_world.tally.operations[j] = 0
-    visible_world.tally.ticks[j] = 0
-    visible_world.tally.slowdown_ticks[j] = 0
-    if visible_world.service_zones.wake.shape[0]:
-        visible_world.service_zones.halt[j] = NIL
-        visible_world.service_zones.wake[j] = NIL
-        visible_world.service_zones.messages[j] = 0
-
-
-@kernel
-def reveal_zoning(world, visible_world, i, j):
-    """What robot j, in sight of robot i, was told by zoning, and what it tells others."""
-    a, b = visible_world.service_zones, world.service_zones
-    if b.wake.shape[0]:
-        a.halt[j] = b.halt[j]
-        a.wake[j] = b.wake[j] if j == i else NIL
-        for word in range(b.messages.shape[1]):
-            a.messages[j, word] = b.messages[j, word]
-
-
-@kernel
-def reveal_robot(world, visible_world, j):
-    a, b = visible_world.robots, world.robots
-    a.cell[j] = b.cell[j]
-    a.claim[j] = b.claim[j]
-    a.heading[j] = b.heading[j]
-    a.travel[j] = b.travel[j]
-    a.action[j] = b.action[j]
-    a.busy[j] = b.busy[j]
-    a.priority[j] = b.priority[j]
-    a.load[j] = b.load[j]
-    a.order[j] = b.order[j]
-    a.slot[j] = b.slot[j]
-    a.goal_type[j] = b.goal_type[j]
-    a.goal_cell[j] = b.goal_cell[j]
-    a.charge_target[j] = b.charge_target[j]
-    a.charging_interruptible[j] = b.charging_interruptible[j]
-    a.charge[j] = b.charge[j]
-    a.status[j] = b.status[j]
-    a.status_until[j] = b.status_until[j]
-    a.ticket[j] = b.ticket[j]
-    a.order_queue_length[j] = b.order_queue_length[j]
-    for k in range(b.order_queue_length[j]):
-        a.order_queue[j, k] = b.order_queue[j, k]
-    a.charging_reason[j] = b.charging_reason[j]
-    a.try_drop[j] = b.try_drop[j]
-    a.route_length[j] = b.route_length[j]
-    a.route_index[j] = b.route_index[j]
-    a.route_hash[j] = b.route_hash[j]
-    a.retreat_moves[j] = b.retreat_moves[j]
-    a.failed_retries[j] = b.failed_retries[j]
-    a.retry_state[j] = b.retry_state[j]
-    a.home[j] = b.home[j]
-    a.bay[j] = b.bay[j]
-    a.parked[j] = b.parked[j]
-    a.service_zone[j] = b.service_zone[j]
-    a.need[j] = b.need[j]
-    a.reason[j] = b.reason[j]
-    a.route_reason[j] = b.route_reason[j]
-    a.seen_revision[j] = b.seen_revision[j]
-    a.step[j] = b.step[j]
-    a.executed[j] = b.executed[j]
-    for k in range(b.route_length[j]):
-        a.route[j, k] = b.route[j, k]

@@ -359,7 +359,7 @@ class Simulation:
         """(D,) uint64: the digest of each array of the state, named by DIGEST_NAMES."""
         out = np.zeros(len(DIGEST_NAMES), np.uint64)
         with np.errstate(over="ignore"):
-            digest_world(self.world, out, self.record.values)
+            digest_world(self.world, out)
         return out
 
     @property

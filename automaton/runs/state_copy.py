@@ -1,6 +1,6 @@
-"""Which arrays are the state of a run, and how it is carried from one simulation to another.
+"""How the state of a run is carried from one simulation to another.
 
-Left out are the static ones, scratch, and what belongs to the buffers of one simulation.
+Which arrays belong to it follows from the roles of their declarations.
 """
 
 from __future__ import annotations
@@ -10,7 +10,9 @@ from typing import Final
 
 import numpy as np
 
-from automaton.engine.observation import BUFFERS, Observation
+from automaton.engine.jit.fields import CARRIED
+from automaton.engine.jit.structs import Struct
+from automaton.engine.observation import Observation
 from automaton.engine.state import (
     CLOCK_CHANGE_ROWS,
     CLOCK_DECISION_WORDS,
@@ -33,40 +35,28 @@ OF_THE_BUFFERS: Final = (
     CLOCK_DIGEST_EVERY,
     CLOCK_OBSERVING,
 )
-STATIC: Final = ("identity", "at_index", "type", "bay", "route", "order_queue")
-PARTS: Final = ("robots", "orders", "slots", "stations", "service_zones", "tally")
-NOT_CARRIED: Final = {
-    "robots": STATIC,
-    "orders": ("source", "target", "weight"),
-    "slots": ("first_spare", "reachable"),
-    "stations": (
-        "at",
-        "slot",
-        "part_arrivals",
-        "station",
-        "processing_time",
-        "part",
-        "releases_order",
-        "job_of_order",
-    ),
-    "service_zones": ("roads", "design", "accessible", "has_priority"),
-    "tally": (),
-}
 
 
-def state_arrays(world: World, observation: Observation) -> Iterator[tuple[str, Array]]:
-    """The arrays of the state and of its observation by name; routes, plans and the clock aside."""
-    for part in PARTS:
-        struct = getattr(world, part)
-        for name in struct._fields:
-            if name not in NOT_CARRIED[part]:
-                yield f"{part}.{name}", getattr(struct, name)
-    for name in world.service_zones.design._fields:
-        yield f"service_zones.design.{name}", getattr(world.service_zones.design, name)
-    yield "traffic.occupancy", world.traffic.occupancy
-    for name in observation._fields:
-        if name not in (*BUFFERS, "scratch"):
-            yield f"observation.{name}", getattr(observation, name)
+def state_arrays(struct: Struct, path: str = "") -> Iterator[tuple[str, Array]]:
+    """The arrays of a struct that are kept with a state, by name; rows of different lengths aside."""
+    for name, declared in struct._declared.items():
+        if not declared.kind:
+            yield from state_arrays(getattr(struct, name), f"{path}{name}.")
+        elif declared.role in CARRIED and not declared.used:
+            yield f"{path}{name}", getattr(struct, name)
+
+
+def ragged_arrays(world: World) -> Iterator[tuple[Array, Array]]:
+    """Rows of different lengths, (n, k), and the mask of what is in use."""
+    for name, declared in world.robots._declared.items():
+        if declared.used:
+            rows, used = getattr(world.robots, name), getattr(world.robots, declared.used)
+            yield rows, np.arange(rows.shape[1]) < used[:, None]
+
+
+def arrays_of_run(world: World, observation: Observation) -> dict[str, Array]:
+    """The arrays of a state and of its observation; routes, plans and the clock aside."""
+    return dict(state_arrays(world)) | dict(state_arrays(observation, "observation."))
 
 
 def copy_clock(to: Array, since: Array) -> None:
@@ -80,12 +70,14 @@ def take_over(
     world: World, observation: Observation, other_world: World, other_observation: Observation
 ) -> None:
     """Copy the state of another run of the same floor, fleet and orders, and its observation."""
-    theirs = dict(state_arrays(other_world, other_observation))
-    for name, array in state_arrays(world, observation):
+    theirs = arrays_of_run(other_world, other_observation)
+    for name, array in arrays_of_run(world, observation).items():
         if array.shape == theirs[name].shape:  # an unobserved simulation has no observation
             np.copyto(array, theirs[name])
     if not world.rules.slowdown:
         observation.slow_zone[:] = NIL  # a branch may have switched it off
-    np.copyto(world.robots.route, other_world.robots.route)
-    np.copyto(world.robots.order_queue, other_world.robots.order_queue)
+    for (rows, _), (others, _) in zip(
+        ragged_arrays(world), ragged_arrays(other_world), strict=True
+    ):
+        np.copyto(rows, others)
     copy_clock(world.clock, other_world.clock)

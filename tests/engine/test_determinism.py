@@ -13,15 +13,7 @@ import pytest
 from fresh_process import told
 
 from automaton.build.resolve import resolve
-from automaton.engine.digest import (
-    DIGEST_NAMES,
-    ORDER_FIELDS,
-    ROBOT_FIELDS,
-    SLOT_FIELDS,
-    STATION_FIELDS,
-    WORK_FIELDS,
-    ZONING_FIELDS,
-)
+from automaton.engine.digest import DIGEST_NAMES
 from automaton.engine.state import CLOCK_TICK
 from automaton.pytest_plugin import GridSnapshot
 from automaton.runs.process_pool import run_all
@@ -207,49 +199,3 @@ def test_a_route_that_differs_in_one_step_has_another_digest() -> None:
                 route = tuple(robots.route[i, : robots.route_length[i]].tolist())
                 sums.add((route, int(robots.route_hash[i])))
     assert len({route for route, _ in sums}) == len({total for _, total in sums}) == len(sums) > 10
-
-
-def test_no_field_of_the_state_is_left_out_by_oversight() -> None:
-    run = simulation("tabletop-mini")
-    left_out = {  # constant, storage, told by others, or kept for metrics
-        *(
-            "dispatched",
-            "dispatched_from",
-            "dispatched_heading",
-            "dispatched_type",
-            "release_sequence",
-        ),
-        *("weight", "type"),
-        *(
-            "identity",
-            "at_index",
-            "home",
-            "bay",
-            "route_hash",
-            "step",
-            "executed",
-            "order_queue_length",
-        ),
-        *("cell", "unbounded", "access", "first_spare", "reachable", "accessible"),
-        *(
-            "at",
-            "slot",
-            "part_arrivals",
-            "station",
-            "processing_time",
-            "part",
-            "releases_order",
-            "job_of_order",
-        ),
-        *("roads", "station_of", "accessible", "has_priority"),
-    }
-    parts = {
-        "robots": ROBOT_FIELDS,
-        "orders": ORDER_FIELDS,
-        "slots": SLOT_FIELDS,
-        "stations": (*STATION_FIELDS, *WORK_FIELDS),
-        "service_zones": ZONING_FIELDS,
-    }
-    for part, fields in parts.items():
-        missing = set(getattr(run.world, part)._fields) - set(fields)
-        assert missing <= left_out, f"{part}: {missing - left_out}"

@@ -2,14 +2,42 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from functools import cache
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 import pytest
 
-from automaton.engine.jit.fields import field
+from automaton.build.resolve import resolve
+from automaton.engine import digest
+from automaton.engine.digest import DIGEST_NAMES
+from automaton.engine.jit.field_kernels import (
+    digest_names,
+    digested_fields,
+    digesting,
+    hiding,
+    showing,
+)
+from automaton.engine.jit.fields import (
+    BY_ENTRY,
+    CARRIED,
+    SCRATCH,
+    STATE,
+    STATIC,
+    VISIBLE,
+    Field,
+    field,
+)
 from automaton.engine.jit.structs import Struct
-from automaton.engine.state import Array
+from automaton.engine.observation import Observation
+from automaton.engine.state import Array, Robots, World
+from automaton.evidence.history.keyframes import Keyframes
+from automaton.evidence.history.snapshot import by_robot
+from automaton.runs.pictures.robot_lines import read_robot, robot_line
+from automaton.runs.simulation import Simulation
+from automaton.runs.state_copy import take_over
 
 
 class Load(Struct):
@@ -64,5 +92,198 @@ def test_what_is_not_given_has_its_default() -> None:
     load = Load.sized(place=np.ones((2, 2), np.uint8), limit=1)
     assert load.weight.tolist() == [7, 7] and load.weight.dtype == np.int32
     assert load.sides.tolist() == [-1] * 8
-    with pytest.raises(TypeError, match="Load needs n"):
+    with pytest.raises(TypeError, match=r"Load.weight needs n"):
         Load.sized(limit=1)
+
+
+# The proof: one more field of robots, declared and nothing else, is everywhere.
+
+
+class MoreRobots(Robots):
+    mood: Array = field("(n,) int16", "how it feels", digest=len(DIGEST_NAMES))
+
+
+class MoreWorld(World):
+    robots: MoreRobots
+
+
+def with_moods(*settings: str, **options: Any) -> Simulation:
+    """A simulation whose robots have moods."""
+    made = Simulation(resolve("tabletop-mini", ("fleet.robots=4", *settings)), **options)
+    n = len(made.world.robots.cell)
+    for name in ("world", "visible_world"):
+        world = getattr(made, name)
+        parts = {part: getattr(world, part) for part in world._fields}
+        robots = {field: getattr(world.robots, field) for field in world.robots._fields}
+        parts["robots"] = MoreRobots.sized({"n": n}, **robots)
+        setattr(made, name, MoreWorld(**parts))
+    made.world.robots.mood[:] = np.arange(5, 5 + n)
+    return made
+
+
+def python(kernel: Any) -> Any:
+    """A kernel as Python: nothing is compiled for one test."""
+    return getattr(kernel, "py_func", kernel)
+
+
+def test_one_more_field_is_in_the_digest() -> None:
+    names = digest_names(MoreWorld)
+    assert names == (*DIGEST_NAMES, "robots.mood")
+    before, after = moods_digest(0), moods_digest(1)
+    assert np.flatnonzero(before != after).tolist() == [len(DIGEST_NAMES)]
+
+
+def moods_digest(more: int) -> Any:
+    run = with_moods()
+    run.world.robots.mood[2] += more
+    out = np.zeros(len(DIGEST_NAMES) + 1, np.uint64)
+    with np.errstate(over="ignore"):
+        python(digesting(MoreWorld, *plain_digest()))(run.world, out)
+    return out
+
+
+def plain_digest() -> tuple[Any, list[Any]]:
+    return python(digest.add_value), [python(value) for value in digest.VALUES]
+
+
+def test_one_more_field_is_hidden_and_shown() -> None:
+    run = with_moods("information.radius=1")
+    robots, seen = run.world.robots, run.visible_world.robots
+    python(showing(MoreRobots, "n"))(seen, robots, 1)
+    assert seen.mood.tolist() == [0, 6, 0, 0]
+    python(hiding(MoreRobots, "n"))(seen, 1)
+    assert seen.mood.tolist() == [0, 0, 0, 0]
+
+
+def test_one_more_field_is_kept_in_memory_and_carried_to_a_branch() -> None:
+    run, branch = with_moods(), with_moods()
+    kept = Keyframes(run.world, run.observation)
+    run.world.robots.mood[:] = 9
+    take_over(branch.world, branch.observation, run)
+    assert branch.world.robots.mood.tolist() == [9] * 4
+    kept.restore(0, run.world, run.observation)
+    assert run.world.robots.mood.tolist() == [5, 6, 7, 8]
+
+
+def test_one_more_field_is_in_recorded_keyframes_and_snapshots() -> None:
+    assert "mood" in MoreRobots.fields_where(attrgetter("in_keyframe"))
+    assert "mood" in by_robot(MoreRobots)
+
+
+def test_one_more_field_is_in_the_text_picture() -> None:
+    run = with_moods()
+    line = robot_line(run.world, run.resolved.floor_plan, 3)
+    assert "mood 8" in line
+    assert read_robot(line, 0, MoreRobots).facts["mood"] == 8
+
+
+# Nothing of the state is left out by oversight.
+
+
+def all_fields(struct: type[Struct], path: str = "") -> Iterator[tuple[str, Field]]:
+    """The fields of a struct and of the structs in it."""
+    for name, declared in struct._declared.items():
+        part = struct.struct_classes().get(name)
+        if part is not None:
+            yield from all_fields(part, f"{path}{name}.")
+        else:
+            yield path + name, declared
+
+
+def test_each_field_of_the_state_has_a_role() -> None:
+    fields = dict(all_fields(World)) | dict(all_fields(Observation))
+    assert [name for name, declared in fields.items() if not declared.role] == []
+    undigested = {name for name, one in fields.items() if one.role == STATE and one.digest is None}
+    assert {name.rpartition(".")[0] for name in undigested} == {"service_zones.design"}
+
+
+def arrays(struct: Struct, path: str = "") -> Iterator[tuple[str, Field, Array]]:
+    for name, declared in struct._declared.items():
+        value = getattr(struct, name)
+        if isinstance(value, Struct):
+            yield from arrays(value, f"{path}{name}.")
+        elif declared.is_array:
+            yield path + name, declared, value
+
+
+@cache
+def played(name: str) -> tuple[Simulation, dict[str, Array]]:
+    """A run after some ticks, and its arrays at the start."""
+    run = Simulation(resolve(name, ()), seed=7)
+    start = {name: array.copy() for name, _, array in arrays(run.world)}
+    run.run(until=60)
+    return run, start
+
+
+RUNS = ("tabletop-mini", "crossing", "factory")
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_what_a_run_changes_is_not_called_static(name: str) -> None:
+    run, start = played(name)
+    assert unlike_declared(run, start) == set()
+
+
+def unlike_declared(run: Simulation, start: dict[str, Array]) -> set[str]:
+    """What changed and is neither carried to a branch nor scratch."""
+    changed = [(n, one) for n, one, array in arrays(run.world) if (array != start[n]).any()]
+    return {n for n, one in changed if one.role not in (*CARRIED, SCRATCH, BY_ENTRY)}
+
+
+def test_without_its_role_each_field_that_changes_is_missed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    tried = set()
+    for run, start in map(played, RUNS):
+        for name, declared, array in list(arrays(run.world)):
+            if declared.role in CARRIED and (array != start[name]).any():
+                with monkeypatch.context() as patch:
+                    patch.setattr(declared, "role", STATIC)
+                    assert unlike_declared(run, start) == {name}
+                tried.add(name)
+    assert {"robots.cell", "orders.state", "slots.content", "tally.operations"} <= tried
+
+
+def test_without_its_number_each_field_is_missed(monkeypatch: pytest.MonkeyPatch) -> None:
+    *others, _ = digested_fields(World).values()  # the last one is the tick
+    for _, _, declared in others:
+        with monkeypatch.context() as patch:
+            patch.setattr(declared, "digest", None)
+            with pytest.raises(TypeError, match="each with its own number"):
+                digest_names(World)
+
+
+KNOWN = {"identity", "at_index", "type"}  # whatever the sight
+
+
+def unlike_seen() -> set[str]:
+    """The arrays of robots that are not hidden, or not shown as they are, by what is declared now."""
+    run = Simulation(resolve("tabletop-mini", ("fleet.robots=4", "information.radius=1")))
+    robots, seen = run.world.robots, run.visible_world.robots
+    draws = np.random.default_rng(1)
+    for name in Robots._fields:
+        if name not in KNOWN:
+            array = getattr(robots, name)
+            array[...] = draws.integers(1, 9, array.shape)
+    robots.route_length[:] = robots.route.shape[1]
+    robots.order_queue_length[:] = robots.order_queue.shape[1]
+    before = {name: getattr(seen, name)[1].copy() for name in Robots._fields}
+    python(showing(Robots, "n"))(seen, robots, 1)
+    shown = {
+        name
+        for name in before
+        if not np.array_equal(getattr(seen, name)[1], getattr(robots, name)[1])
+    }
+    python(hiding(Robots, "n"))(seen, 1)
+    hidden = {name for name in before if not np.array_equal(getattr(seen, name)[1], before[name])}
+    return (shown | hidden) - KNOWN
+
+
+def test_each_field_of_a_robot_is_hidden_and_shown() -> None:
+    assert unlike_seen() == set()
+
+
+@pytest.mark.parametrize("name", sorted(set(Robots._fields) - KNOWN))
+def test_what_is_not_hidden_or_shown_is_missed(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Robots._declared[name], "_hidden", VISIBLE)
+    assert name in unlike_seen()

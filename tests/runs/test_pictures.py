@@ -13,7 +13,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from automaton.build.resolve import Resolved, resolve
-from automaton.engine.digest import ROBOT_FIELDS
 from automaton.engine.state import CLOCK_SIZE, GOAL_CHARGE, ORDER_DELIVERED
 from automaton.errors import InputError
 from automaton.floor.drawn_floors import draw_floor, symbol_of
@@ -28,7 +27,6 @@ from automaton.runs.pictures import (
     world_from,
 )
 from automaton.runs.pictures.phrases import read_route, write_route
-from automaton.runs.pictures.robot_lines import ROBOT_NUMBERS
 from automaton.runs.simulation import Simulation
 from automaton.runs.state_copy import OF_THE_BUFFERS
 from layouts.tabletop import Tabletop
@@ -174,23 +172,6 @@ def test_robots_in_passing_aisles_and_crowds_are_restored(
     for tick in range(1, 60):
         running.run(until=tick)
         assert_same_state(running, world_from(picture_of(running), resolved))
-
-
-def test_every_digested_field_of_a_robot_is_in_its_line() -> None:
-    told = {
-        *ROBOT_NUMBERS,
-        "service_zone",
-        "cell",
-        "claim",
-        "goal_cell",
-        "slot",
-        "need",
-        "route_length",
-        "route_index",
-        "route",
-        "order_queue",
-    }
-    assert set(ROBOT_FIELDS) <= told
 
 
 @pytest.mark.parametrize(

@@ -1,58 +1,129 @@
-"""Declarations of the fields of a struct: each field is described once, in the body of its class.
+"""Declarations of the fields of a struct: each is described once, in the body of its class.
 
-    cell: Array = field("(n,) int32", "where it stands; NIL: off the floor")
+    cell: Array = field("(n,) int32", "where it stands; NIL: off the floor", hidden=NIL, digest=0)
     width: int = field("int64", "cells in a row, border included")
 
 The kind of an array is its shape and dtype. An extent is a number, or a name that stands for the same
 number wherever a struct uses it; "4n" and "n + 1" follow from n, any other text is a name as it stands.
-The arrays of a struct are checked against their declarations when it is made. What is not given then
-(`Struct.sized`) has its default, 0 unless declared otherwise.
+Arrays are checked against their declarations when a struct is made.
+
+default    its value where none is given (`Struct.sized`)
+role       what it is to a run (below); what has a number in the digest is state
+hidden     its value where a strategy may not see it, the default unless said; VISIBLE: never hidden
+digest     the number of the array in the digest: given by hand, never reused (`by` names a kernel
+           (struct, i) that gives the value instead)
+used       the field that says how much of each row is in use
+recorded   False: left out of the keyframes of a recording, which hold the other arrays of the state
+header     True: the header of a recording has it
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
+from functools import cache
 from typing import Any, Final
 
 import numpy as np
 
 NIL: Final = -1  # none
+VISIBLE: Final = None
 
-STATE: Final = "state"  # what a tick goes on from
-CONSTANT: Final = "constant"  # read-only, for kernels too
+# Roles. Arguments, outputs and scratch of kernels have none.
+STATE: Final = "state"  # what a tick goes on from: in the digest
+DERIVED: Final = "derived"  # follows from the state, and is kept with it
+MEASURED: Final = "measured"  # for metrics and viewers; decides nothing
+STATIC: Final = "static"  # stays as it was built
+CONSTANT: Final = "constant"  # the same, and read-only in kernels
+SCRATCH: Final = "scratch"  # decides nothing in another tick
+BY_ENTRY: Final = "by entry"  # some of its entries are state
+CARRIED: Final = (STATE, DERIVED, MEASURED)  # to a branch, and in keyframes in memory
 
 _EXTENT: Final = re.compile(r"(\d*)([A-Za-z]\w*)(?: \+ (\d+))?")
 _UNSAID: Final = object()
 
 
-class Field:
-    """One declared field; `dtype` is None for a struct."""
+@cache
+def _parsed(kind: str) -> tuple[tuple[str, ...], Any]:
+    """Extents and dtype."""
+    shape, _, dtype = kind.rpartition(" ")
+    extents = tuple(part.strip() for part in shape[1:-1].split(",") if part.strip())
+    return extents, np.dtype(dtype) if kind else None
 
-    def __init__(self, kind: str, meaning: str, default: int, role: str) -> None:
-        shape, _, dtype = kind.rpartition(" ")
+
+@cache
+def _rule(extent: str) -> tuple[int, str, int] | None:
+    """Factor, name and summand of an extent that follows from another one."""
+    match = _EXTENT.fullmatch(extent)
+    if match is None or match[2] == extent:
+        return None
+    return int(match[1] or 1), match[2], int(match[3] or 0)
+
+
+class Field:
+    """A declared field; a struct in a struct has no kind."""
+
+    def __init__(
+        self,
+        kind: str,
+        meaning: str = "",
+        default: int = 0,
+        hidden: Any = _UNSAID,
+        role: str = "",
+        digest: int | None = None,
+        by: str = "",
+        used: str = "",
+        recorded: bool = True,
+        header: bool = False,
+    ) -> None:
         self.kind = kind
         self.meaning = meaning
+        self.extents, self.dtype = _parsed(kind)
+        self.is_array = bool(self.extents)
         self.default = default
-        self.role = role
-        self.is_array = bool(shape)
-        self.dtype = np.dtype(dtype)
-        self.extents = tuple(part.strip() for part in shape[1:-1].split(",") if part.strip())
-        self.ndim = len(self.extents)
+        self.role = role or ("" if digest is None else STATE)
+        self._hidden = hidden
+        self.digest = digest
+        self.by = by
+        self.used = used
+        self.in_header = header
+        self._recorded = recorded
 
-    def value(self, sizes: Mapping[str, int]) -> Any:
-        """The default: a number, or a new array of these sizes."""
+    @property
+    def hidden(self) -> Any:
+        """What strategies see of it where they may not see it, or VISIBLE."""
+        if self._hidden is not _UNSAID:
+            return self._hidden
+        return VISIBLE if self.role in (STATIC, CONSTANT) else self.default
+
+    @property
+    def in_keyframe(self) -> bool:
+        """Whether the keyframes of a recording have it."""
+        is_row_of_its_own = self.is_array and not self.used
+        return (
+            self._recorded and self.role == STATE and self.digest is not None and is_row_of_its_own
+        )
+
+    def value(self, shape: tuple[int, ...]) -> Any:
+        """The default: a number, or a new array of this shape."""
+        if not self.default:
+            # Pages of zeros that are not used cost nothing.
+            return np.zeros(shape, self.dtype) if self.is_array else 0
         if not self.is_array:
             return self.default
-        shape = tuple(sizes[extent] for extent in self.extents)
-        if self.default == 0:
-            return np.zeros(shape, self.dtype)  # pages that are not used cost nothing
-        return np.full(shape, self.default, self.dtype)
+        array = np.empty(shape, self.dtype)
+        array.fill(self.default)
+        return array
 
 
-def field(kind: str, meaning: str = "", *, default: int = 0, role: str = STATE) -> Any:
+def field(kind: str, meaning: str = "", **options: Any) -> Any:
     """Declare a field of a struct: an array, such as "(n, 4) int32", or a number, "int64"."""
-    return Field(kind, meaning, default, role)
+    return Field(kind, meaning, **options)
+
+
+def nested(digest: int | None = None, by: str = "") -> Any:
+    """Declare a struct in a struct; one without options needs no more than its annotation."""
+    return Field("", digest=digest, by=by)
 
 
 class Sizes:
@@ -61,12 +132,8 @@ class Sizes:
     def __init__(self, fields: Iterable[Field]) -> None:
         extents = {extent for one in fields for extent in one.extents}
         self.fixed = {extent: int(extent) for extent in extents if extent.isdecimal()}
-        parts = {extent: _EXTENT.fullmatch(extent) for extent in extents}
-        self._derived = {
-            extent: (int(match[1] or 1), match[2], int(match[3] or 0))
-            for extent, match in parts.items()
-            if match is not None and match[2] != extent
-        }
+        rules = {extent: _rule(extent) for extent in extents}
+        self._derived = {extent: rule for extent, rule in rules.items() if rule is not None}
 
     def complete(self, sizes: Mapping[str, int]) -> dict[str, int]:
         """These sizes, and those that follow from them."""

@@ -151,20 +151,25 @@ def _remove_unused(root: Path) -> None:
         root.rmdir()  # unless something is left
 
 
-def kernel(function: F | None = None, *, signature: Any = None, inline: bool = False) -> Any:
+def kernel(
+    function: F | None = None, *, signature: Any = None, inline: bool = False, cached: bool = True
+) -> Any:
     """Compile `function` (nogil, cached across processes).
 
     With `signature` it is compiled at import for exactly these types; `inline` asks Numba to paste
-    it into its callers. The cache folder is set only while the decorator runs, so that kernels of
-    other packages in the same process keep their own.
+    it into its callers; without `cached` it lies in the caches of its callers only. The cache folder is
+    set only while the decorator runs, so that kernels of other packages in the same process keep their
+    own.
     """
     if function is None:
-        return lambda f: kernel(f, signature=signature, inline=inline)
+        return lambda f: kernel(f, signature=signature, inline=inline, cached=cached)
     options: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": False}
     if inline:
         options["inline"] = "always"
     if not jit_is_on():
         return function
+    if not cached:
+        return _with_one_signature(njit(nogil=True, _nrt=False)(function))
     before = config.CACHE_DIR
     config.CACHE_DIR = str(cache_folder(function.__module__, function.__code__.co_filename))
     try:

@@ -17,13 +17,14 @@ from numba.extending import (
     unbox,
 )
 
+from automaton.engine.jit.fields import CONSTANT
 from automaton.engine.jit.numba_parts import (
     AttributeTemplate,
     cgutils,
     infer_getattr,
     populate_array,
 )
-from automaton.engine.jit.structs import CONSTANT, WORDS, Struct
+from automaton.engine.jit.structs import WORDS, Struct
 
 
 class StructType(types.Type):
@@ -48,29 +49,29 @@ class _StructModel(models.PrimitiveModel):
 @typeof_impl.register(Struct)
 def _typeof_struct(value: Struct, context: Any) -> types.Type:
     """Its type follows from its declared fields, and from the types of the structs in it."""
-    if "_type" not in value.__dict__:
-        parts = [getattr(value, name) for name in value._fields if name not in value._declared]
-        inner = tuple(_typeof_struct(part, context) for part in parts)
-        known = type(value)._types
-        key = value._writable, *inner
-        if key not in known:
-            known[key] = _struct_type(type(value), value._writable, iter(inner))
-        value.__dict__["_type"] = known[key]
-    found: types.Type = value.__dict__["_type"]
-    return found
+    cls, writable = type(value), value._writable
+    if "_type" in value.__dict__:
+        return value.__dict__["_type"]
+    inner = [_typeof_struct(getattr(value, name), context) for name in cls._structs]
+    key = (writable, *map(id, inner)) if inner else writable  # types are slow to hash, and stay
+    if key not in cls._types:
+        cls._types[key] = _struct_type(cls, writable, iter(inner))
+    if inner:
+        value.__dict__["_type"] = cls._types[key]
+    known: types.Type = cls._types[key]
+    return known
 
 
 def _struct_type(cls: type[Struct], writable: bool, inner: Iterator[types.Type]) -> StructType:
     fields = []
-    for name in cls._fields:
-        declared = cls._declared.get(name)
-        if declared is None:
+    for name, declared in cls._declared.items():
+        if not declared.kind:
             kind = next(inner)
         elif not declared.is_array:
             kind = from_dtype(declared.dtype)
         else:
             readonly = not writable or declared.role == CONSTANT
-            kind = types.Array(from_dtype(declared.dtype), declared.ndim, "C", readonly)
+            kind = types.Array(from_dtype(declared.dtype), len(declared.extents), "C", readonly)
         fields.append((name, kind))
     return StructType(cls.__name__, tuple(fields))
 

@@ -20,19 +20,19 @@ there. Only somebody who writes to bare addresses (ctypes) can still do harm.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import sys
+from collections.abc import Callable, Mapping
+from ctypes import addressof, c_char
 from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, Self
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from automaton.engine.jit.fields import CONSTANT as CONSTANT
-from automaton.engine.jit.fields import NIL as NIL
-from automaton.engine.jit.fields import Field, Sizes
-from automaton.engine.jit.fields import field as field
+from automaton.engine.jit.fields import CONSTANT, Field, Sizes, nested
 
 WORDS = 4  # of a row of the table
 NO_SHAPE = (0, 0, 0)
+NOWHERE = 64  # the address of an empty array
 NO_SIZES: Mapping[str, int] = {}
 
 
@@ -61,54 +61,77 @@ class Struct:
     _table: Any
     _writable: bool
     _fields: ClassVar[tuple[str, ...]] = ()
-    _declared: ClassVar[dict[str, Field]] = {}  # without structs
+    _declared: ClassVar[dict[str, Field]] = {}
     _sizes: ClassVar[Sizes]
-    _types: ClassVar[dict[tuple[Any, ...], Any]]  # the Numba types of its instances
+    _structs: ClassVar[tuple[str, ...]]  # the fields that are structs
+    _types: ClassVar[dict[Any, Any]]  # the Numba types of its instances
 
-    def __init_subclass__(cls) -> None:
-        own = {name: value for name, value in vars(cls).items() if isinstance(value, Field)}
-        for name in own:
-            delattr(cls, name)  # instances have the values
-        cls._fields = (*cls._fields, *cls.__annotations__)
+    def __init_subclass__(cls, role: str = "") -> None:
+        """`role`: of the fields that have none of their own."""
+        own = {name: vars(cls).get(name) or nested() for name in cls.__annotations__}
+        for name, declared in own.items():
+            declared.role = declared.role or role
+            if name in vars(cls):
+                delattr(cls, name)  # instances have the values
         cls._declared = cls._declared | own
+        cls._fields = tuple(cls._declared)
         cls._sizes = Sizes(cls._declared.values())
+        cls._structs = tuple(name for name, one in cls._declared.items() if not one.kind)
         cls._types = {}
 
     def __init__(self, **values: Any) -> None:
         if tuple(values) != self._fields:
             raise TypeError(f"{type(self).__name__} takes the fields {', '.join(self._fields)}")
         sizes = self._sizes.fixed.copy()
+        shapes: dict[tuple[str, ...], tuple[int, ...]] = {}
         words: list[int] = []
-        for name, value in values.items():
-            words += self._row(name, value, sizes)
+        for name, declared in self._declared.items():
+            value = values[name]
+            if declared.is_array:
+                words.append(self._checked(name, declared, value, sizes, shapes))
+                words += (*value.shape, *NO_SHAPE[len(value.shape) :])
+            else:
+                words.append(int(value) % 2**64 if declared.kind else value._address)
+                words += NO_SHAPE  # a number is in two's complement
         wrong = self._sizes.contradiction(sizes)
         if wrong:
             raise TypeError(f"{type(self).__name__}: {wrong}")
         table = np.array(words, np.uint64).reshape(len(values), WORDS)
         self.__dict__.update(values, _table=table, _writable=True)
 
-    def _row(self, name: str, value: Any, sizes: dict[str, int]) -> tuple[int, ...]:
-        """What compiled code reads of a field; checks it, and enters its extents into `sizes`."""
-        declared = self._declared.get(name)
-        if declared is None:
-            return (value._address, *NO_SHAPE)
-        if not declared.is_array:
-            return (int(value) % 2**64, *NO_SHAPE)  # two's complement
-        if not isinstance(value, np.ndarray):
+    def _checked(
+        self,
+        name: str,
+        declared: Field,
+        array: Any,
+        sizes: dict[str, int],
+        shapes: dict[tuple[str, ...], tuple[int, ...]],
+    ) -> int:
+        """The address of an array that is as declared; enters its extents and its shape.
+
+        Raises TypeError.
+        """
+        if not isinstance(array, np.ndarray):
             raise self._unfit(name, "is not an array")
-        shape = value.shape
-        if len(shape) != declared.ndim or value.dtype != declared.dtype:
-            raise self._unfit(name, f"is {shape} {value.dtype}")
-        for extent, size in zip(declared.extents, shape, strict=True):
-            if sizes.setdefault(extent, size) != size:
-                raise self._unfit(name, f"is {shape}, where {extent} is {sizes[extent]}")
-        flags = value.flags
+        shape = array.shape
+        if array.dtype != declared.dtype or len(shape) != len(declared.extents):
+            raise self._unfit(name, f"is {shape} {array.dtype}")
+        if shapes.get(declared.extents) != shape:
+            for extent, size in zip(declared.extents, shape, strict=True):
+                if sizes.setdefault(extent, size) != size:
+                    raise self._unfit(name, f"is {shape}, where {extent} is {sizes[extent]}")
+            shapes[declared.extents] = shape
+        flags = array.flags
         if not flags.c_contiguous:
             raise self._unfit(name, "is not contiguous")
-        if not flags.writeable and declared.role != CONSTANT:
+        if not array.size:
+            return NOWHERE
+        if flags.writeable:
+            return addressof(c_char.from_buffer(array))  # type: ignore[arg-type]  # 4 times faster
+        if declared.role != CONSTANT:
             raise self._unfit(name, "is read-only")
-        address = value.__array_interface__["data"][0]
-        return (address, *shape, *NO_SHAPE[declared.ndim :])
+        address: int = array.__array_interface__["data"][0]
+        return address
 
     def _unfit(self, name: str, fault: str) -> TypeError:
         kind = self._declared[name].kind
@@ -131,19 +154,42 @@ class Struct:
         known = dict(sizes)
         for name in values.keys() - set(cls._fields):
             raise TypeError(f"{cls.__name__} has no field {name}")
-        for name in values.keys() & cls._declared.keys():
-            if cls._declared[name].is_array:
-                known |= zip(cls._declared[name].extents, values[name].shape, strict=True)
+        for name, value in values.items():
+            extents = cls._declared[name].extents
+            if extents:
+                known.update(zip(extents, getattr(value, "shape", ()), strict=False))
         known = cls._sizes.complete(known)
+        shapes: dict[tuple[str, ...], tuple[int, ...]] = {}
+        complete: dict[str, Any] = {}
         try:
-            return cls(
-                **{
-                    name: values[name] if name in values else cls._declared[name].value(known)
-                    for name in cls._fields
-                }
-            )
+            for name, declared in cls._declared.items():
+                if name in values:
+                    complete[name] = values[name]
+                    continue
+                shape = shapes.get(declared.extents)
+                if shape is None:
+                    shape = tuple([known[extent] for extent in declared.extents])
+                    shapes[declared.extents] = shape
+                complete[name] = declared.value(shape)
         except KeyError as error:
-            raise TypeError(f"{cls.__name__} needs {error.args[0]}") from None
+            raise TypeError(f"{cls.__name__}.{name} needs {error.args[0]}") from None
+        return cls(**complete)
+
+    @classmethod
+    def struct_classes(cls) -> dict[str, type[Struct]]:
+        """The classes of the structs in it."""
+        names = {}
+        for base in reversed(cls.__mro__[:-1]):
+            known = vars(sys.modules[base.__module__])
+            for name, text in base.__annotations__.items():
+                if isinstance(part := known.get(text), type) and issubclass(part, Struct):
+                    names[name] = part
+        return names
+
+    @classmethod
+    def fields_where(cls, is_meant: Callable[[Field], bool]) -> tuple[str, ...]:
+        """The names of the fields with declarations such as these."""
+        return tuple(name for name, declared in cls._declared.items() if is_meant(declared))
 
     def replaced(self, **values: Any) -> Self:
         """The same struct with some fields replaced."""

@@ -14,7 +14,7 @@ import numpy as np
 from automaton.engine.observation import Observation
 from automaton.engine.state import CLOCK_TICK, Array, World
 from automaton.errors import InputError
-from automaton.runs.state_copy import copy_clock, state_arrays
+from automaton.runs.state_copy import arrays_of_run, copy_clock, ragged_arrays
 
 KEYFRAME_BYTES: Final = 256 * 1024 * 1024  # bytes of all keyframes
 OBJECT_BYTES: Final = 200  # of an array besides its values: four fifths of a small fleet's keyframe
@@ -52,7 +52,8 @@ class Keyframes:
     ) -> None:
         self.budget = budget
         self.ticks: list[int] = []  # those that can be gone back to at once, ascending
-        self._base = {name: array.copy() for name, array in state_arrays(world, observation)}
+        arrays = arrays_of_run(world, observation)
+        self._base = {name: array.copy() for name, array in arrays.items()}
         self._frames: list[Keyframe] = []
         self._bytes = 0
         self.keep(world, observation)
@@ -71,9 +72,9 @@ class Keyframes:
             return
         arrays = {
             name: _delta(array, self._base[name])
-            for name, array in state_arrays(world, observation)
+            for name, array in arrays_of_run(world, observation).items()
         }
-        routes, plans = (rows[mask] for rows, mask in _ragged(world))
+        routes, plans = (rows[mask] for rows, mask in ragged_arrays(world))
         frame = Keyframe(tick, arrays, routes, plans, world.clock.copy())
         self._frames.append(frame)
         self.ticks.append(tick)
@@ -96,7 +97,7 @@ class Keyframes:
         frame = self._at(tick)
         return all(
             array.shape == self._shape(frame, name)
-            for name, array in state_arrays(world, observation)
+            for name, array in arrays_of_run(world, observation).items()
         )
 
     def _at(self, tick: int) -> Keyframe:
@@ -113,7 +114,7 @@ class Keyframes:
         What the keyframe has otherwise (`fits`) stays as it is.
         """
         frame = self._at(tick)
-        for name, array in state_arrays(world, observation):
+        for name, array in arrays_of_run(world, observation).items():
             where, values = frame.arrays[name]
             if array.shape != self._shape(frame, name):
                 continue
@@ -122,7 +123,9 @@ class Keyframes:
             else:
                 np.copyto(array, self._base[name])
                 array.reshape(-1)[where] = values
-        for (rows, mask), values in zip(_ragged(world), (frame.routes, frame.plans), strict=True):
+        for (rows, mask), values in zip(
+            ragged_arrays(world), (frame.routes, frame.plans), strict=True
+        ):
             rows[mask] = values
         copy_clock(world.clock, frame.clock)
         return frame.tick
@@ -136,10 +139,3 @@ def _delta(array: Array, base: Array) -> Delta:
     if where.nbytes + values.nbytes < array.nbytes:
         return Delta(where, values)
     return Delta(None, array.copy())
-
-
-def _ragged(world: World) -> tuple[tuple[Array, Array], ...]:
-    """Routes and plans: (n, k) rows of different lengths, and the mask of what is in use."""
-    robots = world.robots
-    pairs = ((robots.route, robots.route_length), (robots.order_queue, robots.order_queue_length))
-    return tuple((rows, np.arange(rows.shape[1]) < used[:, None]) for rows, used in pairs)

@@ -3,123 +3,53 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final, TypeVar
 
 import numpy as np
 
-from automaton.engine.facilities import Stations
-from automaton.engine.observation import LOST_EVER, congestion_of, visits_of
+from automaton.engine.facilities import Slots, Stations
+from automaton.engine.jit.fields import CARRIED
+from automaton.engine.jit.structs import Struct
+from automaton.engine.observation import LOST_EVER, Observation, congestion_of, visits_of
 from automaton.engine.service_zones import ServiceZones
-from automaton.engine.state import CLOCK_TICK, NIL, Array
+from automaton.engine.state import CLOCK_TICK, NIL, Array, Orders, Robots
 from automaton.runs.simulation import Simulation
 
-FLEET: Final = (  # fields of world.robots
-    *("cell", "claim", "heading", "travel", "action", "busy", "priority", "load", "order", "slot"),
-    *(
-        "goal_type",
-        "goal_cell",
-        "home",
-        "bay",
-        "parked",
-        "service_zone",
-        "failed_retries",
-        "retreat_moves",
-    ),
-    *("charge", "charge_target", "status", "status_until", "ticket", "order_queue_length"),
-)
-WATCHED: Final = (  # fields of the observation
-    *(
-        "cause",
-        "blocker",
-        "wanted",
-        "since",
-        "slow_zone",
-        "slow_zone_occupancy",
-        "wait_cycle_ticks",
-        "lost",
-    ),
-)
-AT_STATIONS: Final = (
-    "in_service",
-    "queue_tail",
-    "job_done_tick",
-    "next_in_queue",
-    "arrival_tick",
-    "completion_tick",
-)  # what changes there
+S = TypeVar("S", bound=Struct)
+
 OVERLAYS: Final = ("explored", "predicted")  # tui.playback.route_overlays brings their numbers
+
+
+def by_robot(struct: type[Struct]) -> list[str]:
+    """The arrays of a struct that go with its state, by robot; rows of different lengths aside."""
+    return [
+        name
+        for name, declared in struct._declared.items()
+        if declared.role in CARRIED and declared.extents[:1] == ("n",) and not declared.used
+    ]
+
+
+_FIELDS: Final = by_robot(Robots)
+_OBSERVED: Final = by_robot(Observation)
 
 
 @dataclass(frozen=True)
 class Fleet:
-    """The robots, indexed by identity; meanings as in automaton.engine.state and .waiting."""
+    """The robots, indexed by identity: the fields of world.robots and of the observation.
 
-    cell: Array
-    claim: Array
-    heading: Array
-    travel: Array
-    action: Array
-    busy: Array
-    priority: Array
-    load: Array
-    order: Array
-    slot: Array
-    goal_type: Array
-    goal_cell: Array
-    home: Array
-    bay: Array
-    parked: Array
-    service_zone: Array
-    failed_retries: Array
-    retreat_moves: Array
-    charge: Array
-    charge_target: Array
-    status: Array
-    status_until: Array
-    ticket: Array
-    order_queue_length: Array
-    route_length: Array  # (n,) int32: steps left
-    cause: Array
-    blocker: Array
-    wanted: Array
-    since: Array
-    slow_zone: Array
-    slow_zone_occupancy: Array
-    wait_cycle_ticks: Array
-    lost: Array
+    `route_length`: (n,) int32, steps left.
+    """
+
+    __annotations__ = dict.fromkeys([*_FIELDS, *_OBSERVED], "Array")
+
+    if TYPE_CHECKING:
+
+        def __init__(self, **arrays: Array) -> None: ...
+
+        def __getattr__(self, name: str) -> Array: ...
 
     def __len__(self) -> int:
         return len(self.cell)
-
-
-@dataclass(frozen=True)
-class OrderBook:
-    """The orders."""
-
-    state: Array
-    current_slot: Array
-    source: Array
-    target: Array
-    reserved_by: Array
-    release_tick: Array
-    weight: Array
-    release_sequence: Array
-    dispatched: Array
-    dispatched_from: Array
-    dispatched_heading: Array
-    dispatched_type: Array
-    delivered: Array
-    legs: Array
-
-
-@dataclass(frozen=True)
-class SlotStates:
-    """The cells that hold loads."""
-
-    cell: Array
-    unbounded: Array
-    content: Array
-    reserved_by: Array
 
 
 @dataclass(frozen=True)
@@ -129,9 +59,9 @@ class Snapshot:
     tick: int
     finished: bool
     robots: Fleet
-    orders: OrderBook
-    slots: SlotStates
-    stations: Stations  # that work on parts; which works there are is of the world itself
+    orders: Orders
+    slots: Slots
+    stations: Stations  # that work on parts
     service_zones: ServiceZones  # that robots serve; its roads are those of the world
     redesigns: int  # ticks so far in which stations changed their zones
     selected: int  # the robot whose route and plan are given, or NIL
@@ -148,26 +78,17 @@ def take_snapshot(simulation: Simulation, selected: int = NIL, layer: str = "") 
     """Copy what a viewer needs from an observed simulation."""
     world, observation = simulation.world, simulation.observation
     by_identity = world.robots.at_index
-    fields = {name: getattr(world.robots, name)[by_identity] for name in FLEET}
-    fields |= {name: getattr(observation, name)[by_identity] for name in WATCHED}
+    fields = {name: getattr(world.robots, name)[by_identity] for name in _FIELDS}
+    fields |= {name: getattr(observation, name)[by_identity] for name in _OBSERVED}
     fields["route_length"] = (world.robots.route_length - world.robots.route_index)[by_identity]
     return Snapshot(
         tick=int(world.clock[CLOCK_TICK]),
         finished=simulation.finished,
         robots=Fleet(**fields),
-        orders=OrderBook(
-            **{name: getattr(world.orders, name).copy() for name in world.orders._fields}
-        ),
-        slots=SlotStates(
-            cell=world.slots.cell.copy(),
-            unbounded=world.slots.unbounded.copy(),
-            content=world.slots.content.copy(),
-            reserved_by=world.slots.reserved_by.copy(),
-        ),
-        stations=world.stations.replaced(
-            **{name: getattr(world.stations, name).copy() for name in AT_STATIONS}
-        ),
-        service_zones=world.service_zones.copied().replaced(
+        orders=_copied(world.orders),
+        slots=_copied(world.slots),
+        stations=_copied(world.stations),
+        service_zones=_copied(world.service_zones).replaced(
             design=world.service_zones.design.copied()
         ),
         redesigns=int(observation.redesigns[0]),
@@ -180,6 +101,14 @@ def take_snapshot(simulation: Simulation, selected: int = NIL, layer: str = "") 
         flow=observation.flow.copy() if layer == "flow" else None,
         lost_in_zone=observation.lost_in_zone.copy(),
     )
+
+
+def _copied(struct: S) -> S:
+    """The same struct over copies of what may change."""
+    changing = [
+        name for name, one in struct._declared.items() if one.role in CARRIED and one.is_array
+    ]
+    return struct.replaced(**{name: getattr(struct, name).copy() for name in changing})
 
 
 def _route(simulation: Simulation, selected: int) -> Array:

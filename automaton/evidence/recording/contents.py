@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Mapping
+from operator import attrgetter
 from typing import Annotated, Any, Final, NamedTuple
 
 import msgspec
@@ -14,6 +15,7 @@ import numpy as np
 from msgspec import UNSET, Meta, UnsetType, defstruct
 from numpy.typing import NDArray
 
+from automaton.engine.facilities import Slots, Stations
 from automaton.engine.record_codes import (
     CHANGE_DROPPED,
     CHANGE_DURATION,
@@ -24,6 +26,7 @@ from automaton.engine.record_codes import (
     CHANGE_STATUS,
     CHANGE_ZONE,
 )
+from automaton.engine.state import Orders, Robots, World
 from automaton.errors import InputError
 from automaton.floor.cells import ALL_EXITS, CELL_KINDS
 from automaton.printable import cleaned
@@ -71,27 +74,13 @@ MAX_CHANGES: Final = 4_000_000  # in a FRAME_KIND_TICKS frame
 LAST_TICK: Final = 2_000_000_000
 MAX_NUMBER: Final = 1 << 31
 
+IN_HEADER: Final = attrgetter("in_header")  # of declarations of fields
+
 # Routes are left out: they are the bulk of a state, and committed actions do not need them.
 KEYFRAME_ARRAYS: Final = {
-    "robots": (
-        *("cell", "claim", "heading", "travel", "action", "busy", "priority", "load", "order"),
-        *(
-            "slot",
-            "goal_type",
-            "goal_cell",
-            "charge_target",
-            "try_drop",
-            "retreat_moves",
-            "failed_retries",
-            "retry_state",
-            "parked",
-        ),
-        *("service_zone", "need", "reason", "charge", "status"),
-    ),
-    "orders": ("state", "current_slot", "reserved_by", "release_tick", "delivered", "legs"),
-    "slots": ("content", "reserved_by", "cell"),
-    "stations": ("in_service", "job_done_tick", "arrival_tick", "completion_tick"),
-    "service_zones": ("server", "queue", "next_slot", "skips_transfer", "halt"),
+    part: arrays
+    for part, struct in World.struct_classes().items()
+    if (arrays := struct.fields_where(attrgetter("in_keyframe")))
 }
 
 
@@ -113,11 +102,11 @@ _FLOOR = _part(
     ("starts", _Places),
     ("numbered", _Places),
 )
+_OPTIONAL: Final = ("release_sequence", "weight")  # arrays of orders that a header may leave out
 _ORDERS = _part(
     "Orders",
-    ("source", "target", "release_tick"),
-    ("release_sequence", _MAYBE, UNSET),
-    ("weight", _MAYBE, UNSET),
+    tuple(name for name in Orders.fields_where(IN_HEADER) if name not in _OPTIONAL),
+    *((name, _MAYBE, UNSET) for name in _OPTIONAL),
 )
 
 
@@ -137,10 +126,10 @@ class _Header(_Frame):
     digest_names: _Labels
     digest_every: int
     floor: _FLOOR  # type: ignore[valid-type]
-    robots: _part("Robots", ("home", "bay", "cell", "heading", "charge"))  # type: ignore[valid-type]
+    robots: _part("Robots", Robots.fields_where(IN_HEADER))  # type: ignore[valid-type]
     orders: _ORDERS  # type: ignore[valid-type]
-    jobs: _part("Jobs", ("processing_time", "arrival_tick"))  # type: ignore[valid-type]
-    slots: _part("Slots", ("cell",), ("first_spare", int))  # type: ignore[valid-type]
+    jobs: _part("Jobs", Stations.fields_where(IN_HEADER))  # type: ignore[valid-type]
+    slots: _part("Slots", Slots.fields_where(IN_HEADER), ("first_spare", int))  # type: ignore[valid-type]
     files: _Named | UnsetType = UNSET
 
 

@@ -5,14 +5,16 @@ Nothing in it needs the scenario's file, the generator of its floor, or Numba to
 
 from __future__ import annotations
 
+from collections.abc import Container
 from typing import Any
 
 import msgspec
 import numpy as np
 
 from automaton.build.resolve import Resolved, StrategyChoice
+from automaton.engine.jit.structs import Struct
 from automaton.errors import InputError
-from automaton.evidence.recording.contents import Content
+from automaton.evidence.recording.contents import IN_HEADER, Content
 from automaton.floor.floor_plan import FloorPlan
 from automaton.runs.provenance import file_hashes, recorded_files, source_hash, versions
 from automaton.scenario.schema import LAYER_NAMES, Scenario
@@ -24,9 +26,10 @@ FLOOR_ARRAYS = ("kind", "exits", "capacity", "bays", "loads")
 
 def header_of(resolved: Resolved, seed: int, world: Any, digest_names: tuple[str, ...]) -> Content:
     """The header of a run; `world` is its state at tick 0 with robots stored by identity."""
-    floor_plan, robots = resolved.floor_plan, world.robots
-    closed = resolved.scenario.orders.in_system
-    weighs = bool((world.orders.weight != 1).any())
+    floor_plan = resolved.floor_plan
+    left_out = set() if resolved.scenario.orders.in_system else {"release_sequence"}
+    if not (world.orders.weight != 1).any():
+        left_out.add("weight")
     plugins = tuple(choice.name for choice in resolved.strategies.values() if ":" in choice.name)
     return {
         "scenario": msgspec.to_builtins(resolved.scenario),
@@ -46,24 +49,17 @@ def header_of(resolved: Resolved, seed: int, world: Any, digest_names: tuple[str
             "numbered": floor_plan.numbered,
             **{name: getattr(floor_plan, name) for name in FLOOR_ARRAYS},
         },
-        "robots": {
-            name: getattr(robots, name).copy()
-            for name in ("home", "bay", "cell", "heading", "charge")
-        },
-        "orders": {
-            name: getattr(world.orders, name).copy()
-            for name in (
-                *("source", "target", "release_tick"),
-                *(["release_sequence"] if closed else []),
-                *(["weight"] if weighs else []),
-            )
-        },
-        "jobs": {
-            name: getattr(world.stations, name).copy()
-            for name in ("processing_time", "arrival_tick")
-        },
-        "slots": {"cell": world.slots.cell.copy(), "first_spare": world.slots.first_spare},
+        "robots": _copies(world.robots),
+        "orders": _copies(world.orders, left_out),
+        "jobs": _copies(world.stations),
+        "slots": {**_copies(world.slots), "first_spare": world.slots.first_spare},
     }
+
+
+def _copies(struct: Struct, left_out: Container[str] = ()) -> Content:
+    """Copies of the arrays of a struct that belong into a header."""
+    names = [name for name in struct.fields_where(IN_HEADER) if name not in left_out]
+    return {name: getattr(struct, name).copy() for name in names}
 
 
 def rules_of(simulation: Any, settings: tuple[str, ...] = ()) -> Content:

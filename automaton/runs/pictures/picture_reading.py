@@ -50,7 +50,7 @@ from automaton.floor.floor_plan import FloorPlan
 from automaton.runs.pictures.order_lines import read_order
 from automaton.runs.pictures.phrases import Facts, Pair, Value
 from automaton.runs.pictures.picture_writing import picture_of
-from automaton.runs.pictures.robot_lines import NEEDS, ROBOT_NUMBERS, RobotLine, name_of, read_robot
+from automaton.runs.pictures.robot_lines import NEEDS, RobotLine, name_of, numbers_of, read_robot
 from automaton.runs.simulation import Simulation
 
 PLACE = "the picture"
@@ -135,7 +135,7 @@ def check_names(said: Said, world: World) -> None:
 def set_robot(world: World, floor_plan: FloorPlan, i: int, line: RobotLine) -> None:
     """Put a robot at storage index i into the state that its line tells."""
     robots, facts = world.robots, line.facts
-    for name in ROBOT_NUMBERS:
+    for name in numbers_of(type(robots)):
         getattr(robots, name)[i] = facts[name]
     robots.service_zone[i] = _number(facts["service_zone"]) - 1
     for name in ("cell", "claim", "goal_cell"):

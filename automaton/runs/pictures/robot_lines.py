@@ -25,7 +25,6 @@ from automaton.engine.state import (
     NEED_RIGHT_OF_WAY,
     NEED_ROUTE,
     NIL,
-    NO_STEP,
     REASON_AROUND_ROBOTS,
     REASON_IDLE,
     REASON_NEW_GOAL,
@@ -36,6 +35,7 @@ from automaton.engine.state import (
     REASON_REPLAN,
     RETRY_EXHAUSTED,
     RETRY_WAITED,
+    Robots,
     World,
 )
 from automaton.errors import InputError
@@ -52,32 +52,11 @@ from automaton.runs.pictures.phrases import (
     write_route,
 )
 
-# Fields that a line gives as they are, and of those the ones that are 0 unless it says otherwise.
-ZERO = (
-    *(
-        "action",
-        "busy",
-        "goal_type",
-        "charge_target",
-        "charging_interruptible",
-        "try_drop",
-        "priority",
-    ),
-    *(
-        "retreat_moves",
-        "failed_retries",
-        "retry_state",
-        "status",
-        "status_until",
-        "ticket",
-        "charging_reason",
-    ),
-)
-ROBOT_NUMBERS = (
-    *ZERO,
-    *("heading", "travel", "load", "order", "parked"),
-    *("reason", "route_reason", "seen_revision", "step", "charge"),
-)
+# Fields of a robot that a line gives in ways of their own; all others of the state are numbers in it.
+OTHERWISE = {
+    *("cell", "claim", "goal_cell", "slot", "need", "service_zone"),
+    *("route", "route_length", "route_index", "order_queue"),
+}
 NEEDS = {
     "need_work": NEED_ALLOCATION,
     "need_route": NEED_ROUTE,
@@ -160,6 +139,21 @@ PHRASE_GROUPS = (
     ),
 )
 
+
+def numbers_of(robots: type[Robots]) -> dict[str, int]:
+    """The fields of a class of robots that a line gives as they are, and their defaults."""
+    names = robots.fields_where(lambda declared: declared.digest is not None)
+    return {n: robots._declared[n].default for n in (*names, "step") if n not in OTHERWISE}
+
+
+def groups_of(robots: type[Robots]) -> tuple[tuple[Phrase, ...], ...]:
+    """The phrases of a line; a field without words of its own goes by its name."""
+    phrases = [phrase for group in PHRASE_GROUPS for phrase in group]
+    said = {"heading"}.union(*([*phrase.named, *phrase.fixed] for phrase in phrases))
+    others = [name for name in numbers_of(robots) if name not in said]
+    return (*PHRASE_GROUPS, *((Phrase(f"{name.replace('_', ' ')} {{{name}}}"),) for name in others))
+
+
 # Names of the headings, by how many there are: omni, rail, differential.
 HEADING_PHRASES = {
     1: ("",),
@@ -188,10 +182,10 @@ def robot_line(world: World, floor_plan: FloorPlan, i: int, brief: bool = False)
     """The line of the robot at storage index i; brief: without what tells a person nothing."""
     robots = world.robots
     facts = robot_facts(world, floor_plan, i)
-    default = default_facts(facts, int(world.clock[0]))
+    default = default_facts(facts, int(world.clock[0]), type(robots))
     if brief:
         facts |= {name: default[name] for name in idle_facts(world)}
-    said = write_facts(PHRASE_GROUPS, facts, default)
+    said = write_facts(groups_of(type(robots)), facts, default)
     heading = HEADING_PHRASES[world.grid.headings][int(robots.heading[i])]
     start = f"{name_of(int(robots.identity[i]))} {_place(facts)}"
     if heading:
@@ -233,7 +227,7 @@ def robot_facts(world: World, floor_plan: FloorPlan, i: int) -> Facts:
     def xy(cell: int) -> Value:
         return None if cell == NIL else floor_plan.xy(cell)
 
-    facts: Facts = {name: int(getattr(robots, name)[i]) for name in ROBOT_NUMBERS}
+    facts: Facts = {name: int(getattr(robots, name)[i]) for name in numbers_of(type(robots))}
     facts["service_zone"] = int(robots.service_zone[i]) + 1  # counted from 1, as stations
     for name in ("cell", "claim", "goal_cell"):
         facts[name] = xy(int(getattr(robots, name)[i]))
@@ -248,12 +242,10 @@ def robot_facts(world: World, floor_plan: FloorPlan, i: int) -> Facts:
     return facts
 
 
-def default_facts(facts: Facts, tick: int) -> Facts:
+def default_facts(facts: Facts, tick: int, robots: type[Robots] = Robots) -> Facts:
     """The values that a line leaves out, given what else it says."""
-    default: Facts = dict.fromkeys([*ZERO, *NEEDS, "service_zone"], 0)
-    default.update(dict.fromkeys(("load", "order", "seen_revision"), NIL))
+    default: Facts = {**numbers_of(robots), **dict.fromkeys([*NEEDS, "service_zone"], 0)}
     default.update(dict.fromkeys(("claim", "goal_cell", "slot", "place", "left")))
-    default["step"] = NO_STEP
     default["charge"] = BATTERY_FULL
     default["cell"] = None
     default["heading"] = default["travel"] = facts.get("heading", 0)
@@ -272,19 +264,19 @@ class RobotLine(NamedTuple):
     plan: list[int]
 
 
-def read_robot(text: str, tick: int) -> RobotLine:
+def read_robot(text: str, tick: int, robots: type[Robots] = Robots) -> RobotLine:
     """What a robot's line gives. Raises InputError."""
     match = ROBOT_LINE.fullmatch(text)
     if match is None:
         raise InputError(f"'{text}' is not a line about a robot, such as A (2, 3) vertical, moved")
-    facts = read_facts(PHRASE_GROUPS, match["facts"] or "", f"robot {match['name']}")
+    facts = read_facts(groups_of(robots), match["facts"] or "", f"robot {match['name']}")
     place = match["place"]
     facts["cell"] = pair(place) if place.startswith("(") else None
     facts["left"] = pair(place) if place.startswith(OFF_FLOOR) else None
     if match["heading"]:
         facts["heading"] = _heading(match["heading"])
     facts["order"] = facts.get("load", facts.get("order", NIL))
-    facts = default_facts(facts, tick) | facts
+    facts = default_facts(facts, tick, robots) | facts
     plan = [int(order) for order in (match["plan"] or "").split()]
     return RobotLine(identity_of(match["name"]), facts, read_route(match["route"] or ""), plan)
 

@@ -6,7 +6,8 @@ from typing import Any, Final
 
 from numpy.typing import NDArray
 
-from automaton.engine.jit.structs import Struct, field
+from automaton.engine.jit.fields import field
+from automaton.engine.jit.structs import Struct
 from automaton.errors import InputError
 
 Array = NDArray[Any]

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.engine.jit.structs import Struct, field
+from automaton.engine.jit.fields import field
+from automaton.engine.jit.structs import Struct
 
 Array = NDArray[Any]
 

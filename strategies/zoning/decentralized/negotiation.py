@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from automaton.engine.jit.fields import field
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.jit.structs import Struct, field
+from automaton.engine.jit.structs import Struct
 from automaton.engine.state import NIL
 from strategies.zoning.annealing.annealing import (
     MIN_ZONE_STATIONS,

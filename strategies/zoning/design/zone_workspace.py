@@ -7,7 +7,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.engine.jit.structs import Struct, field
+from automaton.engine.jit.fields import field
+from automaton.engine.jit.structs import Struct
 from automaton.engine.service_zones import Design, Roads, empty_design
 from strategies.allocation.auction.bundle_workspace import Assignment, assignment_for
 

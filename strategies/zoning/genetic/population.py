@@ -6,8 +6,9 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from automaton.engine.jit.fields import field
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.jit.structs import Struct, field
+from automaton.engine.jit.structs import Struct
 from automaton.engine.service_zones import Roads
 
 Array = NDArray[Any]

@@ -1,0 +1,123 @@
+"""Kernels that treat all fields of a struct alike, written out from their declarations.
+
+A loop over arrays of different types does not compile, so each field has its lines. The kernels have
+no cache of their own: they are compiled into the kernels that call them, whose cache is named by the
+sources that they import, the declarations among them.
+"""
+
+from __future__ import annotations
+
+import linecache
+from collections.abc import Iterable, Mapping
+from operator import itemgetter
+from textwrap import indent
+from typing import Any, Final
+
+import numpy as np
+
+from automaton.engine.jit.fields import VISIBLE, Field
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.jit.structs import Struct
+
+ELEMENTS: Final = {"n": "identity[i]"}  # what an element is called along an extent, if not i
+
+
+def hiding(struct: type[Struct], extent: str) -> Any:
+    """A kernel (s, i): what the arrays along an extent have of element i looks as if it were hidden."""
+    arrays = hidden_fields(struct, extent)
+    lines = [
+        _for_each("s", name, one, f"s.{name}[@] = {one.hidden}")
+        for name, one in sorted(arrays.items(), key=lambda item: not item[1].used)
+    ]  # rows of different lengths first, as long as their lengths are known
+    return kernel(written_out(f"hide_{struct.__name__}_{extent}", "s, i", lines), cached=False)
+
+
+def showing(struct: type[Struct], extent: str) -> Any:
+    """A kernel (a, b, i): what the arrays of b along an extent have of element i is copied to a."""
+    lines = [
+        _for_each("b", name, one, f"a.{name}[@] = b.{name}[@]")
+        for name, one in hidden_fields(struct, extent).items()
+    ]
+    return kernel(written_out(f"show_{struct.__name__}_{extent}", "a, b, i", lines), cached=False)
+
+
+def hidden_fields(struct: type[Struct], extent: str) -> dict[str, Field]:
+    """The arrays along an extent that limited sight may hide."""
+    return {
+        name: one
+        for name, one in struct._declared.items()
+        if one.extents[:1] == (extent,) and one.hidden is not VISIBLE
+    }
+
+
+def digested_fields(world: type[Struct]) -> dict[int, tuple[str, str, Field]]:
+    """What the digest covers, by number: the struct in the world, the field, its declaration."""
+    covered = [
+        (one.digest, part, name, one)
+        for part, struct in {"": world, **world.struct_classes()}.items()
+        for name, one in struct._declared.items()
+        if one.digest is not None
+    ]
+    covered.sort(key=itemgetter(0))
+    if [number for number, *_ in covered] != list(range(len(covered))):
+        raise TypeError(
+            "the arrays of the digest are numbered 0, 1, 2, ..., each with its own number"
+        )
+    return {number: (part, name, one) for number, part, name, one in covered}
+
+
+def digest_names(world: type[Struct]) -> tuple[str, ...]:
+    """The names of what the digest covers, by number."""
+    covered = digested_fields(world).values()
+    return tuple(f"{part}.{name}" if part else "tick" for part, name, _ in covered)
+
+
+def digesting(world: type[Struct], add_value: Any, values: Iterable[Any]) -> Any:
+    """A kernel (world, out): writes the digests of all arrays of the state to out, (D,) uint64.
+
+    `add_value`: (out, number, element, value). `values`: the kernels that declarations name. Arrays by
+    robot go by identity, others by index.
+    """
+    names = {function.__name__: function for function in values} | {"add_value": add_value}
+    body = ["    out[:] = np.uint64(0)", "    identity = world.robots.identity"]
+    body += [f"    {part} = world.{part}" for part in world.struct_classes()]
+    loops: dict[str, list[str]] = {}
+    for number, (part, name, one) in digested_fields(world).items():
+        if not one.extents or not part:
+            body.append(f"    out[{number}] = {one.by}({part or 'world'})")
+            continue
+        extent = one.extents[0]
+        lines = loops.setdefault(f"{part} {extent}", [])
+        if not lines:
+            lines.append(f"    for i in range({part}.{name}.shape[0]):")
+            lines.append(f"        e = np.int64({ELEMENTS.get(extent, 'i')})")
+        if one.by:
+            lines.append(f"        add_value(out, {number}, e, {one.by}({part}, i))")
+            continue
+        element = "e" if len(one.extents) == 1 else f"e * {part}.{name}.shape[1] + j"
+        value = f"add_value(out, {number}, {element}, np.int64({part}.{name}[@]))"
+        lines.append(indent(_for_each(part, name, one, value), "    "))
+    body += [line for lines in loops.values() for line in lines]
+    return kernel(written_out("digest_arrays", "world, out", body, names), cached=False)
+
+
+def _for_each(owner: str, name: str, declared: Field, statement: str) -> str:
+    """A statement about each value that element i has in an array; @ stands for its index."""
+    lines, ndim = [], len(declared.extents)
+    for axis in range(1, ndim):
+        end = f"{declared.used}[i]" if declared.used else f"{name}.shape[{axis}]"
+        lines.append("    " * axis + f"for {'ijk'[axis]} in range({owner}.{end}):")
+    index = ", ".join("ijk"[:ndim])
+    return "\n".join([*lines, "    " * ndim + statement.replace("@", index)])
+
+
+def written_out(
+    name: str, parameters: str, body: Iterable[str], names: Mapping[str, Any] | None = None
+) -> Any:
+    """The function of these lines; a traceback shows them."""
+    source = "\n".join([f"def {name}({parameters}):", *body, "    return\n"])
+    file = f"<{name}, written out from declarations>"
+    linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)
+    defined = {"np": np, **(names or {}), "__name__": __name__}
+    exec(compile(source, file, "exec"), defined)
+    return defined[name]

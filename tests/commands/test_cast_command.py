@@ -183,7 +183,7 @@ def test_the_same_bytes_everywhere_and_no_textual(crossing: Path, tmp_path: Path
     elsewhere = tmp_path / "other: name.rec"
     elsewhere.write_bytes(crossing.read_bytes())
     program = (
-        "import sys; from automaton.commands import Parser, cast as c; p = Parser();"
+        "import sys; from automaton.commands import Parser, cast_command as c; p = Parser();"
         "c.add_arguments(p); c.run(p.parse_args(sys.argv[1:]));"
         "assert 'tui.render.compose' in sys.modules;"
         "sys.exit(any(name.partition('.')[0] == 'textual' for name in sys.modules))"

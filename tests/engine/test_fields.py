@@ -159,7 +159,7 @@ def test_one_more_field_is_kept_in_memory_and_carried_to_a_branch() -> None:
     run, branch = with_moods(), with_moods()
     kept = Keyframes(run.world, run.observation)
     run.world.robots.mood[:] = 9
-    take_over(branch.world, branch.observation, run)
+    take_over(branch.world, branch.observation, run.world, run.observation)
     assert branch.world.robots.mood.tolist() == [9] * 4
     kept.restore(0, run.world, run.observation)
     assert run.world.robots.mood.tolist() == [5, 6, 7, 8]

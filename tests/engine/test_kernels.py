@@ -35,13 +35,13 @@ from automaton.papers.auctions.auction_study import REPRODUCTION
 from automaton.papers.reproduction_study import reproduce
 reproduce(REPRODUCTION, 1)
 import random
-from strategies.allocation.auction import assignment, bids, bundle_space, sequential
+from strategies.allocation.auction import assignment, bids, bundle_workspace, sequential
 sys.path.insert(0, "tests/helpers")
 from auction_scenes import random_auction
 for robots, rule in ((2, bids.BID_AVERAGE), (5, bids.BID_AVERAGE_ADDED)):
     *market, items = random_auction(random.Random(robots), robots, 4, policy=1)
     sequential.parallel(*market, items, 4, rule, 500)
-    assignment.assign_once(*market, bundle_space.assignment_for(5), items, 4, rule, 500)
+    assignment.assign_once(*market, bundle_workspace.assignment_for(5), items, 4, rule, 500)
 plans.prepare_avoidance(30, 1)()
 kernels = {
     kernel for name, module in sys.modules.items() if name.startswith(("automaton.", "strategies."))

@@ -48,7 +48,7 @@ class Told(Strategy):
         super().__init__()
         self.period = every
         self.answers = answers  # by robot and tick, such as A4="SEEN"
-        self.question: list[Question] = []
+        self.questions: list[Question] = []
 
     def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
         width = view.grid.width
@@ -56,7 +56,7 @@ class Told(Strategy):
             i, tick = int(batch.robot[k]), int(view.clock[CLOCK_TICK])
             name = chr(ord("A") + int(view.robots.identity[i]))
             y, x = divmod(paths.position(view, i), width)
-            self.question.append(Question(tick, name, int(batch.reason[k]), (x - 1, y - 1)))
+            self.questions.append(Question(tick, name, int(batch.reason[k]), (x - 1, y - 1)))
             route = self.answers.get(f"{name}{tick}")
             if route is not None:
                 decisions.routing.route_length[k] = len(route)
@@ -74,7 +74,7 @@ def illegal(floor: SmallRun) -> int:
 def test_robots_on_their_way_are_asked_and_keep_going() -> None:
     strategy = Told(2)
     floor = SmallRun("A......\nB......", {"A": "EEEEE"}, strategies={"routing": strategy}).tick(7)
-    assert strategy.asked == [
+    assert strategy.questions == [
         Question(2, "A", REASON_PERIODIC, (1, 0)),
         Question(4, "A", REASON_PERIODIC, (3, 0)),
     ], "B has nowhere to go, and at tick 6 A has arrived"
@@ -100,7 +100,7 @@ def test_in_a_long_move_the_route_begins_in_the_cell_that_is_entered() -> None:
         strategies={"routing": strategy},
     )
     ways = [place(floor.tick(), "A") for _ in range(12)]
-    assert strategy.asked[0] == Question(2, "A", REASON_PERIODIC, (1, 0)), "tick 2 of 3"
+    assert strategy.questions[0] == Question(2, "A", REASON_PERIODIC, (1, 0)), "tick 2 of 3"
     assert ways[2::3] == [(1, 0), (1, 1), (2, 1), (2, 0)]
     assert ways[1] == (0, 0) and ways[4] == (1, 0)
 
@@ -137,7 +137,7 @@ def test_robots_that_turn_or_wait_are_asked_too() -> None:
                 actions[name, floor.run.tick + 1] = int(
                     floor.world.robots.action[floor.index(name)]
                 )
-    asked = {(name, tick) for tick, name, *_ in strategy.asked}
+    asked = {(name, tick) for tick, name, *_ in strategy.questions}
     assert set(actions) <= asked
     assert {ACTION_TURN, ACTION_WAIT} <= set(actions.values())
 
@@ -157,7 +157,9 @@ def test_nobody_else_is_asked() -> None:
     robots.goal_cell[floor.index("E")] = robots.cell[floor.index("E")]
     floor.tick(2)
     asked = {
-        (name, reason == REASON_PERIODIC) for tick, name, reason, _ in strategy.asked if tick == 2
+        (name, reason == REASON_PERIODIC)
+        for tick, name, reason, _ in strategy.questions
+        if tick == 2
     }
     assert asked == {("A", True), ("D", False)}
 

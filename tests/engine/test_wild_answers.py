@@ -14,7 +14,7 @@ from automaton.engine.state import LAYER_NAMES, NIL
 from automaton.runs.simulation import Simulation
 from automaton.strategy.layer import Strategy
 
-TRIALS = Path(__file__).parents[2] / "helpers" / "answer_trials.py"
+TRIALS = Path(__file__).parents[1] / "helpers" / "answer_trials.py"
 
 
 class Says(Strategy):
@@ -25,7 +25,7 @@ class Says(Strategy):
 
     def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
         if view.clock[0] == 2:
-            self.set_words(view, decisions.zoning)
+            self.say(view, decisions.zoning)
 
     def say(self, view: Any, out: Any) -> None:
         raise NotImplementedError

@@ -282,6 +282,15 @@ def figures_of(recording: Recording) -> Any:
     return [frame.content["metrics"] for frame in recording.frames if frame.kind == FRAME_KIND_END]
 
 
+def peak_memory() -> int:
+    """Return the most bytes that this process has had; `ru_maxrss` counts those of its parent, too."""
+    status = Path("/proc/self/status")
+    if not status.exists():
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    lines = dict(line.split(":", 1) for line in status.read_text().splitlines())
+    return int(lines["VmHWM"].split()[0]) * 1024
+
+
 def work(pipe: Connection, path: str) -> None:
     """Try the files that are named, one after another, within bounds."""
     resource.setrlimit(resource.RLIMIT_AS, (SPACE, SPACE))
@@ -300,7 +309,7 @@ def work(pipe: Connection, path: str) -> None:
             place = f"{Path(where.filename).name}:{where.lineno}"
             told = f"internal error: {type(error).__name__} at {place}: {str(error)[:90]}"
         signal.alarm(0)
-        pipe.send((told, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024))
+        pipe.send((told, peak_memory()))
 
 
 class Worker:
@@ -311,7 +320,7 @@ class Worker:
         self._begin()
 
     def _begin(self) -> None:
-        context = get_context("fork")
+        context = get_context("spawn")
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(target=work, args=(theirs, str(self.path)), daemon=True)
         self._process.start()

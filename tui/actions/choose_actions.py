@@ -11,7 +11,6 @@ import numpy as np
 
 from automaton.engine.observation import is_waiting
 from automaton.engine.state import NIL
-from automaton.evidence.history.live_run import branch_of
 from tui.actions.find_actions import FindActions
 from tui.playback.recording_files import beside, comparing_command, short_path
 from tui.playback.titles import short, title_of
@@ -125,6 +124,8 @@ class ChooseActions(FindActions):
         made: list[Branched] = []
 
         def branch(run: Run) -> Run:
+            from automaton.evidence.history.live_run import branch_of  # with Numba
+
             fresh = branch_of(run, settings, path)
             title = title_of(fresh.resolved, fresh.header["seed"], fresh.frames)
             made.append(Branched(fresh.tick, settings, title, path, fresh.resolved))

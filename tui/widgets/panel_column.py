@@ -185,7 +185,7 @@ class PanelColumn(Container):
         """Explain this picture in the legend."""
         self.legend.show_floor(scene, zoom)
 
-    def dress(self, look: Look, glyphs: GlyphSet) -> None:
+    def set_appearance(self, look: Look, glyphs: GlyphSet) -> None:
         """Other colours or characters on the map."""
         self.legend.set_appearance(look, glyphs)
 

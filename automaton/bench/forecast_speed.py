@@ -50,7 +50,7 @@ def prepare_legs(side: int, robots: int = ROBOTS) -> Sample:
     view, workspace, memory = (
         simulation.view,
         simulation.workspace,
-        simulation.memories[LAYER_ROUTING],
+        simulation.states[LAYER_ROUTING],
     )
 
     def sample() -> float:
@@ -68,7 +68,7 @@ def prepare_forecast(side: int, robots: int = ROBOTS) -> Sample:
     view, workspace, memory = (
         simulation.view,
         simulation.workspace,
-        simulation.memories[LAYER_ROUTING],
+        simulation.states[LAYER_ROUTING],
     )
 
     def sample() -> float:

@@ -18,11 +18,9 @@ from automaton.papers.traffic.traffic_trials import tasks_of, warehouse
 from automaton.runs.simulation import Simulation
 from strategies.routing.traffic_avoidance.network_files import (
     network_for,
-    packed,
-    scratch_size,
     shipped,
 )
-from strategies.routing.traffic_avoidance.zone_network import predict_legs
+from strategies.routing.traffic_avoidance.zone_network import kernel_network, predict_legs
 
 ROBOTS, TICKS = 100, 1000
 LEGS, SEED = 1000, 1
@@ -57,8 +55,7 @@ def prepare_network(legs: int = LEGS) -> Sample:
     where = warehouse()
     network = network_for(where.grid, where.duration, shipped(SCENARIO))
     zones = where.grid.traffic_zone[tasks_of(where, SEED, legs)[:, 0], 0].astype(np.int64)
-    scratch = np.zeros(scratch_size(network), np.int64)
     used = np.zeros((legs, -(-where.grid.traffic_zone_count // 64)), np.int64)
     start, end = zones[:, 0].copy(), zones[:, 1].copy()
-    arguments = (packed(network), scratch, start, end, used)
+    arguments = (kernel_network(network), start, end, used)  # type: ignore[no-untyped-call]
     return lambda: 1e6 * cpu_seconds(lambda: predict_legs(*arguments)) / legs

@@ -263,4 +263,4 @@ def build_scratch(n: int, cells: int) -> Scratch:
 
 def no_memory() -> Memory:
     """Memory of an absent layer."""
-    return Memory.sized({"n": 1, "k": 0, "q": 0, "p": 0})
+    return Memory.sized({"n": 1, "k": 0, "q": 0, "p": 0, "f": 0})

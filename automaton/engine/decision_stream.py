@@ -13,7 +13,9 @@ each; -1 for an illegal route), right of way (command, value, return_order, prio
 import numpy as np
 
 from automaton.engine.commit import is_drivable, may_set_order_queue
+from automaton.engine.jit.fields import CONSTANT, field
 from automaton.engine.jit.kernel import kernel
+from automaton.engine.jit.structs import Struct
 from automaton.engine.state import (
     CLOCK_DECISION_WORDS,
     CLOCK_PHASE,
@@ -25,14 +27,13 @@ from automaton.engine.state import (
     LAYER_ROUTING,
     LAYER_ZONING,
     NIL,
+    Array,
 )
 from automaton.engine.zoning_decision_stream import keep_zoning, repeat_zoning
 
 PHASE_BITS = 3
 COUNT_BITS = 16
 STEPS_PER_WORD = 31  # directions in a word
-REPLAY_CURSOR = 0  # columns of a replaying strategy's memory.per_robot
-REPLAY_END = 1
 ILLEGAL_ROUTE = -1
 ILLEGAL_PLAN = -1
 ANSWER_WORDS = 6  # values of a decision of allocation
@@ -160,17 +161,24 @@ def put_route(world, words, at, i, out, k):
     return 1 + (route_length + STEPS_PER_WORD - 1) // STEPS_PER_WORD
 
 
+class ReplayState(Struct):
+    """What a layer that decides as recorded goes through."""
+
+    layer: int = field("int64")
+    words: Array = field("(w,) int64", "the stream of decisions", role=CONSTANT)
+    cursor: Array = field("(1,) int64", "words given")
+    end: Array = field("(1,) int64", "words in the stream")
+
+
 @kernel
 def repeat(view, batch, decisions, memory, workspace):
-    """Decide as recorded. memory: parameters (layer), shared the stream, per_robot[0] cursor, end."""
-    layer = memory.parameters[0]
+    """Decide as recorded."""
+    state = ReplayState.of(memory)
+    layer, words = state.layer, state.words
     key = key_of(view)
-    words = memory.shared
-    at, end = memory.per_robot[0, REPLAY_CURSOR], memory.per_robot[0, REPLAY_END]
+    at, end = state.cursor[0], state.end[0]
     if layer == LAYER_ZONING:
-        memory.per_robot[0, REPLAY_CURSOR] = repeat_zoning(
-            view, batch, decisions.zoning, words, at, end, key
-        )
+        state.cursor[0] = repeat_zoning(view, batch, decisions.zoning, words, at, end, key)
         return
     for k in range(batch.count[0]):
         if (
@@ -188,7 +196,7 @@ def repeat(view, batch, decisions, memory, workspace):
                 break  # the recording was altered
             give(words, at + 2, size, decisions, layer, k)
             at += 2 + size
-    memory.per_robot[0, REPLAY_CURSOR] = at
+    state.cursor[0] = at
 
 
 @kernel

@@ -79,7 +79,6 @@ def ticks(
     layer_mode,
     zoning, charging, allocation, routing, right_of_way,
     memory_z, memory_c, memory_a, memory_r, memory_w,
-    full_memory_z, full_memory_c, full_memory_a, full_memory_r, full_memory_w,
 ):  # fmt: skip
     """Run ticks until world.clock[CLOCK_STOP_TICK]; pause there, when a buffer is full, and at the end.
 
@@ -89,7 +88,6 @@ def ticks(
     clock = world.clock
     decide = (zoning, charging, allocation, routing, right_of_way)
     memories = (memory_z, memory_c, memory_a, memory_r, memory_w)
-    full_memories = (full_memory_z, full_memory_c, full_memory_a, full_memory_r, full_memory_w)
     while True:
         if (
             clock[CLOCK_TICK] >= clock[CLOCK_STOP_TICK]
@@ -113,15 +111,7 @@ def ticks(
             if layer_mode[layer] == MODE_ABSENT or not collect_batch(world, full_batch, layer):
                 continue
             for call in range(call_count(world, full_batch)):
-                begin_call(
-                    world,
-                    visible_world,
-                    full_batch,
-                    batch,
-                    memories[layer],
-                    full_memories[layer],
-                    call,
-                )
+                begin_call(world, visible_world, full_batch, batch, memories[layer], call)
                 clear_decisions(batch, decisions, layer)
                 if world.rules.holders[layer]:
                     enter_holders(visible_world)
@@ -139,7 +129,7 @@ def ticks(
                 if clock[CLOCK_RECORDING]:
                     keep_decisions(world, record, batch, decisions, layer)
                 commit(world, record, batch, decisions, layer)
-                end_call(world, memories[layer], full_memories[layer], full_batch, call)
+                end_call(world, memories[layer], full_batch, call)
         clock[CLOCK_PHASE] = 0
         motion(world, record)
         if clock[CLOCK_RECORDING]:
@@ -262,4 +252,4 @@ def compile_loop(arguments, memory):
     _, _, view, _, _, batch_view, decisions, _, _, workspace, _ = kinds
     decide = types.void(view, batch_view, decisions, typeof(memory), workspace)
     layers = [types.FunctionType(decide)] * 5
-    return kernel(ticks, signature=(*kinds, *layers, *([typeof(memory)] * 10))), decide
+    return kernel(ticks, signature=(*kinds, *layers, *([typeof(memory)] * 5))), decide

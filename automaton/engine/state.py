@@ -508,8 +508,14 @@ CMD_RETREAT: Final = 3
 
 
 class Memory(Struct):
-    """A strategy's private state."""
+    """How the loop knows a strategy's state, whatever struct that is: State.of(memory)."""
 
+    address: int = field("int64", "of the state, as the strategy sees it")
+    rows: Array = field(
+        "(f, 3) int64",
+        "of a state that robots see their own rows of (automaton.engine.state_rows)",
+        role=CONSTANT,
+    )
     per_robot: Array = field("(n, k) int64", "one row per robot")
     shared: Array = field("(q,) int64")
     parameters: Array = field("(p,) int64", "read-only", role=CONSTANT)

@@ -9,7 +9,7 @@ With rules.own_zones a strategy knows no other orders, works and stations than t
 the robots that its robot sees.
 
 Hidden robots look like robots in no cell, with nothing to do; their cells look empty. Under a radius
-a strategy gets its robot's own row of memory only, and no shared memory.
+a strategy gets its robot's own rows of its state only (state_rows).
 """
 
 import numpy as np
@@ -20,6 +20,7 @@ from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import CLAIMS, FLAGS_SHIFT, U
 from automaton.engine.service_zones import ServiceZones
 from automaton.engine.state import NIL, ORDER_UNRELEASED, Orders, Robots, Tally
+from automaton.engine.state_rows import keep_rows, show_rows
 from automaton.engine.zone_segments import copy_segment
 
 HIDDEN = -2  # design.held: the point belongs to a robot out of sight
@@ -41,7 +42,7 @@ def call_count(world, full_batch):
 
 
 @kernel
-def begin_call(world, visible_world, full_batch, batch, memory, full_memory, call):
+def begin_call(world, visible_world, full_batch, batch, memory, call):
     """Prepare call number `call`: the robots asked, what they see, what they remember."""
     name_robots(world, full_batch, batch, call)
     if world.rules.radius == NIL:
@@ -49,8 +50,7 @@ def begin_call(world, visible_world, full_batch, batch, memory, full_memory, cal
     i = np.int64(full_batch.robot[call])
     mask_world(world, visible_world, i)
     if world.rules.radius > 0:
-        for k in range(memory.per_robot.shape[1]):
-            memory.per_robot[i, k] = full_memory.per_robot[i, k]
+        show_rows(memory.rows, i)
 
 
 @kernel
@@ -66,14 +66,10 @@ def name_robots(world, full_batch, batch, call):
 
 
 @kernel
-def end_call(world, memory, full_memory, full_batch, call):
-    """Put the memory of the robot away."""
+def end_call(world, memory, full_batch, call):
+    """Put away what the robot remembers."""
     if world.rules.radius > 0:
-        i = np.int64(full_batch.robot[call])
-        for k in range(memory.per_robot.shape[1]):
-            full_memory.per_robot[i, k] = memory.per_robot[i, k]
-            memory.per_robot[i, k] = 0
-        memory.shared[:] = 0
+        keep_rows(memory.rows, np.int64(full_batch.robot[call]))
 
 
 @kernel

@@ -21,7 +21,7 @@ from automaton.build.world import (
 from automaton.engine import loop as loop_kernels
 from automaton.engine.digest import DIGEST_NAMES, combine, digest_world
 from automaton.engine.jit.kernel import first_compilation_announced, jit_is_on
-from automaton.engine.jit.structs import window
+from automaton.engine.jit.structs import Struct, lent_address, window
 from automaton.engine.observation import COUNT_CURVE_ROWS, COUNT_EVENTS
 from automaton.engine.record_codes import KEYFRAME_TICKS
 from automaton.engine.state import (
@@ -39,6 +39,7 @@ from automaton.engine.state import (
     Memory,
     World,
 )
+from automaton.engine.state_rows import NO_ROWS, state_rows
 from automaton.errors import InputError
 from automaton.runs.interruption import give_up, interruptible
 from automaton.runs.metric_sums import TASK_SUMS
@@ -47,12 +48,12 @@ from automaton.strategy import lookup
 from automaton.strategy.contract import (
     check_counters,
     check_decides,
-    checked_memory,
     checked_period,
+    checked_state,
     checked_wait_ranges,
 )
 from automaton.strategy.decide_compilation import compiled_decide
-from automaton.strategy.layer import Strategy
+from automaton.strategy.layer import NoState, Strategy
 from automaton.strategy.patience import Watchdog
 
 RECORD_TICKS = 256  # ticks in the buffers of a recording
@@ -124,15 +125,15 @@ class Simulation:
                 self.world.robots.order_queue_length[:] = 0  # nobody goes on with them
             self.update_finished()
         with self._constants_kept():
-            self._memories = [self._memory(strategy) for strategy in self._strategies]
+            self._states = [self._state(strategy) for strategy in self._strategies]
         if after is not None and strategies is None:
-            self._restore_memories(after)
+            self._restore_states(after)
         self._ticks = self._start()
 
     def continue_with(self, resolved: Resolved) -> Simulation:
         """Return a simulation that continues from the state of this one with another scenario.
 
-        Floor, fleet and orders are those of this one. Strategies that stay keep their memory; new
+        Floor, fleet and orders are those of this one. Strategies that stay keep their state; new
         ones begin with what they see now. This simulation must not be run any more.
         """
         return Simulation(
@@ -145,15 +146,13 @@ class Simulation:
             patience=self._watchdog.seconds if self._watchdog else None,
         )
 
-    def _restore_memories(self, before: Simulation) -> None:
-        """Restore the memories of the strategies that stay, and their objects: some keep more there."""
-        limited = before.world.rules.radius > 0
+    def _restore_states(self, before: Simulation) -> None:
+        """Restore the states of the strategies that stay, and their objects: some keep more there."""
         for index, layer in enumerate(LAYER_NAMES):
             if self.resolved.strategies[layer] != before.resolved.strategies[layer]:
                 continue
-            old = before._full_memories[index] if limited else before._memories[index]
             self._strategies[index] = before._strategies[index]
-            self._memories[index] = old.copied()
+            self._states[index] = before._states[index].copied()
 
     def _load_strategy(self, layer: str) -> Strategy | None:
         """Load the strategy that the scenario chooses for a layer."""
@@ -180,13 +179,13 @@ class Simulation:
                 self.world.rules.wait[:] = checked_wait_ranges(strategy)
         return strategy
 
-    def _memory(self, strategy: Strategy | None) -> Memory:
+    def _state(self, strategy: Strategy | None) -> Struct:
         if strategy is None:
-            return no_memory()
+            return NoState()
         with self._within_patience():
-            memory = strategy.reset(self.view)
+            state = strategy.reset(self.view)
         check_counters(strategy, TASK_SUMS)
-        return checked_memory(strategy, memory, self.view)
+        return checked_state(strategy, state, self.view)
 
     def _start(self) -> Iterator[int]:
         arguments = (
@@ -217,37 +216,44 @@ class Simulation:
             if (
                 layer_mode[index] == loop_kernels.MODE_INTERPRETED
             ):  # whatever becomes of the strategy's own
-                self._memories[index] = self._memories[index].copied()
-        full_memories = self._full_memories = [memory.copied() for memory in self._memories]
-        if self.world.rules.radius > 0:  # each robot gets its own row, when it is asked
-            for memory in self._memories:
-                memory.per_robot[:] = 0
-                memory.shared[:] = 0
+                self._states[index] = self._states[index].copied()
+        # Under a radius each robot is shown its own rows, when it is asked.
+        limited = self.world.rules.radius > 0
+        shown = [state.cleared() if limited else state for state in self._states]
+        faces = [
+            state.lent() if mode == loop_kernels.MODE_INTERPRETED else state
+            for state, mode in zip(shown, layer_mode, strict=True)
+        ]
+        memories = [
+            memory_for(face, state_rows(*pair) if limited else NO_ROWS)
+            for face, *pair in zip(faces, self._states, shown, strict=True)
+        ]
         if loop_kernels.MODE_INTERPRETED in layer_mode:
             self._lent_decisions = self.decisions.lent()
-            self._faces = [memory.lent() for memory in self._memories]
+            self._faces = [memory.lent() for memory in memories]
             # With the JIT off, kernels write to what Python sees.
             self._sealed = self.workspace.sealed() if jit_is_on() else self.workspace
         # Kernels count no references: whatever is freed here would be overwritten under the loop.
-        self._lent = (arguments, functions, full_memories)
-        ticks: Iterator[int] = loop(*arguments, *functions, *self._memories, *full_memories)
+        self._lent = (arguments, functions, shown, faces, memories)
+        ticks: Iterator[int] = loop(*arguments, *functions, *memories)
         return ticks
 
     @property
-    def memories(self) -> list[Memory]:
-        """The memory of each layer's strategy."""
-        return self._memories
+    def states(self) -> list[Any]:
+        """The state of each layer's strategy, a struct of its own class."""
+        return self._states
 
     @property
     def counted(self) -> dict[str, int]:
         """What the strategies count themselves (`Strategy.counters`), over all robots."""
-        limited = self.world.rules.radius > 0  # then what robots remember is put away
         found: dict[str, int] = {}
-        for strategy, memory in zip(
-            self._strategies, self._full_memories if limited else self._memories, strict=True
-        ):
-            for name, column in strategy.counters.items() if strategy else ():
-                found[name] = found.get(name, 0) + int(memory.per_robot[:, column].sum())
+        for strategy, state in zip(self._strategies, self._states, strict=True):
+            for name, field in strategy.counters.items() if strategy else ():
+                if isinstance(state, Memory):
+                    counts = state.per_robot[:, int(field)]
+                else:
+                    counts = getattr(state, str(field))
+                found[name] = found.get(name, 0) + int(counts.sum())
         return found
 
     @property
@@ -367,6 +373,12 @@ class Simulation:
         """The digest of the whole state, 16 hex digits."""
         with np.errstate(over="ignore"):
             return f"{int(combine(self.digests())):016x}"
+
+
+def memory_for(state: Struct, rows: Array) -> Memory:
+    """What the loop passes to a strategy that has this state."""
+    memory = state if isinstance(state, Memory) else no_memory()
+    return memory.replaced(address=lent_address(state), rows=rows)
 
 
 def constants_of(world: World) -> list[tuple[str, Array, Array]]:

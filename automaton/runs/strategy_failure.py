@@ -22,7 +22,7 @@ CALLS = {
     function.__code__
     for function in (
         Simulation._decide,
-        Simulation._memory,
+        Simulation._state,
         Simulation._load_strategy,
         Simulation._validate_strategy,
     )

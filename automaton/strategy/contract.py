@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import Any
 
+from automaton.engine.jit.structs import Struct
 from automaton.engine.state import Memory, World
+from automaton.engine.state_rows import PER_ROBOT
 from automaton.errors import InputError, nearest
 from automaton.strategy.layer import Strategy
 
@@ -20,11 +22,34 @@ def check_decides(strategy: Strategy) -> None:
         raise _fault(strategy, f"it has no method decide{nearest('decide', names)}")
 
 
-def checked_memory(strategy: Strategy, memory: Any, view: World) -> Memory:
-    """What `reset` returns. Raises InputError if it is not a memory for this fleet."""
+def checked_state(strategy: Strategy, state: Any, view: World) -> Struct:
+    """What `reset` returns. Raises InputError if it is not a state for this fleet."""
     robots = len(view.robots.cell)
-    if not isinstance(memory, Memory):
-        raise _fault(strategy, f"reset() must return memory_of(view, ...), found {memory!r}")
+    if isinstance(state, Memory):
+        return _checked_memory(strategy, state, robots)
+    if not isinstance(state, Struct):
+        raise _fault(strategy, f"reset() must return a state, which is a Struct; found {state!r}")
+    if not state.is_open:
+        raise _fault(strategy, "reset() must return a state of its own, found one of the world")
+    counted = []
+    for name, declared, array in state.arrays():
+        if declared.extents[0] == PER_ROBOT:
+            if len(array) != robots:
+                rows = f"found {len(array)} rows for {robots} robots"
+                raise _fault(strategy, f"{name} must have a row for each robot, {rows}")
+            counted += [name] * (len(declared.extents) == 1)
+    for name, field in strategy.counters.items():
+        if field not in counted:
+            fields = f"these are {', '.join(counted) or 'none'}; found {field!r}"
+            kind = type(state).__name__
+            raise _fault(
+                strategy,
+                f"counter {name!r} must name a field of {kind} with a number for each robot: {fields}",
+            )
+    return state
+
+
+def _checked_memory(strategy: Strategy, memory: Memory, robots: int) -> Memory:
     if len(memory.per_robot) != robots:
         raise _fault(strategy, "reset() must give memory.per_robot as int64 of shape (robots, k)")
     if memory.parameters.flags.writeable:

@@ -4,7 +4,9 @@ compiled     a kernel (module-level, decorated with `kernel`) that the loop call
 decide       a Python method that the loop leaves for, and comes back from
 
 Both get the same arguments: the view (read-only), the batch, the decisions (which start as KEEP),
-the strategy's own memory, and the workspace of the searches.
+the strategy's own memory, and the workspace of the searches. What a strategy remembers it declares
+as a struct, and `reset` makes it; `State.of(memory)` is this state in both forms. Fields whose first
+extent is n have a row for each robot: under a radius a robot sees its own row, and zeros elsewhere.
 
 With `period` = k a layer is also asked in every k-th tick, about robots that nothing concerns; their
 reason is REASON_PERIODIC, and KEEP lets them go on. These are: all robots (zoning, charging, allocation);
@@ -23,10 +25,15 @@ from typing import Any, ClassVar
 import msgspec
 import numpy as np
 
+from automaton.engine.jit.structs import Struct
 from automaton.engine.state import Batch, Decisions, Memory, Workspace, World
 from automaton.strategy.entry import NoParameters
 
 WaitRanges = tuple[int, int, int, int, int]
+
+
+class NoState(Struct):
+    """The state of a strategy that remembers nothing."""
 
 
 class Strategy:
@@ -35,8 +42,8 @@ class Strategy:
     layer: ClassVar[str]
     Parameters: ClassVar[type[msgspec.Struct]] = NoParameters
     compiled: ClassVar[Callable[..., None] | None] = None
-    # metric -> column of memory.per_robot, summed over robots
-    counters: ClassVar[Mapping[str, int]] = {}
+    # metric -> field of the state with a number for each robot, summed over robots
+    counters: ClassVar[Mapping[str, str | int]] = {}
     period: int = 0  # it is also asked every `period` ticks (above); 0 = only when concerned
     holders: bool = (
         False  # it looks robots up by cell: while it is asked, traffic.holder is entered
@@ -52,9 +59,9 @@ class Strategy:
     def __init__(self, parameters: Any = None) -> None:
         self.parameters = self.Parameters() if parameters is None else parameters
 
-    def reset(self, view: World) -> Memory:
-        """Make the memory for a run."""
-        return memory_of(view)
+    def reset(self, view: World) -> Struct:
+        """Make the state for a run: a struct of its own class, which `State.of(memory)` finds."""
+        return NoState()
 
     def decide(
         self, view: World, batch: Batch, decisions: Decisions, memory: Memory, workspace: Workspace
@@ -72,5 +79,5 @@ def memory_of(
     """Memory with `per_robot` numbers for each robot and `shared` ones for all, zero at the start."""
     constants = np.array(parameters, np.int64)
     constants.setflags(write=False)
-    sizes = {"n": view.robots.cell.shape[0], "k": per_robot, "q": shared}
+    sizes = {"n": view.robots.cell.shape[0], "k": per_robot, "q": shared, "f": 0}
     return Memory.sized(sizes, parameters=constants)

@@ -19,7 +19,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from automaton.engine import state
-from automaton.engine.state import NIL, Workspace, World
+from automaton.engine.jit.fields import field
+from automaton.engine.jit.structs import Struct
+from automaton.engine.state import NIL, Array, Workspace, World
 from automaton.strategy import paths
 from automaton.strategy.layer import Strategy
 
@@ -117,6 +119,12 @@ class LocalView:
         }
 
 
+class OwnNumbers(Struct):
+    """What each robot remembers."""
+
+    numbers: Array = field("(n, k) int64")
+
+
 class Me:
     """The robot that decides."""
 
@@ -178,9 +186,10 @@ def per_robot(
         def decide(
             self: Any, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any
         ) -> None:
+            own = OwnNumbers.of(memory)
             for k in range(batch.count[0]):
                 robot = int(batch.robot[k])
-                me = Me(view, workspace, robot, int(batch.reason[k]), memory.per_robot[robot])
+                me = Me(view, workspace, robot, int(batch.reason[k]), own.numbers[robot])
                 decision = decide_one(me, LocalView(view, decisions.allocation.order_taken, robot))
                 if decision is not None and not isinstance(decision, Decision):
                     raise TypeError(
@@ -189,10 +198,8 @@ def per_robot(
                 if decision is not None:
                     _ENTER[layer](decisions, k, decision, me, view)
 
-        def reset(self: Any, view: World) -> Any:
-            from automaton.strategy.layer import memory_of
-
-            return memory_of(view, per_robot=memory)
+        def reset(self: Any, view: World) -> Struct:
+            return OwnNumbers.sized({"n": len(view.robots.cell), "k": memory})
 
         body = {"layer": layer, "decide": decide, "reset": reset, "__doc__": decide_one.__doc__}
         return type(decide_one.__name__, (Strategy,), body | {"__module__": decide_one.__module__})

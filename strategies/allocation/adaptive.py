@@ -37,8 +37,8 @@ from automaton.engine.state import (
     REASON_PICKED,
 )
 from automaton.strategy.kernels import distance, dropoff_cell, kernel, position
-from automaton.strategy.layer import Strategy, memory_of
-from strategies.allocation.cooperative import pass_right, take_in_alley
+from automaton.strategy.layer import Strategy
+from strategies.allocation.cooperative import AlleyState, alley_state, pass_right, take_in_alley
 from strategies.allocation.independent import deliver
 
 MOVES_PER_PASS = 4  # along the alley, from one load to the next
@@ -92,7 +92,7 @@ def is_carrying_cheaper(view, workspace, i):
 
 @kernel
 def decide(view, batch, decisions, memory, workspace):
-    out = decisions.allocation
+    out, state = decisions.allocation, AlleyState.of(memory)
     for k in range(batch.count[0]):
         if workspace.stop[0]:
             return
@@ -101,9 +101,9 @@ def decide(view, batch, decisions, memory, workspace):
         if reason == REASON_PICKED and is_carrying_cheaper(view, workspace, i):
             deliver(view, out, k, i)
         elif reason == REASON_PICKED:
-            pass_right(view, out, memory, k, i)
+            pass_right(view, out, state, k, i)
         elif reason != REASON_PERIODIC:
-            take_in_alley(view, out, memory, workspace, k, i, reason == REASON_ORDER_RETURNED)
+            take_in_alley(view, out, state, workspace, k, i, reason == REASON_ORDER_RETURNED)
 
 
 class Adaptive(Strategy):
@@ -113,4 +113,4 @@ class Adaptive(Strategy):
     compiled = decide
 
     def reset(self, view):
-        return memory_of(view, per_robot=2, shared=3 * view.grid.width)
+        return alley_state(view)

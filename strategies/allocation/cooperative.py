@@ -3,17 +3,20 @@
 An *alley* is a column of the floor from which loads are picked up to its left. A robot reserves an
 alley and moves the loads of its left table one table to the right, where the robot of the next alley
 finds them; only what finds no empty shelf goes to its destination. Alley reservations are kept here,
-in the strategy's memory; everything else is read off the order list.
+in the strategy's state; everything else is read off the order list.
 """
 
 import numpy as np
 
+from automaton.engine.jit.fields import SCRATCH, field
+from automaton.engine.jit.structs import Struct
 from automaton.engine.state import (
     CMD_PARK,
     NIL,
     REASON_ORDER_RETURNED,
     REASON_PERIODIC,
     REASON_PICKED,
+    Array,
 )
 from automaton.strategy.kernels import (
     can_do,
@@ -23,24 +26,34 @@ from automaton.strategy.kernels import (
     pickup_cell,
     position,
 )
-from automaton.strategy.layer import Strategy, memory_of
+from automaton.strategy.layer import Strategy
 from strategies.allocation.independent import deliver, set_down, take_order, takes_load
 from strategies.allocation.open_orders import is_open
 
-ALLEY = 0  # memory.per_robot: the column of the alley that a robot has reserved, or 0
-FROM = 1  # the column of the shelf from which it takes its load
 
-# memory.shared: for each column of the grid
-TABLE_OPEN = 0  # open orders to its left
-TABLE_LEFT = 1  # loads on its left table
-TABLE_RIGHT = 2  # loads on its right table
+class AlleyState(Struct):
+    """Who works in which alley, and what is there to do."""
+
+    alley: Array = field("(n,) int32", "the column of the alley that a robot has reserved, or 0")
+    picked_from: Array = field("(n,) int32", "the column of the shelf that it takes its load from")
+    # For each column of the grid:
+    open_orders: Array = field("(w,) int32", "open orders to its left", role=SCRATCH)
+    loads_left: Array = field("(w,) int32", "loads on its left table", role=SCRATCH)
+    loads_right: Array = field("(w,) int32", "loads on its right table", role=SCRATCH)
+
+
+def alley_state(view):
+    """That of a run's beginning."""
+    return AlleyState.sized({"n": len(view.robots.cell), "w": view.grid.width})
 
 
 @kernel
-def count_tables(view, out, i, count):
-    """count: (3 * width,) becomes the TABLE_* numbers of every column as robot i can serve them."""
+def count_tables(view, out, i, state):
+    """Count the orders and loads of every column that robot i can serve."""
     width, robot_type = view.grid.width, view.robots.type[i]
-    count[:] = 0
+    state.open_orders[:] = 0
+    state.loads_left[:] = 0
+    state.loads_right[:] = 0
     for slot in range(view.slots.cell.shape[0]):
         order = np.int64(view.slots.content[slot])
         if view.slots.unbounded[slot] or order == NIL:
@@ -49,16 +62,16 @@ def count_tables(view, out, i, count):
         if access_cell == NIL:
             continue
         column = access_cell % width
-        count[TABLE_LEFT * width + column] += 1
+        state.loads_left[column] += 1
         if is_open(view, out, order) and can_do(view, i, order):
-            count[TABLE_OPEN * width + column] += 1
+            state.open_orders[column] += 1
         from_left = view.slots.access[slot, 2]
         if from_left != NIL:
-            count[TABLE_RIGHT * width + from_left % width] += 1
+            state.loads_right[from_left % width] += 1
 
 
 @kernel
-def choose_alley(view, memory, i):
+def choose_alley(view, state, i):
     """The free alley with open orders and the most loads left less right; NIL if there is none.
 
     Ties: nearest in x, then the lowest.
@@ -67,11 +80,9 @@ def choose_alley(view, memory, i):
     x = position(view, i) % width
     best, best_score, best_way = NIL, 0, 0
     for column in range(width):
-        if memory.shared[TABLE_OPEN * width + column] == 0 or is_reserved(memory, i, column):
+        if state.open_orders[column] == 0 or is_reserved(state, i, column):
             continue
-        score = (
-            memory.shared[TABLE_LEFT * width + column] - memory.shared[TABLE_RIGHT * width + column]
-        )
+        score = np.int64(state.loads_left[column]) - np.int64(state.loads_right[column])
         way = abs(column - x)
         if best == NIL or score > best_score or (score == best_score and way < best_way):
             best, best_score, best_way = column, score, way
@@ -79,10 +90,10 @@ def choose_alley(view, memory, i):
 
 
 @kernel
-def is_reserved(memory, i, column):
+def is_reserved(state, i, column):
     """Whether another robot has this alley."""
-    for j in range(memory.per_robot.shape[0]):
-        if j != i and memory.per_robot[j, ALLEY] == column:
+    for j in range(state.alley.shape[0]):
+        if j != i and state.alley[j] == column:
             return True
     return False
 
@@ -115,25 +126,25 @@ def first_order(view, out, workspace, i, column, around):
 
 
 @kernel
-def take_in_alley(view, out, memory, workspace, k, i, released):
+def take_in_alley(view, out, state, workspace, k, i, released):
     """Decision k: the first open order of the robot's alley, of a better one, or home."""
     width = view.grid.width
-    count_tables(view, out, i, memory.shared)
-    column = np.int64(memory.per_robot[i, ALLEY])
-    if column == 0 or memory.shared[TABLE_OPEN * width + column] == 0:
-        memory.per_robot[i, ALLEY] = 0
-        column = choose_alley(view, memory, i)
+    count_tables(view, out, i, state)
+    column = np.int64(state.alley[i])
+    if column == 0 or state.open_orders[column] == 0:
+        state.alley[i] = 0
+        column = choose_alley(view, state, i)
         if column == NIL:
             out.command[k] = CMD_PARK
             return
-        memory.per_robot[i, ALLEY] = column
+        state.alley[i] = column
     order = first_order(view, out, workspace, i, column, released)
-    memory.per_robot[i, FROM] = view.slots.cell[view.orders.current_slot[order]] % width
+    state.picked_from[i] = view.slots.cell[view.orders.current_slot[order]] % width
     take_order(view, out, k, i, order)
 
 
 @kernel
-def pass_right(view, out, memory, k, i):
+def pass_right(view, out, state, k, i):
     """Decision k: the empty shelf of the next table to the right, nearest in y; else deliver.
 
     A load is never passed beyond its own target, and always to the right of where it lay, on
@@ -141,7 +152,7 @@ def pass_right(view, out, memory, k, i):
     """
     width = view.grid.width
     here, robot_type = position(view, i), view.robots.type[i]
-    x, y = max(here % width, memory.per_robot[i, FROM]), here // width
+    x, y = max(here % width, np.int64(state.picked_from[i])), here // width
     target = np.int64(view.slots.cell[view.orders.target[view.robots.load[i]]])
     best, best_column, best_way = NIL, target % width, 0
     for slot in range(view.slots.cell.shape[0]):
@@ -164,16 +175,16 @@ def pass_right(view, out, memory, k, i):
 
 @kernel
 def decide(view, batch, decisions, memory, workspace):
-    out = decisions.allocation
+    out, state = decisions.allocation, AlleyState.of(memory)
     for k in range(batch.count[0]):
         if workspace.stop[0]:
             return
         i = np.int64(batch.robot[k])
         reason = batch.reason[k]
         if reason == REASON_PICKED:
-            pass_right(view, out, memory, k, i)
+            pass_right(view, out, state, k, i)
         elif reason != REASON_PERIODIC:
-            take_in_alley(view, out, memory, workspace, k, i, reason == REASON_ORDER_RETURNED)
+            take_in_alley(view, out, state, workspace, k, i, reason == REASON_ORDER_RETURNED)
 
 
 class Cooperative(Strategy):
@@ -183,4 +194,4 @@ class Cooperative(Strategy):
     compiled = decide
 
     def reset(self, view):
-        return memory_of(view, per_robot=2, shared=3 * view.grid.width)
+        return alley_state(view)

@@ -8,38 +8,51 @@ taken. One that was given back is found by its robot, which remembers what it to
 
 import numpy as np
 
-from automaton.engine.state import CLOCK_NEXT_RELEASE, CMD_PARK, NIL, REASON_PERIODIC, REASON_PICKED
+from automaton.engine.jit.fields import field
+from automaton.engine.jit.structs import Struct
+from automaton.engine.state import (
+    CLOCK_NEXT_RELEASE,
+    CMD_PARK,
+    NIL,
+    REASON_PERIODIC,
+    REASON_PICKED,
+    Array,
+)
 from automaton.strategy.kernels import can_do, kernel
-from automaton.strategy.layer import Strategy, memory_of
+from automaton.strategy.layer import Strategy
 from strategies.allocation.independent import deliver, take_order
 from strategies.allocation.open_orders import is_open
 
-TOOK = 0  # memory.per_robot: 1 + the order that a robot took last, or 0
 
-# memory.shared
-LOOKED = 0  # orders looked at in the run so far: what the search has cost
-CURSOR = 1  # and on, by type: orders.release_sequence before it was taken, or is not for the type
+class FirstComeState(Struct):
+    """How far the orders have been looked at, and who took which."""
+
+    took: Array = field("(n,) int32", "1 + the order that a robot took last, or 0")
+    cursor: Array = field(
+        "(K,) int64", "by type: orders.release_sequence before it was taken, or is not for the type"
+    )
+    looked: Array = field("(1,) int64", "orders looked at so far: what the search has cost")
 
 
 @kernel
-def has_returned_order(view, out, memory):
+def has_returned_order(view, out, state):
     """Whether an order below the cursors is open again."""
-    for j in range(memory.per_robot.shape[0]):
-        order = memory.per_robot[j, TOOK] - 1
+    for j in range(state.took.shape[0]):
+        order = state.took[j] - 1
         if order >= 0 and is_open(view, out, order):
             return True
     return False
 
 
 @kernel
-def robot_that_returned_order(view, out, memory, i):
+def robot_that_returned_order(view, out, state, i):
     """The robot whose order below the cursor is open again for robot i, that of the lowest one; NIL."""
     robot = NIL
-    if memory.shared[CURSOR + view.robots.type[i]] == 0:
+    if state.cursor[view.robots.type[i]] == 0:
         return robot  # what robots took is forgotten, with the cursor
     lowest = view.orders.state.shape[0]
-    for j in range(memory.per_robot.shape[0]):
-        order = memory.per_robot[j, TOOK] - 1
+    for j in range(state.took.shape[0]):
+        order = state.took[j] - 1
         if 0 <= order < lowest and is_open(view, out, order) and can_do(view, i, order):
             lowest = order
             robot = j
@@ -47,13 +60,13 @@ def robot_that_returned_order(view, out, memory, i):
 
 
 @kernel
-def next_order(view, out, memory, i):
+def next_order(view, out, state, i):
     """The first open order for robot i from the cursor on, NIL if there is none; the cursor stops."""
-    cursor = CURSOR + view.robots.type[i]
-    for k in range(memory.shared[cursor], view.clock[CLOCK_NEXT_RELEASE]):
+    robot_type = view.robots.type[i]
+    for k in range(state.cursor[robot_type], view.clock[CLOCK_NEXT_RELEASE]):
         order = np.int64(view.orders.release_sequence[k])
-        memory.shared[LOOKED] += 1
-        memory.shared[cursor] = k + 1
+        state.looked[0] += 1
+        state.cursor[robot_type] = k + 1
         if order == NIL:
             continue  # another zone's, out of sight
         if is_open(view, out, order) and can_do(view, i, order):
@@ -64,7 +77,8 @@ def next_order(view, out, memory, i):
 @kernel
 def decide(view, batch, decisions, memory, workspace):
     out = decisions.allocation
-    again = has_returned_order(view, out, memory)
+    state = FirstComeState.of(memory)
+    again = has_returned_order(view, out, state)
     for k in range(batch.count[0]):
         if workspace.stop[0]:
             return
@@ -74,18 +88,16 @@ def decide(view, batch, decisions, memory, workspace):
         elif batch.reason[k] == REASON_PERIODIC:
             continue
         else:
-            giver = robot_that_returned_order(view, out, memory, i) if again else NIL
-            order = next_order(view, out, memory, i) if giver == NIL else NIL
+            giver = robot_that_returned_order(view, out, state, i) if again else NIL
+            order = next_order(view, out, state, i) if giver == NIL else NIL
             if giver != NIL:
-                order = memory.per_robot[giver, TOOK] - 1
-                memory.per_robot[giver, TOOK] = memory.per_robot[
-                    i, TOOK
-                ]  # that one may be open again, too
+                order = state.took[giver] - 1
+                state.took[giver] = state.took[i]  # that one may be open again, too
             if order == NIL:
                 out.command[k] = CMD_PARK
             else:
                 take_order(view, out, k, i, order)
-                memory.per_robot[i, TOOK] = order + 1
+                state.took[i] = order + 1
 
 
 class FirstCome(Strategy):
@@ -95,4 +107,5 @@ class FirstCome(Strategy):
     compiled = decide
 
     def reset(self, view):
-        return memory_of(view, per_robot=1, shared=CURSOR + len(view.grid.type_cell_flags))
+        sizes = {"n": len(view.robots.cell), "K": len(view.grid.type_cell_flags)}
+        return FirstComeState.sized(sizes)

@@ -29,7 +29,7 @@ from automaton.strategy.kernels import (
     pickup_cell,
     position,
 )
-from automaton.strategy.layer import Strategy, memory_of
+from automaton.strategy.layer import Strategy
 from strategies.allocation.open_orders import is_open
 
 
@@ -127,6 +127,3 @@ class Independent(Strategy):
 
     layer = "allocation"
     compiled = decide
-
-    def reset(self, view):
-        return memory_of(view)

@@ -9,6 +9,8 @@ zoning says; without, any order, which it carries to its target.
 
 import numpy as np
 
+from automaton.engine.jit.fields import field
+from automaton.engine.jit.structs import Struct
 from automaton.engine.state import CLOCK_TICK, CMD_PARK, NIL, REASON_PERIODIC, REASON_PICKED
 from automaton.strategy.kernels import (
     UNREACHABLE,
@@ -19,16 +21,19 @@ from automaton.strategy.kernels import (
     pickup_cell,
     position,
 )
-from automaton.strategy.layer import Strategy, memory_of
+from automaton.strategy.layer import Strategy
 from strategies.allocation.independent import deliver, set_down, take_order, takes_load
 from strategies.allocation.open_orders import is_open
 
-# memory.parameters
-AGE = 0  # weights, in thousandths
-JOB = 1
-PARKS = 2  # 1: robots without an order drive home
-
 WORST = -(1 << 62)
+
+
+class ShortestJobState(Struct):
+    """Parameters; it remembers nothing."""
+
+    age: int = field("int64", "weight of an order's age, in thousandths")
+    job: int = field("int64", "and of its job")
+    parks: int = field("int64", "1: robots without an order drive home")
 
 
 @kernel
@@ -50,7 +55,7 @@ def next_stop(view, order):
 
 
 @kernel
-def score(view, workspace, memory, i, order):
+def score(view, workspace, state, i, order):
     """The score of an order for robot i, in thousandths of ticks; WORST if it cannot do it."""
     slot, robot_type = next_stop(view, order), view.robots.type[i]
     if not can_bring(view, robot_type, order, slot):
@@ -63,17 +68,17 @@ def score(view, workspace, memory, i, order):
     if job >= UNREACHABLE:
         return WORST
     age = view.clock[CLOCK_TICK] - view.orders.release_tick[order]
-    return memory.parameters[AGE] * age - memory.parameters[JOB] * job
+    return state.age * age - state.job * job
 
 
 @kernel
-def best_order(view, out, memory, workspace, i):
+def best_order(view, out, state, workspace, i):
     """The open order of highest score for robot i, NIL if there is none."""
     found, highest = NIL, WORST
     identity = view.robots.identity[i]
     for order in range(view.orders.state.shape[0]):
         if is_open(view, out, order) and is_mine(view, order, identity):
-            worth = score(view, workspace, memory, i, order)
+            worth = score(view, workspace, state, i, order)
             if worth > highest:
                 found, highest = order, worth
     return found
@@ -92,7 +97,7 @@ def bring(view, out, k, i):
 
 @kernel
 def decide(view, batch, decisions, memory, workspace):
-    out = decisions.allocation
+    out, state = decisions.allocation, ShortestJobState.of(memory)
     for k in range(batch.count[0]):
         if workspace.stop[0]:
             return
@@ -100,10 +105,10 @@ def decide(view, batch, decisions, memory, workspace):
         if batch.reason[k] == REASON_PICKED:
             bring(view, out, k, i)
         elif batch.reason[k] != REASON_PERIODIC:
-            order = best_order(view, out, memory, workspace, i)
+            order = best_order(view, out, state, workspace, i)
             if order != NIL:
                 take_order(view, out, k, i, order)
-            elif memory.parameters[PARKS]:
+            elif state.parks:
                 out.command[k] = CMD_PARK
 
 
@@ -115,5 +120,8 @@ class ShortestJob(Strategy):
 
     def reset(self, view):
         given = self.parameters
-        weights = round(1000 * given.age), round(1000 * given.job)
-        return memory_of(view, parameters=(*weights, int(given.idle == "park")))
+        return ShortestJobState(
+            age=round(1000 * given.age),
+            job=round(1000 * given.job),
+            parks=int(given.idle == "park"),
+        )

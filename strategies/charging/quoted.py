@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
+from automaton.engine.jit.structs import Struct
 from automaton.engine.robot_status import BATTERY_PERCENT
 from automaton.engine.state import Batch, Decisions, Memory, Workspace, World
 from automaton.strategy.layer import Strategy
@@ -45,8 +46,8 @@ class Quoted(Strategy):
         queues: bool = self.parameters.count_queues
         return queues
 
-    def reset(self, view: World) -> Memory:
-        """No memory; room for the list of one robot."""
+    def reset(self, view: World) -> Struct:
+        """No state; room for the list of one robot."""
         longest = view.robots.order_queue.shape[1] + 1
         self._market = make_floor_market(view, 1, longest, longest, self.policy(), self.queues)
         return super().reset(view)

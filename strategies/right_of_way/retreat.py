@@ -12,6 +12,8 @@ Robots are looked up by cell: in `traffic.holder`, or in lists of those in each 
 import numpy as np
 
 from automaton.engine.facilities import MAY_TURN
+from automaton.engine.jit.fields import CONSTANT, SCRATCH, field
+from automaton.engine.jit.structs import Struct
 from automaton.engine.state import (
     CLOCK_TICK,
     CMD_RETREAT,
@@ -22,6 +24,7 @@ from automaton.engine.state import (
     REASON_PERIODIC,
     REASON_RETREATING,
     REASON_RETRIES_EXHAUSTED,
+    Array,
 )
 from automaton.strategy.kernels import (
     STREAM_ABORTS,
@@ -33,19 +36,30 @@ from automaton.strategy.kernels import (
     lane_of,
     random_between,
 )
-from automaton.strategy.layer import Strategy, memory_of
+from automaton.strategy.layer import Strategy
 
-# memory.parameters
-LIMIT = 0
-MOVES = 1  # and 2: range
-ABORT = 3  # and 4: range
-FILES = 5  # numbers in `queues`; the rest of memory.shared is `crowds`
-
-# memory.shared: `queues`, [0] counts the calls, then what the last one has found of two robots, one
-# behind another (8 n entries, call << 2 | ...); and `crowds`, of cells without limit, the first place
-# in each (C,), the place after each (2 n,); robots that stand have places 1 to n, then those that enter.
 LINK_FREE = 1
 LINK_PRESSED = 2
+
+
+class RetreatState(Struct):
+    """Parameters, and what a call finds out about the robots that stand together."""
+
+    max_retries: int = field("int64", "failed retries after which a robot retreats in any case")
+    moves: Array = field("(2,) int64", "least and most moves of a retreat", role=CONSTANT)
+    abort_wait: Array = field(
+        "(2,) int64", "least and most ticks to wait where every way is closed", role=CONSTANT
+    )
+    calls: Array = field("(1,) int64", "calls so far", role=SCRATCH)
+    queues: Array = field(
+        "(q,) int64",
+        "call << 2 | LINK_*: what that call has found of two robots, one behind another (link_of)",
+        role=SCRATCH,
+    )
+    # Of cells without limit: robots that stand there have places 1 to n, then come those that enter.
+    crowd_call: Array = field("(c,) int64", "call that has listed a cell's places", role=SCRATCH)
+    crowd_first: Array = field("(c,) int32", "the first place in a cell", role=SCRATCH)
+    crowd_next: Array = field("(p,) int32", "the place after each; 0: none", role=SCRATCH)
 
 
 @kernel
@@ -55,40 +69,36 @@ def capacity_of(view, cell):
 
 
 @kernel
-def list_crowds(view, crowds):
+def list_crowds(view, state):
     """List the robots that stand in each cell without limit, or enter it, by identity."""
     robots = view.robots
-    if crowds.shape[0] == 0:
+    if state.crowd_call.shape[0] == 0:
         return
-    n, cells = robots.cell.shape[0], view.grid.cell_flags.shape[0]
+    n = robots.cell.shape[0]
     for back in range(n):
         i = np.int64(robots.at_index[n - 1 - back])
         for place, cell in ((1 + i, robots.cell[i]), (1 + n + i, robots.claim[i])):
             if cell != NIL and capacity_of(view, cell) == 0:
-                crowds[cells + place - 1] = crowds[cell]
-                crowds[cell] = place
+                state.crowd_next[place - 1] = first_place(state, cell)
+                state.crowd_call[cell] = state.calls[0]
+                state.crowd_first[cell] = place
 
 
 @kernel
-def forget_crowds(view, crowds):
-    robots = view.robots
-    if crowds.shape[0] == 0:
-        return
-    for i in range(robots.cell.shape[0]):
-        for cell in (robots.cell[i], robots.claim[i]):
-            if cell != NIL:
-                crowds[cell] = 0
+def first_place(state, cell):
+    """The first place in a cell without limit, as far as this call has listed them."""
+    return np.int64(state.crowd_first[cell] if state.crowd_call[cell] == state.calls[0] else 0)
 
 
 @kernel
-def next_place(view, crowds, cell, place):
+def next_place(view, state, cell, place):
     """The place in a cell after this one, where a robot may be; 0 is before the first, after the last."""
     capacity = capacity_of(view, cell)
     if capacity:
         return place + 1 if place < capacity else 0
-    if crowds.shape[0] == 0:
+    if state.crowd_call.shape[0] == 0:
         return 0
-    return crowds[cell] if place == 0 else crowds[view.grid.cell_flags.shape[0] + place - 1]
+    return first_place(state, cell) if place == 0 else np.int64(state.crowd_next[place - 1])
 
 
 @kernel
@@ -108,7 +118,7 @@ def of_lower_identity(robots, best, j):
 
 
 @kernel
-def holder_of_cell(view, crowds, cell, direction):
+def holder_of_cell(view, state, cell, direction):
     """The robot that holds what one travelling in `direction` needs of a cell; NIL if there is none.
 
     In a cell without limit the one of lowest identity: the order of storage must not matter.
@@ -117,18 +127,18 @@ def holder_of_cell(view, crowds, cell, direction):
     if lane != NIL:
         identity = np.int64(view.traffic.holder[cell, lane])
         return np.int64(NIL) if identity == NIL else np.int64(view.robots.at_index[identity])
-    place = next_place(view, crowds, cell, 0)
+    place = next_place(view, state, cell, 0)
     return robot_at(view, cell, place) if place else np.int64(NIL)
 
 
 @kernel
-def is_head_on(view, crowds, i):
+def is_head_on(view, state, i):
     """Whether the robot ahead plans to move into robot i's cell next, and is not retreating."""
     robots, grid = view.robots, view.grid
     if robots.route_index[i] >= robots.route_length[i]:
         return False
     way = np.int64(robots.route[i, robots.route_index[i]])
-    j = holder_of_cell(view, crowds, robots.cell[i] + grid.offset[way], way)
+    j = holder_of_cell(view, state, robots.cell[i] + grid.offset[way], way)
     if j == NIL or robots.retreat_moves[j] or robots.route_index[j] >= robots.route_length[j]:
         return False
     direction = np.int64(robots.route[j, robots.route_index[j]])
@@ -196,18 +206,18 @@ def is_entering_cell_of(view, j, i):
 
 
 @kernel
-def robot_entering_cell_of(view, crowds, i):
+def robot_entering_cell_of(view, state, i):
     """The robot of lowest identity whose route leads into the cell of robot i next, or NIL."""
     robots = view.robots
     best = np.int64(NIL)
     for direction in range(4):
         cell = robots.cell[i] - view.grid.offset[direction]
-        place = next_place(view, crowds, cell, 0)
+        place = next_place(view, state, cell, 0)
         while place:
             j = robot_at(view, cell, place)
             if j != NIL and robots.cell[j] == cell and is_entering_cell_of(view, j, i):
                 best = of_lower_identity(robots, best, j)
-            place = next_place(view, crowds, cell, place)
+            place = next_place(view, state, cell, place)
     return best
 
 
@@ -226,7 +236,7 @@ def is_boxed_in(view, i):
 
 
 @kernel
-def boxed_in_neighbour(view, crowds, queues, i):
+def boxed_in_neighbour(view, state, i):
     """Return a robot next to robot i that has to leave its cell and cannot, NIL if none is seen.
 
     Found by what is seen alone: along a queue of robots that are boxed in, up to one that retreats
@@ -236,15 +246,15 @@ def boxed_in_neighbour(view, crowds, queues, i):
     best = np.int64(NIL)
     for direction in range(4):
         cell = robots.cell[i] - view.grid.offset[direction]
-        place = next_place(view, crowds, cell, 0)
+        place = next_place(view, state, cell, 0)
         while place:
             j = robot_at(view, cell, place)
             if j != NIL and can_leave_towards(view, j, cell, direction):
                 if of_lower_identity(robots, best, j) == j and is_pressed_by_queue(
-                    view, crowds, queues, i, j
+                    view, state, i, j
                 ):
                     best = j
-            place = next_place(view, crowds, cell, place)
+            place = next_place(view, state, cell, place)
     return best
 
 
@@ -256,23 +266,23 @@ def can_leave_towards(view, j, cell, direction):
 
 
 @kernel
-def next_in_queue(view, crowds, behind, at):
+def next_in_queue(view, state, behind, at):
     """Return the robot of lowest identity next to another one, but for the one behind; or NIL."""
     robots = view.robots
     best = np.int64(NIL)
     for direction in range(4):
         cell = robots.cell[at] - view.grid.offset[direction]
-        place = next_place(view, crowds, cell, 0)
+        place = next_place(view, state, cell, 0)
         while place:
             j = robot_at(view, cell, place)
             if j != NIL and j != behind and can_leave_towards(view, j, cell, direction):
                 best = of_lower_identity(robots, best, j)
-            place = next_place(view, crowds, cell, place)
+            place = next_place(view, state, cell, place)
     return best
 
 
 @kernel
-def is_pressed_by_queue(view, crowds, queues, i, first):
+def is_pressed_by_queue(view, state, i, first):
     """Return whether the queue that begins at robot `first`, next to robot i, ends at one that is
     pressed.
 
@@ -280,28 +290,29 @@ def is_pressed_by_queue(view, crowds, queues, i, first):
     """
     behind, at = np.int64(i), np.int64(first)
     found = LINK_FREE
+    queues, call = state.queues, state.calls[0]
     walked = 0
     while at != NIL and walked < view.robots.cell.shape[0]:
         link = link_of(view, behind, at)
-        if link != NIL and queues[link] >> 2 == queues[0] and queues[link] & 3:
+        if link != NIL and queues[link] >> 2 == call and queues[link] & 3:
             found = queues[link] & 3
             break  # a queue that returns to a link of its own is a ring: no robot in it is pressed
         if not is_boxed_in(view, at):
             break
-        if view.robots.retreat_moves[at] or robot_entering_cell_of(view, crowds, at) != NIL:
+        if view.robots.retreat_moves[at] or robot_entering_cell_of(view, state, at) != NIL:
             found = LINK_PRESSED
             break
         if link != NIL:
-            queues[link] = queues[0] << 2 | LINK_FREE
-        behind, at = at, next_in_queue(view, crowds, behind, at)
+            queues[link] = call << 2 | LINK_FREE
+        behind, at = at, next_in_queue(view, state, behind, at)
         walked += 1
     if found == LINK_PRESSED:
         behind, at = np.int64(i), np.int64(first)
         for _ in range(walked):
             link = link_of(view, behind, at)
             if link != NIL:
-                queues[link] = queues[0] << 2 | LINK_PRESSED
-            behind, at = at, next_in_queue(view, crowds, behind, at)
+                queues[link] = call << 2 | LINK_PRESSED
+            behind, at = at, next_in_queue(view, state, behind, at)
     return found == LINK_PRESSED
 
 
@@ -315,18 +326,18 @@ def link_of(view, behind, at):
     direction = np.int64(0)
     while cell + view.grid.offset[direction] != view.robots.cell[at]:
         direction += 1
-    return 1 + 8 * np.int64(at) + 2 * direction + lane
+    return 8 * np.int64(at) + 2 * direction + lane
 
 
 @kernel
-def robot_to_yield_to(view, crowds, queues, i):
+def robot_to_yield_to(view, state, i):
     """Return the robot to which idle robot i yields, NIL if there is none.
 
     The one of lowest identity whose route leads into the cell of robot i next, or else one beside it
     that has to leave its own cell and has no room.
     """
-    j = robot_entering_cell_of(view, crowds, i)
-    return j if j != NIL else boxed_in_neighbour(view, crowds, queues, i)
+    j = robot_entering_cell_of(view, state, i)
+    return j if j != NIL else boxed_in_neighbour(view, state, i)
 
 
 @kernel
@@ -363,25 +374,23 @@ def yield_direction(view, i, j):
 def decide(view, batch, decisions, memory, workspace):
     out = decisions.right_of_way
     seed, tick = view.rules.seed, view.clock[CLOCK_TICK]
-    p = memory.parameters
-    queues, crowds = memory.shared[: p[FILES]], memory.shared[p[FILES] :]
-    list_crowds(view, crowds)
-    if queues.shape[0]:
-        queues[0] += 1
+    state = RetreatState.of(memory)
+    state.calls[0] += 1
+    list_crowds(view, state)
     for k in range(batch.count[0]):
         i = np.int64(batch.robot[k])
         identity = np.int64(view.robots.identity[i])
         if batch.reason[k] == REASON_PERIODIC:
-            waiting = robot_to_yield_to(view, crowds, queues, i) if is_idle(view, i) else NIL
+            waiting = robot_to_yield_to(view, state, i) if is_idle(view, i) else NIL
             direction = yield_direction(view, i, waiting) if waiting != NIL else NIL
             if direction != NIL:
                 out.command[k] = CMD_STEP
                 out.value[k] = direction
         elif batch.reason[k] == REASON_RETRIES_EXHAUSTED:
-            if view.robots.failed_retries[i] >= p[LIMIT] or is_head_on(view, crowds, i):
+            if view.robots.failed_retries[i] >= state.max_retries or is_head_on(view, state, i):
                 out.command[k] = CMD_RETREAT
                 out.value[k] = random_between(
-                    p[MOVES], p[MOVES + 1], seed, STREAM_RETREATS, tick, identity
+                    state.moves[0], state.moves[1], seed, STREAM_RETREATS, tick, identity
                 )
                 out.return_order[k] = 1
         elif batch.reason[k] == REASON_RETREATING:
@@ -389,12 +398,16 @@ def decide(view, batch, decisions, memory, workspace):
             if direction == NIL:
                 out.command[k] = CMD_WAIT
                 out.value[k] = random_between(
-                    p[ABORT], p[ABORT + 1], seed, STREAM_ABORTS, tick, identity
+                    state.abort_wait[0],
+                    state.abort_wait[1],
+                    seed,
+                    STREAM_ABORTS,
+                    tick,
+                    identity,
                 )
             else:
                 out.command[k] = CMD_STEP
                 out.value[k] = direction
-    forget_crowds(view, crowds)
 
 
 class Retreat(Strategy):
@@ -416,9 +429,13 @@ class Retreat(Strategy):
         """The parameters; where idle robots give way, all robots are asked about in every tick."""
         p, cell_flags, n = self.parameters, view.grid.cell_flags, len(view.robots.cell)
         unlimited = bool(np.any((cell_flags & 15 != 0) & (cell_flags >> 5 & 3 == 0)))
-        queues = 1 + 8 * n if p.idle_give_way else 0
-        return memory_of(
-            view,
-            shared=queues + (len(cell_flags) + 2 * n if unlimited else 0),
-            parameters=(p.max_retries, *p.retreat_moves, *p.abort_wait, queues),
+        return RetreatState.sized(
+            {
+                "q": 8 * n if p.idle_give_way else 0,
+                "c": len(cell_flags) if unlimited else 0,
+                "p": 2 * n if unlimited else 0,
+            },
+            max_retries=p.max_retries,
+            moves=p.retreat_moves,
+            abort_wait=p.abort_wait,
         )

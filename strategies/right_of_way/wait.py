@@ -1,7 +1,7 @@
 """Wait and retry, nothing else: the simplest right of way, which any head-on meeting defeats."""
 
 from automaton.strategy.kernels import kernel
-from automaton.strategy.layer import Strategy, memory_of
+from automaton.strategy.layer import Strategy
 
 NEVER_ASKED = 256  # failed retries are counted up to 255
 
@@ -20,6 +20,3 @@ class Wait(Strategy):
     def wait_ranges(self):
         p = self.parameters
         return (*p.wait_empty, *p.wait_loaded, NEVER_ASKED)
-
-    def reset(self, view):
-        return memory_of(view)

@@ -4,7 +4,7 @@ import numpy as np
 
 from automaton.engine.state import NIL, REASON_AROUND_ROBOTS
 from automaton.strategy.kernels import find_path, follow_gradient, kernel, position
-from automaton.strategy.layer import Strategy, memory_of
+from automaton.strategy.layer import Strategy
 
 
 @kernel
@@ -30,6 +30,3 @@ class Shortest(Strategy):
 
     layer = "routing"
     compiled = decide
-
-    def reset(self, view):
-        return memory_of(view)

@@ -24,7 +24,10 @@ from automaton.units import Unit, listed, number, unit
 METRICS = [name for name in METRIC_CATALOGUE if name not in OF_OTHER_RUNS]
 STRATEGIES = '''
 import msgspec
-from automaton.strategy.layer import Strategy, memory_of
+from automaton.engine.jit.fields import field
+from automaton.engine.jit.structs import Struct
+from automaton.engine.state import Array
+from automaton.strategy.layer import Strategy
 
 def one_over(x):
     return 1 / x
@@ -57,14 +60,17 @@ class Idle(Strategy):
     def decide(self, view, batch, decisions, memory, workspace):
         pass
 
+class Asked(Struct):
+    times: Array = field("(n,) int64")
+
 class Counts(Idle):
     """Counts how often each robot was asked about."""
-    counters = {"asked_robots": 1}
+    counters = {"asked_robots": "times"}
     def reset(self, view):
-        return memory_of(view, per_robot=2)
+        return Asked.sized({"n": len(view.robots.cell)})
     def decide(self, view, batch, decisions, memory, workspace):
         for k in range(batch.count[0]):
-            memory.per_robot[batch.robot[k], 1] += 1
+            Asked.of(memory).times[batch.robot[k]] += 1
 '''
 
 
@@ -328,10 +334,10 @@ def test_bad_input_is_one_sentence(
         (
             "own_strategies:Raises",
             "the allocation strategy 'own_strategies:Raises' raised "
-            "ZeroDivisionError: division by zero ({file}:6)",
+            "ZeroDivisionError: division by zero ({file}:9)",
         ),
-        ("own_strategies:RaisesAtReset", "raised ValueError: no room ({file}:16)"),
-        ("own_strategies:Quits", "raised SystemExit: 0 ({file}:23)"),
+        ("own_strategies:RaisesAtReset", "raised ValueError: no room ({file}:19)"),
+        ("own_strategies:Quits", "raised SystemExit: 0 ({file}:26)"),
         ("own_strategies:Short", "raised TypeError: Short.decide() takes 1 positional argument"),
         ("own_strategies:Idel", "did you mean 'Idle'?"),
         ("own_broken:X", "importing 'own_broken' raised SyntaxError"),

@@ -116,25 +116,21 @@ class Probe(RandomRightOfWay):
 
     def __init__(self) -> None:
         super().__init__(Mood(illegal=0, active=60))
-        self.memory = None
+        self.state = None
         self.found = 0
 
     def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
         assert np.array_equal(view.traffic.holder, naive_holders(view))
-        own = self.memory = self.memory or WITHDRAW.reset(view)
-        files = own.shared[: own.parameters[retreat.FILES]]
-        crowds = own.shared[own.parameters[retreat.FILES] :]
-        files[0] += 1
-        retreat.list_crowds(view, crowds)
+        state = self.state = self.state or WITHDRAW.reset(view)
+        state.calls[0] += 1
+        retreat.list_crowds(view, state)
         for i in batch.robot[: batch.count[0]]:
             if standing(view, i):
                 wants = naive_wants(view, i)
-                assert retreat.robot_entering_cell_of(view, crowds, i) == wants
+                assert retreat.robot_entering_cell_of(view, state, i) == wants
                 pressing = naive_presses(view, i)
-                assert retreat.boxed_in_neighbour(view, crowds, files, i) == pressing
+                assert retreat.boxed_in_neighbour(view, state, i) == pressing
                 self.found += wants != NIL or pressing != NIL
-        retreat.forget_crowds(view, crowds)
-        assert not crowds[: len(view.grid.cell_flags)].any()
         super().decide(view, batch, decisions, memory, workspace)
 
 

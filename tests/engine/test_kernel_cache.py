@@ -244,6 +244,50 @@ def test_a_comment_in_a_strategy_compiles_that_strategy_alone(tmp_path: Path) ->
     assert compiled_in_a_run(tmp_path, "allocation=edited:Cooperative") == ({"edited"}, before)
 
 
+COUNTING = """
+from automaton.engine.jit.fields import field
+from automaton.engine.jit.structs import Struct
+from automaton.engine.state import Array
+from automaton.strategy.kernels import kernel
+from automaton.strategy.layer import Strategy
+
+
+class CountingState(Struct):
+    {field}
+
+
+@kernel
+def decide(view, batch, decisions, memory, workspace):
+    state = CountingState.of(memory)
+    for k in range(batch.count[0]):
+        state.{name}[batch.robot[k]] += 1
+
+
+class Counting(Strategy):
+    layer = "right_of_way"
+    compiled = decide
+    period = 1
+    counters = {{"asked": "{name}"}}
+
+    def reset(self, view):
+        return CountingState.sized({{"n": len(view.robots.cell)}})
+"""
+
+
+@pytest.mark.skipif(not jit_is_on(), reason="compilation is off")
+def test_a_field_of_a_strategys_state_is_declared_in_its_folder_alone(tmp_path: Path) -> None:
+    plug_in = tmp_path / "counting.py"
+    plug_in.write_text(COUNTING.format(field='asked: Array = field("(n,) int64")', name="asked"))
+    compiled_in_a_run(tmp_path, "right_of_way=wait")  # the world, if this is the first test of all
+    modules, before = compiled_in_a_run(tmp_path, "right_of_way=counting:Counting")
+    assert modules == {"counting"}
+    fields = 'asked: Array = field("(n, 2) float64")\n    times: Array = field("(n,) int32")'
+    plug_in.write_text(COUNTING.format(field=fields, name="times"))
+    modules, after = compiled_in_a_run(tmp_path, "right_of_way=counting:Counting")
+    assert modules == {"counting"} and after == before
+    assert compiled_in_a_run(tmp_path, "right_of_way=counting:Counting") == (set(), before)
+
+
 def kept_in(cache: Path, temporary: Path) -> tuple[str, str]:
     """Where a process of its own keeps compiled code, and what it says about that."""
     done = subprocess.run(

@@ -1,7 +1,9 @@
 """Strategies whose decision in one tick never ends, in compiled code."""
 
+from automaton.engine.jit.fields import field
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.state import CLOCK_TICK, NIL
+from automaton.engine.jit.structs import Struct
+from automaton.engine.state import CLOCK_TICK, NIL, Array
 from automaton.strategy.kernels import find_path, position
 from strategies.allocation.independent_python import IndependentPython
 from strategies.routing import shortest
@@ -28,11 +30,18 @@ def search_on(view, batch, decisions, memory, workspace):
             break
 
 
+class Count(Struct):
+    """One number."""
+
+    count: Array = field("(1,) int64")
+
+
 @kernel
 def count_on(view, batch, decisions, memory, workspace):
     shortest.decide(view, batch, decisions, memory, workspace)
+    state = Count.of(memory)
     while view.clock[CLOCK_TICK] == LONG_TICK:
-        memory.shared[0] += 1
+        state.count[0] += 1
 
 
 class Searches(shortest.Shortest):
@@ -48,6 +57,4 @@ class Counts(Searches):
     compiled = count_on
 
     def reset(self, view):
-        from automaton.strategy.layer import memory_of
-
-        return memory_of(view, shared=1)
+        return Count.sized()

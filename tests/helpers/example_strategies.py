@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from automaton.engine.jit.fields import field
 from automaton.engine.jit.kernel import kernel
+from automaton.engine.jit.structs import Struct
 from automaton.engine.robot_status import BATTERY_FULL
 from automaton.engine.state import (
     CLOCK_TICK,
@@ -16,9 +18,10 @@ from automaton.engine.state import (
     NIL,
     REASON_IDLE,
     REASON_PICKED,
+    Array,
 )
 from automaton.floor.cells import CHARGER
-from automaton.strategy.layer import Strategy, memory_of
+from automaton.strategy.layer import Strategy
 from automaton.strategy.per_robot import drop_at, park, per_robot, take
 
 
@@ -44,6 +47,12 @@ class Halts(Strategy):
             decisions.zoning.halt[: batch.count[0]] = 6
 
 
+class HasCharged(Struct):
+    """Who was sent to a charger."""
+
+    sent: Array = field("(n,) uint8")
+
+
 class ChargeFirst(Strategy):
     """Charging: a robot without an order goes once to the first charger, until it is full."""
 
@@ -51,15 +60,16 @@ class ChargeFirst(Strategy):
     period = 1
 
     def reset(self, view):
-        return memory_of(view, per_robot=1)
+        return HasCharged.sized({"n": len(view.robots.cell)})
 
     def decide(self, view, batch, decisions, memory, workspace):
+        state = HasCharged.of(memory)
         charger = int(np.flatnonzero(view.grid.kind == CHARGER)[0])
         for k in range(batch.count[0]):
             robot = batch.robot[k]
             idle = view.robots.order[robot] == NIL and view.robots.goal_type[robot] == GOAL_NONE
-            if idle and view.robots.busy[robot] == 0 and not memory.per_robot[robot, 0]:
-                memory.per_robot[robot, 0] = 1
+            if idle and view.robots.busy[robot] == 0 and not state.sent[robot]:
+                state.sent[robot] = 1
                 decisions.charging.goal_cell[k], decisions.charging.charge_target[k] = (
                     charger,
                     BATTERY_FULL,
@@ -130,6 +140,13 @@ class WrongArity(Strategy):
     compiled = four_arguments
 
 
+class Asked(Struct):
+    """How often somebody was asked."""
+
+    robot: Array = field("(n,) int64")
+    anybody: Array = field("(1,) int64")
+
+
 class Watcher(Strategy):
     """Right of way: notes which other robots it can see, and whether it may know their memory."""
 
@@ -139,17 +156,17 @@ class Watcher(Strategy):
     memories: list[int] = []  # noqa: RUF012
 
     def reset(self, view):
-        return memory_of(view, per_robot=1, shared=1)
+        return Asked.sized({"n": len(view.robots.cell)})
 
     def decide(self, view, batch, decisions, memory, workspace):
-        robots = view.robots
+        robots, state = view.robots, Asked.of(memory)
         for k in range(batch.count[0]):
             i = int(batch.robot[k])
             seen = {int(robots.identity[j]) for j in (robots.cell != NIL).nonzero()[0]}
             self.sightings.append((int(robots.identity[i]), frozenset(seen)))
-            self.memories.append(int(memory.per_robot[:, 0].sum() - memory.per_robot[i, 0]))
-            memory.per_robot[i, 0] += 1
-            memory.shared[0] += 1
+            self.memories.append(int(state.robot.sum() - state.robot[i] + state.anybody[0]))
+            state.robot[i] += 1
+            state.anybody[0] += 1
             decisions.right_of_way.command[k] = KEEP
 
 

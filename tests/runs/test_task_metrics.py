@@ -33,7 +33,6 @@ from automaton.runs.simulation import Simulation
 from automaton.runs.task_metrics import TASK_METRICS, quantile_95
 from automaton.strategy.layer import Strategy
 from layouts.racks import Racks
-from strategies.allocation.first_come import LOOKED
 from strategies.allocation.independent import deliver, take_order
 
 SMALL = """
@@ -206,7 +205,7 @@ def test_every_order_is_looked_at_once_in_a_run(scenario):
     simulation.run()
     taken = int((simulation.world.orders.dispatched != NIL).sum())
     assert taken > 200
-    assert simulation.memories[LAYER_ALLOCATION].shared[LOOKED] == taken
+    assert simulation.states[LAYER_ALLOCATION].looked[0] == taken
 
 
 class Plainly(Strategy):

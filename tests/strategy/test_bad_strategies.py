@@ -16,13 +16,16 @@ import pytest
 
 from automaton.build.resolve import resolve
 from automaton.commands import main
-from automaton.engine.state import Memory
+from automaton.engine.jit.fields import field
+from automaton.engine.jit.structs import Struct
+from automaton.engine.state import Array
 from automaton.errors import InputError
 from automaton.runs.headless import run_once
 from automaton.runs.simulation import ALWAYS_CHECKED, CHECKED_EVERY, Simulation
 from automaton.strategy import lookup, paths
-from automaton.strategy.layer import Strategy, memory_of
+from automaton.strategy.layer import NoState, Strategy
 from strategies.allocation.independent import Independent
+from strategies.right_of_way.retreat import RetreatState
 
 
 class Silent(Strategy):
@@ -57,34 +60,37 @@ class Base(Strategy):
         pass
 
 
+class Asked(Struct):
+    """How often each robot was asked."""
+
+    times: Array = field("(n,) int64")
+    tables: Array = field("(n, 2) int64")
+
+
 class OneRow(Base):
     def reset(self, view: Any) -> Any:
-        good = memory_of(view, per_robot=1)
-        return Memory(
-            per_robot=good.per_robot[:1].copy(), shared=good.shared, parameters=good.parameters
-        )
+        return Asked.sized({"n": 1})
 
 
 class Floats(Base):
     def reset(self, view: Any) -> Any:
-        good = memory_of(view)
-        return Memory(
-            per_robot=good.per_robot, shared=np.zeros(3, np.float32), parameters=good.parameters
-        )
+        return Asked.sized(times=np.zeros(3, np.float32))
+
+
+class WorldAsState(Base):
+    def reset(self, view: Any) -> Any:
+        return view.robots
 
 
 class CountsNothing(Base):
-    counters: ClassVar = {"asked": 1}
+    counters: ClassVar = {"asked": "asked"}
 
     def reset(self, view: Any) -> Any:
-        return memory_of(view, per_robot=1)
+        return Asked.sized({"n": len(view.robots.cell)})
 
 
-class CountsMoves(Base):
-    counters: ClassVar = {"moves": 0}
-
-    def reset(self, view: Any) -> Any:
-        return memory_of(view, per_robot=1)
+class CountsMoves(CountsNothing):
+    counters: ClassVar = {"moves": "times"}
 
 
 class NoWait(Strategy):
@@ -101,7 +107,7 @@ class Often(Base):
     period = -3
 
     def reset(self, view: Any) -> Any:
-        return memory_of(view)
+        return NoState()
 
 
 class Mine(Independent):
@@ -121,10 +127,15 @@ def run(name: str, layer: str = "allocation", scenario: str = "tabletop-mini") -
     ("name", "layer", "sentence"),
     [
         ("Silent", "allocation", r"Silent: it has no method decide \(did you mean 'decied'"),
-        ("Base", "allocation", "reset\\(\\) must return memory_of"),
-        ("OneRow", "allocation", "memory.per_robot as int64 of shape"),
+        ("Base", "allocation", r"reset\(\) must return a state, which is a Struct; found None"),
+        ("OneRow", "allocation", "times must have a row for each robot, found 1 rows for 3 robots"),
+        ("WorldAsState", "allocation", "a state of its own, found one of the world"),
         ("NoWait", "right_of_way", "1 <= from <= to <= 10,000"),
-        ("CountsNothing", "allocation", "counter 'asked' must name a column of memory.per_robot"),
+        (
+            "CountsNothing",
+            "allocation",
+            "counter 'asked' must name a field of Asked .*: these are times; ",
+        ),
         ("CountsMoves", "allocation", "counter 'moves': every run counts this itself; rename it"),
         ("Often", "allocation", "period must be a number of ticks"),
     ],
@@ -134,8 +145,8 @@ def test_what_does_not_fit_the_contract_is_refused(name: str, layer: str, senten
         run(name, layer)
 
 
-def test_memory_of_another_type_than_declared_is_refused() -> None:
-    with pytest.raises(TypeError, match=r"Memory\.shared is \(3,\) float32; it is declared as"):
+def test_a_state_of_another_type_than_declared_is_refused() -> None:
+    with pytest.raises(TypeError, match=r"Asked\.times is \(3,\) float32; it is declared as"):
         run("Floats", "allocation")
 
 
@@ -190,7 +201,11 @@ def frees_array(view: Any, decisions: Any, memory: Any, workspace: Any) -> None:
 
 
 def frees_memory(view: Any, decisions: Any, memory: Any, workspace: Any) -> None:
-    memory.per_robot.resize(10**6, refcheck=False)
+    Asked.of(memory).times.resize(10**6, refcheck=False)
+
+
+def takes_another_state(view: Any, decisions: Any, memory: Any, workspace: Any) -> None:
+    RetreatState.of(memory)
 
 
 class Does(Strategy):
@@ -198,6 +213,9 @@ class Does(Strategy):
 
     layer = "allocation"
     period = 1
+
+    def reset(self, view: Any) -> Any:
+        return Asked.sized({"n": len(view.robots.cell)})
 
     def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
         if view.clock[0] == 3:
@@ -236,6 +254,7 @@ def does(trick: Callable[..., None]) -> Simulation:
         (replaces_array, AttributeError, "AllocationDecisions.command cannot be replaced"),
         (frees_array, ValueError, "does not own its data"),
         (frees_memory, ValueError, "does not own its data"),
+        (takes_another_state, TypeError, "the state is Asked, not RetreatState"),
     ],
 )
 def test_what_is_lent_to_a_strategy_cannot_be_opened_or_freed(
@@ -314,7 +333,7 @@ def test_who_writes_to_constants_by_address_is_named_and_spoils_no_other_run(
 class WritesInReset(Base):
     def reset(self, view: Any) -> Any:
         opens_ways(view)
-        return memory_of(view)
+        return NoState()
 
 
 def test_who_writes_to_constants_in_reset_is_named() -> None:

@@ -97,6 +97,11 @@ class Field:
         return VISIBLE if self.role in (STATIC, CONSTANT) else self.default
 
     @property
+    def is_kept(self) -> bool:
+        """Whether a strategy that declares it goes on from it."""
+        return self.role in ("", STATE)
+
+    @property
     def in_keyframe(self) -> bool:
         """Whether the keyframes of a recording have it."""
         is_row_of_its_own = self.is_array and not self.used

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator
+from functools import cache
 from typing import Any
 
 from llvmlite import ir
 from numba import from_dtype, types
 from numba.extending import (
     NativeValue,
+    intrinsic,
     lower_getattr_generic,
     models,
     register_model,
@@ -24,7 +26,7 @@ from automaton.engine.jit.numba_parts import (
     infer_getattr,
     populate_array,
 )
-from automaton.engine.jit.structs import WORDS, Struct
+from automaton.engine.jit.structs import WORDS, Struct, StructClass
 
 
 class StructType(types.Type):
@@ -74,6 +76,61 @@ def _struct_type(cls: type[Struct], writable: bool, inner: Iterator[types.Type])
             kind = types.Array(from_dtype(declared.dtype), len(declared.extents), "C", readonly)
         fields.append((name, kind))
     return StructType(cls.__name__, tuple(fields))
+
+
+@cache
+def declared_type(cls: type[Struct]) -> StructType:
+    """The type of the writable instances of a class; structs in them are as annotated."""
+    classes = cls.struct_classes()
+    return _struct_type(cls, True, iter([declared_type(classes[name]) for name in cls._structs]))
+
+
+class StructClassType(types.Dummy):
+    """The Numba type of a struct class, for `State.of` in kernels."""
+
+    def __init__(self, cls: type[Struct]) -> None:
+        self.cls = cls
+        super().__init__(f"class {cls.__module__}.{cls.__qualname__}")
+
+
+@typeof_impl.register(StructClass)
+def _typeof_struct_class(cls: type[Struct], context: Any) -> types.Type:
+    return StructClassType(cls)
+
+
+@cache
+def _of(cls: type[Struct]) -> Any:
+    """What `cls.of` is in compiled code: the address that a memory has, as a struct."""
+    result = declared_type(cls)
+
+    @intrinsic
+    def of(context: Any, memory: Any) -> Any:
+        def load(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return _lower_attribute(context, builder, memory, arguments[0], "address")
+
+        return result(memory), load
+
+    return of
+
+
+@infer_getattr
+class _StructClassAttributes(AttributeTemplate):
+    key = StructClassType
+
+    def generic_resolve(self, kind: StructClassType, attribute: str) -> types.Type | None:
+        if attribute != "of":
+            return None
+        function = _of(kind.cls)
+        self.context.refresh()
+        kind_of_function: types.Type = self.context.resolve_value_type(function)
+        return kind_of_function
+
+
+@lower_getattr_generic(StructClassType)
+def _lower_class_attribute(
+    context: Any, builder: Any, kind: StructClassType, value: Any, attribute: str
+) -> Any:
+    return context.get_dummy_value()
 
 
 @unbox(StructType)

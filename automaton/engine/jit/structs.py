@@ -13,6 +13,9 @@ words for each array, at every call: the same kernels then compiled in 122 s ins
 Types follow from the declarations. Arrays of constants and of read-only structs are read-only in them,
 and kernels that write to these do not compile.
 
+The state of a strategy is a struct of its own. The loop, which is compiled once for all strategies,
+passes its address alone; `State.of(memory)` is the struct at that address, typed.
+
 Strategies in Python get their structs as faces: other objects over the same memory, whose arrays can
 be neither resized nor opened for writing, since the arrays that own the memory cannot be reached from
 there. Only somebody who writes to bare addresses (ctypes) can still do harm.
@@ -21,14 +24,14 @@ there. Only somebody who writes to bare addresses (ctypes) can still do harm.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from ctypes import addressof, c_char
 from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, Self
-from weakref import WeakKeyDictionary
+from weakref import WeakKeyDictionary, WeakValueDictionary
 
 import numpy as np
 
-from automaton.engine.jit.fields import CONSTANT, Field, Sizes, nested
+from automaton.engine.jit.fields import CONSTANT, SCRATCH, Field, Sizes, nested
 
 WORDS = 4  # of a row of the table
 NO_SHAPE = (0, 0, 0)
@@ -55,7 +58,11 @@ def window(array: Any, writable: bool) -> Any:
     return np.asarray(base)
 
 
-class Struct:
+class StructClass(type):
+    """The class of struct classes, by which compiled code knows them."""
+
+
+class Struct(metaclass=StructClass):
     """Base of all structs; made with keyword arguments, one for each annotated field."""
 
     _table: Any
@@ -149,7 +156,8 @@ class Struct:
     def sized(cls, sizes: Mapping[str, int] = NO_SIZES, **values: Any) -> Self:
         """One with these values, and the defaults of all other fields.
 
-        `sizes`: the extents that do not follow from the arrays among the values.
+        `sizes`: the extents that do not follow from the arrays among the values. Arrays may be given
+        as lists of numbers.
         """
         known = dict(sizes)
         for name in values.keys() - set(cls._fields):
@@ -157,6 +165,8 @@ class Struct:
         for name, value in values.items():
             extents = cls._declared[name].extents
             if extents:
+                if isinstance(value, list | tuple):
+                    value = values[name] = np.array(value, cls._declared[name].dtype)
                 known.update(zip(extents, getattr(value, "shape", ()), strict=False))
         known = cls._sizes.complete(known)
         shapes: dict[tuple[str, ...], tuple[int, ...]] = {}
@@ -182,7 +192,8 @@ class Struct:
         for base in reversed(cls.__mro__[:-1]):
             known = vars(sys.modules[base.__module__])
             for name, text in base.__annotations__.items():
-                if isinstance(part := known.get(text), type) and issubclass(part, Struct):
+                part = known.get(text) if isinstance(text, str) else text
+                if isinstance(part, type) and issubclass(part, Struct):
                     names[name] = part
         return names
 
@@ -196,14 +207,52 @@ class Struct:
         return type(self)(**{name: values.get(name, getattr(self, name)) for name in self._fields})
 
     def copied(self) -> Self:
-        """The same struct over copies of its arrays."""
-        arrays = {name: getattr(self, name) for name in self._fields}
-        return type(self)(
-            **{
-                name: value.copy() if isinstance(value, np.ndarray) else value
-                for name, value in arrays.items()
-            }
+        """The same struct over copies of its arrays, and of those of the structs in it.
+
+        Scratch is not copied: the copy has its own.
+        """
+        return self._over(
+            lambda kind, array: kind.value(array.shape) if kind.role == SCRATCH else array.copy()
         )
+
+    def cleared(self) -> Self:
+        """The same struct with a state of its own, which is zero; it shares constants and scratch."""
+        return self._over(
+            lambda kind, array: np.zeros(array.shape, kind.dtype) if kind.is_kept else array
+        )
+
+    def _over(self, other: Callable[[Field, Any], Any]) -> Self:
+        """The same struct over other arrays, and those in it."""
+        values = {name: getattr(self, name) for name in self._fields}
+        for name, value in values.items():
+            if isinstance(value, Struct):
+                values[name] = value._over(other)
+            elif self._declared[name].is_array:
+                values[name] = other(self._declared[name], value)
+        return type(self)(**values)
+
+    def arrays(self) -> Iterator[tuple[str, Field, Any]]:
+        """Name, declaration and value of each array, and of those of the structs in it."""
+        for name in self._fields:
+            value = getattr(self, name)
+            if isinstance(value, Struct):
+                yield from ((f"{name}.{part}", *rest) for part, *rest in value.arrays())
+            elif self._declared[name].is_array:
+                yield name, self._declared[name], value
+
+    @property
+    def is_open(self) -> bool:
+        """Whether kernels may write to it, and to the structs in it."""
+        parts = (getattr(self, name) for name in self._structs)
+        return self._writable and all(part.is_open for part in parts)
+
+    @classmethod
+    def of(cls, memory: Any) -> Self:
+        """The state of a strategy, from the memory that it gets; in a kernel, too (struct_types)."""
+        state = _LENT_BY_ADDRESS.get(memory.address)
+        if not isinstance(state, cls):
+            raise TypeError(f"the state is {type(state).__name__}, not {cls.__name__}")
+        return state
 
     def read_only(self) -> Self:
         """The same memory, closed to writing: what strategies see."""
@@ -239,8 +288,19 @@ class Struct:
                 raise AttributeError(f"{type(self).__name__} has no field {name}")
             original, python = _ORIGINALS[self]
             array = getattr(original, name)
-            self.__dict__[name] = window(array, python and array.flags.writeable)
+            is_constant = self._declared[name].role == CONSTANT
+            self.__dict__[name] = window(
+                array, python and array.flags.writeable and not is_constant
+            )
             return self.__dict__[name]
 
 
 _ORIGINALS: WeakKeyDictionary[Struct, tuple[Struct, bool]] = WeakKeyDictionary()  # of faces
+_LENT_BY_ADDRESS: WeakValueDictionary[int, Struct] = WeakValueDictionary()
+
+
+def lent_address(struct: Struct) -> int:
+    """The address of a struct, by which `of` finds it as long as the struct exists."""
+    address = struct._address
+    _LENT_BY_ADDRESS[address] = struct
+    return address

@@ -10,9 +10,9 @@ import msgspec
 import numpy as np
 
 from automaton.build.resolve import Resolved
-from automaton.engine.decision_stream import REPLAY_CURSOR, REPLAY_END, repeat
+from automaton.engine.decision_stream import ReplayState, repeat
 from automaton.engine.digest import DIGEST_NAMES
-from automaton.engine.state import LAYER_NAMES, Array, Memory, World
+from automaton.engine.state import LAYER_NAMES, Array, World
 from automaton.errors import InputError
 from automaton.evidence.history.keyframes import Keyframes
 from automaton.evidence.recording.frames import Content, StoredFrames
@@ -37,11 +37,8 @@ class ReplayStrategy(Strategy):
         self._wait: WaitRanges = tuple(int(w) for w in rules["wait"])  # type: ignore[assignment]
         self._words = words
 
-    def reset(self, view: World) -> Memory:
-        parameters = np.array([LAYER_NAMES.index(self.layer)], np.int64)
-        parameters.setflags(write=False)
-        own = np.zeros((len(view.robots.cell), 2), np.int64)
-        return Memory(per_robot=own, shared=self._words[0], parameters=parameters)
+    def reset(self, view: World) -> ReplayState:
+        return ReplayState.sized(layer=LAYER_NAMES.index(self.layer), words=self._words[0])
 
     def wait_ranges(self) -> WaitRanges:
         return self._wait
@@ -146,9 +143,9 @@ class Playback:
                 self.simulation = self._simulation(self.frames.rules_at(self.tick), self.simulation)
             self._words[0][: len(words)] = words
             self._loaded = content["first"]
-        for memory in self.simulation.memories:
-            if len(memory.parameters):
-                memory.per_robot[0, REPLAY_CURSOR], memory.per_robot[0, REPLAY_END] = 0, len(words)
+        for state in self.simulation.states:
+            if isinstance(state, ReplayState):
+                state.cursor[0], state.end[0] = 0, len(words)
 
     def _rebuild_for(self, tick: int) -> None:
         """Change the rules where the run was branched off."""

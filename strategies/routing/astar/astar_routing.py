@@ -5,13 +5,19 @@ Of several shortest paths the tie rule picks one; where robots slow each other d
 
 import numpy as np
 
+from automaton.engine.jit.fields import field
+from automaton.engine.jit.structs import Struct
 from automaton.engine.state import NIL, REASON_AROUND_ROBOTS
 from automaton.strategy.kernels import find_path, kernel, position
-from automaton.strategy.layer import Strategy, memory_of
+from automaton.strategy.layer import Strategy
 from strategies.routing.astar.astar import astar
 from strategies.routing.astar.frontier import TIES
 
-RULE = 0  # memory.parameters: the tie rule, an index of TIES
+
+class AStarState(Struct):
+    """Parameters; it remembers nothing."""
+
+    tie_rule: int = field("int64", "an index of TIES")
 
 
 @kernel
@@ -34,14 +40,14 @@ def start_pose(view, i):
 
 @kernel
 def decide(view, batch, decisions, memory, workspace):
-    seed = view.rules.seed
+    seed, rule = view.rules.seed, AStarState.of(memory).tie_rule
     for k in range(batch.count[0]):
         i = np.int64(batch.robot[k])
         steps = decisions.routing.steps[k]
         length = around_robots(view, workspace, i, batch.reason[k], steps)
         if length == NIL:
             start, goal_cell = start_pose(view, i), np.int64(view.robots.goal_cell[i])
-            rule, robot_type = memory.parameters[RULE], view.robots.type[i]
+            robot_type = view.robots.type[i]
             duration = view.rules.duration[robot_type]
             length = astar(
                 view.grid,
@@ -66,4 +72,4 @@ class AStar(Strategy):
     compiled = decide
 
     def reset(self, view):
-        return memory_of(view, parameters=(TIES.index(self.parameters.tie_break),))
+        return AStarState(tie_rule=TIES.index(self.parameters.tie_break))

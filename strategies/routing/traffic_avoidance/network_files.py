@@ -30,9 +30,6 @@ Weights = npt.NDArray[np.float16]
 Whole = npt.NDArray[np.int64]
 
 NETWORK_LAYERS: Final = 4  # three hidden ones and the output
-NETWORK_HEADER_WORDS: Final = (
-    8  # numbers of a packed network before its first layer, as kernels read it
-)
 MOST_BITS, FEWEST_BITS = 16, 8  # after the binary point
 ZIP_ERRORS: Final = (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError)
 EXACT = 2**53  # float64 adds whole numbers below this without rounding, in any order
@@ -186,27 +183,6 @@ def predicted_zones(network: ZoneNetwork, start: Whole, end: Whole) -> npt.NDArr
         sums = active @ whole_weights.astype(np.float64) + whole_bias * 2.0**bits
     answer: npt.NDArray[np.bool_] = sums > 0
     return answer
-
-
-@lru_cache(maxsize=4)
-def packed(network: ZoneNetwork) -> Whole:
-    """The network as words for the kernel `predict_zones`; read-only."""
-    bits, layers = whole_layers(network)
-    header = np.zeros(NETWORK_HEADER_WORDS, np.int64)
-    header[0] = network.zones
-    header[1:NETWORK_LAYERS] = [bias.size for _, bias in layers[:-1]]
-    header[NETWORK_LAYERS] = bits
-    parts = [header, *(part.reshape(-1) for layer in layers for part in layer)]
-    numbers = np.concatenate(parts)
-    numbers = np.append(numbers, np.zeros(numbers.size % 2, np.int64))
-    words: Whole = numbers.astype(np.int32).view(np.int64)
-    words.setflags(write=False)
-    return words
-
-
-def scratch_size(network: ZoneNetwork) -> int:
-    """Numbers of scratch that `predict_zones` needs."""
-    return sum(bias.size for _, bias in network.layers)
 
 
 def shipped(scenario: str) -> Path:

@@ -3,65 +3,106 @@
     start zone, end zone -> three hidden layers of rectifiers -> a logit for each zone
 
 All numbers are fixed-point, value * 2^bits. A sum of integers does not depend on its order, so a
-compiler may reorder it as it likes. A packed network has two int32 in each of its words:
-
-    zones, width 1, width 2, width 3, bits, 0, 0, 0, then weights (inputs, outputs) and bias of each
-    layer; the first layer has a row for each start zone and then one for each end zone
+compiler may reorder it as it likes.
 """
+
+from functools import lru_cache
 
 import numpy as np
 
+from automaton.engine.jit.fields import CONSTANT, SCRATCH, field
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.state import NIL
+from automaton.engine.jit.structs import Struct
+from automaton.engine.state import NIL, Array
+from strategies.routing.traffic_avoidance.network_files import whole_layers
 from strategies.routing.traffic_avoidance.path_zones import WORD
 
-NETWORK_HEADER_WORDS = 8  # numbers before the first layer
-BITS = 4  # the place of `bits` in it
+
+class DenseLayer(Struct):
+    """A layer of a network, and room for what comes out of it."""
+
+    weights: Array = field("(inputs, outputs) int32", role=CONSTANT)
+    bias: Array = field("(outputs,) int32", role=CONSTANT)
+    sums: Array = field("(outputs,) int64", role=SCRATCH)
+
+
+class KernelNetwork(Struct):
+    """A network as kernels read it. The first layer has a row for each start zone, then end zone."""
+
+    bits: int = field("int64", "after the binary point")
+    zones: int = field("int64", "0: there is no network")
+    first: DenseLayer
+    second: DenseLayer
+    third: DenseLayer
+    last: DenseLayer
+
+
+def no_network():
+    """What stands for a network where none is used."""
+    layers = {
+        name: DenseLayer.sized({"inputs": 0, "outputs": 0})
+        for name in ("first", "second", "third", "last")
+    }
+    return KernelNetwork(bits=0, zones=0, **layers)
+
+
+@lru_cache(maxsize=4)
+def _short_layers(network):
+    """The layers as whole numbers in int32, for kernels; read-only, since all runs share them."""
+    layers = [
+        (weights.astype(np.int32), bias.astype(np.int32))
+        for weights, bias in whole_layers(network)[1]
+    ]
+    for part in (part for layer in layers for part in layer):
+        part.setflags(write=False)
+    return layers
+
+
+def kernel_network(network):
+    """The network as kernels read it, with scratch of its own."""
+    first, second, third, last = (
+        DenseLayer.sized(weights=weights, bias=bias) for weights, bias in _short_layers(network)
+    )
+    return KernelNetwork(
+        bits=whole_layers(network)[0],
+        zones=network.zones,
+        first=first,
+        second=second,
+        third=third,
+        last=last,
+    )
 
 
 @kernel
-def add_predicted(network, scratch, start, end, used):
+def add_predicted(network, start, end, used):
     """Add the zones that a leg is predicted to touch to a set; used: (words,) int64, a bit for each.
 
-    `network`: packed; `scratch`: an int64 for each neuron; `start`, `end`: zones or NIL. Predicted
-    is what has a probability above 1/2: a logit above 0.
+    `start`, `end`: zones or NIL. Predicted is what has a probability above 1/2: a logit above 0.
     """
-    numbers = network.view(np.int32)
-    zones, bits, width = np.int64(numbers[0]), np.int64(numbers[BITS]), np.int64(numbers[1])
-    sums = scratch[:width]
-    sums[:] = 0
+    first, bits = network.first, network.bits
+    first.sums[:] = 0
     if start != NIL:
-        add_row(numbers[NETWORK_HEADER_WORDS + start * width :], 1, sums)
+        add_row(first.weights[start], 1, first.sums)
     if end != NIL:
-        add_row(numbers[NETWORK_HEADER_WORDS + (zones + end) * width :], 1, sums)
-    at = NETWORK_HEADER_WORDS + 2 * zones * width
-    add_row(numbers[at:], 1, sums)
-    at += width
-    begin = np.int64(0)
-    for layer in range(1, 4):
-        after = np.int64(numbers[1 + layer]) if layer < 3 else zones
-        inputs = scratch[begin : begin + width]
-        begin += width
-        sums = scratch[begin : begin + after]
-        at = add_layer(numbers, at, bits if layer > 1 else 0, bits, inputs, sums)
-        width = after
-    for zone in range(zones):
-        if sums[zone] > 0:
+        add_row(first.weights[network.zones + end], 1, first.sums)
+    add_row(first.bias, 1, first.sums)
+    run_layer(network.second, 0, bits, first.sums)
+    run_layer(network.third, bits, bits, network.second.sums)
+    run_layer(network.last, bits, bits, network.third.sums)
+    for zone in range(network.zones):
+        if network.last.sums[zone] > 0:
             used[zone >> 6] |= np.int64(1) << (zone & (WORD - 1))
 
 
 @kernel
-def add_layer(numbers, at, shift, bits, inputs, sums):
-    """sums = weights x the positive inputs >> shift, and the bias; returns where the next begins."""
-    outputs = sums.shape[0]
-    bias = at + inputs.shape[0] * outputs
-    sums[:] = 0
-    add_row(numbers[bias:], np.int64(1) << bits, sums)
+def run_layer(layer, shift, bits, inputs):
+    """layer.sums = weights x the positive inputs >> shift, and the bias."""
+    layer.sums[:] = 0
+    add_row(layer.bias, np.int64(1) << bits, layer.sums)
     for i in range(inputs.shape[0]):
         factor = inputs[i] >> shift
         if factor > 0:
-            add_row(numbers[at + i * outputs :], factor, sums)
-    return bias + outputs
+            add_row(layer.weights[i], factor, layer.sums)
 
 
 @kernel
@@ -72,8 +113,8 @@ def add_row(row, factor, sums):
 
 
 @kernel
-def predict_legs(network, scratch, start, end, used):
+def predict_legs(network, start, end, used):
     """used[k] = the predicted zones of leg k: start, end (n,) int64 zones or NIL; used (n, words)."""
     for k in range(start.shape[0]):
         used[k] = 0
-        add_predicted(network, scratch, start[k], end[k], used[k])
+        add_predicted(network, start[k], end[k], used[k])

@@ -12,8 +12,19 @@ from typing import Any, ClassVar, Final, cast
 
 import numpy as np
 
-from automaton.engine.state import CLOCK_TICK, NIL, Batch, Decisions, Memory, Workspace, World
-from automaton.strategy.layer import Strategy, memory_of
+from automaton.engine.jit.fields import field
+from automaton.engine.jit.structs import Struct
+from automaton.engine.state import (
+    CLOCK_TICK,
+    NIL,
+    Array,
+    Batch,
+    Decisions,
+    Memory,
+    Workspace,
+    World,
+)
+from automaton.strategy.layer import Strategy
 from automaton.units import SECONDS_PER_UNIT
 from strategies.zoning.annealing.annealing import (
     ANNEALING_STEPS,
@@ -36,22 +47,27 @@ from strategies.zoning.zoning_parameters import Monitoring
 FIRST_LOOK: Final = 30.0  # seconds after the start
 AFTER_REPAIR: Final = 60.0  # and after a redesign
 
-# memory.per_robot, in the row of robot 0
-REDESIGNS: Final = 0
-SHARED: Final = 1
-BALANCED: Final = 2  # ticks between two looks, the first of which found the zones balanced
-WATCHED: Final = 3  # ticks between looks
 
-# memory.shared; ticks, 0 where there is none
-BEGUN: Final = 0
-NEXT_LOOK: Final = 1
-LAST_LOOK: Final = 2
-WAS_GOOD: Final = 3  # what the last look found: 1 balanced, 0 not, NIL no flow
-GOOD_SINCE: Final = 4
-BAD_SINCE: Final = 5  # the look that found them out of balance
-NEXT_SHARE: Final = 6
-NEW_ZONES_AT: Final = 7
-FLOW: Final = 8  # the flow of which they are made
+class MonitoredState(Struct):
+    """What is counted, when something is due next, and the flow for a redesign."""
+
+    # Counted in the row of robot 0:
+    redesigns: Array = field("(n,) int64")
+    shared_orders: Array = field("(n,) int64")
+    ticks_in_balance: Array = field(
+        "(n,) int64", "between two looks, the first of which saw the zones balanced"
+    )
+    ticks_watched: Array = field("(n,) int64", "between looks")
+    # Ticks, 0 where there is none:
+    begun: Array = field("(1,) int64", "1: the first zones are made")
+    next_look: Array = field("(1,) int64")
+    last_look: Array = field("(1,) int64")
+    was_good: Array = field("(1,) int64", "the last look: 1 balanced, 0 not, NIL without flow")
+    good_since: Array = field("(1,) int64")
+    bad_since: Array = field("(1,) int64", "the look that saw them out of balance")
+    next_share: Array = field("(1,) int64")
+    new_zones_at: Array = field("(1,) int64")
+    flow: Array = field("(k, k) int64", "between stations, of which they are made")
 
 
 class MonitoredZones(Strategy):
@@ -61,14 +77,11 @@ class MonitoredZones(Strategy):
     Parameters = Monitoring
     parameters: Any
     counters: ClassVar = {
-        "redesigns": REDESIGNS,
-        "shared_orders": SHARED,
-        "ticks_in_balance": BALANCED,
-        "ticks_watched": WATCHED,
+        name: name for name in ("redesigns", "shared_orders", "ticks_in_balance", "ticks_watched")
     }
 
-    def reset(self, view: World) -> Memory:
-        """What is counted, when something is due next, and the flow for a redesign."""
+    def reset(self, view: World) -> Struct:
+        """Nothing is counted yet, and the first zones are due."""
         stations = len(view.service_zones.roads.point)
         self._rules = rules_of_zones(view, self.parameters.adjacency)
         self._flow = np.zeros((stations, stations))
@@ -76,42 +89,44 @@ class MonitoredZones(Strategy):
         allocation = getattr(self.other_layers.get("allocation"), "parameters", None)
         self._age = round(1000 * getattr(allocation, "age", 0.5))
         self._job = round(1000 * getattr(allocation, "job", 10.0))
-        return memory_of(view, per_robot=4, shared=FLOW + stations * stations)
+        return MonitoredState.sized({"n": len(view.robots.cell), "k": stations})
 
     def decide(
         self, view: World, batch: Batch, decisions: Decisions, memory: Memory, workspace: Workspace
     ) -> None:
         """Queue what is new, look at the balance, share, or bring new zones into effect."""
-        out, state = decisions.zoning, memory.shared
+        out, state = decisions.zoning, MonitoredState.of(memory)
         now = int(view.clock[CLOCK_TICK])
         copy_design(view.service_zones.design, out.design)
         set_zone_move_time_factors(view, workspace.zoning)
-        if not state[BEGUN]:
+        if not state.begun[0]:
             self._begin(view, batch, out, state, workspace)
         else:
-            self._apply_redesign(view, out, memory, workspace)
+            self._apply_redesign(view, out, state, workspace)
         redesigned = int(out.redesigned[0])
         take_over(view, out)
         queue_orders(view, out.design, workspace.zoning, out, ROUTING_CENTRAL, redesigned)
         reassign_orders(view, out, NIL)
-        if now >= state[NEXT_LOOK]:
-            self._check_balance(view, out, memory, workspace)
+        if now >= state.next_look[0]:
+            self._check_balance(view, out, state, workspace)
         self._check_redesign(view, state)
-        due = state[BAD_SINCE] and not redesigned
-        if self.parameters.sharing and due and now >= state[NEXT_SHARE]:
+        due = state.bad_since[0] and not redesigned
+        if self.parameters.sharing and due and now >= state.next_share[0]:
             if self._shares(state):
-                memory.per_robot[view.robots.at_index[0], SHARED] += share(
+                state.shared_orders[view.robots.at_index[0]] += share(
                     view, workspace, out, self._age, self._job
                 )
-            state[NEXT_SHARE] = now + ticks(view, self.parameters.share_every)
+            state.next_share[0] = now + ticks(view, self.parameters.share_every)
         out.again[: int(batch.count[0])] = max(1, min(self._due(view, state)) - now)
 
-    def _due(self, view: World, state: Any) -> list[int]:
+    def _due(self, view: World, state: MonitoredState) -> list[int]:
         """The ticks in which something is to be done next."""
-        sharing = self.parameters.sharing and state[BAD_SINCE]
-        return [int(state[NEXT_LOOK]), *([int(state[NEXT_SHARE])] if sharing else [])]
+        sharing = self.parameters.sharing and state.bad_since[0]
+        return [int(state.next_look[0]), *([int(state.next_share[0])] if sharing else [])]
 
-    def _begin(self, view: World, batch: Batch, out: Any, state: Any, workspace: Workspace) -> None:
+    def _begin(
+        self, view: World, batch: Batch, out: Any, state: MonitoredState, workspace: Workspace
+    ) -> None:
         """The first zones: those of the scenario, or annealed on the flow between all stations."""
         if out.design.zone[0] == NIL:
             if not self._anneal_first(view, out.design, workspace):
@@ -131,8 +146,8 @@ class MonitoredZones(Strategy):
         out.redesigned[0] = 1
         for k in range(int(batch.count[0])):
             out.service_zone[k] = view.robots.identity[batch.robot[k]]
-        state[BEGUN] = 1
-        state[NEXT_LOOK] = int(view.clock[CLOCK_TICK]) + ticks(view, FIRST_LOOK)
+        state.begun[0] = 1
+        state.next_look[0] = int(view.clock[CLOCK_TICK]) + ticks(view, FIRST_LOOK)
 
     def _anneal_first(self, view: World, design: Any, workspace: Workspace) -> bool:
         """The first zones, where the scenario gives none; False if none are found."""
@@ -153,13 +168,15 @@ class MonitoredZones(Strategy):
             )
         )
 
-    def _check_balance(self, view: World, out: Any, memory: Memory, workspace: Workspace) -> None:
+    def _check_balance(
+        self, view: World, out: Any, state: MonitoredState, workspace: Workspace
+    ) -> None:
         """How balanced the zones are now, and what follows from it."""
-        state, now = memory.shared, int(view.clock[CLOCK_TICK])
-        row = memory.per_robot[view.robots.at_index[0]]
-        if state[LAST_LOOK]:
-            row[WATCHED] += now - state[LAST_LOOK]
-            row[BALANCED] += (now - state[LAST_LOOK]) * (state[WAS_GOOD] == 1)
+        now, robot = int(view.clock[CLOCK_TICK]), view.robots.at_index[0]
+        if state.last_look[0]:
+            passed = now - state.last_look[0]
+            state.ticks_watched[robot] += passed
+            state.ticks_in_balance[robot] += passed * (state.was_good[0] == 1)
         flows = record_flow(
             view, ticks(view, SECONDS_PER_UNIT["min"] * self.parameters.window), now, self._flow
         )
@@ -171,27 +188,29 @@ class MonitoredZones(Strategy):
             value = balance(zones.load)
             if len(zones.load) > 1:  # one zone is out of balance with no robot
                 good = int(0.0 < value <= self.parameters.tolerance)
-        state[LAST_LOOK], state[WAS_GOOD] = now, good
+        state.last_look[0], state.was_good[0] = now, good
         often = ticks(view, self.parameters.often)
-        state[NEXT_LOOK] = now + often
+        state.next_look[0] = now + often
         if good == 1:
-            state[BAD_SINCE] = 0
-            state[GOOD_SINCE] = state[GOOD_SINCE] or now
-            if now - state[GOOD_SINCE] >= ticks(
+            state.bad_since[0] = 0
+            state.good_since[0] = state.good_since[0] or now
+            if now - state.good_since[0] >= ticks(
                 view, SECONDS_PER_UNIT["min"] * self.parameters.calm
             ):
-                state[NEXT_LOOK] = now + ticks(view, self.parameters.seldom)
+                state.next_look[0] = now + ticks(view, self.parameters.seldom)
         elif good == 0:
-            state[GOOD_SINCE] = 0
-            if not state[BAD_SINCE]:
-                state[BAD_SINCE], state[NEXT_SHARE] = now, now
+            state.good_since[0] = 0
+            if not state.bad_since[0]:
+                state.bad_since[0], state.next_share[0] = now, now
 
-    def _check_redesign(self, view: World, state: Any) -> None:
+    def _check_redesign(self, view: World, state: MonitoredState) -> None:
         """Called after every look, and when `_due` says: are new zones needed? Here never."""
 
-    def _shares(self, state: Any) -> bool:
+    def _shares(self, state: MonitoredState) -> bool:
         """Whether orders are shared at a time of sharing; here always."""
         return True
 
-    def _apply_redesign(self, view: World, out: Any, memory: Memory, workspace: Workspace) -> None:
+    def _apply_redesign(
+        self, view: World, out: Any, state: MonitoredState, workspace: Workspace
+    ) -> None:
         """Called in every tick but the first, before orders are queued; here nothing, zones stay."""

@@ -7,17 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from automaton.engine.state import CLOCK_TICK, NIL, Array, Memory, Workspace, World
+from automaton.engine.jit.structs import Struct
+from automaton.engine.state import CLOCK_TICK, NIL, Array, Workspace, World
 from automaton.errors import InputError
 from automaton.units import SECONDS_PER_UNIT, count
 from strategies.zoning.annealing.annealing import MAX_REPAIRS, repair
 from strategies.zoning.central.monitored import (
     AFTER_REPAIR,
-    BAD_SINCE,
-    FLOW,
-    NEW_ZONES_AT,
-    NEXT_LOOK,
-    REDESIGNS,
+    MonitoredState,
     MonitoredZones,
 )
 from strategies.zoning.design.zone_paths import copy_design
@@ -37,50 +34,56 @@ class StaticZones(MonitoredZones):
 class RedesignedZones(MonitoredZones, ABC):
     """Zones that are redesigned when they have been out of balance for long."""
 
-    def _check_redesign(self, view: World, state: Any) -> None:
+    def _check_redesign(self, view: World, state: MonitoredState) -> None:
         """Out of balance for longer than patience: new zones are made of the flow of this moment."""
         now = int(view.clock[CLOCK_TICK])
-        if not state[BAD_SINCE] or state[NEW_ZONES_AT] or now < self._patience_ends(view, state):
+        if (
+            not state.bad_since[0]
+            or state.new_zones_at[0]
+            or now < self._patience_ends(view, state)
+        ):
             return
         record_flow(
             view, ticks(view, SECONDS_PER_UNIT["min"] * self.parameters.window), now, self._flow
         )
-        state[FLOW:] = self._flow.reshape(-1).astype(np.int64)
-        state[NEW_ZONES_AT] = now + max(1, ticks(view, self.parameters.compute))
+        state.flow[:] = self._flow.astype(np.int64)
+        state.new_zones_at[0] = now + max(1, ticks(view, self.parameters.compute))
 
-    def _patience_ends(self, view: World, state: Any) -> int:
+    def _patience_ends(self, view: World, state: MonitoredState) -> int:
         return (
-            int(state[BAD_SINCE])
+            int(state.bad_since[0])
             + ticks(view, SECONDS_PER_UNIT["min"] * self.parameters.patience)
             + 1
         )
 
-    def _due(self, view: World, state: Any) -> list[int]:
+    def _due(self, view: World, state: MonitoredState) -> list[int]:
         """As for zones that stay, and when new ones are begun or take effect."""
         times = super()._due(view, state)
-        if state[NEW_ZONES_AT]:
-            times.append(int(state[NEW_ZONES_AT]))
-        elif state[BAD_SINCE]:
+        if state.new_zones_at[0]:
+            times.append(int(state.new_zones_at[0]))
+        elif state.bad_since[0]:
             times.append(self._patience_ends(view, state))
         return times
 
-    def _shares(self, state: Any) -> bool:
+    def _shares(self, state: MonitoredState) -> bool:
         """Not while new zones are computed, if the scenario says so."""
-        return self.parameters.share_while_computing or not state[NEW_ZONES_AT]
+        return self.parameters.share_while_computing or not state.new_zones_at[0]
 
-    def _apply_redesign(self, view: World, out: Any, memory: Memory, workspace: Workspace) -> None:
+    def _apply_redesign(
+        self, view: World, out: Any, state: MonitoredState, workspace: Workspace
+    ) -> None:
         """New zones of the flow that was recorded take effect when they are due."""
-        state, now = memory.shared, int(view.clock[CLOCK_TICK])
-        if not state[NEW_ZONES_AT] or now < state[NEW_ZONES_AT]:
+        now = int(view.clock[CLOCK_TICK])
+        if not state.new_zones_at[0] or now < state.new_zones_at[0]:
             return
-        self._flow[:] = state[FLOW:].reshape(self._flow.shape)
+        self._flow[:] = state.flow
         if self._design(view, out.design, workspace):
             out.redesigned[0] = 1
-            memory.per_robot[view.robots.at_index[0], REDESIGNS] += 1
+            state.redesigns[view.robots.at_index[0]] += 1
         else:
             copy_design(view.service_zones.design, out.design)
-        state[NEW_ZONES_AT] = state[BAD_SINCE] = 0
-        state[NEXT_LOOK] = now + ticks(view, AFTER_REPAIR)
+        state.new_zones_at[0] = state.bad_since[0] = 0
+        state.next_look[0] = now + ticks(view, AFTER_REPAIR)
 
     @abstractmethod
     def _design(self, view: World, design: Any, workspace: Workspace) -> bool:
@@ -118,12 +121,12 @@ class GeneticZones(RedesignedZones):
 
     Parameters = Genetic
 
-    def reset(self, view: World) -> Memory:
+    def reset(self, view: World) -> Struct:
         """Room for the population besides."""
-        memory = super().reset(view)
+        state = super().reset(view)
         self._poses = self._poses_of(view)
         self._population = population_for(view.service_zones.roads, self.parameters.population)
-        return memory
+        return state
 
     def _design(self, view: World, design: Any, workspace: Workspace) -> bool:
         given = self.parameters

@@ -210,7 +210,7 @@ def test_whoever_the_auctioneer_is_the_result_is_the_same_if_all_hear_it() -> No
 
 def test_a_token_is_passed_on_after_each_auction_and_a_term_after_its_ticks() -> None:
     run = auction("auctioneer: token", FIFTY)
-    shared = run.memories[LAYER_ALLOCATION].shared
+    shared = run.states[LAYER_ALLOCATION].shared
     held = set()
     for until in range(1, 900, 10):
         run.run(until=until)
@@ -218,7 +218,7 @@ def test_a_token_is_passed_on_after_each_auction_and_a_term_after_its_ticks() ->
         held.add(int(shared[ROLE]))
     assert held == {0, 1, 2, 3}
     run = auction("auctioneer: time, auctioneer_term: 250", FIFTY)
-    shared = run.memories[LAYER_ALLOCATION].shared
+    shared = run.states[LAYER_ALLOCATION].shared
     for tick in range(1, 1200):
         rounds = int(shared[ROUND])
         run.run(until=tick)

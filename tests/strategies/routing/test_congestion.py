@@ -166,4 +166,4 @@ def finishes(scenario: str, *overrides: str) -> None:
     run.run()
     assert run.finished
     assert run.world.tally.illegal[LAYER_ROUTING] == 0
-    assert not run.memories[LAYER_ROUTING].shared.any(), "nothing is left of a forecast"
+    assert not run.states[LAYER_ROUTING].shared.any(), "nothing is left of a forecast"

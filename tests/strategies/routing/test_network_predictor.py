@@ -17,7 +17,6 @@ from automaton.papers.training.leg_samples import members
 from automaton.runs import provenance
 from automaton.runs.simulation import Simulation
 from automaton.scenario.reading import SHIPPED_FOLDER
-from strategies.routing.astar.route_workspace import words
 from strategies.routing.traffic_avoidance.network_files import (
     floor_fingerprint,
     load_network,
@@ -25,7 +24,7 @@ from strategies.routing.traffic_avoidance.network_files import (
     save_network,
     shipped,
 )
-from strategies.routing.traffic_avoidance.traffic_avoidance import NEXT, SETS, STAND
+from strategies.routing.traffic_avoidance.traffic_avoidance import NEXT, STAND
 
 FLEET = ["fleet.robots=6", "stop.max_duration=400", "measure.warm_up=0"]
 
@@ -35,8 +34,8 @@ def avoiding(scenario, predictor, *overrides):
     return resolve(scenario, [picked, *overrides])
 
 
-def routing_memory(simulation):
-    return simulation.memories[LAYER_NAMES.index("routing")]
+def routing_state(simulation):
+    return simulation.states[LAYER_NAMES.index("routing")]
 
 
 def test_a_fleet_foresees_what_the_network_says_of_both_legs():
@@ -44,14 +43,14 @@ def test_a_fleet_foresees_what_the_network_says_of_both_legs():
     world, network = simulation.world, load_network(shipped("warehouse-100"))
     started = world.robots.cell.copy()
     simulation.run(1)
-    per_robot, sets = routing_memory(simulation).per_robot, words(world.grid.traffic_zone_count)
-    foreseen = members(per_robot[:, SETS : SETS + sets].copy(), world.grid.traffic_zone_count)
+    state = routing_state(simulation)
+    foreseen = members(state.predicted, world.grid.traffic_zone_count)
     start, pick, drop = (
         world.grid.traffic_zone[cells, 0].astype(np.int64)
-        for cells in (started, per_robot[:, STAND], per_robot[:, NEXT])
+        for cells in (started, state.leg_end[:, STAND], state.leg_end[:, NEXT])
     )
     expected = predicted_zones(network, start, pick) | predicted_zones(network, pick, drop)
-    assert (per_robot[:, NEXT] != NIL).all() and expected.any()
+    assert (state.leg_end[:, NEXT] != NIL).all() and expected.any()
     assert np.array_equal(foreseen, expected)
 
 

@@ -261,8 +261,9 @@ def test_the_noise_is_that_of_the_trials() -> None:
     chances = []
     for more in ("", ", prevalence: 0.25"):
         resolved = resolve("warehouse-100", [f"strategy.routing={noisy % more}"])
-        memory = Simulation(resolved).memories[LAYER_ROUTING]
-        chances.append(memory.parameters[2:4] / prediction_noise.CERTAIN)
+        state = Simulation(resolved).states[LAYER_ROUTING]
+        noise = np.array([state.keep_chance, state.add_chance])
+        chances.append(noise / prediction_noise.CERTAIN)
     share = 27.5 / 522
     assert chances[0] == pytest.approx([0.84, 0.84 * share * 0.6 / (0.4 * (1 - share))])
     assert chances[1] == pytest.approx([0.84, 0.84 * 0.25 * 0.6 / (0.4 * 0.75)])
@@ -309,12 +310,10 @@ def test_what_is_foreseen_of_a_robot_is_what_it_drives() -> None:
     world = simulation.world
     cells = [int(world.robots.cell[0])]
     simulation.run(1)
-    per_robot = simulation.memories[LAYER_ROUTING].per_robot[0].copy()
+    used = simulation.states[LAYER_ROUTING].predicted[0].copy()
     while world.orders.delivered[0] == NIL:
         cells.append(int(world.robots.cell[0]))
         simulation.run(simulation.tick + 1)
-    words = -(-world.grid.traffic_zone_count // 64)
-    used = per_robot[len(per_robot) - 2 * words : len(per_robot) - words]
     foreseen = {
         zone for zone in range(world.grid.traffic_zone_count) if path_zones.has_zone(used, zone)
     }

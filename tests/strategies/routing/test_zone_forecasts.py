@@ -234,7 +234,8 @@ def test_a_robot_with_a_new_route_is_counted_when_it_has_left_its_bay() -> None:
 
 
 def test_a_count_that_is_full_does_not_carry_into_the_next_tick() -> None:
-    memory = Memory(
+    memory = Memory.sized(
+        {"f": 0},
         per_robot=np.zeros((65_536, row_size(4)), np.int64),
         shared=np.zeros(shared_size(3, 4), np.int64),
         parameters=np.array([4, 3], np.int64),

@@ -19,12 +19,10 @@ from strategies.routing.traffic_avoidance.network_files import (
     check_floor,
     floor_fingerprint,
     load_network,
-    packed,
     predicted_zones,
     save_network,
-    scratch_size,
 )
-from strategies.routing.traffic_avoidance.zone_network import predict_legs
+from strategies.routing.traffic_avoidance.zone_network import kernel_network, predict_legs
 
 SHIPPED = networks.shipped("warehouse-100")
 
@@ -37,8 +35,7 @@ def drawn_pairs(seed, zones, n=300):
 def compiled(network, start, end):
     """What the kernel answers, as (n, zones) bool."""
     used = np.full((len(start), words(network.zones)), -1, np.int64)
-    scratch = np.full(scratch_size(network), 7, np.int64)
-    predict_legs(packed(network), scratch, start, end, used)
+    predict_legs(kernel_network(network), start, end, used)
     return members(used, network.zones)
 
 

@@ -248,7 +248,7 @@ def test_consensus_comes_to_the_mean_of_the_loads() -> None:
         run.run(until=20 * average + step)
         sums.add(int((run.world.service_zones.messages[:, step & 1] // DEGREES).sum()))
     run.run(until=20 * average + rounds)
-    means = run.memories[LAYER_ZONING].per_robot[:, MEAN]
+    means = run.states[LAYER_ZONING].per_robot[:, MEAN]
     assert begun.max() - begun.min() > 1e9, "loads differ by more than a minute"
     assert sums == {int(begun.sum())}, "every step preserves the sum"
     assert abs(means - begun.mean()).max() < 10

@@ -1,0 +1,167 @@
+"""What a strategy remembers: a struct of its own, typed in its kernel, seen row by row under a radius."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+
+from automaton.build.resolve import resolve
+from automaton.engine.jit.fields import CONSTANT, SCRATCH, field
+from automaton.engine.jit.structs import Struct
+from automaton.engine.state import LAYER_RIGHT_OF_WAY, Array
+from automaton.runs.simulation import Simulation
+from automaton.strategy.kernels import kernel
+from automaton.strategy.layer import Strategy
+
+
+class Totals(Struct):
+    """A part of a state."""
+
+    calls: Array = field("(1,) int64")
+    largest: Array = field("(1,) float64")
+
+
+class Summed(Struct):
+    """A part that a state inherits."""
+
+    totals: Totals
+
+
+class WatchState(Summed):
+    """One field of each kind."""
+
+    step: int = field("int64", "what a call adds")
+    weights: Array = field("(2,) float64", role=CONSTANT)
+    asked: Array = field("(n,) int64", "how often a robot was asked about")
+    pair: Array = field("(n, 2) int32")
+    work: Array = field("(w,) int64", default=7, role=SCRATCH)
+    foreign: Array = field("(n,) int64", "what was seen of others, in a robot's own row")
+
+
+@kernel
+def watch(view, batch, decisions, memory, workspace):
+    state = WatchState.of(memory)
+    state.totals.calls[0] += 1
+    state.totals.largest[0] = state.weights[1]
+    state.work[0] = 0
+    for k in range(batch.count[0]):
+        state.work[0] += 1
+        i = batch.robot[k]
+        for j in range(state.asked.shape[0]):
+            if j != i:
+                state.foreign[i] += state.asked[j] + state.pair[j, 1]
+        state.foreign[i] += state.totals.calls[0] - 1
+        state.asked[i] += state.step
+        state.pair[i, 1] = i
+
+
+class Watch(Strategy):
+    """Right of way that lets everybody wait, and remembers whom it was asked about."""
+
+    layer = "right_of_way"
+    compiled = watch
+    period = 1
+    counters: ClassVar = {"asked": "asked"}
+
+    def reset(self, view: Any) -> WatchState:
+        return WatchState.sized(
+            {"n": len(view.robots.cell), "w": 3},
+            totals=Totals.sized(),
+            step=2,
+            weights=(0.5, 1.5),
+        )
+
+
+class WatchInPython(Watch):
+    """The same, outside of the loop."""
+
+    def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
+        getattr(watch, "py_func", watch)(view, batch, decisions, memory, workspace)
+
+
+def run(name: str, *settings: str, until: int = 30) -> Simulation:
+    strategy = f"strategy.right_of_way={__name__}:{name}"
+    simulation = Simulation(resolve("tabletop-1", [strategy, *settings]))
+    simulation.run(until=until)
+    return simulation
+
+
+def state_of(simulation: Simulation) -> WatchState:
+    state: WatchState = simulation.states[LAYER_RIGHT_OF_WAY]
+    return state
+
+
+@pytest.mark.parametrize("name", ["Watch", "WatchInPython"])
+def test_a_state_is_typed_in_kernels_and_in_python(name: str) -> None:
+    simulation = run(name)
+    state, robots = state_of(simulation), len(simulation.world.robots.cell)
+    assert state.asked.all() and state.asked.max() == 2 * 30
+    assert state.totals.calls[0] == 30 and state.totals.largest[0] == 1.5
+    assert 1 <= state.work[0] <= robots and state.work[1:].tolist() == [7, 7]
+    assert simulation.counted == {"asked": state.asked.sum()}
+
+
+@pytest.mark.parametrize("name", ["Watch", "WatchInPython"])
+def test_under_a_radius_a_robot_finds_its_own_rows_and_nothing_else(name: str) -> None:
+    simulation = run(name, "information={radius: 2}")
+    state, robots = state_of(simulation), len(simulation.world.robots.cell)
+    assert state.asked.all() and state.asked.max() == 2 * 30
+    assert state.pair[:, 1].tolist() == list(range(robots))
+    assert not state.foreign.any()
+    assert not state.totals.calls.any(), "what is no robot's is not kept"
+    assert state.work[0] == 1
+
+
+def test_a_copy_has_a_state_and_scratch_of_its_own() -> None:
+    state = state_of(run("Watch"))
+    copy = state.copied()
+    assert copy.totals.calls[0] == 30 and copy.asked.tolist() == state.asked.tolist()
+    assert copy.work.tolist() == [7, 7, 7]
+    state.totals.calls[0] = 0
+    assert copy.totals.calls[0] == 30
+
+
+def test_a_run_that_goes_on_with_other_rules_keeps_the_state() -> None:
+    simulation = run("Watch")
+    again = simulation.continue_with(simulation.resolved)
+    again.run(until=40)
+    assert state_of(again).totals.calls[0] == 40
+
+
+PLANT = """name: plant
+layout:
+  picture: |
+    t=~~=t
+    =####=
+    =####~
+    t=~==t
+fleet: {robots: 6, kinematics: omni}
+orders: {generator: stations, count: 30}
+strategy:
+  allocation: shortest-job
+  right_of_way: {name: retreat, idle_give_way: true}
+stop: {when: delivered, max_duration: 600}
+"""
+
+
+@pytest.mark.parametrize("information", ["everything", "{radius: 3}"])
+@pytest.mark.parametrize("floor", ["tabletop-1", "plant"])
+def test_scratch_decides_nothing(floor: str, information: str, tmp_path: Path) -> None:
+    """Whatever lies in the scratch of strategies between two calls, the run is the same."""
+    (tmp_path / "plant.yaml").write_text(PLANT)
+    name: Any = tmp_path / "plant.yaml" if floor == "plant" else floor
+    resolved = resolve(name, [f"information={information}"])
+    clean, poisoned = Simulation(resolved), Simulation(resolved)
+    draws = np.random.default_rng(1)
+    for tick in range(1, 400):
+        for state in poisoned.states:
+            for _, declared, array in state.arrays():
+                if declared.role == SCRATCH:
+                    array.view(np.uint8)[...] = draws.integers(0, 256, array.view(np.uint8).shape)
+        poisoned.run(until=tick)
+    clean.run(until=399)
+    assert clean.world.tally.operations.sum() > 300
+    assert poisoned.tick == clean.tick and poisoned.digest == clean.digest

@@ -98,7 +98,7 @@ class ServiceZones(Struct):
     )
     messages: Array = field(
         f"(n, {MESSAGE_WORDS}) int64",
-        "what each robot tells those in range",
+        "what each robot sends to those in range",
         digest=58,
         recorded=False,
     )

@@ -10,6 +10,7 @@ import pytest
 
 from automaton.build.resolve import resolve
 from automaton.engine.jit.fields import CONSTANT, SCRATCH, field
+from automaton.engine.jit.struct_types import StructClassType
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import LAYER_RIGHT_OF_WAY, Array
 from automaton.runs.simulation import Simulation
@@ -165,3 +166,19 @@ def test_scratch_decides_nothing(floor: str, information: str, tmp_path: Path) -
     clean.run(until=399)
     assert clean.world.tally.operations.sum() > 300
     assert poisoned.tick == clean.tick and poisoned.digest == clean.digest
+
+
+def class_in_a_notebook(kind: str) -> type[Struct]:
+    """A class as a cell makes it, each time that it is executed with other fields."""
+
+    class Again(Struct):
+        first: Any = field(kind, "a field")
+
+    return Again
+
+
+def test_a_class_that_is_defined_again_has_its_own_type() -> None:
+    one, other = (
+        StructClassType(class_in_a_notebook(kind)) for kind in ("(n,) int8", "(n,) int64")
+    )
+    assert one != other and one.cls is not other.cls

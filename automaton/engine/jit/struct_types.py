@@ -86,11 +86,14 @@ def declared_type(cls: type[Struct]) -> StructType:
 
 
 class StructClassType(types.Dummy):
-    """The Numba type of a struct class, for `State.of` in kernels."""
+    """The Numba type of a struct class, for `State.of` in kernels.
+
+    Numba takes types of one name for one type, and a notebook may define a class again with other fields.
+    """
 
     def __init__(self, cls: type[Struct]) -> None:
         self.cls = cls
-        super().__init__(f"class {cls.__module__}.{cls.__qualname__}")
+        super().__init__(f"class of {declared_type(cls).name}")
 
 
 @typeof_impl.register(StructClass)

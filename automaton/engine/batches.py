@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from automaton.engine.jit.field_kernels import clearing
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.operations import clear_route_request, first_cell
 from automaton.engine.robot_status import STATUS_UP
@@ -16,7 +17,6 @@ from automaton.engine.state import (
     CLOCK_REVISION,
     CLOCK_TICK,
     CLOCK_UNQUEUED_ORDERS,
-    KEEP,
     LAYER_ALLOCATION,
     LAYER_CHARGING,
     LAYER_RIGHT_OF_WAY,
@@ -34,6 +34,11 @@ from automaton.engine.state import (
     REASON_RETRIES_EXHAUSTED,
     REASON_ZONE_EVENT,
     RETRY_EXHAUSTED,
+    AllocationDecisions,
+    ChargingDecisions,
+    RightOfWayDecisions,
+    RoutingDecisions,
+    ZoningDecisions,
 )
 
 
@@ -204,43 +209,22 @@ def batch_right_of_way(world, batch):
     return True
 
 
+clear_zoning, clear_charging = clearing(ZoningDecisions), clearing(ChargingDecisions)
+clear_allocation, clear_routing = clearing(AllocationDecisions), clearing(RoutingDecisions)
+clear_right_of_way = clearing(RightOfWayDecisions)
+
+
 @kernel
 def clear_decisions(batch, decisions, layer):
-    """Every decision starts as KEEP."""
-    n = batch.count[0]
+    """Every decision starts as declared: KEEP."""
+    count = batch.count[0]
     if layer == LAYER_ALLOCATION:
-        out = decisions.allocation
-        out.order_taken[:] = 0
-        out.slot_taken[:] = 0
-        out.order_queue_length[:] = KEEP
-        for k in range(n):
-            out.command[k] = KEEP
-            out.order[k] = NIL
-            out.slot[k] = NIL
-            out.goal_cell[k] = NIL
-            out.try_drop[k] = 0
-            out.ask_again[k] = 0
+        clear_allocation(decisions.allocation, count)
     elif layer == LAYER_ROUTING:
-        for k in range(n):
-            decisions.routing.route_length[k] = KEEP
+        clear_routing(decisions.routing, count)
     elif layer == LAYER_RIGHT_OF_WAY:
-        for k in range(n):
-            decisions.right_of_way.command[k] = KEEP
-            decisions.right_of_way.value[k] = 0
-            decisions.right_of_way.return_order[k] = 0
-            decisions.right_of_way.priority[k] = KEEP
+        clear_right_of_way(decisions.right_of_way, count)
     elif layer == LAYER_ZONING:
-        decisions.zoning.redesigned[0] = 0
-        decisions.zoning.queued[0] = 0
-        decisions.zoning.refused[0] = 0
-        decisions.zoning.server[:] = KEEP
-        for k in range(n):
-            decisions.zoning.service_zone[k] = KEEP
-            decisions.zoning.halt[k] = KEEP
-            decisions.zoning.again[k] = KEEP
-            decisions.zoning.sends_message[k] = 0
+        clear_zoning(decisions.zoning, count)
     else:
-        for k in range(n):
-            decisions.charging.goal_cell[k] = KEEP
-            decisions.charging.charge_target[k] = 0
-            decisions.charging.charging_interruptible[k] = 0
+        clear_charging(decisions.charging, count)

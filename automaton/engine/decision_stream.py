@@ -3,16 +3,16 @@
     tick * 8 + phase (entry of LAYER_SEQUENCE) | identity * 65,536 + number of values | values ...
 
 in the order in which they entered the world; robots that were asked and got KEEP are left out.
-Values: zoning (automaton.engine.zoning_decision_stream), charging (goal_cell,
-charge_target, charging_interruptible), allocation
-(command, order, slot, goal_cell, try_drop, ask_again) and, before these decisions, plans
-(PLAN_WORDS times the number of orders, the orders), routing (steps, then 31 directions of 2 bits
-each; -1 for an illegal route), right of way (command, value, return_order, priority).
+Values: the fields of a decision as declared in automaton.engine.state; for zoning see
+automaton.engine.zoning_decision_stream; before the decisions of allocation, plans (PLAN_WORDS times the
+number of orders, the orders); for routing the steps, then 31 directions of 2 bits each, or -1 for an
+illegal route.
 """
 
 import numpy as np
 
 from automaton.engine.commit import is_drivable, may_set_order_queue
+from automaton.engine.jit.field_kernels import appending, decision_values, reading
 from automaton.engine.jit.fields import CONSTANT, field
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import Struct
@@ -27,7 +27,10 @@ from automaton.engine.state import (
     LAYER_ROUTING,
     LAYER_ZONING,
     NIL,
+    AllocationDecisions,
     Array,
+    ChargingDecisions,
+    RightOfWayDecisions,
 )
 from automaton.engine.zoning_decision_stream import keep_zoning, repeat_zoning
 
@@ -36,8 +39,17 @@ COUNT_BITS = 16
 STEPS_PER_WORD = 31  # directions in a word
 ILLEGAL_ROUTE = -1
 ILLEGAL_PLAN = -1
-ANSWER_WORDS = 6  # values of a decision of allocation
-PLAN_WORDS = 7  # values of a plan, its orders aside
+
+# Values of a decision.
+CHARGING_WORDS = len(decision_values(ChargingDecisions))
+ALLOCATION_WORDS = len(decision_values(AllocationDecisions))
+RIGHT_OF_WAY_WORDS = len(decision_values(RightOfWayDecisions))
+PLAN_WORDS = ALLOCATION_WORDS + 1  # of a plan, its orders aside: longer than any other decision
+
+append_charging, read_charging = appending(ChargingDecisions), reading(ChargingDecisions)
+append_allocation, read_allocation = appending(AllocationDecisions), reading(AllocationDecisions)
+append_right_of_way = appending(RightOfWayDecisions)
+read_right_of_way = reading(RightOfWayDecisions)
 
 
 @kernel
@@ -49,8 +61,14 @@ def key_of(world):
 @kernel
 def max_words(longest_route, longest_plan):
     """Words that the decisions about one robot may take in a tick."""
-    heads, values = 2 * 7, 1 + 2 * 3 + ANSWER_WORDS + PLAN_WORDS + longest_plan + 1 + 4
-    return heads + values + (longest_route + STEPS_PER_WORD - 1) // STEPS_PER_WORD
+    values = 1 + 2 * CHARGING_WORDS + ALLOCATION_WORDS + PLAN_WORDS + longest_plan
+    return (
+        2 * 7
+        + values
+        + 1
+        + RIGHT_OF_WAY_WORDS
+        + (longest_route + STEPS_PER_WORD - 1) // STEPS_PER_WORD
+    )
 
 
 @kernel
@@ -121,27 +139,12 @@ def first_other_tick(words, others):
 def put(world, words, at, batch, decisions, layer, k):
     """Write the values of decision k; returns how many there are, 0 for KEEP."""
     if layer == LAYER_CHARGING:
-        words[at] = decisions.charging.goal_cell[k]
-        words[at + 1] = decisions.charging.charge_target[k]
-        words[at + 2] = decisions.charging.charging_interruptible[k]
-        return 0 if decisions.charging.goal_cell[k] == KEEP else 3
+        return append_charging(decisions.charging, k, words, at)
     if layer == LAYER_ALLOCATION:
-        out = decisions.allocation
-        words[at] = out.command[k]
-        words[at + 1] = out.order[k]
-        words[at + 2] = out.slot[k]
-        words[at + 3] = out.goal_cell[k]
-        words[at + 4] = out.try_drop[k]
-        words[at + 5] = out.ask_again[k]
-        return 0 if out.command[k] == KEEP and out.ask_again[k] == 0 else 6
+        return append_allocation(decisions.allocation, k, words, at)
     if layer == LAYER_ROUTING:
         return put_route(world, words, at, np.int64(batch.robot[k]), decisions.routing, k)
-    out = decisions.right_of_way
-    words[at] = out.command[k]
-    words[at + 1] = out.value[k]
-    words[at + 2] = out.return_order[k]
-    words[at + 3] = out.priority[k]
-    return 0 if out.command[k] == KEEP and out.priority[k] == KEEP else 4
+    return append_right_of_way(decisions.right_of_way, k, words, at)
 
 
 @kernel
@@ -227,33 +230,23 @@ def give_plan(robots, out, words, at, size, i):
 def fewest_values(layer):
     """How many values a recorded decision has at least."""
     if layer == LAYER_CHARGING:
-        return 3
+        return CHARGING_WORDS
     if layer == LAYER_ALLOCATION:
-        return ANSWER_WORDS
-    return 4 if layer == LAYER_RIGHT_OF_WAY else 1
+        return ALLOCATION_WORDS
+    return RIGHT_OF_WAY_WORDS if layer == LAYER_RIGHT_OF_WAY else 1
 
 
 @kernel
 def give(words, at, size, decisions, layer, k):
     """Enter so many recorded values as decision k."""
     if layer == LAYER_CHARGING:
-        decisions.charging.goal_cell[k] = words[at]
-        decisions.charging.charge_target[k] = words[at + 1]
-        decisions.charging.charging_interruptible[k] = words[at + 2]
+        read_charging(decisions.charging, k, words, at)
     elif layer == LAYER_ALLOCATION:
-        decisions.allocation.command[k] = words[at]
-        decisions.allocation.order[k] = words[at + 1]
-        decisions.allocation.slot[k] = words[at + 2]
-        decisions.allocation.goal_cell[k] = words[at + 3]
-        decisions.allocation.try_drop[k] = words[at + 4]
-        decisions.allocation.ask_again[k] = words[at + 5]
+        read_allocation(decisions.allocation, k, words, at)
     elif layer == LAYER_ROUTING:
         give_route(words, at, size, decisions.routing, k)
     else:
-        decisions.right_of_way.command[k] = words[at]
-        decisions.right_of_way.value[k] = words[at + 1]
-        decisions.right_of_way.return_order[k] = words[at + 2]
-        decisions.right_of_way.priority[k] = words[at + 3]
+        read_right_of_way(decisions.right_of_way, k, words, at)
 
 
 @kernel

@@ -16,7 +16,9 @@ from automaton.engine.facilities import Chargers, Slots, Stations
 from automaton.engine.facilities import Grid as Grid
 from automaton.engine.jit.fields import (
     BY_ENTRY,
+    CALL,
     CONSTANT,
+    DECISION,
     DERIVED,
     MEASURED,
     SCRATCH,
@@ -433,60 +435,70 @@ class Batch(Struct):
     reason: Array = field("(n,) uint8")
 
 
+def decided(meaning: str, default: int = 0, dtype: str = "int32") -> Any:
+    """A field of what is decided for each robot that is asked."""
+    return field(f"(n,) {dtype}", meaning, default=default, role=DECISION)
+
+
 class ZoningDecisions(Struct):
-    service_zone: Array = field("(n,) int32", "the service zone of the robot")
-    halt: Array = field("(n,) int32", "ticks that it stands still from now on")
-    again: Array = field(
-        "(n,) int32", "ticks after which zoning is asked about it again; NIL: when told to"
+    service_zone: Array = decided("the service zone of the robot", KEEP)
+    halt: Array = decided("ticks that it stands still from now on", KEEP)
+    again: Array = decided(
+        "ticks after which zoning is asked about it again; NIL: when told to", KEEP
     )
-    sends_message: Array = field("(n,) uint8", "1 = its message changes, to this row of")
+    sends_message: Array = decided("1 = its message changes, to this row of", dtype="uint8")
     messages: Array = field(f"(n, {MESSAGE_WORDS}) int64")
     server: Array = field(
-        "(Z,) int32", "by zone: KEEP, or the identity of the robot that serves it"
+        "(Z,) int32",
+        "by zone: KEEP, or the identity of the robot that serves it",
+        default=KEEP,
+        role=CALL,
     )
-    redesigned: Array = field("(1,) int64", "1 = the design changes, to")
+    redesigned: Array = field("(1,) int64", "1 = the design changes, to", role=CALL)
     design: Design
-    queued: Array = field("(1,) int64", "how many of the next four are in use")
+    queued: Array = field("(1,) int64", "how many of the next four are in use", role=CALL)
     order: Array = field("(m,) int32", "this order")
     queue: Array = field("(m,) int32", "comes into the queue of this zone")
     next_slot: Array = field("(m,) int32", "and is to be dropped at this slot")
     skips_transfer: Array = field("(m,) uint8", "1 = past transfer stations")
     refused: Array = field(
-        "(1,) int64", "illegal decisions that a recording tells of, and no strategy"
+        "(1,) int64", "illegal decisions that a recording tells of, and no strategy", role=CALL
     )
 
 
 class ChargingDecisions(Struct):
-    goal_cell: Array = field("(n,) int32", "charger cell to drive to; NIL: stop charging")
-    charge_target: Array = field("(n,) int32", "charge at which to leave")
-    charging_interruptible: Array = field("(n,) int32", "1 = it may get an order while it charges")
+    goal_cell: Array = decided("KEEP, the charger cell to drive to, or NIL: stop charging", KEEP)
+    charge_target: Array = decided("charge at which to leave")
+    charging_interruptible: Array = decided("1 = it may get an order while it charges")
 
 
 class AllocationDecisions(Struct):
-    command: Array = field("(n,) int32", "KEEP, CMD_TAKE_ORDER, CMD_DROP_AT or CMD_PARK")
-    order: Array = field("(n,) int32", "CMD_TAKE_ORDER: the order to pick up")
-    slot: Array = field("(n,) int32", "CMD_DROP_AT: where the load goes")
-    goal_cell: Array = field("(n,) int32", "the cell from which it is picked up or dropped")
-    try_drop: Array = field("(n,) int32", "CMD_DROP_AT: 1 = a TRY_DROP operation follows the pick")
-    ask_again: Array = field("(n,) uint8", "1 = ask again next tick, whatever happens")
-    order_queue_length: Array = field("(n,) int32", "by storage index: KEEP, or how many orders")
+    command: Array = decided("KEEP, CMD_TAKE_ORDER, CMD_DROP_AT or CMD_PARK", KEEP)
+    order: Array = decided("CMD_TAKE_ORDER: the order to pick up", NIL)
+    slot: Array = decided("CMD_DROP_AT: where the load goes", NIL)
+    goal_cell: Array = decided("the cell from which it is picked up or dropped", NIL)
+    try_drop: Array = decided("CMD_DROP_AT: 1 = a TRY_DROP operation follows the pick")
+    ask_again: Array = decided("1 = ask again next tick, whatever happens", dtype="uint8")
+    order_queue_length: Array = field(
+        "(n,) int32", "by storage index: KEEP, or how many orders", default=KEEP, role=CALL
+    )
     order_queue: Array = field("(n, L) int32", "by storage index: orders that a robot is to do")
     order_taken: Array = field(
-        "(m,) uint8", "scratch: reserved by an earlier decision of this batch"
+        "(m,) uint8", "reserved by an earlier decision of this batch", role=CALL
     )
-    slot_taken: Array = field("(s,) uint8")
+    slot_taken: Array = field("(s,) uint8", "likewise", role=CALL)
 
 
 class RoutingDecisions(Struct):
-    route_length: Array = field("(n,) int32", "KEEP or the number of steps")
+    route_length: Array = decided("KEEP or the number of steps", KEEP)
     steps: Array = field("(n, R) uint8", "directions")
 
 
 class RightOfWayDecisions(Struct):
-    command: Array = field("(n,) int32", "KEEP, CMD_STEP, CMD_WAIT or CMD_RETREAT")
-    value: Array = field("(n,) int32", "direction, ticks, or moves")
-    return_order: Array = field("(n,) int32", "1 = an empty robot returns its order")
-    priority: Array = field("(n,) int32", "KEEP or the robot's new priority")
+    command: Array = decided("KEEP, CMD_STEP, CMD_WAIT or CMD_RETREAT", KEEP)
+    value: Array = decided("direction, ticks, or moves")
+    return_order: Array = decided("1 = an empty robot returns its order")
+    priority: Array = decided("KEEP or the robot's new priority", KEEP)
 
 
 class Decisions(Struct):

@@ -4,7 +4,7 @@ A row that is about no robot has MARK + its kind where others have an identity. 
 there is one call for each robot; a replay decides all of them at once, and the last design of a
 tick counts: those that are here are whole and sound (automaton.engine.zoning_commit.judge_design).
 
-    robot:    zone, halt, again, tells, then what it says if it tells something new
+    robot:    the fields of its decision, then its message if that changes
     QUEUES:   order, queue, stop, direct; again and again
     SERVERS:  a robot for each zone
     STATIONS: a zone for each station, then zone, zone, station of each transfer station
@@ -14,9 +14,10 @@ tick counts: those that are here are whole and sound (automaton.engine.zoning_co
 
 import numpy as np
 
+from automaton.engine.jit.field_kernels import appending, decision_values, reading
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.service_zones import MESSAGE_WORDS
-from automaton.engine.state import CLOCK_DECISION_WORDS, KEEP, NIL
+from automaton.engine.state import CLOCK_DECISION_WORDS, KEEP, NIL, ZoningDecisions
 
 COUNT_BITS = 16
 MARK = 1 << 24
@@ -25,8 +26,10 @@ SERVERS = 1
 STATIONS = 2
 SEGMENT = 3
 REFUSED = 4
-ROBOT_WORDS = 4
+ROBOT_WORDS = len(decision_values(ZoningDecisions))
 MAX_QUEUED = 8_000  # orders of a row
+
+append_zoning, read_zoning = appending(ZoningDecisions), reading(ZoningDecisions)
 
 
 @kernel
@@ -99,20 +102,17 @@ def keep_zoning(world, record, batch, out, key):
 @kernel
 def keep_robot(world, record, batch, out, key, k):
     """Append what zoning says of one robot, unless it is nothing."""
-    silent = out.service_zone[k] == KEEP and out.halt[k] == KEEP and out.again[k] == KEEP
-    if silent and out.sends_message[k] == 0:
-        return
     at = world.clock[CLOCK_DECISION_WORDS]
     words = record.decisions
-    size = ROBOT_WORDS + (MESSAGE_WORDS if out.sends_message[k] else 0)
+    size = append_zoning(out, k, words, at + 2)
+    if size == 0:
+        return
+    if out.sends_message[k]:
+        for word in range(MESSAGE_WORDS):
+            words[at + 2 + size + word] = out.messages[k, word]
+        size += MESSAGE_WORDS
     words[at] = key
     words[at + 1] = (np.int64(world.robots.identity[batch.robot[k]]) << COUNT_BITS) | size
-    words[at + 2] = out.service_zone[k]
-    words[at + 3] = out.halt[k]
-    words[at + 4] = out.again[k]
-    words[at + 5] = out.sends_message[k]
-    for word in range(size - ROBOT_WORDS):
-        words[at + 6 + word] = out.messages[k, word]
     world.clock[CLOCK_DECISION_WORDS] = at + 2 + size
 
 
@@ -175,13 +175,11 @@ def place_of(view, batch, identity):
 def give_robot(out, words, at, size, k):
     if size < ROBOT_WORDS:
         return
-    out.service_zone[k] = words[at]
-    out.halt[k] = words[at + 1]
-    out.again[k] = words[at + 2]
-    if words[at + 3] and size == ROBOT_WORDS + MESSAGE_WORDS:
-        out.sends_message[k] = 1
+    read_zoning(out, k, words, at)
+    out.sends_message[k] = out.sends_message[k] != 0 and size == ROBOT_WORDS + MESSAGE_WORDS
+    if out.sends_message[k]:
         for word in range(MESSAGE_WORDS):
-            out.messages[k, word] = words[at + 4 + word]
+            out.messages[k, word] = words[at + ROBOT_WORDS + word]
 
 
 @kernel

@@ -13,6 +13,7 @@ import pytest
 from automaton.build.resolve import resolve
 from automaton.engine import digest
 from automaton.engine.digest import DIGEST_NAMES
+from automaton.engine.facilities import Stations
 from automaton.engine.jit.field_kernels import (
     digest_names,
     digested_fields,
@@ -32,7 +33,8 @@ from automaton.engine.jit.fields import (
 )
 from automaton.engine.jit.structs import Struct
 from automaton.engine.observation import Observation
-from automaton.engine.state import Array, Robots, World
+from automaton.engine.service_zones import ServiceZones
+from automaton.engine.state import Array, Orders, Robots, Tally, World
 from automaton.evidence.history.keyframes import Keyframes
 from automaton.evidence.history.snapshot import by_robot
 from automaton.runs.pictures.robot_lines import read_robot, robot_line
@@ -253,37 +255,58 @@ def test_without_its_number_each_field_is_missed(monkeypatch: pytest.MonkeyPatch
                 digest_names(World)
 
 
-KNOWN = {"identity", "at_index", "type"}  # whatever the sight
+# What is known of each robot, order, station and job whatever the sight.
+KNOWN = {
+    (Robots, "n"): {"identity", "at_index", "type"},
+    (Tally, "n"): set(),
+    (ServiceZones, "n"): set(),
+    (ServiceZones, "m"): set(),
+    (Orders, "m"): set(),
+    (Stations, "k"): {"slot"},
+    (Stations, "j"): {"station", "processing_time", "part", "releases_order"},
+}
+HIDDEN = [
+    (struct, extent, name)
+    for (struct, extent), known in KNOWN.items()
+    for name, declared in struct._declared.items()
+    if declared.extents[:1] == (extent,) and name not in known
+]
 
 
-def unlike_seen() -> set[str]:
-    """The arrays of robots that are not hidden, or not shown as they are, by what is declared now."""
-    run = Simulation(resolve("tabletop-mini", ("fleet.robots=4", "information.radius=1")))
-    robots, seen = run.world.robots, run.visible_world.robots
-    draws = np.random.default_rng(1)
-    for name in Robots._fields:
-        if name not in KNOWN:
-            array = getattr(robots, name)
-            array[...] = draws.integers(1, 9, array.shape)
-    robots.route_length[:] = robots.route.shape[1]
-    robots.order_queue_length[:] = robots.order_queue.shape[1]
-    before = {name: getattr(seen, name)[1].copy() for name in Robots._fields}
-    python(showing(Robots, "n"))(seen, robots, 1)
-    shown = {
-        name
-        for name in before
-        if not np.array_equal(getattr(seen, name)[1], getattr(robots, name)[1])
+def unlike_seen(struct: type[Struct], extent: str) -> set[str]:
+    """The arrays along an extent that are not hidden, or not shown as they are, as declared now."""
+    world, seen = filled(struct, 5), filled(struct, 7)
+    names = {name for *where, name in HIDDEN if where == [struct, extent]}
+    python(showing(struct, extent))(seen, world, 1)
+    unlike = {name for name in names if (getattr(seen, name)[1] != getattr(world, name)[1]).any()}
+    python(hiding(struct, extent))(seen, 1)
+    return unlike | {
+        name for name in names if (getattr(seen, name)[1] == getattr(world, name)[1]).any()
     }
-    python(hiding(Robots, "n"))(seen, 1)
-    hidden = {name for name in before if not np.array_equal(getattr(seen, name)[1], before[name])}
-    return (shown | hidden) - KNOWN
 
 
-def test_each_field_of_a_robot_is_hidden_and_shown() -> None:
-    assert unlike_seen() == set()
+def filled(struct: type[Struct], value: int) -> Struct:
+    """A struct of three robots, orders and so on, with a value that nothing hidden has."""
+    parts = {name: filled(part, value) for name, part in struct.struct_classes().items()}
+    extents = {extent for one in struct._declared.values() for extent in one.extents}
+    made = struct.sized(dict.fromkeys(filter(str.isidentifier, extents), 3), **parts)
+    for name, declared in struct._declared.items():
+        if declared.is_array:
+            getattr(made, name)[...] = value
+    for declared in struct._declared.values():
+        if declared.used:
+            getattr(made, declared.used)[:] = 3
+    return made
 
 
-@pytest.mark.parametrize("name", sorted(set(Robots._fields) - KNOWN))
-def test_what_is_not_hidden_or_shown_is_missed(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Robots._declared[name], "_hidden", VISIBLE)
-    assert name in unlike_seen()
+@pytest.mark.parametrize(("struct", "extent"), KNOWN)
+def test_each_field_is_hidden_and_shown(struct: type[Struct], extent: str) -> None:
+    assert unlike_seen(struct, extent) == set()
+
+
+@pytest.mark.parametrize(("struct", "extent", "name"), HIDDEN)
+def test_what_is_not_hidden_or_shown_is_missed(
+    struct: type[Struct], extent: str, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(struct._declared[name], "_hidden", VISIBLE)
+    assert unlike_seen(struct, extent) == {name}

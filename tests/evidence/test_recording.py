@@ -18,10 +18,13 @@ from recording_trials import put_together, taken_apart
 from automaton.build.resolve import Resolved, resolve
 from automaton.commands import main
 from automaton.engine.record_codes import CHANGE_DURATION, KEYFRAME_TICKS
+from automaton.engine.state import World
 from automaton.errors import InputError
 from automaton.evidence.recording import frames as stored
 from automaton.evidence.recording.contents import (
     FRAME_KIND_HEADER,
+    IN_HEADER,
+    KEYFRAME_ARRAYS,
     MAX_CHANGES,
     MAX_LABELS,
     MAX_NESTING,
@@ -437,3 +440,30 @@ def test_a_state_of_another_number_of_stations_is_found(count: int, tmp_path: Pa
     report = validate_stored(reread(tmp_path, put_together(parts)))
     text = f"stations.completion_tick has {count:,} values in the recorded state, not "
     assert text in report.violations[0].text
+
+
+# Who has recordings can read them only as long as this stays: a change of it is a new format.
+OF_THE_STATE = """
+header    robots         cell heading home bay charge
+header    orders         source target release_tick weight release_sequence
+header    stations       processing_time arrival_tick
+header    slots          cell
+keyframe  robots         cell claim heading travel action busy priority load order slot goal_type
+keyframe  robots         goal_cell charge_target try_drop retreat_moves failed_retries retry_state
+keyframe  robots         parked service_zone charge status need reason
+keyframe  orders         state current_slot reserved_by release_tick delivered legs
+keyframe  slots          cell content reserved_by
+keyframe  stations       in_service job_done_tick arrival_tick completion_tick
+keyframe  service_zones  server queue next_slot skips_transfer halt
+"""
+
+
+def test_what_a_recording_has_of_the_state() -> None:
+    expected: dict[tuple[str, str], list[str]] = {}
+    for line in OF_THE_STATE.strip().splitlines():
+        frame, part, *names = line.split()
+        expected.setdefault((frame, part), []).extend(names)
+    parts = World.struct_classes().items()
+    header = {("header", part): [*struct.fields_where(IN_HEADER)] for part, struct in parts}
+    keyframe = {("keyframe", part): [*names] for part, names in KEYFRAME_ARRAYS.items()}
+    assert {part: names for part, names in (header | keyframe).items() if names} == expected

@@ -15,7 +15,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from automaton.engine.jit.fields import VISIBLE, Field
+from automaton.engine.jit.fields import CALL, DECISION, VISIBLE, Field
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import Struct
 
@@ -101,6 +101,46 @@ def digesting(world: type[Struct], add_value: Any, values: Iterable[Any]) -> Any
     return kernel(written_out("digest_arrays", "world, out", body, names), cached=False)
 
 
+def clearing(struct: type[Struct]) -> Any:
+    """A kernel (s, count): the first `count` decisions, and what holds for a call, begin anew."""
+    whole = [
+        f"    s.{name}[:] = {one.default}"
+        for name, one in struct._declared.items()
+        if one.role == CALL
+    ]
+    each = [
+        f"        s.{name}[k] = {one.default}"
+        for name, one in struct._declared.items()
+        if one.role == DECISION
+    ]
+    lines = [*whole, "    for k in range(count):", *each]
+    return kernel(written_out(f"clear_{struct.__name__}", "s, count", lines), cached=False)
+
+
+def decision_values(struct: type[Struct]) -> tuple[str, ...]:
+    """The fields that say what is decided for one robot, in the order in which a stream has them."""
+    return tuple(name for name, one in struct._declared.items() if one.role == DECISION)
+
+
+def appending(struct: type[Struct]) -> Any:
+    """A kernel (s, k, words, at): writes decision k to words[at:]; returns how many words that took,
+    0 if it is what it began as."""
+    values = decision_values(struct)
+    unchanged = " and ".join(f"s.{name}[k] == {struct._declared[name].default}" for name in values)
+    lines = [f"    if {unchanged}:", "        return 0"]
+    lines += [f"    words[at + {word}] = s.{name}[k]" for word, name in enumerate(values)]
+    lines += [f"    return {len(values)}"]
+    return kernel(written_out(f"append_{struct.__name__}", "s, k, words, at", lines), cached=False)
+
+
+def reading(struct: type[Struct]) -> Any:
+    """A kernel (s, k, words, at): decision k is what words[at:] say."""
+    lines = [
+        f"    s.{name}[k] = words[at + {word}]" for word, name in enumerate(decision_values(struct))
+    ]
+    return kernel(written_out(f"read_{struct.__name__}", "s, k, words, at", lines), cached=False)
+
+
 def _for_each(owner: str, name: str, declared: Field, statement: str) -> str:
     """A statement about each value that element i has in an array; @ stands for its index."""
     lines, ndim = [], len(declared.extents)
@@ -115,7 +155,7 @@ def written_out(
     name: str, parameters: str, body: Iterable[str], names: Mapping[str, Any] | None = None
 ) -> Any:
     """The function of these lines; a traceback shows them."""
-    source = "\n".join([f"def {name}({parameters}):", *body, "    return\n"])
+    source = "\n".join([f"def {name}({parameters}):", *(body or ["    pass"]), ""])
     file = f"<{name}, written out from declarations>"
     linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)
     defined = {"np": np, **(names or {}), "__name__": __name__}

@@ -37,6 +37,8 @@ STATIC: Final = "static"  # stays as it was built
 CONSTANT: Final = "constant"  # the same, and read-only in kernels
 SCRATCH: Final = "scratch"  # decides nothing in another tick
 BY_ENTRY: Final = "by entry"  # some of its entries are state
+DECISION: Final = "decision"  # begins as its default for each robot that is asked
+CALL: Final = "call"  # begins as its default in each call of a layer
 CARRIED: Final = (STATE, DERIVED, MEASURED)  # to a branch, and in keyframes in memory
 
 _EXTENT: Final = re.compile(r"(\d*)([A-Za-z]\w*)(?: \+ (\d+))?")

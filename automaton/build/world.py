@@ -18,7 +18,7 @@ from automaton.engine.decision_stream import max_words
 from automaton.engine.events import max_events
 from automaton.engine.facilities import Chargers
 from automaton.engine.observation import Observation, Scratch
-from automaton.engine.operations import MAX_CHANGES
+from automaton.engine.record_changes import MAX_CHANGES
 from automaton.engine.service_zones import ServiceZones
 from automaton.engine.state import (
     CLOCK_ALLOCATION_REVISION,

@@ -4,7 +4,7 @@ import numpy as np
 
 from automaton.engine.jit.field_kernels import clearing
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.operations import clear_route_request, first_cell
+from automaton.engine.requests import clear_route_request, first_cell
 from automaton.engine.robot_status import STATUS_UP
 from automaton.engine.state import (
     CLOCK_ALLOCATION_REVISION,

@@ -4,13 +4,13 @@ import numpy as np
 
 from automaton.engine.energy import end_charging
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.operations import (
+from automaton.engine.loads import reserve_order
+from automaton.engine.operations import refuse
+from automaton.engine.requests import (
     clear_allocation_request,
     clear_route_request,
     drop_route,
-    refuse,
     request_allocation,
-    reserve_order,
     set_goal,
 )
 from automaton.engine.robot_status import BATTERY_FULL

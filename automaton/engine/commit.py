@@ -6,25 +6,22 @@ from automaton.engine.drive import replan
 from automaton.engine.energy import end_charging
 from automaton.engine.facilities import MAY_TURN
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.operations import (
-    begin,
+from automaton.engine.loads import reserve_order, reserve_slot
+from automaton.engine.operations import begin, count_lost_tick, refuse
+from automaton.engine.random_numbers import splitmix64
+from automaton.engine.record_changes import record_change
+from automaton.engine.record_codes import CHANGE_DURATION, EXECUTED_RETREAT, EXECUTED_WAIT
+from automaton.engine.requests import (
     clear_allocation_request,
     clear_right_of_way,
     clear_route_request,
-    count_lost_tick,
     drop_route,
     first_cell,
-    record_change,
-    refuse,
     request_allocation,
     request_charging,
     request_right_of_way,
-    reserve_order,
-    reserve_slot,
     set_goal,
 )
-from automaton.engine.random_numbers import splitmix64
-from automaton.engine.record_codes import CHANGE_DURATION, EXECUTED_RETREAT, EXECUTED_WAIT
 from automaton.engine.robot_status import STATUS_EXHAUSTED
 from automaton.engine.state import (
     ACTION_RETREAT,

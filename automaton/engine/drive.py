@@ -9,6 +9,7 @@ import numpy as np
 
 from automaton.engine.energy import charge_up, has_energy_for
 from automaton.engine.jit.kernel import kernel
+from automaton.engine.loads import pick_up, set_down
 from automaton.engine.motion import (
     ARRIVED,
     ENTERED,
@@ -20,23 +21,9 @@ from automaton.engine.motion import (
     occupy,
     vacate,
 )
-from automaton.engine.operations import (
-    begin,
-    clear_right_of_way,
-    clear_route_request,
-    consume_energy,
-    count_lost_tick,
-    drop_route,
-    energy_cost,
-    entry_heading,
-    pick_up,
-    record_change,
-    request_allocation,
-    request_right_of_way,
-    request_route,
-    set_down,
-)
+from automaton.engine.operations import begin, consume_energy, count_lost_tick, energy_cost
 from automaton.engine.random_numbers import STREAM_HANDLING, STREAM_WAITS, random_between
+from automaton.engine.record_changes import record_change
 from automaton.engine.record_codes import (
     CHANGE_DURATION,
     DROPPED_ON_ARRIVAL,
@@ -52,6 +39,14 @@ from automaton.engine.record_codes import (
     PICKED_ON_ARRIVAL,
     TURN_LEFT,
     TURN_RIGHT,
+)
+from automaton.engine.requests import (
+    clear_right_of_way,
+    clear_route_request,
+    drop_route,
+    request_allocation,
+    request_right_of_way,
+    request_route,
 )
 from automaton.engine.robot_status import STATUS_EXHAUSTED
 from automaton.engine.state import (
@@ -403,3 +398,13 @@ def refused(world, record, i):
         robots.retry_state[i] = RETRY_WAITED
         robots.executed[i] = np.int64(robots.executed[i]) | EXECUTED_WAIT
         record_change(world.clock, record, CHANGE_DURATION, identity, ticks)
+
+
+@kernel
+def entry_heading(grid, cell):
+    """Heading of a robot placed on the floor: vertical if the cell leads north or south."""
+    cell_flags = np.int64(grid.cell_flags[cell])
+    for direction in (1, 3, 0, 2):
+        if (cell_flags >> direction) & 1:
+            return direction & (grid.headings - 1)
+    return 0

@@ -9,14 +9,9 @@ import numpy as np
 from automaton.engine.charging_curve import rate_at
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import LIVE, U, has_room
-from automaton.engine.operations import (
-    consume_energy,
-    count_lost_tick,
-    energy_cost,
-    exhaust,
-    request_allocation,
-)
+from automaton.engine.operations import consume_energy, count_lost_tick, energy_cost, exhaust
 from automaton.engine.record_codes import EXECUTED_BLOCKED, EXECUTED_CHARGE
+from automaton.engine.requests import request_allocation
 from automaton.engine.robot_status import BATTERY_FULL, STATUS_EXHAUSTED
 from automaton.engine.state import (
     ACTION_CHARGE,

@@ -7,23 +7,22 @@ until it is towed; where robots are not repaired, it is gone.
 
 import numpy as np
 
+from automaton.engine.drive import entry_heading
 from automaton.engine.energy import end_charging
 from automaton.engine.jit.kernel import kernel
+from automaton.engine.loads import leave_queue, reserve_order, reserve_slot
 from automaton.engine.motion import vacate
-from automaton.engine.operations import (
+from automaton.engine.random_numbers import STREAM_BREAKDOWNS, random_bits
+from automaton.engine.record_changes import record_change
+from automaton.engine.record_codes import CHANGE_LOAD_LEFT, CHANGE_STATUS
+from automaton.engine.requests import (
     clear_allocation_request,
     clear_right_of_way,
     clear_route_request,
     drop_route,
-    entry_heading,
-    leave_queue,
-    record_change,
     request_allocation,
-    reserve_order,
-    reserve_slot,
+    request_zoning,
 )
-from automaton.engine.random_numbers import STREAM_BREAKDOWNS, random_bits
-from automaton.engine.record_codes import CHANGE_LOAD_LEFT, CHANGE_STATUS
 from automaton.engine.robot_status import (
     FAILURE_DEPLETED,
     FAILURE_FAULT,
@@ -53,7 +52,6 @@ from automaton.engine.state import (
     REASON_PICKED,
     RETRY_NONE,
 )
-from automaton.engine.zoning_requests import request_zoning
 
 
 @kernel

@@ -31,7 +31,7 @@ from automaton.engine.jit.kernel import jit_is_on, kernel
 from automaton.engine.motion import move_all
 from automaton.engine.observation import COUNT_CURVE_ROWS, COUNT_EVENTS
 from automaton.engine.observe import observe
-from automaton.engine.operations import MAX_CHANGES
+from automaton.engine.record_changes import MAX_CHANGES
 from automaton.engine.releases import release_orders
 from automaton.engine.slow_zones import count_robots, set_move_ticks
 from automaton.engine.state import (

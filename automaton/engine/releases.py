@@ -4,6 +4,7 @@ import numpy as np
 
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.random_numbers import STREAM_RELEASES, random_bits
+from automaton.engine.requests import request_zoning
 from automaton.engine.state import (
     CLOCK_NEXT_RELEASE,
     CLOCK_REVISION,
@@ -12,7 +13,6 @@ from automaton.engine.state import (
     NIL,
     ORDER_WAITING,
 )
-from automaton.engine.zoning_requests import request_zoning
 
 
 @kernel

@@ -7,6 +7,7 @@ in the tick in which its job is done.
 import numpy as np
 
 from automaton.engine.jit.kernel import kernel
+from automaton.engine.requests import request_zoning
 from automaton.engine.state import (
     CLOCK_NEXT_PART,
     CLOCK_NEXT_RELEASE,
@@ -16,7 +17,6 @@ from automaton.engine.state import (
     NIL,
     ORDER_WAITING,
 )
-from automaton.engine.zoning_requests import request_zoning
 
 
 @kernel

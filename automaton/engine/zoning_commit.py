@@ -8,7 +8,7 @@ limited sight a robot may change only what it can see.
 import numpy as np
 
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.operations import record_change
+from automaton.engine.record_changes import record_change
 from automaton.engine.record_codes import CHANGE_ZONE
 from automaton.engine.state import (
     CLOCK_HALTED_UNTIL,

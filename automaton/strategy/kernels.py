@@ -9,7 +9,6 @@ from automaton.engine.charging_curve import CURVE_RATE, charging_ticks, level_af
 from automaton.engine.holders import lane_of
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import has_room
-from automaton.engine.operations import first_cell
 from automaton.engine.random_numbers import (
     STREAM_ABORTS,
     STREAM_RETREATS,
@@ -18,6 +17,7 @@ from automaton.engine.random_numbers import (
     random_bits,
     splitmix64,
 )
+from automaton.engine.requests import first_cell
 from automaton.engine.search import (
     STARTED,
     TURNED_AHEAD,

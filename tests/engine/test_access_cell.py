@@ -100,7 +100,7 @@ def test_no_other_file_chooses_a_side() -> None:
         "automaton/strategy/access_cells.py",
         "automaton/engine/commit.py",
         "automaton/engine/faults.py",
-        "automaton/engine/operations.py",
+        "automaton/engine/loads.py",
         "automaton/strategy/paths.py",
         "strategies/allocation/cooperative.py",
     }

@@ -18,7 +18,7 @@ from typing import Final
 
 import numpy as np
 
-from automaton.engine.operations import first_cell
+from automaton.engine.requests import first_cell
 from automaton.engine.state import NIL, Array, World
 from automaton.evidence.history.snapshot import OVERLAYS, Snapshot
 from automaton.runs.simulation import Simulation

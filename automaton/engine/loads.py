@@ -1,0 +1,151 @@
+"""Loads and orders: picked up, set down, reserved."""
+
+import numpy as np
+
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.operations import begin
+from automaton.engine.record_changes import record_change
+from automaton.engine.record_codes import (
+    CHANGE_DROPPED,
+    CHANGE_ORDER_RESERVED,
+    CHANGE_PICKED,
+    CHANGE_SLOT_RESERVED,
+)
+from automaton.engine.requests import drop_route, request_allocation, request_zoning
+from automaton.engine.state import (
+    ACTION_DROP,
+    ACTION_PICK,
+    CLOCK_REVISION,
+    CLOCK_TICK,
+    CLOCK_UNDELIVERED,
+    GOAL_NONE,
+    NIL,
+    ORDER_CARRIED,
+    ORDER_DELIVERED,
+    ORDER_WAITING,
+    REASON_IDLE,
+    REASON_PICKED,
+)
+from automaton.engine.stations import deliver
+
+
+@kernel
+def reserve_order(world, record, order, identity):
+    """Give an order to a robot, or back (NIL)."""
+    world.orders.reserved_by[order] = identity
+    world.clock[CLOCK_REVISION] += 1
+    record_change(world.clock, record, CHANGE_ORDER_RESERVED, order, identity)
+
+
+@kernel
+def reserve_slot(world, record, slot, identity):
+    """Reserve a shelf for a robot's load, or free it (NIL); other slots take any number."""
+    if world.slots.unbounded[slot]:
+        return
+    world.slots.reserved_by[slot] = identity
+    world.clock[CLOCK_REVISION] += 1
+    record_change(world.clock, record, CHANGE_SLOT_RESERVED, slot, identity)
+
+
+@kernel
+def handle(world, i, action, ticks):
+    """Count a pick or drop; one of 0 ticks is part of the move that it follows."""
+    if ticks:
+        begin(world, i, action, ticks)
+    else:
+        loaded = 1 if world.robots.load[i] != NIL else 0
+        world.tally.operations[i, action, loaded] += 1
+
+
+@kernel
+def pick_up(world, record, i, ticks):
+    """The shelf empties in the first tick of the pick; allocation says next tick where to go."""
+    robots, orders = world.robots, world.orders
+    order = np.int64(robots.order[i])
+    handle(world, i, ACTION_PICK, ticks)
+    slot = np.int64(orders.current_slot[order])
+    robots.goal_type[i] = GOAL_NONE
+    robots.goal_cell[i] = NIL
+    drop_route(robots, i)
+    orders.legs[order] += 1
+    record_change(world.clock, record, CHANGE_PICKED, robots.identity[i], order)
+    if slot == orders.target[order]:
+        visit(world, record, i, order, ticks)
+        return
+    empty_slot(world, slot)
+    if world.service_zones.queue.shape[0]:
+        world.service_zones.picked_from[order] = slot
+    orders.current_slot[order] = NIL
+    orders.state[order] = ORDER_CARRIED
+    robots.load[i] = order
+    world.clock[CLOCK_REVISION] += 1
+    request_allocation(world, i, REASON_PICKED)
+
+
+@kernel
+def leave_queue(world, order):
+    """An order waits again somewhere: zoning is to say in whose queue it is."""
+    request_zoning(world)
+    if world.service_zones.queue.shape[0]:
+        former = np.int64(world.service_zones.queue[order])
+        if former >= 0:
+            world.service_zones.queue[order] = (
+                -2 - former
+            )  # it is that zone's until zoning says otherwise
+        world.service_zones.next_slot[order] = NIL
+        world.service_zones.skips_transfer[order] = 0
+        world.service_zones.picked_from[order] = NIL
+
+
+@kernel
+def visit(world, record, i, order, ticks):
+    """The order lies where it has to go: it is done when the robot arrives."""
+    world.robots.order[i] = NIL
+    world.orders.state[order] = ORDER_DELIVERED
+    world.orders.delivered[order] = world.clock[CLOCK_TICK]
+    world.clock[CLOCK_UNDELIVERED] -= 1
+    deliver(world, order, ticks)
+    reserve_order(world, record, order, NIL)
+    request_allocation(world, i, REASON_IDLE)
+
+
+@kernel
+def empty_slot(world, slot):
+    """A load is taken from a slot; a spare one is put away."""
+    slots = world.slots
+    slots.content[slot] = NIL
+    if slot >= slots.first_spare:
+        slots.cell[slot] = NIL
+        slots.unbounded[slot] = 1  # no shelf: no robot drops a load there
+        for direction in range(4):
+            slots.access[slot, direction] = NIL
+
+
+@kernel
+def set_down(world, record, i, ticks):
+    """The load is on the slot, and there for others, in the first tick of the drop."""
+    robots, orders = world.robots, world.orders
+    order = np.int64(robots.load[i])
+    slot = np.int64(robots.slot[i])
+    handle(world, i, ACTION_DROP, ticks)
+    robots.load[i] = NIL
+    robots.order[i] = NIL
+    robots.slot[i] = NIL
+    robots.goal_type[i] = GOAL_NONE
+    robots.goal_cell[i] = NIL
+    drop_route(robots, i)
+    record_change(world.clock, record, CHANGE_DROPPED, robots.identity[i], slot)
+    orders.current_slot[order] = slot
+    if slot == orders.target[order]:
+        orders.state[order] = ORDER_DELIVERED
+        orders.delivered[order] = world.clock[CLOCK_TICK]
+        world.clock[CLOCK_UNDELIVERED] -= 1
+        deliver(world, order, ticks)
+    else:
+        orders.state[order] = ORDER_WAITING
+        leave_queue(world, order)
+    if world.slots.unbounded[slot] == 0:
+        world.slots.content[slot] = order
+    reserve_order(world, record, order, NIL)
+    reserve_slot(world, record, slot, NIL)
+    request_allocation(world, i, REASON_IDLE)

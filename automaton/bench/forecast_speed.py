@@ -19,7 +19,6 @@ from strategies.routing.congestion.zone_forecast import forget_all
 SIDES = (100, 300, 1000)  # cells
 ROBOTS = 100
 TICKS = 30  # before the measurement, so that some are in each other's way
-BETA = 2000  # thousandths
 
 
 def measurements() -> list[Measurement]:
@@ -47,16 +46,13 @@ def fleet(side: int, robots: int) -> Simulation:
 def prepare_legs(side: int, robots: int = ROBOTS) -> Sample:
     """A sampler: us for a leg, over all robots one after another."""
     simulation = fleet(side, robots)
-    view, workspace, memory = (
-        simulation.view,
-        simulation.workspace,
-        simulation.states[LAYER_ROUTING],
-    )
+    view, workspace = simulation.view, simulation.workspace
+    state = simulation.states[LAYER_ROUTING]
 
     def sample() -> float:
-        forecast_all(view, workspace, memory)
-        seconds = cpu_seconds(lambda: plan_in_time(view, workspace, memory, BETA))
-        forget_all(memory)
+        forecast_all(view, workspace, state)
+        seconds = cpu_seconds(lambda: plan_in_time(view, workspace, state))
+        forget_all(state)
         return 1e6 * seconds / robots
 
     return sample
@@ -65,14 +61,11 @@ def prepare_legs(side: int, robots: int = ROBOTS) -> Sample:
 def prepare_forecast(side: int, robots: int = ROBOTS) -> Sample:
     """A sampler: us for a forecast, and for clearing it away."""
     simulation = fleet(side, robots)
-    view, workspace, memory = (
-        simulation.view,
-        simulation.workspace,
-        simulation.states[LAYER_ROUTING],
-    )
+    view, workspace = simulation.view, simulation.workspace
+    state = simulation.states[LAYER_ROUTING]
 
     def sample() -> float:
-        begun = cpu_seconds(lambda: forecast_all(view, workspace, memory))
-        return 1e6 * (begun + cpu_seconds(lambda: forget_all(memory)))
+        begun = cpu_seconds(lambda: forecast_all(view, workspace, state))
+        return 1e6 * (begun + cpu_seconds(lambda: forget_all(state)))
 
     return sample

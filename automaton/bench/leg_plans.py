@@ -3,13 +3,13 @@
 import numpy as np
 
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.state import NIL, Array, Grid, Memory, Workspace, World
+from automaton.engine.state import NIL, Array, Grid, Workspace, World
 from strategies.routing.astar.astar import astar, search, write_steps
 from strategies.routing.astar.frontier import LARGER_G
 from strategies.routing.astar.route_workspace import RouteSpace
 from strategies.routing.congestion.plan_forecast import forecast_one
 from strategies.routing.congestion.time_dependent import time_dependent_path
-from strategies.routing.congestion.zone_forecast import forget
+from strategies.routing.congestion.zone_forecast import CongestionState, forget
 from strategies.routing.traffic_avoidance.avoidance import (
     LEAST_TIME,
     PLAIN,
@@ -56,10 +56,10 @@ def plan_avoiding(
 
 
 @kernel
-def plan_in_time(view: World, workspace: Workspace, memory: Memory, beta: int) -> None:
+def plan_in_time(view: World, workspace: Workspace, state: CongestionState) -> None:
     """Plan the way of every robot to its goal cell again, each seeing the plans of those before it."""
     for i in range(view.robots.cell.shape[0]):
         if view.robots.goal_cell[i] != NIL:
-            forget(memory, i)
-            length = time_dependent_path(view, workspace, memory, beta, i, False, workspace.steps)
-            forecast_one(view, workspace, memory, i, workspace.steps, length)
+            forget(state, i)
+            length = time_dependent_path(view, workspace, state, i, False, workspace.steps)
+            forecast_one(view, workspace, state, i, workspace.steps, length)

@@ -15,7 +15,6 @@ from automaton.engine.state import (
     NIL,
     REASON_NEW_GOAL,
     Array,
-    Memory,
 )
 from automaton.floor.cells import FLOOR, UNLIMITED, Symbol
 from automaton.floor.drawn_floors import draw_floor
@@ -23,7 +22,8 @@ from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Durations, Fleet, Orders, Scenario, Stop, WorldRules
 from automaton.strategy.entry import NoParameters
 from automaton.strategy.layer import Strategy
-from strategies.routing.congestion.congestion import forecast_memory
+from strategies.routing.congestion.congestion_parameters import SharedPlans
+from strategies.routing.congestion.zone_forecast import CongestionState, congestion_state
 
 STEPS = "ESWN"
 ONE_WAY = {  # symbols of cells for any number of robots, left in one direction
@@ -146,5 +146,12 @@ class Traffic:
         robots.cell[there], robots.route_length[there] = NIL, 0
         robots.goal_type[there], robots.goal_cell[there] = GOAL_NONE, NIL
 
-    def memory(self, horizon: int, *own: int) -> Memory:
-        return forecast_memory(self.run.view, horizon, own)
+    def forecast(self, horizon: int, beta: float = 0) -> CongestionState:
+        """Room for a forecast, of nobody yet."""
+        return congestion_state(self.run.view, SharedPlans(horizon=horizon, beta=beta))
+
+
+def is_empty(state: CongestionState) -> bool:
+    """Whether a forecast leaves nothing behind."""
+    parts = (state.counts, state.overflowed, state.zone_share, state.crowd, state.calendar)
+    return not any(part.any() for part in parts)

@@ -9,13 +9,11 @@ detour around robots that stood in the way is driven to its end: made again, it 
 where they stand.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from automaton.engine.state import NIL, REASON_AROUND_ROBOTS, REASON_PERIODIC, Memory, World
+from automaton.engine.state import NIL, REASON_AROUND_ROBOTS, REASON_PERIODIC
 from automaton.strategy.kernels import kernel
-from automaton.strategy.layer import Strategy, memory_of
+from automaton.strategy.layer import Strategy
 from strategies.routing.congestion.congestion_parameters import SharedPlans
 from strategies.routing.congestion.plan_forecast import forecast_all, forecast_one
 from strategies.routing.congestion.task_forecast import (
@@ -25,85 +23,63 @@ from strategies.routing.congestion.task_forecast import (
 )
 from strategies.routing.congestion.time_dependent import time_dependent_path
 from strategies.routing.congestion.zone_forecast import (
-    KEPT,
-    OWN_PARAMETERS,
+    CongestionState,
+    congestion_state,
     forget,
     forget_all,
-    row_size,
-    shared_size,
 )
 
-BETA = OWN_PARAMETERS
-BY_TASKS = OWN_PARAMETERS + 1  # 1: nothing is known of the others but their tasks
-DETOUR = KEPT  # memory.per_robot: 1 + the goal cell to which a detour leads, or 0
-
 
 @kernel
-def look_ahead(view, workspace, memory):
+def look_ahead(view, workspace, state):
     """Foresee all robots, by their plans or by their tasks alone."""
-    if memory.parameters[BY_TASKS]:
-        add_task_forecasts(view, workspace, memory)
+    if state.tasks_alone:
+        add_task_forecasts(view, workspace, state)
     else:
-        forecast_all(view, workspace, memory)
+        forecast_all(view, workspace, state)
 
 
 @kernel
-def leave_out(view, memory, i):
+def leave_out(view, state, i):
     """Foresee all robots but this one."""
-    if memory.parameters[BY_TASKS]:
-        remove_task_forecast(view, memory, i)
+    if state.tasks_alone:
+        remove_task_forecast(view, state, i)
     else:
-        forget(memory, i)
+        forget(state, i)
 
 
 @kernel
-def put_back(view, workspace, memory, i, steps, length):
+def put_back(view, workspace, state, i, steps, length):
     """Foresee this robot, too, with its new route."""
-    if memory.parameters[BY_TASKS]:
-        add_task_forecast(view, workspace, memory, i)
+    if state.tasks_alone:
+        add_task_forecast(view, workspace, state, i)
     elif length != NIL:
-        forecast_one(view, workspace, memory, i, steps, length)
+        forecast_one(view, workspace, state, i, steps, length)
 
 
 @kernel
 def decide(view, batch, decisions, memory, workspace):
     if batch.count[0] == 0:
         return
-    beta = memory.parameters[BETA]
-    look_ahead(view, workspace, memory)
+    state = CongestionState.of(memory)
+    look_ahead(view, workspace, state)
     for k in range(batch.count[0]):
         i = np.int64(batch.robot[k])
         steps = decisions.routing.steps[k]
         detour = 1 + np.int64(view.robots.goal_cell[i])
-        if batch.reason[k] == REASON_PERIODIC and memory.per_robot[i, DETOUR] == detour:
+        if batch.reason[k] == REASON_PERIODIC and state.detour[i] == detour:
             continue
-        leave_out(view, memory, i)
+        leave_out(view, state, i)
         length = NIL
         if batch.reason[k] == REASON_AROUND_ROBOTS:
-            length = time_dependent_path(view, workspace, memory, beta, i, True, steps)
-        memory.per_robot[i, DETOUR] = 0 if length == NIL else detour
+            length = time_dependent_path(view, workspace, state, i, True, steps)
+        state.detour[i] = 0 if length == NIL else detour
         if length == NIL:
-            length = time_dependent_path(view, workspace, memory, beta, i, False, steps)
+            length = time_dependent_path(view, workspace, state, i, False, steps)
         if length != NIL:
             decisions.routing.route_length[k] = length
-        put_back(view, workspace, memory, i, steps, length)
-    forget_all(memory)
-
-
-def forecast_memory(
-    view: World, horizon: int, own: Sequence[int] = (), shares: bool = False
-) -> Memory:
-    """Memory for `forecast_all` over so many ticks, at most 65,535.
-
-    Nothing in it outlasts a call but memory.per_robot[:, KEPT], a number of the strategy's own for
-    each robot. `own`: further parameters, in memory.parameters[OWN_PARAMETERS:]. `shares`: what is
-    predicted of a zone is a share of all ticks (`add_task_forecasts`).
-    """
-    traffic_zone_count = view.grid.traffic_zone_count
-    shared = shared_size(traffic_zone_count, horizon)
-    return memory_of(
-        view, row_size(horizon), shared, parameters=(horizon, traffic_zone_count, int(shares), *own)
-    )
+        put_back(view, workspace, state, i, steps, length)
+    forget_all(state)
 
 
 class Congestion(Strategy):
@@ -119,7 +95,4 @@ class Congestion(Strategy):
         self.period = self.parameters.replan_period
 
     def reset(self, view):
-        beta = round(1000 * self.parameters.beta)
-        knows = self.parameters.forecast
-        own = (beta, int(knows != "plans"))
-        return forecast_memory(view, self.parameters.horizon, own, shares=knows == "task-averages")
+        return congestion_state(view, self.parameters)

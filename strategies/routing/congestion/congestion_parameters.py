@@ -10,7 +10,7 @@ from msgspec import Meta
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.schema import Scenario
 
-MOST_PLANNED = 100_000_000  # robots x ticks of the plans that `congestion` keeps: 1.6 GB
+MOST_PLANNED = 100_000_000  # robots x ticks of the plans that `congestion` keeps: 0.9 GB
 
 
 class SharedPlans(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -42,7 +42,7 @@ class SharedPlans(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
     ] = "plans"
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
-        """The plans are kept in memory, 16 bytes for each robot and tick."""
+        """The plans are kept in memory, 9 bytes for each robot and tick."""
         robots = scenario.fleet.robots
         if robots * self.horizon <= MOST_PLANNED:
             return None

@@ -12,20 +12,6 @@ from automaton.engine.state import GOAL_DROP, GOAL_NONE, GOAL_PICK, NIL
 from automaton.strategy.kernels import dropoff_cell, first_cell
 from strategies.routing.astar.astar import astar
 from strategies.routing.astar.frontier import LARGER_G
-from strategies.routing.congestion.zone_forecast import (
-    COLUMNS,
-    FREE,
-    HEADING,
-    IN_BAY,
-    PLACE,
-    SINCE,
-    STEP,
-    STEPS,
-    TRAVEL,
-    VISITS,
-    ZONE,
-    most_steps,
-)
 
 PICKS = 4  # steps besides the four directions
 DROPS = 5
@@ -38,55 +24,56 @@ def zone_of(grid, cell, direction):
 
 
 @kernel
-def begin_plan(view, memory, i):
+def begin_plan(view, state, i):
     """Robot i has no plan; until it is free it counts where it stands, or whence it is coming."""
-    robots, row = view.robots, memory.per_robot[i]
+    robots = view.robots
     cell, claim = np.int64(robots.cell[i]), np.int64(robots.claim[i])
-    row[PLACE] = first_cell(robots, i)
-    row[TRAVEL] = np.int64(robots.travel[i])
-    row[HEADING] = np.int64(robots.heading[i])
-    row[FREE] = np.int64(robots.busy[i])
-    row[ZONE] = NIL if cell == NIL else zone_of(view.grid, cell, row[TRAVEL])
-    row[SINCE] = 0
-    row[STEP] = 0
-    row[STEPS] = 0
-    row[VISITS] = 0
-    row[IN_BAY] = cell == NIL
+    travel, heading = np.int64(robots.travel[i]), np.int64(robots.heading[i])
+    state.zone[i] = NIL if cell == NIL else zone_of(view.grid, cell, travel)
     if cell == NIL:
-        row[TRAVEL] = row[HEADING]  # as if it had come along its heading
+        travel = heading  # as if it had come along its heading
     if claim != NIL and claim != cell:
         for direction in range(4):
             if cell + view.grid.offset[direction] == claim:
-                row[TRAVEL] = direction
+                travel = np.int64(direction)
+    state.place[i] = first_cell(robots, i)
+    state.travel[i] = travel
+    state.heading[i] = heading
+    state.free[i] = np.int64(robots.busy[i])
+    state.since[i] = 0
+    state.step[i] = 0
+    state.step_count[i] = 0
+    state.visit_count[i] = 0
+    state.in_bay[i] = cell == NIL
 
 
 @kernel
-def append(memory, i, step):
+def append(state, i, step):
     """Add a step to the plan of robot i; what does not fit lies beyond the horizon."""
-    row = memory.per_robot[i]
-    if row[STEPS] < most_steps(memory):
-        row[COLUMNS + row[STEPS]] = step
-        row[STEPS] += 1
+    count = state.step_count[i]
+    if count < state.steps.shape[1]:
+        state.steps[i, count] = step
+        state.step_count[i] = count + 1
 
 
 @kernel
-def append_rest(view, workspace, memory, i, heading):
+def append_rest(view, workspace, state, i, heading):
     """Add what follows when robot i is at its goal cell with a heading: the rest of its task."""
     robots = view.robots
     if robots.goal_type[i] == GOAL_DROP:
-        append(memory, i, DROPS)
+        append(state, i, DROPS)
     elif robots.goal_type[i] == GOAL_PICK and robots.order[i] != NIL:
-        append(memory, i, PICKS)
+        append(state, i, PICKS)
         target, pick = np.int64(view.orders.target[robots.order[i]]), np.int64(robots.goal_cell[i])
         access_cell = dropoff_cell(view, robots.type[i], target, pick)
         if access_cell != NIL:
             pose = np.int64(robots.goal_cell[i]) * view.grid.headings + heading
-            append_path(view, workspace, memory, i, pose, access_cell)
-            append(memory, i, DROPS)
+            append_path(view, workspace, state, i, pose, access_cell)
+            append(state, i, DROPS)
 
 
 @kernel
-def append_path(view, workspace, memory, i, pose, target):
+def append_path(view, workspace, state, i, pose, target):
     """Add the path of plain A* from a pose to a cell."""
     rules, robot_type = view.rules, view.robots.type[i]
     length = astar(
@@ -102,21 +89,21 @@ def append_path(view, workspace, memory, i, pose, target):
         workspace.steps,
     )
     for s in range(length):
-        append(memory, i, np.int64(workspace.steps[s]))
+        append(state, i, np.int64(workspace.steps[s]))
 
 
 @kernel
-def plan_on(view, workspace, memory, i, steps, first, end):
+def plan_on(view, workspace, state, i, steps, first, end):
     """Give robot i the plan to drive steps[first:end], and then to go on with its task."""
-    begin_plan(view, memory, i)
-    cell, heading = memory.per_robot[i, PLACE], memory.per_robot[i, HEADING]
+    begin_plan(view, state, i)
+    cell, heading = state.place[i], state.heading[i]
     for s in range(first, end):
         step = np.int64(steps[s])
-        append(memory, i, step)
+        append(state, i, step)
         cell += view.grid.offset[step]
         heading = step & (view.grid.headings - 1)
     if cell == view.robots.goal_cell[i]:
-        append_rest(view, workspace, memory, i, heading)
+        append_rest(view, workspace, state, i, heading)
 
 
 @kernel
@@ -130,7 +117,7 @@ def has_task(robots, i):
 
 
 @kernel
-def plan_all(view, workspace, memory):
+def plan_all(view, workspace, state):
     """Give every robot the plan that it has: its route."""
     robots = view.robots
     for i in range(robots.cell.shape[0]):
@@ -138,11 +125,11 @@ def plan_all(view, workspace, memory):
             plan_on(
                 view,
                 workspace,
-                memory,
+                state,
                 i,
                 robots.route[i],
                 robots.route_index[i],
                 robots.route_length[i],
             )
         else:
-            begin_plan(view, memory, i)
+            begin_plan(view, state, i)

@@ -18,143 +18,126 @@ from strategies.routing.congestion.known_plans import (
     plan_on,
     zone_of,
 )
-from strategies.routing.congestion.zone_forecast import (
-    COLUMNS,
-    FREE,
-    HEADING,
-    HORIZON,
-    IN_BAY,
-    LINK,
-    PLACE,
-    STEP,
-    STEPS,
-    TRAVEL,
-    ZONE,
-    ZONES,
-    enter_zone,
-    present,
-    words_of_zone,
-)
+from strategies.routing.congestion.zone_forecast import enter_zone, present
 
 
 @kernel
-def forecast_all(view, workspace, memory):
+def forecast_all(view, workspace, state):
     """Count all robots with the routes that they have, from now to the horizon."""
-    plan_all(view, workspace, memory)
-    horizon, zones = memory.parameters[HORIZON], memory.parameters[ZONES]
-    first = zones * words_of_zone(memory)
-    crowd = memory.shared[first : first + zones]
-    calendar = memory.shared[first + zones : first + zones + horizon]
+    plan_all(view, workspace, state)
     robots = view.robots.cell.shape[0]
     for i in range(robots):
-        row = memory.per_robot[i]
-        if row[ZONE] != NIL:
-            crowd[row[ZONE]] += 1
-        if row[FREE] or has_task(view.robots, i):
-            schedule(memory, calendar, i, row[FREE])
-    for tick in range(horizon):
-        go_on(view, memory, crowd, calendar, tick)
+        if state.zone[i] != NIL:
+            state.crowd[state.zone[i]] += 1
+        if state.free[i] or has_task(view.robots, i):
+            schedule(state, i, state.free[i])
+    for tick in range(state.horizon):
+        go_on(view, state, tick)
     for i in range(robots):
-        enter_zone(memory, i, NIL, horizon)
-    crowd[:] = 0
+        enter_zone(state, i, NIL, state.horizon)
+    state.crowd[:] = 0
 
 
 @kernel
-def schedule(memory, calendar, i, tick):
+def schedule(state, i, tick):
     """Robot i begins its next step in a tick, unless that is beyond the horizon."""
-    if tick < memory.parameters[HORIZON]:
-        memory.per_robot[i, LINK] = calendar[tick]
-        calendar[tick] = i + 1
+    if tick < state.horizon:
+        state.link[i] = state.calendar[tick]
+        state.calendar[tick] = i + 1
 
 
 @kernel
-def go_on(view, memory, crowd, calendar, tick):
+def go_on(view, state, tick):
     """A tick of the replay: first all arrive, then all begin what comes next."""
-    i = calendar[tick] - 1
+    i = state.calendar[tick] - 1
     while i >= 0:
-        arrive(view, memory, crowd, i, tick)
-        i = memory.per_robot[i, LINK] - 1
-    i = calendar[tick] - 1
-    calendar[tick] = 0
+        arrive(view, state, i, tick)
+        i = state.link[i] - 1
+    i = state.calendar[tick] - 1
+    state.calendar[tick] = 0
     while i >= 0:
-        following = memory.per_robot[i, LINK] - 1
-        depart(view, memory, crowd, calendar, i, tick)
+        following = state.link[i] - 1
+        depart(view, state, i, tick)
         i = following
 
 
 @kernel
-def arrive(view, memory, crowd, i, tick):
+def arrive(view, state, i, tick):
     """Robot i is where its last step took it; one that has gone past its last step is nowhere."""
-    row = memory.per_robot[i]
-    zone = NIL
-    if row[STEP] <= row[STEPS] and row[IN_BAY] != 1:
-        zone = zone_of(view.grid, row[PLACE], row[TRAVEL])
-    if zone != row[ZONE]:
-        if row[ZONE] != NIL:
-            crowd[row[ZONE]] -= 1
+    before, zone = state.zone[i], NIL
+    if state.step[i] <= state.step_count[i] and state.in_bay[i] != 1:
+        zone = zone_of(view.grid, state.place[i], state.travel[i])
+    if zone != before:
+        if before != NIL:
+            state.crowd[before] -= 1
         if zone != NIL:
-            crowd[zone] += 1
-        enter_zone(memory, i, zone, tick)
+            state.crowd[zone] += 1
+        enter_zone(state, i, zone, tick)
 
 
 @kernel
-def depart(view, memory, crowd, calendar, i, tick):
+def depart(view, state, i, tick):
     """Robot i begins its next step, or goes past its last one."""
-    row = memory.per_robot[i]
-    while row[STEP] < row[STEPS]:
-        ticks = row[IN_BAY] - 1
+    while state.step[i] < state.step_count[i]:
+        ticks = state.in_bay[i] - 1
         if ticks <= 0:
-            zone = zone_left(view, row)
-            others = 0 if zone == NIL else crowd[zone] - (1 if zone == row[ZONE] else 0)
-            ticks = ticks_of_step(view, i, row, others)
-            if row[IN_BAY] and ticks > 1:
-                row[IN_BAY] = ticks
-                schedule(memory, calendar, i, tick + 1)
+            zone = zone_left(view, state, i)
+            others = 0 if zone == NIL else state.crowd[zone] - (1 if zone == state.zone[i] else 0)
+            ticks = ticks_of_step(view, state, i, others)
+            if state.in_bay[i] and ticks > 1:
+                state.in_bay[i] = ticks
+                schedule(state, i, tick + 1)
                 return
         if ticks:
-            row[IN_BAY] = 0
-        begin_step(view, row)
+            state.in_bay[i] = 0
+        begin_step(view, state, i)
         if ticks:
-            schedule(memory, calendar, i, tick + ticks)
+            schedule(state, i, tick + ticks)
             return
-    if row[STEP] == row[STEPS]:
-        row[STEP] += 1
-        schedule(memory, calendar, i, tick + 1)
+    if state.step[i] == state.step_count[i]:
+        state.step[i] += 1
+        schedule(state, i, tick + 1)
 
 
 @kernel
-def zone_left(view, row):
+def next_step(state, i):
+    """What robot i does next: a direction, PICKS or DROPS."""
+    return np.int64(state.steps[i, state.step[i]])
+
+
+@kernel
+def zone_left(view, state, i):
     """The zone of the move that comes next, NIL if it is not a move."""
-    step = row[COLUMNS + row[STEP]]
-    return zone_of(view.grid, row[PLACE], step) if step < PICKS else NIL
+    step = next_step(state, i)
+    return zone_of(view.grid, state.place[i], step) if step < PICKS else NIL
 
 
 @kernel
-def ticks_of_step(view, i, row, others):
+def ticks_of_step(view, state, i, others):
     """The ticks that the next step of robot i takes, beside `others` in its zone."""
     duration = view.rules.duration[view.robots.type[i]]
-    step = row[COLUMNS + row[STEP]]
+    step = next_step(state, i)
     if step >= PICKS:
         return np.int64(duration[ACTION_DROP if step == DROPS else ACTION_PICK])
-    if step & (view.grid.headings - 1) != row[HEADING]:
+    if step & (view.grid.headings - 1) != state.heading[i]:
         return np.int64(duration[ACTION_TURN])
     return ticks_of_move(view, i, others)
 
 
 @kernel
-def begin_step(view, row):
+def begin_step(view, state, i):
     """Begin the next step; before a move in another heading it is a turn."""
     headings = view.grid.headings
-    step = row[COLUMNS + row[STEP]]
+    step, before = next_step(state, i), state.heading[i]
     heading = step & (headings - 1)
-    if step < PICKS and heading != row[HEADING]:
-        left = headings == 4 and (heading - row[HEADING]) & 3 == 3
-        row[HEADING] = (row[HEADING] + (3 if left else 1)) & (headings - 1)
+    if step < PICKS and heading != before:
+        left = headings == 4 and (heading - before) & 3 == 3
+        state.heading[i] = (before + (3 if left else 1)) & (headings - 1)
         return
-    row[STEP] += 1
+    state.step[i] += 1
     if step < PICKS:
-        row[PLACE] += view.grid.offset[step]
-        row[TRAVEL] = step
+        state.place[i] += view.grid.offset[step]
+        state.travel[i] = step
 
 
 @kernel
@@ -165,18 +148,18 @@ def ticks_of_move(view, i, others):
 
 
 @kernel
-def forecast_one(view, workspace, memory, i, steps, length):
+def forecast_one(view, workspace, state, i, steps, length):
     """Count robot i with a new route, slowed down by all who are counted; they keep their times."""
-    plan_on(view, workspace, memory, i, steps, 0, length)
-    row, horizon = memory.per_robot[i], memory.parameters[HORIZON]
-    tick = row[FREE]
-    while row[STEP] < row[STEPS] and tick < horizon:
-        enter_zone(memory, i, zone_of(view.grid, row[PLACE], row[TRAVEL]), tick + row[IN_BAY])
-        ticks = ticks_of_step(view, i, row, present(memory, zone_left(view, row), tick))
+    plan_on(view, workspace, state, i, steps, 0, length)
+    tick, horizon = state.free[i], state.horizon
+    while state.step[i] < state.step_count[i] and tick < horizon:
+        zone = zone_of(view.grid, state.place[i], state.travel[i])
+        enter_zone(state, i, zone, tick + state.in_bay[i])
+        ticks = ticks_of_step(view, state, i, present(state, zone_left(view, state, i), tick))
         if ticks:
-            row[IN_BAY] = 0
-        begin_step(view, row)
+            state.in_bay[i] = 0
+        begin_step(view, state, i)
         tick += ticks
     if tick < horizon:
-        enter_zone(memory, i, zone_of(view.grid, row[PLACE], row[TRAVEL]), tick)
-    enter_zone(memory, i, NIL, min(tick + 1, horizon))
+        enter_zone(state, i, zone_of(view.grid, state.place[i], state.travel[i]), tick)
+    enter_zone(state, i, NIL, min(tick + 1, horizon))

@@ -24,7 +24,7 @@ from automaton.strategy.kernels import (
 )
 from strategies.routing.congestion.known_plans import begin_plan, zone_of
 from strategies.routing.congestion.plan_forecast import ticks_of_move
-from strategies.routing.congestion.zone_forecast import FREE, HEADING, PLACE, occupancy
+from strategies.routing.congestion.zone_forecast import occupancy
 
 UNIT = 1000  # cost of a tick; beta is given in the same unit
 MAX_COST = (1 << 31) - 1  # what costs more cannot be reached
@@ -35,22 +35,20 @@ BOTH = 32
 
 
 @kernel
-def time_dependent_path(view, workspace, memory, beta, i, around, steps):
+def time_dependent_path(view, workspace, state, i, around, steps):
     """Write the route of least cost of robot i to its goal cell, or as much as fits; its length, or
     NIL.
 
-    `beta`: cost of another robot in thousandths of a move. `around`: cells without room now, the
-    goal cell excepted, are removed from the floor.
+    `around`: cells without room now, the goal cell excepted, are removed from the floor.
     """
     robot_type, grid, target = view.robots.type[i], view.grid, np.int64(view.robots.goal_cell[i])
     duration, type_cell_flags = view.rules.duration[robot_type], grid.type_cell_flags[robot_type]
-    begin_plan(view, memory, i)
-    row = memory.per_robot[i]
+    begin_plan(view, state, i)
     headings, bits = grid.headings, bits_for(workspace.cost.shape[0])
     move, turn = np.int64(duration[ACTION_MOVE]), np.int64(duration[ACTION_TURN]) * UNIT
     search = begin_search(workspace)
-    start = row[PLACE] * headings + row[HEADING]
-    size = label(view, move, workspace, search, bits, 0, start, 0, row[FREE], target, STARTED)
+    start, free = state.place[i] * headings + state.heading[i], state.free[i]
+    size = label(view, move, workspace, search, bits, 0, start, 0, free, target, STARTED)
     while size > 0 and workspace.stop[0] == 0:
         pose = pop(workspace.heap, size) & ((1 << bits) - 1)
         size -= 1
@@ -67,8 +65,8 @@ def time_dependent_path(view, workspace, memory, beta, i, around, steps):
             after = cell + grid.offset[way]
             if (flags >> way) & 1 == 0 or is_closed(view, after, way, target, around):
                 continue
-            others = occupancy(memory, zone_of(grid, cell, way), now)  # in thousandths
-            dearer = cost + move * (UNIT + beta * others // 1000)
+            others = occupancy(state, zone_of(grid, cell, way), now)  # in thousandths
+            dearer = cost + move * (UNIT + state.beta * others // 1000)
             later = now + ticks_of_move(view, i, others // 1000)
             to = after * headings + heading
             size = label(view, move, workspace, search, bits, size, to, dearer, later, target, way)

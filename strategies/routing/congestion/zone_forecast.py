@@ -1,154 +1,158 @@
 """Who will be where: predicted robots in each zone, tick by tick, from now to a horizon.
 
-memory.shared   the counts of the zones, four ticks to a word; then room for a replay, and whether a
-                count has overflowed. All of it is zero between two calls of a strategy.
-memory.per_robot[i]   what is predicted of robot i: the columns below, then the steps of its plan,
-then its
-                visits to zones, which are what it adds to the counts.
-
-A visit is zone << 32 | first tick << 16 | tick in which it is over. A count goes up to 65,535; one
-that would go beyond stays there until all are forgotten.
+Counts of the zones are four ticks to a word. What a robot adds to them are its visits to zones. A
+count goes up to 65,535; one that would go beyond stays there until all are forgotten.
 """
 
+import numpy as np
+
+from automaton.engine.jit.fields import SCRATCH, field
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.state import NIL
-
-HORIZON = 0  # entries of memory.parameters; a strategy's own come behind them
-ZONES = 1
-SHARES = 2  # 1: what is predicted of a zone is a share of all ticks, the same for each of them
-OWN_PARAMETERS = 3
-
-# Columns of memory.per_robot; ticks are counted from now.
-PLACE = 0  # the cell in which its next step begins
-TRAVEL = 1  # direction in which it comes there
-HEADING = 2
-FREE = 3  # tick in which its next step begins
-STEP = 4  # steps begun
-STEPS = 5  # steps of its plan
-ZONE = 6  # where it is counted, or NIL
-SINCE = 7  # the tick in which it came there
-VISITS = 8
-LINK = 9  # the robot whose step begins in the same tick, plus one
-# 1: its first step begins in a parking bay, 2 or more: it has left it, its step ends after so many
-IN_BAY = 10
-KEPT = 11  # a number that a strategy keeps from call to call
-TASK = 12  # of which task the plan is, where whole tasks are planned
-COLUMNS = 13
+from automaton.engine.jit.structs import Struct
+from automaton.engine.state import NIL, Array, World
+from strategies.routing.congestion.congestion_parameters import SharedPlans
 
 LANES = 4  # counts in a word
 LANE = 16  # bits of a count
 MASK = (1 << LANE) - 1
 EVERY_LANE = 0x0001000100010001
-MAX_HORIZON = MASK  # of a horizon
 WHOLE = 1_000_000  # a robot that is in a zone all the time, where shares are predicted
 
 
-def row_size(horizon: int) -> int:
-    """Columns of memory.per_robot for a horizon of so many ticks."""
-    return COLUMNS + 2 * (horizon + 2)
+class CongestionState(Struct):
+    """Parameters, detours, and what a call predicts of n robots in Z zones for h ticks from now."""
+
+    beta: int = field("int64", "what another robot in its zone costs, in thousandths of a move")
+    horizon: int = field("int64", "h, at most 65,535")
+    tasks_alone: int = field("int64", "1: nothing is known of the others but their tasks")
+    shares: int = field("int64", "1: predicted is a share of all ticks, the same for each of them")
+    detour: Array = field("(n,) int64", "1 + the goal cell to which a detour leads, or 0")
+    # Plans of whole tasks stay until the task is over.
+    task: Array = field("(n,) int64", "dispatched << 32 | 1 + the order that the plan is of, or 0")
+    step_count: Array = field("(n,) int64", "steps of the plan")
+    steps: Array = field("(n, h + 2) uint8", "one for each tick, and for work that takes none")
+    # The replay of a plan:
+    step: Array = field("(n,) int64", "steps begun", role=SCRATCH)
+    place: Array = field("(n,) int64", "the cell in which the next step begins", role=SCRATCH)
+    travel: Array = field("(n,) int64", "direction in which it comes there", role=SCRATCH)
+    heading: Array = field("(n,) int64", role=SCRATCH)
+    free: Array = field("(n,) int64", "tick in which the next step begins", role=SCRATCH)
+    in_bay: Array = field(
+        "(n,) int64",
+        "1: its first step begins in a parking bay; k > 1: it has left it, its step ends in k ticks",
+        role=SCRATCH,
+    )
+    zone: Array = field("(n,) int64", "where it is counted, or NIL", role=SCRATCH)
+    since: Array = field("(n,) int64", "the tick in which it came there", role=SCRATCH)
+    visit_count: Array = field("(n,) int64", "visits that are counted", role=SCRATCH)
+    visit_zone: Array = field("(n, h + 2) int32", role=SCRATCH)
+    visit_begin: Array = field("(n, h + 2) uint16", "the first tick", role=SCRATCH)
+    visit_end: Array = field("(n, h + 2) uint16", "the tick in which it is over", role=SCRATCH)
+    # Of all robots; all of it is zero between two calls:
+    counts: Array = field("(Z, words) int64", "robots in a zone, tick by tick", role=SCRATCH)
+    overflowed: Array = field("(1,) int64", "1: a count has overflowed", role=SCRATCH)
+    zone_share: Array = field("(Z,) int64", "shares of a zone, in 1 / WHOLE", role=SCRATCH)
+    crowd: Array = field("(Z,) int64", "robots in a zone at the tick of a replay", role=SCRATCH)
+    calendar: Array = field("(h,) int64", "1 + a robot whose step begins in a tick", role=SCRATCH)
+    link: Array = field("(n,) int64", "1 + the robot after it in the same tick", role=SCRATCH)
 
 
-def shared_size(traffic_zone_count: int, horizon: int) -> int:
-    """Length of memory.shared for so many zones and ticks."""
-    return traffic_zone_count * -(-horizon // LANES) + traffic_zone_count + horizon + 1
+def congestion_state(view: World, parameters: SharedPlans) -> CongestionState:
+    """That of a run's beginning."""
+    return empty_state(len(view.robots.cell), view.grid.traffic_zone_count, parameters)
+
+
+def empty_state(robots: int, zones: int, parameters: SharedPlans) -> CongestionState:
+    """The state for so many robots and zones, of which nothing is predicted."""
+    horizon = parameters.horizon
+    return CongestionState.sized(
+        {"n": robots, "Z": zones, "h": horizon, "words": -(-horizon // LANES)},
+        beta=round(1000 * parameters.beta),
+        horizon=horizon,
+        tasks_alone=int(parameters.forecast != "plans"),
+        shares=int(parameters.forecast == "task-averages"),
+    )
 
 
 @kernel
-def most_steps(memory):
-    """Steps, and visits, that a row has room for: one for each tick, and for work that takes none."""
-    return memory.parameters[HORIZON] + 2
-
-
-@kernel
-def words_of_zone(memory):
-    return (memory.parameters[HORIZON] + LANES - 1) // LANES
-
-
-@kernel
-def present(memory, zone, tick):
+def present(state, zone, tick):
     """Robots predicted in a zone at a tick; none where there is no zone, and beyond the horizon."""
-    if zone == NIL or tick >= memory.parameters[HORIZON]:
+    if zone == NIL or tick >= state.horizon:
         return 0
-    word = memory.shared[zone * words_of_zone(memory) + tick // LANES]
-    return (word >> (tick % LANES * LANE)) & MASK
+    return (state.counts[zone, tick // LANES] >> (tick % LANES * LANE)) & MASK
 
 
 @kernel
-def occupancy(memory, zone, tick):
+def occupancy(state, zone, tick):
     """Thousandths of robots that are expected in a zone at a tick."""
-    if zone != NIL and memory.parameters[SHARES]:
-        return memory.shared[first_share(memory) + zone] // (WHOLE // 1000)
-    return 1000 * present(memory, zone, tick)
+    if zone != NIL and state.shares:
+        return state.zone_share[zone] // (WHOLE // 1000)
+    return 1000 * present(state, zone, tick)
 
 
 @kernel
-def first_share(memory):
-    """Where the shares of the zones begin in memory.shared; a replay counts robots there."""
-    return memory.parameters[ZONES] * words_of_zone(memory)
-
-
-@kernel
-def add(memory, zone, begin, end, sign):
+def add(state, zone, begin, end, sign):
     """Add `sign` to the counts of a zone from tick `begin` to before tick `end`."""
-    base = zone * words_of_zone(memory)
-    if memory.per_robot.shape[0] > MASK:
-        add_within_bounds(memory, base, begin, end, sign)
+    counts = state.counts[zone]
+    if state.zone.shape[0] > MASK:
+        add_within_bounds(state, counts, begin, end, sign)
         return
     tick = begin
     while tick < end:
         if tick % LANES == 0 and tick + LANES <= end:
-            memory.shared[base + tick // LANES] += sign * EVERY_LANE
+            counts[tick // LANES] += sign * EVERY_LANE
             tick += LANES
         else:
-            memory.shared[base + tick // LANES] += sign << (tick % LANES * LANE)
+            counts[tick // LANES] += sign << (tick % LANES * LANE)
             tick += 1
 
 
 @kernel
-def add_within_bounds(memory, base, begin, end, sign):
+def add_within_bounds(state, counts, begin, end, sign):
     """The same with more robots than a count can hold: it must not carry into its neighbour."""
     for tick in range(begin, end):
-        word, shift = base + tick // LANES, tick % LANES * LANE
-        count = (memory.shared[word] >> shift) & MASK
+        word, shift = tick // LANES, tick % LANES * LANE
+        count = (counts[word] >> shift) & MASK
         if count == MASK or count + sign > MASK:
-            memory.shared[word] |= MASK << shift
-            memory.shared[memory.shared.shape[0] - 1] = 1
+            counts[word] |= MASK << shift
+            state.overflowed[0] = 1
         else:
-            memory.shared[word] += sign << shift
+            counts[word] += sign << shift
 
 
 @kernel
-def enter_zone(memory, i, zone, tick):
+def enter_zone(state, i, zone, tick):
     """Robot i is in `zone` from `tick` on: its visit to the zone before is over, and counted."""
-    row = memory.per_robot[i]
-    if zone == row[ZONE]:
+    before, since = state.zone[i], state.since[i]
+    if zone == before:
         return
-    if row[ZONE] != NIL and tick > row[SINCE]:
-        visit = COLUMNS + most_steps(memory) + row[VISITS]
-        row[visit] = (row[ZONE] << 32) | (row[SINCE] << LANE) | tick
-        row[VISITS] += 1
-        add(memory, row[ZONE], row[SINCE], tick, 1)
-    row[ZONE] = zone
-    row[SINCE] = tick
+    if before != NIL and tick > since:
+        visit = state.visit_count[i]
+        state.visit_zone[i, visit] = before
+        state.visit_begin[i, visit] = since
+        state.visit_end[i, visit] = tick
+        state.visit_count[i] += 1
+        add(state, before, since, tick, 1)
+    state.zone[i] = zone
+    state.since[i] = tick
 
 
 @kernel
-def forget(memory, i):
+def forget(state, i):
     """Take robot i out of the counts."""
-    row = memory.per_robot[i]
-    first = COLUMNS + most_steps(memory)
-    for visit in row[first : first + row[VISITS]]:
-        add(memory, visit >> 32, (visit >> LANE) & MASK, visit & MASK, -1)
-    row[VISITS] = 0
+    for visit in range(state.visit_count[i]):
+        begin, end = np.int64(state.visit_begin[i, visit]), np.int64(state.visit_end[i, visit])
+        add(state, np.int64(state.visit_zone[i, visit]), begin, end, -1)
+    state.visit_count[i] = 0
 
 
 @kernel
-def forget_all(memory):
+def forget_all(state):
     """Leave the counts as they are found: all zero."""
-    for i in range(memory.per_robot.shape[0]):
-        forget(memory, i)
-    if memory.shared[memory.shared.shape[0] - 1]:
-        memory.shared[:] = 0
-    if memory.parameters[SHARES]:
-        first = first_share(memory)
-        memory.shared[first : first + memory.parameters[ZONES]] = 0
+    for i in range(state.zone.shape[0]):
+        forget(state, i)
+    if state.overflowed[0]:
+        state.counts[:] = 0
+        state.overflowed[0] = 0
+    if state.shares:
+        state.zone_share[:] = 0

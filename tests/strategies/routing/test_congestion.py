@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from slow_zone_scenes import Traffic
+from slow_zone_scenes import Traffic, is_empty
 
 from automaton.build.resolve import resolve
 from automaton.commands import main
@@ -166,4 +166,4 @@ def finishes(scenario: str, *overrides: str) -> None:
     run.run()
     assert run.finished
     assert run.world.tally.illegal[LAYER_ROUTING] == 0
-    assert not run.states[LAYER_ROUTING].shared.any(), "nothing is left of a forecast"
+    assert is_empty(run.states[LAYER_ROUTING]), "nothing is left of a forecast"

@@ -44,12 +44,12 @@ class Case(NamedTuple):
 
     def found(self) -> list[int] | None:
         """The kernel's route."""
-        run, memory = self.traffic.run, self.traffic.memory(HORIZON)
+        run, state = self.traffic.run, self.traffic.forecast(HORIZON, self.beta / 1000)
         for tick, zone in zip(*np.nonzero(self.counts), strict=True):
-            add(memory, int(zone), int(tick), int(tick) + 1, int(self.counts[tick, zone]))
+            add(state, int(zone), int(tick), int(tick) + 1, int(self.counts[tick, zone]))
         run.world.robots.goal_cell[0] = self.target
         steps = np.zeros(200, np.uint8)
-        length = time_dependent_path(run.view, run.workspace, memory, self.beta, 0, False, steps)
+        length = time_dependent_path(run.view, run.workspace, state, 0, False, steps)
         return None if length == NIL else [int(step) for step in steps[:length]]
 
 
@@ -157,14 +157,14 @@ def price(case: Case, cell: int, way: int) -> int:
     return case.ways.move * (1000 + case.beta * case.others(cell, way, 0))
 
 
-def route_of_a(traffic: Traffic, target: tuple[int, int], beta: int) -> str:
-    run, memory = traffic.run, traffic.memory(HORIZON)
+def route_of_a(traffic: Traffic, target: tuple[int, int], beta: float) -> str:
+    run, state = traffic.run, traffic.forecast(HORIZON, beta)
     i = traffic.index("A")
     traffic.world.robots.goal_cell[i] = traffic.floor_plan.cell(*target)
-    forecast_all(run.view, run.workspace, memory)
-    forget(memory, i)
+    forecast_all(run.view, run.workspace, state)
+    forget(state, i)
     steps = np.zeros(50, np.uint8)
-    length = time_dependent_path(run.view, run.workspace, memory, beta, i, False, steps)
+    length = time_dependent_path(run.view, run.workspace, state, i, False, steps)
     return "".join(STEPS[step] for step in steps[:length])
 
 
@@ -172,4 +172,4 @@ def test_the_way_round_is_taken_when_the_aisle_is_dear() -> None:
     """Straight on it is 6 moves beside two robots, round the south 4 moves more."""
     picture = "A~BC~~~\n~#####~\n~~~~~~~"
     assert route_of_a(Traffic(picture), (6, 0), beta=0) == "EEEEEE"
-    assert route_of_a(Traffic(picture), (6, 0), beta=2000) == "SSEEEEEENN"
+    assert route_of_a(Traffic(picture), (6, 0), beta=2) == "SSEEEEEENN"

@@ -10,42 +10,41 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_floors import pictures
-from slow_zone_scenes import ONE_WAY, Traffic
+from slow_zone_scenes import ONE_WAY, Traffic, is_empty
 
 from automaton.build.resolve import resolve
-from automaton.engine.state import NIL, Array, Memory
+from automaton.engine.state import NIL, Array
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.traffic_zones import MODES
 from automaton.runs.simulation import Simulation
-from strategies.routing.congestion.congestion import forecast_memory
+from strategies.routing.congestion.congestion_parameters import SharedPlans
 from strategies.routing.congestion.plan_forecast import forecast_all, forecast_one
 from strategies.routing.congestion.task_forecast import add_task_forecasts, remove_task_forecast
 from strategies.routing.congestion.zone_forecast import (
-    STEPS,
-    ZONE,
+    CongestionState,
     add,
+    congestion_state,
+    empty_state,
     forget,
     forget_all,
     occupancy,
     present,
-    row_size,
-    shared_size,
 )
 
 HORIZON = 40
 
 
-def table(memory: Memory, zones: int, horizon: int = HORIZON) -> Array:
+def table(state: CongestionState, zones: int, horizon: int = HORIZON) -> Array:
     """(ticks, zones) the counts of a forecast."""
-    return np.array([[present(memory, z, t) for z in range(zones)] for t in range(horizon)])
+    return np.array([[present(state, z, t) for z in range(zones)] for t in range(horizon)])
 
 
 def foreseen(traffic: Traffic, horizon: int = HORIZON) -> Array:
-    memory = traffic.memory(horizon)
-    forecast_all(traffic.run.view, traffic.run.workspace, memory)
-    counts = table(memory, traffic.world.grid.traffic_zone_count, horizon)
-    forget_all(memory)
-    assert not memory.shared.any(), "a forecast leaves nothing behind"
+    state = traffic.forecast(horizon)
+    forecast_all(traffic.run.view, traffic.run.workspace, state)
+    counts = table(state, traffic.world.grid.traffic_zone_count, horizon)
+    forget_all(state)
+    assert is_empty(state), "a forecast leaves nothing behind"
     return counts
 
 
@@ -126,40 +125,40 @@ def test_a_robot_taken_out_and_put_back_leaves_the_others_alone(
     i = robot % len(traffic.world.robots.cell)
     route = traffic.world.robots.route[i, : traffic.world.robots.route_length[i]].copy()
     everybody = foreseen(traffic, horizon)
-    memory = traffic.memory(horizon)
-    forecast_all(view, workspace, memory)
-    forget(memory, i)
-    others = table(memory, traffic.world.grid.traffic_zone_count, horizon)
+    state = traffic.forecast(horizon)
+    forecast_all(view, workspace, state)
+    forget(state, i)
+    others = table(state, traffic.world.grid.traffic_zone_count, horizon)
     assert (others <= everybody).all()
-    forecast_one(view, workspace, memory, i, route, len(route))
-    together = table(memory, traffic.world.grid.traffic_zone_count, horizon)
+    forecast_one(view, workspace, state, i, route, len(route))
+    together = table(state, traffic.world.grid.traffic_zone_count, horizon)
     assert ((together - others).sum(axis=1) <= 1).all(), "it is in one zone at a time"
     assert (together >= others).all()
-    assert (memory.per_robot[:, ZONE] == NIL).all()
-    forget_all(memory)
-    assert not memory.shared.any()
+    assert (state.zone == NIL).all()
+    forget_all(state)
+    assert is_empty(state)
 
 
 @given(st.lists(st.tuples(st.integers(0, 2), st.integers(0, 23), st.integers(0, 23)), max_size=40))
 @settings(max_examples=50)
 def test_four_counts_in_a_word_do_not_touch_each_other(spans: list[tuple[int, int, int]]) -> None:
     traffic = Traffic("A~#~~\n###\n~~~~~")
-    memory, expected = traffic.memory(23), np.zeros((23, 3), np.int64)
+    state, expected = traffic.forecast(23), np.zeros((23, 3), np.int64)
     for zone, a, b in spans:
-        add(memory, zone, min(a, b), max(a, b), 1)
+        add(state, zone, min(a, b), max(a, b), 1)
         expected[min(a, b) : max(a, b), zone] += 1
-    assert np.array_equal(table(memory, 3, 23), expected)
+    assert np.array_equal(table(state, 3, 23), expected)
     for zone, a, b in spans:
-        add(memory, zone, min(a, b), max(a, b), -1)
-    assert not memory.shared.any()
+        add(state, zone, min(a, b), max(a, b), -1)
+    assert is_empty(state)
 
 
 def test_beyond_the_horizon_and_in_no_zone_nobody_is_foreseen() -> None:
     traffic = Traffic("AB~")
-    memory = traffic.memory(5)
-    forecast_all(traffic.run.view, traffic.run.workspace, memory)
-    assert [present(memory, 0, tick) for tick in (0, 4, 5, 500)] == [2, 2, 0, 0]
-    assert present(memory, NIL, 0) == 0
+    state = traffic.forecast(5)
+    forecast_all(traffic.run.view, traffic.run.workspace, state)
+    assert [present(state, 0, tick) for tick in (0, 4, 5, 500)] == [2, 2, 0, 0]
+    assert present(state, NIL, 0) == 0
 
 
 def test_the_rest_of_a_task_is_foreseen_to_its_end() -> None:
@@ -168,11 +167,9 @@ def test_the_rest_of_a_task_is_foreseen_to_its_end() -> None:
     work = ("durations.pick=3", "durations.drop=2", "stop.max_duration=400", "measure.warm_up=0")
     run = Simulation(resolve("warehouse-100", (*floor, *work, "strategy.routing=congestion")))
     run.run(1)
-    memory = forecast_memory(run.view, 200)
-    forecast_all(run.view, run.workspace, memory)
-    last = int(
-        np.flatnonzero(table(memory, run.world.grid.traffic_zone_count, 200).sum(axis=1))[-1]
-    )
+    state = congestion_state(run.view, SharedPlans(horizon=200))
+    forecast_all(run.view, run.workspace, state)
+    last = int(np.flatnonzero(table(state, run.world.grid.traffic_zone_count, 200).sum(axis=1))[-1])
     run.run(400)
     # Tick 0 of the forecast is tick 2 of the run; the load is down in the first tick of the drop.
     assert run.world.orders.delivered[0] == 2 + last - 2
@@ -188,9 +185,9 @@ def test_the_second_leg_leads_to_where_loads_are_set_down(tmp_path: Path) -> Non
     )
     run = Simulation(resolve(scenario, ["strategy.routing=astar"]))
     run.run(1)
-    memory = forecast_memory(run.view, 50)
-    forecast_all(run.view, run.workspace, memory)
-    last = int(np.flatnonzero(table(memory, run.world.grid.traffic_zone_count, 50).sum(axis=1))[-1])
+    state = congestion_state(run.view, SharedPlans(horizon=50))
+    forecast_all(run.view, run.workspace, state)
+    last = int(np.flatnonzero(table(state, run.world.grid.traffic_zone_count, 50).sum(axis=1))[-1])
     run.run()
     assert run.finished
     assert run.world.orders.delivered[0] == 2 + last - 1
@@ -226,29 +223,24 @@ def test_a_robot_with_a_new_route_is_counted_when_it_has_left_its_bay() -> None:
     route = np.array([0, 0], np.uint8)
     traffic.send(0, route.tolist())
     everybody = foreseen(traffic)
-    memory = traffic.memory(HORIZON)
-    forecast_all(traffic.run.view, traffic.run.workspace, memory)
-    forget(memory, 0)
-    forecast_one(traffic.run.view, traffic.run.workspace, memory, 0, route, len(route))
-    assert np.array_equal(table(memory, traffic.world.grid.traffic_zone_count), everybody)
+    state = traffic.forecast(HORIZON)
+    forecast_all(traffic.run.view, traffic.run.workspace, state)
+    forget(state, 0)
+    forecast_one(traffic.run.view, traffic.run.workspace, state, 0, route, len(route))
+    assert np.array_equal(table(state, traffic.world.grid.traffic_zone_count), everybody)
 
 
 def test_a_count_that_is_full_does_not_carry_into_the_next_tick() -> None:
-    memory = Memory.sized(
-        {"f": 0},
-        per_robot=np.zeros((65_536, row_size(4)), np.int64),
-        shared=np.zeros(shared_size(3, 4), np.int64),
-        parameters=np.array([4, 3], np.int64),
-    )
-    add(memory, 1, 0, 4, 65_534)
+    state = empty_state(65_536, 3, SharedPlans(horizon=4))
+    add(state, 1, 0, 4, 65_534)
     for _ in range(3):
-        add(memory, 1, 1, 3, 1)
-    assert table(memory, 3, 4)[:, 1].tolist() == [65_534, 65_535, 65_535, 65_534]
-    add(memory, 1, 0, 4, -1)
-    assert table(memory, 3, 4)[:, 1].tolist() == [65_533, 65_535, 65_535, 65_533]
-    assert table(memory, 3, 4).sum() == table(memory, 3, 4)[:, 1].sum()
-    forget_all(memory)
-    assert not memory.shared.any()
+        add(state, 1, 1, 3, 1)
+    assert table(state, 3, 4)[:, 1].tolist() == [65_534, 65_535, 65_535, 65_534]
+    add(state, 1, 0, 4, -1)
+    assert table(state, 3, 4)[:, 1].tolist() == [65_533, 65_535, 65_535, 65_533]
+    assert table(state, 3, 4).sum() == table(state, 3, 4)[:, 1].sum()
+    forget_all(state)
+    assert is_empty(state)
 
 
 ALONE = ("layout.rows=20", "layout.columns=20", "fleet.robots=1", "orders.count=1")
@@ -259,9 +251,9 @@ def test_a_task_is_expected_where_plain_astar_drives_it() -> None:
     settings = (*ALONE, "durations.pick=3", "stop.max_duration=400", "strategy.routing=astar")
     run = Simulation(resolve("warehouse-100", settings))
     run.run(1)
-    world, memory = run.world, forecast_memory(run.view, 200)
-    add_task_forecasts(run.view, run.workspace, memory)
-    expected = table(memory, world.grid.traffic_zone_count, 200)[1:]  # that tick is over
+    world, state = run.world, congestion_state(run.view, SharedPlans(horizon=200))
+    add_task_forecasts(run.view, run.workspace, state)
+    expected = table(state, world.grid.traffic_zone_count, 200)[1:]  # that tick is over
     for tick in range(199):
         if world.orders.delivered[0] != NIL:
             break
@@ -271,8 +263,8 @@ def test_a_task_is_expected_where_plain_astar_drives_it() -> None:
         )
         run.run(run.tick + 1)
     assert tick > 15 and not expected[tick:].any()
-    remove_task_forecast(run.view, memory, 0)
-    assert not memory.shared.any()
+    remove_task_forecast(run.view, state, 0)
+    assert is_empty(state)
 
 
 def test_shares_are_those_of_the_ticks_of_a_task() -> None:
@@ -280,15 +272,18 @@ def test_shares_are_those_of_the_ticks_of_a_task() -> None:
     run = Simulation(resolve("warehouse-100", settings))
     run.run(1)
     traffic_zone_count = run.world.grid.traffic_zone_count
-    memory, shares = forecast_memory(run.view, 200), forecast_memory(run.view, 200, shares=True)
-    for one in (memory, shares):
+    tasks, shares = (
+        congestion_state(run.view, SharedPlans(horizon=200, forecast=kind))
+        for kind in ("tasks", "task-averages")
+    )
+    for one in (tasks, shares):
         add_task_forecasts(run.view, run.workspace, one)
-    ticks = table(memory, traffic_zone_count, 200).sum(axis=0)
-    task = shares.per_robot[0, STEPS] - 2  # moves, without pick and drop
+    ticks = table(tasks, traffic_zone_count, 200).sum(axis=0)
+    task = shares.step_count[0] - 2  # moves, without pick and drop
     for zone in range(traffic_zone_count):
         expected = 1000 * ticks[zone] / task
         assert occupancy(shares, zone, 7) == pytest.approx(expected, abs=1)
     assert sum(occupancy(shares, zone, 0) for zone in range(traffic_zone_count)) > 500
-    assert occupancy(memory, int(ticks.argmax()), 10_000) == 0
+    assert occupancy(tasks, int(ticks.argmax()), 10_000) == 0
     remove_task_forecast(run.view, shares, 0)
-    assert not shares.shared.any()
+    assert is_empty(shares)

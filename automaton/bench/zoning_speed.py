@@ -42,7 +42,7 @@ from strategies.zoning.annealing.annealing import (
     repair,
 )
 from strategies.zoning.design.roads import typical_distance
-from strategies.zoning.design.zone_workspace import ZoneSpace, space_for, zone_rules
+from strategies.zoning.design.zone_workspace import ZoneRules, ZoneSpace, space_for, zone_rules
 from strategies.zoning.genetic.genetic_zones import (
     DEFAULT_GENERATIONS,
     DEFAULT_INDIVIDUALS,
@@ -143,7 +143,7 @@ class Task(NamedTuple):
     """Zones to be made."""
 
     roads: Roads
-    rules: Array
+    rules: ZoneRules
     flow: Array
     design: Design
     workspace: ZoneSpace

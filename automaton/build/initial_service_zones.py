@@ -9,17 +9,15 @@ import numpy as np
 
 from automaton.engine.facilities import Slots, Stations
 from automaton.engine.service_zones import Roads, ServiceZones, design_for
-from automaton.engine.state import NIL, Array, Workspace, World
+from automaton.engine.state import NIL, Array
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.station_groups import grouped
 from automaton.scenario.floor_section import point_names
 from automaton.scenario.robot_types import type_of_each, types_of
 from automaton.units import count
-from strategies.zoning.decentralized.negotiation import parts_for
 from strategies.zoning.design.design_files import read_design
 from strategies.zoning.design.roads import road_network
-from strategies.zoning.design.zone_workspace import space_for
 
 if TYPE_CHECKING:
     from automaton.build.prepared_floor import Floor
@@ -92,19 +90,6 @@ def priorities(resolved: Resolved, priority: dict[str, tuple[int, ...]], count: 
         by_type[number, [station - 1 for station in priority.get(robot_type.name, ())]] = 1
     found: Array = by_type[type_of_each(resolved.scenario.fleet)]
     return found
-
-
-def with_zones(workspace: Workspace, world: World) -> Workspace:
-    """A workspace with scratch for the zones of a world."""
-    service_zones = world.service_zones
-    if not len(service_zones.queue):
-        return workspace
-    return workspace.replaced(
-        zoning=space_for(service_zones.roads, len(service_zones.server)).replaced(
-            serves=service_zones.accessible, first=service_zones.has_priority
-        ),
-        parts=parts_for(len(service_zones.queue)),
-    )
 
 
 def service_zones_of(

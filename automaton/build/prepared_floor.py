@@ -16,8 +16,6 @@ from automaton.floor.reachability import slot_access
 from automaton.floor.traffic_zones import traffic_zones_of
 from automaton.scenario.robot_types import RobotType, floor_plan_for
 from strategies.routing.astar.route_workspace import route_space
-from strategies.zoning.decentralized.negotiation import parts_for
-from strategies.zoning.design.zone_workspace import zone_space
 
 HEADING_COUNTS = {"omni": 1, "rail": 2, "differential": 4}
 IS_UNBOUNDED = np.array([kind.is_sink or kind.is_source for kind in CELL_KINDS])  # (kinds,) bool
@@ -120,8 +118,6 @@ def make_workspace(grid: Grid, longest_route: int) -> Workspace:
         stop=stop,
         distances=np.empty((fields, poses), np.int32),
         routes=route_space(poses, grid.traffic_zone_count, stop),
-        zoning=zone_space(0, 0, 0),
-        parts=parts_for(0),
     )
 
 

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from automaton.build.initial_service_zones import with_zones
 from automaton.build.resolve import Resolved
 from automaton.build.world import (
     build_buffers,
@@ -90,7 +89,7 @@ class Simulation:
         self._watchdog = None if patience is None else Watchdog(patience)
         self.seed = resolved.scenario.seed if seed is None else seed
         self.world, floor = build_world(resolved, self.seed, storage)
-        self.workspace = with_zones(floor.borrow_space(self), self.world)
+        self.workspace = floor.borrow_space(self)
         # (m,) int32: ticks that a delivered order takes to drive at least, NIL while not asked for.
         self.least = np.full(len(self.world.orders.state), NIL, np.int32)
         self.visible_world = build_sight(self.world, floor)

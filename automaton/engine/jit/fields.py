@@ -111,6 +111,11 @@ class Field:
             self._recorded and self.role == STATE and self.digest is not None and is_row_of_its_own
         )
 
+    def word(self, number: Any) -> int:
+        """The 64 bits of a number of this kind."""
+        is_float = self.dtype == np.float64
+        return int(np.float64(number).view(np.uint64)) if is_float else int(number) % 2**64
+
     def value(self, shape: tuple[int, ...]) -> Any:
         """The default: a number, or a new array of this shape."""
         if not self.default:
@@ -124,7 +129,7 @@ class Field:
 
 
 def field(kind: str, meaning: str = "", **options: Any) -> Any:
-    """Declare a field of a struct: an array, such as "(n, 4) int32", or a number, "int64"."""
+    """Declare a field of a struct: an array, "(n, 4) int32", or a number, "int64" or "float64"."""
     return Field(kind, meaning, **options)
 
 

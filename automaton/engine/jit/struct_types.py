@@ -169,7 +169,8 @@ def _lower_attribute(
         return loaded
 
     if not isinstance(field, types.Array):
-        return load(0)
+        number = load(0)
+        return builder.bitcast(number, ir.DoubleType()) if field == types.float64 else number
     array = context.make_array(field)(context, builder)
     model = context.data_model_manager[field.dtype]
     size = context.get_abi_sizeof(model.get_data_type())

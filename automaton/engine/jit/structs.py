@@ -1,10 +1,10 @@
 """Structs of arrays that cross into compiled code as one pointer.
 
 A subclass of Struct declares its fields (module fields): arrays (of 1 to 3 dimensions, C-contiguous),
-integers, or, by annotation alone, other structs. In Python, and with the JIT off, it is a plain object
-with these attributes. Compiled code gets the address of a table with one row per field,
+numbers of 64 bits, or, by annotation alone, other structs. In Python, and with the JIT off, it is a
+plain object with these attributes. Compiled code gets the address of a table with one row per field,
 
-    array:    data pointer, shape (3)        integer: value        struct: its table
+    array:    data pointer, shape (3)        number: value        struct: its table
 
 and reads a field from there when it is used. A NamedTuple of arrays would be passed by value, seven
 words for each array, at every call: the same kernels then compiled in 122 s instead of 34 s
@@ -98,8 +98,8 @@ class Struct(metaclass=StructClass):
                 words.append(self._checked(name, declared, value, sizes, shapes))
                 words += (*value.shape, *NO_SHAPE[len(value.shape) :])
             else:
-                words.append(int(value) % 2**64 if declared.kind else value._address)
-                words += NO_SHAPE  # a number is in two's complement
+                words.append(declared.word(value) if declared.kind else value._address)
+                words += NO_SHAPE
         wrong = self._sizes.contradiction(sizes)
         if wrong:
             raise TypeError(f"{type(self).__name__}: {wrong}")
@@ -212,33 +212,40 @@ class Struct(metaclass=StructClass):
         Scratch is not copied: the copy has its own.
         """
         return self._over(
-            lambda kind, array: kind.value(array.shape) if kind.role == SCRATCH else array.copy()
+            lambda kind, is_scratch, array: kind.value(array.shape) if is_scratch else array.copy()
         )
 
     def cleared(self) -> Self:
         """The same struct with a state of its own, which is zero; it shares constants and scratch."""
         return self._over(
-            lambda kind, array: np.zeros(array.shape, kind.dtype) if kind.is_kept else array
+            lambda kind, is_scratch, array: (
+                np.zeros(array.shape, kind.dtype) if kind.is_kept and not is_scratch else array
+            )
         )
 
-    def _over(self, other: Callable[[Field, Any], Any]) -> Self:
-        """The same struct over other arrays, and those in it."""
+    def _over(self, other: Callable[[Field, bool, Any], Any], in_scratch: bool = False) -> Self:
+        """The same struct over other arrays, and those in it; what is in scratch is scratch."""
         values = {name: getattr(self, name) for name in self._fields}
         for name, value in values.items():
+            declared = self._declared[name]
+            is_scratch = in_scratch or declared.role == SCRATCH
             if isinstance(value, Struct):
-                values[name] = value._over(other)
-            elif self._declared[name].is_array:
-                values[name] = other(self._declared[name], value)
+                values[name] = value._over(other, is_scratch)
+            elif declared.is_array:
+                values[name] = other(declared, is_scratch, value)
         return type(self)(**values)
 
     def arrays(self) -> Iterator[tuple[str, Field, Any]]:
-        """Name, declaration and value of each array, and of those of the structs in it."""
-        for name in self._fields:
+        """Name, declaration and value of each array, and of those of the structs in it.
+
+        Structs that are scratch as a whole are left out.
+        """
+        for name, declared in self._declared.items():
             value = getattr(self, name)
-            if isinstance(value, Struct):
+            if declared.is_array:
+                yield name, declared, value
+            elif isinstance(value, Struct) and declared.role != SCRATCH:
                 yield from ((f"{name}.{part}", *rest) for part, *rest in value.arrays())
-            elif self._declared[name].is_array:
-                yield name, self._declared[name], value
 
     @property
     def is_open(self) -> bool:

@@ -17,7 +17,6 @@ from strategies.zoning.design.transfer_stations import connect_cut_off, connecte
 from strategies.zoning.design.zone_capabilities import may_take
 from strategies.zoning.design.zone_load import UNDEFINED, find_loads
 from strategies.zoning.design.zone_paths import block_others, copy_design, spread, whole_cells
-from strategies.zoning.design.zone_workspace import ZONE_RULE_ADJACENT
 from strategies.zoning.design.zoning_draws import DRAWS_ANNEALING, below, chance
 
 # Defaults of the published runs.
@@ -104,7 +103,7 @@ def improve(roads, rules, flow, hot, cold, steps, most, design, workspace, seed,
                 workspace,
                 tip,
                 through,
-                rules[ZONE_RULE_ADJACENT],
+                rules.adjacent,
                 MIN_ZONE_STATIONS,
             )
             == 0
@@ -178,9 +177,9 @@ def facing_tips(roads, rules, design, workspace, a, b):
             workspace.via_station[a, b, s] = NIL
             if design.zone[s] != a or workspace.tip[s] == 0 or not may_take(workspace, a, b, s):
                 continue
-            spread(roads, workspace, roads.point[s], NIL, whole_cells(rules[ZONE_RULE_ADJACENT]))
+            spread(roads, workspace, roads.point[s], NIL, whole_cells(rules.adjacent))
             for t in range(stations):
-                near = workspace.distance[roads.point[t]] < rules[ZONE_RULE_ADJACENT]
+                near = workspace.distance[roads.point[t]] < rules.adjacent
                 if near and design.zone[t] == b and workspace.tip[t] == 1:
                     workspace.via_station[a, b, s] = t
     count = np.int64(0)

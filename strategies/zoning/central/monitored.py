@@ -8,11 +8,9 @@ when a computer would be done with them. All that waits is queued again then.
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Final, cast
+from typing import Any, ClassVar, Final
 
-import numpy as np
-
-from automaton.engine.jit.fields import field
+from automaton.engine.jit.fields import SCRATCH, field
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import (
     CLOCK_TICK,
@@ -36,9 +34,9 @@ from strategies.zoning.design.part_routing import ROUTING_CENTRAL
 from strategies.zoning.design.transfer_stations import find_transfers
 from strategies.zoning.design.zone_load import balance, find_loads
 from strategies.zoning.design.zone_paths import copy_design
-from strategies.zoning.design.zone_workspace import INF_COST, ZoneSpace
+from strategies.zoning.design.zone_workspace import INF_COST, ZoneRules, ZoneSpace
 from strategies.zoning.queues.charging_load import add_charging
-from strategies.zoning.queues.initial_zones import no_first_zones
+from strategies.zoning.queues.initial_zones import no_first_zones, space_of
 from strategies.zoning.queues.reassignment import reassign_orders, set_zone_move_time_factors
 from strategies.zoning.queues.zone_queues import queue_orders, record_flow, share, take_over
 from strategies.zoning.queues.zone_units import rules_of_zones, ticks
@@ -68,6 +66,11 @@ class MonitoredState(Struct):
     next_share: Array = field("(1,) int64")
     new_zones_at: Array = field("(1,) int64")
     flow: Array = field("(k, k) int64", "between stations, of which they are made")
+    recent_flow: Array = field("(k, k) float64", "that is looked at", role=SCRATCH)
+    rules: ZoneRules
+    age: int = field("int64", "weights of orders that are shared, in thousandths")
+    job: int = field("int64")
+    zones: ZoneSpace
 
 
 class MonitoredZones(Strategy):
@@ -82,14 +85,18 @@ class MonitoredZones(Strategy):
 
     def reset(self, view: World) -> Struct:
         """Nothing is counted yet, and the first zones are due."""
-        stations = len(view.service_zones.roads.point)
-        self._rules = rules_of_zones(view, self.parameters.adjacency)
-        self._flow = np.zeros((stations, stations))
-        self._everywhere = np.ones(len(view.service_zones.server), np.uint8)
+        return self._first_state(view, MonitoredState)
+
+    def _first_state(self, view: World, kind: type[MonitoredState], **more: Any) -> Struct:
         allocation = getattr(self.other_layers.get("allocation"), "parameters", None)
-        self._age = round(1000 * getattr(allocation, "age", 0.5))
-        self._job = round(1000 * getattr(allocation, "job", 10.0))
-        return MonitoredState.sized({"n": len(view.robots.cell), "k": stations})
+        return kind.sized(
+            {"n": len(view.robots.cell), "k": len(view.service_zones.roads.point)},
+            rules=rules_of_zones(view, self.parameters.adjacency),
+            age=round(1000 * getattr(allocation, "age", 0.5)),
+            job=round(1000 * getattr(allocation, "job", 10.0)),
+            zones=space_of(view),
+            **more,
+        )
 
     def decide(
         self, view: World, batch: Batch, decisions: Decisions, memory: Memory, workspace: Workspace
@@ -98,23 +105,24 @@ class MonitoredZones(Strategy):
         out, state = decisions.zoning, MonitoredState.of(memory)
         now = int(view.clock[CLOCK_TICK])
         copy_design(view.service_zones.design, out.design)
-        set_zone_move_time_factors(view, workspace.zoning)
+        state.zones.reach[:] = 1
+        set_zone_move_time_factors(view, state.zones)
         if not state.begun[0]:
-            self._begin(view, batch, out, state, workspace)
+            self._begin(view, batch, out, state)
         else:
-            self._apply_redesign(view, out, state, workspace)
+            self._apply_redesign(view, out, state)
         redesigned = int(out.redesigned[0])
         take_over(view, out)
-        queue_orders(view, out.design, workspace.zoning, out, ROUTING_CENTRAL, redesigned)
+        queue_orders(view, out.design, state.zones, out, ROUTING_CENTRAL, redesigned)
         reassign_orders(view, out, NIL)
         if now >= state.next_look[0]:
-            self._check_balance(view, out, state, workspace)
+            self._check_balance(view, out, state)
         self._check_redesign(view, state)
         due = state.bad_since[0] and not redesigned
         if self.parameters.sharing and due and now >= state.next_share[0]:
             if self._shares(state):
                 state.shared_orders[view.robots.at_index[0]] += share(
-                    view, workspace, out, self._age, self._job
+                    view, workspace, out, state.age, state.job
                 )
             state.next_share[0] = now + ticks(view, self.parameters.share_every)
         out.again[: int(batch.count[0])] = max(1, min(self._due(view, state)) - now)
@@ -124,67 +132,54 @@ class MonitoredZones(Strategy):
         sharing = self.parameters.sharing and state.bad_since[0]
         return [int(state.next_look[0]), *([int(state.next_share[0])] if sharing else [])]
 
-    def _begin(
-        self, view: World, batch: Batch, out: Any, state: MonitoredState, workspace: Workspace
-    ) -> None:
+    def _begin(self, view: World, batch: Batch, out: Any, state: MonitoredState) -> None:
         """The first zones: those of the scenario, or annealed on the flow between all stations."""
         if out.design.zone[0] == NIL:
-            if not self._anneal_first(view, out.design, workspace):
+            if not self._anneal_first(view, out.design, state):
                 raise no_first_zones(view)
         elif not out.design.transfer.any():
-            record_flow(view, INF_COST, 1 << 40, self._flow)  # of all orders, known or not
-            find_loads(
-                view.service_zones.roads, self._rules, self._flow, 0, out.design, workspace.zoning
-            )
-            find_transfers(
-                view.service_zones.roads,
-                self._rules,
-                out.design,
-                workspace.zoning,
-                self._everywhere,
-            )
+            roads, zones = view.service_zones.roads, state.zones
+            record_flow(view, INF_COST, 1 << 40, state.recent_flow)  # of all orders, known or not
+            find_loads(roads, state.rules, state.recent_flow, 0, out.design, zones)
+            find_transfers(roads, state.rules, out.design, zones, zones.reach)
         out.redesigned[0] = 1
         for k in range(int(batch.count[0])):
             out.service_zone[k] = view.robots.identity[batch.robot[k]]
         state.begun[0] = 1
         state.next_look[0] = int(view.clock[CLOCK_TICK]) + ticks(view, FIRST_LOOK)
 
-    def _anneal_first(self, view: World, design: Any, workspace: Workspace) -> bool:
+    def _anneal_first(self, view: World, design: Any, state: MonitoredState) -> bool:
         """The first zones, where the scenario gives none; False if none are found."""
         given = self.parameters
         return bool(
             first_zones(
                 view.service_zones.roads,
-                self._rules,
+                state.rules,
                 float(getattr(given, "hot", DEFAULT_INITIAL_TEMPERATURE)),
                 float(getattr(given, "cold", DEFAULT_FINAL_TEMPERATURE)),
                 int(getattr(given, "steps", ANNEALING_STEPS)),
                 0,
                 design,
-                workspace.zoning,
-                self._everywhere,
+                state.zones,
+                state.zones.reach,
                 view.rules.seed,
                 int(view.clock[CLOCK_TICK]),
             )
         )
 
-    def _check_balance(
-        self, view: World, out: Any, state: MonitoredState, workspace: Workspace
-    ) -> None:
+    def _check_balance(self, view: World, out: Any, state: MonitoredState) -> None:
         """How balanced the zones are now, and what follows from it."""
         now, robot = int(view.clock[CLOCK_TICK]), view.robots.at_index[0]
         if state.last_look[0]:
             passed = now - state.last_look[0]
             state.ticks_watched[robot] += passed
             state.ticks_in_balance[robot] += passed * (state.was_good[0] == 1)
-        flows = record_flow(
-            view, ticks(view, SECONDS_PER_UNIT["min"] * self.parameters.window), now, self._flow
-        )
+        flow, zones = state.recent_flow, state.zones
+        window = ticks(view, SECONDS_PER_UNIT["min"] * self.parameters.window)
         good = NIL
-        if flows:
-            zones = cast(ZoneSpace, workspace.zoning)
-            find_loads(view.service_zones.roads, self._rules, self._flow, 0, out.design, zones)
-            add_charging(view, zones, self._rules)
+        if record_flow(view, window, now, flow):
+            find_loads(view.service_zones.roads, state.rules, flow, 0, out.design, zones)
+            add_charging(view, zones, state.rules)
             value = balance(zones.load)
             if len(zones.load) > 1:  # one zone is out of balance with no robot
                 good = int(0.0 < value <= self.parameters.tolerance)
@@ -210,7 +205,5 @@ class MonitoredZones(Strategy):
         """Whether orders are shared at a time of sharing; here always."""
         return True
 
-    def _apply_redesign(
-        self, view: World, out: Any, state: MonitoredState, workspace: Workspace
-    ) -> None:
+    def _apply_redesign(self, view: World, out: Any, state: MonitoredState) -> None:
         """Called in every tick but the first, before orders are queued; here nothing, zones stay."""

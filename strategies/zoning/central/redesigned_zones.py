@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from automaton.engine.jit.fields import CONSTANT, field
 from automaton.engine.jit.structs import Struct
-from automaton.engine.state import CLOCK_TICK, NIL, Array, Workspace, World
+from automaton.engine.state import CLOCK_TICK, NIL, Array, World
 from automaton.errors import InputError
 from automaton.units import SECONDS_PER_UNIT, count
 from strategies.zoning.annealing.annealing import MAX_REPAIRS, repair
@@ -19,7 +20,7 @@ from strategies.zoning.central.monitored import (
 )
 from strategies.zoning.design.zone_paths import copy_design
 from strategies.zoning.genetic.genetic_zones import evolve
-from strategies.zoning.genetic.population import population_for
+from strategies.zoning.genetic.population import Population, population_for
 from strategies.zoning.queues.zone_queues import record_flow
 from strategies.zoning.queues.zone_units import ticks
 from strategies.zoning.zoning_parameters import Annealing, Genetic, Monitoring
@@ -43,10 +44,9 @@ class RedesignedZones(MonitoredZones, ABC):
             or now < self._patience_ends(view, state)
         ):
             return
-        record_flow(
-            view, ticks(view, SECONDS_PER_UNIT["min"] * self.parameters.window), now, self._flow
-        )
-        state.flow[:] = self._flow.astype(np.int64)
+        window = ticks(view, SECONDS_PER_UNIT["min"] * self.parameters.window)
+        record_flow(view, window, now, state.recent_flow)
+        state.flow[:] = state.recent_flow.astype(np.int64)
         state.new_zones_at[0] = now + max(1, ticks(view, self.parameters.compute))
 
     def _patience_ends(self, view: World, state: MonitoredState) -> int:
@@ -69,15 +69,13 @@ class RedesignedZones(MonitoredZones, ABC):
         """Not while new zones are computed, if the scenario says so."""
         return self.parameters.share_while_computing or not state.new_zones_at[0]
 
-    def _apply_redesign(
-        self, view: World, out: Any, state: MonitoredState, workspace: Workspace
-    ) -> None:
+    def _apply_redesign(self, view: World, out: Any, state: MonitoredState) -> None:
         """New zones of the flow that was recorded take effect when they are due."""
         now = int(view.clock[CLOCK_TICK])
         if not state.new_zones_at[0] or now < state.new_zones_at[0]:
             return
-        self._flow[:] = state.flow
-        if self._design(view, out.design, workspace):
+        state.recent_flow[:] = state.flow
+        if self._design(view, out.design, state):
             out.redesigned[0] = 1
             state.redesigns[view.robots.at_index[0]] += 1
         else:
@@ -86,8 +84,8 @@ class RedesignedZones(MonitoredZones, ABC):
         state.next_look[0] = now + ticks(view, AFTER_REPAIR)
 
     @abstractmethod
-    def _design(self, view: World, design: Any, workspace: Workspace) -> bool:
-        """Make new zones of self._flow; False if none are found, and the design is spoiled then."""
+    def _design(self, view: World, design: Any, state: Any) -> bool:
+        """Make new zones of the recent flow; False if none are found, and the design is spoiled then."""
 
 
 class AnnealedZones(RedesignedZones):
@@ -95,25 +93,36 @@ class AnnealedZones(RedesignedZones):
 
     Parameters = Annealing
 
-    def _design(self, view: World, design: Any, workspace: Workspace) -> bool:
+    def _design(self, view: World, design: Any, state: Any) -> bool:
         given = self.parameters
         return bool(
             repair(
                 view.service_zones.roads,
-                self._rules,
-                self._flow,
+                state.rules,
+                state.recent_flow,
                 float(given.hot),
                 float(given.cold),
                 given.steps,
                 given.steps,
                 MAX_REPAIRS,
                 design,
-                workspace.zoning,
-                self._everywhere,
+                state.zones,
+                state.zones.reach,
                 view.rules.seed,
                 int(view.clock[CLOCK_TICK]),
             )
         )
+
+
+class GeneticState(MonitoredState):
+    """And what zones are bred in."""
+
+    poses: Array = field(
+        "(n, 2) int64",
+        "by identity: columns and rows of the grid, from where robots look for their zones",
+        role=CONSTANT,
+    )
+    population: Population
 
 
 class GeneticZones(RedesignedZones):
@@ -122,38 +131,39 @@ class GeneticZones(RedesignedZones):
     Parameters = Genetic
 
     def reset(self, view: World) -> Struct:
-        """Room for the population besides."""
-        state = super().reset(view)
-        self._poses = self._poses_of(view)
-        self._population = population_for(view.service_zones.roads, self.parameters.population)
-        return state
+        """The poses, and room for the population besides."""
+        population = population_for(view.service_zones.roads, self.parameters.population)
+        return self._first_state(
+            view, GeneticState, poses=self._poses_of(view), population=population
+        )
 
-    def _design(self, view: World, design: Any, workspace: Workspace) -> bool:
+    def _design(self, view: World, design: Any, state: Any) -> bool:
         given = self.parameters
         found = evolve(
             view.service_zones.roads,
-            self._rules,
-            self._flow,
+            state.rules,
+            state.recent_flow,
             given.generations,
             given.selected,
             float(given.mutation),
-            self._population,
+            state.population,
             design,
-            workspace.zoning,
-            self._everywhere,
+            state.zones,
+            state.zones.reach,
             view.rules.seed,
             int(view.clock[CLOCK_TICK]),
         )
         if found and given.matched:
-            self._assign_zones(view, design)
+            self._assign_zones(view, design, state.poses)
         return bool(found)
 
     def _poses_of(self, view: World) -> Array:
-        """(n, 2) by identity: columns and rows of the grid, from where each robot looks for its zone."""
+        """Those of GeneticState. Raises InputError."""
         given, robots = self.parameters.poses, len(view.service_zones.server)
         if given is None:
             homes = view.robots.home[view.robots.at_index]
-            return np.stack((homes % view.grid.width, homes // view.grid.width), axis=1)
+            places = np.stack((homes % view.grid.width, homes // view.grid.width), axis=1)
+            return places.astype(np.int64)
         if len(given) != robots:
             raise InputError(
                 f"strategy.zoning.poses has {count(len(given), 'cell')}, one for each robot; "
@@ -161,7 +171,7 @@ class GeneticZones(RedesignedZones):
             )
         return np.array(given) + 1  # the border of the grid
 
-    def _assign_zones(self, view: World, design: Any) -> None:
+    def _assign_zones(self, view: World, design: Any, poses: Array) -> None:
         """Name each zone after the robot whose pose is nearest to its middle; robots choose in order.
 
         Robots of a type choose among the zones that were bred for their type.
@@ -171,7 +181,7 @@ class GeneticZones(RedesignedZones):
         zones, kinds = len(view.service_zones.server), view.robots.type[view.robots.at_index]
         name = np.full(zones, NIL, np.int32)
         for robot in range(zones):
-            x, y = self._poses[robot]
+            x, y = poses[robot]
             alike = (view.service_zones.accessible == view.service_zones.accessible[robot]).all(
                 axis=1
             )

@@ -7,23 +7,8 @@ from automaton.strategy.kernels import kernel
 from strategies.zoning.decentralized.consensus import moved
 from strategies.zoning.decentralized.negotiation import loads_of_queues
 from strategies.zoning.decentralized.negotiation_messages import (
-    AVERAGE,
-    AVERAGE_EVERY,
     BIAS,
-    CALM,
     DEGREES,
-    HYSTERESIS,
-    IN,
-    LOOK,
-    LOOK_EVERY,
-    MEAN,
-    MESSAGES,
-    PATIENCE,
-    RANGE,
-    ROUND,
-    ROUNDS,
-    SINCE,
-    TOLERANCE,
     VALUE,
     begin_message,
     is_near,
@@ -83,20 +68,21 @@ def is_reassigned(view, order, at):
 
 
 @kernel
-def own_load(view, rules, design, workspace, parts, i):
+def own_load(view, state, design, i):
     """Minutes of work of robot i: what lies in the queues of the zones that it serves, and charging."""
-    reach, identity = workspace.reach, view.robots.identity[i]
+    zones, parts, identity = state.zones, state.parts, view.robots.identity[i]
+    reach = zones.reach
     for zone in range(reach.shape[0]):
         reach[zone] = 1 if view.service_zones.server[zone] == identity else 0
     fill_parts(view, parts)
     loads_of_queues(
-        view.service_zones.roads, rules, design, workspace, parts, parts.zone, parts.stop, reach
+        view.service_zones.roads, state.rules, design, zones, parts, parts.zone, parts.stop, reach
     )
     total = 0.0
     for zone in range(reach.shape[0]):
         if reach[zone]:
-            total += workspace.load[zone]
-    return total + charging_minutes(view, rules, i)
+            total += zones.load[zone]
+    return total + charging_minutes(view, state.rules, i)
 
 
 @kernel
@@ -106,54 +92,54 @@ def next_multiple(now, every):
 
 
 @kernel
-def average(view, out, memory, k, i, p, degree, load):
+def average(view, out, state, k, i, degree, load):
     """Consensus with Metropolis weights: its beginning, or one more step.
 
     All robots reckon with what was told in the step before, degrees too, so that the sum is preserved.
     """
-    per_robot, now = memory.per_robot, view.clock[CLOCK_TICK]
-    if per_robot[i, ROUND] == NIL:
-        per_robot[i, AVERAGE] = next_multiple(now, p[AVERAGE_EVERY])
+    now = view.clock[CLOCK_TICK]
+    if state.step[i] == NIL:
+        state.next_average[i] = next_multiple(now, state.average_every)
         if degree == 0:
             return  # alone it keeps the mean that it has
         begin_message(view, out, k, i)
-        per_robot[i, ROUND] = 0
+        state.step[i] = 0
         out.messages[k, VALUE] = (load + BIAS) * DEGREES + min(degree, DEGREES - 1)
         return
-    step = per_robot[i, ROUND]
+    step = state.step[i]
     mine = view.service_zones.messages[i, VALUE + (step & 1)]
     total = mine // DEGREES
     for j in range(view.robots.cell.shape[0]):
-        if is_near(view, i, j, p[RANGE]):
+        if is_near(view, i, j, state.range):
             told = view.service_zones.messages[j, VALUE + (step & 1)]
             total += moved(mine // DEGREES, told // DEGREES, mine % DEGREES, told % DEGREES)
-            per_robot[i, MESSAGES] += 1
+            state.messages[i] += 1
     begin_message(view, out, k, i)
     out.messages[k, VALUE + ((step + 1) & 1)] = total * DEGREES + min(degree, DEGREES - 1)
-    per_robot[i, ROUND] = step + 1
-    if step + 1 >= p[ROUNDS]:
-        per_robot[i, ROUND] = NIL
-        per_robot[i, MEAN] = total
+    state.step[i] = step + 1
+    if step + 1 >= state.rounds:
+        state.step[i] = NIL
+        state.mean[i] = total
 
 
 @kernel
-def update_tolerance_state(view, memory, i, p, load):
+def update_tolerance_state(view, state, i, load):
     """In or out of tolerance, and since when; long in tolerance it is calm."""
-    per_robot, now = memory.per_robot, view.clock[CLOCK_TICK]
-    per_robot[i, LOOK] = now + p[LOOK_EVERY]
-    if per_robot[i, MEAN] == NIL:
+    now = view.clock[CLOCK_TICK]
+    state.next_look[i] = now + state.look_every
+    if state.mean[i] == NIL:
         return
-    inside = 1 if abs(load - per_robot[i, MEAN]) < p[TOLERANCE] else 0
-    if per_robot[i, IN] != inside:
-        per_robot[i, IN] = inside
-        per_robot[i, SINCE] = now
-    elif inside and now - per_robot[i, SINCE] >= p[HYSTERESIS]:
-        per_robot[i, CALM] = now
+    inside = 1 if abs(load - state.mean[i]) < state.tolerance else 0
+    if state.in_tolerance[i] != inside:
+        state.in_tolerance[i] = inside
+        state.since[i] = now
+    elif inside and now - state.since[i] >= state.hysteresis:
+        state.calm[i] = now
 
 
 @kernel
-def wants_redesign(view, memory, i, p):
+def wants_redesign(view, state, i):
     """Whether robot i is out of tolerance, and has not been calm for long."""
-    per_robot, now = memory.per_robot, view.clock[CLOCK_TICK]
-    out = per_robot[i, IN] == 0 and now - per_robot[i, SINCE] >= p[HYSTERESIS]
-    return out and now - per_robot[i, CALM] > p[PATIENCE]
+    now = view.clock[CLOCK_TICK]
+    out = state.in_tolerance[i] == 0 and now - state.since[i] >= state.hysteresis
+    return out and now - state.calm[i] > state.patience

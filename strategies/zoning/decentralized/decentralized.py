@@ -10,11 +10,13 @@ A robot uses nothing but its own memory, what it sees, and what those in range t
 `information: {radius: ..., shape: circle, orders: zones}` the view holds nothing else.
 """
 
+from typing import ClassVar
+
 import numpy as np
 
 from automaton.engine.state import CLOCK_TICK, NIL
 from automaton.strategy.kernels import kernel
-from automaton.strategy.layer import Strategy, memory_of
+from automaton.strategy.layer import Strategy
 from automaton.units import SECONDS_PER_UNIT
 from strategies.zoning.annealing.annealing import (
     ANNEALING_STEPS,
@@ -28,30 +30,10 @@ from strategies.zoning.decentralized.consensus_load import (
     own_load,
     update_tolerance_state,
 )
+from strategies.zoning.decentralized.negotiation import parts_for
 from strategies.zoning.decentralized.negotiation_messages import (
-    AGE,
-    AVERAGE,
-    AVERAGE_EVERY,
-    CALM,
-    FIRST_RULE,
-    FIRST_TRY,
-    IN,
-    JOB,
-    LOOK,
-    LOOK_EVERY,
-    MEAN,
-    MESSAGES,
-    MILLION,
     NANO,
-    NEAR,
-    OWN,
-    RANGE,
-    REDESIGNS,
-    ROUND,
-    SHARE,
-    SHARE_EVERY,
-    SHARES,
-    SHARING,
+    NegotiatorState,
     find_robots_in_range,
     is_near,
 )
@@ -59,8 +41,7 @@ from strategies.zoning.decentralized.redesign_turns import negotiate
 from strategies.zoning.design.part_routing import ROUTING_NEIGHBOURS
 from strategies.zoning.design.transfer_stations import find_transfers
 from strategies.zoning.design.zone_paths import copy_design
-from strategies.zoning.design.zone_workspace import ZONE_RULE_ADJACENT, ZONE_RULE_COUNT
-from strategies.zoning.queues.initial_zones import try_first_zones
+from strategies.zoning.queues.initial_zones import space_of, try_first_zones
 from strategies.zoning.queues.reassignment import (
     enter,
     is_running,
@@ -100,23 +81,23 @@ def others_can(view, i, zone, far):
 
 
 @kernel
-def share_near(view, out, workspace, memory, i, p, age, job):
+def share_near(view, out, workspace, state, i):
     """Out of tolerance, robot i gives an order that lies near a neighbour's zone to that neighbour."""
-    per_robot, now = memory.per_robot, view.clock[CLOCK_TICK]
-    per_robot[i, SHARE] = now + p[SHARE_EVERY]
+    now = view.clock[CLOCK_TICK]
+    state.next_share[i] = now + state.share_every
     identity = np.int64(view.robots.identity[i])
     mine = queue_length(view, identity)
-    near = p[FIRST_RULE + ZONE_RULE_ADJACENT] // (2 * MILLION)
+    near = np.int64(state.rules.adjacent // 2)
     for zone in range(view.service_zones.server.shape[0]):
         server = np.int64(view.service_zones.server[zone])
         if server == NIL or server == identity or queue_length(view, zone) >= mine:
             continue
-        if not is_near(view, i, np.int64(view.robots.at_index[server]), p[RANGE]):
+        if not is_near(view, i, np.int64(view.robots.at_index[server]), state.range):
             continue
-        order = first_for(view, out, workspace, identity, zone, zone, 1, near, age, job)
+        order = first_for(view, out, workspace, identity, zone, zone, 1, near, state.age, state.job)
         if order != NIL:
             enter(out, order, zone, np.int64(view.orders.target[order]), 1)
-            per_robot[i, SHARES] += 1
+            state.shared_orders[i] += 1
             mine -= 1
 
 
@@ -130,75 +111,72 @@ def is_blank(design):
 
 
 @kernel
-def begin(view, out, memory, workspace, rules, k, i, p):
+def begin(view, out, state, k, i):
     """The first call for robot i: its timers, its zone, and the transfer stations to its neighbours."""
-    per_robot, now = memory.per_robot, view.clock[CLOCK_TICK]
+    now = view.clock[CLOCK_TICK]
     identity = np.int64(view.robots.identity[i])
     out.service_zone[k] = identity
-    per_robot[i, LOOK] = now + p[LOOK_EVERY]
-    per_robot[i, AVERAGE] = next_multiple(now, p[AVERAGE_EVERY])
-    per_robot[i, SHARE] = now + p[SHARE_EVERY]
-    per_robot[i, ROUND] = NIL
-    per_robot[i, MEAN] = NIL
-    per_robot[i, IN] = NIL
-    per_robot[i, CALM] = now
-    reach = workspace.reach
-    design = out.design
+    state.next_look[i] = now + state.look_every
+    state.next_average[i] = next_multiple(now, state.average_every)
+    state.next_share[i] = now + state.share_every
+    state.step[i] = NIL
+    state.mean[i] = NIL
+    state.in_tolerance[i] = NIL
+    state.calm[i] = now
+    zones, design = state.zones, out.design
+    reach = zones.reach
     if identity == 0 and is_blank(design):
         reach[:] = 1
         first_zones(
-            view.service_zones.roads, rules, DEFAULT_INITIAL_TEMPERATURE,
-            DEFAULT_FINAL_TEMPERATURE, ANNEALING_STEPS, p[FIRST_TRY], design, workspace, reach,
+            view.service_zones.roads, state.rules, DEFAULT_INITIAL_TEMPERATURE,
+            DEFAULT_FINAL_TEMPERATURE, ANNEALING_STEPS, state.first_try, design, zones, reach,
             view.rules.seed, 0,
         )  # fmt: skip
         out.redesigned[0] = 1
         return
-    find_robots_in_range(view, reach, i, p[RANGE])
+    find_robots_in_range(view, reach, i, state.range)
     for station in range(design.zone.shape[0]):
         for zone in range(reach.shape[0]):
             if reach[zone] and design.transfer[identity, zone, station]:
                 return  # the scenario's design has them
-    workspace.load[:] = 0.0
-    find_transfers(view.service_zones.roads, rules, design, workspace, reach)
+    zones.load[:] = 0.0
+    find_transfers(view.service_zones.roads, state.rules, design, zones, reach)
     out.redesigned[0] = 1
 
 
 @kernel
 def decide(view, batch, decisions, memory, workspace):
-    out, zones, parts = decisions.zoning, workspace.zoning, workspace.parts
-    per_robot, p, now = memory.per_robot, memory.parameters, view.clock[CLOCK_TICK]
-    rules = zones.rules
-    for column in range(ZONE_RULE_COUNT):
-        rules[column] = p[FIRST_RULE + column] / MILLION
+    out, state = decisions.zoning, NegotiatorState.of(memory)
+    zones, now = state.zones, view.clock[CLOCK_TICK]
     copy_design(view.service_zones.design, out.design)
     set_zone_move_time_factors(view, zones)
     for k in range(batch.count[0]):
         i = np.int64(batch.robot[k])
         identity = np.int64(view.robots.identity[i])
-        if per_robot[i, LOOK] == 0:
-            begin(view, out, memory, zones, rules, k, i, p)
-        replace_broken(view, out, i, p[RANGE])
+        if state.next_look[i] == 0:
+            begin(view, out, state, k, i)
+        replace_broken(view, out, i, state.range)
         if not is_running(view, i):
-            out.again[k] = p[LOOK_EVERY]
+            out.again[k] = state.look_every
             continue
-        busy = negotiate(view, out, memory, zones, parts, rules, k, i, p)
-        queue_orders_of(view, out.design, zones, out, ROUTING_NEIGHBOURS, identity, p[NEAR])
+        busy = negotiate(view, out, state, k, i)
+        queue_orders_of(view, out.design, zones, out, ROUTING_NEIGHBOURS, identity, state.drop_near)
         reassign_orders(view, out, identity)
-        looks = now >= per_robot[i, LOOK]
-        averages = not busy and (now >= per_robot[i, AVERAGE] or per_robot[i, ROUND] != NIL)
+        looks = now >= state.next_look[i]
+        averages = not busy and (now >= state.next_average[i] or state.step[i] != NIL)
         if looks or averages:
-            degree = find_robots_in_range(view, zones.reach, i, p[RANGE])
+            degree = find_robots_in_range(view, zones.reach, i, state.range)
             load = np.int64(0)
-            if looks or per_robot[i, ROUND] == NIL:  # further steps of a consensus need no load
-                load = np.int64(NANO * own_load(view, rules, out.design, zones, parts, i))
+            if looks or state.step[i] == NIL:  # further steps of a consensus need no load
+                load = np.int64(NANO * own_load(view, state, out.design, i))
             if looks:
-                update_tolerance_state(view, memory, i, p, load)
+                update_tolerance_state(view, state, i, load)
             if averages:
-                average(view, out, memory, k, i, p, degree, load)
-        if p[SHARING] and per_robot[i, IN] == 0 and now >= per_robot[i, SHARE] and not busy:
-            share_near(view, out, workspace, memory, i, p, p[AGE], p[JOB])
-        soon = min(per_robot[i, LOOK], per_robot[i, AVERAGE])
-        out.again[k] = 1 if busy or per_robot[i, ROUND] != NIL else max(1, soon - now)
+                average(view, out, state, k, i, degree, load)
+        if state.sharing and state.in_tolerance[i] == 0 and now >= state.next_share[i] and not busy:
+            share_near(view, out, workspace, state, i)
+        soon = min(state.next_look[i], state.next_average[i])
+        out.again[k] = 1 if busy or state.step[i] != NIL else max(1, soon - now)
 
 
 class DecentralizedZones(Strategy):
@@ -207,37 +185,37 @@ class DecentralizedZones(Strategy):
     layer = "zoning"
     Parameters = Decentralized
     compiled = decide
-    counters = {"redesigns": REDESIGNS, "shared_orders": SHARES, "messages": MESSAGES}  # noqa: RUF012
+    counters: ClassVar = {name: name for name in ("redesigns", "shared_orders", "messages")}
 
     def reset(self, view):
-        """What each robot remembers; the parameters in ticks, cells and nano-minutes."""
+        """Nothing is remembered yet; the parameters in ticks, cells and nano-minutes."""
         given = self.parameters
         allocation = getattr(self.other_layers.get("allocation"), "parameters", None)
-        every = max(1, ticks(view, given.average_every))
-        numbers = (
-            int(cells(view, given.range)),
-            round(NANO * given.tolerance),
-            ticks(view, SECONDS_PER_UNIT["min"] * given.patience),
-            ticks(view, SECONDS_PER_UNIT["min"] * given.hysteresis),
-            max(1, ticks(view, given.look)),
-            every,
-            min(given.rounds, max(1, every // 2)),
-            given.turns,
-            given.iterations,
-            round(MILLION * given.hot),
-            round(MILLION * given.cold),
-            round(MILLION * given.scale),
-            ticks(view, given.pause),
-            int(given.sharing),
-            int(cells(view, given.drop_near)) if given.drop_near else 0,
-            max(1, ticks(view, 60.0)),
-        )
+        average_every = max(1, ticks(view, given.average_every))
         rules = rules_of_zones(view, given.adjacency, decentralized=True)
-        rounded = tuple(min(round(MILLION * rule), 1 << 60) for rule in rules)
         blank = (view.service_zones.design.held == NIL).all()
-        tries = try_first_zones(view, np.array(rounded) / MILLION) if blank else 0
-        weights = (
-            round(1000 * getattr(allocation, "age", 0.5)),
-            round(1000 * getattr(allocation, "job", 10.0)),
+        return NegotiatorState.sized(
+            {"n": len(view.robots.cell)},
+            rules=rules,
+            range=int(cells(view, given.range)),
+            tolerance=round(NANO * given.tolerance),
+            patience=ticks(view, SECONDS_PER_UNIT["min"] * given.patience),
+            hysteresis=ticks(view, SECONDS_PER_UNIT["min"] * given.hysteresis),
+            look_every=max(1, ticks(view, given.look)),
+            average_every=average_every,
+            rounds=min(given.rounds, max(1, average_every // 2)),
+            turns=given.turns,
+            iterations=given.iterations,
+            hot=given.hot,
+            cold=given.cold,
+            scale=given.scale,
+            pause=ticks(view, given.pause),
+            sharing=given.sharing,
+            share_every=max(1, ticks(view, 60.0)),
+            drop_near=int(cells(view, given.drop_near)) if given.drop_near else 0,
+            age=round(1000 * getattr(allocation, "age", 0.5)),
+            job=round(1000 * getattr(allocation, "job", 10.0)),
+            first_try=try_first_zones(view, rules) if blank else 0,
+            zones=space_of(view),
+            parts=parts_for(len(view.service_zones.queue)),
         )
-        return memory_of(view, per_robot=OWN, parameters=(*numbers, *rounded, *weights, tries))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.engine.jit.fields import field
+from automaton.engine.jit.fields import SCRATCH, field
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import NIL
@@ -28,7 +28,6 @@ from strategies.zoning.design.portable_math import exponential, temperature
 from strategies.zoning.design.transfer_stations import find_transfers, joined, reach_connected
 from strategies.zoning.design.zone_load import load_of, members
 from strategies.zoning.design.zone_paths import copy_design
-from strategies.zoning.design.zone_workspace import ZONE_RULE_ADJACENT, ZONE_RULE_SHARED
 from strategies.zoning.design.zoning_draws import DRAWS_NEGOTIATION, below, chance
 
 Array = NDArray[Any]
@@ -42,7 +41,7 @@ DEFAULT_LEADER_TURNS = 2  # that every robot leads
 DEFAULT_ITERATIONS = 10  # of a turn
 
 
-class NegotiatedParts(Struct):
+class NegotiatedParts(Struct, role=SCRATCH):
     """Parts in the queues or hands of robots; room for K."""
 
     count: Array = field("(1,) int64", "how many there are")
@@ -147,9 +146,7 @@ def propose(roads, rules, design, workspace, leader, reach, seed, tick):
         return 0
     tip = random_tip(workspace, a, b, seed, tick)
     through = np.int64(workspace.via_station[a, b, tip])
-    return give(
-        roads, design, workspace, tip, through, rules[ZONE_RULE_ADJACENT], MIN_ZONE_STATIONS
-    )
+    return give(roads, design, workspace, tip, through, rules.adjacent, MIN_ZONE_STATIONS)
 
 
 @kernel
@@ -194,5 +191,5 @@ def loads_of_queues(roads, rules, design, workspace, parts, zone, stop, reach):
             workspace.leg_flow[zone[k], parts.at[k], stop[k]] += 1.0
     for z in range(reach.shape[0]):
         if reach[z] == 1:
-            members(design, workspace, z, rules[ZONE_RULE_SHARED])
+            members(design, workspace, z, rules.shared)
             workspace.load[z] = load_of(roads, rules, workspace.leg_flow[z], workspace, z)

@@ -2,32 +2,20 @@
 
 import numpy as np
 
+from automaton.engine.jit.fields import field
+from automaton.engine.jit.structs import Struct
 from automaton.engine.service_zones import MESSAGE_WORDS
-from automaton.engine.state import NIL
+from automaton.engine.state import NIL, Array
 from automaton.strategy.kernels import kernel, position
-from strategies.zoning.design.zone_workspace import ZONE_RULE_COUNT
+from strategies.zoning.decentralized.negotiation import NegotiatedParts
+from strategies.zoning.design.zone_workspace import ZoneRules, ZoneSpace
 from strategies.zoning.queues.reassignment import is_running
 
 NANO = 1_000_000_000  # loads are told in this part of a minute
 DEGREES = 1 << 12  # more robots than any robot has in range
 BIAS = NANO // 10  # that consensus begins with
 
-# memory.per_robot
-LOOK = 0  # tick of the next look
-AVERAGE = 1  # tick of the next consensus
-ROUND = 2  # step of the consensus that goes on, or NIL
-MEAN = 3  # of the last one, in nano-minutes; NIL: none yet
-IN = 4  # 1 in tolerance, 0 out of it, NIL unknown
-SINCE = 5  # tick since which that is so
-CALM = 6  # tick of the last calm, or of the last redesign
-LED = 7  # turns led in this redesign
-SHARE = 8  # tick of the next sharing
-REDESIGNS = 9  # counters
-SHARES = 10
-MESSAGES = 11
-OWN = 12
-
-# words of `said`
+# Words of a message.
 VALUE = 0  # and 1: what consensus has come to, by even and odd steps: value * DEGREES + degree
 REDESIGN = 2  # tick in which the redesign began, 0 before the first
 LEADER = 3  # who leads next, as far as this robot knows
@@ -35,30 +23,50 @@ TURN = 4  # the number of that turn
 TURNS = 5  # turns that this robot led
 DONE = 6  # 1: the redesign is over
 
-# memory.parameters, after the rules of zones in millionths
-RANGE = 0  # cells
-TOLERANCE = 1  # nano-minutes
-PATIENCE = 2  # ticks
-HYSTERESIS = 3
-LOOK_EVERY = 4
-AVERAGE_EVERY = 5
-ROUNDS = 6
-MOST_TURNS = 7
-ITERATIONS = 8
-HOT = 9  # millionths
-COLD = 10
-SCALE = 11
-PAUSE = 12  # ticks
-SHARING = 13
-NEAR = 14  # cells
-SHARE_EVERY = 15
-FIRST_RULE = 16
-AGE = FIRST_RULE + ZONE_RULE_COUNT  # weights of Algorithm 2, in thousandths
-JOB = AGE + 1
-FIRST_TRY = JOB + 1  # tries in which the first zones are not found
-MILLION = 1_000_000
-
 LEADERS = 33  # stream of the draws of the next leader
+
+
+class NegotiatorState(Struct):
+    """What robots that negotiate reckon with, and what each of them remembers."""
+
+    rules: ZoneRules
+    range: int = field("int64", "cells: how far messages reach")
+    tolerance: int = field("int64", "nano-minutes that a load may be from the mean")
+    patience: int = field("int64", "ticks since the last calm before a redesign")
+    hysteresis: int = field("int64", "ticks in or out of tolerance until that counts")
+    look_every: int = field("int64", "ticks")
+    average_every: int = field("int64", "ticks")
+    rounds: int = field("int64", "steps of a consensus")
+    turns: int = field("int64", "turns that each robot leads in a redesign")
+    iterations: int = field("int64", "exchanges in a turn")
+    hot: float = field("float64", "temperature at the beginning of a redesign")
+    cold: float = field("float64", "and at its end")
+    scale: float = field("float64", "minutes, k of Algorithm 4")
+    pause: int = field("int64", "ticks that robots stand still in a redesign")
+    sharing: int = field("int64", "1: robots out of tolerance share orders")
+    share_every: int = field("int64", "ticks")
+    drop_near: int = field(
+        "int64", "cells: an order whose station is so near a transfer station goes there; 0: none"
+    )
+    age: int = field("int64", "weights of Algorithm 2, in thousandths")
+    job: int = field("int64")
+    first_try: int = field("int64", "tries in which the first zones are not found")
+
+    next_look: Array = field("(n,) int64", "tick of the next look; 0: robot has not begun")
+    next_average: Array = field("(n,) int64", "tick of the next consensus")
+    next_share: Array = field("(n,) int64", "tick of the next sharing")
+    step: Array = field("(n,) int64", "of the consensus that goes on, or NIL")
+    mean: Array = field("(n,) int64", "of the last consensus, in nano-minutes; NIL: none yet")
+    in_tolerance: Array = field("(n,) int64", "1 in tolerance, 0 out of it, NIL unknown")
+    since: Array = field("(n,) int64", "tick since which that is so")
+    calm: Array = field("(n,) int64", "tick of the last calm, or of the last redesign")
+    led: Array = field("(n,) int64", "turns led in this redesign")
+    redesigns: Array = field("(n,) int64", "redesigns that it ended")
+    shared_orders: Array = field("(n,) int64", "orders that it gave away")
+    messages: Array = field("(n,) int64", "messages that it heard")
+
+    zones: ZoneSpace
+    parts: NegotiatedParts
 
 
 @kernel

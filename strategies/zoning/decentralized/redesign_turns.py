@@ -7,31 +7,11 @@ from automaton.strategy.kernels import kernel, random_between
 from strategies.zoning.decentralized.consensus_load import fill_parts, next_multiple, wants_redesign
 from strategies.zoning.decentralized.negotiation import lead
 from strategies.zoning.decentralized.negotiation_messages import (
-    AVERAGE,
-    AVERAGE_EVERY,
-    CALM,
-    COLD,
     DONE,
-    HOT,
-    IN,
-    ITERATIONS,
     LEADER,
     LEADERS,
-    LED,
-    LOOK,
-    LOOK_EVERY,
-    MEAN,
-    MESSAGES,
-    MILLION,
-    MOST_TURNS,
     NANO,
-    PAUSE,
-    RANGE,
     REDESIGN,
-    REDESIGNS,
-    ROUND,
-    SCALE,
-    SINCE,
     TURN,
     TURNS,
     begin_message,
@@ -43,74 +23,72 @@ from strategies.zoning.queues.zone_queues import slot_at
 
 
 @kernel
-def join(view, out, memory, k, i, p, began):
+def join(view, out, state, k, i, began):
     """Robot i takes part in the redesign that began in a tick, and stands still."""
-    per_robot, now = memory.per_robot, view.clock[CLOCK_TICK]
+    now = view.clock[CLOCK_TICK]
     begin_message(view, out, k, i)
     out.messages[k, REDESIGN] = began
     out.messages[k, LEADER] = NIL
     out.messages[k, TURN] = 0
     out.messages[k, TURNS] = 0
     out.messages[k, DONE] = 0
-    per_robot[i, LED] = 0
-    per_robot[i, ROUND] = NIL
-    left = p[PAUSE] - (now - began)
+    state.led[i] = 0
+    state.step[i] = NIL
+    left = state.pause - (now - began)
     if left > 0:
         out.halt[k] = min(left, 60_000)
 
 
 @kernel
-def leave(view, out, memory, k, i, p):
+def leave(view, out, state, k, i):
     """The redesign is over for robot i; it looks and reckons again when it drives again."""
-    per_robot = memory.per_robot
     begin_message(view, out, k, i)
     out.messages[k, DONE] = 1
-    goes_on = max(np.int64(view.clock[CLOCK_TICK]), out.messages[k, REDESIGN] + p[PAUSE])
-    per_robot[i, CALM] = goes_on
-    per_robot[i, SINCE] = goes_on
-    per_robot[i, LOOK] = goes_on + p[LOOK_EVERY]
-    per_robot[i, AVERAGE] = next_multiple(goes_on, p[AVERAGE_EVERY])
-    per_robot[i, IN] = NIL
+    goes_on = max(np.int64(view.clock[CLOCK_TICK]), out.messages[k, REDESIGN] + state.pause)
+    state.calm[i] = goes_on
+    state.since[i] = goes_on
+    state.next_look[i] = goes_on + state.look_every
+    state.next_average[i] = next_multiple(goes_on, state.average_every)
+    state.in_tolerance[i] = NIL
 
 
 @kernel
-def take_turn(view, out, memory, workspace, parts, rules, k, i, p, turn):
+def take_turn(view, out, state, k, i, turn):
     """Robot i leads: exchanges about the mean, then the next leader is named, or the end."""
-    per_robot, now = memory.per_robot, view.clock[CLOCK_TICK]
+    now = view.clock[CLOCK_TICK]
     identity = np.int64(view.robots.identity[i])
-    reach = workspace.reach
-    find_robots_in_range(view, reach, i, p[RANGE])
+    parts, reach = state.parts, state.zones.reach
+    find_robots_in_range(view, reach, i, state.range)
     seed = view.rules.seed
-    if per_robot[i, LED] < p[MOST_TURNS]:
+    if state.led[i] < state.turns:
         fill_parts(view, parts)
-        mean = max(per_robot[i, MEAN], 0) / NANO
-        before = per_robot[i, LED] * p[ITERATIONS]
-        hot, cold, scale = p[HOT] / MILLION, p[COLD] / MILLION, p[SCALE] / MILLION
-        steps = p[MOST_TURNS] * p[ITERATIONS]
+        mean = max(state.mean[i], 0) / NANO
+        before = state.led[i] * state.iterations
+        steps = state.turns * state.iterations
         lead(
-            view.service_zones.roads, rules, parts, hot, cold, steps, scale, before, p[ITERATIONS],
-            out.design, workspace, identity, reach, mean, seed, now,
+            view.service_zones.roads, state.rules, parts, state.hot, state.cold, steps, state.scale,
+            before, state.iterations, out.design, state.zones, identity, reach, mean, seed, now,
         )  # fmt: skip
         out.redesigned[0] = 1
         enter_parts(view, out, parts, reach)
-        per_robot[i, LED] += 1
+        state.led[i] += 1
     begin_message(view, out, k, i)
-    out.messages[k, TURNS] = per_robot[i, LED]
-    waiting = per_robot[i, LED] < p[MOST_TURNS]
+    out.messages[k, TURNS] = state.led[i]
+    waiting = state.led[i] < state.turns
     near = 0
     for j in range(view.robots.cell.shape[0]):
-        if is_near(view, i, j, p[RANGE]):
+        if is_near(view, i, j, state.range):
             near += 1
-            waiting = waiting or view.service_zones.messages[j, TURNS] < p[MOST_TURNS]
-            per_robot[i, MESSAGES] += 1
+            waiting = waiting or view.service_zones.messages[j, TURNS] < state.turns
+            state.messages[i] += 1
     if not waiting or near == 0:
-        per_robot[i, REDESIGNS] += 1
-        leave(view, out, memory, k, i, p)
+        state.redesigns[i] += 1
+        leave(view, out, state, k, i)
         return
     chosen = random_between(0, near - 1, seed, LEADERS, now, identity)
     for other in range(view.robots.cell.shape[0]):
         j = np.int64(view.robots.at_index[other])
-        if is_near(view, i, j, p[RANGE]):
+        if is_near(view, i, j, state.range):
             if chosen == 0:
                 out.messages[k, LEADER] = other
                 out.messages[k, TURN] = turn + 1
@@ -137,7 +115,7 @@ def enter_parts(view, out, parts, reach):
 
 
 @kernel
-def negotiate(view, out, memory, workspace, parts, rules, k, i, p):
+def negotiate(view, out, state, k, i):
     """What robot i does in a redesign, or to begin one; returns whether it takes part."""
     now, messages = view.clock[CLOCK_TICK], view.service_zones.messages
     identity = np.int64(view.robots.identity[i])
@@ -145,7 +123,7 @@ def negotiate(view, out, memory, workspace, parts, rules, k, i, p):
     over, newest = False, np.int64(0)
     turn, leader = messages[i, TURN], messages[i, LEADER]
     for j in range(view.robots.cell.shape[0]):
-        if not is_near(view, i, j, p[RANGE]):
+        if not is_near(view, i, j, state.range):
             continue
         if messages[j, DONE] == 0:
             newest = max(newest, messages[j, REDESIGN])
@@ -154,19 +132,19 @@ def negotiate(view, out, memory, workspace, parts, rules, k, i, p):
             if messages[j, TURN] > turn:
                 turn, leader = messages[j, TURN], messages[j, LEADER]
     if active:
-        if over or now - messages[i, REDESIGN] > p[PAUSE] + 100 * (1 + p[MOST_TURNS]):
-            leave(view, out, memory, k, i, p)
+        if over or now - messages[i, REDESIGN] > state.pause + 100 * (1 + state.turns):
+            leave(view, out, state, k, i)
             return False
         if leader == identity and (messages[i, TURN] < turn or turn == 1):
-            take_turn(view, out, memory, workspace, parts, rules, k, i, p, turn)
+            take_turn(view, out, state, k, i, turn)
         return True
     if newest > messages[i, REDESIGN]:
-        join(view, out, memory, k, i, p, newest)
+        join(view, out, state, k, i, newest)
         return True
-    if wants_redesign(view, memory, i, p) and find_robots_in_range(
-        view, workspace.reach, i, p[RANGE]
+    if wants_redesign(view, state, i) and find_robots_in_range(
+        view, state.zones.reach, i, state.range
     ):
-        join(view, out, memory, k, i, p, now)
+        join(view, out, state, k, i, now)
         out.messages[k, LEADER] = identity
         out.messages[k, TURN] = 1
         return True

@@ -13,14 +13,7 @@ from automaton.engine.state import NIL
 from strategies.zoning.design.exchange import connect
 from strategies.zoning.design.zone_capabilities import preference
 from strategies.zoning.design.zone_paths import block_others, clear_design, hold, spread
-from strategies.zoning.design.zone_workspace import (
-    EXTENT_MAX_DISTANCE,
-    EXTENT_MAX_FLOW,
-    EXTENT_MIN_DISTANCE,
-    EXTENT_MIN_FLOW,
-    INF_COST,
-    ZONE_RULE_ADJACENT,
-)
+from strategies.zoning.design.zone_workspace import INF_COST
 from strategies.zoning.design.zoning_draws import below
 
 WEIGHT = 0.5  # Wd and Wf at the start
@@ -85,21 +78,21 @@ def plant(roads, flow, design, workspace):
 
 @kernel
 def find_extent(roads, flow, workspace):
-    """space.extent: the least and the largest distance and flow between two stations."""
+    """The least and the largest distance and flow between two stations."""
     found = False
     for a in range(flow.shape[0]):
         for b in range(flow.shape[0]):
             if a == b:
                 continue
             far, loads = roads.between[a, b], flow[a, b]
-            if not found or far < workspace.extent[EXTENT_MIN_DISTANCE]:
-                workspace.extent[EXTENT_MIN_DISTANCE] = far
-            if not found or far > workspace.extent[EXTENT_MAX_DISTANCE]:
-                workspace.extent[EXTENT_MAX_DISTANCE] = far
-            if not found or loads < workspace.extent[EXTENT_MIN_FLOW]:
-                workspace.extent[EXTENT_MIN_FLOW] = loads
-            if not found or loads > workspace.extent[EXTENT_MAX_FLOW]:
-                workspace.extent[EXTENT_MAX_FLOW] = loads
+            if not found or far < workspace.least_distance[0]:
+                workspace.least_distance[0] = far
+            if not found or far > workspace.largest_distance[0]:
+                workspace.largest_distance[0] = far
+            if not found or loads < workspace.least_flow[0]:
+                workspace.least_flow[0] = loads
+            if not found or loads > workspace.largest_flow[0]:
+                workspace.largest_flow[0] = loads
             found = True
 
 
@@ -107,12 +100,12 @@ def find_extent(roads, flow, workspace):
 def relation(workspace, loads, far, by_distance, by_flow):
     """RC of two stations that are `far` cells apart with so many loads between them."""
     value = 0.0
-    apart = workspace.extent[EXTENT_MAX_DISTANCE] - workspace.extent[EXTENT_MIN_DISTANCE]
+    apart = workspace.largest_distance[0] - workspace.least_distance[0]
     if apart > 0.0:
-        value += by_distance * (workspace.extent[EXTENT_MAX_DISTANCE] - far) / apart
-    spread_of_loads = workspace.extent[EXTENT_MAX_FLOW] - workspace.extent[EXTENT_MIN_FLOW]
+        value += by_distance * (workspace.largest_distance[0] - far) / apart
+    spread_of_loads = workspace.largest_flow[0] - workspace.least_flow[0]
     if spread_of_loads > 0.0:
-        value += by_flow * (loads - workspace.extent[EXTENT_MIN_FLOW]) / spread_of_loads
+        value += by_flow * (loads - workspace.least_flow[0]) / spread_of_loads
     return value
 
 
@@ -199,11 +192,11 @@ def random_join(roads, rules, design, workspace, strict, seed, tick):
     inside = np.int64(workspace.listed[below(workspace, count, seed, tick)])
     count = np.int64(0)
     for s in range(design.zone.shape[0]):
-        near = roads.between[inside, s] < rules[ZONE_RULE_ADJACENT]
+        near = roads.between[inside, s] < rules.adjacent
         if design.zone[s] == NIL and near and is_wanted(workspace, zone, s, strict):
             workspace.listed[count] = s
             count += 1
     if count == 0:
         return 0
     free = np.int64(workspace.listed[below(workspace, count, seed, tick)])
-    return connect(roads, design, workspace, free, inside, rules[ZONE_RULE_ADJACENT])
+    return connect(roads, design, workspace, free, inside, rules.adjacent)

@@ -12,12 +12,7 @@ from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import NIL
 from strategies.zoning.design.tip_stations import find_tips
 from strategies.zoning.design.zone_paths import block_others, spread, whole_cells
-from strategies.zoning.design.zone_workspace import (
-    INF_COST,
-    ZONE_RULE_ADJACENT,
-    ZONE_RULE_BLOCKS,
-    ZONE_RULE_LIMIT,
-)
+from strategies.zoning.design.zone_workspace import INF_COST
 
 
 @kernel
@@ -63,7 +58,7 @@ def between_two(roads, rules, design, workspace, a, b):
                 continue  # neither can be fetched from
         station, fetcher = (x, b) if of_a else (y, a)
         share_station(design, a, b, station)
-        if rules[ZONE_RULE_BLOCKS] == 1.0:
+        if rules.blocks:
             claim(roads, workspace, x, y, fetcher)
 
 
@@ -87,7 +82,7 @@ def close_to_two(design, workspace, a, b):
 @kernel
 def joined_tips(roads, rules, design, workspace, a, b):
     """space.pair: tips x of a and y of b with a union path, the shortest first; how many."""
-    bound = whole_cells(rules[ZONE_RULE_LIMIT])
+    bound = whole_cells(rules.limit)
     count = np.int64(0)
     for x in range(design.zone.shape[0]):
         if faces(roads, rules, design, workspace, x, a, b) == 0:
@@ -116,7 +111,7 @@ def faces(roads, rules, design, workspace, s, own, other):
     if design.zone[s] != own or workspace.tip[s] == 0:
         return 0
     for t in range(design.zone.shape[0]):
-        if design.zone[t] == other and roads.between[s, t] <= rules[ZONE_RULE_ADJACENT]:
+        if design.zone[t] == other and roads.between[s, t] <= rules.adjacent:
             return 1
     return 0
 

@@ -14,12 +14,6 @@ from numpy.typing import NDArray
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import NIL
 from strategies.zoning.design.tip_stations import find_tips
-from strategies.zoning.design.zone_workspace import (
-    ZONE_RULE_BASE,
-    ZONE_RULE_HANDLING,
-    ZONE_RULE_SHARED,
-    ZONE_RULE_SPEED,
-)
 
 Array = NDArray[Any]
 
@@ -35,7 +29,7 @@ def find_loads(roads, rules, flow, through, design, workspace):
     if through == 1:
         flow_past_tips(roads, flow, design, workspace)
     for z in range(design.transfer.shape[0]):
-        members(design, workspace, z, rules[ZONE_RULE_SHARED])
+        members(design, workspace, z, rules.shared)
         if through == 1:
             workspace.load[z] = load_of(roads, rules, workspace.legs, workspace, z)
         else:
@@ -48,7 +42,7 @@ def members(design, workspace, z, shared):
     """space.member: the stations of zone z, and its transfer stations if these are shared."""
     for s in range(design.zone.shape[0]):
         workspace.member[s] = 1 if design.zone[s] == z else 0
-        if shared == 1.0:
+        if shared:
             for other in range(design.transfer.shape[0]):
                 if design.transfer[z, other, s] == 1:
                     workspace.member[s] = 1
@@ -62,7 +56,7 @@ def load_of(roads, rules, flow, workspace, z):
         if workspace.member[s] == 1:
             workspace.listed[count] = s
             count += 1
-    total = rules[ZONE_RULE_BASE]
+    total = rules.base
     workspace.into[:] = 0.0
     workspace.out[:] = 0.0
     for a in range(count):
@@ -83,10 +77,7 @@ def load_of(roads, rules, flow, workspace, z):
             if i != j:
                 empty = workspace.into[i] * workspace.out[j] / total
                 cells += (flow[i, j] + empty) * roads.between[i, j]
-    return (
-        cells * workspace.move_time_factor[z] / rules[ZONE_RULE_SPEED]
-        + total * rules[ZONE_RULE_HANDLING]
-    )
+    return cells * workspace.move_time_factor[z] / rules.speed + total * rules.handling
 
 
 def work_minutes(flow: Array, between: Array, speed: float, handling: float) -> float:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-import numpy as np
 from numpy.typing import NDArray
 
-from automaton.engine.jit.fields import field
+from automaton.engine.jit.fields import CONSTANT, SCRATCH, field
 from automaton.engine.jit.structs import Struct
 from automaton.engine.service_zones import Design, Roads, empty_design
 from strategies.allocation.auction.bundle_workspace import Assignment, assignment_for
@@ -16,26 +15,27 @@ Array = NDArray[Any]
 
 INF_COST: Final = 1 << 60  # a distance that stands for "no way", or a limit for "none"
 
-# Columns of the rules, (ZONE_RULE_COUNT,) float64.
-ZONE_RULE_BASE: Final = 0  # loads that a zone has besides its flow: 1 for SA and GA, 0 for DDZ
-ZONE_RULE_SPEED: Final = 1  # cells per minute
-ZONE_RULE_HANDLING: Final = 2  # minutes to load and to unload
-ZONE_RULE_ADJACENT: Final = 3  # cells: stations that are nearer are adjacent
-# cells: the longest path between a transfer station and who fetches from it
-ZONE_RULE_LIMIT: Final = 4
-ZONE_RULE_BLOCKS: Final = 5  # 1: these paths are in the way of other zones (SA, GA)
-ZONE_RULE_SHARED: Final = 6  # 1: transfer stations belong to the stations of a zone's load (DDZ)
-ZONE_RULE_COUNT: Final = 7
 
-# Columns of ZoneSpace.extent: between any two stations.
-EXTENT_MIN_DISTANCE: Final = 0  # cells
-EXTENT_MAX_DISTANCE: Final = 1
-EXTENT_MIN_FLOW: Final = 2  # loads
-EXTENT_MAX_FLOW: Final = 3
+class ZoneRules(Struct):
+    """The numbers by which designs are made and judged."""
+
+    base: float = field(
+        "float64", "loads that a zone has besides its flow: 1 for SA and GA, 0 for DDZ"
+    )
+    speed: float = field("float64", "cells per minute")
+    handling: float = field("float64", "minutes to load and to unload")
+    adjacent: float = field("float64", "cells: stations that are nearer are adjacent")
+    limit: float = field(
+        "float64", "cells: the longest path between a transfer station and who fetches from it"
+    )
+    blocks: int = field("int64", "1: these paths are in the way of other zones (SA, GA)")
+    shared: int = field(
+        "int64", "1: transfer stations belong to the stations of a zone's load (DDZ)"
+    )
 
 
-class ZoneSpace(Struct):
-    """P points, S stations, Z zones; what is not given for a run decides nothing later."""
+class ZoneSpace(Struct, role=SCRATCH):
+    """P points, S stations, Z zones."""
 
     distance: Array = field("(P,) int64", "cells from where a search began")
     back: Array = field("(P,) int32", "the point before")
@@ -59,8 +59,11 @@ class ZoneSpace(Struct):
     out: Array = field("(S,) float64")
     load: Array = field("(Z,) float64", "minutes")
     reach: Array = field("(Z,) uint8", "1 = a zone that a negotiation is about")
-    rules: Array = field(f"({ZONE_RULE_COUNT},) float64")
-    extent: Array = field("(4,) float64")
+    # Between any two stations:
+    least_distance: Array = field("(1,) float64", "cells")
+    largest_distance: Array = field("(1,) float64")
+    least_flow: Array = field("(1,) float64", "loads")
+    largest_flow: Array = field("(1,) float64")
     level: Array = field("(Z,) int32", "transfers to some zone, or NIL")
     frontier: Array = field("(Z,) int32")
     zones: Array = field("(Z * Z, 2) int32", "pairs of zones")
@@ -68,9 +71,9 @@ class ZoneSpace(Struct):
     pair: Array = field("(S * S, 2) int32")
     drawn: Array = field("(1,) int64", "draws so far")
     serves: Array = field(
-        "(Z, S) uint8", "1 = the robot of the zone gets to the station; given for a run", default=1
+        "(Z, S) uint8", "1 = the robot of the zone gets to the station", default=1, role=CONSTANT
     )
-    first: Array = field("(Z, S) uint8", "1 = its type has priority there; given for a run")
+    first: Array = field("(Z, S) uint8", "1 = its type has priority there", role=CONSTANT)
     move_time_factor: Array = field(
         "(Z,) float64", "how many times as long its moves take", default=1
     )
@@ -88,22 +91,20 @@ def zone_rules(
     limit: float | None = None,
     blocks: bool = True,
     shared: bool = False,
-) -> Array:
-    """(ZONE_RULE_COUNT,) float64; the defaults are those of SA and GA (DDZ: base 0, a limit, not blocks,
-    shared). speed: cells per minute; adjacent, limit: cells; handling: minutes."""
-    rules = np.zeros(ZONE_RULE_COUNT)
-    (
-        rules[ZONE_RULE_BASE],
-        rules[ZONE_RULE_SPEED],
-        rules[ZONE_RULE_HANDLING],
-        rules[ZONE_RULE_ADJACENT],
-    ) = base, speed, handling, adjacent
-    rules[ZONE_RULE_LIMIT], rules[ZONE_RULE_BLOCKS], rules[ZONE_RULE_SHARED] = (
-        INF_COST if limit is None else limit,
-        blocks,
-        shared,
+) -> ZoneRules:
+    """The defaults are those of SA and GA (DDZ: base 0, a limit, not blocks, shared).
+
+    speed: cells per minute; adjacent, limit: cells; handling: minutes.
+    """
+    return ZoneRules(
+        base=base,
+        speed=speed,
+        handling=handling,
+        adjacent=adjacent,
+        limit=INF_COST if limit is None else limit,
+        blocks=blocks,
+        shared=shared,
     )
-    return rules
 
 
 def zone_space(points: int, stations: int, zones: int) -> ZoneSpace:

@@ -17,7 +17,6 @@ from strategies.zoning.design.transfer_stations import connected, find_transfers
 from strategies.zoning.design.zone_capabilities import are_alike, match, may_take
 from strategies.zoning.design.zone_load import find_loads
 from strategies.zoning.design.zone_paths import clear_design, copy_design, size
-from strategies.zoning.design.zone_workspace import ZONE_RULE_ADJACENT
 from strategies.zoning.design.zoning_draws import DRAWS_GENETIC, below, chance
 from strategies.zoning.genetic.population import fits, keep, move_row, take, take_zone
 
@@ -184,7 +183,7 @@ def attach_rest(roads, rules, design, workspace, seed, tick):
         near = adjacent_to(roads, rules, design, workspace, station, NIL)
         if near > 0:
             other = np.int64(workspace.listed[below(workspace, near, seed, tick)])
-            connect(roads, design, workspace, station, other, rules[ZONE_RULE_ADJACENT])
+            connect(roads, design, workspace, station, other, rules.adjacent)
     return 0
 
 
@@ -196,7 +195,7 @@ def adjacent_to(roads, rules, design, workspace, station, but):
         zone = design.zone[t]
         if zone == NIL or zone == but or t == station:
             continue
-        if roads.between[station, t] < rules[ZONE_RULE_ADJACENT]:
+        if roads.between[station, t] < rules.adjacent:
             workspace.listed[count] = t
             count += 1
     return count
@@ -223,6 +222,4 @@ def mutate(roads, rules, workspace, seed, tick):
     if not may_take(workspace, zone, design.zone[through], tip):
         return 0
     copy_design(design, workspace.now)
-    return give(
-        roads, workspace.now, workspace, tip, through, rules[ZONE_RULE_ADJACENT], MIN_ZONE_STATIONS
-    )
+    return give(roads, workspace.now, workspace, tip, through, rules.adjacent, MIN_ZONE_STATIONS)

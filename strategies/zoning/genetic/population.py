@@ -6,7 +6,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from automaton.engine.jit.fields import field
+from automaton.engine.jit.fields import SCRATCH, field
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import Struct
 from automaton.engine.service_zones import Roads
@@ -14,7 +14,7 @@ from automaton.engine.service_zones import Roads
 Array = NDArray[Any]
 
 
-class Individuals(Struct):
+class Individuals(Struct, role=SCRATCH):
     """N designs in rows; the names are those of Design."""
 
     zone: Array = field("(N, S) int32")
@@ -28,7 +28,7 @@ class Individuals(Struct):
     tips: Array = field("(N,) int64", "how many tips it has; of equal designs the more the better")
 
 
-class Population(Struct):
+class Population(Struct, role=SCRATCH):
     """The last row of `now` is the best design so far."""
 
     now: Individuals  # N + 1 rows

@@ -5,7 +5,6 @@ import numpy as np
 from automaton.engine.robot_status import BATTERY_FULL
 from automaton.engine.state import ACTION_MOVE, NIL
 from automaton.strategy.kernels import charging_ticks, kernel
-from strategies.zoning.design.zone_workspace import ZONE_RULE_SPEED
 
 
 @kernel
@@ -14,7 +13,7 @@ def charging_minutes(view, rules, i):
     if view.rules.battery == 0:
         return 0.0
     ticks = charging_ticks(view.rules.curve, np.int64(view.robots.charge[i]), BATTERY_FULL)
-    return ticks / (rules[ZONE_RULE_SPEED] * view.rules.duration[0, ACTION_MOVE])
+    return ticks / (rules.speed * view.rules.duration[0, ACTION_MOVE])
 
 
 @kernel

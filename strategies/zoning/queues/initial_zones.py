@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from automaton.engine.service_zones import design_for
-from automaton.engine.state import Array, World
+from automaton.engine.state import World
 from automaton.errors import InputError
 from automaton.units import count
 from strategies.zoning.annealing.annealing import (
@@ -14,7 +14,7 @@ from strategies.zoning.annealing.annealing import (
     DEFAULT_INITIAL_TEMPERATURE,
     first_zones,
 )
-from strategies.zoning.design.zone_workspace import space_for
+from strategies.zoning.design.zone_workspace import ZoneRules, ZoneSpace, space_for
 from strategies.zoning.queues.reassignment import set_zone_move_time_factors
 
 
@@ -26,16 +26,21 @@ def no_first_zones(view: World) -> InputError:
     )
 
 
-def try_first_zones(view: World, rules: Array) -> int:
+def space_of(view: World) -> ZoneSpace:
+    """Scratch for the zones of a run."""
+    zones = view.service_zones
+    return space_for(zones.roads, len(zones.server)).replaced(
+        serves=zones.accessible, first=zones.has_priority
+    )
+
+
+def try_first_zones(view: World, rules: ZoneRules) -> int:
     """How many tries fail before those zones are found that a compiled strategy is going to find.
 
-    It could not say that there are none, and need not fail again. rules: (RULES,) float64, as it has
-    them. Raises InputError.
+    It could not say that there are none, and need not fail again. Raises InputError.
     """
     roads, zones = view.service_zones.roads, len(view.service_zones.server)
-    workspace = space_for(roads, zones).replaced(
-        serves=view.service_zones.accessible.copy(), first=view.service_zones.has_priority.copy()
-    )
+    workspace = space_of(view)
     set_zone_move_time_factors(view, workspace)
     everywhere = np.ones(zones, np.uint8)
     found = first_zones(

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from automaton.engine.state import ACTION_DROP, ACTION_MOVE, ACTION_PICK, World
 from automaton.units import SECONDS_PER_UNIT
 from strategies.zoning.design.roads import typical_distance
-from strategies.zoning.design.zone_workspace import zone_rules
+from strategies.zoning.design.zone_workspace import ZoneRules, zone_rules
+
+MILLION: Final = 1_000_000
 
 
 def seconds_of_tick(view: World) -> float:
@@ -24,18 +28,20 @@ def cells(view: World, length: float) -> float:
     return 1000 * length / view.rules.cell_milli if view.rules.cell_milli else length
 
 
-def rules_of_zones(view: World, adjacency: float | None, decentralized: bool = False):
-    """Return the numbers by which zones are made: (RULES,) float64 of zone_workspace."""
+def rules_of_zones(view: World, adjacency: float | None, decentralized: bool = False) -> ZoneRules:
+    """The numbers by which zones are made; those of robots that negotiate are whole millionths."""
     tick = seconds_of_tick(view)
     duration = view.rules.duration[0]
     between = view.service_zones.roads.between
     adjacent = typical_distance(between) if adjacency is None else cells(view, adjacency)
-    given = {"base": 0.0, "limit": adjacent, "blocks": False, "shared": True}
+    speed = SECONDS_PER_UNIT["min"] / (tick * float(duration[ACTION_MOVE]))
+    work_ticks = float(duration[ACTION_PICK] + duration[ACTION_DROP])
+    handling = tick * work_ticks / SECONDS_PER_UNIT["min"]
+    if not decentralized:
+        return zone_rules(speed, adjacent, handling=handling)
+    speed, adjacent, handling = (
+        round(MILLION * one) / MILLION for one in (speed, adjacent, handling)
+    )
     return zone_rules(
-        speed=SECONDS_PER_UNIT["min"] / (tick * float(duration[ACTION_MOVE])),
-        adjacent=float(adjacent),
-        handling=tick
-        * float(duration[ACTION_PICK] + duration[ACTION_DROP])
-        / SECONDS_PER_UNIT["min"],
-        **(given if decentralized else {}),  # type: ignore[arg-type]
+        speed, adjacent, base=0.0, handling=handling, limit=adjacent, blocks=False, shared=True
     )

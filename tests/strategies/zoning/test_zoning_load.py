@@ -21,7 +21,7 @@ from automaton.engine.service_zones import Design
 from strategies.zoning.design.design_files import design_arrays, read_design
 from strategies.zoning.design.transfer_stations import connected, find_transfers
 from strategies.zoning.design.zone_load import UNDEFINED, balance, find_loads
-from strategies.zoning.design.zone_workspace import ZONE_RULE_LIMIT, zone_rules
+from strategies.zoning.design.zone_workspace import zone_rules
 
 SVP = 0.02140921364780887
 LOADS = [96.25346013022276, 96.44791452906311, 90.38721052754236]
@@ -61,7 +61,7 @@ def test_in_ddz_connecting_paths_block_nothing_and_are_short() -> None:
     design = shipped("factory-ddz")
     find_transfers(roads, rules, design, workspace, everyone(3))
     assert isolated_pairs(design) == 0
-    rules[ZONE_RULE_LIMIT] = 1
+    rules = rules.replaced(limit=1)
     find_transfers(roads, rules, design, workspace, everyone(3))
     assert isolated_pairs(design) == 3 and not connected(design, workspace)
 

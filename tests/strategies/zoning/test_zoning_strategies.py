@@ -30,7 +30,7 @@ from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.strategy.layer import Strategy
 from strategies.zoning.central.redesigned_zones import AnnealedZones
-from strategies.zoning.decentralized.negotiation_messages import DEGREES, MEAN, REDESIGN
+from strategies.zoning.decentralized.negotiation_messages import DEGREES, REDESIGN
 
 ADJACENT = "adjacency: 243.6437908496732"
 LOGGED = f"design: factory-logged, {ADJACENT}"
@@ -248,7 +248,7 @@ def test_consensus_comes_to_the_mean_of_the_loads() -> None:
         run.run(until=20 * average + step)
         sums.add(int((run.world.service_zones.messages[:, step & 1] // DEGREES).sum()))
     run.run(until=20 * average + rounds)
-    means = run.states[LAYER_ZONING].per_robot[:, MEAN]
+    means = run.states[LAYER_ZONING].mean
     assert begun.max() - begun.min() > 1e9, "loads differ by more than a minute"
     assert sums == {int(begun.sum())}, "every step preserves the sum"
     assert abs(means - begun.mean()).max() < 10

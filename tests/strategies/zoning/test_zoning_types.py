@@ -27,7 +27,7 @@ from strategies.zoning.design.design_files import design_arrays
 from strategies.zoning.design.transfer_stations import find_transfers
 from strategies.zoning.design.zone_capabilities import match
 from strategies.zoning.design.zone_load import find_loads
-from strategies.zoning.design.zone_workspace import ZONE_RULE_HANDLING, ZoneSpace
+from strategies.zoning.design.zone_workspace import ZoneSpace
 from strategies.zoning.genetic import genetic_zones
 from strategies.zoning.genetic.population import population_for
 
@@ -95,7 +95,7 @@ def test_minutes_of_a_zone_are_those_of_the_robot_that_serves_it() -> None:
     find_loads(roads, rules, flow, 0, design, slow)
     assert alike.load[0] == slow.load[0] and alike.load[2] == slow.load[2]
     inside = design.zone == 1
-    handling = (rules[0] + flow[np.ix_(inside, inside)].sum()) * rules[ZONE_RULE_HANDLING]
+    handling = (rules.base + flow[np.ix_(inside, inside)].sum()) * rules.handling
     assert slow.load[1] - handling == pytest.approx(3 * (alike.load[1] - handling))
 
 

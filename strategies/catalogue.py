@@ -20,6 +20,9 @@ from strategies.routing.congestion.congestion_parameters import SharedPlans
 from strategies.routing.traffic_avoidance.avoidance_parameters import Avoidance
 from strategies.zoning.zoning_parameters import Annealing, Decentralized, Genetic, Monitoring
 
+# What reads zone designs: (floor plan, roads, data, names of points) -> Design.
+ZONE_DESIGNS = "strategies.zoning.design.design_files:read_design"
+
 CATALOGUE: dict[str, dict[str, Entry]] = {
     "zoning": {
         "static": Entry(

@@ -41,8 +41,13 @@ from strategies.zoning.annealing.annealing import (
     MAX_REPAIRS,
     repair,
 )
-from strategies.zoning.design.roads import typical_distance
-from strategies.zoning.design.zone_workspace import ZoneRules, ZoneSpace, space_for, zone_rules
+from strategies.zoning.design.zone_workspace import (
+    ZoneRules,
+    ZoneSpace,
+    space_for,
+    typical_distance,
+    zone_rules,
+)
 from strategies.zoning.genetic.genetic_zones import (
     DEFAULT_GENERATIONS,
     DEFAULT_INDIVIDUALS,

@@ -12,12 +12,12 @@ from automaton.engine.service_zones import Roads, ServiceZones, design_for
 from automaton.engine.state import NIL, Array
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.roads import road_network
 from automaton.floor.station_groups import grouped
 from automaton.scenario.floor_section import point_names
 from automaton.scenario.robot_types import type_of_each, types_of
+from automaton.strategy.lookup import zone_design_reader
 from automaton.units import count
-from strategies.zoning.design.design_files import read_design
-from strategies.zoning.design.roads import road_network
 
 if TYPE_CHECKING:
     from automaton.build.prepared_floor import Floor
@@ -52,7 +52,7 @@ def build_service_zones(
     if parameters.design is None:
         return service_zones
     names = point_names(resolved.scenario.layout)
-    design = read_design(resolved.floor_plan, roads, parameters.design, names)
+    design = zone_design_reader()(resolved.floor_plan, roads, parameters.design, names)
     if len(design.transfer) != robots:
         zones = count(len(design.transfer), "zone")
         raise InputError(f"the zone design has {zones}, one for each robot; there are {robots}")

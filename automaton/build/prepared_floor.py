@@ -15,7 +15,6 @@ from automaton.floor.floor_plan import CAN_TURN, DRIVABLE, FloorPlan
 from automaton.floor.reachability import slot_access
 from automaton.floor.traffic_zones import traffic_zones_of
 from automaton.scenario.robot_types import RobotType, floor_plan_for
-from strategies.routing.astar.route_workspace import route_space
 
 HEADING_COUNTS = {"omni": 1, "rail": 2, "differential": 4}
 IS_UNBOUNDED = np.array([kind.is_sink or kind.is_source for kind in CELL_KINDS])  # (kinds,) bool
@@ -111,13 +110,10 @@ def make_workspace(grid: Grid, longest_route: int) -> Workspace:
     poses = cells * grid.headings
     types = len(grid.type_cell_flags)
     fields = max(1, min(types * cells, FIELDS_BYTES // (4 * poses)))
-    stop = np.zeros(1, np.int64)
     sizes = {"P": poses, "C": cells, "H": 6 * poses + 16, "R": longest_route}
     return Workspace.sized(
         sizes | {"K C": types * cells, "F": fields},
-        stop=stop,
         distances=np.empty((fields, poses), np.int32),
-        routes=route_space(poses, grid.traffic_zone_count, stop),
     )
 
 

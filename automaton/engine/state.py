@@ -555,7 +555,6 @@ class Workspace(Struct):
         "(F,) int32", "which entry of field_of a field has, or NIL", default=NIL
     )
     field_next: Array = field("(1,) int64", "the field to overwrite next")
-    routes: Struct  # scratch of methods, which the loop passes on
 
 
 class Record(Struct):

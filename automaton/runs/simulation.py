@@ -216,6 +216,7 @@ class Simulation:
                 layer_mode[index] == loop_kernels.MODE_INTERPRETED
             ):  # whatever becomes of the strategy's own
                 self._states[index] = self._states[index].copied()
+        self._states = [state.stopped_by(self.workspace.stop) for state in self._states]
         # Under a radius each robot is shown its own rows, when it is asked.
         limited = self.world.rules.radius > 0
         shown = [state.cleared() if limited else state for state in self._states]

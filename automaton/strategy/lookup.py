@@ -28,6 +28,15 @@ def _catalogue() -> dict[str, dict[str, Entry]]:
     return catalogue
 
 
+def zone_design_reader() -> Any:
+    """What reads the zone design of a scenario (strategies.catalogue), whatever its zoning strategy.
+
+    A replay needs it where the strategy is not installed, too.
+    """
+    module, _, name = importlib.import_module("strategies.catalogue").ZONE_DESIGNS.partition(":")
+    return getattr(importlib.import_module(module), name)
+
+
 @cache
 def _plugins(layer: str) -> dict[str, str]:
     found = {}

@@ -18,12 +18,12 @@ from automaton.errors import InputError, nearest
 from automaton.floor.cells import NIL
 from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.reachability import slot_access
+from automaton.floor.roads import road_network
 from automaton.floor.station_groups import grouped
 from automaton.scenario.floor_section import point_names
 from automaton.scenario.schema import Scenario
 from automaton.strategy.zone_parameters import ZoningParameters
 from automaton.units import count
-from strategies.zoning.design.roads import road_network
 
 SHIPPED = Path(__file__).parent.parent.parent / "layouts" / "zones"
 

@@ -33,7 +33,7 @@ class Case(NamedTuple):
         return (
             floor,
             duration,
-            route_space(floor.grid.cell_flags.size * ways.headings, floor.grid.traffic_zone_count),
+            route_space(floor.grid),
         )
 
     def start_pose(self) -> int:

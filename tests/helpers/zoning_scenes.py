@@ -16,8 +16,12 @@ from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.reading import SHIPPED_FOLDER
 from layouts.factory import Factory
 from strategies.zoning.design.design_files import read_design
-from strategies.zoning.design.roads import typical_distance
-from strategies.zoning.design.zone_workspace import ZoneSpace, space_for, zone_rules
+from strategies.zoning.design.zone_workspace import (
+    ZoneSpace,
+    space_for,
+    typical_distance,
+    zone_rules,
+)
 
 # The authors' table of distances between WS1 to WS18, in units of 2.5 ft.
 TABLE = """

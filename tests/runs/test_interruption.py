@@ -29,6 +29,7 @@ from automaton.runs.interruption import interruptible
 from automaton.runs.simulation import Simulation
 from strategies.routing.astar.astar import search
 from strategies.routing.astar.frontier import FIFO
+from strategies.routing.astar.route_workspace import route_space
 
 LONG_TICK = endless_strategies.LONG_TICK
 TOLD = ("--set", "strategy.allocation=endless_strategies:Told")
@@ -126,10 +127,8 @@ def test_searches_find_nothing_once_a_run_is_given_up(given_up: Simulation) -> N
     assert find_path(view, workspace, 0, here, 0, there, False, steps) == NIL
     assert nearest_mark(view, workspace, begin_search(workspace), 0, here, 0, False) == NIL
     grid, duration = view.grid, view.rules.duration[0]
-    pose = here * grid.headings
-    assert (
-        search(grid, 0, duration, workspace.routes, FIFO, np.uint64(1), pose, there, False) == NIL
-    )
+    routes, pose = route_space(grid).stopped_by(workspace.stop), here * grid.headings
+    assert search(grid, 0, duration, routes, FIFO, np.uint64(1), pose, there, False) == NIL
 
 
 def test_the_next_run_on_the_floor_finds_its_ways() -> None:

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from automaton.build.resolve import resolve
-from automaton.engine.jit.fields import CONSTANT, SCRATCH, field
+from automaton.engine.jit.fields import CONSTANT, SCRATCH, STOP, field
 from automaton.engine.jit.struct_types import StructClassType
 from automaton.engine.jit.structs import Struct
-from automaton.engine.state import LAYER_RIGHT_OF_WAY, Array
+from automaton.engine.state import LAYER_RIGHT_OF_WAY, LAYER_ROUTING, Array
 from automaton.runs.simulation import Simulation
 from automaton.strategy.kernels import kernel
 from automaton.strategy.layer import Strategy
@@ -31,10 +31,19 @@ class Summed(Struct):
     totals: Totals
 
 
+class Trial(Struct, role=SCRATCH):
+    """A part that is scratch, with a part that would be kept elsewhere."""
+
+    tried: Totals
+    stop: Array = field("(1,) int64", role=STOP)
+
+
 class WatchState(Summed):
     """One field of each kind."""
 
     step: int = field("int64", "what a call adds")
+    share: float = field("float64", "a number that is not whole")
+    trial: Trial
     weights: Array = field("(2,) float64", role=CONSTANT)
     asked: Array = field("(n,) int64", "how often a robot was asked about")
     pair: Array = field("(n, 2) int32")
@@ -46,7 +55,8 @@ class WatchState(Summed):
 def watch(view, batch, decisions, memory, workspace):
     state = WatchState.of(memory)
     state.totals.calls[0] += 1
-    state.totals.largest[0] = state.weights[1]
+    state.totals.largest[0] = state.weights[1] + state.share
+    state.trial.tried.calls[0] += 1
     state.work[0] = 0
     for k in range(batch.count[0]):
         state.work[0] += 1
@@ -72,6 +82,8 @@ class Watch(Strategy):
             {"n": len(view.robots.cell), "w": 3},
             totals=Totals.sized(),
             step=2,
+            share=-0.25,
+            trial=Trial.sized(tried=Totals.sized()),
             weights=(0.5, 1.5),
         )
 
@@ -100,7 +112,7 @@ def test_a_state_is_typed_in_kernels_and_in_python(name: str) -> None:
     simulation = run(name)
     state, robots = state_of(simulation), len(simulation.world.robots.cell)
     assert state.asked.all() and state.asked.max() == 2 * 30
-    assert state.totals.calls[0] == 30 and state.totals.largest[0] == 1.5
+    assert state.totals.calls[0] == 30 and state.totals.largest[0] == 1.25
     assert 1 <= state.work[0] <= robots and state.work[1:].tolist() == [7, 7]
     assert simulation.counted == {"asked": state.asked.sum()}
 
@@ -120,7 +132,8 @@ def test_a_copy_has_a_state_and_scratch_of_its_own() -> None:
     state = state_of(run("Watch"))
     copy = state.copied()
     assert copy.totals.calls[0] == 30 and copy.asked.tolist() == state.asked.tolist()
-    assert copy.work.tolist() == [7, 7, 7]
+    assert copy.work.tolist() == [7, 7, 7] and copy.share == -0.25
+    assert state.trial.tried.calls[0] == 30 and copy.trial.tried.calls[0] == 0
     state.totals.calls[0] = 0
     assert copy.totals.calls[0] == 30
 
@@ -130,6 +143,16 @@ def test_a_run_that_goes_on_with_other_rules_keeps_the_state() -> None:
     again = simulation.continue_with(simulation.resolved)
     again.run(until=40)
     assert state_of(again).totals.calls[0] == 40
+
+
+@pytest.mark.parametrize("name", ["Watch", "WatchInPython"])
+def test_what_stops_a_run_stops_the_searches_of_its_strategies(name: str) -> None:
+    simulation = run(name)
+    assert state_of(simulation).trial.stop is simulation.workspace.stop
+    again = simulation.continue_with(simulation.resolved)
+    assert state_of(again).trial.stop is again.workspace.stop is not simulation.workspace.stop
+    astar = Simulation(resolve("tabletop-1", ["strategy.routing=astar"]))
+    assert astar.states[LAYER_ROUTING].routes.stop is astar.workspace.stop
 
 
 PLANT = """name: plant

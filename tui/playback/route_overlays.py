@@ -75,7 +75,7 @@ class Paths:
         grid = world.grid
         self._grid, self._duration, self._ties = grid, world.rules.duration, ties
         self._seed = world.rules.seed
-        self._space = route_space(grid.cell_flags.size * grid.headings, grid.traffic_zone_count)
+        self._space = route_space(grid)
         longest = max(grid.cell_flags.size, world.robots.route.shape[1])
         self._steps = np.zeros(longest, np.uint8)
         self._seen = np.zeros(grid.cell_flags.size, np.int32)

@@ -36,6 +36,7 @@ MEASURED: Final = "measured"  # for metrics and viewers; decides nothing
 STATIC: Final = "static"  # stays as it was built
 CONSTANT: Final = "constant"  # the same, and read-only in kernels
 SCRATCH: Final = "scratch"  # decides nothing in another tick
+STOP: Final = "stop"  # of its run: not 0 once that is given up (Struct.stopped_by)
 BY_ENTRY: Final = "by entry"  # some of its entries are state
 DECISION: Final = "decision"  # begins as its default for each robot that is asked
 CALL: Final = "call"  # begins as its default in each call of a layer

@@ -31,7 +31,7 @@ from weakref import WeakKeyDictionary, WeakValueDictionary
 
 import numpy as np
 
-from automaton.engine.jit.fields import CONSTANT, SCRATCH, Field, Sizes, nested
+from automaton.engine.jit.fields import CONSTANT, SCRATCH, STOP, Field, Sizes, nested
 
 WORDS = 4  # of a row of the table
 NO_SHAPE = (0, 0, 0)
@@ -222,6 +222,12 @@ class Struct(metaclass=StructClass):
                 np.zeros(array.shape, kind.dtype) if kind.is_kept and not is_scratch else array
             )
         )
+
+    def stopped_by(self, stop: Any) -> Self:
+        """The same struct, whose arrays of role STOP are this one, (1,) int64."""
+        if all(kind.role != STOP for _, kind, _ in self.arrays()):
+            return self
+        return self._over(lambda kind, is_scratch, array: stop if kind.role == STOP else array)
 
     def _over(self, other: Callable[[Field, bool, Any], Any], in_scratch: bool = False) -> Self:
         """The same struct over other arrays, and those in it; what is in scratch is scratch."""

@@ -70,7 +70,7 @@ def warehouse(side: int = SIDE) -> Warehouse:
         duration,
         stands(floor, RACK),
         stands(floor, DOCK),
-        route_space(grid.kind.size, grid.traffic_zone_count),
+        route_space(grid),
         monte_carlo_workspace(ROBOTS, 2 * floor.longest_route, grid.traffic_zone_count),
     )
 

@@ -97,7 +97,7 @@ def legs_of(site: Site, count: int, seed: int) -> Legs:
     start, end = np.zeros(count, np.int32), np.zeros(count, np.int32)
     grid = site.floor.grid
     used = np.zeros((count, words(grid.traffic_zone_count)), np.int64)
-    workspace = route_space(grid.kind.size * grid.headings, grid.traffic_zone_count)
+    workspace = route_space(grid)
     with np.errstate(over="ignore"):
         training_legs.draw_legs(site.racks, site.docks, np.uint64(seed), start, end)
         poses = start.astype(np.int64) * grid.headings + first_headings(grid, start)

@@ -12,12 +12,14 @@ from automaton.strategy.kernels import find_path, kernel, position
 from automaton.strategy.layer import Strategy
 from strategies.routing.astar.astar import astar
 from strategies.routing.astar.frontier import TIES
+from strategies.routing.astar.route_workspace import RouteSpace, route_space
 
 
 class AStarState(Struct):
-    """Parameters; it remembers nothing."""
+    """Parameters, and scratch; it remembers nothing."""
 
     tie_rule: int = field("int64", "an index of TIES")
+    routes: RouteSpace
 
 
 @kernel
@@ -40,7 +42,7 @@ def start_pose(view, i):
 
 @kernel
 def decide(view, batch, decisions, memory, workspace):
-    seed, rule = view.rules.seed, AStarState.of(memory).tie_rule
+    seed, state = view.rules.seed, AStarState.of(memory)
     for k in range(batch.count[0]):
         i = np.int64(batch.robot[k])
         steps = decisions.routing.steps[k]
@@ -53,8 +55,8 @@ def decide(view, batch, decisions, memory, workspace):
                 view.grid,
                 robot_type,
                 duration,
-                workspace.routes,
-                rule,
+                state.routes,
+                state.tie_rule,
                 seed,
                 start,
                 goal_cell,
@@ -72,4 +74,5 @@ class AStar(Strategy):
     compiled = decide
 
     def reset(self, view):
-        return AStarState(tie_rule=TIES.index(self.parameters.tie_break))
+        tie_rule = TIES.index(self.parameters.tie_break)
+        return AStarState(tie_rule=tie_rule, routes=route_space(view.grid))

@@ -4,28 +4,27 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
-from automaton.engine.jit.fields import field
+from automaton.engine.jit.fields import SCRATCH, STOP, field
 from automaton.engine.jit.structs import Struct
+from automaton.engine.state import Grid
 
 Array = NDArray[Any]
 
 IN_DEGREE = 4  # ways into a pose: each may find it again
 
 
-class RouteSpace(Struct):
+class RouteSpace(Struct, role=SCRATCH):
     """What A*, replays and avoidance work in, for P poses and Z zones; it never decides anything."""
 
     label: Array = field("(P,) int64", "stamp << 32 | cost of the best way found to a pose")
     came: Array = field("(P,) uint8", "how it came there: a direction, a turn, or the start")
-    tick: Array = field("(P,) int32", "searches in time: when it comes there")
     key: Array = field("(4P + 1,) int64", "heap: f << 32 | tie")
     item: Array = field("(4P + 1,) int64", "heap: number << 32 | pose")
     lane: Array = field("(4P + 1,) int64", "row << 32 | pose of the level that is expanded")
     state: Array = field("(8,) int64", "strategies.routing.astar.frontier")
-    stop: Array = field("(1,) int64", "not 0 = searches find nothing any more (Workspace.stop)")
+    stop: Array = field("(1,) int64", "not 0 = searches find nothing any more", role=STOP)
     closed: Array = field("(Z,) uint8", "1 = no robot may enter")
     count: Array = field("(Z,) int32", "others that are predicted in each zone")
 
@@ -49,10 +48,9 @@ class MonteCarloWorkspace(Struct):
     actual: Array = field("(Z,) int32", "others with a path through each zone")
 
 
-def route_space(poses: int, zones: int, stop: Array | None = None) -> RouteSpace:
-    """Scratch for searches on a floor with so many poses; pages that no search uses cost nothing."""
-    sizes = {"P": poses, "Z": zones}
-    return RouteSpace.sized(sizes, stop=np.zeros(1, np.int64) if stop is None else stop)
+def route_space(grid: Grid) -> RouteSpace:
+    """Scratch for searches on a floor; pages that no search uses cost nothing."""
+    return RouteSpace.sized({"P": grid.kind.size * grid.headings, "Z": grid.traffic_zone_count})
 
 
 def monte_carlo_workspace(robots: int, steps: int, zones: int) -> MonteCarloWorkspace:

@@ -80,7 +80,7 @@ def append_path(view, workspace, state, i, pose, target):
         view.grid,
         robot_type,
         rules.duration[robot_type],
-        workspace.routes,
+        state.routes,
         LARGER_G,
         rules.seed,
         pose,

@@ -48,14 +48,14 @@ def time_dependent_path(view, workspace, state, i, around, steps):
     move, turn = np.int64(duration[ACTION_MOVE]), np.int64(duration[ACTION_TURN]) * UNIT
     search = begin_search(workspace)
     start, free = state.place[i] * headings + state.heading[i], state.free[i]
-    size = label(view, move, workspace, search, bits, 0, start, 0, free, target, STARTED)
+    size = label(view, state, move, workspace, search, bits, 0, start, 0, free, target, STARTED)
     while size > 0 and workspace.stop[0] == 0:
         pose = pop(workspace.heap, size) & ((1 << bits) - 1)
         size -= 1
-        now = np.int64(workspace.routes.tick[pose])
+        now = np.int64(state.arrival[pose])
         if now == EXPANDED:
             continue
-        workspace.routes.tick[pose] = EXPANDED
+        state.arrival[pose] = EXPANDED
         workspace.generation[1] += 1
         cell, heading, cost = pose // headings, pose % headings, np.int64(workspace.cost[pose])
         if cell == target:
@@ -69,17 +69,16 @@ def time_dependent_path(view, workspace, state, i, around, steps):
             dearer = cost + move * (UNIT + state.beta * others // 1000)
             later = now + ticks_of_move(view, i, others // 1000)
             to = after * headings + heading
-            size = label(view, move, workspace, search, bits, size, to, dearer, later, target, way)
+            size = label(
+                view, state, move, workspace, search, bits, size, to, dearer, later, target, way
+            )
         if headings > 1 and flags & MAY_TURN:
             dearer, later = cost + turn, now + np.int64(duration[ACTION_TURN])
-            to = cell * headings + ((heading + 1) & (headings - 1))
-            size = label(
-                view, move, workspace, search, bits, size, to, dearer, later, target, TURNED_AHEAD
-            )
-            to = cell * headings + ((heading - 1) & (headings - 1))
-            size = label(
-                view, move, workspace, search, bits, size, to, dearer, later, target, TURNED_BEHIND
-            )
+            for turned, how in ((1, TURNED_AHEAD), (-1, TURNED_BEHIND)):
+                to = cell * headings + ((heading + turned) & (headings - 1))
+                size = label(
+                    view, state, move, workspace, search, bits, size, to, dearer, later, target, how
+                )
     return np.int64(NIL)
 
 
@@ -93,12 +92,12 @@ def bits_for(count):
 
 
 @kernel
-def label(view, move, workspace, search, bits, size, pose, cost, tick, target, how):
+def label(view, state, move, workspace, search, bits, size, pose, cost, tick, target, how):
     """Label a pose with a cost and a tick of arrival if that is its best label; the queue's size.
 
     `move`: ticks of a move of the robot.
     """
-    arrival = workspace.routes.tick
+    arrival = state.arrival
     if workspace.stamp[pose] == search:
         if arrival[pose] == EXPANDED or cost > workspace.cost[pose]:
             return size

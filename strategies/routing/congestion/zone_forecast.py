@@ -10,6 +10,7 @@ from automaton.engine.jit.fields import SCRATCH, field
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import NIL, Array, World
+from strategies.routing.astar.route_workspace import RouteSpace, route_space
 from strategies.routing.congestion.congestion_parameters import SharedPlans
 
 LANES = 4  # counts in a word
@@ -55,18 +56,25 @@ class CongestionState(Struct):
     crowd: Array = field("(Z,) int64", "robots in a zone at the tick of a replay", role=SCRATCH)
     calendar: Array = field("(h,) int64", "1 + a robot whose step begins in a tick", role=SCRATCH)
     link: Array = field("(n,) int64", "1 + the robot after it in the same tick", role=SCRATCH)
+    # Of searches:
+    arrival: Array = field("(P,) int32", "tick in which a pose is reached", role=SCRATCH)
+    routes: RouteSpace
 
 
 def congestion_state(view: World, parameters: SharedPlans) -> CongestionState:
     """That of a run's beginning."""
-    return empty_state(len(view.robots.cell), view.grid.traffic_zone_count, parameters)
+    zones = view.grid.traffic_zone_count
+    return empty_state(len(view.robots.cell), zones, parameters, route_space(view.grid))
 
 
-def empty_state(robots: int, zones: int, parameters: SharedPlans) -> CongestionState:
+def empty_state(
+    robots: int, zones: int, parameters: SharedPlans, routes: RouteSpace
+) -> CongestionState:
     """The state for so many robots and zones, of which nothing is predicted."""
-    horizon = parameters.horizon
+    horizon, poses = parameters.horizon, len(routes.came)
     return CongestionState.sized(
-        {"n": robots, "Z": zones, "h": horizon, "words": -(-horizon // LANES)},
+        {"n": robots, "Z": zones, "h": horizon, "words": -(-horizon // LANES), "P": poses},
+        routes=routes,
         beta=round(1000 * parameters.beta),
         horizon=horizon,
         tasks_alone=int(parameters.forecast != "plans"),

@@ -24,6 +24,7 @@ from automaton.strategy.layer import Strategy
 from strategies.routing.astar.astar import astar, search
 from strategies.routing.astar.astar_routing import around_robots, start_pose
 from strategies.routing.astar.frontier import TIES
+from strategies.routing.astar.route_workspace import RouteSpace, route_space
 from strategies.routing.traffic_avoidance.avoidance import (
     LEAST_TIME,
     PLAIN,
@@ -66,10 +67,11 @@ class AvoidanceState(Struct):
     taken: Array = field("(n,) int64", "1 + the order whose first leg the network was asked about")
     taken_at: Array = field("(n,) int64", "the cell from which that leg began")
     alternatives: Array = field("(n,) int64", "plans that were not plain A*'s")
+    routes: RouteSpace
 
 
 @kernel
-def foresee_task(view, state, workspace, i):
+def foresee_task(view, state, i):
     """Replay robot i's task from where it is now, and remember the zones that it uses."""
     if state.network.zones:
         predict(view, state, i)
@@ -85,7 +87,7 @@ def foresee_task(view, state, workspace, i):
                 view.grid,
                 robot_type,
                 view.rules.duration[robot_type],
-                workspace.routes,
+                state.routes,
                 state.tie_rule,
                 view.rules.seed,
                 pose,
@@ -93,7 +95,7 @@ def foresee_task(view, state, workspace, i):
                 False,
             )
             if pose != NIL:
-                add_zones(view.grid, workspace.routes, pose, used)
+                add_zones(view.grid, state.routes, pose, used)
     keep, add = state.keep_chance, state.add_chance
     if keep < CERTAIN or add > 0:
         traffic_zone_count, tick = view.grid.traffic_zone_count, view.clock[CLOCK_TICK]
@@ -142,28 +144,28 @@ def predict(view, state, i):
 
 
 @kernel
-def count_others(view, state, workspace, i):
-    """workspace.routes.count = how many others are predicted in each zone.
+def count_others(view, state, i):
+    """state.routes.count = how many others are predicted in each zone.
 
     Each is predicted once for a task. With limited sight nothing is remembered about others.
     """
-    count = workspace.routes.count
+    count = state.routes.count
     count[:] = 0
     for j in range(view.robots.cell.shape[0]):
         if j == i or view.robots.goal_cell[j] == NIL:
             continue
         if not is_foreseen(view, state, j) or view.rules.radius > 0:
-            foresee_task(view, state, workspace, j)
+            foresee_task(view, state, j)
         count_zones(state.predicted[j], count)
 
 
 @kernel
-def choose(view, state, workspace, i, start):
+def choose(view, state, i, start):
     """Close zones as the chosen plan has it; whether any is. Keeps those of a second leg."""
-    routes = workspace.routes
+    routes = state.routes
     goal_cell, then = np.int64(view.robots.goal_cell[i]), next_goal_cell(view, i)
     pick, drop = (goal_cell, then) if then != NIL else (then, goal_cell)
-    count_others(view, state, workspace, i)
+    count_others(view, state, i)
     robot_type = view.robots.type[i]
     threshold = choose_threshold(
         view.grid,
@@ -199,16 +201,16 @@ def has_plan(view, state, i, start):
 
 
 @kernel
-def plan(view, state, workspace, i, steps):
+def plan(view, state, i, steps):
     """Write the route of robot i into steps; its length, or NIL."""
-    routes, start = workspace.routes, start_pose(view, i)
+    routes, start = state.routes, start_pose(view, i)
     if has_plan(view, state, i, start):
         closed = state.closed[i]
         for zone in range(view.grid.traffic_zone_count):
             routes.closed[zone] = has_zone(closed, zone)
         state.planned_from[i] = NIL
     else:
-        choose(view, state, workspace, i, start)
+        choose(view, state, i, start)
     robot_type = view.robots.type[i]
     return astar(
         view.grid,
@@ -230,13 +232,13 @@ def decide(view, batch, decisions, memory, workspace):
     for k in range(batch.count[0]):  # first: tasks that begin now, all from where they begin
         i = np.int64(batch.robot[k])
         if not is_on_second_leg(view, state, i):
-            foresee_task(view, state, workspace, i)
+            foresee_task(view, state, i)
     for k in range(batch.count[0]):
         i = np.int64(batch.robot[k])
         steps = decisions.routing.steps[k]
         length = around_robots(view, workspace, i, batch.reason[k], steps)
         if length == NIL:
-            length = plan(view, state, workspace, i, steps)
+            length = plan(view, state, i, steps)
         if length != NIL:
             decisions.routing.route_length[k] = length
 
@@ -264,4 +266,5 @@ class TrafficAvoidance(Strategy):
             keep_chance=round(keep * CERTAIN),
             add_chance=round(add * CERTAIN),
             network=network,
+            routes=route_space(view.grid),
         )

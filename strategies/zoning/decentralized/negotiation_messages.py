@@ -27,7 +27,7 @@ LEADERS = 33  # stream of the draws of the next leader
 
 
 class NegotiatorState(Struct):
-    """What robots that negotiate reckon with, and what each of them remembers."""
+    """Parameters of robots that negotiate, and what each of them remembers."""
 
     rules: ZoneRules
     range: int = field("int64", "cells: how far messages reach")

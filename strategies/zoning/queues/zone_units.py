@@ -6,8 +6,7 @@ from typing import Final
 
 from automaton.engine.state import ACTION_DROP, ACTION_MOVE, ACTION_PICK, World
 from automaton.units import SECONDS_PER_UNIT
-from strategies.zoning.design.roads import typical_distance
-from strategies.zoning.design.zone_workspace import ZoneRules, zone_rules
+from strategies.zoning.design.zone_workspace import ZoneRules, typical_distance, zone_rules
 
 MILLION: Final = 1_000_000
 

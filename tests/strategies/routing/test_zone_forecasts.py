@@ -17,6 +17,7 @@ from automaton.engine.state import NIL, Array
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.traffic_zones import MODES
 from automaton.runs.simulation import Simulation
+from strategies.routing.astar.route_workspace import RouteSpace
 from strategies.routing.congestion.congestion_parameters import SharedPlans
 from strategies.routing.congestion.plan_forecast import forecast_all, forecast_one
 from strategies.routing.congestion.task_forecast import add_task_forecasts, remove_task_forecast
@@ -231,7 +232,7 @@ def test_a_robot_with_a_new_route_is_counted_when_it_has_left_its_bay() -> None:
 
 
 def test_a_count_that_is_full_does_not_carry_into_the_next_tick() -> None:
-    state = empty_state(65_536, 3, SharedPlans(horizon=4))
+    state = empty_state(65_536, 3, SharedPlans(horizon=4), RouteSpace.sized({"P": 0, "Z": 0}))
     add(state, 1, 0, 4, 65_534)
     for _ in range(3):
         add(state, 1, 1, 3, 1)

@@ -31,10 +31,9 @@ from strategies.zoning.decentralized import negotiation
 from strategies.zoning.design.design_files import design_arrays, read_design
 from strategies.zoning.design.first_designs import first_design, random_design
 from strategies.zoning.design.portable_math import exponential, logarithm, temperature
-from strategies.zoning.design.roads import typical_distance
 from strategies.zoning.design.transfer_stations import connected
 from strategies.zoning.design.zone_load import find_loads
-from strategies.zoning.design.zone_workspace import zone_rules
+from strategies.zoning.design.zone_workspace import typical_distance, zone_rules
 from strategies.zoning.design.zoning_draws import DRAWS_GENETIC
 from strategies.zoning.genetic import genetic_zones
 from strategies.zoning.genetic.population import population_for

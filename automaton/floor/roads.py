@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from automaton.errors import InputError
 from automaton.floor.cells import DIRECTION_VECTORS, NIL
@@ -61,17 +61,6 @@ def road_network(floor_plan: FloorPlan, station_cells: Sequence[int] | NDArray[A
         hop=_hops(ahead, step, distance),
         between=between,
     )
-
-
-def typical_distance(between: ArrayLike) -> float:
-    """Cells below which stations are adjacent: for n of them, the n - 2 nearest of each, summed up,
-    over n (n - 1); the authors' 243.64 ft on their floor."""
-    table = np.asarray(between, np.int64)
-    count = len(table)
-    if count < 3:
-        return float(table.max(initial=0) + 1)
-    others = np.sort(table[~np.eye(count, dtype=bool)].reshape(count, count - 1), axis=1)
-    return float(others[:, : count - 2].sum() / (count * (count - 1)))
 
 
 def _check(floor_plan: FloorPlan, stations: list[int]) -> None:

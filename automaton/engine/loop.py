@@ -74,20 +74,16 @@ MODE_INTERPRETED = 2
 PHASES = len(LAYER_SEQUENCE)
 
 
-def ticks(
-    world, visible_world, view, full_batch, batch, batch_view, decisions, record, observation, workspace,
-    layer_mode,
-    zoning, charging, allocation, routing, right_of_way,
-    memory_z, memory_c, memory_a, memory_r, memory_w,
-):  # fmt: skip
+def ticks(worlds, batches, decisions, record, observation, workspace, layer_mode, decide, memories):
     """Run ticks until world.clock[CLOCK_STOP_TICK]; pause there, when a buffer is full, and at the end.
 
-    `visible_world` and `view`, `batch` and `batch_view` are the same memory, writable and read-only:
-    strategies get the latter. Gives the run up in mid-tick once workspace.stop is set.
+    `worlds`: the world; what strategies see of it; the same memory, read-only, which they get.
+    `batches`: the robots that a layer is asked about; those of one call; the same, read-only.
+    `layer_mode`, `decide`, `memories`: by layer. Gives the run up in mid-tick once workspace.stop is set.
     """
+    world, visible_world, view = worlds
+    full_batch, batch, batch_view = batches
     clock = world.clock
-    decide = (zoning, charging, allocation, routing, right_of_way)
-    memories = (memory_z, memory_c, memory_a, memory_r, memory_w)
     while True:
         if (
             clock[CLOCK_TICK] >= clock[CLOCK_STOP_TICK]
@@ -249,7 +245,7 @@ def compile_loop(arguments, memory):
     from numba import typeof
 
     kinds = [typeof(argument) for argument in arguments]
-    _, _, view, _, _, batch_view, decisions, _, _, workspace, _ = kinds
-    decide = types.void(view, batch_view, decisions, typeof(memory), workspace)
-    layers = [types.FunctionType(decide)] * 5
-    return kernel(ticks, signature=(*kinds, *layers, *([typeof(memory)] * 5))), decide
+    worlds, batches, decisions, _, _, workspace, _ = kinds
+    decide = types.void(worlds[2], batches[2], decisions, typeof(memory), workspace)
+    by_layer = [types.UniTuple(kind, 5) for kind in (types.FunctionType(decide), typeof(memory))]
+    return kernel(ticks, signature=(*kinds, *by_layer)), decide

@@ -188,12 +188,8 @@ class Simulation:
 
     def _start(self) -> Iterator[int]:
         arguments = (
-            self.world,
-            self.visible_world,
-            self.view,
-            self.full_batch,
-            self.batch,
-            self._batch_view,
+            (self.world, self.visible_world, self.view),
+            (self.full_batch, self.batch, self._batch_view),
             self.decisions,
             self.record,
             self.observation,
@@ -235,7 +231,7 @@ class Simulation:
             self._sealed = self.workspace.sealed() if jit_is_on() else self.workspace
         # Kernels count no references: whatever is freed here would be overwritten under the loop.
         self._lent = (arguments, functions, shown, faces, memories)
-        ticks: Iterator[int] = loop(*arguments, *functions, *memories)
+        ticks: Iterator[int] = loop(*arguments, tuple(functions), tuple(memories))
         return ticks
 
     @property

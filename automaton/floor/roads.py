@@ -113,7 +113,7 @@ def _ways(floor_plan: FloorPlan, cells: Numbers) -> tuple[Numbers, Numbers]:
 
 
 def _distances(ahead: Numbers, step: Numbers) -> Numbers:
-    """(P, P) cells of shortest ways, NO_ROAD where there is none."""
+    """(P, P) cells of shortest ways, NO_ROAD between two that no way joins."""
     count = len(ahead)
     distance = np.full((count, count), NO_ROAD, np.int32)
     np.fill_diagonal(distance, 0)

@@ -53,15 +53,18 @@ def take_next(view, out, k, i):
 
 
 @kernel
-def serve(view, batch, out, memory, due):
-    """Decide for a batch: loads go to their targets, free robots take the next order of their lists."""
+def serve(view, batch, out, due):
+    """Decide for a batch: loads go to their targets, free robots take the next order of their lists.
+
+    due[i] = 0 where robot i's list is done; (n,) int64.
+    """
     for k in range(batch.count[0]):
         i = np.int64(batch.robot[k])
         if batch.reason[k] == REASON_PICKED:
             deliver(view, out, k, i)
         elif batch.reason[k] != REASON_PERIODIC and not take_next(view, out, k, i):
             out.command[k] = CMD_PARK
-            memory.per_robot[i, due] = 0
+            due[i] = 0
 
 
 @kernel

@@ -14,7 +14,7 @@ from automaton.engine.robot_status import BATTERY_PERCENT
 from automaton.engine.state import Batch, Decisions, Memory, Workspace, World
 from automaton.strategy.layer import Strategy
 from strategies.allocation.auction.charging_choice import choose_charging
-from strategies.allocation.auction.floor_market import make_floor_market
+from strategies.allocation.auction.floor_market import FloorMarket, make_floor_market
 from strategies.allocation.auction.market import (
     BATTERY_FULL,
     POLICY_FILL_UP,
@@ -26,6 +26,12 @@ from strategies.allocation.auction.market import (
 from strategies.charging.charging_parameters import FillUp, Insertion, Opportunity, Threshold
 
 IDLE_CHECKS = 50  # ticks between two looks at idle robots
+
+
+class ChargingState(Struct):
+    """It remembers nothing."""
+
+    market: FloorMarket  # room for the list of one robot
 
 
 class Quoted(Strategy):
@@ -46,17 +52,18 @@ class Quoted(Strategy):
         queues: bool = self.parameters.count_queues
         return queues
 
-    def reset(self, view: World) -> Struct:
-        """No state; room for the list of one robot."""
+    def reset(self, view: World) -> ChargingState:
+        """Make room for the list of one robot."""
         longest = view.robots.order_queue.shape[1] + 1
-        self._market = make_floor_market(view, 1, longest, longest, self.policy(), self.queues)
-        return super().reset(view)
+        market = make_floor_market(view, 1, longest, longest, self.policy(), self.queues)
+        return ChargingState(market=market)
 
     def decide(
         self, view: World, batch: Batch, decisions: Decisions, memory: Memory, workspace: Workspace
     ) -> None:
         """Send robots to chargers."""
-        choose_charging(view, batch, decisions.charging, self._market, workspace, self.idle_below)
+        market = ChargingState.of(memory).market
+        choose_charging(view, batch, decisions.charging, market, workspace, self.idle_below)
 
 
 class InsertCharging(Quoted):

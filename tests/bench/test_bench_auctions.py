@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from automaton.bench import auction_speed
 from strategies.allocation.auction.market import (
-    COUNT_BIDS,
-    COUNT_PLANS,
     INF_COST,
     POLICY_HIERARCHICAL,
     POLICY_NO_CHARGING,
@@ -19,7 +17,7 @@ def test_everything_is_sold_and_half_of_the_bids_plan_charging() -> None:
         assert one.fleet.length.sum() == auction_speed.SMALL[1]
         assert one.fleet.cost.max() < INF_COST
         count = one.scratch.count
-        assert low <= count[COUNT_PLANS] / count[COUNT_BIDS] <= high
+        assert low <= count.plans[0] / count.bids[0] <= high
 
 
 def test_the_parts_take_samples() -> None:

@@ -171,13 +171,28 @@ stop: {when: delivered, max_duration: 600}
 """
 
 
-@pytest.mark.parametrize("information", ["everything", "{radius: 3}"])
-@pytest.mark.parametrize("floor", ["tabletop-1", "plant"])
-def test_scratch_decides_nothing(floor: str, information: str, tmp_path: Path) -> None:
+CASES = [
+    *(
+        (floor, (f"information={information}",), 300)
+        for floor in ("tabletop-1", "plant")
+        for information in ("everything", "{radius: 3}")
+    ),
+    ("tabletop-1", ("strategy.routing={name: congestion, forecast: plans}",), 300),
+    ("tabletop-1", ("strategy.routing={name: congestion, forecast: tasks}",), 300),
+    ("depots", ("strategy.allocation={name: auction, local_search: true}",), 10),
+    ("depots", ("strategy.allocation={name: auction, mechanism: genetic}",), 10),
+    ("depots-full", ("strategy.allocation=first-come", "strategy.charging=fill-up"), 10),
+]
+
+
+@pytest.mark.parametrize(("floor", "settings", "operations"), CASES)
+def test_scratch_decides_nothing(
+    floor: str, settings: tuple[str, ...], operations: int, tmp_path: Path
+) -> None:
     """Whatever lies in the scratch of strategies between two calls, the run is the same."""
     (tmp_path / "plant.yaml").write_text(PLANT)
     name: Any = tmp_path / "plant.yaml" if floor == "plant" else floor
-    resolved = resolve(name, [f"information={information}"])
+    resolved = resolve(name, settings)
     clean, poisoned = Simulation(resolved), Simulation(resolved)
     draws = np.random.default_rng(1)
     for tick in range(1, 400):
@@ -187,7 +202,7 @@ def test_scratch_decides_nothing(floor: str, information: str, tmp_path: Path) -
                     array.view(np.uint8)[...] = draws.integers(0, 256, array.view(np.uint8).shape)
         poisoned.run(until=tick)
     clean.run(until=399)
-    assert clean.world.tally.operations.sum() > 300
+    assert clean.world.tally.operations.sum() > operations
     assert poisoned.tick == clean.tick and poisoned.digest == clean.digest
 
 

@@ -29,17 +29,11 @@ from strategies.allocation.auction import quotes, sequential
 from strategies.allocation.auction.bids import BID_MIXED
 from strategies.allocation.auction.market import (
     BATTERY_FULL,
-    COUNT_STATES,
     INF_COST,
     POLICY_FILL_UP,
     POLICY_HIERARCHICAL,
     POLICY_THRESHOLD,
     POLICY_THRESHOLD_REACHABLE,
-    TOTAL_COST,
-    TOTAL_END_CHARGE,
-    TOTAL_GROSS,
-    TOTAL_LOWEST_CHARGE,
-    TOTAL_NET,
     Battery,
     Scratch,
     TaskCosts,
@@ -113,19 +107,19 @@ def drive(stations: tuple[int, ...], start: int, charge: int, rule: Battery) -> 
     """Drive these stations in this order."""
     task_costs = driven_work(stations)
     scratch = single_scratch(len(stations), len(rule.charger))
-    scratch.count[:] = 0
+    quotes.clear_counts(scratch)
     order = np.arange(len(stations), dtype=np.int32)
     cost = quotes.quote(task_costs, rule, scratch, start - 1, 0, charge, order, len(stations))
-    figures = scratch.plan.totals
+    plan = scratch.plan
     return Driven(
-        cost=float(figures[TOTAL_COST]),
-        gross=float(figures[TOTAL_GROSS]),
-        net=float(figures[TOTAL_NET]),
-        end=int(figures[TOTAL_END_CHARGE]),
-        lowest=int(figures[TOTAL_LOWEST_CHARGE]),
+        cost=float(plan.cost[0]),
+        gross=float(plan.gross[0]),
+        net=float(plan.net[0]),
+        end=int(plan.end_charge[0]),
+        lowest=int(plan.lowest_charge[0]),
         stops=int(scratch.plan.stops[0]),
         feasible=bool(cost < INF_COST),
-        states=int(scratch.count[COUNT_STATES]),
+        states=int(scratch.count.states[0]),
     )
 
 

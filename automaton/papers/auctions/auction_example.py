@@ -28,8 +28,6 @@ from strategies.allocation.auction.market import (
     POLICY_HIERARCHICAL,
     POLICY_JOINT,
     POLICY_NO_CHARGING,
-    TOTAL_CHARGING,
-    TOTAL_END_CHARGE,
     Scratch,
 )
 from strategies.allocation.auction.quotes import settle_all
@@ -94,12 +92,12 @@ def bids_for(setting: str) -> list[Bid]:
             found.append(Bid(before, None, None, None, (), None, 0, 0))
             continue
         bids.award(*market, r, len(tasks) - 1)
-        figures = scratch.plan.totals
+        plan = scratch.plan
         order = [tasks[task] for task in fleet.order[r, : fleet.length[r]]]
         for position, charger in reversed(stops_of(scratch)):
             order.insert(position, chosen["chargers"][charger])
         arrival = int(scratch.plan.arrival[0]) if scratch.plan.stops[0] else None
-        charged, end = int(figures[TOTAL_CHARGING]), int(figures[TOTAL_END_CHARGE])
+        charged, end = int(plan.charging[0]), int(plan.end_charge[0])
         found.append(Bid(before, cost, added, mixed, tuple(order), arrival, charged, end))
     return found
 

@@ -31,14 +31,13 @@ from strategies.allocation.auction import bundles, exact, genetic_auction, local
 from strategies.allocation.auction.bids import BID_MIXED
 from strategies.allocation.auction.bundle_workspace import bundles_for, generations, population_for
 from strategies.allocation.auction.market import (
-    COUNT_BIDS,
-    COUNT_POSITIONS,
     Array,
     Battery,
     Fleet,
     Scratch,
     TaskCosts,
 )
+from strategies.allocation.auction.quotes import clear_counts
 from strategies.allocation.auction.winners import (
     WINNER_DIFFERENCE,
     WINNER_FEWEST_BIDDERS,
@@ -170,13 +169,13 @@ def solve(lanes: str, robots: int, n: int, seed: int, method: str, epsilon: int)
     """Let a method allot the task set of a seed."""
     one = instance(lanes, robots, n, seed, epsilon)
     empty(*one.market)
-    one.scratch.count[:] = 0
+    clear_counts(one.scratch)
     METHODS[method](one)
     stations = task_set(seed, n)
     return Solved(
         sequential.objective(one.fleet, epsilon) / 1000,
-        int(one.scratch.count[COUNT_BIDS]),
-        int(one.scratch.count[COUNT_POSITIONS]),
+        int(one.scratch.count.bids[0]),
+        int(one.scratch.count.positions[0]),
         tuple(tuple(stations[task] for task in listed(one.fleet, r)) for r in range(robots)),
     )
 

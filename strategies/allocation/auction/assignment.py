@@ -8,14 +8,15 @@ import numpy as np
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import NIL
 from strategies.allocation.auction.bids import award, bid
-from strategies.allocation.auction.market import COUNT_BIDS, COUNT_MESSAGES, INF_COST
+from strategies.allocation.auction.market import INF_COST
+from strategies.allocation.auction.quotes import clear_counts
 
 NO_EDGE = 1 << 50  # what a pair that may not be costs
 
 
 @kernel
 def linear_sum_assignment(cost, rows, columns, workspace):
-    """space.row_of[:columns] = the row of each column, or NIL; rows <= columns.
+    """workspace.row_of[:columns] = the row of each column, or NIL; rows <= columns.
 
     cost: (>= rows, >= columns) int64, pairs that may not be cost INF_COST; a row that only such pairs
     are left for stays without a column.
@@ -73,16 +74,16 @@ def augmenting_end(cost, columns, workspace):
 def assign_once(costs, battery, fleet, scratch, workspace, items, count, rule, epsilon):
     """Give each robot at most one of the items, with the least sum of bids; returns how many.
 
-    space: for at least max(robots, count) rows and columns.
+    workspace: for at least max(robots, count) rows and columns.
     """
     robots = fleet.place.shape[0]
-    scratch.count[:] = 0
+    clear_counts(scratch)
     turned = robots > count
     for k in range(count):
         scratch.sold[k] = NIL
         for r in range(robots):
             offer = bid(costs, battery, fleet, scratch, r, np.int64(items[k]), rule, epsilon)
-            scratch.count[COUNT_MESSAGES] += fleet.may_bid[r, items[k]]
+            scratch.count.messages[0] += fleet.may_bid[r, items[k]]
             if turned:
                 workspace.cost[k, r] = offer
             else:
@@ -97,5 +98,5 @@ def assign_once(costs, battery, fleet, scratch, workspace, items, count, rule, e
         award(costs, battery, fleet, scratch, r, np.int64(items[k]))
         scratch.sold[k] = r
         given += 1
-    scratch.count[COUNT_MESSAGES] += scratch.count[COUNT_BIDS] + given
+    scratch.count.messages[0] += scratch.count.bids[0] + given
     return given

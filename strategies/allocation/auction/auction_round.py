@@ -18,16 +18,9 @@ from strategies.allocation.auction.floor_market import (
 )
 from strategies.allocation.auction.market import INF_COST
 from strategies.allocation.auction.quotes import settle_all
+from strategies.allocation.order_queues import planned_count
 
 ORDER_PLANNED = 2  # in given.order_taken: it is in a robot's plan
-
-
-@kernel
-def planned_count(view, out, i):
-    """How many orders robot i has ahead of it."""
-    if out.order_queue_length[i] != KEEP:
-        return np.int64(out.order_queue_length[i])
-    return np.int64(view.robots.order_queue_length[i])
 
 
 @kernel
@@ -122,11 +115,8 @@ def open_auction(view, out, workspace, market, sellable, count):
 
 
 @kernel
-def enter_plans(view, out, market, robots, memory, due, batch):
-    """Write the lists of the market into the plans, and when each is to be done.
-
-    With limited sight the robot that is asked remembers its own alone.
-    """
+def enter_plans(view, out, market, robots, due):
+    """Write the lists of the market into the plans, and when each is to be done; due: (n,) int64."""
     fleet = market.fleet
     for r in range(robots):
         i = np.int64(market.robot[r])
@@ -136,9 +126,8 @@ def enter_plans(view, out, market, robots, memory, due, batch):
             order = np.int64(market.order[fleet.order[r, k]])
             out.order_queue[i, k] = order
             out.order_taken[order] = ORDER_PLANNED
-        if view.rules.radius == NIL or i == batch:
-            known = length > 0 and fleet.cost[r] < INF_COST
-            memory.per_robot[i, due] = view.clock[CLOCK_TICK] + fleet.cost[r] if known else 0
+        known = length > 0 and fleet.cost[r] < INF_COST
+        due[i] = view.clock[CLOCK_TICK] + fleet.cost[r] if known else 0
 
 
 @kernel

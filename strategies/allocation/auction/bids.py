@@ -14,7 +14,7 @@ import numpy as np
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import NIL
 from strategies.allocation.auction.insertion import copy_inserted, insert
-from strategies.allocation.auction.market import BID_SCALE, COUNT_BIDS, INF_COST
+from strategies.allocation.auction.market import BID_SCALE, INF_COST
 from strategies.allocation.auction.quotes import insertion_quote, quote_list, settle
 
 BID_MIXED = 0  # rules of bidding
@@ -27,7 +27,7 @@ def bid(costs, battery, fleet, scratch, r, task, rule, epsilon):
     """The bid of robot r; INF_COST where it cannot or may not do the task."""
     if fleet.may_bid[r, task] == 0:
         return np.int64(INF_COST)
-    scratch.count[COUNT_BIDS] += 1
+    scratch.count.bids[0] += 1
     position, cost = insertion_quote(costs, battery, fleet, scratch, r, task)
     if cost >= INF_COST or fleet.cost[r] >= INF_COST:
         return np.int64(INF_COST)

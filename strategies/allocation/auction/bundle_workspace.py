@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from numpy.typing import NDArray
 
-from automaton.engine.jit.fields import field
+from automaton.engine.jit.fields import SCRATCH, field
 from automaton.engine.jit.structs import Struct
 from automaton.errors import InputError
 
@@ -17,7 +17,7 @@ MAX_BUNDLE_ROBOTS: Final = 16
 MAX_GENERATIONS: Final = 1000
 
 
-class Bundles(Struct):
+class Bundles(Struct, role=SCRATCH):
     """Every subset S of n tasks, as a number with bit k for item k, and every one of R robots."""
 
     cost: Array = field("(R, 2^n) int64", "ticks of the bundle; INF: not feasible")
@@ -33,7 +33,7 @@ class Bundles(Struct):
     most: Array = field("(R + 1,) int64", "scratch")
 
 
-class Population(Struct):
+class Population(Struct, role=SCRATCH):
     """N individuals: which of R robots does each of n items; and the lists to begin with."""
 
     genes: Array = field("(N, n) int32")
@@ -65,7 +65,7 @@ def generations(robots: int, tasks: int) -> int:
     return min(MAX_GENERATIONS, 10 * allotments)
 
 
-class Assignment(Struct):
+class Assignment(Struct, role=SCRATCH):
     """Scratch of the one-shot assignment, for up to q rows and columns."""
 
     cost: Array = field("(q, q) int64")

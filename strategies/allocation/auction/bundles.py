@@ -11,12 +11,9 @@ from automaton.engine.state import NIL
 from strategies.allocation.auction.insertion import cheapest_insertion, insert
 from strategies.allocation.auction.market import (
     BID_SCALE,
-    COUNT_BIDS,
-    COUNT_MESSAGES,
-    COUNT_POSITIONS,
     INF_COST,
 )
-from strategies.allocation.auction.quotes import quote_list, settle
+from strategies.allocation.auction.quotes import clear_counts, quote_list, settle
 
 
 @kernel
@@ -32,7 +29,7 @@ def bid_by_insertion(costs, battery, fleet, scratch, bundles, items, count):
             if length != NIL:
                 cost = quote_list(costs, battery, fleet, scratch, r, scratch.order, length)
             bundles.cost[r, subset] = cost
-            scratch.count[COUNT_BIDS] += subset > 0
+            scratch.count.bids[0] += subset > 0
 
 
 @kernel
@@ -51,7 +48,7 @@ def build_list(costs, fleet, scratch, items, count, r, subset):
         place = np.int64(fleet.place[r])
         costs.robot_type[0] = fleet.robot_type[r]
         position, _ = cheapest_insertion(costs, place, scratch.order, length, task, first)
-        scratch.count[COUNT_POSITIONS] += length + 1 - first
+        scratch.count.positions[0] += length + 1 - first
         insert(scratch.order, length, task, position)
         length += 1
     return length
@@ -145,7 +142,7 @@ def tried_bundle(bundles, r, robots):
 @kernel
 def combinatorial(costs, battery, fleet, scratch, bundles, items, count, epsilon):
     """Bids by insertion for all bundles, split at the best, and awarded; the objective, or INF_COST."""
-    scratch.count[:] = 0
+    clear_counts(scratch)
     robots = fleet.place.shape[0]
     bid_by_insertion(costs, battery, fleet, scratch, bundles, items, count)
     value = determine_winners(bundles, robots, count, epsilon)
@@ -158,7 +155,7 @@ def combinatorial(costs, battery, fleet, scratch, bundles, items, count, epsilon
         fleet.length[r] = length
         settle(costs, battery, fleet, scratch, r)
     record_sales(bundles, scratch, robots, count)
-    scratch.count[COUNT_MESSAGES] = robots * count + scratch.count[COUNT_BIDS] + robots
+    scratch.count.messages[0] = robots * count + scratch.count.bids[0] + robots
     return value
 
 

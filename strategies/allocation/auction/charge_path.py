@@ -14,17 +14,7 @@ from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import NIL
 from automaton.strategy.kernels import CURVE_RATE
 from strategies.allocation.auction.insertion import place_before
-from strategies.allocation.auction.market import BATTERY_FULL, COUNT_STATES, INF_COST
-
-# Places of Scratch.path, while a path is searched.
-PATH_NODES = 0  # chargers to go on from: scratch.node[:PATH_NODES]
-PATH_LAST = 1  # the last stop of the best path so far
-PATH_BEST = 2  # its weight
-PATH_TICKS_TO_STOP = 3  # ticks from the task before to that stop
-PATH_POSITION = 4  # the position of that stop
-PATH_REST_TICKS = 5  # of the whole list
-PATH_REST_ENERGY = 6  # and the way to a charger at its end
-PATH_READY = 7  # ticks until the robot sets out: set by the quote
+from strategies.allocation.auction.market import BATTERY_FULL, INF_COST
 
 
 @kernel
@@ -41,7 +31,7 @@ def waiting_at(battery, scratch, c, ticks):
 
     Charging before that, which makes it come later, is not counted: the wait is never too short.
     """
-    return max(np.int64(0), np.int64(battery.wait[c]) - scratch.path[PATH_READY] - ticks)
+    return max(np.int64(0), np.int64(battery.wait[c]) - scratch.path.ready[0] - ticks)
 
 
 @kernel
@@ -49,29 +39,29 @@ def find_stops(costs, battery, scratch, place, charge, order, length):
     """The last stop, i * C + c, of the best way through chargers; NIL if there is none."""
     chargers = battery.charger.shape[0]
     path = scratch.path
-    path[PATH_NODES] = 0
-    path[PATH_LAST] = NIL
-    path[PATH_BEST] = INF_COST
-    path[PATH_TICKS_TO_STOP] = INF_COST
-    path[PATH_REST_TICKS] = scratch.done_ticks[length]
-    path[PATH_REST_ENERGY] = scratch.done_energy[length]
-    path[PATH_REST_ENERGY] += energy_to_charger(battery, costs.end[order[length - 1]])
+    path.nodes[0] = 0
+    path.last[0] = NIL
+    path.best[0] = INF_COST
+    path.ticks_to_stop[0] = INF_COST
+    path.rest_ticks[0] = scratch.done_ticks[length]
+    path.rest_energy[0] = scratch.done_energy[length]
+    path.rest_energy[0] += energy_to_charger(battery, costs.end[order[length - 1]])
     for i in range(length):
         in_reach = scratch.done_energy[i] <= charge - battery.reserve
-        if not in_reach and path[PATH_NODES] == 0:
+        if not in_reach and path.nodes[0] == 0:
             break
-        scratch.count[COUNT_STATES] += chargers
+        scratch.count.states[0] += chargers
         reach_chargers(costs, battery, scratch, place, charge, order, i)
-        nodes = path[PATH_NODES]
+        nodes = path.nodes[0]
         relax_to_end(costs, battery, scratch, place, order, i)
         if (
             chargers > 1
-            and path[PATH_NODES] > nodes
+            and path.nodes[0] > nodes
             and relax_charger_to_charger(costs, battery, scratch, i)
         ):
-            path[PATH_NODES] = nodes
+            path.nodes[0] = nodes
             relax_to_end(costs, battery, scratch, place, order, i)
-    return path[PATH_LAST]
+    return path.last[0]
 
 
 @kernel
@@ -89,7 +79,7 @@ def reach_chargers(costs, battery, scratch, place, charge, order, i):
             best = rate * into_ticks + into_energy
         scratch.weight[i, c] = best
         scratch.parent[i, c] = NIL
-        if scratch.path[PATH_NODES] > 0:
+        if scratch.path.nodes[0] > 0:
             relax_from_stops(costs, battery, scratch, before, order, i, c)
 
 
@@ -103,7 +93,7 @@ def relax_from_stops(costs, battery, scratch, before, order, i, c):
     into_ticks += waiting_at(battery, scratch, c, into_ticks)
     into_energy = costs.energy[costs.robot_type[0], before, at] + scratch.done_energy[i]
     best, parent = scratch.weight[i, c], np.int64(NIL)
-    for node in range(scratch.path[PATH_NODES]):
+    for node in range(scratch.path.nodes[0]):
         k, b = scratch.node[node] // chargers, scratch.node[node] % chargers
         if scratch.weight[k, b] >= best:
             continue
@@ -130,29 +120,29 @@ def relax_to_end(costs, battery, scratch, place, order, i):
     path = scratch.path
     before = place_before(costs, place, order, i)
     after = np.int64(costs.begin[order[i]])
-    rest_ticks = path[PATH_REST_TICKS] - scratch.begun_ticks[i]
-    rest_energy = path[PATH_REST_ENERGY] - scratch.begun_energy[i]
+    rest_ticks = path.rest_ticks[0] - scratch.begun_ticks[i]
+    rest_energy = path.rest_energy[0] - scratch.begun_energy[i]
     for c in range(chargers):
         so_far = scratch.weight[i, c]
         at = np.int64(battery.charger[c])
         energy = costs.energy[costs.robot_type[0], at, after] + rest_energy
         total = so_far + rate * (costs.ticks[costs.robot_type[0], at, after] + rest_ticks) + energy
-        if so_far >= INF_COST or total > path[PATH_BEST]:
+        if so_far >= INF_COST or total > path.best[0]:
             continue  # what goes on from here is no better than the best that is known
         if energy > BATTERY_FULL - battery.reserve:
-            scratch.node[path[PATH_NODES]] = i * chargers + c
-            path[PATH_NODES] += 1
+            scratch.node[path.nodes[0]] = i * chargers + c
+            path.nodes[0] += 1
             continue
         # The end is in reach: another stop would only make the way longer.
         detour = np.int64(costs.ticks[costs.robot_type[0], before, at])
-        later = detour == path[PATH_TICKS_TO_STOP] and path[PATH_POSITION] != i
-        if total < path[PATH_BEST] or detour < path[PATH_TICKS_TO_STOP] or later:
-            path[PATH_BEST], path[PATH_TICKS_TO_STOP], path[PATH_LAST] = (
+        later = detour == path.ticks_to_stop[0] and path.position[0] != i
+        if total < path.best[0] or detour < path.ticks_to_stop[0] or later:
+            path.best[0], path.ticks_to_stop[0], path.last[0] = (
                 total,
                 detour,
                 i * chargers + c,
             )
-            path[PATH_POSITION] = i
+            path.position[0] = i
 
 
 @kernel

@@ -18,16 +18,7 @@ from strategies.allocation.auction.charge_path import (
 from strategies.allocation.auction.insertion import place_before
 from strategies.allocation.auction.market import (
     BATTERY_FULL,
-    COUNT_PLANS,
     INF_COST,
-    TOTAL_CHARGER_WAIT,
-    TOTAL_CHARGING,
-    TOTAL_COLUMNS,
-    TOTAL_COST,
-    TOTAL_END_CHARGE,
-    TOTAL_GROSS,
-    TOTAL_LOWEST_CHARGE,
-    TOTAL_NET,
 )
 
 
@@ -41,13 +32,15 @@ def fits(battery, charge, energy, last):
 @kernel
 def clear(scratch, charge, length):
     """A plan without stops, of the list that was measured last."""
-    figures = scratch.plan.totals
-    for k in range(TOTAL_COLUMNS):
-        figures[k] = 0
-    scratch.plan.stops[0] = 0
-    figures[TOTAL_COST] = scratch.done_ticks[length]
-    figures[TOTAL_END_CHARGE] = charge - scratch.done_energy[length]
-    figures[TOTAL_LOWEST_CHARGE] = figures[TOTAL_END_CHARGE]
+    plan = scratch.plan
+    plan.stops[0] = 0
+    plan.charging[0] = 0
+    plan.charger_wait[0] = 0
+    plan.gross[0] = 0
+    plan.net[0] = 0
+    plan.cost[0] = scratch.done_ticks[length]
+    plan.end_charge[0] = charge - scratch.done_energy[length]
+    plan.lowest_charge[0] = plan.end_charge[0]
 
 
 @kernel
@@ -57,13 +50,13 @@ def plan_charging(costs, battery, scratch, place, charge, order, length):
     if length == 0 or fits(
         battery, charge, scratch.done_energy[length], np.int64(costs.end[order[length - 1]])
     ):
-        return scratch.plan.totals[TOTAL_COST]
-    scratch.count[COUNT_PLANS] += 1
+        return scratch.plan.cost[0]
+    scratch.count.plans[0] += 1
     last = np.int64(NIL)
     if energy_to_charger(battery, costs.end[order[length - 1]]) < INF_COST:
         last = find_stops(costs, battery, scratch, place, charge, order, length)
     if last == NIL:
-        scratch.plan.totals[TOTAL_COST] = INF_COST
+        scratch.plan.cost[0] = INF_COST
         return INF_COST
     note_stops(battery, scratch, last)
     return charge_just_enough(costs, battery, scratch, place, charge, order, length)
@@ -103,22 +96,20 @@ def charge_just_enough(costs, battery, scratch, place, charge, order, length):
     tail = energy_to_charger(battery, costs.end[order[length - 1]])
     ticks, energy = stretch(costs, battery, scratch, place, order, length, 0)
     level = np.int64(charge)
-    plan.totals[TOTAL_COST] = ticks
-    plan.totals[TOTAL_LOWEST_CHARGE] = BATTERY_FULL
+    plan.cost[0] = ticks
+    plan.lowest_charge[0] = BATTERY_FULL
     for k in range(plan.stops[0]):
         level -= energy
         ticks, energy = stretch(costs, battery, scratch, place, order, length, k + 1)
         spare = tail if k + 1 == plan.stops[0] else np.int64(0)
         goal = max(level, energy + spare + battery.reserve)
-        wait = waiting_at(battery, scratch, np.int64(plan.charger[k]), plan.totals[TOTAL_COST])
+        wait = waiting_at(battery, scratch, np.int64(plan.charger[k]), plan.cost[0])
         level = stop_at(battery, plan, k, level, goal, wait)
-        plan.totals[TOTAL_COST] += ticks
-    plan.totals[TOTAL_END_CHARGE] = level - energy
-    plan.totals[TOTAL_LOWEST_CHARGE] = min(
-        plan.totals[TOTAL_LOWEST_CHARGE], plan.totals[TOTAL_END_CHARGE]
-    )
+        plan.cost[0] += ticks
+    plan.end_charge[0] = level - energy
+    plan.lowest_charge[0] = min(plan.lowest_charge[0], plan.end_charge[0])
     add_detours(costs, battery, scratch, place, order)
-    return plan.totals[TOTAL_COST]
+    return plan.cost[0]
 
 
 @kernel
@@ -129,10 +120,10 @@ def stop_at(battery, plan, k, level, goal, wait):
     plan.arrival[k] = level
     plan.duration[k] = duration
     plan.level[k] = level_after(battery.curve, level, duration, BATTERY_FULL)
-    plan.totals[TOTAL_LOWEST_CHARGE] = min(plan.totals[TOTAL_LOWEST_CHARGE], level)
-    plan.totals[TOTAL_CHARGING] += duration
-    plan.totals[TOTAL_CHARGER_WAIT] += wait
-    plan.totals[TOTAL_COST] += duration + wait
+    plan.lowest_charge[0] = min(plan.lowest_charge[0], level)
+    plan.charging[0] += duration
+    plan.charger_wait[0] += wait
+    plan.cost[0] += duration + wait
     return plan.level[k]
 
 
@@ -148,9 +139,9 @@ def add_detours(costs, battery, scratch, place, order):
         if k > 0 and plan.position[k - 1] == i:
             before = np.int64(battery.charger[plan.charger[k - 1]])
         else:
-            plan.totals[TOTAL_NET] -= costs.ticks[costs.robot_type[0], before, after]
+            plan.net[0] -= costs.ticks[costs.robot_type[0], before, after]
         gross = plan.duration[k] + plan.waited[k] + costs.ticks[costs.robot_type[0], before, at]
         if k + 1 == plan.stops[0] or plan.position[k + 1] != i:
             gross += costs.ticks[costs.robot_type[0], at, after]
-        plan.totals[TOTAL_GROSS] += gross
-        plan.totals[TOTAL_NET] += gross
+        plan.gross[0] += gross
+        plan.net[0] += gross

@@ -9,7 +9,7 @@ from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import NIL
 from strategies.allocation.auction.bundles import determine_winners, record_sales
 from strategies.allocation.auction.market import INF_COST
-from strategies.allocation.auction.quotes import settle
+from strategies.allocation.auction.quotes import clear_counts, settle
 
 INFEASIBLE = (1 << 31) - 1
 
@@ -94,7 +94,7 @@ def write_path(costs, bundles, items, count, subset, order):
 def exact(costs, battery, fleet, scratch, bundles, items, count, epsilon):
     """Give every robot the list of the optimum, from empty lists; returns the objective, or INF_COST."""
     robots = fleet.place.shape[0]
-    scratch.count[:] = 0
+    clear_counts(scratch)
     bid_by_shortest_paths(costs, fleet, bundles, items, count)
     value = determine_winners(bundles, robots, count, epsilon)
     if value >= INF_COST:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.engine.jit.fields import field
+from automaton.engine.jit.fields import DERIVED, SCRATCH, field
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import Struct
 from automaton.engine.robot_status import STATUS_UP
@@ -46,7 +46,7 @@ Array = NDArray[Any]
 CAPPED = 1 << 29  # ticks or units of what cannot be reached: two of them still fit an int32
 
 
-class FloorMarket(Struct):
+class FloorMarket(Struct, role=SCRATCH):
     """A market over a world: R robots, T tasks, C chargers, K types; P = R + C + 2 T places."""
 
     costs: TaskCosts
@@ -55,7 +55,7 @@ class FloorMarket(Struct):
     scratch: Scratch
     robot: Array = field("(R,) int32", "storage index of each robot")
     cell: Array = field(
-        "(K, P) int32", "places are served from other cells by other types of robots"
+        "(K, P) int32", "places are served from other cells by other types of robots", role=DERIVED
     )
     order: Array = field("(T,) int32", "the order of each task")
     item: Array = field("(T,) int32", "tasks that are for sale")

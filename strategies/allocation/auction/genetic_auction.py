@@ -11,8 +11,8 @@ import numpy as np
 from automaton.engine.jit.kernel import kernel
 from automaton.strategy.kernels import random_between
 from strategies.allocation.auction.insertion import cheapest_insertion, insert
-from strategies.allocation.auction.market import COUNT_POSITIONS, INF_COST
-from strategies.allocation.auction.quotes import settle
+from strategies.allocation.auction.market import INF_COST
+from strategies.allocation.auction.quotes import clear_counts, settle
 from strategies.allocation.auction.sequential import objective
 
 STREAM_GENES = 15  # of random draws; each stream has a number of its own
@@ -32,7 +32,7 @@ def genetic(
     population: for this fleet and `count` items; each_gene: 1 = a coin for each gene; auction: the
     number by which the draws of this seed are told from those of its other auctions.
     """
-    scratch.count[:] = 0
+    clear_counts(scratch)
     turn = np.int64(auction) * AUCTION_ADDRESSES
     robots = fleet.place.shape[0]
     size = population.fitness.shape[0]
@@ -81,7 +81,7 @@ def decode(costs, battery, fleet, scratch, population, items, count, individual)
         place = np.int64(fleet.place[r])
         costs.robot_type[0] = fleet.robot_type[r]
         position, _ = cheapest_insertion(costs, place, fleet.order[r], length, task, first)
-        scratch.count[COUNT_POSITIONS] += length + 1 - first
+        scratch.count.positions[0] += length + 1 - first
         insert(fleet.order[r], length, task, position)
         fleet.length[r] += 1
     for r in range(fleet.place.shape[0]):

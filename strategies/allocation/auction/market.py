@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from numpy.typing import NDArray
 
-from automaton.engine.jit.fields import field
+from automaton.engine.jit.fields import CONSTANT, SCRATCH, field
 from automaton.engine.jit.structs import Struct
 from automaton.engine.robot_status import BATTERY_FULL as BATTERY_FULL
 
@@ -33,30 +33,32 @@ POLICY_THRESHOLD: Final = 4
 POLICY_THRESHOLD_REACHABLE: Final = 5
 
 
-class TaskCosts(Struct):
+class TaskCosts(Struct, role=SCRATCH):
     """T tasks and P places, as robots of each of K types find them."""
 
     robot_type: Array = field("(1,) int64", "the robot type whose rows count")
     ticks: Array = field("(K, P, P) int32", "from place to place")
     energy: Array = field("(K, P, P) int32", "units: from place to place")
-    begin: Array = field("(T,) int32", "place at which a task begins")
-    end: Array = field("(T,) int32", "place at which it ends")
+    begin: Array = field("(T,) int32", "place at which a task begins", role=CONSTANT)
+    end: Array = field("(T,) int32", "place at which it ends", role=CONSTANT)
     inside: Array = field("(K, T) int32", "ticks from begin to end, all handling included")
     use: Array = field("(K, T) int32", "units from begin to end")
 
 
-class Battery(Struct):
+class Battery(Struct, role=SCRATCH):
     """The rules of energy, the same for all robots; C chargers."""
 
     robot_type: Array = field("(1,) int64", "the robot type whose rows count")
-    charger: Array = field("(C,) int32", "its place")
+    charger: Array = field("(C,) int32", "its place", role=CONSTANT)
     wait: Array = field("(C,) int32", "ticks until it is free of the robots that come before")
     nearest: Array = field(
         "(K, P) int32", "the charger that takes least energy to reach; NIL: none"
     )
     reach: Array = field("(K, P) int64", "units to it; INF: none")
     curve: Array = field(
-        "(pieces, 2) int32", "of each piece the level from which it holds, and units per tick"
+        "(pieces, 2) int32",
+        "of each piece the level from which it holds, and units per tick",
+        role=CONSTANT,
     )
     reserve: int = field("int64", "units that are left on every arrival")
     end_reach: int = field(
@@ -67,11 +69,11 @@ class Battery(Struct):
     target: int = field("int64", "units, of FILL_UP")
 
 
-class Fleet(Struct):
+class Fleet(Struct, role=SCRATCH):
     """R robots and their lists of at most L tasks."""
 
     robot_type: Array = field("(R,) uint8", "the robot's type")
-    place: Array = field("(R,) int32", "where the list starts")
+    place: Array = field("(R,) int32", "where the list starts", role=CONSTANT)
     ready: Array = field("(R,) int32", "ticks until the robot is there")
     charge: Array = field("(R,) int32", "units that it has then")
     first: Array = field("(R,) int32", "1 = it drives to its first task, which stays the first")
@@ -86,7 +88,7 @@ class Fleet(Struct):
     )
 
 
-class ChargingPlan(Struct):
+class ChargingPlan(Struct, role=SCRATCH):
     """The charging stops of one list."""
 
     stops: Array = field("(1,) int64", "how many")
@@ -96,21 +98,41 @@ class ChargingPlan(Struct):
     level: Array = field("(S,) int64", "units on leaving")
     duration: Array = field("(S,) int64", "ticks of charging")
     waited: Array = field("(S,) int64", "ticks in the queue before it")
-    totals: Array = field("(FIGURES,) int64", "see below")
+    cost: Array = field("(1,) int64", "ticks until the list is done; INF_COST: no plan")
+    charging: Array = field("(1,) int64", "ticks of charging")
+    charger_wait: Array = field("(1,) int64", "ticks at busy chargers")
+    gross: Array = field("(1,) int64", "ticks to chargers, at them, and on to the next task")
+    net: Array = field("(1,) int64", "gross less the legs that were replaced")
+    end_charge: Array = field("(1,) int64", "units at the end")
+    lowest_charge: Array = field("(1,) int64", "units: the least on any arrival")
 
 
-# Columns of ChargingPlan.totals.
-TOTAL_COST: Final = 0  # ticks until the list is done; INF_COST: no plan
-TOTAL_CHARGING: Final = 1  # ticks of charging
-TOTAL_CHARGER_WAIT: Final = 2  # ticks at busy chargers
-TOTAL_GROSS: Final = 3  # ticks to chargers, at them, and on to the next task
-TOTAL_NET: Final = 4  # gross less the legs that were replaced
-TOTAL_END_CHARGE: Final = 5  # units at the end
-TOTAL_LOWEST_CHARGE: Final = 6  # units: the least on any arrival
-TOTAL_COLUMNS: Final = 7
+class PathSearch(Struct, role=SCRATCH):
+    """A search for the stops of a list (strategies.allocation.auction.charge_path)."""
+
+    ready: Array = field("(1,) int64", "ticks until the robot sets out: set by the quote")
+    nodes: Array = field("(1,) int64", "stops to go on from: Scratch.node[:nodes]")
+    last: Array = field("(1,) int64", "the last stop of the best path so far, or NIL")
+    best: Array = field("(1,) int64", "its weight")
+    ticks_to_stop: Array = field("(1,) int64", "ticks from the task before to that stop")
+    position: Array = field("(1,) int64", "the position of that stop")
+    rest_ticks: Array = field("(1,) int64", "of the whole list")
+    rest_energy: Array = field("(1,) int64", "and of the way to a charger at its end")
 
 
-class Scratch(Struct):
+class Counts(Struct, role=SCRATCH):
+    """What an auction has taken."""
+
+    bids: Array = field("(1,) int64", "bids computed")
+    positions: Array = field("(1,) int64", "places in lists that were tried")
+    plans: Array = field("(1,) int64", "charging plans made")
+    messages: Array = field("(1,) int64", "announcements, bids sent, awards")
+    states: Array = field(
+        "(1,) int64", "what plans looked at: chargers before tasks, or legs for a threshold"
+    )
+
+
+class Scratch(Struct, role=SCRATCH):
     """What bids are computed in; contents never decide anything between calls, except `sold`."""
 
     order: Array = field("(L + 1,) int32", "a list that is tried")
@@ -125,7 +147,7 @@ class Scratch(Struct):
     weight: Array = field("(L + 1, C) int64", "best way to a charger before task i")
     parent: Array = field("(L + 1, C) int32", "the stop before that one, as i * C + c, or NIL")
     node: Array = field("(S,) int32", "stops from which a better path may go on")
-    path: Array = field("(8,) int64", "(strategies.allocation.auction.charge_path)")
+    path: PathSearch
     bid: Array = field("(R, T) int64", "by robot and number of the item")
     best: Array = field("(R,) int32", "the item of the robot's lowest bid, or NIL")
     left: Array = field("(T,) int32", "items that are not sold, by arrival")
@@ -136,15 +158,5 @@ class Scratch(Struct):
     lowest_bidder: Array = field("(T,) int32", "the robot with the lowest")
     needs_update: Array = field("(T,) uint8", "1 = the five above are to be found again")
     sold: Array = field("(T,) int32", "who won the item, or NIL")
-    count: Array = field("(COUNTS,) int64")
+    count: Counts
     plan: ChargingPlan
-
-
-# Columns of Scratch.count.
-COUNT_BIDS: Final = 0  # bids computed
-COUNT_POSITIONS: Final = 1  # places in lists that were tried
-COUNT_PLANS: Final = 2  # charging plans made
-COUNT_MESSAGES: Final = 3  # announcements, bids sent, awards
-# what charging plans looked at: chargers before tasks, or legs for a threshold
-COUNT_STATES: Final = 4
-COUNT_COLUMNS: Final = 5

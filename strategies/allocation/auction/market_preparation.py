@@ -7,14 +7,14 @@ from numpy.typing import ArrayLike
 
 from strategies.allocation.auction.market import (
     BATTERY_FULL,
-    COUNT_COLUMNS,
     INF_COST,
     POLICY_NO_CHARGING,
-    TOTAL_COLUMNS,
     Array,
     Battery,
     ChargingPlan,
+    Counts,
     Fleet,
+    PathSearch,
     Scratch,
     TaskCosts,
 )
@@ -100,5 +100,6 @@ def scratch_for(robots: int, tasks: int, longest: int, chargers: int) -> Scratch
     """Room for auctions of so many tasks among so many robots with lists of at most `longest`."""
     stops = (longest + 1) * max(chargers, 1) + longest + 2
     sizes = {"R": robots, "T": tasks, "L": longest, "C": chargers, "S": stops}
-    plan = ChargingPlan.sized(sizes | {"FIGURES": TOTAL_COLUMNS})
-    return Scratch.sized(sizes | {"COUNTS": COUNT_COLUMNS}, plan=plan)
+    return Scratch.sized(
+        sizes, path=PathSearch.sized(), count=Counts.sized(), plan=ChargingPlan.sized(sizes)
+    )

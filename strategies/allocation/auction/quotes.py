@@ -4,7 +4,6 @@ import numpy as np
 
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import NIL
-from strategies.allocation.auction.charge_path import PATH_READY
 from strategies.allocation.auction.charge_plan import clear, fits, plan_charging
 from strategies.allocation.auction.insertion import (
     cheapest_insertion,
@@ -13,17 +12,26 @@ from strategies.allocation.auction.insertion import (
     measure,
 )
 from strategies.allocation.auction.market import (
-    COUNT_POSITIONS,
     INF_COST,
     POLICY_FILL_UP,
     POLICY_JOINT,
     POLICY_NO_CHARGING,
     POLICY_THRESHOLD,
     POLICY_THRESHOLD_REACHABLE,
-    TOTAL_LOWEST_CHARGE,
 )
 from strategies.allocation.auction.single_stop import plan_single_stop
 from strategies.allocation.auction.threshold_charging import plan_threshold
+
+
+@kernel
+def clear_counts(scratch):
+    """Count what is done from now on."""
+    count = scratch.count
+    count.bids[0] = 0
+    count.positions[0] = 0
+    count.plans[0] = 0
+    count.messages[0] = 0
+    count.states[0] = 0
 
 
 @kernel
@@ -40,14 +48,14 @@ def quote(costs, battery, scratch, place, ready, charge, order, length):
     A robot that is at `place` in `ready` ticks, then with `charge` units.
     """
     measure(costs, scratch, place, order, length)
-    scratch.path[PATH_READY] = ready
+    scratch.path.ready[0] = ready
     policy = battery.policy
     if policy == POLICY_NO_CHARGING:
         clear(scratch, charge, length)
         return ready + scratch.done_ticks[length]
     if policy == POLICY_THRESHOLD or policy == POLICY_THRESHOLD_REACHABLE:
         cost = plan_threshold(costs, battery, scratch, place, charge, order, length)
-        if scratch.plan.totals[TOTAL_LOWEST_CHARGE] < 0:
+        if scratch.plan.lowest_charge[0] < 0:
             cost = np.int64(INF_COST)
     elif policy == POLICY_FILL_UP:
         cost = plan_single_stop(costs, battery, scratch, place, charge, order, length, 1)
@@ -96,7 +104,7 @@ def insertion_quote(costs, battery, fleet, scratch, r, task):
     order = fleet.order[r]
     first = min(np.int64(fleet.first[r]), length)
     place = np.int64(fleet.place[r])
-    scratch.count[COUNT_POSITIONS] += length + 1 - first
+    scratch.count.positions[0] += length + 1 - first
     position, added = cheapest_insertion(costs, place, order, length, task, first)
     direct = fleet.ready[r] + fleet.travel[r] + added
     policy = battery.policy

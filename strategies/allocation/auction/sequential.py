@@ -12,7 +12,8 @@ import numpy as np
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import NIL
 from strategies.allocation.auction.bids import award, bid
-from strategies.allocation.auction.market import COUNT_BIDS, COUNT_MESSAGES, INF_COST
+from strategies.allocation.auction.market import INF_COST
+from strategies.allocation.auction.quotes import clear_counts
 from strategies.allocation.auction.winners import (
     WINNER_LOWEST_BID,
     lowest,
@@ -25,13 +26,13 @@ from strategies.allocation.auction.winners import (
 @kernel
 def begin(fleet, scratch, items, count):
     """Announce all items; nothing is counted yet and nothing sold."""
-    scratch.count[:] = 0
+    clear_counts(scratch)
     for k in range(count):
         scratch.left[k] = k
         scratch.sold[k] = NIL
         scratch.needs_update[k] = 1
         for r in range(fleet.place.shape[0]):
-            scratch.count[COUNT_MESSAGES] += fleet.may_bid[r, items[k]]
+            scratch.count.messages[0] += fleet.may_bid[r, items[k]]
 
 
 @kernel
@@ -84,7 +85,7 @@ def sequential(costs, battery, fleet, scratch, items, count, rule, epsilon, winn
             elif scratch.best[r] == item:
                 note_best(scratch, r, open_items)
     sold = np.int64(count) - open_items
-    scratch.count[COUNT_MESSAGES] += scratch.count[COUNT_BIDS] + sold
+    scratch.count.messages[0] += scratch.count.bids[0] + sold
     return sold
 
 
@@ -104,7 +105,7 @@ def by_arrival(costs, battery, fleet, scratch, items, count, rule, epsilon):
             award(costs, battery, fleet, scratch, robot, task)
             scratch.sold[k] = robot
             sold += 1
-    scratch.count[COUNT_MESSAGES] += scratch.count[COUNT_BIDS] + sold
+    scratch.count.messages[0] += scratch.count.bids[0] + sold
     return sold
 
 
@@ -132,7 +133,7 @@ def parallel(costs, battery, fleet, scratch, items, count, rule, epsilon):
             scratch.sold[k] = NIL
         else:
             sold += 1
-    scratch.count[COUNT_MESSAGES] += scratch.count[COUNT_BIDS] + sold
+    scratch.count.messages[0] += scratch.count.bids[0] + sold
     return sold
 
 

@@ -24,12 +24,7 @@ from strategies.allocation.auction.charge_plan import (
 from strategies.allocation.auction.insertion import place_before
 from strategies.allocation.auction.market import (
     BATTERY_FULL,
-    COUNT_PLANS,
-    COUNT_STATES,
     INF_COST,
-    TOTAL_COST,
-    TOTAL_END_CHARGE,
-    TOTAL_LOWEST_CHARGE,
 )
 
 
@@ -43,11 +38,11 @@ def plan_single_stop(costs, battery, scratch, place, charge, order, length, fill
     if length == 0 or fits(
         battery, charge, scratch.done_energy[length], np.int64(costs.end[order[length - 1]])
     ):
-        return scratch.plan.totals[TOTAL_COST]
+        return scratch.plan.cost[0]
     position, charger = find_stop(costs, battery, scratch, place, charge, order, length, fill)
     if position == NIL:
         return plan_charging(costs, battery, scratch, place, charge, order, length)
-    scratch.count[COUNT_PLANS] += 1
+    scratch.count.plans[0] += 1
     plan = scratch.plan
     plan.stops[0] = 1
     plan.position[0] = position
@@ -62,10 +57,10 @@ def plan_single_stop(costs, battery, scratch, place, charge, order, length, fill
         - scratch.begun_energy[position]
     )
     tail = energy_to_charger(battery, costs.end[order[length - 1]])
-    plan.totals[TOTAL_COST] += (
+    plan.cost[0] += (
         costs.ticks[costs.robot_type[0], before, at] + costs.ticks[costs.robot_type[0], at, after]
     )
-    plan.totals[TOTAL_COST] -= costs.ticks[costs.robot_type[0], before, after]
+    plan.cost[0] -= costs.ticks[costs.robot_type[0], before, after]
     wait = waiting_at(
         battery,
         scratch,
@@ -74,10 +69,10 @@ def plan_single_stop(costs, battery, scratch, place, charge, order, length, fill
     )
     goal = goal_of(battery, arrival, rest + tail, fill)
     level = stop_at(battery, plan, 0, arrival, goal, wait)
-    plan.totals[TOTAL_END_CHARGE] = level - rest
-    plan.totals[TOTAL_LOWEST_CHARGE] = min(arrival, level - rest)
+    plan.end_charge[0] = level - rest
+    plan.lowest_charge[0] = min(arrival, level - rest)
     add_detours(costs, battery, scratch, place, order)
-    return plan.totals[TOTAL_COST]
+    return plan.cost[0]
 
 
 @kernel
@@ -99,7 +94,7 @@ def find_stop(costs, battery, scratch, place, charge, order, length, fill):
     for i in range(length):
         before = place_before(costs, place, order, i)
         after = np.int64(costs.begin[order[i]])
-        scratch.count[COUNT_STATES] += battery.charger.shape[0]
+        scratch.count.states[0] += battery.charger.shape[0]
         for c in range(battery.charger.shape[0]):
             at = np.int64(battery.charger[c])
             into = np.int64(costs.ticks[costs.robot_type[0], before, at])

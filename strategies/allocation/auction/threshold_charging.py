@@ -16,13 +16,8 @@ from strategies.allocation.auction.charge_plan import add_detours, clear, stop_a
 from strategies.allocation.auction.insertion import place_before
 from strategies.allocation.auction.market import (
     BATTERY_FULL,
-    COUNT_PLANS,
-    COUNT_STATES,
     INF_COST,
     POLICY_THRESHOLD_REACHABLE,
-    TOTAL_COST,
-    TOTAL_END_CHARGE,
-    TOTAL_LOWEST_CHARGE,
 )
 
 
@@ -31,13 +26,13 @@ def plan_threshold(costs, battery, scratch, place, charge, order, length):
     """Leave the stops of the rule in scratch.plan; returns the ticks of the measured list.
 
     INF_COST where the rule asks for a charger and none is there. A level below 0 is for the caller to
-    judge (scratch.plan.totals[TOTAL_LOWEST_CHARGE]).
+    judge (scratch.plan.lowest_charge[0]).
     """
     clear(scratch, charge, length)
     plan = scratch.plan
-    plan.totals[TOTAL_LOWEST_CHARGE] = charge
+    plan.lowest_charge[0] = charge
     level = np.int64(charge)
-    scratch.count[COUNT_STATES] += length
+    scratch.count.states[0] += length
     for i in range(length):
         task = np.int64(order[i])
         here = place_before(costs, place, order, i)
@@ -49,35 +44,35 @@ def plan_threshold(costs, battery, scratch, place, charge, order, length):
         if is_low(battery, then, np.int64(costs.end[task])):
             charger = np.int64(battery.nearest[battery.robot_type[0], here])
             if charger == NIL:
-                plan.totals[TOTAL_COST] = INF_COST
+                plan.cost[0] = INF_COST
                 return INF_COST
             k = plan.stops[0]
             at = np.int64(battery.charger[charger])
             plan.stops[0] = k + 1
             plan.position[k] = i
             plan.charger[k] = charger
-            done = plan.totals[TOTAL_COST] - scratch.done_ticks[length] + scratch.done_ticks[i]
+            done = plan.cost[0] - scratch.done_ticks[length] + scratch.done_ticks[i]
             wait = waiting_at(
                 battery, scratch, charger, done + costs.ticks[costs.robot_type[0], here, at]
             )
             arrival = level - costs.energy[costs.robot_type[0], here, at]
             level = stop_at(battery, plan, k, arrival, np.int64(BATTERY_FULL), wait)
-            plan.totals[TOTAL_COST] += (
+            plan.cost[0] += (
                 costs.ticks[costs.robot_type[0], here, at]
                 + costs.ticks[costs.robot_type[0], at, costs.begin[task]]
             )
-            plan.totals[TOTAL_COST] -= costs.ticks[costs.robot_type[0], here, costs.begin[task]]
+            plan.cost[0] -= costs.ticks[costs.robot_type[0], here, costs.begin[task]]
             here = at
         level -= (
             costs.energy[costs.robot_type[0], here, costs.begin[task]]
             + costs.use[costs.robot_type[0], task]
         )
-        plan.totals[TOTAL_LOWEST_CHARGE] = min(plan.totals[TOTAL_LOWEST_CHARGE], level)
-    plan.totals[TOTAL_END_CHARGE] = level
+        plan.lowest_charge[0] = min(plan.lowest_charge[0], level)
+    plan.end_charge[0] = level
     if plan.stops[0] > 0:
-        scratch.count[COUNT_PLANS] += 1
+        scratch.count.plans[0] += 1
     add_detours(costs, battery, scratch, place, order)
-    return plan.totals[TOTAL_COST]
+    return plan.cost[0]
 
 
 @kernel

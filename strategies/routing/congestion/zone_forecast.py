@@ -6,7 +6,7 @@ count goes up to 65,535; one that would go beyond stays there until all are forg
 
 import numpy as np
 
-from automaton.engine.jit.fields import SCRATCH, field
+from automaton.engine.jit.fields import DERIVED, SCRATCH, field
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import NIL, Array, World
@@ -49,12 +49,12 @@ class CongestionState(Struct):
     visit_zone: Array = field("(n, h + 2) int32", role=SCRATCH)
     visit_begin: Array = field("(n, h + 2) uint16", "the first tick", role=SCRATCH)
     visit_end: Array = field("(n, h + 2) uint16", "the tick in which it is over", role=SCRATCH)
-    # Of all robots; all of it is zero between two calls:
-    counts: Array = field("(Z, words) int64", "robots in a zone, tick by tick", role=SCRATCH)
-    overflowed: Array = field("(1,) int64", "1: a count has overflowed", role=SCRATCH)
-    zone_share: Array = field("(Z,) int64", "shares of a zone, in 1 / WHOLE", role=SCRATCH)
-    crowd: Array = field("(Z,) int64", "robots in a zone at the tick of a replay", role=SCRATCH)
-    calendar: Array = field("(h,) int64", "1 + a robot whose step begins in a tick", role=SCRATCH)
+    # Of all robots; these are zero between two calls:
+    counts: Array = field("(Z, words) int64", "robots in a zone, tick by tick", role=DERIVED)
+    overflowed: Array = field("(1,) int64", "1: a count has overflowed", role=DERIVED)
+    zone_share: Array = field("(Z,) int64", "shares of a zone, in 1 / WHOLE", role=DERIVED)
+    crowd: Array = field("(Z,) int64", "robots in a zone at the tick of a replay", role=DERIVED)
+    calendar: Array = field("(h,) int64", "1 + a robot whose step begins in a tick", role=DERIVED)
     link: Array = field("(n,) int64", "1 + the robot after it in the same tick", role=SCRATCH)
     # Of searches:
     arrival: Array = field("(P,) int32", "tick in which a pose is reached", role=SCRATCH)

@@ -15,7 +15,6 @@ from automaton.evidence.recording.recorder import MemoryRecorder
 from automaton.evidence.verification.validator import validate_stored
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
-from strategies.allocation.auction.auction import ROLE, ROUND
 from strategies.allocation.auction.genetic_auction import genetic
 from strategies.allocation.auction.market import INF_COST
 from strategies.allocation.auction.sequential import objective
@@ -50,7 +49,7 @@ def sold_at_once(options: str, *settings: str, seed: int = 1) -> Simulation:
 
 def value(run: Simulation) -> int:
     """What the last auction made of the lists: the objective for epsilon = 0.5."""
-    return int(objective(run._strategies[LAYER_ALLOCATION]._market.fleet, 500))  # type: ignore[union-attr]
+    return int(objective(run.states[LAYER_ALLOCATION].market.fleet, 500))
 
 
 # Kinds of auctions, and what they count.
@@ -210,19 +209,19 @@ def test_whoever_the_auctioneer_is_the_result_is_the_same_if_all_hear_it() -> No
 
 def test_a_token_is_passed_on_after_each_auction_and_a_term_after_its_ticks() -> None:
     run = auction("auctioneer: token", FIFTY)
-    shared = run.states[LAYER_ALLOCATION].shared
+    state = run.states[LAYER_ALLOCATION]
     held = set()
     for until in range(1, 900, 10):
         run.run(until=until)
-        assert shared[ROLE] == shared[ROUND] % 4
-        held.add(int(shared[ROLE]))
+        assert state.auctioneer[0] == state.rounds[0] % 4
+        held.add(int(state.auctioneer[0]))
     assert held == {0, 1, 2, 3}
     run = auction("auctioneer: time, auctioneer_term: 250", FIFTY)
-    shared = run.states[LAYER_ALLOCATION].shared
+    state = run.states[LAYER_ALLOCATION]
     for tick in range(1, 1200):
-        rounds = int(shared[ROUND])
+        rounds = int(state.rounds[0])
         run.run(until=tick)
-        assert shared[ROUND] == rounds or shared[ROLE] == tick // 250 % 4
+        assert state.rounds[0] == rounds or state.auctioneer[0] == tick // 250 % 4
 
 
 def test_fixed_auctioneers_sell_the_orders_nearest_to_them() -> None:

@@ -22,13 +22,7 @@ from strategies.allocation.auction.market import (
     POLICY_JOINT,
     POLICY_THRESHOLD,
     POLICY_THRESHOLD_REACHABLE,
-    TOTAL_CHARGER_WAIT,
-    TOTAL_CHARGING,
-    TOTAL_COST,
-    TOTAL_END_CHARGE,
-    TOTAL_GROSS,
-    TOTAL_LOWEST_CHARGE,
-    TOTAL_NET,
+    ChargingPlan,
 )
 
 
@@ -82,18 +76,14 @@ def test_no_charging_where_none_is_needed() -> None:
             assert (fleet.cost[0], scratch.plan.stops[0]) == (direct[0], 0)
 
 
-def check_figures(case: Situation, figures: list[int], target: int | None = None) -> None:
+def check_figures(case: Situation, plan: ChargingPlan, target: int | None = None) -> None:
     """What the plan says of itself adds up."""
     path = [case.start, *case.stops]
     direct = sum(case.between[a][b] for a, b in itertools.pairwise(path))
-    assert figures[TOTAL_COST] == direct + figures[TOTAL_NET]
-    assert figures[TOTAL_LOWEST_CHARGE] >= case.reserve
-    assert figures[TOTAL_END_CHARGE] >= case.reserve
-    assert (
-        figures[TOTAL_GROSS]
-        >= figures[TOTAL_NET]
-        >= figures[TOTAL_CHARGING] + figures[TOTAL_CHARGER_WAIT]
-    )
+    assert plan.cost[0] == direct + plan.net[0]
+    assert plan.lowest_charge[0] >= case.reserve
+    assert plan.end_charge[0] >= case.reserve
+    assert plan.gross[0] >= plan.net[0] >= plan.charging[0] + plan.charger_wait[0]
 
 
 @pytest.mark.parametrize("policy", [POLICY_HIERARCHICAL, POLICY_FILL_UP])
@@ -102,7 +92,7 @@ def test_a_plan_says_what_it_costs_and_never_goes_below_the_reserve(policy: int)
     for case in short_of_energy(200, seed=4):
         *_, fleet, scratch = market_of(case, policy)
         if fleet.cost[0] < INF_COST:
-            check_figures(case, scratch.plan.totals.tolist())
+            check_figures(case, scratch.plan)
             feasible += 1
     assert feasible > 100
 
@@ -187,7 +177,7 @@ def test_threshold_charges_fully_at_the_nearest_charger(policy: int) -> None:
         ticks, lowest, stops = threshold_by_hand(
             case, 200_000, policy == POLICY_THRESHOLD_REACHABLE
         )
-        assert scratch.plan.totals[TOTAL_LOWEST_CHARGE] == lowest
+        assert scratch.plan.lowest_charge[0] == lowest
         assert [position for position, _ in stops_of(scratch)] == stops
         assert fleet.cost[0] == (INF_COST if lowest < 0 else ticks)
         stopped += bool(stops)

@@ -39,7 +39,6 @@ from automaton.engine.state import (
     Batch,
     ChargingDecisions,
     Decisions,
-    Memory,
     Record,
     RightOfWayDecisions,
     Robots,
@@ -259,8 +258,3 @@ def build_scratch(n: int, cells: int) -> Scratch:
     words = np.zeros(-(-n // 8), np.uint64)
     sizes = {"n": n, "C": cells, "power of two": 1 << (4 * n).bit_length()}
     return Scratch.sized(sizes, marks=words.view(np.uint8), words=words)
-
-
-def no_memory() -> Memory:
-    """Memory of an absent layer."""
-    return Memory.sized({"n": 1, "k": 0, "q": 0, "p": 0, "f": 0})

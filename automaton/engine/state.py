@@ -528,9 +528,6 @@ class Memory(Struct):
         "of a state that robots see their own rows of (automaton.engine.state_rows)",
         role=CONSTANT,
     )
-    per_robot: Array = field("(n, k) int64", "one row per robot")
-    shared: Array = field("(q,) int64")
-    parameters: Array = field("(p,) int64", "read-only", role=CONSTANT)
 
 
 class Workspace(Struct):

@@ -15,7 +15,6 @@ from automaton.build.world import (
     build_record,
     build_sight,
     build_world,
-    no_memory,
 )
 from automaton.engine import loop as loop_kernels
 from automaton.engine.digest import DIGEST_NAMES, combine, digest_world
@@ -196,7 +195,7 @@ class Simulation:
             self.workspace,
             np.zeros(len(LAYER_NAMES), np.uint8),
         )
-        loop, decide_type = _compiled_loop(arguments, no_memory())
+        loop, decide_type = _compiled_loop(arguments, Memory(address=0, rows=NO_ROWS))
         layer_mode = arguments[-1]
         functions = []
         for index, strategy in enumerate(self._strategies):
@@ -221,7 +220,7 @@ class Simulation:
             for state, mode in zip(shown, layer_mode, strict=True)
         ]
         memories = [
-            memory_for(face, state_rows(*pair) if limited else NO_ROWS)
+            Memory(address=lent_address(face), rows=state_rows(*pair) if limited else NO_ROWS)
             for face, *pair in zip(faces, self._states, shown, strict=True)
         ]
         if loop_kernels.MODE_INTERPRETED in layer_mode:
@@ -245,11 +244,7 @@ class Simulation:
         found: dict[str, int] = {}
         for strategy, state in zip(self._strategies, self._states, strict=True):
             for name, field in strategy.counters.items() if strategy else ():
-                if isinstance(state, Memory):
-                    counts = state.per_robot[:, int(field)]
-                else:
-                    counts = getattr(state, str(field))
-                found[name] = found.get(name, 0) + int(counts.sum())
+                found[name] = found.get(name, 0) + int(getattr(state, field).sum())
         return found
 
     @property
@@ -369,12 +364,6 @@ class Simulation:
         """The digest of the whole state, 16 hex digits."""
         with np.errstate(over="ignore"):
             return f"{int(combine(self.digests())):016x}"
-
-
-def memory_for(state: Struct, rows: Array) -> Memory:
-    """What the loop passes to a strategy that has this state."""
-    memory = state if isinstance(state, Memory) else no_memory()
-    return memory.replaced(address=lent_address(state), rows=rows)
 
 
 def constants_of(world: World) -> list[tuple[str, Array, Array]]:

@@ -6,7 +6,7 @@ from collections.abc import Collection
 from typing import Any
 
 from automaton.engine.jit.structs import Struct
-from automaton.engine.state import Memory, World
+from automaton.engine.state import World
 from automaton.engine.state_rows import PER_ROBOT
 from automaton.errors import InputError, nearest
 from automaton.strategy.layer import Strategy
@@ -25,8 +25,6 @@ def check_decides(strategy: Strategy) -> None:
 def checked_state(strategy: Strategy, state: Any, view: World) -> Struct:
     """What `reset` returns. Raises InputError if it is not a state for this fleet."""
     robots = len(view.robots.cell)
-    if isinstance(state, Memory):
-        return _checked_memory(strategy, state, robots)
     if not isinstance(state, Struct):
         raise _fault(strategy, f"reset() must return a state, which is a Struct; found {state!r}")
     if not state.is_open:
@@ -47,21 +45,6 @@ def checked_state(strategy: Strategy, state: Any, view: World) -> Struct:
                 f"counter {name!r} must name a field of {kind} with a number for each robot: {fields}",
             )
     return state
-
-
-def _checked_memory(strategy: Strategy, memory: Memory, robots: int) -> Memory:
-    if len(memory.per_robot) != robots:
-        raise _fault(strategy, "reset() must give memory.per_robot as int64 of shape (robots, k)")
-    if memory.parameters.flags.writeable:
-        raise _fault(strategy, "reset() must give memory.parameters read-only, as memory_of does")
-    for name, column in strategy.counters.items():
-        columns = memory.per_robot.shape[1]
-        if not isinstance(column, int) or not 0 <= column < columns:
-            found = f"memory.per_robot has {columns} columns, found {column!r}"
-            raise _fault(
-                strategy, f"counter {name!r} must name a column of memory.per_robot: {found}"
-            )
-    return memory
 
 
 def check_counters(strategy: Strategy, reserved: Collection[str]) -> None:

@@ -19,11 +19,10 @@ enters.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
 import msgspec
-import numpy as np
 
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import Batch, Decisions, Memory, Workspace, World
@@ -43,7 +42,7 @@ class Strategy:
     Parameters: ClassVar[type[msgspec.Struct]] = NoParameters
     compiled: ClassVar[Callable[..., None] | None] = None
     # metric -> field of the state with a number for each robot, summed over robots
-    counters: ClassVar[Mapping[str, str | int]] = {}
+    counters: ClassVar[Mapping[str, str]] = {}
     period: int = 0  # it is also asked every `period` ticks (above); 0 = only when concerned
     holders: bool = (
         False  # it looks robots up by cell: while it is asked, traffic.holder is entered
@@ -71,13 +70,3 @@ class Strategy:
     def wait_ranges(self) -> WaitRanges:
         """Right of way only: wait range empty, wait range loaded, retries before it is asked."""
         return (1, 1, 1, 1, 1)
-
-
-def memory_of(
-    view: World, per_robot: int = 0, shared: int = 0, parameters: Sequence[int] = ()
-) -> Memory:
-    """Memory with `per_robot` numbers for each robot and `shared` ones for all, zero at the start."""
-    constants = np.array(parameters, np.int64)
-    constants.setflags(write=False)
-    sizes = {"n": view.robots.cell.shape[0], "k": per_robot, "q": shared, "f": 0}
-    return Memory.sized(sizes, parameters=constants)

@@ -74,15 +74,21 @@ MODE_INTERPRETED = 2
 PHASES = len(LAYER_SEQUENCE)
 
 
-def ticks(worlds, batches, decisions, record, observation, workspace, layer_mode, decide, memories):
+def ticks(
+    worlds, batches, decisions, kept, workspace, layer_mode, memories,
+    zoning, charging, allocation, routing, right_of_way,
+):  # fmt: skip
     """Run ticks until world.clock[CLOCK_STOP_TICK]; pause there, when a buffer is full, and at the end.
 
     `worlds`: the world; what strategies see of it; the same memory, read-only, which they get.
     `batches`: the robots that a layer is asked about; those of one call; the same, read-only.
-    `layer_mode`, `decide`, `memories`: by layer. Gives the run up in mid-tick once workspace.stop is set.
+    `kept`: the record, and what is observed. `layer_mode`, `memories`: by layer. Functions come one by
+    one: Numba warns of a tuple of them. Gives the run up in mid-tick once workspace.stop is set.
     """
     world, visible_world, view = worlds
     full_batch, batch, batch_view = batches
+    record, observation = kept
+    decide = (zoning, charging, allocation, routing, right_of_way)
     clock = world.clock
     while True:
         if (
@@ -245,7 +251,7 @@ def compile_loop(arguments, memory):
     from numba import typeof
 
     kinds = [typeof(argument) for argument in arguments]
-    worlds, batches, decisions, _, _, workspace, _ = kinds
+    worlds, batches, decisions, _, workspace, _ = kinds
     decide = types.void(worlds[2], batches[2], decisions, typeof(memory), workspace)
-    by_layer = [types.UniTuple(kind, 5) for kind in (types.FunctionType(decide), typeof(memory))]
-    return kernel(ticks, signature=(*kinds, *by_layer)), decide
+    memories, functions = types.UniTuple(typeof(memory), 5), [types.FunctionType(decide)] * 5
+    return kernel(ticks, signature=(*kinds, memories, *functions)), decide

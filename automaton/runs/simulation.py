@@ -190,8 +190,7 @@ class Simulation:
             (self.world, self.visible_world, self.view),
             (self.full_batch, self.batch, self._batch_view),
             self.decisions,
-            self.record,
-            self.observation,
+            (self.record, self.observation),
             self.workspace,
             np.zeros(len(LAYER_NAMES), np.uint8),
         )
@@ -230,7 +229,7 @@ class Simulation:
             self._sealed = self.workspace.sealed() if jit_is_on() else self.workspace
         # Kernels count no references: whatever is freed here would be overwritten under the loop.
         self._lent = (arguments, functions, shown, faces, memories)
-        ticks: Iterator[int] = loop(*arguments, tuple(functions), tuple(memories))
+        ticks: Iterator[int] = loop(*arguments, tuple(memories), *functions)
         return ticks
 
     @property

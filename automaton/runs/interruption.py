@@ -6,19 +6,21 @@ descriptor sets it:
 
     signal -> a byte in the pipe -> the watcher sets the flag -> the search returns -> the handler raises
 
-What is computed after the flag is set is worthless, and nobody may keep it.
+What is computed after the flag is set is worthless, and nobody may keep it. The watcher may hear of a
+signal when its handler has long raised: such a signal ends no later run.
 """
 
 from __future__ import annotations
 
 import math
 import os
+import select
 import signal
 import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import TYPE_CHECKING, Any, Final, NoReturn
 
@@ -45,35 +47,64 @@ class _Watcher:
         self.answered = -math.inf  # when our handler last ran
         self.other = NO_SIGNAL  # an event loop's descriptor: it hears of signals as well
         self._process = 0
-        self._write = NO_SIGNAL
+        self._read = self._write = NO_SIGNAL
+        self._lock = threading.RLock()  # of the pipe and the flags; a handler may come in between
 
     @contextmanager
-    def listening(self) -> Iterator[None]:
-        """While inside, signals set the flags. In the main thread only."""
+    def listening(self, *flags: Flag) -> Iterator[None]:
+        """While inside, signals set these flags, too. In the main thread only."""
         if self._process != os.getpid():
             self._process = os.getpid()
-            read, self._write = os.pipe()
+            self._lock = threading.RLock()
+            self._read, self._write = os.pipe()
+            os.set_blocking(self._read, False)
             os.set_blocking(self._write, False)
-            threading.Thread(target=self._listen, args=(read,), name="signals", daemon=True).start()
+            threading.Thread(target=self._listen, name="signals", daemon=True).start()
         before = signal.set_wakeup_fd(self._write, warn_on_full_buffer=False)
         if before != self._write:
             self.other = before
+        outer = len(self.flags)
         try:
+            with self._lock:
+                self.forget()
+                self.flags += flags
             yield
         finally:
             signal.set_wakeup_fd(before)
+            with self._lock:
+                del self.flags[outer:]
 
-    def _listen(self, read: int) -> None:
-        while byte := os.read(read, 1):
-            heard = time.monotonic()
+    def forget(self) -> None:
+        """Forget the signals that came so far: the main thread has handled them, or is about to."""
+        if self._process != os.getpid():
+            return  # a fork: pipe and lock are its parent's
+        with self._lock:
+            while self._next_signal():
+                pass
+
+    def _next_signal(self) -> int:
+        """The next signal in the pipe, which an event loop hears of as well; 0 if there is none."""
+        with suppress(BlockingIOError):
+            byte = os.read(self._read, 1)
             if self.other != NO_SIGNAL:
                 os.write(self.other, byte)
-            handler = signal.getsignal(byte[0])
-            if byte[0] in SIGNALS and handler in (_on_signal, signal.default_int_handler):
-                for flag in list(self.flags):  # somebody else's handler may let the run go on
-                    flag[0] = 1
+            return byte[0]
+        return 0
+
+    def _listen(self) -> None:
+        poll = select.poll()
+        poll.register(self._read, select.POLLIN)
+        while True:
+            poll.poll()
+            with self._lock:
+                heard = time.monotonic()
+                number = self._next_signal()
+                handler = signal.getsignal(number) if number else None
+                if number in SIGNALS and handler in (_on_signal, signal.default_int_handler):
+                    for flag in self.flags:  # somebody else's handler may let the run go on
+                        flag[0] = 1
             if handler is _on_signal:
-                self._insist(byte[0], heard)
+                self._insist(number, heard)
 
     def _insist(self, number: int, heard: float) -> None:
         while time.monotonic() < heard + INTERRUPT_PATIENCE_S:
@@ -95,12 +126,8 @@ def interruptible(flag: Flag) -> Iterator[None]:
     threads hear of none, but may set the flag of a run to end it.
     """
     if threading.current_thread() is threading.main_thread():
-        _WATCHER.flags.append(flag)
-        try:
-            with _WATCHER.listening():
-                yield
-        finally:
-            _WATCHER.flags.pop()
+        with _WATCHER.listening(flag):
+            yield
     else:
         yield
     if flag[0]:
@@ -138,6 +165,7 @@ def signals_raise() -> Iterator[None]:
 
 
 def _on_signal(number: int, _: FrameType | None) -> NoReturn:
+    _WATCHER.forget()
     _WATCHER.answered = time.monotonic()
     if number == signal.SIGTERM:
         signal.signal(number, signal.SIG_IGN)  # what is known is told once, whole

@@ -25,6 +25,7 @@ from automaton.engine.search import (
     nearest_mark,
 )
 from automaton.engine.state import NIL
+from automaton.runs import interruption
 from automaton.runs.interruption import interruptible
 from automaton.runs.simulation import Simulation
 from strategies.routing.astar.astar import search
@@ -115,6 +116,26 @@ def test_a_handler_of_somebody_else_lets_the_run_go_on() -> None:
     finally:
         signal.signal(signal.SIGTERM, before)
     assert told == [signal.SIGTERM] and simulation.finished
+
+
+def test_a_signal_that_is_heard_late_ends_no_later_run() -> None:
+    """The handler raises, and the next run begins, before the thread that hears of signals wakes."""
+    first, later = np.zeros(1, np.int64), np.zeros(1, np.int64)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # the background ignores it
+    try:
+        with interruptible(first):
+            pass  # the thread is there
+        asleep = interruption._WATCHER._lock
+        asleep.acquire()
+        with pytest.raises(KeyboardInterrupt), interruptible(first):
+            signal.raise_signal(signal.SIGINT)
+        with interruptible(later):
+            asleep.release()
+            deadline = time.monotonic() + 0.2  # for the thread to hear of it
+            wait_until(lambda: time.monotonic() > deadline)
+            assert not later[0]
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def test_searches_find_nothing_once_a_run_is_given_up(given_up: Simulation) -> None:

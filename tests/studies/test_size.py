@@ -18,6 +18,7 @@ from automaton.build.resolve import resolve
 from automaton.commands import main
 from automaton.engine.state import ORDER_DELIVERED
 from automaton.errors import InputError
+from automaton.runs import process_pool
 from automaton.runs.process_pool import PersistentPool
 from automaton.runs.simulation import Simulation
 from automaton.studies.sizing.candidates import Candidate, FleetConfig, Run, judged
@@ -418,6 +419,22 @@ def test_figures_of_a_steady_state_leave_the_start_up_out() -> None:
     assert figures["throughput"] == pytest.approx(3 * figures["throughput_per_robot"])
 
 
+@pytest.fixture
+def each_run_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Searches of one scenario and fleet share their runs, which the seeds tell apart."""
+    done: dict[Any, Any] = {}
+    carry_out = process_pool.run_chunk
+
+    def run_chunk(chunk: Any) -> Any:
+        key = (chunk.first, *(seed for _, seed in chunk.jobs))
+        if key not in done:
+            done[key] = carry_out(chunk)
+        return done[key]
+
+    monkeypatch.setattr(process_pool, "run_chunk", run_chunk)
+
+
+@pytest.mark.usefixtures("each_run_once")
 def test_a_steady_state_is_asked_for_its_mean_after_the_warm_up(capsys: Any) -> None:
     given = ("warehouse-100", "--robots", "3", "--budget", "200", "--workers", "1")
     settings = [text for setting in SMALL for text in ("--set", setting)]

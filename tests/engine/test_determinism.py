@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fresh_process import told
+from fresh_process import told, told_here
 
 from automaton.build.resolve import resolve
 from automaton.engine.digest import DIGEST_NAMES
@@ -52,7 +52,7 @@ def test_the_number_of_workers_does_not_matter() -> None:
 @pytest.mark.parametrize("allocation", ["cooperative", "adaptive"])
 def test_with_the_jit_off_the_world_is_the_same(allocation: str) -> None:
     settings = ("fleet.robots=4", f"strategy.allocation={allocation}")
-    compiled = told("tabletop-mini", 400, *settings)
+    compiled = told_here("tabletop-mini", 400, *settings)
     assert told("tabletop-mini", 400, *settings, NUMBA_DISABLE_JIT="1") == compiled
     assert compiled.startswith("400 ")
 
@@ -64,7 +64,7 @@ def test_with_the_jit_off_zones_are_as_slow() -> None:
         "world.extra_tick_probability=0.3",
     )
     settings = (*rules, "durations.pick=0", "durations.drop=0")
-    compiled = told("crossing", 60, *settings)
+    compiled = told_here("crossing", 60, *settings)
     assert told("crossing", 60, *settings, NUMBA_DISABLE_JIT="1") == compiled
     assert compiled.startswith("60 ")
 

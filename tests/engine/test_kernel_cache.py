@@ -14,9 +14,11 @@ from pathlib import Path
 
 import pytest
 
-import strategies.allocation.cooperative
+import strategies.allocation.first_come
+from automaton.build.resolve import resolve
 from automaton.engine.jit import kernel_sources
 from automaton.engine.jit.kernel import jit_is_on
+from automaton.runs.simulation import Simulation
 
 ROOT = Path(__file__).parents[2]
 ENGINE = {"automaton.engine.loop", "automaton.engine.motion"}
@@ -213,6 +215,11 @@ def compiled_in_a_run(folder: Path, strategy: str) -> tuple[set[str], str]:
     return set(modules), digest
 
 
+def compile_the_rest() -> None:
+    """Compile all that such a run needs besides the plug-in, if this is the first test of all."""
+    Simulation(resolve("tabletop-mini", ["fleet.robots=4", "strategy.right_of_way=wait"])).run(400)
+
+
 @pytest.mark.skipif(not jit_is_on(), reason="compilation is off")
 def test_an_edit_in_what_a_plug_in_calls_compiles_it_anew(tmp_path: Path) -> None:
     (tmp_path / "mine" / "deep").mkdir(parents=True)
@@ -220,7 +227,7 @@ def test_an_edit_in_what_a_plug_in_calls_compiles_it_anew(tmp_path: Path) -> Non
     (tmp_path / "mine" / "deep" / "ticks.py").write_text("TICKS = 2\n")
     (tmp_path / "another.py").write_text(ANOTHER.format("2 * x"))
     ours, name = {"mine.patient", "another"}, "right_of_way=mine.patient:Patient"
-    compiled_in_a_run(tmp_path, "right_of_way=wait")  # the world, if this is the first test of all
+    compile_the_rest()
     modules, before = compiled_in_a_run(tmp_path, name)
     assert modules == ours
     assert compiled_in_a_run(tmp_path, name) == (set(), before)
@@ -237,11 +244,11 @@ def test_an_edit_in_what_a_plug_in_calls_compiles_it_anew(tmp_path: Path) -> Non
 @pytest.mark.skipif(not jit_is_on(), reason="compilation is off")
 def test_a_comment_in_a_strategy_compiles_that_strategy_alone(tmp_path: Path) -> None:
     edited = tmp_path / "edited.py"
-    shutil.copy(strategies.allocation.cooperative.__file__, edited)
-    modules, before = compiled_in_a_run(tmp_path, "allocation=edited:Cooperative")
+    shutil.copy(strategies.allocation.first_come.__file__, edited)
+    modules, before = compiled_in_a_run(tmp_path, "allocation=edited:FirstCome")
     assert "edited" in modules
     edited.write_text(edited.read_text() + "# a comment\n")
-    assert compiled_in_a_run(tmp_path, "allocation=edited:Cooperative") == ({"edited"}, before)
+    assert compiled_in_a_run(tmp_path, "allocation=edited:FirstCome") == ({"edited"}, before)
 
 
 COUNTING = """
@@ -278,7 +285,7 @@ class Counting(Strategy):
 def test_a_field_of_a_strategys_state_is_declared_in_its_folder_alone(tmp_path: Path) -> None:
     plug_in = tmp_path / "counting.py"
     plug_in.write_text(COUNTING.format(field='asked: Array = field("(n,) int64")', name="asked"))
-    compiled_in_a_run(tmp_path, "right_of_way=wait")  # the world, if this is the first test of all
+    compile_the_rest()
     modules, before = compiled_in_a_run(tmp_path, "right_of_way=counting:Counting")
     assert modules == {"counting"}
     fields = 'asked: Array = field("(n, 2) float64")\n    times: Array = field("(n,) int32")'

@@ -1,4 +1,4 @@
-"""A run in a process of its own."""
+"""A run in a process of its own, and the same in this one."""
 
 from __future__ import annotations
 
@@ -6,11 +6,15 @@ import os
 import subprocess
 import sys
 
-TOLD = """
+from automaton.build.resolve import resolve
+from automaton.runs.simulation import Simulation
+
+SEED = 7
+TOLD = f"""
 import sys
 from automaton.build.resolve import resolve
 from automaton.runs.simulation import Simulation
-run = Simulation(resolve(sys.argv[1], sys.argv[3:]), seed=7)
+run = Simulation(resolve(sys.argv[1], sys.argv[3:]), seed={SEED})
 run.run(until=int(sys.argv[2]))
 print(run.tick, run.digest)
 """
@@ -28,3 +32,10 @@ def told(name: str, until: int, *settings: str, **environment: str) -> str:
     )
     assert done.returncode == 0, done.stderr
     return done.stdout.strip()
+
+
+def told_here(name: str, until: int, *settings: str) -> str:
+    """The same of a run in this process, which may have compiled code already."""
+    run = Simulation(resolve(name, settings), seed=SEED)
+    run.run(until=until)
+    return f"{run.tick} {run.digest}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from fresh_process import told
+from fresh_process import told, told_here
 
 from automaton.build.resolve import resolve
 from automaton.runs.process_pool import run_all
@@ -37,10 +37,9 @@ def test_how_robots_are_stored_does_not_matter(name: str) -> None:
 
 
 def test_fresh_processes_and_workers_agree() -> None:
-    here = Simulation(resolve("depots", SETTINGS["depots"]), seed=7)
-    here.run(until=1500)
     settings = SETTINGS["depots"]
-    assert told("depots", 1500, *settings, PYTHONHASHSEED="5") == f"{here.tick} {here.digest}"
+    fresh = told("depots", 1500, *settings, PYTHONHASHSEED="5")
+    assert fresh == told_here("depots", 1500, *settings)
     scenarios = [resolve(name, SETTINGS[name]) for name in ("depots", "depots-line")]
     alone, together = (run_all(scenarios, range(1, 4), workers) for workers in (1, 2))
     assert alone == together
@@ -51,7 +50,7 @@ def test_fresh_processes_and_workers_agree() -> None:
 )
 def test_with_the_jit_off_everything_is_the_same(allocation: str) -> None:
     settings = (*FEW, f"strategy.allocation={allocation}")
-    compiled = told("depots", 400, *settings)
+    compiled = told_here("depots", 400, *settings)
     assert told("depots", 400, *settings, NUMBA_DISABLE_JIT="1") == compiled
 
 

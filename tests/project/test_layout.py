@@ -1,14 +1,32 @@
-"""The tests themselves: what several of them need lies in modules that hold no tests."""
+"""The tests themselves: they lie as the sources do, and what several need holds no tests."""
 
 from __future__ import annotations
 
 import ast
 from pathlib import Path
 
+TESTS = Path(__file__).parents[1]
+OF_THEIR_OWN = {"helpers", "project"}  # project: documents, distribution, words
+
+
+def test_tests_lie_in_the_folders_of_the_sources() -> None:
+    folders = {path.parent.relative_to(TESTS) for path in TESTS.rglob("test_*.py")}
+    folders -= {Path(name) for name in OF_THEIR_OWN}
+    sources = (TESTS.parent / "automaton", TESTS.parent)
+    assert [str(one) for one in folders if not any((top / one).is_dir() for top in sources)] == []
+    assert not list((TESTS / "helpers").glob("test_*.py"))
+
+
+def test_every_helper_is_used_or_run_by_hand() -> None:
+    texts = {path: path.read_text(encoding="utf-8") for path in TESTS.rglob("*.py")}
+    for helper in (TESTS / "helpers").glob("*.py"):
+        others = "".join(text for path, text in texts.items() if path != helper)
+        assert helper.stem in others or "run by hand" in texts[helper], helper.name
+
 
 def test_no_test_module_imports_another() -> None:
     found = []
-    for path in sorted(Path(__file__).parents[1].rglob("*.py")):
+    for path in sorted(TESTS.rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []

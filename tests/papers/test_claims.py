@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
-from scipy import stats
 
 from automaton.papers.claim_report import bounds, evidence, panel_table
 from automaton.papers.claims import Claim, Figure, Judged, judge
@@ -31,6 +30,8 @@ def judged(figure: Figure, values: Sequence[float], others: Sequence[float] = ()
 
 @given(st.integers(1, 400).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))))
 def test_exact_shares_agree_with_scipy(case: tuple[int, int]) -> None:
+    from scipy import stats  # here: a second for each worker that collects this module
+
     for level in (0.9, 0.95, 0.999):
         found = exact_share(*case, level)
         low, high = stats.binomtest(*case).proportion_ci(level, method="exact")
@@ -38,6 +39,8 @@ def test_exact_shares_agree_with_scipy(case: tuple[int, int]) -> None:
 
 
 def test_exact_shares_of_many_runs_agree_with_scipy() -> None:
+    from scipy import stats
+
     for met, runs in ((0, 100_000), (1, 100_000), (50_000, 100_000), (99_999, 100_000)):
         low, high = stats.binomtest(met, runs).proportion_ci(method="exact")
         assert exact_share(met, runs)[1:3] == (pytest.approx(low), pytest.approx(high))

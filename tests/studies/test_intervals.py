@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy import stats
 from statistics_trials import coverage, drawn_from, false_families
 
 from automaton.studies.inference.effects import effect
@@ -34,6 +33,8 @@ def test_students_quantiles_are_those_of_tables(
 
 @given(st.floats(0.01, 50), st.floats(0.5, 500))
 def test_students_tails_agree_with_scipy(t: float, degrees: float) -> None:
+    from scipy import stats  # here: a second for each worker that collects this module
+
     assert tails(t, degrees) == pytest.approx(2 * stats.t.sf(t, degrees), rel=1e-8, abs=1e-280)
 
 
@@ -67,6 +68,8 @@ def test_few_runs_have_students_interval_too_and_a_warning_with_skew_and_n() -> 
 
 @given(NUMBERS, st.sampled_from([0.9, 0.95, 0.999]))
 def test_intervals_of_means_agree_with_scipy(values: list[float], level: float) -> None:
+    from scipy import stats
+
     found = mean_interval(values, level)
     if np.ptp(values) > 1e-6:
         low, high = stats.ttest_1samp(values, 0).confidence_interval(level)

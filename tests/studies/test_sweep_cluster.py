@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -30,7 +31,8 @@ from automaton.experiments import sweep
 from automaton.studies.sweeps.cluster import DaskCluster
 from automaton.studies.sweeps.result_store import Store
 
-pytest.importorskip("distributed")
+# Looked for, not imported: that takes a second, in each worker that collects this module.
+pytestmark = pytest.mark.skipif(not find_spec("distributed"), reason="it is not installed")
 
 REPLICATIONS = 100  # in 4 points: more than are done before the kill
 

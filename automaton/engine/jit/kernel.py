@@ -273,10 +273,12 @@ def first_compilation_announced() -> Iterator[None]:
     if not jit_is_on() or world_marker().exists():
         yield
         return
-    COMPILATIONS.announce(WORLD)
+    before = COMPILATIONS.announced
+    if not before:
+        COMPILATIONS.announce(WORLD)
     COMPILATIONS.announced = True
     try:
         yield
     finally:
-        COMPILATIONS.announced = False
+        COMPILATIONS.announced = before
     world_marker().touch()

@@ -83,7 +83,7 @@ class _Watcher:
                 pass
 
     def _next_signal(self) -> int:
-        """The next signal in the pipe, which an event loop hears of as well; 0 if there is none."""
+        """The next signal in the pipe, which an event loop hears of as well; 0 if it is empty."""
         with suppress(BlockingIOError):
             byte = os.read(self._read, 1)
             if self.other != NO_SIGNAL:

@@ -31,7 +31,9 @@ from automaton.floor.floor_plan import DRIVABLE, ENTRIES, CellBytes, FloorPlan
 
 AROUND = ((0, 1), (1, 0), (0, -1), (-1, 0))  # (rows, columns) to the neighbour E, S, W, N
 BITS_SET = np.array([bin(bits).count("1") for bits in range(ALL_EXITS + 1)])
-NEW_SYMBOLS = "oxytkzaefghjlmnpquw0123456789"  # those that a legend may add
+NEW_SYMBOLS = "".join(  # those that a legend may add
+    symbol for symbol in "oxykzabcdefghijlmnpqrstuvw0123456789" if symbol not in SYMBOLS
+)
 CONFLICT = 100  # cost of an exit that should not hold; more than any preference
 ADDED = 50  # cost of a symbol that the legend has to explain
 LOOSE = 5  # cost of an exit that only the neighbour's symbol closes: '>>>' rather than '>.>'

@@ -153,13 +153,14 @@ class Me:
         return None if load == NIL else load
 
     def access_cell_for(self, slot: int) -> int:
-        """The flat cell from which it serves a slot with the fewest ticks; NIL: from none."""
-        cells = paths.access_cells(self._view, self._robot, slot)
-        found = paths.nearest(self._view, self._workspace, self._robot, cells)
-        return cells[found or 0] if cells else NIL
+        """The flat cell from which it picks up at a slot, or drops there if it is loaded, by the
+        scenario's `world.access_cell`; NIL: from none."""
+        cell_of = paths.pickup_cell if self.load is None else paths.dropoff_cell
+        cell = cell_of(self._view, self._robot, slot)
+        return NIL if cell is None else cell
 
     def ticks_to(self, slot: int) -> int:
-        """Ticks to the nearest cell from which it serves a slot, on the empty floor."""
+        """Ticks to the cell from which it serves a slot, on the empty floor."""
         access_cell = self.access_cell_for(slot)
         if access_cell == NIL:
             return paths.UNREACHABLE

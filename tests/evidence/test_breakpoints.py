@@ -218,6 +218,13 @@ def test_deliveries_name_the_robot_that_delivered(run: LiveRun) -> None:
         assert robot not in holding(run, "delivered")
 
 
+def test_each_cause_of_waiting_can_be_asked_for(run: LiveRun) -> None:
+    for name in (cause.name for cause in CAUSES if cause.name != "reduced speed"):
+        assert holding(run, f"cause == '{name}'") or name != "none"
+    with pytest.raises(InputError, match="'reduced speed' is not a known cause"):
+        breakpoint_of("cause == 'reduced speed'")  # who drives slowly does not wait
+
+
 def test_how_robots_are_stored_does_not_matter() -> None:
     found = set()
     for storage in ([0, 1, 2], [2, 0, 1]):

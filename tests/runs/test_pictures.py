@@ -308,6 +308,13 @@ def test_what_has_no_symbol_gets_one_and_a_legend() -> None:
     assert draw_floor(*drawing) == floor_plan
 
 
+def test_a_legend_takes_no_symbol_that_means_something_already() -> None:
+    capacities = {str(capacity): symbol_of("turntable", capacity=capacity) for capacity in range(8)}
+    floor_plan = draw_floor("t0s1d2.3.4.5.6.7\n" + "." * 16, tuple(capacities.items()))
+    drawing = floor_drawing(floor_plan)
+    assert draw_floor(*drawing) == floor_plan and drawing.picture.startswith("t")
+
+
 def test_bays_at_x_0_are_not_taken_for_the_column_before_it() -> None:
     floor_plan = draw_floor("o.\n#.\no.", (("o", symbol_of("parking-bay")),))
     drawing = floor_drawing(floor_plan)

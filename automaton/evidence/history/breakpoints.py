@@ -38,7 +38,9 @@ from automaton.evidence.history.snapshot import Fleet, Snapshot
 from automaton.floor.floor_plan import FloorPlan
 from automaton.runs.simulation import Simulation
 
-WAIT_CAUSE_NAMES: Final = [cause.name for cause in CAUSES[:CAUSE_REDUCED_SPEED]]
+WAIT_CAUSE_CODES: Final = {
+    cause.name: code for code, cause in enumerate(CAUSES) if code != CAUSE_REDUCED_SPEED
+}
 FIELDS: Final = {  # name: what it is, of one robot
     "robot": "its number",
     "x": "column of its cell",
@@ -48,7 +50,7 @@ FIELDS: Final = {  # name: what it is, of one robot
     "order": "the order it works on, or -1",
     "waiting": "ticks that it has waited; 0 if it does not",
     "slowdown_ticks": "ticks that its moves took longer so far, in slow zones and by chance",
-    "cause": "why it waits: " + ", ".join(f"'{name}'" for name in WAIT_CAUSE_NAMES),
+    "cause": "why it waits: " + ", ".join(f"'{name}'" for name in WAIT_CAUSE_CODES),
     "action": "what it does: " + ", ".join(f"'{name}'" for name in ACTION_NAMES),
     "busy": "ticks until it is free",
     "parked": "whether it is parked",
@@ -65,7 +67,10 @@ FIELDS: Final = {  # name: what it is, of one robot
 }
 CONDITION_NAMES: Final = (*FIELDS, "deadlock", "delivered", "stalled", "zones redesigned")
 MAX_CONDITION_LENGTH: Final = 200  # characters
-NAMED_VALUES: Final = {"cause": WAIT_CAUSE_NAMES, "action": list(ACTION_NAMES)}
+NAMED_VALUES: Final = {
+    "cause": WAIT_CAUSE_CODES,
+    "action": {name: code for code, name in enumerate(ACTION_NAMES)},
+}
 COMPARISONS: Final[Mapping[type[ast.cmpop], Callable[[Any, Any], Any]]] = {
     ast.Lt: np.less,
     ast.LtE: np.less_equal,
@@ -215,13 +220,13 @@ def _code_of(word: str, comparison: ast.Compare | None) -> int:
     sides = [] if comparison is None else [comparison.left, *comparison.comparators]
     for side in sides:
         if isinstance(side, ast.Name) and side.id in NAMED_VALUES:
-            names = NAMED_VALUES[side.id]
-            if word not in names:
+            codes = NAMED_VALUES[side.id]
+            if word not in codes:
                 raise InputError(
-                    f"'{word}' is not a known {side.id}{nearest(word, names)}; there are "
-                    f"{', '.join(names)}"
+                    f"'{word}' is not a known {side.id}{nearest(word, codes)}; there are "
+                    f"{', '.join(codes)}"
                 )
-            return names.index(word)
+            return codes[word]
     raise InputError(f"'{word}' can be compared with cause and action only")
 
 

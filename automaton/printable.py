@@ -45,6 +45,20 @@ def cleaned(data: Any) -> Any:
     return data
 
 
+def cleaned_document(data: Any) -> Any:
+    """Data of a file in which all text is escaped; a key is one line, and so is a `name`."""
+    if isinstance(data, list):
+        return [cleaned_document(value) for value in data]
+    if not isinstance(data, dict):
+        return cleaned(data)
+    return {
+        one_line(key): one_line(value, LONGEST_NAME)
+        if key == "name" and isinstance(value, str)
+        else cleaned_document(value)
+        for key, value in data.items()
+    }
+
+
 def for_terminal(text: str) -> str:
     """Output as a terminal may get it: of control sequences only those that this program uses."""
     return _OURS.sub(lambda found: found[1] or _shown(found), text)

@@ -165,7 +165,7 @@ def task(roads: Roads, flow: Array, zones: int) -> Task:
 def factory() -> Task:
     """The factory with the flow of all parts."""
     resolved = resolve("factory")
-    cells = resolved.floor_plan.stations()
+    cells = resolved.floor_plan.stations
     flow = np.zeros((len(cells), len(cells)))
     for kind in resolved.scenario.orders.parts or ():
         for here, then in itertools.pairwise(kind.route):
@@ -244,7 +244,7 @@ def prepare_lattice(stations: int, zones: int) -> Sample:
     flow = np.zeros((stations, stations))
     for here in range(stations):
         flow[here, (here + rng.integers(1, stations)) % stations] = LOADS
-    return repairing(task(roads_of(floor_plan, floor_plan.stations()).read_only(), flow, zones))
+    return repairing(task(roads_of(floor_plan, floor_plan.stations).read_only(), flow, zones))
 
 
 def fleet(kind: str, robots: int, stations: int = FLEET_STATIONS) -> Scenario:

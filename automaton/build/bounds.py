@@ -4,11 +4,14 @@ work       each order is taken, carried over the cheapest way with the turns tha
            down: N robots need work / N ticks. A load may be dropped on the way and taken up from
            another side (a bucket brigade): that is a way through a slot, at the cost of handling it
 stations   a station holds one robot: picks and drops at stations, shared evenly among them
-parts      stations work on one part at a time, and a part goes its whole route (part_bounds)
+parts      a station works on one part at a time: all its works, but for those that end a route,
+           since a run may end when the last load is delivered; and one part goes through its whole
+           route: its works but the last, and the ways between
 chargers   energy that orders take beyond what batteries hold at the start comes from chargers, or
            from repairs
 
-Orders that are drawn count as the cheapest that could be drawn, so the bounds hold for every seed.
+Orders that are drawn count as the cheapest that could be drawn, work that is drawn as one tick, and
+parts that come at drawn ticks as if they all came with the first, so the bounds hold for every seed.
 Every robot counts as one of the fastest type, that goes everywhere. Loads are assumed to be moved by
 robots alone: not by one that goes down and leaves its load to the other side.
 """
@@ -16,22 +19,22 @@ robots alone: not by one that goes down and leaves its load to the other side.
 from __future__ import annotations
 
 import heapq
+import itertools
 import math
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from automaton.build.part_bounds import part_bounds, ways
 from automaton.build.resolve import Resolved
 from automaton.engine.state import NIL, Array
 from automaton.floor.cells import CHARGER, STATION
 from automaton.floor.floor_plan import CAN_TURN
 from automaton.floor.reachability import backward_exits, slot_access
-from automaton.scenario.orders import DRAWN, ENDS
-from automaton.scenario.robot_types import least_move
+from automaton.scenario.orders import DRAWN, ENDS, Orders, Parts
 from automaton.scenario.schema import Battery, ChargeRange
 
 MOST_TARGETS: Final = 200  # of a list, each with a search of its own; beyond: the nearest of all
+LEAST_DRAWN: Final = 1  # ticks of work
 
 
 class Bounds(NamedTuple):
@@ -64,7 +67,9 @@ def bounds(resolved: Resolved) -> Bounds:
     durations, battery = scenario.durations, scenario.battery
     turn = 0 if scenario.fleet.kinematics == "omni" else durations.turn
     handling = durations.pick + durations.drop
-    drives, picks, drops = min_drive_cost(resolved, Price(least_move(scenario), turn, handling))
+    drives, picks, drops = min_drive_cost(
+        resolved, Price(resolved.fleet.least_move, turn, handling)
+    )
     ticks = handling + drives
     if scenario.orders.generator == "visits" or _visits(resolved):
         ticks = np.zeros(len(drives))  # a visit may take no operation at all
@@ -74,7 +79,8 @@ def bounds(resolved: Resolved) -> Bounds:
     energy = 0.0
     if battery is not None:
         drain, loaded = battery.drain, battery.drain.loaded_factor
-        price = Price(loaded * drain.move * least_move(scenario), loaded * drain.turn * turn, 0.0)
+        move = drain.move * resolved.fleet.least_move
+        price = Price(loaded * move, loaded * drain.turn * turn, 0.0)
         energy = float(min_drive_cost(resolved, price)[0].sum())
     return Bounds(
         orders=len(drives),
@@ -130,13 +136,13 @@ def min_drive_cost(resolved: Resolved, price: Price) -> tuple[Array, int, int]:
         picks, drops = (sum(kinds[pair[end]] == STATION for pair in pairs) for end in (0, 1))
         return _listed_drives(resolved, pairs, price), int(picks), int(drops)
     if orders.parts is not None:
-        cells = floor_plan.stations().tolist()
+        cells = floor_plan.stations.tolist()
         pairs = [(cells[here - 1], cells[then - 1]) for here, then in ways(orders)]
         return _listed_drives(resolved, pairs, price), len(pairs), len(pairs)
     if orders.generator not in ENDS or orders.generator == "visits":  # visits drive no load
         return np.zeros(orders.count or 0), 0, 0
     begin, end = ENDS[orders.generator]
-    slots = floor_plan.slots()
+    slots = floor_plan.slots
     source, target = slots[kinds[slots] == begin], slots[kinds[slots] == end]
     if orders.generator == "picture-loads":
         source = source[floor_plan.loads.reshape(-1)[source] == 1]
@@ -163,7 +169,7 @@ def _listed_drives(resolved: Resolved, pairs: list[tuple[int, int]], price: Pric
 def cheapest(resolved: Resolved, source: Array, target: Array, price: Price) -> Array:
     """(m,) what the drive from each slot to the cheapest of the targets costs; 0 without a way."""
     floor_plan = resolved.floor_plan
-    index = {cell: row for row, cell in enumerate(floor_plan.slots().tolist())}
+    index = {cell: row for row, cell in enumerate(floor_plan.slots.tolist())}
     access = slot_access(floor_plan).tolist()
     goals = {cell for slot in target.tolist() for cell in access[index[slot]] if cell != NIL}
     cost = _costs(resolved, goals, access, price)
@@ -179,10 +185,7 @@ def _costs(
 ) -> list[list[float]]:
     """By axis of travel and flat cell: what the way to the cheapest goal costs (Dijkstra)."""
     floor_plan = resolved.floor_plan
-    back, offsets = (
-        backward_exits(floor_plan).tolist(),
-        (1, floor_plan.stride, -1, -floor_plan.stride),
-    )
+    back, offsets = backward_exits(floor_plan).tolist(), floor_plan.offsets
     rail = resolved.scenario.fleet.kinematics == "rail"
     kind = floor_plan.kind.reshape(-1)
     turns = (CAN_TURN[kind] if rail else np.ones(kind.size, np.bool_)).tolist()
@@ -241,3 +244,53 @@ def _mended(resolved: Resolved) -> float:
         return 0.0
     added = resolved.scenario.battery.reserve if faults.charge == "kept" else faults.charge
     return added / max(1, faults.tow_after + faults.repair_time)
+
+
+class PartBounds(NamedTuple):
+    """Ticks in which the parts of a scenario cannot be done faster."""
+
+    busiest: float  # the work of the station that has most
+    longest: float  # the route that takes longest, when its last part has come
+
+
+def ways(orders: Orders) -> list[tuple[int, int]]:
+    """The stations, from 1, between which each order of the parts leads; order by order."""
+    return [
+        way
+        for kind in orders.parts or ()
+        for way in list(itertools.pairwise(kind.route)) * kind.count
+    ]
+
+
+def part_bounds(orders: Orders, ticks: Array) -> PartBounds:
+    """The bounds of parts, of which each order takes a robot at least so many ticks."""
+    busiest: dict[int, float] = {}
+    longest, first = 0.0, 0
+    for kind in orders.parts or ():
+        worked = kind.route[:-1]
+        for number in worked:
+            busiest[number] = busiest.get(number, 0.0) + kind.count * least_work(orders, number)
+        on_its_way = float(ticks[first : first + len(worked)].sum())
+        own_work = sum(least_work(orders, number) for number in worked)
+        longest = max(longest, last_comes(kind) + own_work + on_its_way)
+        first += kind.count * len(worked)
+    return PartBounds(max(busiest.values(), default=0.0), longest)
+
+
+def least_work(orders: Orders, number: int) -> int:
+    """Ticks that a station, by number from 1, needs at least for a part."""
+    time = (
+        orders.processing_time[number - 1]
+        if isinstance(orders.processing_time, tuple)
+        else orders.processing_time
+    )
+    return time if isinstance(time, int) else LEAST_DRAWN
+
+
+def last_comes(kind: Parts) -> int:
+    """The earliest tick in which the last part of a type can come."""
+    return (
+        kind.first_release + (kind.count - 1) * kind.interarrival_time
+        if isinstance(kind.interarrival_time, int)
+        else kind.first_release
+    )

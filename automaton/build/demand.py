@@ -6,25 +6,22 @@ face the same demand.
 
 from __future__ import annotations
 
-from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from automaton.build.arrivals import releases
-from automaton.build.battery import may_fail
+from automaton.build.capabilities import Service, service_for
 from automaton.build.parts import part_orders
-from automaton.build.prepared_floor import Floor, frozen
+from automaton.build.prepared_floor import Floor
 from automaton.build.resolve import Resolved
+from automaton.build.rules import may_fail
 from automaton.engine import random_numbers
 from automaton.engine.facilities import Slots
 from automaton.engine.state import NIL, ORDER_UNRELEASED, ORDER_WAITING, Array, Orders
 from automaton.floor.cells import DESTINATION, DOCK, RACK, STATION
-from automaton.floor.floor_plan import FloorPlan
-from automaton.floor.reachability import around_home, slot_access
 from automaton.scenario.orders import DRAWN
 from automaton.scenario.orders import Orders as OrdersGiven
-from automaton.scenario.robot_types import RobotType, floor_plan_for, types_of
 
 DRAW_WEIGHT = 3  # what is drawn of an order, beside where it begins and ends and their sequence
 
@@ -35,7 +32,11 @@ def build_orders(resolved: Resolved, floor: Floor, seed: int, homes: Array) -> t
     Slots are served from the cells that robots can reach, and come back from. `homes`: (n,) where
     each robot begins, by identity.
     """
-    service = service_for(resolved, homes)
+    fleet = resolved.fleet
+    first = np.cumsum([0, *fleet.counts[:-1]])  # robots of each type begin in one part of the floor
+    service = service_for(
+        resolved.floor_plan, fleet.types, tuple(homes[first].tolist()), fleet.rail
+    )
     if resolved.scenario.orders.parts is not None:
         source, target, released = part_orders(resolved, floor.grid.slot)
         coming = np.full(len(source), NIL)
@@ -45,41 +46,6 @@ def build_orders(resolved: Resolved, floor: Floor, seed: int, homes: Array) -> t
     weight = weights(resolved.scenario.orders, len(source), seed)
     slots = slots_of(resolved, floor, service, source)
     return orders_of(source, target, released, coming, weight), slots
-
-
-class Service(NamedTuple):
-    """From where slots are served, and by whom; shared by all runs with the same starts."""
-
-    reachable: Array  # (K, C) uint8: 1 = robots of type k get there from where they begin, and back
-    access: (
-        Array  # (s, 4) int32: those neighbours of a slot where robots of any type get to, or NIL
-    )
-    accessible: Array  # (K, s) uint8: 1 = robots of type k get to one of them
-
-
-def service_for(resolved: Resolved, homes: Array) -> Service:
-    """Who serves what; `homes`: (n,) where each robot begins, by identity."""
-    fleet = resolved.scenario.fleet
-    first = np.cumsum([0, *fleet.counts[:-1]])  # robots of each type begin in one part of the floor
-    rail, starts = fleet.kinematics == "rail", tuple(homes[first].tolist())
-    return _service(resolved.floor_plan, types_of(resolved.scenario), starts, rail)
-
-
-@lru_cache(maxsize=64)
-def _service(
-    floor_plan: FloorPlan, types: tuple[RobotType, ...], starts: tuple[int, ...], rail: bool
-) -> Service:
-    pairs = zip(types, starts, strict=True)
-    within = np.stack(
-        [
-            around_home(floor_plan_for(floor_plan, robot_type), home, rail)
-            for robot_type, home in pairs
-        ]
-    )
-    around = slot_access(floor_plan)
-    access = np.where(np.logical_or.reduce(within)[around], around, NIL).astype(np.int32)
-    serves = ((access != NIL) & within[:, access]).any(axis=2)
-    return Service(frozen(within.astype(np.uint8)), frozen(access), frozen(serves.astype(np.uint8)))
 
 
 def weights(orders: OrdersGiven, count: int, seed: int) -> Array:

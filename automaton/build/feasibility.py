@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 
-from automaton.build.capabilities import Mask, served_by_type, starts_by_type, within_by_type
+from automaton.build.capabilities import FleetOnFloor, Start
 from automaton.engine.state import NIL
-from automaton.errors import alternatives
+from automaton.errors import alternatives, nearest
 from automaton.floor.cells import (
     CELL_KINDS,
     CHARGER,
@@ -26,16 +24,13 @@ from automaton.floor.reachability import (
     rack_stands,
     reached,
     slot_access,
-    slots_out_of_reach,
-    slots_without_access,
+    slots_beside,
 )
 from automaton.scenario.document import Document, Keys
 from automaton.scenario.floor_section import Floor
 from automaton.scenario.orders import OrderLine
-from automaton.scenario.robot_types import types_of
+from automaton.scenario.robot_types import RobotType
 from automaton.scenario.schema import Scenario
-
-Start = Literal["parking-bays", "random", "racks"] | tuple[int, ...]
 
 REQUIRED_KINDS = {  # kinds of cells without which a generator has nothing to draw
     "dock-to-rack": (DOCK, RACK),
@@ -47,6 +42,45 @@ ROBOTS: Keys = ("fleet", "robots")
 START: Keys = ("fleet", "start")
 SOURCES = (SHELF, DOCK, STATION)  # kinds of slots where an order may begin, and end
 TARGETS = (SHELF, DESTINATION, RACK, STATION)
+
+
+START_DESCRIPTIONS = {
+    "parking-bays": "parking bays",
+    "racks": "cells in front of racks",
+    "random": "cells",
+}  # by start
+
+
+def check_feasible(document: Document, scenario: Scenario, floor: Floor) -> FleetOnFloor:
+    """The fleet on its floor, where the scenario fits it. Raises InputError."""
+    floor_plan = floor.floor_plan
+    check_areas(document, scenario, floor_plan)
+    fleet = FleetOnFloor(scenario, floor_plan, start_of(document, scenario, floor_plan))
+    check_starts(document, fleet)
+    check_orders(document, scenario, floor)
+    check_floor(floor, fleet)
+    check_service(document, fleet)
+    check_abilities(document, fleet)
+    check_energy(document, scenario, floor_plan)
+    check_sight(document, scenario)
+    return fleet
+
+
+def check_areas(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
+    """Areas lie on the floor, and are closed to types that there are. Raises InputError."""
+    names = [kind.name for kind in scenario.fleet.types]
+    for area, given in scenario.areas.items():
+        for key, (x, y) in (("from", given.first), ("to", given.last)):
+            if not floor_plan.holds(x, y):
+                text = f"the corner [{x}, {y}] of the area {area} lies outside the floor"
+                raise document.error(("areas", area, key), f"{text} {_extent(floor_plan)}")
+        for number, name in enumerate(given.closed_to):
+            if name not in names:
+                known = (
+                    f"fleet.types has {', '.join(names)}" if names else "there are no fleet.types"
+                )
+                text = f"the area {area} is closed to '{name}'{nearest(name, names)}, but {known}"
+                raise document.error(("areas", area, "closed_to", number), text)
 
 
 def start_of(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> Start:
@@ -63,7 +97,7 @@ def start_of(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> S
             f"{_robots(fleet.robots)} but the floor has "
             f"{_count(len(floor_plan.bays), 'parking bay')}",
         )
-    cells = int(np.count_nonzero(floor_plan.drivable()))
+    cells = int(np.count_nonzero(floor_plan.drivable))
     if start == "random" and fleet.robots > cells:
         raise document.error(
             ROBOTS, f"{_robots(fleet.robots)} but robots can stand on {_count(cells, 'cell')}"
@@ -123,9 +157,43 @@ def _listed_start(
     return tuple(floor_plan.cell(x, y) for x, y in cells)
 
 
+def check_starts(document: Document, fleet: FleetOnFloor) -> None:
+    """No robot begins where its type may not go. Raises InputError."""
+    floor_plan, start, robots = fleet.floor_plan, fleet.start, len(fleet.type_of)
+    if not isinstance(start, tuple):
+        for robot_type, count, cells in zip(fleet.types, fleet.counts, fleet.starts, strict=True):
+            many = start == "racks" and (floor_plan.capacity.flat[cells] == UNLIMITED).all()
+            # Of cells drawn at random others may have taken as many as there are others.
+            needed = count if start == "parking-bays" else 1 if many else robots
+            if len(cells) < needed:
+                text = f"{_robots(robots)}, but too few {START_DESCRIPTIONS[start]} are open to"
+                name = robot_type.name
+                raise document.error(("fleet", "types"), f"{text} {name}: {len(cells)}")
+        return
+    for robot, (cell, number) in enumerate(zip(start, fleet.type_of, strict=True)):
+        if fleet.closed[number, cell]:
+            x, y = floor_plan.xy(cell)
+            robot_type = fleet.types[number]
+            area = area_at(fleet.scenario, robot_type, x, y)
+            text = (
+                f"robot {robot} would start at [{x}, {y}], in the area {area}, which is closed to"
+            )
+            raise document.error(("fleet", "start", robot), f"{text} {robot_type.name}")
+
+
+def area_at(scenario: Scenario, robot_type: RobotType, x: int, y: int) -> str:
+    """The area that keeps a type out of a cell."""
+    for name, area in scenario.areas.items():
+        columns, rows = sorted((area.first[0], area.last[0])), sorted((area.first[1], area.last[1]))
+        inside = columns[0] <= x <= columns[1] and rows[0] <= y <= rows[1]
+        if inside and robot_type.name in area.closed_to:
+            return name
+    raise ValueError(f"({x}, {y}) is open to {robot_type.name}")
+
+
 def check_parts(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
     """Parts go through stations that there are, and work is done there. Raises InputError."""
-    count = len(floor_plan.stations())
+    count = len(floor_plan.stations)
     if not count:
         raise document.error(("layout",), "parts need stations, and the floor has none")
     there = f"the floor has the stations 1 to {count}"
@@ -193,22 +261,29 @@ def _check_order(document: Document, order: OrderLine, keys: Keys, floor_plan: F
         raise document.error((*keys, "to"), "an order ends where it begins")
 
 
-def check_floor(scenario: Scenario, floor: Floor, start: Start) -> None:
-    """Every robot can serve every shelf and destination and come home again. Raises InputError."""
-    floor_plan = floor.floor_plan
-    homes = starts_by_type(scenario, floor_plan, start)
-    masks = within_by_type(scenario, floor_plan, start)
-    lonely, remote = _unserved(floor_plan, np.logical_or.reduce(masks))
-    for cell, why in (
-        (lonely, "has no cell beside it that robots drive on"),
-        (remote, "cannot be served: a robot must get beside it from its start, and back"),
+def check_floor(floor: Floor, fleet: FleetOnFloor) -> None:
+    """Every robot can serve every shelf and destination and come home again. Raises InputError.
+
+    Racks, docks and stations may be out of reach: orders are given to the others alone.
+    """
+    floor_plan, kind = floor.floor_plan, floor.floor_plan.kind.reshape(-1)
+    for slots, why in (
+        (
+            slots_beside(floor_plan, ~floor_plan.drivable.reshape(-1)),
+            "has no cell beside it that robots drive on",
+        ),
+        (
+            slots_beside(floor_plan, ~np.logical_or.reduce(fleet.within)),
+            "cannot be served: a robot must get beside it from its start, and back",
+        ),
     ):
-        if cell is not None:
-            why += closed_way(scenario, floor_plan, start, cell)
-            x, y = floor_plan.xy(cell)
-            name = CELL_KINDS[floor_plan.kind.flat[cell]].name
+        unserved = slots[~np.isin(kind[slots], (RACK, DOCK, STATION))].tolist()
+        if unserved:
+            x, y = floor_plan.xy(unserved[0])
+            name = CELL_KINDS[kind[unserved[0]]].name
+            why += closed_way(fleet, unserved[0])
             raise floor.error(f"the {name} at ({x}, {y}) {why}", y)
-    for robot_type, cells, within in zip(types_of(scenario), homes, masks, strict=True):
+    for robot_type, cells, within in zip(fleet.types, fleet.starts, fleet.within, strict=True):
         apart = cells[~within[cells]]
         if apart.size:
             (x, y), (x0, y0) = floor_plan.xy(int(apart[0])), floor_plan.xy(int(cells[0]))
@@ -220,38 +295,54 @@ def check_floor(scenario: Scenario, floor: Floor, start: Start) -> None:
             )
 
 
-def check_service(
-    document: Document, scenario: Scenario, floor_plan: FloorPlan, start: Start
-) -> None:
+def check_service(document: Document, fleet: FleetOnFloor) -> None:
     """Robots reach the docks and racks that orders name, and some of each. Raises InputError."""
-    orders = scenario.orders
-    served = np.logical_or.reduce(served_by_type(scenario, floor_plan, start))
+    orders, floor_plan = fleet.scenario.orders, fleet.floor_plan
+    served = np.logical_or.reduce(fleet.served)
     why = "a robot must get in front of it from its start, and back"
-    kinds = floor_plan.kind.reshape(-1)[floor_plan.slots()]
+    kinds = floor_plan.kind.reshape(-1)[floor_plan.slots]
     for kind in REQUIRED_KINDS.get(orders.generator or "", ()):
         few = 2 if orders.generator == "stations" else 1
         if np.count_nonzero(served[kinds == kind]) < few:
             name = CELL_KINDS[kind].name
             found = f"no {name}" if few == 1 else f"fewer than two {name}s"
             raise document.error(("layout",), f"{found} can be served: {why}")
-    slots = {cell: slot for slot, cell in enumerate(floor_plan.slots().tolist())}
 
     def because(cell: int) -> str:
-        return why + closed_way(scenario, floor_plan, start, cell)
+        return why + closed_way(fleet, cell)
 
     for number in sorted({number for kind in orders.parts or () for number in kind.route}):
-        cell = int(floor_plan.stations()[number - 1])
-        if not served[slots[cell]]:
+        cell = int(floor_plan.stations[number - 1])
+        if not served[fleet.slot_of[cell]]:
             raise document.error(("layout",), f"station {number} cannot be served: {because(cell)}")
     for index, order in enumerate(orders.listed or ()):
         for name, (x, y) in (("from", order.source), ("to", order.target)):
             cell = floor_plan.cell(x, y)
-            if not served[slots[cell]]:
+            if not served[fleet.slot_of[cell]]:
                 kind_name = CELL_KINDS[floor_plan.kind.flat[cell]].name
                 raise document.error(
                     ("orders", "list", index, name),
                     f"the {kind_name} at [{x}, {y}] cannot be served: {because(cell)}",
                 )
+
+
+def check_abilities(document: Document, fleet: FleetOnFloor) -> None:
+    """Every order can be picked up by some robot, and delivered by some. Raises InputError."""
+    floor_plan, most = fleet.floor_plan, fleet.payload
+    for way in fleet.orders():
+        if way.weight > most:
+            text = f"{way.what} weighs {way.weight:,}, but no robot carries more than {most:,}"
+            raise document.error(way.keys, text)
+        ends = zip(("begins", "ends"), (way.source, way.target), fleet.abilities(way), strict=True)
+        for verb, cells, able in ends:
+            lost = np.flatnonzero(~able.any(axis=0))
+            if lost.size:
+                cell = int(cells[lost[0]])
+                x, y = floor_plan.xy(cell)
+                weight = f", of weight {way.weight:,}," if most < RobotType().payload else ""
+                name = CELL_KINDS[floor_plan.kind.flat[cell]].name
+                text = f"{way.what}{weight} {verb} at the {name} [{x}, {y}]"
+                raise document.error(way.keys, f"{text}, where no robot that carries it may go")
 
 
 def check_energy(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
@@ -304,24 +395,11 @@ def check_sight(document: Document, scenario: Scenario) -> None:
         )
 
 
-def _unserved(floor_plan: FloorPlan, within: Mask) -> tuple[int | None, int | None]:
-    """The first slot that nothing drives beside, and the first that is out of reach.
-
-    Racks, docks and stations may be: orders are given to the others alone.
-    """
-    kind = floor_plan.kind.reshape(-1)
-    lonely, remote = slots_without_access(floor_plan), slots_out_of_reach(floor_plan, within)
-    lonely, remote = (
-        slots[~np.isin(kind[slots], (RACK, DOCK, STATION))] for slots in (lonely, remote)
-    )
-    return (int(lonely[0]) if lonely.size else None, int(remote[0]) if remote.size else None)
-
-
-def closed_way(scenario: Scenario, floor_plan: FloorPlan, start: Start, cell: int) -> str:
+def closed_way(fleet: FleetOnFloor, cell: int) -> str:
     """Which direction is closed on the way to a slot or back, and what would open it; "" if none is."""
-    rail = scenario.fleet.kinematics == "rail"
-    homes = starts_by_type(scenario, floor_plan, start)[0][:1].tolist()
-    access = slot_access(floor_plan)[floor_plan.slots().tolist().index(cell)]
+    floor_plan, rail = fleet.floor_plan, fleet.rail
+    homes = fleet.starts[0][:1].tolist()
+    access = slot_access(floor_plan)[fleet.slot_of[cell]]
     beside = access[access != NIL].tolist()
     there = [c for c in beside if reached(floor_plan, homes, rail)[c]]
     found = (

@@ -15,7 +15,6 @@ from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.roads import road_network
 from automaton.floor.station_groups import grouped
 from automaton.scenario.floor_section import point_names
-from automaton.scenario.robot_types import type_of_each, types_of
 from automaton.strategy.lookup import zone_design_reader
 from automaton.units import count
 
@@ -58,7 +57,7 @@ def build_service_zones(
         raise InputError(f"the zone design has {zones}, one for each robot; there are {robots}")
     for station, zone in enumerate(design.zone.tolist()):
         if not serves[zone, station]:
-            name = types_of(resolved.scenario)[type_of_each(resolved.scenario.fleet)[zone]].name
+            name = resolved.fleet.types[resolved.fleet.type_of[zone]].name
             raise InputError(
                 f"station {station + 1} is in zone {zone + 1} of the zone design, "
                 f"but robot {zone} ({name}) does not get there"
@@ -78,17 +77,17 @@ def served_stations(resolved: Resolved, slots: Slots, station_of: Array, count: 
     for kind, serves in enumerate(slots.accessible):
         out = station_of[anybody & (serves == 0)]
         by_type[kind, out[out != NIL]] = 0
-    found: Array = by_type[type_of_each(resolved.scenario.fleet)]
+    found: Array = by_type[resolved.fleet.type_of]
     return found
 
 
 def priorities(resolved: Resolved, priority: dict[str, tuple[int, ...]], count: int) -> Array:
     """(n, S) uint8: 1 = the type of a robot has priority at a station."""
-    kinds = types_of(resolved.scenario)
+    kinds = resolved.fleet.types
     by_type = np.zeros((len(kinds), count), np.uint8)
     for number, robot_type in enumerate(kinds):
         by_type[number, [station - 1 for station in priority.get(robot_type.name, ())]] = 1
-    found: Array = by_type[type_of_each(resolved.scenario.fleet)]
+    found: Array = by_type[resolved.fleet.type_of]
     return found
 
 

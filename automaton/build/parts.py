@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from automaton.build.arrivals import PARTS, gaps
-from automaton.build.geometric import geometric
+from automaton.build.arrivals import PARTS, gaps, geometric
 from automaton.engine import random_numbers
 from automaton.engine.facilities import Stations
 from automaton.engine.state import NEVER, NIL, Array
@@ -54,7 +53,7 @@ def work_ticks(orders: Orders, station: Array, part: Array, place: Array, seed: 
 
 def part_orders(resolved: Resolved, slot_of: Array) -> tuple[Array, Array, Array]:
     """(m,) each: slots where the orders of all parts begin and end, and when they are released."""
-    slots = slot_of[resolved.floor_plan.stations()]
+    slots = slot_of[resolved.floor_plan.stations]
     ways = [
         (slots[here - 1], slots[then - 1])
         for route in routes(resolved.scenario.orders)
@@ -69,7 +68,7 @@ def build_stations(
 ) -> Stations:
     """The stations of the floor, by number, and the works of all parts; `slots` counts spare ones."""
     scenario = resolved.scenario.orders
-    cells = resolved.floor_plan.stations()
+    cells = resolved.floor_plan.stations
     at = np.full(slots, NIL, np.int32)
     at[slot_of[cells]] = np.arange(len(cells), dtype=np.int32)
     works: list[tuple[int, int, int, int, int]] = []  # station, place, part, frees, came

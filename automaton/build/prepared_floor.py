@@ -14,7 +14,7 @@ from automaton.floor.cells import CELL_KINDS
 from automaton.floor.floor_plan import CAN_TURN, DRIVABLE, FloorPlan
 from automaton.floor.reachability import slot_access
 from automaton.floor.traffic_zones import traffic_zones_of
-from automaton.scenario.robot_types import RobotType, floor_plan_for
+from automaton.scenario.robot_types import RobotType, floor_by_type
 
 HEADING_COUNTS = {"omni": 1, "rail": 2, "differential": 4}
 IS_UNBOUNDED = np.array([kind.is_sink or kind.is_source for kind in CELL_KINDS])  # (kinds,) bool
@@ -57,10 +57,10 @@ def floor_for(
     """Build a floor once for each plan, kinematics, cost of driving, mode of zones and types."""
     headings = HEADING_COUNTS[kinematics]
     kind = floor_plan.kind.reshape(-1)
-    cells = floor_plan.slots()
+    cells = floor_plan.slots
     slot = np.full(kind.size, NIL, np.int32)
     slot[cells] = np.arange(len(cells), dtype=np.int32)
-    rule = cell_flags_of(floor_plan, kinematics)
+    rule, by_type = cell_flags_of(floor_plan, kinematics), floor_by_type(floor_plan, types)
     traffic_zones = traffic_zones_of(floor_plan, mode)
     grid = Grid(
         width=floor_plan.stride,
@@ -68,14 +68,9 @@ def floor_for(
         kind=frozen(kind.copy()),
         cell_flags=frozen(rule),
         type_cell_flags=frozen(
-            np.stack(
-                [
-                    cell_flags_of(floor_plan_for(floor_plan, robot_type), kinematics)
-                    for robot_type in types
-                ]
-            )
+            np.stack([cell_flags_of(of_type, kinematics) for of_type in by_type.floor_plans])
         ),
-        offset=frozen(np.array([1, floor_plan.stride, -1, -floor_plan.stride], np.int64)),
+        offset=frozen(np.array(floor_plan.offsets, np.int64)),
         slot=frozen(slot),
         traffic_zone=traffic_zones.of,
         traffic_zone_count=traffic_zones.count,

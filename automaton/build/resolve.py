@@ -5,25 +5,18 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 
-from automaton.build.capabilities import check_abilities, check_areas, check_starts
-from automaton.build.feasibility import (
-    Start,
-    check_energy,
-    check_floor,
-    check_orders,
-    check_service,
-    check_sight,
-    start_of,
-)
+from automaton.build.capabilities import FleetOnFloor, Start
+from automaton.build.feasibility import check_energy, check_feasible
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.document import Document, Keys, Override
-from automaton.scenario.floor_section import Floor, floor_of
+from automaton.scenario.floor_section import floor_of
 from automaton.scenario.order_file import with_orders_of_file
 from automaton.scenario.overrides import override
 from automaton.scenario.reading import SHIPPED_FOLDER, STUDIES_ARE_SWEPT, is_study, read
@@ -31,6 +24,8 @@ from automaton.scenario.schema import LAYER_NAMES, Scenario
 from automaton.scenario.validation import validated
 from automaton.strategy.entry import NoParameters, files_of, resolve_paths
 from automaton.strategy.zone_parameters import ZoningParameters, zoning_parameters_of
+
+CHANGEABLE = ("strategy", "durations", "information", "world", "stop")  # while a run goes on
 
 
 class StrategyChoice(NamedTuple):
@@ -47,12 +42,15 @@ class Resolved:
     scenario: Scenario
     floor_plan: FloorPlan
     strategies: dict[str, StrategyChoice]  # by layer
-    start: (
-        Literal["parking-bays", "random", "racks"] | tuple[int, ...]
-    )  # flat cells of robots 0, 1, ...
+    start: Start
     source: str  # text of the scenario file; "" for a Scenario built in Python
     overrides: tuple[str, ...] = ()  # the --set arguments as typed
     files: tuple[tuple[str, str], ...] = ()  # read for the scenario: path, 16 hex digits of content
+
+    @cached_property
+    def fleet(self) -> FleetOnFloor:
+        """The robots on the floor: types, starts, what they reach."""
+        return FleetOnFloor(self.scenario, self.floor_plan, self.start)
 
     @property
     def zoning(self) -> ZoningParameters:
@@ -80,33 +78,19 @@ def resolve(
     checked = validated(document, document.data, Scenario)
     document, checked, order_file = with_orders_of_file(document, checked)
     floor = floor_of(document, checked.layout)
-    start = checked_start(document, checked, floor)
+    fleet = check_feasible(document, checked, floor)
     strategies = choose_strategies(document, checked, floor.floor_plan)
     return Resolved(
         scenario=naming_files(checked, strategies),
         floor_plan=floor.floor_plan,
         strategies=strategies,
-        start=start,
+        start=fleet.start,
         source=document.text,
         overrides=tuple(
             setting if isinstance(setting, str) else setting.argument for setting in settings
         ),
         files=() if order_file is None else ((order_file.path, order_file.content_hash),),
     )
-
-
-def checked_start(document: Document, scenario: Scenario, floor: Floor) -> Start:
-    """Where robots begin; the scenario fits its floor. Raises InputError."""
-    check_areas(document, scenario, floor.floor_plan)
-    start = start_of(document, scenario, floor.floor_plan)
-    check_starts(document, scenario, floor.floor_plan, start)
-    check_orders(document, scenario, floor)
-    check_floor(scenario, floor, start)
-    check_service(document, scenario, floor.floor_plan, start)
-    check_abilities(document, scenario, floor.floor_plan, start)
-    check_energy(document, scenario, floor.floor_plan)
-    check_sight(document, scenario)
-    return start
 
 
 def choose_strategies(
@@ -147,6 +131,24 @@ def naming_files(scenario: Scenario, strategies: dict[str, StrategyChoice]) -> S
     return msgspec.structs.replace(
         scenario, strategy=msgspec.structs.replace(scenario.strategy, **choices)
     )
+
+
+def branched(resolved: Resolved, settings: tuple[str, ...]) -> Resolved:
+    """The scenario with KEY=VALUE settings changed in the middle of a run.
+
+    Floor, fleet, orders and seed are what the run began with. Raises InputError.
+    """
+    document = document_of(resolved.scenario, settings)
+    scenario = validated(document, document.data, Scenario)
+    for name in Scenario.__struct_fields__:
+        if name not in CHANGEABLE and getattr(scenario, name) != getattr(resolved.scenario, name):
+            can = ", ".join(CHANGEABLE)
+            raise document.error(
+                (name,), f"{name} cannot change while a run goes on; what can: {can}"
+            )
+    check_energy(document, scenario, resolved.floor_plan)
+    strategies = choose_strategies(document, scenario, resolved.floor_plan)
+    return replace(resolved, scenario=naming_files(scenario, strategies), strategies=strategies)
 
 
 def document_of(

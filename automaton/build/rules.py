@@ -1,4 +1,4 @@
-"""The constants of a world, from its scenario."""
+"""The constants of a world, from its scenario; batteries and faults in the units of the world."""
 
 from __future__ import annotations
 
@@ -6,17 +6,18 @@ from typing import Any
 
 import numpy as np
 
-from automaton.build.battery import (
-    charging_curve,
-    drain_table,
-    fault_table,
-    may_fail,
-    ticks_or_never,
-    units,
+from automaton.engine.robot_status import BATTERY_PERCENT
+from automaton.engine.state import (
+    ACTION_COUNT,
+    ACTION_MOVE,
+    ACTION_NAMES,
+    NIL,
+    ORDER_LIST,
+    Array,
+    Rules,
 )
-from automaton.engine.state import ACTION_MOVE, ACTION_NAMES, NIL, ORDER_LIST, Array, Rules
 from automaton.scenario.robot_types import types_of
-from automaton.scenario.schema import Scenario
+from automaton.scenario.schema import Battery, Faults, Scenario
 from automaton.units import unit
 
 STOPS = {"parked": 0, "delivered": 1, "never": 2}
@@ -82,3 +83,50 @@ def duration_table(durations: Any, factor: int = 1) -> Array:
     table = np.array([getattr(durations, name, 1) for name in ACTION_NAMES], np.int32)
     table[ACTION_MOVE] *= factor
     return table
+
+
+def units(percent: float) -> int:
+    """Units of charge in so many percent of a battery."""
+    return round(percent * BATTERY_PERCENT)
+
+
+def drain_table(battery: Battery | None) -> Array:
+    """(A, 2) int32: units that a tick of each action takes, without load and with one."""
+    table = np.zeros((ACTION_COUNT, 2), np.int32)
+    if battery is None:
+        return table
+    given = battery.drain
+    for action, name in enumerate(ACTION_NAMES):
+        percent = getattr(given, name, given.wait)
+        table[action] = units(percent), units(percent * given.loaded_factor)
+    for name in ("charge", "bay_blocked", "down"):
+        table[ACTION_NAMES.index(name)] = 0
+    return table
+
+
+def charging_curve(battery: Battery | None) -> Array:
+    """(K, 2) int32: from this charge on, units that a tick at a charger gives."""
+    if battery is None:
+        return np.zeros((1, 2), np.int32)
+    steps = (
+        battery.charge_rate
+        if isinstance(battery.charge_rate, tuple)
+        else ((0.0, battery.charge_rate),)
+    )
+    return np.array([(units(since), units(rate)) for since, rate in steps], np.int32)
+
+
+def fault_table(faults: Faults) -> Array:
+    """(f, 2) int64: tick and identity of the faults that a scenario lists, by tick."""
+    rows = sorted((fault.at, fault.robot) for fault in faults.listed)
+    return np.array(rows, np.int64).reshape(-1, 2)
+
+
+def ticks_or_never(ticks: int | None) -> int:
+    return NIL if ticks is None else ticks
+
+
+def may_fail(scenario: Scenario) -> bool:
+    """Whether robots of this scenario may go down."""
+    faults = scenario.faults
+    return scenario.battery is not None or bool(faults.listed) or faults.failure_probability > 0

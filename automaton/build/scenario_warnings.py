@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from automaton.build.capabilities import handed_over
 from automaton.build.resolve import Resolved
 from automaton.errors import alternatives
 from automaton.floor.cells import CHARGER, STATION, UNLIMITED
 from automaton.floor.reachability import steps_from
-from automaton.scenario.robot_types import least_move
 from automaton.units import SECONDS_PER_UNIT, count, unit
 
 AVOIDS_TRAFFIC = ("traffic-avoidance", "congestion")  # routing strategies
@@ -29,7 +27,7 @@ def scenario_warnings(resolved: Resolved) -> list[str]:
         out_of_range(resolved),
         never_charges(resolved),
         stays_on_station(resolved),
-        handed_over(resolved.scenario, resolved.floor_plan, resolved.start),
+        resolved.fleet.handed_over(),
         counts_as_seconds(resolved),
     )
     return [sentence for sentence in found if sentence]
@@ -39,7 +37,7 @@ def nothing_to_avoid(resolved: Resolved) -> str:
     """Warn about avoiding traffic where no robot slows another."""
     world, routing = resolved.scenario.world, resolved.strategies["routing"].name
     floor_plan = resolved.floor_plan
-    crowds = bool((floor_plan.capacity[floor_plan.drivable()] == UNLIMITED).all())
+    crowds = bool((floor_plan.capacity[floor_plan.drivable] == UNLIMITED).all())
     if routing in AVOIDS_TRAFFIC and crowds and world.slowdown == "none":
         return (
             f"routing {routing} finds no traffic to avoid: every cell holds any number of robots "
@@ -84,7 +82,7 @@ def out_of_range(resolved: Resolved) -> str:
         return ""
     chargers = np.flatnonzero(floor_plan.kind == CHARGER).tolist()
     there, back = steps_from(floor_plan, chargers), steps_from(floor_plan, chargers, backwards=True)
-    move = battery.drain.move * least_move(scenario)
+    move = battery.drain.move * resolved.fleet.least_move
     dearest, way = 0.0, pairs[0]
     for source in dict.fromkeys(source for source, _ in pairs):
         ahead = steps_from(floor_plan, [source])
@@ -164,7 +162,7 @@ def counts_as_seconds(resolved: Resolved) -> str:
 def served_stations(resolved: Resolved) -> set[int]:
     """Flat cells of stations where orders begin or end."""
     orders, floor_plan = resolved.scenario.orders, resolved.floor_plan
-    stations = floor_plan.stations().tolist()
+    stations = floor_plan.stations.tolist()
     if orders.parts is not None:
         return {stations[number - 1] for kind in orders.parts for number in kind.route}
     if orders.listed is not None:

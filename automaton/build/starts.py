@@ -1,40 +1,40 @@
-"""Where robots begin, how they stand there, and what of the floor they hold."""
+"""Where robots begin, how they stand there, what of the floor they hold, and their charges."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from automaton.build.capabilities import FleetOnFloor
 from automaton.build.prepared_floor import Floor
 from automaton.build.resolve import Resolved
+from automaton.build.rules import units
 from automaton.engine import random_numbers
+from automaton.engine.robot_status import BATTERY_FULL
 from automaton.engine.state import NIL, Array, Grid
 from automaton.floor.cells import UNLIMITED
-from automaton.floor.floor_plan import DRIVABLE, FloorPlan
+from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.reachability import rack_stands
-from automaton.scenario.robot_types import closed_cells, first_open, type_of_each, types_of
 from automaton.scenario.schema import Scenario
 
 
 def homes(resolved: Resolved, floor: Floor, seed: int) -> tuple[Array, Array]:
     """(n,) home cells and (n,) parking bays by identity; NIL where a robot parks on the floor itself."""
-    fleet, floor_plan = resolved.scenario.fleet, resolved.floor_plan
-    none = np.full(fleet.robots, NIL, np.int32)
+    fleet, floor_plan = resolved.fleet, resolved.floor_plan
+    none = np.full(len(fleet.type_of), NIL, np.int32)
     if resolved.start == "parking-bays":
-        bays = floor_plan.bays[
-            np.concatenate(first_open(floor_plan.bays[:, 1], resolved.scenario, floor_plan))
-        ]
+        bays = floor_plan.bays[np.concatenate(fleet.first_open(floor_plan.bays[:, 1]))]
         return bays[:, 1].astype(np.int32), bays[:, 0].astype(np.int32)
     if resolved.start == "random":
         cells = random_cells(floor_plan, seed)
-        return cells[np.concatenate(first_open(cells, resolved.scenario, floor_plan))], none
+        return cells[np.concatenate(fleet.first_open(cells))], none
     if resolved.start == "racks":
-        return stands_for_all(floor_plan, resolved.scenario, seed), none
+        return stands_for_all(fleet, seed), none
     return np.array(resolved.start, np.int32), none
 
 
 def random_cells(floor_plan: FloorPlan, seed: int) -> Array:
     """The drivable cells in the order of their draws, the least first."""
-    cells = np.flatnonzero(DRIVABLE[floor_plan.kind.reshape(-1)])
+    cells = np.flatnonzero(floor_plan.drivable)
     keys = np.zeros(len(cells), np.int64)
     with np.errstate(over="ignore"):
         random_numbers.random_integers(
@@ -44,16 +44,13 @@ def random_cells(floor_plan: FloorPlan, seed: int) -> Array:
     return drawn
 
 
-def stands_for_all(floor_plan: FloorPlan, scenario: Scenario, seed: int) -> Array:
+def stands_for_all(fleet: FleetOnFloor, seed: int) -> Array:
     """(n,) cells in front of racks, each open to its robot."""
-    each, types = type_of_each(scenario.fleet), types_of(scenario)
+    floor_plan, each = fleet.floor_plan, fleet.type_of
     if not has_room_for_all(floor_plan):
         cells = random_stands(floor_plan, len(np.unique(rack_stands(floor_plan))), seed)
-        return cells[np.concatenate(first_open(cells, scenario, floor_plan))]
-    by_type = [
-        random_stands(floor_plan, len(each), seed, closed_cells(floor_plan, robot_type))
-        for robot_type in types
-    ]
+        return cells[np.concatenate(fleet.first_open(cells))]
+    by_type = [random_stands(floor_plan, len(each), seed, closed) for closed in fleet.closed]
     return np.stack(by_type)[each, np.arange(len(each))]
 
 
@@ -101,3 +98,24 @@ def occupy_starts(grid: Grid, occupancy: Array, cells: Array, headings: Array) -
     lane = headings.astype(np.int64) >> 1
     bit = np.select([capacity == 1, capacity == 2], [np.full_like(lane, 96), 32 << lane], 0)
     np.bitwise_and.at(occupancy, cells, ~bit.astype(np.uint16))
+
+
+def first_charges(scenario: Scenario, seed: int) -> Array:
+    """(n,) int32 by identity: what is in the batteries at the start."""
+    n = scenario.fleet.robots
+    charges = np.full(n, BATTERY_FULL, np.int32)
+    if scenario.battery is None:
+        return charges
+    start = scenario.battery.initial_charge
+    if isinstance(start, tuple):
+        return np.array([units(percent) for percent in start], np.int32)
+    if isinstance(start, float):
+        charges[:] = units(start)
+        return charges
+    low, high = units(start.least), units(start.most)
+    with np.errstate(over="ignore"):
+        random_numbers.random_integers(
+            charges, high - low + 1, np.uint64(seed), random_numbers.STREAM_CHARGES, 0
+        )
+    drawn: Array = charges + np.int32(low)
+    return drawn

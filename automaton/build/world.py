@@ -6,14 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from automaton.build.battery import first_charges
 from automaton.build.demand import build_orders
 from automaton.build.initial_service_zones import build_service_zones
 from automaton.build.parts import build_stations
 from automaton.build.prepared_floor import Floor, floor_for
 from automaton.build.resolve import Resolved
 from automaton.build.rules import rules_for
-from automaton.build.starts import first_headings, homes, occupy_starts
+from automaton.build.starts import first_charges, first_headings, homes, occupy_starts
 from automaton.engine.decision_stream import max_words
 from automaton.engine.events import max_events
 from automaton.engine.facilities import Chargers
@@ -51,7 +50,6 @@ from automaton.engine.state import (
 from automaton.engine.visibility import hide_all
 from automaton.engine.zoning_decision_stream import max_zoning_words
 from automaton.floor.cells import CHARGER
-from automaton.scenario.robot_types import type_of_each, types_of
 
 MAX_QUEUE_LENGTH = 64  # orders of a robot
 MAX_QUEUED_ORDERS = 4_000_000  # of all robots: bounds the memory of large fleets
@@ -80,7 +78,7 @@ def build_world(
     scenario = resolved.scenario
     kinematics, durations = scenario.fleet.kinematics, scenario.durations
     zones = scenario.world.traffic_zones
-    types = types_of(scenario)
+    types = resolved.fleet.types
     floor = floor_for(resolved.floor_plan, kinematics, durations.move, durations.turn, zones, types)
     starts = homes(resolved, floor, seed)
     orders, slots = build_orders(resolved, floor, seed, starts[0])
@@ -164,7 +162,7 @@ def build_robots(
         {"R": longest_route, "L": max_queue_length(n, orders)},
         identity=identity,
         at_index=at_index,
-        type=type_of_each(resolved.scenario.fleet)[identity],
+        type=resolved.fleet.type_of[identity],
         cell=cell,
         heading=heading,
         travel=heading.copy(),

@@ -1,13 +1,20 @@
-"""Arguments that several commands have."""
+"""What several commands have: arguments, JSON, notes and progress on stderr."""
 
 from __future__ import annotations
 
 import argparse
+import contextlib
+import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from automaton.build.resolve import Resolved
 from automaton.build.scenario_warnings import scenario_warnings
+
+if TYPE_CHECKING:
+    from rich.progress import Progress, ProgressColumn
 
 
 def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
@@ -17,16 +24,38 @@ def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
     add_settings_argument(parser)
 
 
-def add_settings_argument(parser: argparse.ArgumentParser) -> None:
-    """What to change in a scenario: `settings`."""
+def add_settings_argument(
+    parser: argparse.ArgumentParser,
+    text: str = "change a value of the scenario, such as fleet.robots=3; may be repeated",
+) -> None:
+    """What to change in a scenario: `settings`; `text` says what may change."""
     parser.add_argument(
         "--set",
         action="append",
         default=[],
         dest="settings",
         metavar="KEY=VALUE",
-        help="change a value of the scenario, such as fleet.robots=3; may be repeated",
+        help=text,
     )
+
+
+def add_recording_argument(parser: argparse.ArgumentParser, name: str = "FILE") -> None:
+    """Which recording: `file`."""
+    parser.add_argument("file", type=Path, metavar=name, help="a recording, whole or cut short")
+
+
+def add_json_argument(parser: argparse.ArgumentParser) -> None:
+    """Whether to print JSON: `json`."""
+    parser.add_argument("--json", action="store_true", help="one JSON object instead of text")
+
+
+def add_workers_argument(parser: argparse.ArgumentParser, most: int | None = None) -> None:
+    """How many processes: `workers`."""
+    processes, text = (
+        whole("a number of processes", 1, most),
+        "processes, default one for each core",
+    )
+    parser.add_argument("--workers", type=processes, metavar="N", help=text)
 
 
 def add_timeout_argument(parser: argparse.ArgumentParser) -> None:
@@ -41,9 +70,29 @@ def add_timeout_argument(parser: argparse.ArgumentParser) -> None:
 
 def print_warnings(resolved: Resolved) -> None:
     """Print a warning for settings that are legal but probably mistakes."""
-    sys.stdout.flush()  # keeps the order where both streams meet
     for warning in scenario_warnings(resolved):
-        print(f"automaton: {resolved.scenario.name}: warning: {warning}", file=sys.stderr)
+        note(f"{resolved.scenario.name}: warning: {warning}")
+
+
+def note(text: str) -> None:
+    """Print a sentence on stderr."""
+    sys.stdout.flush()  # keeps the order where both streams meet
+    print(f"automaton: {text}", file=sys.stderr, flush=True)
+
+
+def print_json(data: Any) -> None:
+    """Print an object as JSON."""
+    print(json.dumps(data, indent=2, ensure_ascii=False))
+
+
+@contextlib.contextmanager
+def progress_bar(*columns: str | ProgressColumn) -> Iterator[Progress]:
+    """A bar on stderr, for terminals alone; it disappears in the end."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        yield bar
 
 
 def whole(name: str, least: int, most: int | None = None) -> Callable[[str], int]:

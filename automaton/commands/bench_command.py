@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from automaton.bench import PARTS
+from automaton.commands.arguments import progress_bar
 from automaton.errors import InputError, nearest
 
 if TYPE_CHECKING:
@@ -97,18 +98,11 @@ def progress(total: int) -> Iterator[Callable[[str], None]]:
     if not sys.stderr.isatty():
         yield lambda name: None
         return
-    from rich.console import Console
-    from rich.progress import MofNCompleteColumn, Progress, SpinnerColumn, TextColumn
+    from rich.progress import MofNCompleteColumn, SpinnerColumn, TextColumn
 
-    bar = Progress(
-        SpinnerColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.description}", markup=False),
-        console=Console(stderr=True),
-        transient=True,
-    )
-    task = bar.add_task("", total=total, completed=-1)
-    with bar:
+    text = TextColumn("{task.description}", markup=False)
+    with progress_bar(SpinnerColumn(), MofNCompleteColumn(), text) as bar:
+        task = bar.add_task("", total=total, completed=-1)
         yield lambda name: bar.update(task, advance=1, description=name)
 
 

@@ -7,13 +7,19 @@ finish; 2: bad input, a failing strategy included.
 from __future__ import annotations
 
 import argparse
-import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from automaton.commands.arguments import tick, whole
+from automaton.commands.arguments import (
+    add_json_argument,
+    add_recording_argument,
+    add_settings_argument,
+    print_json,
+    tick,
+    whole,
+)
 from automaton.commands.explain import check_tick, shown_at
 from automaton.errors import InputError
 from automaton.evidence.recording.frames import Recording
@@ -39,19 +45,13 @@ class Future(NamedTuple):
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton branch`."""
     add = parser.add_argument
-    add("file", type=Path, metavar="RECORDING", help="a recording, whole or cut short")
+    add_recording_argument(parser, "RECORDING")
     add("--at", type=tick, required=True, metavar="TICK", help="what changes holds after this tick")
-    add(
-        "--set",
-        action="append",
-        default=[],
-        dest="settings",
-        metavar="KEY=VALUE",
-        help="change strategy, durations, information, world or stop; may be repeated",
-    )
+    what = "change strategy, durations, information, world or stop; may be repeated"
+    add_settings_argument(parser, what)
     add("--out", type=Path, metavar="FILE", help="instead of RECORDING-at-TICK.rec")
     add("--until", type=whole("a tick", 1), metavar="TICK", help="stop there, if not before")
-    add("--json", action="store_true", help="one JSON object instead of text")
+    add_json_argument(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -70,8 +70,7 @@ def run(args: argparse.Namespace) -> int:
     # Where the branch could not be written, a file of another one may lie there.
     difference = None if missing else first_difference(recording, read_recording(out))
     if args.json:
-        found = as_json(args, None if missing else out, original, branch, difference)
-        print(json.dumps(found, indent=2, ensure_ascii=False))
+        print_json(as_json(args, None if missing else out, original, branch, difference))
     else:
         settings = ", ".join(args.settings) or "nothing changed"
         header = recording.header

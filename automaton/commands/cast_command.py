@@ -9,7 +9,7 @@ import argparse
 from fractions import Fraction
 from pathlib import Path
 
-from automaton.commands.arguments import frame_rate, tick, whole
+from automaton.commands.arguments import add_recording_argument, frame_rate, tick, whole
 from automaton.commands.watch import viewer
 from automaton.errors import InputError
 
@@ -19,7 +19,7 @@ SPEEDS = (Fraction(1, 100), Fraction(10_000))
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton cast`."""
     add = parser.add_argument
-    add("file", type=Path, metavar="FILE", help="a recording, whole or cut short")
+    add_recording_argument(parser)
     add("--out", type=Path, metavar="FILE", help="instead of FILE.cast; - is standard output")
     add("--from", type=tick, metavar="TICK", dest="first", help="the first tick shown (0)")
     add("--to", type=tick, metavar="TICK", dest="last", help="the last one")

@@ -105,12 +105,11 @@ def grid_and_durations(resolved: Resolved) -> tuple[Grid, Array]:
     """Return the grid that the robots drive on, and the (A,) ticks of each action of the first type."""
     from automaton.build.prepared_floor import floor_for  # needs Numba, as most checks do not
     from automaton.build.rules import rules_for
-    from automaton.scenario.robot_types import types_of
 
     scenario = resolved.scenario
     kinematics, durations = scenario.fleet.kinematics, scenario.durations
     driving = (kinematics, durations.move, durations.turn, scenario.world.traffic_zones)
-    grid = floor_for(resolved.floor_plan, *driving, types_of(scenario)).grid
+    grid = floor_for(resolved.floor_plan, *driving, resolved.fleet.types).grid
     return grid, rules_for(scenario, scenario.seed).duration[0]
 
 

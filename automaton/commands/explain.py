@@ -6,11 +6,16 @@ Exit code 0: said; 2: bad input, such as a robot or a tick that the recording do
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from automaton.commands.arguments import tick, whole
+from automaton.commands.arguments import (
+    add_json_argument,
+    add_recording_argument,
+    print_json,
+    tick,
+    whole,
+)
 from automaton.errors import InputError
 from automaton.evidence.recording.recording_reader import read_recording
 from automaton.units import count, percent
@@ -24,10 +29,10 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton explain`."""
     add = parser.add_argument
-    add("file", type=Path, metavar="FILE", help="a recording, whole or cut short")
+    add_recording_argument(parser)
     add("--robot", type=whole("a robot", 0), required=True, metavar="R", help="which, from 0")
     add("--at", type=tick, required=True, metavar="T", help="in this tick")
-    add("--json", action="store_true", help="one JSON object instead of text")
+    add_json_argument(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -46,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
     snapshot = take_snapshot(shown.shown)
     found = explain(snapshot, shown.floor_plan, args.robot)
     if args.json:
-        print(json.dumps(as_json(args, found, snapshot), indent=2, ensure_ascii=False))
+        print_json(as_json(args, found, snapshot))
         return 0
     name, seed = recording.header["scenario"]["name"], recording.header["seed"]
     print(f"{name}, seed {seed}, tick {args.at:,} of {recording.ticks:,}")

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import json
 from typing import Any
 
+from automaton.commands.arguments import add_json_argument, print_json
 from automaton.scenario.floor_section import generator_type, generators
 from automaton.scenario.reading import read, shipped
 from automaton.scenario.schema import LAYER_NAMES
@@ -16,13 +16,16 @@ SAID = ("summary", "properties")  # no columns of the inventory
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton list`."""
-    parser.add_argument("--json", action="store_true", help="one JSON object instead of text")
+    add_json_argument(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Print what there is."""
     found = inventory()
-    print(json.dumps(found, indent=2, ensure_ascii=False) if args.json else as_text(found))
+    if args.json:
+        print_json(found)
+    else:
+        print(as_text(found))
     return 0
 
 

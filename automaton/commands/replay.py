@@ -8,12 +8,13 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from automaton.commands.arguments import add_recording_argument
 from automaton.commands.watch import add_display_arguments, viewer
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton replay`."""
-    parser.add_argument("file", type=Path, metavar="FILE", help="a recording, whole or cut short")
+    add_recording_argument(parser)
     parser.add_argument("other", type=Path, metavar="FILE2", nargs="?", help="to compare it with")
     add_display_arguments(parser)
 

@@ -6,11 +6,10 @@ Exit code 0: done; 2: bad input.
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from automaton.commands.arguments import whole
+from automaton.commands.arguments import note, whole
 from automaton.errors import InputError
 
 if TYPE_CHECKING:
@@ -86,7 +85,7 @@ def run(args: argparse.Namespace) -> int:
             file.write(text.encode())
         wrote.append(args.out)
     for path in wrote:
-        print(f"automaton: wrote {path}", file=sys.stderr)
+        note(f"wrote {path}")
     return 0
 
 

@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import json
 import math
 import sys
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
-from automaton.commands.arguments import whole
+from automaton.commands.arguments import add_json_argument, note, print_json, progress_bar, whole
 from automaton.errors import InputError
 
 if TYPE_CHECKING:
@@ -51,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--workers", type=int, metavar="N", help="processes, default one for each core"
     )
-    parser.add_argument("--json", action="store_true", help="one JSON object instead of text")
+    add_json_argument(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -74,16 +73,13 @@ def run(args: argparse.Namespace) -> int:
     judged = [judge(claim, samples, printed, repeated) for claim in reproduction.claims]
     known = [claim for claim in judged if claim is not None]
     if args.json:
-        print(json.dumps(as_json(reproduced, known), indent=2, ensure_ascii=False))
+        print_json(as_json(reproduced, known))
     else:
         from automaton.papers.claim_report import print_reproduced
 
         print_reproduced(reproduced, known)
     if reproduced.unfinished:
-        sys.stdout.flush()
-        runs = reproduced.repetitions
-        unfinished = f"{reproduced.unfinished:,} of {runs:,} runs did not finish"
-        print(f"automaton: {unfinished}", file=sys.stderr)
+        note(f"{reproduced.unfinished:,} of {reproduced.repetitions:,} runs did not finish")
         return 1
     return 0
 
@@ -100,19 +96,10 @@ def progress() -> Iterator[Listeners]:
     if not sys.stderr.isatty():
         yield None, None
         return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
+    from rich.progress import BarColumn, MofNCompleteColumn, TimeRemainingColumn
 
-    bar = Progress(
-        "runs",
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-        transient=True,
-    )
-    task = bar.add_task("runs", total=None)
-    with bar:
+    with progress_bar("runs", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()) as bar:
+        task = bar.add_task("runs", total=None)
         yield (
             lambda total: bar.update(task, total=total),
             lambda runs: bar.advance(task, runs),

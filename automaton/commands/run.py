@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import json
 import sys
 import threading
 import time
@@ -17,8 +16,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from automaton.build.resolve import Resolved, resolve
 from automaton.commands.arguments import (
+    add_json_argument,
     add_scenario_arguments,
     add_timeout_argument,
+    note,
+    print_json,
     print_warnings,
     whole,
 )
@@ -42,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_timeout_argument(parser)
     parser.add_argument("--picture", action="store_true", help="draw the grid at the end")
-    parser.add_argument("--json", action="store_true", help="one JSON object instead of text")
+    add_json_argument(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -58,8 +60,7 @@ def run(args: argparse.Namespace) -> int:
             resolved, on_record, on_window, args.until, on_end, args.strategy_timeout
         )
     if args.json:
-        report = {**as_json(resolved, outcome), **(drawn[0].as_json() if drawn else {})}
-        print(json.dumps(report, indent=2, ensure_ascii=False))
+        print_json({**as_json(resolved, outcome), **(drawn[0].as_json() if drawn else {})})
     else:
         from automaton.runs.run_report import print_report
 
@@ -68,13 +69,8 @@ def run(args: argparse.Namespace) -> int:
         print_report(resolved, outcome)
     if outcome.finished or outcome.stopped:
         return 0
-    sys.stdout.flush()
-    limit = resolved.scenario.stop.max_duration
-    name = resolved.scenario.name
-    print(
-        f"automaton: {name} did not finish within {limit:,} ticks: {outcome.diagnosis}",
-        file=sys.stderr,
-    )
+    name, limit = resolved.scenario.name, resolved.scenario.stop.max_duration
+    note(f"{name} did not finish within {limit:,} ticks: {outcome.diagnosis}")
     return 1
 
 

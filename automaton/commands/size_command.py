@@ -7,12 +7,19 @@ Exit code 0: answered; 1: not reached, undecided, or a worker died; 2: bad input
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from automaton.commands.arguments import add_scenario_arguments, print_warnings, whole
+from automaton.commands.arguments import (
+    add_json_argument,
+    add_scenario_arguments,
+    add_workers_argument,
+    note,
+    print_json,
+    print_warnings,
+    whole,
+)
 from automaton.errors import WorkerDiedError
 
 if TYPE_CHECKING:
@@ -80,14 +87,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add("--strategies", metavar="A,B", help="compare these, such as independent,cooperative")
     add("--price", type=positive, default=0.0, metavar="P", help="of a robot")
-    add(
-        "--workers",
-        type=whole("a number of processes", 1),
-        metavar="N",
-        help="processes, default one for each core",
-    )
+    add_workers_argument(parser)
     add("--plots", type=Path, metavar="DIR", help="shares and means as PNG and SVG (extra plots)")
-    add("--json", action="store_true", help="one JSON object instead of text")
+    add_json_argument(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -146,8 +148,7 @@ def show(args: argparse.Namespace, session: SizingSession, fleets: Fleets) -> No
     if args.json:
         from automaton.studies.sizing.sizing_record import as_json
 
-        found = as_json(session, scenario.name, fleets.seed, args.price)
-        print(json.dumps(found, indent=2, ensure_ascii=False))
+        print_json(as_json(session, scenario.name, fleets.seed, args.price))
         return
     from automaton.runs.run_report import console
     from automaton.studies.sizing.sizing_report import print_answer
@@ -166,9 +167,8 @@ def draw(folder: Path, session: SizingSession) -> None:
     from automaton.studies.reports.plot_files import write_plots
     from automaton.studies.sizing.sizing_charts import curves
 
-    sys.stdout.flush()
     for path in write_plots(curves(session), folder):
-        print(f"automaton: wrote {path}", file=sys.stderr)
+        note(f"wrote {path}")
 
 
 def tell_progress(place: FleetConfig, runs: int, asked: Question) -> None:

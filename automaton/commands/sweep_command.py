@@ -15,7 +15,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from automaton.commands.arguments import add_timeout_argument, whole
+from automaton.commands.arguments import (
+    add_json_argument,
+    add_timeout_argument,
+    add_workers_argument,
+    note,
+    print_json,
+)
 from automaton.errors import InputError
 from automaton.units import SECONDS_PER_UNIT, count
 
@@ -29,12 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton sweep`."""
     parser.add_argument("study", metavar="STUDY", help="a file, or a shipped study")
     parser.add_argument("--out", type=Path, metavar="DIR", help="the folder of the results")
-    parser.add_argument(
-        "--workers",
-        type=whole("a number of processes", 1, 1024),
-        metavar="N",
-        help="processes, default one for each core",
-    )
+    add_workers_argument(parser, 1024)
     parser.add_argument(
         "--scheduler",
         metavar="ADDRESS",
@@ -53,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--retry-failed", action="store_true", help="also retry the runs that failed"
     )
     add_timeout_argument(parser)
-    parser.add_argument("--json", action="store_true", help="one JSON object instead of text")
+    add_json_argument(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -214,16 +215,9 @@ def tell(args: argparse.Namespace, swept: SweepResult, seconds: float) -> None:
     """Say what was done."""
     begun, tally = swept.begun, swept.tally
     if args.json:
-        found = {
-            "study": swept.store.study.name,
-            "out": str(args.out),
-            "runs": begun.runs,
-            "existing": begun.done,
-            **tally._asdict(),
-            "failed": swept.failed,
-            "wall_s": round(seconds, 3),
-        }
-        print(json.dumps(found, indent=2))
+        found = {"study": swept.store.study.name, "out": str(args.out), "runs": begun.runs}
+        found |= {"existing": begun.done, **tally._asdict(), "failed": swept.failed}
+        print_json({**found, "wall_s": round(seconds, 3)})
     else:
         before = f" ({begun.done:,} were done before)" if begun.done else ""
         print(f"{swept.store.study.name}: {count(begun.runs, 'run')} in {args.out}{before}")
@@ -232,11 +226,5 @@ def tell(args: argparse.Namespace, swept: SweepResult, seconds: float) -> None:
         if tally.repeated:
             print(f"{count(tally.repeated, 'run')} begun twice, since a worker died")
     if swept.failed:
-        sys.stdout.flush()
         what = f"{count(swept.failed, 'run')} failed; the column `error` says why"
         note(f"{what}, --retry-failed tries again")
-
-
-def note(text: str) -> None:
-    """A sentence on stderr."""
-    print(f"automaton: {text}", file=sys.stderr, flush=True)

@@ -9,13 +9,18 @@ from __future__ import annotations
 import argparse
 import contextlib
 import importlib
-import json
 import os
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from automaton.commands.arguments import (
+    add_json_argument,
+    add_settings_argument,
+    print_json,
+    progress_bar,
+)
 from automaton.errors import InputError, alternatives, nearest
 from automaton.papers.training.losses import LOSSES, WEIGHTINGS
 from automaton.papers.training.prediction_metrics import METRICS
@@ -44,15 +49,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add, default = parser.add_argument, Settings()
     add("name", metavar="NAME", help=f"what to train: {alternatives(NAMES)}")
     add("--scenario", default=PAPER, metavar="SCENARIO", help=f"whose floor ({PAPER})")
-    add(
-        "--set",
-        action="append",
-        default=[],
-        dest="settings",
-        metavar="KEY=VALUE",
-        help="change a value of the scenario, such as world.traffic_zones=directed; may be "
-        "repeated",
-    )
+    such = "such as world.traffic_zones=directed"
+    add_settings_argument(parser, f"change a value of the scenario, {such}; may be repeated")
     add("--loss", metavar="LOSS", help=f"{alternatives(LOSSES)} ({default.loss})")
     add("--weighting", metavar="W", help=f"{alternatives(WEIGHTINGS)} ({default.weighting})")
     for option, (name, _, text) in NUMBERS.items():
@@ -68,7 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--out", type=Path, metavar="FILE", help="the network (SCENARIO.npz), or the tables as JSON"
     )
-    add("--json", action="store_true", help="one JSON object instead of text")
+    add_json_argument(parser)
     modes = parser.add_mutually_exclusive_group()
     modes.add_argument(
         "--tables", action="store_true", help="train for Tables 1 to 4 of the paper instead"
@@ -109,7 +107,7 @@ def run(args: argparse.Namespace) -> int:
         else:
             outcome = session.try_classifiers(told)
     if args.json:
-        print(json.dumps(outcome, indent=2, ensure_ascii=False))
+        print_json(outcome)
     else:
         importlib.import_module("automaton.papers.training.training_report").print_outcome(
             mode, outcome
@@ -175,16 +173,9 @@ def progress() -> Iterator[ProgressCallback | None]:
     if not sys.stderr.isatty():
         yield None
         return
-    from rich.console import Console
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
 
-    bar = Progress(
-        SpinnerColumn(),
-        TextColumn("{task.description}", markup=False),
-        TimeElapsedColumn(),
-        console=Console(stderr=True),
-        transient=True,
-    )
-    task = bar.add_task("drawing legs", total=None)
-    with bar:
+    text = TextColumn("{task.description}", markup=False)
+    with progress_bar(SpinnerColumn(), text, TimeElapsedColumn()) as bar:
+        task = bar.add_task("drawing legs", total=None)
         yield lambda text: bar.update(task, description=text)

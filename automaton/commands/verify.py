@@ -7,10 +7,9 @@ Exit code 0: what is there keeps the rules and comes out equal again, even if it
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from typing import TYPE_CHECKING, Any
 
+from automaton.commands.arguments import add_json_argument, print_json
 from automaton.errors import InputError
 from automaton.evidence.recording.recording_reader import read_recording
 
@@ -23,7 +22,7 @@ MAX_PRINTED_VIOLATIONS = 10  # violations in the text
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton verify`."""
     parser.add_argument("file", metavar="FILE", help="a recording")
-    parser.add_argument("--json", action="store_true", help="one JSON object instead of text")
+    add_json_argument(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -36,10 +35,9 @@ def run(args: argparse.Namespace) -> int:
     except InputError as error:
         raise error.at(args.file) from None
     if args.json:
-        print(json.dumps(as_json(args.file, found), indent=2, ensure_ascii=False))
+        print_json(as_json(args.file, found))
     else:
-        for line in as_text(args.file, found):
-            print(line, file=sys.stdout)
+        print("\n".join(as_text(args.file, found)))
     return 0 if found.passed else 1
 
 

@@ -185,7 +185,7 @@ def _fixed_costs(
     floor_plan: FloorPlan, incoming: CellBytes, symbols: list[Symbol]
 ) -> list[npt.NDArray[np.int64]]:
     """What each symbol costs in every cell, whatever its neighbours turn out to be."""
-    drivable = np.where(floor_plan.drivable(), np.uint8(ALL_EXITS), np.uint8(NO_EXITS))
+    drivable = np.where(floor_plan.drivable, np.uint8(ALL_EXITS), np.uint8(NO_EXITS))
     to = _ahead(drivable)
     built_in = set(SYMBOLS.values())
     costs = []

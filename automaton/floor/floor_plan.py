@@ -53,10 +53,15 @@ class FloorPlan:
     starts: tuple[int, ...] = ()  # flat cells of robots drawn in the picture
     numbered: tuple[int, ...] = ()  # flat cells of stations 1, 2, ...; (): in reading order
 
-    @property
+    @cached_property
     def stride(self) -> int:
         """Distance of vertical neighbours in flat indices."""
         return self.width + 2
+
+    @cached_property
+    def offsets(self) -> tuple[int, int, int, int]:
+        """What leads to the flat neighbours, in the order of directions."""
+        return 1, self.stride, -1, -self.stride
 
     def cell(self, x: int, y: int) -> int:
         """Flat index of (x, y); the border column x = -1 counts as a cell."""
@@ -75,20 +80,24 @@ class FloorPlan:
         """Flat neighbours in the order of directions: east, south, west, north."""
         return cell + 1, cell + self.stride, cell - 1, cell - self.stride
 
+    @cached_property
     def slots(self) -> Cells:
         """Flat cells that take loads (shelves, destinations) in table order: by x, then y."""
         columns, rows = np.nonzero(SLOT[self.kind].T)
-        return (rows * self.stride + columns).astype(np.int32)
+        return _frozen_cells((rows * self.stride + columns).astype(np.int32))
 
+    @cached_property
     def stations(self) -> Cells:
         """Flat cells of the stations 1, 2, ..."""
-        if self.numbered:
-            return np.array(self.numbered, np.int32)
-        return np.flatnonzero(self.kind == STATION).astype(np.int32)
+        cells = self.numbered or np.flatnonzero(self.kind == STATION)
+        return _frozen_cells(np.array(cells, np.int32))
 
+    @cached_property
     def drivable(self) -> npt.NDArray[np.bool_]:
         """(height + 2, width + 2) mask of the cells that robots stand on."""
-        return DRIVABLE[self.kind]
+        mask: npt.NDArray[np.bool_] = DRIVABLE[self.kind]
+        mask.setflags(write=False)
+        return mask
 
     @cached_property
     def fingerprint(self) -> str:

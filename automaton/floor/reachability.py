@@ -29,7 +29,7 @@ def backward_exits(floor_plan: FloorPlan) -> npt.NDArray[np.uint8]:
     """(cells,) flat: bit d is set where a robot may come from the neighbour in direction d."""
     exits = floor_plan.exits.reshape(-1)
     back = np.zeros_like(exits)
-    for direction, offset in enumerate((1, floor_plan.stride, -1, -floor_plan.stride)):
+    for direction, offset in enumerate(floor_plan.offsets):
         leaves = np.roll(exits, -offset) >> np.uint8(direction ^ 2) & np.uint8(1)
         back |= leaves << np.uint8(direction)
     return back
@@ -44,7 +44,7 @@ def reached(
     """
     exits = backward_exits(floor_plan) if backwards else floor_plan.exits.reshape(-1)
     turns = CAN_TURN[floor_plan.kind.reshape(-1)] if rail else np.ones(exits.size, np.bool_)
-    offsets = (1, floor_plan.stride, -1, -floor_plan.stride)
+    offsets = floor_plan.offsets
     seen = np.zeros((2, exits.size), np.bool_)  # by axis of travel
     first = np.array(sorted(set(starts)), np.int64)
     seen[:, first] = True
@@ -72,9 +72,9 @@ def closed_step(
     """
     exits, drivable = (
         floor_plan.exits.reshape(-1).tolist(),
-        floor_plan.drivable().reshape(-1).tolist(),
+        floor_plan.drivable.reshape(-1).tolist(),
     )
-    offsets = tuple(enumerate((1, floor_plan.stride, -1, -floor_plan.stride)))
+    offsets = tuple(enumerate(floor_plan.offsets))
     closed_first: dict[int, tuple[int, int, int] | None] = dict.fromkeys(starts)
     wanted, done = set(goals), set()
     front = deque(closed_first)
@@ -108,7 +108,7 @@ def steps_from(
     while front.size:
         found[front] = moves
         moves += 1
-        offsets = enumerate((1, floor_plan.stride, -1, -floor_plan.stride))
+        offsets = enumerate(floor_plan.offsets)
         ahead = [front[exits[front] >> d & 1 != 0] + offset for d, offset in offsets]
         front = np.unique(np.concatenate(ahead))
         front = front[found[front] == NIL]
@@ -121,8 +121,8 @@ def slot_access(floor_plan: FloorPlan) -> npt.NDArray[np.int32]:
 
     Racks open upwards and downwards only; a robot drives onto a station: its only cell is itself.
     """
-    cells, drivable = floor_plan.slots().astype(np.int64), floor_plan.drivable().reshape(-1)
-    around = cells[:, None] + np.array([1, floor_plan.stride, -1, -floor_plan.stride])
+    cells, drivable = floor_plan.slots.astype(np.int64), floor_plan.drivable.reshape(-1)
+    around = cells[:, None] + np.array(floor_plan.offsets)
     inside = (around >= 0) & (around < drivable.size)
     around = np.where(inside, around, 0)
     access = np.where(inside & drivable[around], around, NIL).astype(np.int32)
@@ -137,25 +137,16 @@ def slot_access(floor_plan: FloorPlan) -> npt.NDArray[np.int32]:
 
 def rack_stands(floor_plan: FloorPlan) -> Cells:
     """A cell in front of each rack that has one, above it if there is one, in table order."""
-    racks = slot_access(floor_plan)[floor_plan.kind.reshape(-1)[floor_plan.slots()] == RACK]
+    racks = slot_access(floor_plan)[floor_plan.kind.reshape(-1)[floor_plan.slots] == RACK]
     stands = np.where(racks[:, NORTH] != NIL, racks[:, NORTH], racks[:, SOUTH])
     found: Cells = stands[stands != NIL]
     return found
 
 
-def slots_without_access(floor_plan: FloorPlan) -> Cells:
-    """Flat cells of the slots with no drivable cell beside them, in table order."""
-    return _slots_beside(floor_plan, ~floor_plan.drivable().reshape(-1))
-
-
-def slots_out_of_reach(floor_plan: FloorPlan, within: Mask) -> Cells:
-    """Flat cells of the slots beside which no robot gets, in table order; within: (C,) where they do."""
-    return _slots_beside(floor_plan, ~within)
-
-
-def _slots_beside(floor_plan: FloorPlan, mask: npt.NDArray[np.bool_]) -> Cells:
-    """Slots all of whose four neighbours are in the mask."""
-    slots = floor_plan.slots()
-    around = [mask[slots + offset] for offset in (1, floor_plan.stride, -1, -floor_plan.stride)]
+def slots_beside(floor_plan: FloorPlan, mask: Mask) -> Cells:
+    """Flat cells of the slots that are served from cells of the mask alone, in table order."""
+    slots = floor_plan.slots
+    around = [mask[slots + offset] for offset in floor_plan.offsets]
     station = floor_plan.kind.reshape(-1)[slots] == STATION
-    return slots[np.where(station, mask[slots], np.logical_and.reduce(around))]
+    beside: Cells = slots[np.where(station, mask[slots], np.logical_and.reduce(around))]
+    return beside

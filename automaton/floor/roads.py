@@ -64,7 +64,7 @@ def road_network(floor_plan: FloorPlan, station_cells: Sequence[int] | NDArray[A
 
 
 def _check(floor_plan: FloorPlan, stations: list[int]) -> None:
-    drivable = floor_plan.drivable().reshape(-1)
+    drivable = floor_plan.drivable.reshape(-1)
     first: dict[int, int] = {}
     for number, cell in enumerate(stations, 1):
         where = f"station {number} at {floor_plan.xy(cell)}"
@@ -92,7 +92,7 @@ def _junctions(floor_plan: FloorPlan) -> NDArray[np.int64]:
     south, north = below, np.roll(below, 1, 0)
     along_x = east & west & ~south & ~north
     along_y = south & north & ~east & ~west
-    return np.flatnonzero(floor_plan.drivable() & ~along_x & ~along_y)
+    return np.flatnonzero(floor_plan.drivable & ~along_x & ~along_y)
 
 
 def _ways(floor_plan: FloorPlan, cells: Numbers) -> tuple[Numbers, Numbers]:

@@ -47,7 +47,7 @@ def traffic_zones_of(floor_plan: FloorPlan, mode: str = "undirected") -> Traffic
     horizontal = beside | np.roll(beside, 1, 1)
     vertical = below | np.roll(below, 1, 0)
     intersection = horizontal & vertical
-    segment, count = segments(floor_plan.drivable(), beside, below, intersection)
+    segment, count = segments(floor_plan.drivable, beside, below, intersection)
     of = np.repeat(segment.reshape(-1, 1), 2, axis=1)
     if mode == "directed":
         of = np.where(of == NIL, NIL, 2 * of + np.arange(2, dtype=np.int32)).astype(np.int32)

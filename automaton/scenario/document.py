@@ -14,7 +14,7 @@ from typing import Any, Final
 import yaml
 
 from automaton.errors import InputError
-from automaton.printable import LONGEST_NAME, escaped, one_line
+from automaton.printable import cleaned_document
 
 Keys = tuple[str | int, ...]  # the way to a value: ("fleet", "start", 0)
 
@@ -117,7 +117,7 @@ def parse(text: str, file: str | None) -> tuple[Any, yaml.Node | None]:
     if root is None:
         return None, None
     _measure(root, file, {})
-    return _data(root, file), root
+    return cleaned_document(_data(root, file)), root
 
 
 def _refuse_unreadable(text: str, file: str | None) -> None:
@@ -213,16 +213,14 @@ def _data(node: yaml.Node, file: str | None) -> Any:
                 f"the key '{name.value}' appears twice (first in line {first})", file, line
             )
         lines[name.value] = line
-        found = _data(value, file)
-        is_name = name.value == "name" and isinstance(found, str)
-        data[one_line(name.value)] = one_line(found, LONGEST_NAME) if is_name else found
+        data[name.value] = _data(value, file)
     return data
 
 
 def _scalar(node: yaml.ScalarNode, file: str | None) -> Any:
     text, tag, line = node.value, node.tag, node.start_mark.line + 1
     if tag in TEXT_TAGS:
-        return escaped(text)
+        return text
     if tag == TAG + "null":
         return None
     if tag == TAG + "bool":

@@ -7,7 +7,7 @@ lists none has one type, to which nothing is closed.
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -47,13 +47,6 @@ def types_of(scenario: Scenario) -> tuple[RobotType, ...]:
     ) or (RobotType(),)
 
 
-def least_move(scenario: Scenario) -> int:
-    """Ticks that a move takes the fastest robots."""
-    return scenario.durations.move * min(
-        robot_type.move_time_factor for robot_type in types_of(scenario)
-    )
-
-
 def type_of_each(fleet: Fleet) -> npt.NDArray[np.uint8]:
     """(n,) the type of each robot, by identity."""
     if not fleet.types:
@@ -61,50 +54,34 @@ def type_of_each(fleet: Fleet) -> npt.NDArray[np.uint8]:
     return np.repeat(np.arange(len(fleet.types), dtype=np.uint8), fleet.counts)
 
 
-@lru_cache(maxsize=64)
-def closed_cells(floor_plan: FloorPlan, robot_type: RobotType) -> Mask:
-    """(C,) the cells that are closed to a type."""
-    mask = np.zeros((floor_plan.height + 2, floor_plan.width + 2), np.bool_)
-    for x0, y0, x1, y1 in robot_type.closed:
-        rows = slice(min(y0, y1) + 1, max(y0, y1) + 2)
-        mask[rows, min(x0, x1) + 1 : max(x0, x1) + 2] = True
-    mask.setflags(write=False)
-    return mask.reshape(-1)
+class FloorByType(NamedTuple):
+    """A floor as robots of each type may drive on it."""
+
+    closed: Mask  # (K, C) the cells that are closed to type k
+    floor_plans: tuple[FloorPlan, ...]  # (K,) with the exits that robots of type k may take
 
 
 @lru_cache(maxsize=64)
-def open_exits(floor_plan: FloorPlan, robot_type: RobotType) -> npt.NDArray[np.uint8]:
-    """(height + 2, width + 2) the exits open to a type: none leads into or out of a closed cell."""
-    closed = closed_cells(floor_plan, robot_type)
+def floor_by_type(floor_plan: FloorPlan, types: tuple[RobotType, ...]) -> FloorByType:
+    """The floor for each of some types. Equal floors and types give the same object."""
+    areas = np.zeros((len(types), floor_plan.height + 2, floor_plan.width + 2), np.bool_)
+    for mask, robot_type in zip(areas, types, strict=True):
+        for x0, y0, x1, y1 in robot_type.closed:
+            rows = slice(min(y0, y1) + 1, max(y0, y1) + 2)
+            mask[rows, min(x0, x1) + 1 : max(x0, x1) + 2] = True
+    areas.setflags(write=False)
+    closed = areas.reshape(len(types), -1)
+    floor_plans = tuple(
+        floor_plan.with_exits(_open_exits(floor_plan, mask)) if mask.any() else floor_plan
+        for mask in closed
+    )
+    return FloorByType(closed, floor_plans)
+
+
+def _open_exits(floor_plan: FloorPlan, closed: Mask) -> npt.NDArray[np.uint8]:
+    """(height + 2, width + 2) the exits that lead neither into nor out of a closed cell."""
     exits = np.where(closed, 0, floor_plan.exits.reshape(-1)).astype(np.uint8)
-    for direction, offset in enumerate((1, floor_plan.stride, -1, -floor_plan.stride)):
+    for direction, offset in enumerate(floor_plan.offsets):
         # np.roll wraps round, but only through the border, which has no exits.
         exits[np.roll(closed, -offset)] &= np.uint8(15 ^ (1 << direction))
-    exits.setflags(write=False)
     return exits.reshape(floor_plan.exits.shape)
-
-
-def floor_plan_for(floor_plan: FloorPlan, robot_type: RobotType) -> FloorPlan:
-    """The floor with the exits that robots of a type may take."""
-    return (
-        floor_plan.with_exits(open_exits(floor_plan, robot_type))
-        if robot_type.closed
-        else floor_plan
-    )
-
-
-def first_open(
-    cells: npt.NDArray[Any], scenario: Scenario, floor_plan: FloorPlan
-) -> list[npt.NDArray[np.intp]]:
-    """For each type the numbers of the first cells that are open to it, one for each of its robots.
-
-    One type after another takes its cells; fewer where they do not suffice.
-    """
-    if not scenario.fleet.types:
-        return [np.arange(min(len(cells), scenario.fleet.robots))]
-    free = np.ones(len(cells), np.bool_)
-    chosen = []
-    for robot_type, count in zip(types_of(scenario), scenario.fleet.counts, strict=True):
-        chosen.append(np.flatnonzero(free & ~closed_cells(floor_plan, robot_type)[cells])[:count])
-        free[chosen[-1]] = False
-    return chosen

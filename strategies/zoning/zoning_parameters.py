@@ -51,7 +51,7 @@ class Zones(ZoningParameters, forbid_unknown_fields=True, frozen=True, kw_only=T
 
     def _wrong_priority(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         names = [robot_type.name for robot_type in scenario.fleet.types]
-        most = len(floor_plan.stations()) or self.groups
+        most = len(floor_plan.stations) or self.groups
         for name, stations in self.priority.items():
             if name not in names:
                 known = (
@@ -67,7 +67,7 @@ class Zones(ZoningParameters, forbid_unknown_fields=True, frozen=True, kw_only=T
         """The stations that zones are made of; without any, the groups of slots that count as such."""
         served = slot_access(floor_plan).max(axis=1, initial=NIL)
         stands = int(np.unique(served[served != NIL]).size)
-        return len(floor_plan.stations()) or min(self.groups, stands)
+        return len(floor_plan.stations) or min(self.groups, stands)
 
     def flaw(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         """What is wrong with the design on this floor."""
@@ -78,9 +78,7 @@ class Zones(ZoningParameters, forbid_unknown_fields=True, frozen=True, kw_only=T
         from strategies.zoning.design.design_files import read_design
 
         cells = (
-            floor_plan.stations()
-            if len(floor_plan.stations())
-            else grouped(floor_plan, self.groups)[0]
+            floor_plan.stations if len(floor_plan.stations) else grouped(floor_plan, self.groups)[0]
         )
         try:
             roads = Roads(**road_network(floor_plan, cells)._asdict())
@@ -100,7 +98,7 @@ class Zones(ZoningParameters, forbid_unknown_fields=True, frozen=True, kw_only=T
         zones = self.design.get("zones") if isinstance(self.design, dict) else None
         robots, stations = scenario.fleet.robots, self.stations(floor_plan)
         if robots > stations:
-            counted = "stations" if len(floor_plan.stations()) else "groups of slots (raise groups)"
+            counted = "stations" if len(floor_plan.stations) else "groups of slots (raise groups)"
             return (
                 f"each robot serves a zone with a station at least, and there are {robots} robots and "
                 f"{stations} {counted}; use fewer robots"

@@ -215,7 +215,7 @@ def test_every_sampler_returns_a_figure() -> None:
 def test_a_scene_has_no_orders_and_never_ends() -> None:
     resolved = scene(open_floor(8, 6), 5)
     assert resolved.scenario.stop.when == "never"
-    assert resolved.floor_plan.slots().size == 0
+    assert resolved.floor_plan.slots.size == 0
 
 
 def test_bench_prints_json(capsys: pytest.CaptureFixture[str]) -> None:

@@ -18,7 +18,7 @@ def test_a_lattice_has_its_stations_on_aisles_that_hang_together(stations: int) 
     picture = zoning_speed.lattice(stations)
     assert picture.count("t") == stations and zoning_speed.lattice(stations) == picture
     floor_plan = draw_floor(picture)
-    between = roads_of(floor_plan, floor_plan.stations()).between
+    between = roads_of(floor_plan, floor_plan.stations).between
     assert between.shape == (stations, stations) and between.max() < 1000
 
 
@@ -27,7 +27,7 @@ def test_a_repair_gives_every_station_of_a_lattice_a_zone(stations: int, zones: 
     floor_plan = draw_floor(zoning_speed.lattice(stations))
     rng = np.random.default_rng(4)
     flow = rng.integers(0, 2, (stations, stations)).astype(float)
-    one = zoning_speed.task(roads_of(floor_plan, floor_plan.stations()), flow, zones)
+    one = zoning_speed.task(roads_of(floor_plan, floor_plan.stations), flow, zones)
     assert zoning_speed.anneal(one, 1) == 1
     assert set(one.design.zone.tolist()) == set(range(zones))
 

@@ -75,7 +75,7 @@ def cases(draw: Any) -> Case:
     if not set(picture) - set("#\n"):
         picture = picture.replace("#", ".")
     floor_plan = draw_floor(picture)
-    drivable = np.flatnonzero(floor_plan.drivable()).tolist()
+    drivable = np.flatnonzero(floor_plan.drivable).tolist()
     shuffled = draw(st.permutations(drivable))
     cells = shuffled[: draw(st.sampled_from(range(len(drivable), 0, -1)))]
     # Cells without limit may hold several robots from the start.
@@ -210,7 +210,7 @@ def test_no_two_robots_are_on_an_edge_in_opposite_directions(floor: str, followi
     On which edge a robot is in a tick follows from where it was before and after.
     """
     floor_plan = draw_floor(floor)
-    first, last = np.flatnonzero(floor_plan.drivable())[[0, -1]].tolist()
+    first, last = np.flatnonzero(floor_plan.drivable)[[0, -1]].tolist()
     passings = 0
     for span_a, span_b, late in product((1, 2, 3), (1, 2, 3), range(4)):
         world = built(Case(floor_plan, (first, last), following, (), 0, ()), None)
@@ -244,7 +244,7 @@ def driven(cell: int, claim: int, now: int, claims: int) -> tuple[int, int] | No
 
 def test_which_contest_a_floor_gets_depends_on_its_crowding() -> None:
     room = draw_floor("\n".join(["." * 20] * 20))
-    cells = tuple(np.flatnonzero(room.drivable()).tolist())
+    cells = tuple(np.flatnonzero(room.drivable).tolist())
     keys = {
         robots: built(Case(room, cells[:robots], True, (), 0, ()), None).traffic.key.size
         for robots in (10, 200)

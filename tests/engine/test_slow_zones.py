@@ -127,7 +127,7 @@ def cases(draw: Any) -> Case:
         picture = draw(pictures(SYMBOLS, draw(st.integers(3, 6)), draw(st.integers(1, 3))))
     width = picture.index("\n") if "\n" in picture else len(picture)
     floor_plan = draw_floor(f"{picture}\n{('sd' * width)[:width]}\n{'.' * width}")
-    cells = draw(st.permutations(np.flatnonzero(floor_plan.drivable()).tolist()))
+    cells = draw(st.permutations(np.flatnonzero(floor_plan.drivable).tolist()))
     bays = len(floor_plan.bays)
     n = bays or min(len(cells), draw(st.integers(2, 9)))
     rules = WorldRules(

@@ -23,8 +23,7 @@ from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.reachability import (
     around_home,
     reached,
-    slots_out_of_reach,
-    slots_without_access,
+    slots_beside,
 )
 from layouts.tabletop import Tabletop
 
@@ -109,7 +108,7 @@ def test_aisles_carry_their_capacity() -> None:
 
 def test_slots_come_in_table_order_by_column_then_row() -> None:
     floor_plan = picture("s.d", "$.s", "...")
-    assert [floor_plan.xy(cell) for cell in floor_plan.slots()] == [(0, 0), (0, 1), (2, 0), (2, 1)]
+    assert [floor_plan.xy(cell) for cell in floor_plan.slots] == [(0, 0), (0, 1), (2, 0), (2, 1)]
     assert [floor_plan.xy(cell) for cell in np.flatnonzero(floor_plan.loads).tolist()] == [(0, 1)]
 
 
@@ -198,10 +197,9 @@ def test_the_papers_floors_have_the_papers_size(
 def test_the_smallest_tabletop_works() -> None:
     floor_plan = Tabletop(tables=1, positions=1, destinations=1).build()
     assert as_text(floor_plan) == ["", "b+o+d", "boso", "b+o+", ""]
-    assert not slots_without_access(floor_plan).size
-    assert not slots_out_of_reach(
-        floor_plan, around_home(floor_plan, int(floor_plan.bays[0, 1]), rail=True)
-    ).size
+    assert not slots_beside(floor_plan, ~floor_plan.drivable.reshape(-1)).size
+    within = around_home(floor_plan, int(floor_plan.bays[0, 1]), rail=True)
+    assert not slots_beside(floor_plan, ~within).size
 
 
 def test_what_lies_behind_a_one_way_door_is_reached_but_not_left() -> None:
@@ -209,15 +207,15 @@ def test_what_lies_behind_a_one_way_door_is_reached_but_not_left() -> None:
     assert reached(floor_plan, [floor_plan.cell(0, 0)], rail=False)[floor_plan.cell(2, 0)]
     assert not reached(floor_plan, [floor_plan.cell(2, 0)], rail=False)[floor_plan.cell(0, 0)]
     within = around_home(floor_plan, floor_plan.cell(2, 0), False)
-    assert [floor_plan.xy(c) for c in slots_out_of_reach(floor_plan, within)] == [(0, 1)]
+    assert [floor_plan.xy(c) for c in slots_beside(floor_plan, ~within)] == [(0, 1)]
 
 
 def test_rails_turn_on_turntables_only() -> None:
     corner, table = picture("...", "##.", "##s"), picture("..+", "##.", "##s")
     start = corner.cell(0, 0)
-    assert slots_out_of_reach(corner, around_home(corner, start, rail=True)).size == 1
-    assert slots_out_of_reach(corner, around_home(corner, start, rail=False)).size == 0
-    assert slots_out_of_reach(table, around_home(table, start, rail=True)).size == 0
+    assert slots_beside(corner, ~around_home(corner, start, rail=True)).size == 1
+    assert slots_beside(corner, ~around_home(corner, start, rail=False)).size == 0
+    assert slots_beside(table, ~around_home(table, start, rail=True)).size == 0
 
 
 def test_exits_never_lead_into_the_border_or_a_wall() -> None:
@@ -226,7 +224,7 @@ def test_exits_never_lead_into_the_border_or_a_wall() -> None:
     for _ in range(50):
         rows = ["".join(generator.choice(symbols, 7)) for _ in range(6)]
         floor_plan = picture(*rows, ".......")
-        drivable = floor_plan.drivable().reshape(-1)
+        drivable = floor_plan.drivable.reshape(-1)
         for cell, bits in enumerate(floor_plan.exits.reshape(-1).tolist()):
             assert bits & ~ALL_EXITS == 0
             for direction, neighbour in enumerate(floor_plan.neighbours(cell)):

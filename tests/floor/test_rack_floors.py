@@ -62,12 +62,12 @@ def test_e2_has_1044_zones_but_for_its_dead_ends():
 def test_every_slot_but_27_of_e2_has_one_cell_to_stand_on(e1):
     for floor_plan, without in ((e1, 0), (Racks(preset="E2").build(), 27)):
         access = world_on(floor_plan).slots.access
-        rack = floor_plan.kind.reshape(-1)[floor_plan.slots()] == RACK
+        rack = floor_plan.kind.reshape(-1)[floor_plan.slots] == RACK
         stands = (access != NIL).sum(axis=1)
         assert np.count_nonzero(stands[rack] == 1) == 5769 - without
         assert np.count_nonzero(stands[rack] == 0) == without
         # A dock opens on the right, beside the racks, first of all.
-        docks = floor_plan.slots()[~rack]
+        docks = floor_plan.slots[~rack]
         assert (access[~rack, 0] == docks + 1).all()
 
 

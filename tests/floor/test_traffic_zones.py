@@ -133,7 +133,7 @@ def test_two_neighbours_share_a_zone_exactly_when_neither_is_an_intersection(row
             cell = floor_plan.cell(x, y)
             across, down = links.get((x, y), ([], []))
             assert traffic_zones.intersection[cell] == bool(across and down)
-            drivable = bool(floor_plan.drivable().flat[cell])
+            drivable = bool(floor_plan.drivable.flat[cell])
             assert (traffic_zones.of[cell, 0] != NIL) == (
                 drivable and not traffic_zones.intersection[cell]
             )

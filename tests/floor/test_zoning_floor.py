@@ -33,8 +33,8 @@ def test_the_critical_points_are_the_52_of_the_authors() -> None:
 
 def test_the_sizes_of_both_grids() -> None:
     fine, coarse = Factory().build(), Factory(cell=5).build()
-    assert (fine.width, fine.height, int(fine.drivable().sum())) == (117, 157, 1083)
-    assert (coarse.width, coarse.height, int(coarse.drivable().sum())) == (59, 79, 536)
+    assert (fine.width, fine.height, int(fine.drivable.sum())) == (117, 157, 1083)
+    assert (coarse.width, coarse.height, int(coarse.drivable.sum())) == (59, 79, 536)
 
 
 def test_cells_of_five_feet_are_a_little_off() -> None:
@@ -65,7 +65,7 @@ def test_following_hops_is_a_shortest_way() -> None:
 
 def test_slots_are_found_by_station_number() -> None:
     floor, floor_plan, _ = factory()
-    slots = floor_plan.slots()
+    slots = floor_plan.slots
     for number, (x, y) in floor.stations().items():
         assert slots[floor.station_slots()[number]] == floor_plan.cell(x, y)
 
@@ -73,7 +73,7 @@ def test_slots_are_found_by_station_number() -> None:
 def test_lanes_hold_any_number_of_robots_or_one() -> None:
     for lanes, capacity in (("pass", 0), ("single", 1)):
         floor_plan = Factory(lanes=lanes).build()  # type: ignore[arg-type]
-        assert set(floor_plan.capacity[floor_plan.drivable()].tolist()) == {capacity}
+        assert set(floor_plan.capacity[floor_plan.drivable].tolist()) == {capacity}
 
 
 def test_areas_have_all_stations() -> None:

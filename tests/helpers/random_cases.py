@@ -21,7 +21,7 @@ from automaton.floor.reachability import around_home
 from automaton.floor.traffic_zones import MODES
 from automaton.scenario.fleet import FleetType
 from automaton.scenario.orders import WeightRange
-from automaton.scenario.robot_types import closed_cells, types_of
+from automaton.scenario.robot_types import floor_by_type, types_of
 from automaton.scenario.schema import (
     Area,
     Battery,
@@ -212,7 +212,7 @@ def cases(draw: Any, types: bool = False, ticks: int = TICKS) -> Case:
     if len(floor_plan.bays):
         n, start = draw(st.sampled_from(range(len(floor_plan.bays), 0, -1))), "parking-bays"
     else:
-        cells = draw(st.permutations(np.flatnonzero(floor_plan.drivable()).tolist()))
+        cells = draw(st.permutations(np.flatnonzero(floor_plan.drivable).tolist()))
         n = draw(st.sampled_from(range(min(6, len(cells)), 0, -1)))
         start = tuple(cells[:n])
     picks = {"zoning": StrategyChoice("none", NoParameters())}
@@ -253,7 +253,7 @@ def typed(draw: Any, scenario: Scenario, floor_plan: FloorPlan, start: Any) -> S
     rows = sorted(draw(st.integers(0, floor_plan.height - 1)) for _ in range(2))
     area = Area(first=(columns[0], rows[0]), last=(columns[1], rows[1]), closed_to=("slow",))
     closed = msgspec.structs.replace(scenario, areas={"area": area})
-    shut = closed_cells(floor_plan, types_of(closed)[0])
+    shut = floor_by_type(floor_plan, types_of(closed)).closed[0]
     homes = floor_plan.bays[:, 1].tolist() if start == "parking-bays" else start
     allowed = orders.generator == "full-shelves" and not shut[list(homes[: fleet.robots])].any()
     return closed if allowed else scenario

@@ -45,7 +45,7 @@ def make_scene(
             for name, rest in FIELDS.items()
         }
     )
-    cells = floor_plan.slots()
+    cells = floor_plan.slots
     endless = (floor_plan.kind.reshape(-1)[cells] == DESTINATION).astype(np.uint8)
     loaded = floor_plan.loads.reshape(-1)[cells] != 0
     content = np.where(loaded, np.cumsum(loaded) - 1, NIL)

@@ -31,7 +31,7 @@ def test_durations_are_those_of_the_paper(name: str) -> None:
 def test_robots_start_at_the_same_stations() -> None:
     for name in ("factory", "factory-5ft", "factory-ddz"):
         resolved = resolve(name)
-        cells = resolved.floor_plan.stations()
+        cells = resolved.floor_plan.stations
         assert resolved.start == tuple(cells[number - 1] for number in (11, 1, 18)), name
 
 

@@ -87,7 +87,7 @@ def recorded(*paths: Path) -> Opening:
 
 def floor_of(resolved: Resolved) -> Floor:
     """The floor for the pictures."""
-    cells = resolved.floor_plan.slots()
+    cells = resolved.floor_plan.slots
     endless = (resolved.floor_plan.kind.reshape(-1)[cells] != SHELF).astype(np.uint8)
     traffic_zones = traffic_zones_of(resolved.floor_plan, resolved.scenario.world.traffic_zones)
     scenario = resolved.scenario

@@ -93,7 +93,7 @@ def _robots(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
     if scene.floor.loads_may_lie:
         left = int(code(style(styles.COLOUR_LOADED, styles.COLOUR_FLOOR), glyphs.left_load))
         entries.append(Entry((left,), "load that a robot had to leave"))
-    if (scene.floor.floor_plan.capacity[scene.floor.floor_plan.drivable()] != 1).any():
+    if (scene.floor.floor_plan.capacity[scene.floor.floor_plan.drivable] != 1).any():
         several = style(styles.COLOUR_FLOOR, styles.COLOUR_ROBOT)
         entries.append(Entry((int(code(several, glyphs.digits[2])),), "so many robots in one cell"))
     claim = int(code(style(styles.COLOUR_DIM, styles.COLOUR_FLOOR), glyphs.arrow[0]))

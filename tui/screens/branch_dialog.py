@@ -9,7 +9,7 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.widgets import Static, TextArea
 
-from automaton.build.branch_settings import CHANGEABLE, branched
+from automaton.build.resolve import CHANGEABLE, branched
 from automaton.errors import InputError
 from automaton.scenario.schema import Scenario
 from tui.playback.panel_view import View

@@ -18,7 +18,6 @@ from automaton.engine.robot_status import (
 from automaton.engine.state import ACTION_NAMES, NIL, Array
 from automaton.evidence.history.charging_words import is_queueing
 from automaton.evidence.history.snapshot import Fleet
-from automaton.scenario.robot_types import type_of_each
 from automaton.units import percent
 from tui.playback.panel_view import View
 from tui.widgets.charge_facts import has_batteries
@@ -117,7 +116,7 @@ ROBOT_TABLE_COLUMNS: Final = (
     Column(
         "type",
         8,
-        lambda v: type_of_each(v.run.resolved.scenario.fleet),
+        lambda v: v.run.resolved.fleet.type_of,
         lambda v, r: kind.name[:8] if (kind := type_of(v, r)) else "",
         False,
         right=False,

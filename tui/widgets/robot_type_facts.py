@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from automaton.scenario.fleet import FleetType
-from automaton.scenario.robot_types import closed_cells, type_of_each, types_of
 from tui.playback.panel_view import View
 
 
@@ -14,13 +13,12 @@ def has_types(view: View) -> bool:
 
 def type_of(view: View, robot: int) -> FleetType | None:
     """The type of a robot; None where all are alike."""
-    fleet = view.run.resolved.scenario.fleet
-    return fleet.types[type_of_each(fleet)[robot]] if fleet.types else None
+    types = view.run.resolved.scenario.fleet.types
+    return types[view.run.resolved.fleet.type_of[robot]] if types else None
 
 
 def closed_to(view: View, cell: int) -> list[str]:
     """The types of robots to which a cell is closed."""
-    types = types_of(view.run.resolved.scenario)
-    return [
-        robot_type.name for robot_type in types if closed_cells(view.floor_plan, robot_type)[cell]
-    ]
+    fleet = view.run.resolved.fleet
+    pairs = zip(fleet.types, fleet.closed[:, cell], strict=True)
+    return [robot_type.name for robot_type, is_closed in pairs if is_closed]

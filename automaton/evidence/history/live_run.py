@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from automaton.build.branch_settings import branched
-from automaton.build.resolve import Resolved
+from automaton.build.resolve import Resolved, branched
 from automaton.engine.state import CLOCK_DIGEST_EVERY, CLOCK_TICK, NIL
 from automaton.errors import InputError
 from automaton.evidence.history.keyframes import Keyframes

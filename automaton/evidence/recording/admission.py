@@ -9,9 +9,8 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from automaton.build.branch_settings import CHANGEABLE
-from automaton.build.feasibility import check_energy
-from automaton.build.resolve import checked_start, choose_strategies
+from automaton.build.feasibility import check_energy, check_feasible
+from automaton.build.resolve import CHANGEABLE, choose_strategies
 from automaton.errors import InputError
 from automaton.evidence.recording.contents import (
     CONDITIONS_ARRAYS,
@@ -104,9 +103,9 @@ class Admission:
         self.floor_plan = floor_plan_of(floor)
         check_plan(self.floor_plan)
         self._check_slots(header)
-        start = checked_start(
+        start = check_feasible(
             Document(header["scenario"]), self.scenario, Floor(self.floor_plan, _on_floor)
-        )
+        ).start
         if start != (
             header["start"] if isinstance(header["start"], str) else tuple(header["start"])
         ):
@@ -116,9 +115,7 @@ class Admission:
 
     def _check_slots(self, header: Content) -> None:
         cells, spare = header["slots"]["cell"], self.sizes["spare"]
-        if not 0 <= spare <= len(cells) or not np.array_equal(
-            cells[:spare], self.floor_plan.slots()
-        ):
+        if not 0 <= spare <= len(cells) or not np.array_equal(cells[:spare], self.floor_plan.slots):
             raise InvalidFrameError("its slots are not those of its floor")
 
     def _check_counts(self, header: Content) -> None:

@@ -12,8 +12,7 @@ from typing import Any, Final, NamedTuple
 import msgspec
 import numpy as np
 
-from automaton.build.branch_settings import branched
-from automaton.build.resolve import Resolved
+from automaton.build.resolve import Resolved, branched
 from automaton.engine.decision_stream import first_other_tick
 from automaton.engine.digest import DIGEST_NAMES
 from automaton.engine.record_codes import (

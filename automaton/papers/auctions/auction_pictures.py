@@ -68,7 +68,7 @@ def drawing(lists: Sequence[Sequence[int]]) -> str:
         for x in range(floor_plan.width):
             position = at.get((x, y))
             sign = "" if position is None else f"{position}{'*' if position in tasks else ''} "
-            drivable = floor_plan.drivable()[y + 1, x + 1]
+            drivable = floor_plan.drivable[y + 1, x + 1]
             cells.append(
                 f"{sign + drivers.get((x, y), '' if sign or not drivable else '.'):{WIDTH}}"
             )

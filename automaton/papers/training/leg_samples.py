@@ -76,7 +76,7 @@ def site_of(resolved: Resolved) -> Site:
         outer, inner = floor.slot_endless == 1, floor.slot_endless == 0
     racks, docks = _access(resolved, floor, inner), _access(resolved, floor, outer)
     if not racks.size or not docks.size:
-        racks = docks = np.flatnonzero(resolved.floor_plan.drivable()).astype(np.int32)
+        racks = docks = np.flatnonzero(resolved.floor_plan.drivable).astype(np.int32)
     duration = frozen(duration_table(durations))  # as strategies see it: the same compiled search
     return Site(floor, duration, racks, docks)
 

@@ -20,7 +20,7 @@ def design_picture(floor_plan: FloorPlan, roads: Roads, design: Design) -> str:
     Ways of zones are small letters, other ways dots; a station is the letter of its zone as a
     capital, or * where it is a transfer station.
     """
-    driven = floor_plan.drivable()[1:-1, 1:-1].tolist()
+    driven = floor_plan.drivable[1:-1, 1:-1].tolist()
     rows = [["." if cell else "#" for cell in row] for row in driven]
     for m in range(int(design.segments[0])):
         path = [floor_plan.xy(roads.cell[p]) for p in design.path[m, : design.points[m]]]

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from random_networks import random_network
 
-from automaton.build.branch_settings import branched
-from automaton.build.resolve import resolve
+from automaton.build.resolve import branched, resolve
 from automaton.build.world import build_world
 from automaton.commands import main
 from automaton.engine.state import LAYER_NAMES, NIL

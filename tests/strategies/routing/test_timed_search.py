@@ -57,7 +57,7 @@ class Case(NamedTuple):
 def cases(draw: Any, kinematics: tuple[str, ...] = ("omni", "differential")) -> Case:
     width, height = draw(st.integers(2, 5)), draw(st.integers(1, 4))
     picture = draw(pictures("~~~~~~~~~~~###eswn", width, height))
-    cells = np.flatnonzero(draw_floor(f"{picture}\n~", tuple(ONE_WAY.items())).drivable()).tolist()
+    cells = np.flatnonzero(draw_floor(f"{picture}\n~", tuple(ONE_WAY.items())).drivable).tolist()
     ways_of = draw(st.sampled_from(kinematics))
     move, turn = draw(st.integers(1, 2)), draw(st.integers(1, 3))
     traffic = Traffic(

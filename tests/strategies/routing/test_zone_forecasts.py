@@ -81,7 +81,7 @@ def cases(draw: Any) -> Case:
     if not set(picture) & set("~eswn"):
         picture = "~~~"
     floor_plan = draw_floor(picture, tuple(ONE_WAY.items()))
-    cells = np.flatnonzero(floor_plan.drivable()).tolist()
+    cells = np.flatnonzero(floor_plan.drivable).tolist()
     n = draw(st.integers(1, 8))
     traffic = Traffic(
         picture,

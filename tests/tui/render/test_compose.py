@@ -134,7 +134,7 @@ def test_the_unicode_set_draws_the_same_floor():
 @st.composite
 def fleets(draw: st.DrawFn) -> Scene:
     floor_plan = open_floor(draw(st.integers(1, 12)), draw(st.integers(1, 12)))
-    free = np.flatnonzero(floor_plan.drivable().reshape(-1)).tolist()
+    free = np.flatnonzero(floor_plan.drivable.reshape(-1)).tolist()
     spots = draw(st.lists(st.sampled_from(free), unique=True, max_size=12, min_size=1))
     return make_scene(
         floor_plan,

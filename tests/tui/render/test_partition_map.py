@@ -40,7 +40,7 @@ ZONES = {
 def two_zones(layer: str = "service-zones") -> Scene:
     floor_plan, roads = drawn(FLOOR)
     design = read_design(floor_plan, roads, ZONES)
-    slots = floor_plan.slots()
+    slots = floor_plan.slots
     station_of = np.full(len(slots), NIL, np.int32)
     for station, cell in enumerate(roads.cell[roads.point].tolist()):
         station_of[slots.tolist().index(cell)] = station
@@ -62,7 +62,7 @@ def test_where_there_is_room_stations_bear_their_numbers() -> None:
 
 def test_nothing_is_left_of_the_number_of_a_station_on_which_a_robot_stands() -> None:
     floor_plan = draw_floor("t" * 11)
-    roads = roads_of(floor_plan, floor_plan.stations())
+    roads = roads_of(floor_plan, floor_plan.stations)
     design = read_design(floor_plan, roads, {"zones": [{"stations": list(range(1, 12))}]})
     station_of = np.arange(11, dtype=np.int32)
     service_zones = service_zones_of(roads, 1, station_of, 0, 1).replaced(design=design)

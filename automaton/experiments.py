@@ -45,8 +45,7 @@ def simulate(scenario: str | Path | Scenario, seed: int | None = None, **overrid
 
 def settings_of(overrides: dict[str, Any]) -> list[Override]:
     """Keyword arguments as settings of a scenario: `fleet__robots` is fleet.robots."""
-    from automaton.scenario.document import Override
-    from automaton.scenario.overrides import keys_of
+    from automaton.scenario.document import Override, keys_of
 
     keys = ((name.replace("__", "."), value) for name, value in overrides.items())
     return [Override(f"{key}={value!r}", keys_of(key), value) for key, value in keys]

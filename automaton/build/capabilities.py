@@ -155,6 +155,20 @@ class FleetOnFloor:
             for cells in (way.source, way.target)
         ]
 
+    def impossible(self) -> tuple[Way, str, int] | None:
+        """The first order that no robot can do: "begins" or "ends" in the cell; "", NIL: too heavy."""
+        for way in self.orders():
+            if way.weight > self.payload:
+                return way, "", NIL
+            ends = zip(
+                ("begins", "ends"), (way.source, way.target), self.abilities(way), strict=True
+            )
+            for verb, cells, able in ends:
+                lost = np.flatnonzero(~able.any(axis=0))
+                if lost.size:
+                    return way, verb, int(cells[lost[0]])
+        return None
+
     def handed_over(self) -> str:
         """A sentence on the first order that no type carries all the way; "" if there is none."""
         if len(self.types) == 1:

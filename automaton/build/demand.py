@@ -1,29 +1,35 @@
-"""The orders of a run at tick 0, and the slots between which they are carried.
+"""The orders of a run at tick 0: the slots between which they are carried, and when they are released.
 
-Draws are addressed by the seed and the number of an order alone, so that all fleets and strategies
-face the same demand.
+They are released at once, one by one, in bursts, in a closed loop, or as listed; those of parts when
+the job before them is done. Draws are addressed by the seed and the number of an order or a burst
+alone, so that all fleets and strategies face the same demand; of a closed loop only the sequence is
+drawn, and its ticks follow from the deliveries.
 """
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from automaton.build.arrivals import releases
 from automaton.build.capabilities import Service, service_for
-from automaton.build.parts import part_orders
 from automaton.build.prepared_floor import Floor
 from automaton.build.resolve import Resolved
 from automaton.build.rules import may_fail
 from automaton.engine import random_numbers
-from automaton.engine.facilities import Slots
-from automaton.engine.state import NIL, ORDER_UNRELEASED, ORDER_WAITING, Array, Orders
+from automaton.engine.facilities import Slots, Stations
+from automaton.engine.releases import draw_releases
+from automaton.engine.state import NEVER, NIL, ORDER_UNRELEASED, ORDER_WAITING, Array, Orders
 from automaton.floor.cells import DESTINATION, DOCK, RACK, STATION
-from automaton.scenario.orders import DRAWN
+from automaton.scenario.orders import DRAWN, Bursts, Mean
 from automaton.scenario.orders import Orders as OrdersGiven
+from automaton.scenario.schema import Scenario
 
-DRAW_WEIGHT = 3  # what is drawn of an order, beside where it begins and ends and their sequence
+DRAW_RELEASE_SEQUENCE, DRAW_WEIGHT = 2, 3  # what is drawn of an order, beside its two ends
+FINEST = 2.0**-60  # no u is below 2^-54
+SIZES, GAPS, PARTS = 1, 2, 3  # what is drawn of a burst; PARTS + k: gaps between parts of type k
 
 
 def build_orders(resolved: Resolved, floor: Floor, seed: int, homes: Array) -> tuple[Orders, Slots]:
@@ -149,3 +155,173 @@ def drawn(slots: Array, count: int, seed: int, what: int) -> Array:
         )
     chosen: Array = slots[choice].astype(np.int32)
     return chosen
+
+
+def routes(orders: OrdersGiven) -> list[tuple[int, ...]]:
+    """The stations of each part: parts as listed, one after another."""
+    return [kind.route for kind in orders.parts or () for _ in range(kind.count)]
+
+
+def part_ticks(orders: OrdersGiven, seed: int) -> list[int]:
+    """The tick in which each part comes."""
+    ticks: list[int] = []
+    for row, kind in enumerate(orders.parts or ()):
+        between = gaps(kind.interarrival_time, kind.count, seed, PARTS + row)
+        after = np.concatenate([[0], np.cumsum(between[:-1])])
+        ticks += np.minimum(kind.first_release + after, NEVER - 1).tolist()
+    return ticks
+
+
+def work_ticks(orders: OrdersGiven, station: Array, part: Array, place: Array, seed: int) -> Array:
+    """(j,) int64: ticks of works, by station from 0; what is drawn, by part and place in its route."""
+    ticks = np.zeros(len(station), np.int64)
+    times = (
+        orders.processing_time
+        if isinstance(orders.processing_time, tuple)
+        else (orders.processing_time,)
+    )
+    for number, time in enumerate(times):
+        here = np.flatnonzero(station == number) if len(times) > 1 else np.arange(len(ticks))
+        if isinstance(time, int):
+            ticks[here] = time
+        else:
+            ticks[here] = geometric(
+                time.mean, seed, random_numbers.STREAM_PROCESSING_TIMES, part[here], place[here]
+            )
+    return ticks
+
+
+def part_orders(resolved: Resolved, slot_of: Array) -> tuple[Array, Array, Array]:
+    """(m,) each: slots where the orders of all parts begin and end, and when they are released."""
+    slots = slot_of[resolved.floor_plan.stations]
+    ways = [
+        (slots[here - 1], slots[then - 1])
+        for route in routes(resolved.scenario.orders)
+        for here, then in itertools.pairwise(route)
+    ]
+    source, target = np.array(ways, np.int32).reshape(-1, 2).T
+    return source, target, np.full(len(ways), NEVER, np.int64)
+
+
+def build_stations(
+    resolved: Resolved, slot_of: Array, slots: int, orders: int, seed: int
+) -> Stations:
+    """The stations of the floor, by number, and the works of all parts; `slots` counts spare ones."""
+    scenario = resolved.scenario.orders
+    cells = resolved.floor_plan.stations
+    at = np.full(slots, NIL, np.int32)
+    at[slot_of[cells]] = np.arange(len(cells), dtype=np.int32)
+    works: list[tuple[int, int, int, int, int]] = []  # station, place, part, frees, came
+    arrives = np.full(orders, NIL, np.int32)
+    order = 0
+    coming = part_ticks(scenario, seed)
+    for part, route in enumerate(routes(scenario)):
+        for place, number in enumerate(route):
+            last = place == len(route) - 1
+            if place:
+                arrives[order - 1] = len(works)
+            came = NIL if place else coming[part]
+            works.append((number - 1, place, part, NIL if last else order, came))
+            order += not last
+    table = np.array(works, np.int32).reshape(-1, 5).T
+    station, place_of, part_of, frees, comes = (column.copy() for column in table)
+    entering = np.flatnonzero(comes != NIL).astype(np.int32)
+    entering = entering[np.argsort(comes[entering], kind="stable")]
+    return Stations.sized(
+        at=at,
+        slot=slot_of[cells].astype(np.int32),
+        part_arrivals=entering,
+        station=station,
+        processing_time=work_ticks(scenario, station, part_of, place_of, seed).astype(np.int32),
+        part=part_of,
+        releases_order=frees,
+        arrival_tick=comes,
+        job_of_order=arrives,
+    )
+
+
+def releases(scenario: Scenario, count: int, seed: int) -> tuple[Array, Array]:
+    """(count,) int64 each: the ticks from which orders are known, and their sequence."""
+    orders = scenario.orders
+    if orders.listed is not None:
+        released = np.array([line.release for line in orders.listed], np.int64)
+        return released, np.argsort(released, kind="stable")
+    ticks = np.minimum(ticks_by_rank(orders, count, seed, scenario.stop.max_duration + 1), NEVER)
+    sequence = np.arange(count)
+    if orders.generator not in DRAWN and ticks.any():  # not one row of shelves after the other
+        sequence = drawn_sequence(count, seed)
+    released = np.zeros(count, np.int64)
+    released[sequence] = ticks
+    return released, sequence if orders.in_system else np.argsort(released, kind="stable")
+
+
+def ticks_by_rank(orders: OrdersGiven, count: int, seed: int, last: int) -> Array:
+    """(count,) int64: the tick of the first order, of the second, ...; those after `last` at it.
+
+    With a mean_interarrival_time, the first at once and then one in each tick with probability
+    1/mean_interarrival_time.
+    """
+    ticks = np.zeros(count, np.int64)
+    arrivals = orders.arrivals
+    if orders.mean_interarrival_time:
+        with np.errstate(over="ignore"):
+            chance = round(2**32 / orders.mean_interarrival_time)
+            draw_releases(ticks, chance, np.uint64(seed), last)
+    elif arrivals is not None and arrivals.bursts is not None:
+        ticks = np.minimum(burst_ticks(arrivals.bursts, count, seed), last)
+    elif orders.in_system:
+        ticks[orders.in_system :] = NEVER
+    return ticks
+
+
+def burst_ticks(bursts: Bursts, count: int, seed: int) -> Array:
+    """(count,) int64: the tick of the burst to which each order belongs; the first one is at 0."""
+    sizes = gaps(bursts.size, count, seed, SIZES)  # no burst is empty
+    ticks = np.concatenate([[0], np.cumsum(gaps(bursts.every, count, seed, GAPS)[:-1])])
+    by_order: Array = np.repeat(ticks, np.minimum(sizes, count))[:count]
+    return by_order
+
+
+def gaps(value: int | Mean, count: int, seed: int, what: int) -> Array:
+    """(count,) int64: a number given, or drawn for each."""
+    if isinstance(value, int):
+        return np.full(count, value, np.int64)
+    return geometric(value.mean, seed, random_numbers.STREAM_RELEASES, np.arange(count), what)
+
+
+def drawn_sequence(count: int, seed: int) -> Array:
+    """(count,) int64: all orders in a random sequence."""
+    keys = np.zeros(count, np.uint64)
+    numbers, what = np.arange(count), np.full(count, DRAW_RELEASE_SEQUENCE)
+    with np.errstate(over="ignore"):
+        random_numbers.random_bits_of_each(
+            keys, np.uint64(seed), random_numbers.STREAM_ORDERS, what, numbers
+        )
+    return np.argsort(keys, kind="stable")
+
+
+def geometric(
+    mean: float, seed: int, stream: int, ticks: npt.ArrayLike, robots: npt.ArrayLike
+) -> npt.NDArray[np.int64]:
+    """(k,) int64 from 1 on, geometric with this mean, addressed by (stream, ticks[i], robots[i]).
+
+    P(X > k) = q^k with q = 1 - 1/mean. A draw is 1 plus the greatest k with q^k > u, u uniform in
+    (0, 1); it is found bit by bit from q, q^2, q^4, ... by multiplications alone, which round alike
+    everywhere, as logarithms do not.
+    """
+    where, who = np.broadcast_arrays(np.asarray(ticks, np.int64), np.asarray(robots, np.int64))
+    bits = np.zeros(len(where), np.uint64)
+    with np.errstate(over="ignore"):
+        random_numbers.random_bits_of_each(bits, np.uint64(seed), stream, where.copy(), who.copy())
+    u = ((bits >> np.uint64(11)).astype(np.float64) + 0.5) * 2.0**-53
+    powers = [1.0 - 1.0 / mean]  # q^(2^i)
+    while powers[-1] > FINEST:
+        powers.append(powers[-1] * powers[-1])
+    numbers = np.ones(len(u), np.int64)
+    left = np.ones(len(u))
+    for i in range(len(powers) - 1, -1, -1):
+        further = left * powers[i]
+        more = further > u
+        left[more] = further[more]
+        numbers[more] += 1 << i
+    return numbers

@@ -69,18 +69,20 @@ def check_feasible(document: Document, scenario: Scenario, floor: Floor) -> Flee
 def check_areas(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
     """Areas lie on the floor, and are closed to types that there are. Raises InputError."""
     names = [kind.name for kind in scenario.fleet.types]
-    for area, given in scenario.areas.items():
-        for key, (x, y) in (("from", given.first), ("to", given.last)):
+    for area_name, area in scenario.areas.items():
+        for key, (x, y) in (("from", area.first), ("to", area.last)):
             if not floor_plan.holds(x, y):
-                text = f"the corner [{x}, {y}] of the area {area} lies outside the floor"
-                raise document.error(("areas", area, key), f"{text} {_extent(floor_plan)}")
-        for number, name in enumerate(given.closed_to):
+                text = f"the corner [{x}, {y}] of the area {area_name} lies outside the floor"
+                raise document.error(("areas", area_name, key), f"{text} {_extent(floor_plan)}")
+        for number, name in enumerate(area.closed_to):
             if name not in names:
                 known = (
                     f"fleet.types has {', '.join(names)}" if names else "there are no fleet.types"
                 )
-                text = f"the area {area} is closed to '{name}'{nearest(name, names)}, but {known}"
-                raise document.error(("areas", area, "closed_to", number), text)
+                text = (
+                    f"the area {area_name} is closed to '{name}'{nearest(name, names)}, but {known}"
+                )
+                raise document.error(("areas", area_name, "closed_to", number), text)
 
 
 def start_of(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> Start:
@@ -163,7 +165,7 @@ def check_starts(document: Document, fleet: FleetOnFloor) -> None:
     if not isinstance(start, tuple):
         for robot_type, count, cells in zip(fleet.types, fleet.counts, fleet.starts, strict=True):
             many = start == "racks" and (floor_plan.capacity.flat[cells] == UNLIMITED).all()
-            # Of cells drawn at random others may have taken as many as there are others.
+            # Of random cells, others may have taken as many as there are others.
             needed = count if start == "parking-bays" else 1 if many else robots
             if len(cells) < needed:
                 text = f"{_robots(robots)}, but too few {START_DESCRIPTIONS[start]} are open to"
@@ -328,21 +330,18 @@ def check_service(document: Document, fleet: FleetOnFloor) -> None:
 
 def check_abilities(document: Document, fleet: FleetOnFloor) -> None:
     """Every order can be picked up by some robot, and delivered by some. Raises InputError."""
-    floor_plan, most = fleet.floor_plan, fleet.payload
-    for way in fleet.orders():
-        if way.weight > most:
-            text = f"{way.what} weighs {way.weight:,}, but no robot carries more than {most:,}"
-            raise document.error(way.keys, text)
-        ends = zip(("begins", "ends"), (way.source, way.target), fleet.abilities(way), strict=True)
-        for verb, cells, able in ends:
-            lost = np.flatnonzero(~able.any(axis=0))
-            if lost.size:
-                cell = int(cells[lost[0]])
-                x, y = floor_plan.xy(cell)
-                weight = f", of weight {way.weight:,}," if most < RobotType().payload else ""
-                name = CELL_KINDS[floor_plan.kind.flat[cell]].name
-                text = f"{way.what}{weight} {verb} at the {name} [{x}, {y}]"
-                raise document.error(way.keys, f"{text}, where no robot that carries it may go")
+    impossible = fleet.impossible()
+    if impossible is None:
+        return
+    (way, verb, cell), floor_plan, most = impossible, fleet.floor_plan, fleet.payload
+    if not verb:
+        text = f"{way.what} weighs {way.weight:,}, but no robot carries more than {most:,}"
+        raise document.error(way.keys, text)
+    x, y = floor_plan.xy(cell)
+    weight = f", of weight {way.weight:,}," if most < RobotType().payload else ""
+    name = CELL_KINDS[floor_plan.kind.flat[cell]].name
+    text = f"{way.what}{weight} {verb} at the {name} [{x}, {y}]"
+    raise document.error(way.keys, f"{text}, where no robot that carries it may go")
 
 
 def check_energy(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:

@@ -12,8 +12,8 @@ from automaton.engine.service_zones import Roads, ServiceZones, design_for
 from automaton.engine.state import NIL, Array
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.reachability import grouped
 from automaton.floor.roads import road_network
-from automaton.floor.station_groups import grouped
 from automaton.scenario.floor_section import point_names
 from automaton.strategy.lookup import zone_design_reader
 from automaton.units import count

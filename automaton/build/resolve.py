@@ -15,10 +15,9 @@ from automaton.build.capabilities import FleetOnFloor, Start
 from automaton.build.feasibility import check_energy, check_feasible
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
-from automaton.scenario.document import Document, Keys, Override
+from automaton.scenario.document import Document, Keys, Override, override
 from automaton.scenario.floor_section import floor_of
 from automaton.scenario.order_file import with_orders_of_file
-from automaton.scenario.overrides import override
 from automaton.scenario.reading import SHIPPED_FOLDER, STUDIES_ARE_SWEPT, is_study, read
 from automaton.scenario.schema import LAYER_NAMES, Scenario
 from automaton.scenario.validation import validated

@@ -95,10 +95,10 @@ def drain_table(battery: Battery | None) -> Array:
     table = np.zeros((ACTION_COUNT, 2), np.int32)
     if battery is None:
         return table
-    given = battery.drain
+    drain = battery.drain
     for action, name in enumerate(ACTION_NAMES):
-        percent = getattr(given, name, given.wait)
-        table[action] = units(percent), units(percent * given.loaded_factor)
+        percent = getattr(drain, name, drain.wait)
+        table[action] = units(percent), units(percent * drain.loaded_factor)
     for name in ("charge", "bay_blocked", "down"):
         table[ACTION_NAMES.index(name)] = 0
     return table

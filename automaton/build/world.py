@@ -6,9 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from automaton.build.demand import build_orders
+from automaton.build.demand import build_orders, build_stations
 from automaton.build.initial_service_zones import build_service_zones
-from automaton.build.parts import build_stations
 from automaton.build.prepared_floor import Floor, floor_for
 from automaton.build.resolve import Resolved
 from automaton.build.rules import rules_for

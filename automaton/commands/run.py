@@ -172,7 +172,7 @@ def progress(resolved: Resolved) -> Iterator[Any]:
 def as_json(resolved: Resolved, outcome: Outcome) -> dict[str, Any]:
     """The run as one object; times are in ticks, `metrics_in_units` has them in the units of the
     scenario."""
-    from automaton.runs.metric_units import to_scenario_units, units_of
+    from automaton.runs.metric_catalogue import to_scenario_units, units_of
 
     tick, cell = units_of(resolved)
     told = to_scenario_units(outcome.metrics, tick, cell)

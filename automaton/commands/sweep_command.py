@@ -215,9 +215,9 @@ def tell(args: argparse.Namespace, swept: SweepResult, seconds: float) -> None:
     """Say what was done."""
     begun, tally = swept.begun, swept.tally
     if args.json:
-        found = {"study": swept.store.study.name, "out": str(args.out), "runs": begun.runs}
-        found |= {"existing": begun.done, **tally._asdict(), "failed": swept.failed}
-        print_json({**found, "wall_s": round(seconds, 3)})
+        summary = {"study": swept.store.study.name, "out": str(args.out), "runs": begun.runs}
+        summary |= {"existing": begun.done, **tally._asdict(), "failed": swept.failed}
+        print_json({**summary, "wall_s": round(seconds, 3)})
     else:
         before = f" ({begun.done:,} were done before)" if begun.done else ""
         print(f"{swept.store.study.name}: {count(begun.runs, 'run')} in {args.out}{before}")

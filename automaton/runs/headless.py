@@ -1,4 +1,8 @@
-"""One run without a screen: to its end or its limit, and what stands still at the limit."""
+"""One run without a screen: to its end or its limit, and what stands still at the limit.
+
+It may be measured after its warm-up, and in stretches of time where that is asked: what a run adds up
+is read off whenever a stretch ends; orders and parts know their ticks themselves.
+"""
 
 from __future__ import annotations
 
@@ -23,11 +27,21 @@ from automaton.engine.state import (
     Array,
 )
 from automaton.errors import InputError
-from automaton.runs.metrics import OPERATIONS, metrics_by_robot, metrics_by_type, metrics_of
-from automaton.runs.run_diagnosis import describe_unfinished_run, stalled_robots
+from automaton.runs.metrics import (
+    OPERATIONS,
+    Counted,
+    counted,
+    metrics_by_robot,
+    metrics_by_type,
+    metrics_of,
+    sums_of_orders,
+    sums_of_parts,
+)
+from automaton.runs.run_diagnosis import describe_unfinished_run, find_wait_cycles, stalled_robots
 from automaton.runs.simulation import RECORD_TICKS, Simulation
 from automaton.runs.strategy_failure import is_from_outside, strategy_failure
-from automaton.runs.wait_cycles import find_wait_cycles
+from automaton.runs.task_metrics import summed, tasks_after
+from automaton.scenario.unavailable_metrics import warm_up_of
 
 # Between two looks at the clock and at Ctrl-C. A multiple of the ticks that a recording buffers, so
 # that looking changes no recording; 5 robots drive them in 0.3 ms.
@@ -181,3 +195,40 @@ def orders_exhausted(simulation: Simulation) -> OrdersExhausted | None:
         return None
     done = bool((orders.state == ORDER_DELIVERED).all())
     return OrdersExhausted(taken, int(orders.delivered.max()) if done else None)
+
+
+class Marks(NamedTuple):
+    """What a run had counted when its warm-up ended, and at the end of each stretch but the last."""
+
+    warm_up: Counted | None  # None: metrics are of the whole run
+    stretches: list[Counted]
+
+
+def run_marked(simulation: Simulation, every: int = 0) -> Marks:
+    """Run to the end; `every`: ticks of a stretch, 0 for none."""
+    scenario = simulation.resolved.scenario
+    warm_up, limit = warm_up_of(scenario), scenario.stop.max_duration
+    borders = range(every, limit, every) if every else range(0)
+    at = {}
+    for tick in sorted({*borders, *((warm_up,) if warm_up else ())}):
+        run_to_end(simulation, until=tick)
+        if simulation.tick == tick:
+            at[tick] = counted(simulation)
+    run_to_end(simulation)
+    return Marks(at.get(warm_up), [at[tick] for tick in borders if tick in at])
+
+
+def sums_by_stretch(simulation: Simulation, stretches: list[Counted]) -> dict[str, list[int]]:
+    """Return the sums of metric_sums in each stretch of a run that is over; the last ends with it."""
+    ends = [*stretches, counted(simulation)]
+    borders = np.array([0, *(one.tick for one in ends)])
+    so_far = {name: [one.sums.get(name, 0) for one in ends] for name in ends[-1].sums}
+    sums = {name: np.diff(values, prepend=0) for name, values in so_far.items()}
+    sums["ticks"] = np.diff(borders)
+    sums["robot_ticks"] = sums["ticks"] * len(simulation.world.robots.cell)
+    sums |= sums_of_orders(simulation.world, borders)
+    sums |= sums_of_parts(simulation.world, borders)
+    if simulation.resolved.scenario.measure is not None:
+        tasks = tasks_after(simulation, 0)
+        sums |= {name: summed(tasks.begun, v, borders) for name, v in tasks.sums.items()}
+    return {name: values.tolist() for name, values in sums.items()}

@@ -1,6 +1,17 @@
-"""The metrics of a run: their units and meanings. Importing this needs nothing."""
+"""The metrics of a run: their units and meanings, and values in the units of a scenario.
+
+Importing this needs no Numba.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from automaton.units import Unit, duration, unit
+
+if TYPE_CHECKING:
+    from automaton.build.resolve import Resolved
 
 # Name, unit and meaning of every metric of a run, in the order in which they are shown.
 METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
@@ -69,3 +80,28 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     "alternative_routes": ("times", "traffic avoidance chose another route than plain A*"),
     "illegal_answers": ("times", "decisions of strategies that broke a rule"),
 }
+
+
+def units_of(resolved: Resolved) -> tuple[Unit, Unit | None]:
+    """What a tick and a cell's side stand for; None: the scenario does not say what a cell is."""
+    units = resolved.scenario.units
+    return unit(units.tick), None if units.cell is None else unit(units.cell)
+
+
+def to_scenario_units(
+    metrics: Mapping[str, float], tick: Unit, cell: Unit | None
+) -> dict[str, Any]:
+    """Return the metrics in ticks and in cells with the scenario's units; nothing if a tick is just
+    a tick.
+    """
+    in_units = {}
+    for name, value in metrics.items():
+        kind = METRIC_CATALOGUE[name][0] if name in METRIC_CATALOGUE else ""
+        if kind == "ticks" and tick.name not in ("tick", "ticks"):
+            amount, name_of_unit = duration(value, tick)
+        elif kind == "cells" and cell is not None:
+            amount, name_of_unit = cell.of(value), cell.name
+        else:
+            continue
+        in_units[name] = {"value": amount, "unit": name_of_unit}
+    return in_units

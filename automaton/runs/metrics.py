@@ -1,4 +1,4 @@
-"""The metrics of a run, read off its counters: the paper's, and general ones.
+"""The metrics of a run, read off its counters: the paper's, and general ones; those of its stations.
 
 Operations are what Grzejszczak & Nocon count: moves, turns, picks, drops, tries and waits (one for a
 wait of any length). E_U, the share of empty runs, has three readings: by moves, by operations, and
@@ -41,7 +41,6 @@ from automaton.engine.state import (
 )
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE as METRIC_CATALOGUE
 from automaton.runs.metric_sums import LOST_TICK_SUMS, metric
-from automaton.runs.station_metrics import busy_ticks, sums_of_parts
 from automaton.runs.task_metrics import Measured, Tasks, quantile_95, summed, tasks_after
 
 OPERATIONS = [ACTION_MOVE, ACTION_TURN, ACTION_PICK, ACTION_DROP, ACTION_TRY_DROP, ACTION_WAIT]
@@ -307,3 +306,36 @@ def _of_actions(times: Array, ticks: Array) -> dict[str, int]:
 
 def _ratio(part: Any, whole: Any) -> float:
     return float(part) / float(whole) if whole else 0.0
+
+
+def sums_of_parts(world: World, borders: Array) -> dict[str, Array]:
+    """Of the parts that were finished in each stretch between borders: how many, and their ticks.
+
+    Nothing without parts.
+    """
+    stations = world.stations
+    if not len(stations.part):
+        return {}
+    ended = np.flatnonzero((stations.releases_order == NIL) & (stations.completion_tick != NIL))
+    begun = np.full(int(stations.part.max()) + 1, NIL, np.int64)
+    begun[stations.part[stations.part_arrivals]] = stations.arrival_tick[stations.part_arrivals]
+    at = stations.completion_tick[ended]
+    took = at - begun[stations.part[ended]]
+    return {
+        "parts_finished": summed(at, np.ones(len(at)), borders),
+        "part_flow_times": summed(at, took, borders),
+    }
+
+
+def busy_ticks(world: World) -> Array:
+    """(k,) ticks in which each station worked, what it works on now included."""
+    stations, now = world.stations, int(world.clock[CLOCK_TICK])
+    ended = np.flatnonzero(stations.completion_tick != NIL)
+    count = len(stations.slot)
+    busy = np.bincount(stations.station[ended], stations.processing_time[ended], count).astype(
+        np.int64
+    )
+    working = np.flatnonzero(stations.in_service != NIL)
+    since = stations.job_done_tick[working] - stations.processing_time[stations.in_service[working]]
+    busy[working] += np.maximum(0, now - since)
+    return busy

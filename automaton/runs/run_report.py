@@ -10,7 +10,7 @@ from rich.table import Table
 
 from automaton.build.resolve import Resolved
 from automaton.runs.headless import Outcome
-from automaton.runs.metric_units import units_of
+from automaton.runs.metric_catalogue import units_of
 from automaton.runs.metrics import METRIC_CATALOGUE
 from automaton.runs.run_diagnosis import describe_wait_cycles
 from automaton.strategy.lookup import NO_STRATEGY

@@ -2,12 +2,15 @@
 
 PyYAML's own constructor reads `no` as false, `1:30` as 90 and `010` as 8, and lets a key appear
 twice. Here each of these is an error with its line, so that nothing in a scenario is a surprise.
+Single values are replaced from the command line: `--set fleet.robots=5`.
 """
 
 from __future__ import annotations
 
+import copy
 import re
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -57,48 +60,38 @@ class Document:
             return InputError(message, file, lines[int(keys[2])])
         for override in reversed(self.overrides):
             shared = min(len(keys), len(override.keys))
-            new = len(keys) == shared and not self._holds(keys)
+            new = len(keys) == shared and self.node(keys) is None
             if keys[:shared] == override.keys[:shared] and (shared == len(override.keys) or new):
                 return InputError(message, override.argument)
         return InputError(message, self.file, self.line(keys))
 
     def line(self, keys: Keys) -> int | None:
         """Line of the deepest part of the way to `keys` that the text holds; None without text."""
-        return line_of(self.root, keys)[0] if self.root is not None else None
+        return find(self.root, keys)[1] if self.root is not None else None
 
-    def _holds(self, keys: Keys) -> bool:
-        return self.root is not None and line_of(self.root, keys)[1] == len(keys)
+    def node(self, keys: Keys) -> yaml.Node | None:
+        """The node of the value at `keys`, or None if the text does not hold it."""
+        if self.root is None:
+            return None
+        node, _, depth = find(self.root, keys)
+        return node if depth == len(keys) else None
 
 
-def line_of(root: yaml.Node, keys: Keys) -> tuple[int, int]:
-    """(line, depth): where the value at `keys` begins, and how many of the keys were found."""
+def find(root: yaml.Node, keys: Keys) -> tuple[yaml.Node, int, int]:
+    """The deepest part of the way to `keys` that the text holds: node, line, how many of the keys."""
     node, line = root, root.start_mark.line + 1
     for depth, key in enumerate(keys):
         if isinstance(node, yaml.MappingNode):
-            found = [(name, value) for name, value in node.value if name.value == str(key)]
-            if not found:
-                return line, depth
-            name, node = found[0]
-            line = name.start_mark.line + 1
+            pair = next((pair for pair in node.value if pair[0].value == str(key)), None)
+            if pair is None:
+                return node, line, depth
+            line, node = pair[0].start_mark.line + 1, pair[1]
         elif isinstance(node, yaml.SequenceNode) and isinstance(key, int) and key < len(node.value):
             node = node.value[key]
             line = node.start_mark.line + 1
         else:
-            return line, depth
-    return line, len(keys)
-
-
-def node_at(root: yaml.Node | None, keys: Keys) -> yaml.Node | None:
-    """The node of the value at `keys`, or None if the text does not hold it."""
-    node = root
-    for key in keys:
-        if isinstance(node, yaml.MappingNode):
-            node = next((value for name, value in node.value if name.value == str(key)), None)
-        elif isinstance(node, yaml.SequenceNode) and isinstance(key, int) and key < len(node.value):
-            node = node.value[key]
-        else:
-            return None
-    return node
+            return node, line, depth
+    return node, line, len(keys)
 
 
 def parse(text: str, file: str | None) -> tuple[Any, yaml.Node | None]:
@@ -249,3 +242,76 @@ def _scalar(node: yaml.ScalarNode, file: str | None) -> Any:
 def _unsupported(node: yaml.Node, file: str | None) -> InputError:
     tag = str(node.tag).replace(TAG, "!!")
     return InputError(f"the tag {tag} has no meaning here", file, node.start_mark.line + 1)
+
+
+def override(document: Document, settings: Iterable[str | Override]) -> Document:
+    """The document with each KEY=VALUE applied in turn; VALUE is YAML. Raises InputError."""
+    overrides = tuple(
+        parse_setting(setting) if isinstance(setting, str) else setting for setting in settings
+    )
+    if not overrides:
+        return document
+    data = copy.deepcopy(document.data)
+    for setting in overrides:
+        _put(data, setting)
+    return replace(document, data=data, overrides=document.overrides + overrides)
+
+
+def parse_setting(text: str) -> Override:
+    """Split "fleet.robots=5" into its keys and its typed value."""
+    name, equals, value = text.partition("=")
+    keys = keys_of(name)
+    if not equals or "" in keys:
+        raise InputError("expected KEY=VALUE such as fleet.robots=5", f"--set {text}")
+    try:
+        return Override(f"--set {text}", keys, parse(value, None)[0])
+    except InputError as error:
+        raise InputError(error.message, f"--set {text}") from None
+
+
+def keys_of(name: str) -> Keys:
+    """The way to a value: "fleet.start.0" -> ("fleet", "start", 0)."""
+    return tuple(int(key) if key.isdecimal() else key for key in name.strip().split("."))
+
+
+def _put(data: dict[str, Any], setting: Override) -> None:
+    inner: Any = data
+    for depth, key in enumerate(setting.keys):
+        last = depth == len(setting.keys) - 1
+        if isinstance(inner, list):
+            _require_index(inner, key, depth, setting)
+            if last:
+                inner[int(key)] = setting.value
+            else:
+                inner = inner[int(key)]
+        elif isinstance(inner, dict):
+            if last:
+                inner[str(key)] = setting.value
+            else:
+                inner[str(key)] = inner = _opened(inner.get(str(key)), setting.keys[: depth + 1])
+        else:
+            where = _dotted(setting.keys[:depth])
+            raise InputError(f"{where} has no parts that could be set", setting.argument)
+
+
+def _opened(value: Any, keys: Keys) -> Any:
+    """What a further key is looked up in: a missing part is begun, a strategy's name unfolded."""
+    if value is None:
+        return {}
+    if isinstance(value, str) and keys[0] == "strategy" and len(keys) == 2:
+        return {"name": value}
+    return value
+
+
+def _require_index(items: list[Any], key: str | int, depth: int, setting: Override) -> None:
+    if not isinstance(key, int) or key >= len(items):
+        where = _dotted(setting.keys[:depth])
+        raise InputError(
+            f"{where} is a list of {len(items)}; expected a number from 0 to {len(items) - 1}, "
+            f"found '{key}'",
+            setting.argument,
+        )
+
+
+def _dotted(keys: Keys) -> str:
+    return ".".join(map(str, keys))

@@ -21,7 +21,7 @@ from automaton.floor.drawn_floors import (
 )
 from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.matrices import MatrixError, read_matrix
-from automaton.scenario.document import Document, Keys, node_at
+from automaton.scenario.document import Document, Keys
 from automaton.scenario.reading import read_text
 from automaton.scenario.schema import FileLayout, LegendEntry, MatrixLayout, PictureLayout
 from automaton.scenario.validation import shown, validated
@@ -36,11 +36,14 @@ class Generator(Hashable, Protocol):
         """The floor with these parameters."""
 
 
+RowError = Callable[[str, int], InputError]  # from a message and the row y that it is about
+
+
 class Floor(NamedTuple):
     """A floor and how to place an error about one of its rows."""
 
     floor_plan: FloorPlan
-    error: Callable[[str, int], InputError]  # message, row y
+    error: RowError
 
 
 def floor_of(document: Document, layout: dict[str, Any]) -> Floor:
@@ -138,7 +141,7 @@ def _built(generator: Generator) -> FloorPlan:
 def _drawn(document: Document, layout: dict[str, Any]) -> Floor:
     drawn = validated(document, layout, PictureLayout, LAYOUT)
     keys: Keys = ("layout", "picture")
-    node = node_at(document.root, keys)
+    node = document.node(keys)
     # Only a block keeps its rows on lines of their own.
     block = isinstance(node, yaml.ScalarNode) and node.style == "|"
 
@@ -153,34 +156,28 @@ def _drawn(document: Document, layout: dict[str, Any]) -> Floor:
 
 def _from_file(document: Document, layout: dict[str, Any]) -> Floor:
     wanted = validated(document, layout, FileLayout, LAYOUT)
-    path = document.folder / wanted.file
-    if not os.path.isfile(path):
-        raise document.error(("layout", "file"), f"there is no floor file '{wanted.file}'")
-    picture = read_text(path)
-
-    def error_at(message: str, row: int) -> InputError:
-        return InputError(message, str(path), row + 1)
-
+    picture, error_at = _read_beside(document, "file", wanted.file)
     return _picture(picture, _legend(document, wanted.legend), error_at)
 
 
 def _from_matrix(document: Document, layout: dict[str, Any]) -> Floor:
     wanted = validated(document, layout, MatrixLayout, LAYOUT)
-    path = document.folder / wanted.matrix
-    if not os.path.isfile(path):
-        raise document.error(("layout", "matrix"), f"there is no floor file '{wanted.matrix}'")
-    text = read_text(path)
-
-    def error_at(message: str, row: int) -> InputError:
-        return InputError(message, str(path), row + 1)
-
+    text, error_at = _read_beside(document, "matrix", wanted.matrix)
     try:
         return Floor(read_matrix(text, wanted.capacity), error_at)
     except MatrixError as error:
         raise error_at(error.message, error.row) from None
 
 
-def _picture(picture: str, legend: Legend, error_at: Callable[[str, int], InputError]) -> Floor:
+def _read_beside(document: Document, key: str, name: str) -> tuple[str, RowError]:
+    """The text of a file beside the scenario, and how to place an error in it. Raises InputError."""
+    path = document.folder / name
+    if not os.path.isfile(path):
+        raise document.error(("layout", key), f"there is no floor file '{name}'")
+    return read_text(path), lambda message, row: InputError(message, str(path), row + 1)
+
+
+def _picture(picture: str, legend: Legend, error_at: RowError) -> Floor:
     tab = picture.find("\t")
     if tab >= 0:
         raise error_at("the picture holds a tab; use blanks or '#'", picture.count("\n", 0, tab))

@@ -17,9 +17,8 @@ from msgspec import Meta
 from automaton.errors import InputError, nearest
 from automaton.floor.cells import NIL
 from automaton.floor.floor_plan import FloorPlan
-from automaton.floor.reachability import slot_access
+from automaton.floor.reachability import grouped, slot_access
 from automaton.floor.roads import road_network
-from automaton.floor.station_groups import grouped
 from automaton.scenario.floor_section import point_names
 from automaton.scenario.schema import Scenario
 from automaton.strategy.zone_parameters import ZoningParameters

@@ -15,8 +15,8 @@ import pytest
 
 from automaton.build.resolve import resolve
 from automaton.commands import COMMANDS, main
+from automaton.scenario.document import override
 from automaton.scenario.floor_section import generators
-from automaton.scenario.overrides import override
 from automaton.scenario.reading import read, shipped
 from automaton.scenario.scenario_schema import json_schema
 from automaton.scenario.schema import LAYER_NAMES, Scenario

@@ -21,8 +21,7 @@ from automaton.evidence.history.event_history import (
     DownsampledSeries,
     EventHistory,
 )
-from automaton.evidence.history.frame_store import FrameStore
-from automaton.evidence.history.live_recorder import LiveRecorder
+from automaton.evidence.history.live_recorder import FrameStore, LiveRecorder
 from automaton.evidence.history.live_run import LiveRun, branch_of
 from automaton.evidence.recording.frames import (
     FRAME,

@@ -37,9 +37,8 @@ from automaton.engine.state import ORDER_DELIVERED
 from automaton.errors import InputError
 from automaton.runs.headless import run_to_end
 from automaton.runs.metrics import illegal_by_layer
-from automaton.runs.run_diagnosis import describe_unfinished_run, stalled_robots
+from automaton.runs.run_diagnosis import blockers_of, describe_unfinished_run, stalled_robots
 from automaton.runs.simulation import Simulation
-from automaton.runs.wait_cycles import blockers_of
 from automaton.scenario.reading import shipped
 from automaton.scenario.schema import LAYER_NAMES
 from automaton.strategy.lookup import names

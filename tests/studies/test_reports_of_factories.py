@@ -11,9 +11,8 @@ from automaton.build.resolve import resolve
 from automaton.commands import main
 from automaton.engine.state import NIL
 from automaton.runs.metric_sums import metric
-from automaton.runs.metrics import METRIC_CATALOGUE, metrics_by_robot, metrics_of
+from automaton.runs.metrics import METRIC_CATALOGUE, busy_ticks, metrics_by_robot, metrics_of
 from automaton.runs.simulation import Simulation
-from automaton.runs.station_metrics import busy_ticks
 from automaton.units import Unit, duration, unit
 
 FEW = (

@@ -14,7 +14,7 @@ from sweep_studies import swept_here
 from automaton.build.resolve import resolve
 from automaton.engine.state import NIL, ORDER_DELIVERED
 from automaton.errors import InputError
-from automaton.runs.measured_run import run_marked, sums_by_stretch
+from automaton.runs.headless import run_marked, sums_by_stretch
 from automaton.runs.metric_sums import metric
 from automaton.runs.metrics import counted, metrics_of
 from automaton.runs.simulation import Simulation

@@ -14,9 +14,8 @@ from automaton.evidence.history.watched_run import Run
 from automaton.evidence.recording.header import changed, resolved_of
 from automaton.runs.headless import Outcome, operations, orders_exhausted, record_work
 from automaton.runs.metrics import metrics_by_robot, metrics_by_type, metrics_of
-from automaton.runs.run_diagnosis import describe_unfinished_run, stalled_robots
+from automaton.runs.run_diagnosis import describe_unfinished_run, find_wait_cycles, stalled_robots
 from automaton.runs.run_report import print_report
-from automaton.runs.wait_cycles import find_wait_cycles
 from tui.playback.fleet_summary import summary_of
 from tui.playback.run_source import Opening
 from tui.playback.titles import branches_of

@@ -86,7 +86,7 @@ class Energy:
         for r, did in acts:
             if self.status[r] != STATUS_UP and did & ACTION_MASK:
                 text = "does something although it is down"
-                self.report_violation(tick, "energy", [r], self.motion.cell[r], text)
+                self.report_violation("energy", [r], self.motion.cell[r], text)
         if self.battery is None:
             return
         lengths = {row[2]: row[3] for row in rows if row[1] == CHANGE_DURATION}
@@ -96,11 +96,11 @@ class Energy:
                 name = OPERATION_BY_CODE[code]
                 usual = max(1, self.duration[name])
                 ticks = lengths.get(r, self.motion.pace.usual_of(r) if name == "move" else usual)
-                self._operate(tick, r, name, ticks * self.rates[name][loaded])
+                self._operate(r, name, ticks * self.rates[name][loaded])
             elif code in WAIT_CODES:
                 self._stand(r, lengths.get(r, 1) * self.rates["wait"][loaded])
             elif code == EXECUTED_CHARGE:
-                self._take_in(tick, r)
+                self._take_in(r)
         if any(self.rates["wait"]):
             busy = {r for r, did in acts if did & (ACTION_MASK | ENTERED_PARKING_BAY)}
             for r, cell in enumerate(self.motion.cell):
@@ -108,19 +108,19 @@ class Energy:
                 if cell != NIL and free and r not in busy:
                     self._stand(r, self.rates["wait"][int(load[r] != NIL)])
 
-    def _operate(self, tick: int, r: int, name: str, price: int) -> None:
+    def _operate(self, r: int, name: str, price: int) -> None:
         if price > self.charge[r]:
             text = f"begins a {name} that takes {price} units of charge and has {self.charge[r]}"
-            self.report_violation(tick, "energy", [r], self.motion.cell[r], text)
+            self.report_violation("energy", [r], self.motion.cell[r], text)
         self.charge[r] -= min(price, self.charge[r])
 
     def _stand(self, r: int, price: int) -> None:
         self.charge[r] -= min(price, self.charge[r])
 
-    def _take_in(self, tick: int, r: int) -> None:
+    def _take_in(self, r: int) -> None:
         cell = self.motion.cell[r]
         if cell == NIL or self.motion.kind[cell] != CHARGER:
-            self.report_violation(tick, "energy", [r], cell, "charges where there is no charger")
+            self.report_violation("energy", [r], cell, "charges where there is no charger")
         rate = max(step for step in self.curve if step[0] <= self.charge[r])[1]
         self.charge[r] += min(rate, BATTERY_FULL - self.charge[r])
 
@@ -139,19 +139,17 @@ class Energy:
                 in_bay or tick - since == wait
             ):
                 self.report_violation(
-                    tick, "energy", [r], cell, "is towed at another time than it must be"
+                    "energy", [r], cell, "is towed at another time than it must be"
                 )
             if (status == STATUS_REMOVED) != (self.faults["repair_time"] is None):
                 self.report_violation(
-                    tick, "energy", [r], cell, "is gone, or comes back, against the rules"
+                    "energy", [r], cell, "is gone, or comes back, against the rules"
                 )
             if status == STATUS_TOWED and self.battery is not None:
                 self._mend(r, before == STATUS_DEPLETED, units(self.battery["reserve"]))
             self.motion.tow(r)
         elif before != STATUS_TOWED or tick - since != self.faults["repair_time"]:
-            self.report_violation(
-                tick, "energy", [r], cell, "comes back at another time than it must"
-            )
+            self.report_violation("energy", [r], cell, "comes back at another time than it must")
         self.status[r], self.since[r] = status, tick
 
     def _mend(self, r: int, ran_empty: bool, reserve: int) -> None:
@@ -165,17 +163,15 @@ class Energy:
     def _check_fault(self, tick: int, r: int, status: int, before: int) -> None:
         cell = self.motion.cell[r]
         if before != STATUS_UP:
-            self.report_violation(tick, "energy", [r], cell, "goes down although it is already")
+            self.report_violation("energy", [r], cell, "goes down although it is already")
         if status == STATUS_DEPLETED:
             if self.charge[r] and self.charge[r] >= self._dearest():
                 text = f"is out of energy with {self.charge[r]} units of charge"
-                self.report_violation(tick, "energy", [r], cell, text)
+                self.report_violation("energy", [r], cell, text)
         elif not self.faults["failure_probability"]:
             due = [f["at"] for f in self.faults["list"] if f["robot"] == r and f["at"] <= tick]
             if not due:
-                self.report_violation(
-                    tick, "energy", [r], cell, "breaks down although nothing says so"
-                )
+                self.report_violation("energy", [r], cell, "breaks down although nothing says so")
 
     def _dearest(self) -> int:
         """Units that the dearest operation takes; a move in a slow zone lasts many times longer."""

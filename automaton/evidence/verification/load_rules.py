@@ -105,18 +105,16 @@ class Loads:
         for order, (start, end) in self.work.ends.items():
             ends = self.slot_cell[self.place[order]], self.slot_cell[self.target[order]]
             if ends != (start, end):
-                report_violation(0, "part", [], start, f"order {order} is not the way of its part")
+                report_violation("part", [], start, f"order {order} is not the way of its part")
         for order, slot in enumerate(self.place):
             if self.dock[slot] or self.station[slot]:
                 continue
             if not kinds[slot].slot or self.endless[slot]:
                 report_violation(
-                    0, "load", [], self.slot_cell[slot], f"order {order} starts on no shelf"
+                    "load", [], self.slot_cell[slot], f"order {order} starts on no shelf"
                 )
             if self.content[slot] != NIL:
-                report_violation(
-                    0, "load", [], self.slot_cell[slot], "two loads start on one shelf"
-                )
+                report_violation("load", [], self.slot_cell[slot], "two loads start on one shelf")
             self.content[slot] = order
 
     def release(self, tick: int) -> None:
@@ -129,12 +127,12 @@ class Loads:
         for order in self.work.begin(tick):
             self.state[order] = ORDER_WAITING
 
-    def leave(self, tick: int, r: int, slot: int) -> None:
+    def leave(self, r: int, slot: int) -> None:
         """A robot that goes down leaves its load in a spare slot in its cell."""
         order, cell = self.load[r], self.motion.cell[r]
         if order == NIL or slot < self.spare or self.slot_cell[slot] != NIL:
             self.report_violation(
-                tick, "load", [r], cell, "leaves no load, or in a slot that is not a spare one"
+                "load", [r], cell, "leaves no load, or in a slot that is not a spare one"
             )
             return
         self.load[r], self.place[order], self.state[order] = NIL, slot, ORDER_WAITING
@@ -151,15 +149,15 @@ class Loads:
         for _, code, subject, value in rows:
             if not self.exists(code, subject, value):
                 self.report_violation(
-                    tick, "record", [], NIL, f"no such change: {code} {subject} {value}"
+                    "record", [], NIL, f"no such change: {code} {subject} {value}"
                 )
             elif code == CHANGE_DURATION:
                 lengths[subject] = value
-                self._check_length(tick, subject, value, did.get(subject, 0))
+                self._check_length(subject, value, did.get(subject, 0))
             else:
                 self._change(tick, code, subject, value, did)
                 handled |= {subject} if code in (CHANGE_PICKED, CHANGE_DROPPED) else set()
-        self._check_acts(tick, did, lengths, handled)
+        self._check_acts(did, lengths, handled)
         return lengths
 
     def arrive(self, tick: int, rows: Rows, acts: Acts) -> None:
@@ -170,7 +168,7 @@ class Loads:
             for flag, action, name in ON_ARRIVAL:
                 if code & flag:
                     did[r] = action
-                    self._check_arrival(tick, r, name)
+                    self._check_arrival(r, name)
         handled: set[int] = set()
         for _, code, subject, value in rows:
             if self.exists(code, subject, value):
@@ -178,30 +176,30 @@ class Loads:
                 handled |= {subject} if code in (CHANGE_PICKED, CHANGE_DROPPED) else set()
             else:
                 self.report_violation(
-                    tick, "record", [], NIL, f"no such change: {code} {subject} {value}"
+                    "record", [], NIL, f"no such change: {code} {subject} {value}"
                 )
-        self._check_acts(tick, did, {}, handled)
+        self._check_acts(did, {}, handled)
 
     def _change(self, tick: int, code: int, subject: int, value: int, did: dict[int, int]) -> None:
         if code == CHANGE_ORDER_RESERVED:
-            self._reserve_order(tick, subject, value)
+            self._reserve_order(subject, value)
         elif code == CHANGE_SLOT_RESERVED:
-            self._reserve_slot(tick, subject, value)
+            self._reserve_slot(subject, value)
         elif code == CHANGE_PICKED:
             self._pick(tick, subject, value, did.get(subject, 0))
         elif code == CHANGE_DROPPED:
             self._drop(tick, subject, value, did.get(subject, 0))
 
-    def _check_arrival(self, tick: int, r: int, name: str) -> None:
+    def _check_arrival(self, r: int, name: str) -> None:
         cell = self.motion.cell[r]
         if self.motion.given[name]:
             text = (
                 f"handles its load on arrival, but a {name} takes {self.motion.given[name]} ticks"
             )
-            self.report_violation(tick, "arrival", [r], cell, text)
+            self.report_violation("arrival", [r], cell, text)
         elif r not in self.motion.arrived:
             text = "handles its load on arrival, but none of its moves ends in this tick"
-            self.report_violation(tick, "arrival", [r], cell, text)
+            self.report_violation("arrival", [r], cell, text)
 
     def exists(self, code: int, subject: int, value: int) -> bool:
         """Whether a change names things that there are."""
@@ -220,55 +218,53 @@ class Loads:
         least = NIL if code in (CHANGE_ORDER_RESERVED, CHANGE_SLOT_RESERVED, CHANGE_ZONE) else 0
         return 0 <= subject < subjects and least <= value < values
 
-    def _check_length(self, tick: int, r: int, ticks: int, code: int) -> None:
+    def _check_length(self, r: int, ticks: int, code: int) -> None:
         if code in (EXECUTED_PICK, EXECUTED_DROP):
             least = self.motion.duration[code]
             if not least <= ticks <= least + self.motion.given["handling_jitter"]:
                 text = f"handles its load for {ticks} ticks, which no rule gives"
-                self.report_violation(tick, "duration", [r], self.motion.cell[r], text)
+                self.report_violation("duration", [r], self.motion.cell[r], text)
         elif ticks < 1 or not (code == EXECUTED_WAIT or 1 <= code <= MOVE_NORTH):
             text = f"a duration of {ticks} belongs to nothing that it does"
-            self.report_violation(tick, "duration", [r], self.motion.cell[r], text)
+            self.report_violation("duration", [r], self.motion.cell[r], text)
 
-    def _check_acts(
-        self, tick: int, did: dict[int, int], lengths: dict[int, int], handled: set[int]
-    ) -> None:
+    def _check_acts(self, did: dict[int, int], lengths: dict[int, int], handled: set[int]) -> None:
         for r, code in did.items():
             cell = self.motion.cell[r]
             if code in (EXECUTED_PICK, EXECUTED_DROP) and r not in handled:
-                self.report_violation(tick, "load", [r], cell, "handles a load that is not named")
+                self.report_violation("load", [r], cell, "handles a load that is not named")
             elif (
                 code == EXECUTED_WAIT
                 or (code in (EXECUTED_PICK, EXECUTED_DROP) and self.motion.given["handling_jitter"])
             ) and (r not in lengths):
-                self.report_violation(tick, "duration", [r], cell, "waits without a duration")
+                self.report_violation("duration", [r], cell, "waits without a duration")
             elif code == EXECUTED_TRY_DROP and self.load[r] == NIL:
-                self.report_violation(tick, "load", [r], cell, "tries to drop without a load")
+                self.report_violation("load", [r], cell, "tries to drop without a load")
 
-    def _reserve_order(self, tick: int, order: int, r: int) -> None:
+    def _reserve_order(self, order: int, r: int) -> None:
         had = self.by[order]
         if r == NIL:
             if had == NIL or self.state[order] in (ORDER_CARRIED, ORDER_UNRELEASED):
                 text = f"order {order} is given back, but is carried or was not reserved"
-                self.report_violation(tick, "order", [had] if had != NIL else [], NIL, text)
+                self.report_violation("order", [had] if had != NIL else [], NIL, text)
             if had != NIL and self.order[had] == order:
                 self.order[had] = NIL
         else:
             if had != NIL or self.state[order] != ORDER_WAITING:
                 robots = [r] if had == NIL else [r, had]
                 text = f"order {order} is given out although it is not free"
-                self.report_violation(tick, "order", robots, NIL, text)
+                self.report_violation("order", robots, NIL, text)
             elif self.order[r] != NIL or self.load[r] != NIL:
-                self.report_violation(tick, "order", [r], NIL, f"gets order {order} beside another")
+                self.report_violation("order", [r], NIL, f"gets order {order} beside another")
             self.order[r] = order
         self.by[order] = r
 
-    def _reserve_slot(self, tick: int, slot: int, r: int) -> None:
+    def _reserve_slot(self, slot: int, r: int) -> None:
         had, cell = self.reserved[slot], self.slot_cell[slot]
         if r == NIL:
             if had == NIL:
                 self.report_violation(
-                    tick, "slot", [], cell, "a shelf is given back that was not reserved"
+                    "slot", [], cell, "a shelf is given back that was not reserved"
                 )
             elif self.slot[had] == slot:
                 self.slot[had] = NIL
@@ -276,51 +272,43 @@ class Loads:
             if had != NIL or self.content[slot] != NIL or self.endless[slot]:
                 robots = [r] if had == NIL else [r, had]
                 text = "a slot is reserved that is not a shelf, or not empty and free"
-                self.report_violation(tick, "slot", robots, cell, text)
+                self.report_violation("slot", robots, cell, text)
             elif self.slot[r] != NIL or self.load[r] == NIL:
-                self.report_violation(
-                    tick, "slot", [r], cell, "reserves a second shelf, or has no load"
-                )
+                self.report_violation("slot", [r], cell, "reserves a second shelf, or has no load")
             self.slot[r] = slot
         self.reserved[slot] = r
 
-    def _beside(self, tick: int, r: int, slot: int) -> None:
+    def _beside(self, r: int, slot: int) -> None:
         offset = self.slot_cell[slot] - self.motion.cell[r]
         if self.station[slot]:
             if offset:
                 text = "handles a load of a station that it is not on"
-                self.report_violation(tick, "load", [r], self.slot_cell[slot], text)
+                self.report_violation("load", [r], self.slot_cell[slot], text)
         elif self.motion.cell[r] == NIL or offset not in self.motion.step:
-            self.report_violation(
-                tick, "load", [r], self.slot_cell[slot], "handles a slot not beside it"
-            )
+            self.report_violation("load", [r], self.slot_cell[slot], "handles a slot not beside it")
         elif self.rack[slot] and abs(offset) == 1:
-            self.report_violation(
-                tick, "load", [r], self.slot_cell[slot], "handles a rack from its side"
-            )
+            self.report_violation("load", [r], self.slot_cell[slot], "handles a rack from its side")
 
     def _pick(self, tick: int, r: int, order: int, code: int) -> None:
         slot = self.place[order]
         cell = self.motion.cell[r]
         if code != EXECUTED_PICK:
-            self.report_violation(tick, "load", [r], cell, "gets a load without picking it up")
+            self.report_violation("load", [r], cell, "gets a load without picking it up")
         if self.load[r] != NIL:
-            self.report_violation(tick, "load", [r], cell, "picks up a second load")
+            self.report_violation("load", [r], cell, "picks up a second load")
         most = self.motion.types.payload[r]
         if self.weight[order] > most:
             text = (
                 f"picks up order {order} of weight {self.weight[order]} and carries {most} at most"
             )
-            self.report_violation(tick, "payload", [r], cell, text)
+            self.report_violation("payload", [r], cell, text)
         if self.by[order] != r:
-            self.report_violation(
-                tick, "order", [r], cell, f"picks up order {order} that it has not"
-            )
+            self.report_violation("order", [r], cell, f"picks up order {order} that it has not")
         if slot == NIL or self.state[order] != ORDER_WAITING:
             text = f"picks up order {order} that waits on no slot"
-            self.report_violation(tick, "load", [r], cell, text)
+            self.report_violation("load", [r], cell, text)
         else:
-            self._beside(tick, r, slot)
+            self._beside(r, slot)
             self.content[slot] = NIL
         if slot != NIL and slot == self.target[order]:
             self.state[order] = ORDER_DELIVERED  # it had only to be visited
@@ -334,22 +322,20 @@ class Loads:
     def _drop(self, tick: int, r: int, slot: int, code: int) -> None:
         order, cell = self.load[r], self.slot_cell[slot]
         if code != EXECUTED_DROP:
-            self.report_violation(tick, "load", [r], cell, "loses a load without setting it down")
+            self.report_violation("load", [r], cell, "loses a load without setting it down")
         if order == NIL:
-            self.report_violation(tick, "load", [r], cell, "drops without a load")
+            self.report_violation("load", [r], cell, "drops without a load")
             return
-        self._beside(tick, r, slot)
+        self._beside(r, slot)
         if self.endless[slot]:
             on_its_way = self.station[slot]
             if (self.target[order] != slot and not on_its_way) or self.dock[slot]:
-                self.report_violation(tick, "load", [r], cell, "drops where its load must not go")
+                self.report_violation("load", [r], cell, "drops where its load must not go")
         else:
             if self.content[slot] != NIL:
-                self.report_violation(tick, "load", [r], cell, "drops on a full shelf")
+                self.report_violation("load", [r], cell, "drops on a full shelf")
             if self.reserved[slot] != r:
-                self.report_violation(
-                    tick, "slot", [r], cell, "drops on a shelf it has not reserved"
-                )
+                self.report_violation("slot", [r], cell, "drops on a shelf it has not reserved")
             self.content[slot] = order
         self.load[r], self.place[order] = NIL, slot
         delivered = slot == self.target[order]
@@ -364,8 +350,8 @@ class Loads:
             return 0
         return self._lengths.get(r, self.motion.duration[code])
 
-    def check_parked(self, tick: int, acts: Acts) -> None:
+    def check_parked(self, acts: Acts) -> None:
         """A robot parks only with nothing to do."""
         for r, did in acts:
             if did & ENTERED_PARKING_BAY and (self.load[r] != NIL or self.order[r] != NIL):
-                self.report_violation(tick, "bay", [r], self.motion.home[r], "parks with an order")
+                self.report_violation("bay", [r], self.motion.home[r], "parks with an order")

@@ -3,7 +3,8 @@
 A *resource* is a cell of capacity 1, or one lane of a cell of capacity 2 (east and south share
 lane 0, west and north lane 1). A resource has one holder; a cell without limit has no resources.
 Of each tick: parking bays open, operations begin, all moves happen at once, robots at home park.
-Robots that leave the floor when they are done are at home wherever they stand.
+Robots that leave the floor when they are done are at home wherever they stand. What a robot's type
+asks of it (move time, payload, areas) is read from the recorded scenario a second time.
 """
 
 from __future__ import annotations
@@ -26,13 +27,13 @@ from automaton.engine.record_codes import (
     TURN_RIGHT,
 )
 from automaton.evidence.verification.move_time_rules import NIL, MoveTimes
-from automaton.evidence.verification.type_rules import Types
 from automaton.floor.cells import CELL_KINDS, EAST, NORTH, SOUTH, WEST
 
+ANY: Final = 1 << 60  # payload of a robot that carries everything
 HEADING_COUNTS: Final = {"omni": 1, "rail": 2, "differential": 4}
 
 Acts = list[tuple[int, int]]  # (robot, what the recording says it did), robots ascending
-Complaint = Callable[..., None]  # (tick, rule, robots, cell, text)
+Complaint = Callable[..., None]  # (rule, robots, cell, text)
 Mover = tuple[int, int, int, int]  # robot, from, to, direction
 
 
@@ -80,18 +81,18 @@ class Motion:
         used = [bay for bay in self.bay if bay != NIL]
         known = {(bay, home) for bay, home in bays}
         if len(set(used)) != len(used):
-            self.report_violation(0, "bay", [], NIL, "two robots have the same parking bay")
+            self.report_violation("bay", [], NIL, "two robots have the same parking bay")
         for r, cell in enumerate(self.cell):
             if self.bay[r] != NIL and (self.bay[r], self.home[r]) not in known:
                 self.report_violation(
-                    0, "bay", [r], self.bay[r], "its parking bay does not open on its home cell"
+                    "bay", [r], self.bay[r], "its parking bay does not open on its home cell"
                 )
             if cell == NIL:
                 continue
             if not CELL_KINDS[self.kind[cell]].drivable:
-                self.report_violation(0, "exits", [r], cell, "it starts where no robot can stand")
-            self._check_area(0, r, cell)
-            self._take(0, r, cell, self.heading[r])
+                self.report_violation("exits", [r], cell, "it starts where no robot can stand")
+            self._check_area(r, cell)
+            self._take(r, cell, self.heading[r])
 
     # Resources
 
@@ -102,15 +103,13 @@ class Motion:
             return 2 * cell
         return 2 * cell + (direction >> 1) if capacity == 2 else NIL
 
-    def _take(self, tick: int, r: int, cell: int, direction: int) -> None:
+    def _take(self, r: int, cell: int, direction: int) -> None:
         resource = self.resource(cell, direction)
         if resource == NIL:
             return
         other = self.holder.get(resource, r)
         if other != r:
-            self.report_violation(
-                tick, "capacity", [other, r], cell, "two robots where one has room"
-            )
+            self.report_violation("capacity", [other, r], cell, "two robots where one has room")
         self.holder[resource] = r
 
     def _give(self, r: int, cell: int, direction: int) -> None:
@@ -133,7 +132,7 @@ class Motion:
                 continue
             if self.cell[r] != NIL or self.free[r] > tick:
                 self.report_violation(
-                    tick, "bay", [r], self.cell[r], "leaves a parking bay it is not parked in"
+                    "bay", [r], self.cell[r], "leaves a parking bay it is not parked in"
                 )
                 continue
             home = self.home[r]
@@ -141,8 +140,8 @@ class Motion:
             other = self.holder.get(self.resource(home, heading), NIL)
             if other != NIL:
                 text = "leaves its parking bay although its home cell is held"
-                self.report_violation(tick, "bay", [r, other], home, text)
-            self._check_area(tick, r, home)
+                self.report_violation("bay", [r, other], home, text)
+            self._check_area(r, home)
             self.cell[r], self.heading[r], self.travel[r] = home, heading, heading
             self.parked[r] = False
             self.holder[self.resource(home, heading)] = r
@@ -167,7 +166,7 @@ class Motion:
             if not code or not self._may_act(tick, r, code):
                 continue
             if code <= MOVE_NORTH:
-                self._begin_move(tick, r, code - 1, movers)
+                self._begin_move(r, code - 1, movers)
                 self._check_pace(tick, r, code - 1, lengths.get(r), r in placed)
                 self.free[r] = tick + lengths.get(r, self.pace.usual_of(r))
             elif code <= TURN_RIGHT:
@@ -186,17 +185,17 @@ class Motion:
     def _may_act(self, tick: int, r: int, code: int) -> bool:
         if self.free[r] > tick:
             text = f"begins something although it is busy until tick {self.free[r] - 1}"
-            self.report_violation(tick, "busy", [r], self.cell[r], text)
+            self.report_violation("busy", [r], self.cell[r], text)
             return False
         if self.cell[r] == NIL:
             if code not in (EXECUTED_BAY_BLOCKED, EXECUTED_ILLEGAL):
                 self.report_violation(
-                    tick, "bay", [r], self.home[r], "acts although it is in its parking bay"
+                    "bay", [r], self.home[r], "acts although it is in its parking bay"
                 )
             return False
         if code == EXECUTED_BAY_BLOCKED:
             self.report_violation(
-                tick, "bay", [r], self.cell[r], "waits to leave a parking bay it is not in"
+                "bay", [r], self.cell[r], "waits to leave a parking bay it is not in"
             )
         if code != EXECUTED_ILLEGAL:
             self.parked[r] = False
@@ -205,20 +204,20 @@ class Motion:
             self.unsure.add(r)  # it may have been told to leave as well, and have lost the tick
         return True
 
-    def _begin_move(self, tick: int, r: int, direction: int, movers: list[Mover]) -> None:
+    def _begin_move(self, r: int, direction: int, movers: list[Mover]) -> None:
         cell = self.cell[r]
         if not self.exits[cell] >> direction & 1:
-            self.report_violation(tick, "exits", [r], cell, "moves where its cell has no exit")
+            self.report_violation("exits", [r], cell, "moves where its cell has no exit")
         elif direction & (self.headings - 1) != self.heading[r]:
-            self.report_violation(tick, "heading", [r], cell, "moves across its heading")
+            self.report_violation("heading", [r], cell, "moves across its heading")
         else:
-            self._check_area(tick, r, cell + self.step[direction])
+            self._check_area(r, cell + self.step[direction])
             movers.append((r, cell, cell + self.step[direction], direction))
 
-    def _check_area(self, tick: int, r: int, cell: int) -> None:
+    def _check_area(self, r: int, cell: int) -> None:
         if cell in self.types.closed[r]:
             text = f"is in an area that is closed to robots of the type {self.types.name[r]}"
-            self.report_violation(tick, "area", [r], cell, text)
+            self.report_violation("area", [r], cell, text)
 
     def _check_pace(
         self, tick: int, r: int, direction: int, length: int | None, placed: bool
@@ -231,21 +230,21 @@ class Motion:
         ticks = self.pace.usual_of(r) if length is None else length
         if ticks != due:
             text = f"its move is recorded with {ticks} ticks and must take {due}: {why}"
-            self.report_violation(tick, "move time", [r], self.cell[r], text)
+            self.report_violation("move time", [r], self.cell[r], text)
 
     def _turn(self, tick: int, r: int, code: int) -> None:
         cell = self.cell[r]
         if self.headings == 1:
-            self.report_violation(tick, "turn", [r], cell, "an omnidirectional robot does not turn")
+            self.report_violation("turn", [r], cell, "an omnidirectional robot does not turn")
             return
         if self.headings == 2 and not CELL_KINDS[self.kind[cell]].turns:
-            self.report_violation(tick, "turn", [r], cell, "turns on rails without a turntable")
+            self.report_violation("turn", [r], cell, "turns on rails without a turntable")
         if self.headings == 2 and code == TURN_LEFT:
-            self.report_violation(tick, "turn", [r], cell, "on rails a turn has no side")
+            self.report_violation("turn", [r], cell, "on rails a turn has no side")
         quarter = 3 if code == TURN_LEFT else 1
         self.heading[r] = (self.heading[r] + quarter) & (self.headings - 1)
         if self.capacity[cell] == 2:
-            self._take(tick, r, cell, self.travel[r] ^ 2)
+            self._take(r, cell, self.travel[r] ^ 2)
             self.claim[r] = (cell, self.travel[r])
             self._turned.setdefault(tick + self.duration[code] - 1, []).append(r)
 
@@ -258,19 +257,17 @@ class Motion:
                 continue
             if not self.following:
                 text = "enters a cell that was held when the tick began"
-                self.report_violation(tick, "following", [r, holder], to, text)
+                self.report_violation("following", [r, holder], to, text)
             elif holder in placed and self.resource(to, self.travel[holder]) == resource:
                 text = "follows a robot that came out of its parking bay in this tick"
-                self.report_violation(tick, "bay", [r, holder], to, text)
+                self.report_violation("bay", [r, holder], to, text)
 
     def _check_edge(self, tick: int, r: int, start: int, to: int) -> None:
         """Between two cells from this tick on, a robot meets no robot who is there the other way."""
         other, arrival = self._drive.get((to, start), (NIL, NIL))
         limited = self.capacity[start] == 1 or self.capacity[to] == 1
         if arrival >= tick and limited:
-            self.report_violation(
-                tick, "swap", [other, r], start, "two robots pass through each other"
-            )
+            self.report_violation("swap", [other, r], start, "two robots pass through each other")
         self._drive[start, to] = r, self.free[r] - 1
 
     def _carry_out(self, tick: int, movers: list[Mover]) -> None:
@@ -287,7 +284,7 @@ class Motion:
             if self.free[r] == tick + 1:
                 self._give(r, start, self.travel[r])
         for r, _, to, direction in movers:
-            self._take(tick, r, to, direction)
+            self._take(r, to, direction)
             if self.free[r] == tick + 1:
                 self.cell[r], self.travel[r] = to, direction
                 self.arrived.add(r)
@@ -300,9 +297,7 @@ class Motion:
         if self.leave and cell != NIL:
             self.home[r] = cell
         if cell != self.home[r] or self.free[r] > tick + 1:
-            self.report_violation(
-                tick, "bay", [r], cell, "parks although it does not stand at home"
-            )
+            self.report_violation("bay", [r], cell, "parks although it does not stand at home")
             return
         self.parked[r] = True
         self.unsure.discard(r)
@@ -346,3 +341,39 @@ def _durations(given: dict[str, int]) -> list[int]:
     ticks[EXECUTED_TRY_DROP] = given["try_drop"]
     ticks[EXECUTED_WAIT] = 1  # the recording says how long
     return ticks
+
+
+class Types:
+    """By robot: its type, how many times as long its moves take, what it carries, where it may not go."""
+
+    def __init__(self, floor: dict[str, Any], scenario: dict[str, Any]) -> None:
+        fleet = scenario["fleet"]
+        kinds: list[dict[str, Any]] = list(fleet.get("types") or ({"name": ""},))
+        counted = sum(kind.get("robots") or 0 for kind in kinds)
+        shut = {
+            kind["name"]: closed_to(floor, scenario.get("areas") or {}, kind["name"])
+            for kind in kinds
+        }
+        self.name: list[str] = []
+        self.move_time_factor: list[int] = []
+        self.payload: list[int] = []
+        self.closed: list[set[int]] = []  # flat cells
+        for kind in kinds:
+            robots = kind.get("robots") or fleet["robots"] - counted
+            self.name += [kind["name"]] * robots
+            self.move_time_factor += [kind.get("move_time_factor", 1)] * robots
+            self.payload += [kind.get("payload") or ANY] * robots
+            self.closed += [shut[kind["name"]]] * robots
+
+
+def closed_to(floor: dict[str, Any], areas: dict[str, Any], name: str) -> set[int]:
+    """The flat cells of the areas that are closed to a type."""
+    stride = floor["width"] + 2
+    cells: set[int] = set()
+    for area in areas.values():
+        if name in area["closed_to"]:
+            (x, y), (u, v) = area["from"], area["to"]
+            for row in range(min(y, v), max(y, v) + 1):
+                first = (row + 1) * stride + 1
+                cells.update(range(first + min(x, u), first + max(x, u) + 1))
+    return cells

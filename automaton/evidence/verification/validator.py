@@ -145,6 +145,7 @@ class Validator:
     def __init__(self, header: dict[str, Any]) -> None:
         self.header = header
         self.report = Report()
+        self._now = 0  # the tick that is replayed
         self._stride = header["floor"]["width"] + 2
         self._acts: Any = np.zeros(256, np.int64)  # recorded bytes by value
 
@@ -159,7 +160,7 @@ class Validator:
         did = content["executed"]
         if content["first"] != self.report.ticks + 1 or did.shape[1] != len(self.motion.home):
             text = f"tick {content['first']} follows tick {self.report.ticks}"
-            self._report_violation(self.report.ticks, "record", [], NIL, text)
+            self._report_violation("record", [], NIL, text)
             raise _TooManyViolationsError
         self._acts += np.bincount(did.ravel(), minlength=256)
         when, who = np.nonzero(did)
@@ -174,9 +175,10 @@ class Validator:
         others = np.concatenate([changes[: ends[0], 0], changes[ends[-1] :, 0]])
         if len(others):
             text = f"changes of tick {others[0]} stand among other ticks"
-            self._report_violation(self.report.ticks, "record", [], NIL, text)
+            self._report_violation("record", [], NIL, text)
 
     def _tick(self, tick: int, acts: Acts, rows: list[list[int]]) -> None:
+        self._now = tick
         leaves = any(did & LEFT_PARKING_BAY for _, did in acts)
         faults, rows = parted_faults(rows)
         self._change_status(tick, faults)
@@ -188,7 +190,7 @@ class Validator:
         lengths = self.loads.apply(tick, before, acts)
         self.motion.execute(tick, acts, lengths, placed)
         self.loads.arrive(tick, after, acts)
-        self.loads.check_parked(tick, acts)
+        self.loads.check_parked(acts)
         self.report.ticks = tick
 
     def _change_status(self, tick: int, rows: list[list[int]]) -> None:
@@ -199,19 +201,19 @@ class Validator:
             if known and code == CHANGE_STATUS and value in STATUSES:
                 self.energy.become(tick, subject, value)
             elif known and code == CHANGE_LOAD_LEFT:
-                self.loads.leave(tick, subject, value)
+                self.loads.leave(subject, value)
             elif code in (CHANGE_ORDER_RESERVED, CHANGE_SLOT_RESERVED) and value == NIL:
                 self.loads.apply(tick, [row], [])
             else:
                 text = f"a change among faults: {code} {subject} {value}"
-                self._report_violation(tick, "record", [], NIL, text)
+                self._report_violation("record", [], NIL, text)
 
     def keyframe(self, content: dict[str, Any]) -> None:
         """Compare a recorded state with the replayed one."""
         tick = self.report.ticks
         if content["tick"] != tick:
             text = f"a state of tick {content['tick']} stands after tick {tick}"
-            self._report_violation(tick, "record", [], NIL, text)
+            self._report_violation("record", [], NIL, text)
             return
         motion, loads = self.motion, self.loads
         motion.know(content["robots"]["parked"].tolist())
@@ -268,7 +270,7 @@ class Validator:
             text = (
                 f"{name} has {len(recorded):,} values in the recorded state, not {len(replayed):,}"
             )
-            self._report_violation(self.report.ticks, "record", [], NIL, text)
+            self._report_violation("record", [], NIL, text)
             return
         differ = np.flatnonzero(np.array(replayed, np.int64) != recorded)
         if not len(differ):
@@ -276,13 +278,13 @@ class Validator:
         i = int(differ[0])
         text = f"{name}[{i}] is {recorded[i]} in the recorded state, {replayed[i]} by its actions"
         robots = [i] if name.startswith("robots.") else []
-        self._report_violation(self.report.ticks, "record", robots, NIL, text)
+        self._report_violation("record", robots, NIL, text)
 
     def rules(self, content: dict[str, Any]) -> None:
         """Other durations or rules hold from here on."""
         if content["tick"] != self.report.ticks:
             text = f"rules of tick {content['tick']} stand after tick {self.report.ticks}"
-            self._report_violation(self.report.ticks, "record", [], NIL, text)
+            self._report_violation("record", [], NIL, text)
         self.header = {**self.header, "scenario": content["scenario"]}
         self.motion.apply_rules(content["scenario"])
         self.energy.apply_rules(content["scenario"])
@@ -296,7 +298,7 @@ class Validator:
         for name, values in (("ticks", {self.report.ticks}), ("finished", finished)):
             if content[name] not in values:
                 text = f"the end says {name} = {content[name]}, its actions say {min(values)}"
-                self._report_violation(self.report.ticks, "record", [], NIL, text)
+                self._report_violation("record", [], NIL, text)
 
     def summed_up(self) -> Report:
         """The report, with actions counted."""
@@ -311,13 +313,12 @@ class Validator:
         self.report.counts = {name: number for name, number in counts.items() if number}
         return self.report
 
-    def _report_violation(
-        self, tick: int, rule: str, robots: list[int], cell: int, text: str
-    ) -> None:
+    def _report_violation(self, rule: str, robots: list[int], cell: int, text: str) -> None:
+        """Note what breaks a rule in the tick that is replayed."""
         place = None
         if cell >= 0:
             y, x = divmod(cell, self._stride)
             place = (x - 1, y - 1)
-        self.report.violations.append(Violation(tick, rule, tuple(robots), place, text))
+        self.report.violations.append(Violation(self._now, rule, tuple(robots), place, text))
         if len(self.report.violations) >= MAX_VIOLATIONS:
             raise _TooManyViolationsError

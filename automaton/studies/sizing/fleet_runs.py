@@ -18,13 +18,12 @@ from automaton.build.resolve import Resolved, resolve
 from automaton.engine.state import ACTION_CHARGE, ACTION_DROP, ACTION_PICK, ACTION_TRY_DROP
 from automaton.errors import InputError
 from automaton.floor.cells import CHARGER, STATION
-from automaton.runs.measured_run import run_marked
+from automaton.runs.headless import run_marked
 from automaton.runs.metrics import counted, metrics_of
 from automaton.runs.process_pool import PersistentPool
 from automaton.runs.simulation import Simulation
 from automaton.runs.task_metrics import TASK_METRICS
-from automaton.scenario.document import Override
-from automaton.scenario.overrides import keys_of, parse_setting
+from automaton.scenario.document import Override, keys_of, parse_setting
 from automaton.scenario.schema import Durations, Scenario
 from automaton.scenario.unavailable_metrics import warm_up_of
 from automaton.studies.sizing.candidates import FleetConfig, InfeasibleFleetError, Run

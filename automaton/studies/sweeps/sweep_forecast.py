@@ -6,8 +6,7 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
-from automaton.runs.headless import WINDOW_TICKS, attribute_strategy_errors
-from automaton.runs.measured_run import Marks
+from automaton.runs.headless import WINDOW_TICKS, Marks, attribute_strategy_errors
 from automaton.runs.metrics import counted
 from automaton.runs.simulation import Simulation
 from automaton.studies.sweeps.result_store import Store

@@ -15,8 +15,7 @@ from automaton.build.resolve import Resolved, resolve
 from automaton.errors import InputError, nearest
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
 from automaton.runs.provenance import versions
-from automaton.scenario.document import Document, Override, line_of
-from automaton.scenario.overrides import keys_of
+from automaton.scenario.document import Document, Override, keys_of
 from automaton.scenario.reading import find
 from automaton.scenario.unavailable_metrics import not_measured, warm_up_of
 from automaton.strategy import lookup
@@ -156,7 +155,7 @@ def _place(document: Document, study: Study, point: Point, key: str) -> str:
 def _at(document: Document, keys: tuple[str | int, ...]) -> str:
     if document.root is None:
         return ".".join(map(str, keys))
-    return f"{document.file}:{line_of(document.root, keys)[0]}"
+    return f"{document.file}:{document.line(keys)}"
 
 
 def windows_of(study: Study, scenarios: tuple[Resolved, ...]) -> Windows:

@@ -19,8 +19,13 @@ from automaton.build.resolve import Resolved
 from automaton.engine.state import ORDER_DELIVERED
 from automaton.errors import InputError
 from automaton.printable import one_line
-from automaton.runs.headless import attribute_strategy_errors, is_finished
-from automaton.runs.measured_run import Marks, run_marked, sums_by_stretch
+from automaton.runs.headless import (
+    Marks,
+    attribute_strategy_errors,
+    is_finished,
+    run_marked,
+    sums_by_stretch,
+)
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.studies.sweeps.result_columns import SERIES, SUMS_COLUMN

@@ -70,8 +70,7 @@ def sweep(
     something is raised is kept in `out`.
     """
     from automaton.studies.sweeps.pools import MAX_WORKERS, Backend, ExternalExecutor, LocalPool
-    from automaton.studies.sweeps.study_copies import copies_of
-    from automaton.studies.sweeps.sweep_plan import make_sweep_plan
+    from automaton.studies.sweeps.sweep_plan import copies_of, make_sweep_plan
     from automaton.studies.sweeps.sweep_session import sweep_into
 
     if sum(given is not None for given in (executor, workers, scheduler)) > 1:
@@ -81,7 +80,7 @@ def sweep(
 
     def backend() -> Backend:
         if scheduler is not None:
-            from automaton.studies.sweeps.cluster import DaskCluster
+            from automaton.studies.sweeps.pools import DaskCluster
 
             return DaskCluster(str(scheduler))
         return LocalPool(workers) if executor is None else ExternalExecutor(executor)
@@ -121,9 +120,13 @@ def size(
     Raises InputError, and WorkerDied where a process dies.
     """
     from automaton.runs.process_pool import PersistentPool
-    from automaton.studies.sizing.compared_strategies import strategies_of
     from automaton.studies.sizing.fleet_runs import Checked, Fleets, run_and_measure_use, session_of
-    from automaton.studies.sizing.question import make_question, read_target, robots_of
+    from automaton.studies.sizing.question import (
+        make_question,
+        read_target,
+        robots_of,
+        strategies_of,
+    )
     from automaton.studies.sizing.sizing_record import sized
 
     fleet, compared = robots_of(robots), strategies_of(strategies)

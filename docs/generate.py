@@ -28,7 +28,7 @@ from automaton.scenario.scenario_schema import json_schema
 from automaton.scenario.schema import LAYER_NAMES
 from automaton.strategy import lookup
 from automaton.studies.sweeps import result_columns, run_keys
-from automaton.studies.sweeps.study_schema import study_schema
+from automaton.studies.sweeps.study import study_schema
 from tui.widgets.bindings import COMPARING, TOPICS, key_text
 
 EVENTS: Final = {

@@ -1,6 +1,6 @@
 """The speed of this machine: what `automaton bench` measures, and how.
 
-A part is a module with `measurements()`; each measurement prepares a world and then takes samples.
+A part is a function that lists measurements; each prepares a world and then takes samples.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 class Part(NamedTuple):
     """Measurements that are asked for together."""
 
-    module: str
+    place: str  # a module with `measurements()`, or module:function
     usual: bool  # measured when nothing else is asked for
     summary: str
 
@@ -27,15 +27,21 @@ PARTS: Final[dict[str, Part]] = {
     "crowd": Part(
         "automaton.bench.crowd_speed", True, "robots looked up by cell; giving way in a crowd"
     ),
-    "observing": Part("automaton.bench.observing_speed", True, "what watching adds to a tick"),
+    "observing": Part(
+        "automaton.bench.route_speed:observing_measurements", True, "what watching adds to a tick"
+    ),
     "plans": Part(
-        "automaton.bench.plan_speed", True, "A* and traffic avoidance on three warehouses"
+        "automaton.bench.warehouse_speed", True, "A* and traffic avoidance on three warehouses"
     ),
     "congestion": Part(
-        "automaton.bench.forecast_speed", True, "routes searched in time, three warehouses"
+        "automaton.bench.warehouse_speed:congestion_measurements",
+        True,
+        "routes searched in time, three warehouses",
     ),
     "zones": Part(
-        "automaton.bench.slow_zone_speed", True, "slow zones, and the network that predicts"
+        "automaton.bench.warehouse_speed:zone_measurements",
+        True,
+        "slow zones, and the network that predicts",
     ),
     "auctions": Part(
         "automaton.bench.auction_speed", True, "auctions with and without charging, the optimum"
@@ -45,7 +51,9 @@ PARTS: Final[dict[str, Part]] = {
         False,
         "days of a factory in zones, zones redesigned; a minute",
     ),
-    "layers": Part("automaton.bench.layer_speed", True, "a layer that is asked every tick"),
+    "layers": Part(
+        "automaton.bench.loop_speed:layer_measurements", True, "a layer that is asked every tick"
+    ),
     "loop": Part("automaton.bench.loop_speed", True, "the loop with an idle fleet; the digest"),
     "sweep": Part(
         "automaton.bench.sweep_speed", False, "what a sweep adds to its runs; two workers"
@@ -53,6 +61,10 @@ PARTS: Final[dict[str, Part]] = {
     "viewer": Part(
         "tui.bench.viewer_speed", False, "the viewer in a pseudo-terminal; some minutes"
     ),
-    "compile": Part("automaton.bench.first_start", False, "the first run, in a process of its own"),
+    "compile": Part(
+        "automaton.bench.startup_speed:first_run_measurements",
+        False,
+        "the first run, in a process of its own",
+    ),
     "startup": Part("automaton.bench.startup_speed", False, "commands, in processes of their own"),
 }

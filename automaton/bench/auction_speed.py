@@ -6,15 +6,15 @@ bids need a charging plan. Exponents are slopes of log time between two sizes.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
 from automaton.bench.measurement import EXPONENT, MS, US, Measurement, Sample, cpu_seconds, slope
-from strategies.allocation.auction import exact, genetic_auction, local_search, quotes, sequential
-from strategies.allocation.auction.bids import BID_MIXED
+from automaton.papers.auctions.auction_floor import empty
+from automaton.papers.auctions.auction_trials import AGAIN, METHODS, Instance, Method
+from strategies.allocation.auction import exact, genetic_auction, quotes
 from strategies.allocation.auction.bundle_workspace import bundles_for, generations, population_for
 from strategies.allocation.auction.market import (
     BATTERY_FULL,
@@ -23,11 +23,6 @@ from strategies.allocation.auction.market import (
     POLICY_JOINT,
     POLICY_NO_CHARGING,
     POLICY_THRESHOLD_REACHABLE,
-    Array,
-    Battery,
-    Fleet,
-    Scratch,
-    TaskCosts,
 )
 from strategies.allocation.auction.market_preparation import (
     battery_of,
@@ -35,7 +30,6 @@ from strategies.allocation.auction.market_preparation import (
     scratch_for,
     visits,
 )
-from strategies.allocation.auction.winners import WINNER_DIFFERENCE, WINNER_LOWEST_BID
 
 SIDE: Final = 100  # ticks
 CHARGERS: Final = 4
@@ -43,22 +37,10 @@ DRAIN: Final = 4_000  # units per tick: 250 ticks on a full battery
 RATE: Final = 20_000
 SMALL: Final = (8, 80)  # robots, tasks
 LARGE: Final = (100, 1000)
+SELL: Final = METHODS["LB"]  # a sequential auction of all items
 
 
-class Market(NamedTuple):
-    """A market with empty lists, and its items."""
-
-    task_costs: TaskCosts
-    battery: Battery
-    fleet: Fleet
-    scratch: Scratch
-    items: Array
-
-
-Auction = Callable[[Market], object]
-
-
-def market(robots: int, tasks: int, policy: int = POLICY_NO_CHARGING, seed: int = 1) -> Market:
+def market(robots: int, tasks: int, policy: int = POLICY_NO_CHARGING, seed: int = 1) -> Instance:
     """Robots, tasks and chargers at random places."""
     rng = np.random.default_rng(seed)
     at = rng.integers(0, SIDE, (robots + tasks + CHARGERS, 2))
@@ -73,36 +55,23 @@ def market(robots: int, tasks: int, policy: int = POLICY_NO_CHARGING, seed: int 
     fleet = fleet_of(np.arange(robots), tasks, BATTERY_FULL // 2)
     scratch = scratch_for(robots, tasks, tasks, CHARGERS)
     task_costs = visits(ticks, ticks * DRAIN, np.arange(robots, robots + tasks))
-    return Market(task_costs, battery, fleet, scratch, np.arange(tasks, dtype=np.int32))
+    items = np.arange(tasks, dtype=np.int32)
+    return Instance(task_costs, battery, fleet, scratch, items, epsilon=0, seed=seed)
 
 
-def sell(one: Market, winner: int = WINNER_LOWEST_BID, everybody: int = 0) -> None:
-    """A sequential auction of all items."""
-    *rest, items = one
-    sequential.sequential(*rest, items, len(items), BID_MIXED, 0, winner, everybody)
-
-
-def sell_by_arrival(one: Market) -> None:
-    """Item by item as they come."""
-    *rest, items = one
-    sequential.by_arrival(*rest, items, len(items), BID_MIXED, 0)
-
-
-def seconds_of(one: Market, auction: Auction, repeat: int) -> float:
+def seconds_of(one: Instance, method: Method, repeat: int) -> float:
     """CPU seconds of an auction from empty lists."""
-    *rest, _ = one
     total = 0.0
     for _ in range(repeat):
-        one.fleet.length[:] = 0
-        quotes.settle_all(*rest)
-        total += cpu_seconds(lambda: auction(one))
+        empty(*one.market)
+        total += cpu_seconds(lambda: method(one))
     return total / repeat
 
 
-def timed(size: tuple[int, int], policy: int, auction: Auction, repeat: int) -> Sample:
+def timed(size: tuple[int, int], policy: int, method: Method, repeat: int) -> Sample:
     """A sampler in milliseconds."""
     one = market(*size, policy)
-    return lambda: 1e3 * seconds_of(one, auction, repeat)
+    return lambda: 1e3 * seconds_of(one, method, repeat)
 
 
 def measurements() -> list[Measurement]:
@@ -116,50 +85,41 @@ def measurements() -> list[Measurement]:
             ("", POLICY_NO_CHARGING),
             (", charging in the bids", POLICY_HIERARCHICAL),
         ):
-            found.append(Measurement(name + label, MS, partial(timed, size, policy, sell, repeat)))
+            found.append(Measurement(name + label, MS, partial(timed, size, policy, SELL, repeat)))
     for label, policy in (
         ("joint charging", POLICY_JOINT),
         ("fill-up", POLICY_FILL_UP),
         ("threshold", POLICY_THRESHOLD_REACHABLE),
     ):
-        found.append(Measurement(f"{small}, {label}", MS, partial(timed, SMALL, policy, sell, 20)))
-    prepare = partial(timed, LARGE, POLICY_NO_CHARGING, partial(sell, winner=WINNER_DIFFERENCE), 1)
+        found.append(Measurement(f"{small}, {label}", MS, partial(timed, SMALL, policy, SELL, 20)))
+    prepare = partial(timed, LARGE, POLICY_NO_CHARGING, METHODS["BD"], 1)
     found.append(Measurement(f"{large}, biggest difference", MS, prepare))
-    found.append(Measurement(f"{small}, then local search", MS, prepare_search))
+    prepare = partial(timed, SMALL, POLICY_NO_CHARGING, METHODS["LB+search"], 1)
+    found.append(Measurement(f"{small}, then local search", MS, prepare))
     return found + growth() + others() + plans()
-
-
-def prepare_search() -> Sample:
-    """Milliseconds of an auction and the search after it."""
-
-    def work(one: Market) -> None:
-        sell(one)
-        local_search.improve(one.task_costs, one.battery, one.fleet, one.scratch, 0)
-
-    return timed(SMALL, POLICY_NO_CHARGING, work, 1)
 
 
 def growth() -> list[Measurement]:
     """Exponents of time in the tasks (80 to 320, 8 robots) and in the robots (8 to 32, 320 tasks)."""
-    ways: dict[str, Auction] = {
-        "only the winner bids again": sell,
-        "everybody bids again": partial(sell, everybody=1),
-        "by arrival": sell_by_arrival,
+    ways = {
+        "only the winner bids again": SELL,
+        "everybody bids again": METHODS[AGAIN],
+        "by arrival": METHODS["arrival"],
     }
     found = []
-    for name, auction in ways.items():
+    for name, method in ways.items():
         for what, sizes in (("tasks", ((8, 80), (8, 320))), ("robots", ((8, 320), (32, 320)))):
-            prepare = partial(prepare_growth, sizes, auction)
+            prepare = partial(prepare_growth, sizes, method)
             found.append(Measurement(f"growth with the {what}, {name}", EXPONENT, prepare))
     return found
 
 
-def prepare_growth(sizes: tuple[tuple[int, int], tuple[int, int]], auction: Auction) -> Sample:
+def prepare_growth(sizes: tuple[tuple[int, int], tuple[int, int]], method: Method) -> Sample:
     """A sampler of the slope between two sizes that differ by a factor of four."""
     few, many = (market(*size) for size in sizes)
 
     def sample() -> float:
-        return slope((1, 4), (seconds_of(few, auction, 12), seconds_of(many, auction, 3)))
+        return slope((1, 4), (seconds_of(few, method, 12), seconds_of(many, method, 3)))
 
     return sample
 
@@ -173,7 +133,7 @@ def others() -> list[Measurement]:
         Measurement(
             "auction, 2 robots, 10 tasks",
             MS,
-            partial(timed, (2, 10), POLICY_NO_CHARGING, sell, 200),
+            partial(timed, (2, 10), POLICY_NO_CHARGING, SELL, 200),
         ),
     ]
 
@@ -182,9 +142,8 @@ def prepare_optimum(robots: int) -> Sample:
     """Milliseconds of the optimum of ten tasks."""
     workspace = bundles_for(robots, 10)
 
-    def work(one: Market) -> None:
-        *rest, items = one
-        exact.exact(*rest, workspace, items, len(items), 0)
+    def work(one: Instance) -> None:
+        exact.exact(*one.market, workspace, one.items, one.tasks, one.epsilon)
 
     return timed((robots, 10), POLICY_NO_CHARGING, work, 5)
 
@@ -193,10 +152,9 @@ def prepare_genetic() -> Sample:
     """Milliseconds of the paper's genetic algorithm: 1,000 generations of 20."""
     population = population_for(2, 10, 10)
 
-    def work(one: Market) -> None:
-        *rest, items = one
-        arguments = (items, 10, 0, generations(2, 10), 0, np.uint64(1), 0)
-        genetic_auction.genetic(*rest, population, *arguments)
+    def work(one: Instance) -> None:
+        arguments = (one.items, 10, 0, generations(2, 10), 0, np.uint64(1), 0)
+        genetic_auction.genetic(*one.market, population, *arguments)
 
     return timed((2, 10), POLICY_NO_CHARGING, work, 1)
 

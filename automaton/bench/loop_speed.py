@@ -1,10 +1,20 @@
-"""The loop with nothing to do, and the digest of a small world."""
+"""The loop with nothing to do, a layer that is asked every tick, and the digest of a small world."""
 
 from __future__ import annotations
 
+from functools import partial
+
 from automaton.bench.bench_floors import IDLE
-from automaton.bench.measurement import NS_PER_TICK, US, Measurement, Sample, cpu_seconds
+from automaton.bench.measurement import (
+    NS_PER_TICK,
+    US,
+    US_PER_TICK,
+    Measurement,
+    Sample,
+    cpu_seconds,
+)
 from automaton.build.resolve import resolve
+from automaton.engine.state import LAYER_ZONING
 from automaton.runs.simulation import Simulation
 
 TICKS, DIGESTS = 200_000, 2_000
@@ -52,3 +62,39 @@ def seconds_of(simulation: Simulation, ticks: int) -> float:
     """CPU seconds of the next ticks."""
     until = simulation.tick + ticks
     return cpu_seconds(lambda: simulation.run(until))
+
+
+COMPILED = "automaton.bench.idle_strategies:EveryTick"
+IN_PYTHON = "automaton.bench.idle_strategies:EveryTickInPython"
+COMPILED_TICKS, PYTHON_TICKS = 200_000, 20_000
+
+
+def layer_measurements() -> list[Measurement]:
+    """One for each way in which a strategy may be written."""
+    return [
+        Measurement(
+            "layer asked every tick, compiled",
+            US_PER_TICK,
+            partial(prepare_layer, COMPILED, COMPILED_TICKS),
+        ),
+        Measurement(
+            "layer asked every tick, Python",
+            US_PER_TICK,
+            partial(prepare_layer, IN_PYTHON, PYTHON_TICKS),
+        ),
+    ]
+
+
+def prepare_layer(strategy: str, ticks: int) -> Sample:
+    """A sampler: us per tick with the layer less us per tick without, one after the other."""
+    without, asked = idle_fleet(), idle_fleet(strategy)
+
+    def sample() -> float:
+        before = int(asked.world.tally.batches[LAYER_ZONING])
+        base = seconds_of(without, ticks)
+        difference = seconds_of(asked, ticks) - base
+        if asked.world.tally.batches[LAYER_ZONING] - before != ticks:
+            raise AssertionError("the layer was not asked every tick")
+        return 1e6 * difference / ticks
+
+    return sample

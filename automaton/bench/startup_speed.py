@@ -1,4 +1,7 @@
-"""How long a command takes from Enter to the prompt, imports included."""
+"""How long a command takes from Enter to the prompt, imports included.
+
+In the first run ever on a machine everything is compiled, because the cache is empty.
+"""
 
 from __future__ import annotations
 
@@ -65,3 +68,22 @@ def run_command(command: Sequence[str], **variables: str) -> None:
     )
     if done.returncode:
         raise RuntimeError(f"automaton {' '.join(command)} failed: {done.stderr.strip()}")
+
+
+def first_run_measurements() -> list[Measurement]:
+    """One, taken twice at most: it takes as long as everything else together."""
+    return [
+        Measurement("first run, compiling", SECONDS, prepare_first_run, warm_up=False, at_most=2),
+    ]
+
+
+def prepare_first_run() -> Sample:
+    """A sampler: seconds on the wall of `run tabletop-1` with an empty cache."""
+
+    def sample() -> float:
+        with tempfile.TemporaryDirectory(prefix="automaton-bench-") as folder:
+            return wall_seconds(
+                lambda: run_command(("run", "tabletop-1"), AUTOMATON_CACHE_DIR=folder)
+            )
+
+    return sample

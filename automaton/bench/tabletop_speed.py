@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from automaton.bench.measurement import MS_PER_RUN, Measurement, Sample, cpu_seconds
 from automaton.build.resolve import Resolved, resolve
-from automaton.papers.tabletop.tabletop_tables import STRATEGIES, cases
+from automaton.papers.tabletop_study import STRATEGIES, cases
 from automaton.runs.simulation import Simulation
 
 SEEDS = (1, 2, 3)

@@ -78,7 +78,8 @@ def measurements(parts: Sequence[str]) -> list[Measurement]:
         raise InputError("bench measures compiled code; unset NUMBA_DISABLE_JIT")
     found: list[Measurement] = []
     for name in parts:
-        found += importlib.import_module(PARTS[name].module).measurements()
+        module, _, function = PARTS[name].place.partition(":")
+        found += getattr(importlib.import_module(module), function or "measurements")()
     return found
 
 
@@ -108,19 +109,18 @@ def progress(total: int) -> Iterator[Callable[[str], None]]:
 
 def print_figures(figures: Sequence[Figure], repeat: int) -> None:
     """Print the figures as a table, and the machine that they hold for."""
-    from automaton.runs.run_report import console, plain_table, print_table
+    from automaton.runs.console_output import console, print_blocks
+    from automaton.runs.report_document import Table
     from automaton.units import count, number
 
     out = console()
-    table = plain_table("measured", "median", "low", "high", "unit")
-    table.columns[0].justify = table.columns[4].justify = "left"
-    for figure in figures:
-        values = (number(value) for value in (figure.median, figure.low, figure.high))
-        table.add_row(figure.name, *values, figure.unit)
     out.width = max(out.width, 120)  # a table of figures is not text to be folded
-    print_table(out, table)
-    out.print()
-    out.print(f"{count(repeat, 'sample')} each; {machine()}", soft_wrap=True)
+    rows = [
+        [one.name, *(number(value) for value in (one.median, one.low, one.high)), one.unit]
+        for one in figures
+    ]
+    table = Table(("measured", "median", "low", "high", "unit"), rows, also_left=(4,))
+    print_blocks(out, [table, "", f"{count(repeat, 'sample')} each; {machine()}"])
 
 
 def machine() -> str:

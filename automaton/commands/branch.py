@@ -130,16 +130,17 @@ def future(name: str, simulation: Simulation, finished: bool) -> Future:
 
 def print_futures(original: Future, branch: Future, units: Mapping[str, str | None]) -> None:
     """The metrics of both beside each other, in the units of the scenario."""
+    from automaton.runs.console_output import console, print_blocks
     from automaton.runs.metrics import METRIC_CATALOGUE
-    from automaton.runs.run_report import console, in_units, plain_table, print_table
+    from automaton.runs.report_document import Table
+    from automaton.runs.run_report import in_units
 
     tick_unit, cell = unit(units["tick"] or ""), units["cell"]
-    out = console()
-    for one in (original, branch):
-        how = "finished after" if one.finished else "not finished after"
-        out.print(f"{one.name}: {how} {count(one.ticks, 'tick')}", soft_wrap=True)
-    table = plain_table("metric", original.name, branch.name, "difference", "unit")
-    table.columns[0].justify = table.columns[4].justify = "left"
+    lines = [
+        f"{one.name}: {'' if one.finished else 'not '}finished after {count(one.ticks, 'tick')}"
+        for one in (original, branch)
+    ]
+    rows = []
     names = [name for name in branch.metrics if name in original.metrics]
     for name in names:
         kind = METRIC_CATALOGUE.get(name, ("times", ""))[0]
@@ -149,9 +150,9 @@ def print_futures(original: Future, branch: Future, units: Mapping[str, str | No
             in_units(value, kind, tick_unit, cell_unit) for value in (before, now, now - before)
         )
         sign = "+" if now > before else ""
-        table.add_row(name, left, right, "=" if now == before else sign + change, said)
-    out.print()
-    print_table(out, table)
+        rows.append([name, left, right, "=" if now == before else sign + change, said])
+    heads = ("metric", original.name, branch.name, "difference", "unit")
+    print_blocks(console(), [*lines, "", Table(heads, rows, also_left=(4,))])
 
 
 def as_json(

@@ -13,7 +13,7 @@ from automaton.commands.arguments import note, whole
 from automaton.errors import InputError
 
 if TYPE_CHECKING:
-    from automaton.studies.reports.report_document import Document
+    from automaton.runs.report_document import Document
 
 FORMATS = ("text", "markdown", "html")
 SUFFIXES = {".md": "markdown", ".html": "html", ".htm": "html", ".txt": "text"}

@@ -97,7 +97,7 @@ def draw(simulation: Simulation) -> Drawn:
 
 def print_pictures(drawn: Drawn) -> None:
     """Print the grid; below it zones and stations, zones with colours on a terminal."""
-    from automaton.runs.run_report import console
+    from automaton.runs.console_output import console
     from strategies.zoning.design.service_zone_lines import coloured
 
     out = console()

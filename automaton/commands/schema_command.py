@@ -6,7 +6,7 @@ import argparse
 import json
 
 from automaton.scenario.scenario_schema import json_schema
-from automaton.studies.sweeps.study_schema import study_schema
+from automaton.studies.sweeps.study import study_schema
 
 SCHEMAS = {"scenario": json_schema, "study": study_schema}
 

@@ -23,8 +23,8 @@ from automaton.commands.arguments import (
 from automaton.errors import WorkerDiedError
 
 if TYPE_CHECKING:
-    from automaton.studies.sizing.candidates import FleetConfig
     from automaton.studies.sizing.fleet_runs import Fleets
+    from automaton.studies.sizing.fleet_search import FleetConfig
     from automaton.studies.sizing.question import Question
     from automaton.studies.sizing.sizing_session import SizingSession
 
@@ -124,8 +124,12 @@ def run(args: argparse.Namespace) -> int:
 
 def asked_of(args: argparse.Namespace, fleets: Fleets) -> Question:
     """The question that the arguments put. Raises InputError."""
-    from automaton.studies.sizing.compared_strategies import strategies_of
-    from automaton.studies.sizing.question import make_question, read_robots, read_target
+    from automaton.studies.sizing.question import (
+        make_question,
+        read_robots,
+        read_target,
+        strategies_of,
+    )
 
     target, robots = read_target(args.target, fleets.tick), read_robots(args.robots)
     strategies = strategies_of(args.strategies)
@@ -150,7 +154,7 @@ def show(args: argparse.Namespace, session: SizingSession, fleets: Fleets) -> No
 
         print_json(as_json(session, scenario.name, fleets.seed, args.price))
         return
-    from automaton.runs.run_report import console
+    from automaton.runs.console_output import console
     from automaton.studies.sizing.sizing_report import print_answer
 
     limit = scenario.stop.max_duration
@@ -165,7 +169,7 @@ def show(args: argparse.Namespace, session: SizingSession, fleets: Fleets) -> No
 def draw(folder: Path, session: SizingSession) -> None:
     """Write the plots, and say where they are."""
     from automaton.studies.reports.plot_files import write_plots
-    from automaton.studies.sizing.sizing_charts import curves
+    from automaton.studies.sizing.sizing_report import curves
 
     for path in write_plots(curves(session), folder):
         note(f"wrote {path}")

@@ -27,8 +27,7 @@ from automaton.units import SECONDS_PER_UNIT, count
 
 if TYPE_CHECKING:
     from automaton.studies.sweeps.pools import Backend
-    from automaton.studies.sweeps.sweep_forecast import Forecast
-    from automaton.studies.sweeps.sweep_session import SweepResult, SweepStart
+    from automaton.studies.sweeps.sweep_session import Forecast, SweepResult, SweepStart
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -65,8 +64,7 @@ def run(args: argparse.Namespace) -> int:
         raise InputError("--workers are processes here; the scheduler has its own: leave one out")
     if args.dry_run and args.scheduler is not None:
         raise InputError("--dry-run reckons with processes here, not with a cluster: leave one out")
-    from automaton.studies.sweeps.study_copies import copies_of
-    from automaton.studies.sweeps.sweep_plan import make_sweep_plan
+    from automaton.studies.sweeps.sweep_plan import copies_of, make_sweep_plan
     from automaton.studies.sweeps.sweep_session import sweep_into
 
     plan = make_sweep_plan(args.study)
@@ -92,7 +90,7 @@ def run(args: argparse.Namespace) -> int:
 def crew_of(args: argparse.Namespace) -> Backend:
     """Who carries the runs out."""
     if args.scheduler is not None:
-        from automaton.studies.sweeps.cluster import DaskCluster
+        from automaton.studies.sweeps.pools import DaskCluster
 
         return DaskCluster(args.scheduler)
     from automaton.studies.sweeps.pools import LocalPool
@@ -103,7 +101,7 @@ def crew_of(args: argparse.Namespace) -> Backend:
 def dry_run(args: argparse.Namespace, plan: Any) -> int:
     """Say what the sweep would take."""
     from automaton.runs.process_pool import cores
-    from automaton.studies.sweeps.sweep_forecast import forecast
+    from automaton.studies.sweeps.sweep_session import forecast
 
     found = forecast(plan, args.out, args.workers or cores(), args.retry_failed, args.recompute)
     if args.json:

@@ -22,9 +22,8 @@ from automaton.commands.arguments import (
     progress_bar,
 )
 from automaton.errors import InputError, alternatives, nearest
-from automaton.papers.training.losses import LOSSES, WEIGHTINGS
 from automaton.papers.training.prediction_metrics import METRICS
-from automaton.papers.training.training_settings import Settings
+from automaton.papers.training.training_settings import LOSSES, WEIGHTINGS, Settings
 
 NAMES = ("traffic",)
 PAPER = "warehouse-100"

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
 from automaton.papers.claims import Judged, JudgedClaim
 from automaton.papers.reproduction_study import MadeTable, Reproduced, Row
 from automaton.papers.reproduction_study import Table as PublishedTable
-from automaton.runs.run_report import console, print_table
+from automaton.runs.console_output import ConsoleBlock, console, print_blocks, rich_table
+from automaton.runs.report_document import Table
 from automaton.units import count, percent
 
 STYLES = {
@@ -21,38 +21,66 @@ STYLES = {
 }  # fmt: skip
 SHORT = {"configuration": "cfg", "robots": "N"}
 WIDEST_TEXT = 110
+VERDICT_WIDTH = 18
+EXPLANATION = (
+    "A claim holds if the 95 % interval of each of its figures lies in the range, and does not "
+    "hold if one lies outside; else it is undecided. What came out alike in all runs is not "
+    "contradicted, or does not hold, and how many runs may be otherwise is said "
+    "(Clopper-Pearson). Shown is the figure that decides."
+)
 
 
 def print_reproduced(reproduced: Reproduced, judged: Sequence[JudgedClaim]) -> None:
     """Print everything."""
     out = console()
-    reproduction = reproduced.reproduction
-    out.print(Text(reproduction.title, "bold"), soft_wrap=True)
-    for line in textwrap.wrap(reproduction.source, text_width(out)):
-        out.print(line, soft_wrap=True)
+    print_blocks(out, blocks(reproduced, judged, out.width))
+
+
+def blocks(
+    reproduced: Reproduced, judged: Sequence[JudgedClaim], width: int
+) -> Iterator[ConsoleBlock]:
+    """Everything, for a console of this width."""
+    reproduction, text_width = reproduced.reproduction, min(width, WIDEST_TEXT)
+    yield Text(reproduction.title, "bold")
+    yield from textwrap.wrap(reproduction.source, text_width)
     for made in reproduced.tables:
         if made.cases:  # none where its strategy was not asked for
-            print_made(out, made)
+            yield from made_blocks(made, width)
     if reproduction.further is not None:
-        print_texts(out, [(one.title, one.text) for one in reproduction.further(reproduced)])
-    print_errors(out, reproduced)
-    print_claims(out, reproduction.claims_title, judged)
-    print_remarks(out, reproduction.remarks_title, reproduction.remarks)
-    print_texts(out, reproduction.texts() if reproduction.texts is not None else ())
+        for one in reproduction.further(reproduced):
+            yield from section(one.title, one.text.splitlines())
+    yield from error_lines(reproduced)
+    yield from claim_blocks(reproduction.claims_title, judged, text_width)
+    if reproduction.remarks:
+        bullets = (bulleted(remark, text_width) for remark in reproduction.remarks)
+        lines = (line for bullet in bullets for line in bullet)
+        yield from section(reproduction.remarks_title, lines)
+    for title, text in reproduction.texts() if reproduction.texts is not None else ():
+        yield from section(title, text.splitlines())
 
 
-def print_made(out: Console, made: MadeTable) -> None:
-    """Print a table: what was run for it, then its panels."""
+def section(title: str, lines: Iterable[str]) -> Iterator[ConsoleBlock]:
+    """Lines under a title, as they are."""
+    yield ""
+    yield Text(title, "bold")
+    yield from lines
+
+
+def bulleted(text: str, width: int) -> list[str]:
+    """A sentence as an item of a list."""
+    return textwrap.wrap(text, width, initial_indent="- ", subsequent_indent="  ")
+
+
+def made_blocks(made: MadeTable, width: int) -> Iterator[ConsoleBlock]:
+    """A table: what was run for it, then its panels."""
     if made.table.title:
-        out.print()
-        out.print(Text(made.table.title, "bold"), soft_wrap=True)
-    for line in textwrap.wrap(effort(made), text_width(out)):
-        out.print(line, soft_wrap=True)
+        yield from section(made.table.title, ())
+    yield from textwrap.wrap(effort(made), min(width, WIDEST_TEXT))
     rows = made.rows()
     for panel in made.table.panels:
-        for metrics in fitting(panel, rows, out.width, made.table):
-            out.print()
-            print_table(out, panel_table(metrics, rows, made.table))
+        for metrics in fitting(panel, rows, width, made.table):
+            yield ""
+            yield panel_table(metrics, rows, made.table)
 
 
 def effort(made: MadeTable) -> str:
@@ -69,10 +97,6 @@ def effort(made: MadeTable) -> str:
     )
 
 
-def text_width(out: Console) -> int:
-    return min(out.width, WIDEST_TEXT)
-
-
 def fitting(
     panel: Sequence[str], rows: Sequence[Row], width: int, table: PublishedTable
 ) -> Iterator[list[str]]:
@@ -87,35 +111,31 @@ def fitting(
 
 
 def table_width(metrics: Sequence[str], rows: Sequence[Row], table: PublishedTable) -> int:
-    measured: int = Console(width=1000).measure(panel_table(metrics, rows, table)).maximum
-    return measured
+    measured = Console(width=1000).measure(rich_table(panel_table(metrics, rows, table)))
+    return int(measured.maximum)
 
 
 def panel_table(metrics: Sequence[str], rows: Sequence[Row], made_of: PublishedTable) -> Table:
     """A line for each case; for each metric the printed figure, ours, sd and relative error."""
-    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold underline")
-    for label, value in rows[0].case.items():
-        justify: Any = "left" if isinstance(value, str) else "right"
-        table.add_column(f"\n{SHORT.get(label, label)}", justify=justify, no_wrap=True)
+    labels = rows[0].case
     printed = {row.metric for row in rows if row.paper is not None}
     exact = {row.metric for row in rows if row.exact is not None}
-    for metric in metrics:
-        heads = heads_of(made_of, metric in printed, metric in exact)
-        first, *others = heads
-        table.add_column(f"  {metric}\n  {first}", justify="right", no_wrap=True)
-        for head in others:
-            table.add_column(f"\n{head}", justify="right", no_wrap=True)
+    columns = {name: heads_of(made_of, name in printed, name in exact) for name in metrics}
+    head = [f"\n{SHORT.get(label, label)}" for label in labels]
+    for metric, (first, *others) in columns.items():
+        head += [f"  {metric}\n  {first}", *(f"\n{other}" for other in others)]
+    lines: list[list[str]] = []
     group: list[str] = []
-    for lines in cases_of(rows):
-        cells = [str(value) for value in next(iter(lines.values())).case.values()]
+    for figures_of in cases_of(rows):
+        cells = [str(value) for value in next(iter(figures_of.values())).case.values()]
         before, group = group, cells[: made_of.grouped]
         if before and before != group:
-            table.add_row()
-        for metric in metrics:
-            heads = heads_of(made_of, metric in printed, metric in exact)
-            cells += figures(lines.get(metric), heads, made_of)
-        table.add_row(*cells)
-    return table
+            lines.append([])
+        for metric, heads in columns.items():
+            cells += figures(figures_of.get(metric), heads, made_of)
+        lines.append(cells)
+    left = [index for index, value in enumerate(labels.values()) if isinstance(value, str)]
+    return Table(head, lines, left=0, also_left=left, gap=1)
 
 
 def heads_of(table: PublishedTable, printed: bool, exact: bool) -> list[str]:
@@ -161,45 +181,33 @@ def in_table(value: float, metric: str, table: PublishedTable) -> str:
     return percent(value) if metric in table.shares else f"{value:,.{table.digits}f}"
 
 
-def print_errors(out: Console, reproduced: Reproduced) -> None:
+def error_lines(reproduced: Reproduced) -> list[str]:
     """The mean relative error of each metric."""
     parts = [
         f"{metric} {percent(error)}"
         for metric, error in reproduced.mean_errors().items()
         if error is not None
     ]
-    if parts:
-        out.print()
-        out.print(f"mean |error|: {', '.join(parts)}", soft_wrap=True)
+    return ["", f"mean |error|: {', '.join(parts)}"] if parts else []
 
 
-def print_claims(out: Console, title: str, judged: Sequence[JudgedClaim]) -> None:
+def claim_blocks(title: str, judged: Sequence[JudgedClaim], width: int) -> Iterator[ConsoleBlock]:
     """A verdict for each claim, with the figure that decides it."""
     if not judged:
         return
-    out.print()
-    out.print(Text(title, "bold"))
-    explanation = (
-        "A claim holds if the 95 % interval of each of its figures lies in the range, and does not "
-        "hold if one lies outside; else it is undecided. What came out alike in all runs is not "
-        "contradicted, or does not hold, and how many runs may be otherwise is said "
-        "(Clopper-Pearson). Shown is the figure that decides."
-    )
-    for line in textwrap.wrap(explanation, text_width(out)):
-        out.print(line)
-    indent = " " * 18
+    yield from section(title, textwrap.wrap(EXPLANATION, width))
     for claim in judged:
-        out.print()
-        first, *others = textwrap.wrap(claim.claim.text, text_width(out) - len(indent))
-        head = Text(f"{claim.verdict:<18}", STYLES[claim.verdict])
-        out.print(head.append(first, "default"), soft_wrap=True)
+        yield ""
         quoted = f'"{claim.claim.source}"' if claim.claim.source else ""
-        texts = (quoted, evidence(claim))
-        more = [
-            line for text in texts for line in textwrap.wrap(text, text_width(out) - len(indent))
-        ]
-        for line in (*others, *more):
-            out.print(indent + line, soft_wrap=True)
+        first, *others = (
+            line
+            for text in (claim.claim.text, quoted, evidence(claim))
+            for line in textwrap.wrap(text, width - VERDICT_WIDTH)
+        )
+        yield Text(f"{claim.verdict:<{VERDICT_WIDTH}}", STYLES[claim.verdict]).append(
+            first, "default"
+        )
+        yield from (" " * VERDICT_WIDTH + line for line in others)
 
 
 def evidence(claim: JudgedClaim) -> str:
@@ -261,24 +269,3 @@ def bounds(figure: Judged) -> str:
 def end(figure: Judged, value: float) -> str:
     """The end of a range; 0 needs neither digits nor unit, unless it is a share."""
     return "0" if value == 0 and figure.figure.unit != "%" else shown(figure, value)
-
-
-def print_remarks(out: Console, title: str, remarks: Sequence[str]) -> None:
-    """A list of sentences."""
-    if not remarks:
-        return
-    out.print()
-    out.print(Text(title, "bold"))
-    for remark in remarks:
-        lines = textwrap.wrap(remark, text_width(out) - 2)
-        for bullet, line in zip(["- ", *["  "] * len(lines)], lines, strict=False):
-            out.print(bullet + line, soft_wrap=True)
-
-
-def print_texts(out: Console, texts: Sequence[tuple[str, str]]) -> None:
-    """Drawings and worked steps, each under its title, as they are."""
-    for title, text in texts:
-        out.print()
-        out.print(Text(title, "bold"), soft_wrap=True)
-        for line in text.splitlines():
-            out.print(line, soft_wrap=True, markup=False, highlight=False)

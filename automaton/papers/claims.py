@@ -14,7 +14,8 @@ holds by being so every time.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+import operator
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Final, Literal
@@ -27,6 +28,49 @@ Verdict = Literal["holds", "not contradicted", "undecided", "does not hold"]
 WORST_FIRST: Final[tuple[Verdict, ...]] = ("does not hold", "undecided", "not contradicted")
 Sample = tuple[str, tuple[Any, ...]]  # metric and key of a case
 Mean = Callable[..., float]  # mean(metric, *labels of the case)
+
+
+class Quantity:
+    """A number that follows from the means of metrics; arithmetic makes others of it."""
+
+    def __init__(self, of: Callable[[Mean], float]) -> None:
+        self._of = of
+
+    def __call__(self, mean: Mean) -> float:
+        return self._of(mean)
+
+    def _with(self, apply: Callable[[float, float], float], other: Quantity | float) -> Quantity:
+        if isinstance(other, Quantity):
+            return Quantity(lambda mean: apply(self(mean), other(mean)))
+        return Quantity(lambda mean: apply(self(mean), other))
+
+    def __sub__(self, other: Quantity | float) -> Quantity:
+        return self._with(operator.sub, other)
+
+    def __rsub__(self, other: float) -> Quantity:
+        return Quantity(lambda mean: other - self(mean))
+
+    def __rmul__(self, other: float) -> Quantity:
+        return Quantity(lambda mean: other * self(mean))
+
+    def __truediv__(self, other: Quantity | float) -> Quantity:
+        return self._with(operator.truediv, other)
+
+
+def mean_of(name: str, *key: Any) -> Quantity:
+    """The mean of a metric in the case with these labels."""
+    return Quantity(lambda mean: mean(name, *key))
+
+
+def least(quantities: Iterable[Quantity]) -> Quantity:
+    """The smallest of several quantities."""
+    several = tuple(quantities)
+    return Quantity(lambda mean: min(one(mean) for one in several))
+
+
+def exponent(large: Quantity, small: Quantity, high: float, low: float) -> Quantity:
+    """The exponent with which a quantity grows from a size `low` to a size `high`."""
+    return Quantity(lambda mean: math.log(large(mean) / small(mean)) / math.log(high / low))
 
 
 @dataclass(frozen=True)
@@ -63,6 +107,21 @@ class Claim:
     text: str
     figures: tuple[Figure, ...]
     source: str = ""  # the publication's own sentence, where the claim is not plain from it
+
+
+def above(label: str, of: Callable[[Mean], float], bound: float = 0, **shown: Any) -> Figure:
+    """A figure that must be more than a bound; `shown`: other fields of a Figure."""
+    return Figure(label, of, at_least=bound, strict=True, **shown)
+
+
+def below(label: str, of: Callable[[Mean], float], bound: float = 0, **shown: Any) -> Figure:
+    """A figure that must be less than a bound."""
+    return Figure(label, of, at_most=bound, strict=True, **shown)
+
+
+def claim(text: str, *figures: Figure, source: str = "") -> Claim:
+    """A claim that rests on these figures."""
+    return Claim(text, figures, source)
 
 
 @dataclass(frozen=True)

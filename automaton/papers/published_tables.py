@@ -9,7 +9,7 @@ from automaton.papers.reproduction_study import Reproduction
 
 REPRODUCTIONS = {  # name: (module with REPRODUCTION, what it holds)
     "tabletop": (
-        "automaton.papers.tabletop.tabletop_tables",
+        "automaton.papers.tabletop_study",
         "table-top warehouse: independent and cooperative robots (Grzejszczak & Nocoń, Table 3)",
     ),
     "traffic": (

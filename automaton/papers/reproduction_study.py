@@ -6,15 +6,16 @@ by runs of scenarios, or by whatever else gives a `Measured` for each repetition
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, Final, Literal, Protocol
 
-from automaton.build.resolve import resolve
+from automaton.build.resolve import Resolved, resolve
 from automaton.errors import InputError, alternatives, nearest
 from automaton.papers.claims import Claim
-from automaton.runs.process_pool import OnDone, Result, run_all
+from automaton.runs.process_pool import OnDone, Result, RunFunction, run_all, run_and_measure
 from automaton.studies.inference.intervals import Interval
 from automaton.studies.inference.proportions import exact_share
 from automaton.studies.inference.t_distribution import student
@@ -36,6 +37,14 @@ class Measured(Protocol):
 
 
 @dataclass(frozen=True)
+class Repetition:
+    """A trial, a training, or whatever else gives figures without a run of a scenario."""
+
+    metrics: Mapping[str, float]
+    finished: bool = True
+
+
+@dataclass(frozen=True)
 class Case:
     """One column or cell of a published table, and what it is called."""
 
@@ -54,8 +63,22 @@ class ScenarioCase(Case):
     overrides: tuple[str, ...]
 
 
+# for these strategies, the cases of a table
+Cases = Callable[[Sequence[str]], Sequence[Case]]
 # cases, seeds, workers, on_done -> by case, the repetitions of all seeds
 Runner = Callable[[Sequence[Any], Sequence[int], int | None, OnDone | None], list[list[Any]]]
+
+
+def fixed(cases: Sequence[Case | Mapping[str, Label]]) -> Cases:
+    """The same cases, or cases with these labels, whatever the strategies."""
+    found = [case if isinstance(case, Case) else Case(case) for case in cases]
+    return lambda strategies: found
+
+
+def crossed(**levels: Iterable[Label]) -> Cases:
+    """Cases for all combinations of these labels, whatever the strategies; the last runs fastest."""
+    combinations = itertools.product(*levels.values())
+    return fixed([dict(zip(levels, labels, strict=True)) for labels in combinations])
 
 
 # Metrics that have the symbols of the papers, or older names, in the rows of a reproduction.
@@ -77,16 +100,57 @@ def with_published_names(result: Result) -> Result:
     return result._replace(metrics=metrics)
 
 
-def run_scenarios(
-    cases: Sequence[ScenarioCase],
-    seeds: Sequence[int],
-    workers: int | None = None,
-    on_done: OnDone | None = None,
-) -> list[list[Result]]:
-    """Run the scenario of each case with each seed."""
-    scenarios = [resolve(case.scenario, case.overrides) for case in cases]
-    results = run_all(scenarios, seeds, workers, on_done)
-    return [[with_published_names(result) for result in batch] for batch in results]
+def scenario_runs(
+    conduct: RunFunction = run_and_measure,
+    change: Callable[[Resolved, int], Resolved] = lambda resolved, seed: resolved,
+) -> Runner:
+    """A table's runner: the scenario of each case with each seed, conducted like this.
+
+    `change`: what a seed changes in a scenario, besides what is drawn by it.
+    """
+
+    def run(
+        cases: Sequence[ScenarioCase],
+        seeds: Sequence[int],
+        workers: int | None = None,
+        on_done: OnDone | None = None,
+    ) -> list[list[Result]]:
+        scenarios = [resolve(case.scenario, case.overrides) for case in cases]
+        results = run_all(scenarios, seeds, workers, on_done, conduct, change)
+        return [[with_published_names(result) for result in batch] for batch in results]
+
+    return run
+
+
+def each_seed(of: Callable[[Any, int], Sequence[Mapping[str, float]]]) -> Runner:
+    """A table's runner: some repetitions of each case for each seed, in this process."""
+
+    def run(
+        cases: Sequence[Case],
+        seeds: Sequence[int],
+        workers: int | None = None,
+        on_done: OnDone | None = None,
+    ) -> list[list[Repetition]]:
+        found: list[list[Repetition]] = [[] for _ in cases]
+        for seed in seeds:
+            for case, batch in zip(cases, found, strict=True):
+                done = [Repetition(figures) for figures in of(case, seed)]
+                batch += done
+                if on_done is not None:
+                    on_done(len(done))
+        return found
+
+    return run
+
+
+def read_once(of: Callable[[Key], Mapping[str, float]]) -> Runner:
+    """A table's runner: the figures of each case are stored, and no seed matters to them."""
+    return lambda cases, *_: [[Repetition(of(case.key))] for case in cases]
+
+
+def unpublished(key: Key, metric: str) -> float | None:
+    """No figure is printed."""
+    return None
 
 
 # by the key of a case, its repetitions -> (metric, key) and values, one for each repetition
@@ -99,12 +163,12 @@ Together = Callable[
 class Table:
     """A published table, and how it is made again."""
 
-    cases: Callable[[Sequence[str]], Sequence[Case]]  # for these strategies
+    cases: Cases
     panels: tuple[tuple[str, ...], ...]  # metrics, grouped as they are printed
-    published: Callable[[Key, str], float | None]  # the printed figure of a case and metric
+    published: Callable[[Key, str], float | None] = unpublished  # the figure of a case and metric
     title: str = ""  # where a reproduction has several tables
     name: str = ""  # by which it can be chosen
-    run: Runner = run_scenarios
+    run: Runner = field(default_factory=scenario_runs)
     repetition: str = "run"  # what is repeated
     per_seed: int = 1  # repetitions
     shares: tuple[str, ...] = ()  # metrics that are shown in per cent
@@ -139,11 +203,11 @@ class Reproduction:
     name: str
     title: str
     source: str
-    strategies: tuple[str, ...]  # those of the publication; () where there is no choice
     tables: tuple[Table, ...]
-    averaged: tuple[str, ...]  # metrics whose mean |error| is reported
     claims: tuple[Claim, ...]
     remarks: tuple[str, ...]
+    strategies: tuple[str, ...] = ()  # those of the publication; () where there is no choice
+    averaged: tuple[str, ...] = ()  # metrics whose mean |error| is reported
     seeds: int = 60  # unless another number is asked for
     texts: Callable[[], Sequence[tuple[str, str]]] | None = None  # (title, text), shown at the end
     further: Callable[[Reproduced], Sequence[Further]] | None = None

@@ -12,11 +12,11 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, as_completed
+from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from multiprocessing import connection, parent_process, resource_tracker
 from types import FrameType, TracebackType
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple, TypeVar
 
 from automaton.build.resolve import Resolved
 from automaton.errors import WorkerDiedError
@@ -25,6 +25,7 @@ from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 
 POOL_START_DELAY_S: Final = 2.0
+END_TIMEOUT_S: Final = 5.0  # for a process to end, once it was told
 SIGNAL_GRACE_S: Final = 1.0  # for a coordinator to hear the signal that its workers hear
 CHUNKS_PER_WORKER = 8  # small enough to spread evenly, large enough that sending costs nothing
 MAX_CHUNK_RUNS = 25  # runs, so that progress is seen
@@ -51,6 +52,7 @@ class Chunk(NamedTuple):
     conduct: RunFunction
 
 
+T = TypeVar("T")
 OnDone = Callable[[int], None]  # called with the runs just done
 
 
@@ -72,15 +74,15 @@ def run_all(
     seeds: Sequence[int],
     workers: int | None = None,
     on_done: OnDone | None = None,
+    run_function: RunFunction = run_and_measure,
+    change: Callable[[Resolved, int], Resolved] = lambda resolved, seed: resolved,
 ) -> list[list[Result]]:
     """Run every scenario with every seed; results by scenario, then by seed, as they were given.
 
-    `workers`: processes, default one for each core; 1 runs everything in this process. A strategy
-    that raises becomes an InputError; Ctrl-C ends all processes and raises KeyboardInterrupt, and so
-    does a process that dies, which raises WorkerDiedError.
+    `change`: what a seed changes in a scenario, besides what is drawn by it. As `run_jobs` otherwise.
     """
-    jobs = [(resolved, seed) for resolved in scenarios for seed in seeds]
-    results = run_jobs(jobs, workers, on_done)
+    jobs = [(change(resolved, seed), seed) for resolved in scenarios for seed in seeds]
+    results = run_jobs(jobs, workers, on_done, run_function)
     return [results[k : k + len(seeds)] for k in range(0, len(results), len(seeds) or 1)]
 
 
@@ -90,7 +92,12 @@ def run_jobs(
     on_done: OnDone | None = None,
     run_function: RunFunction = run_and_measure,
 ) -> list[Result]:
-    """Run each scenario with its seed; like `run_all`. `conduct`: a function of a module."""
+    """Run each scenario with its seed, by a function of a module; results in the order of the jobs.
+
+    `workers`: processes, default one for each core; 1 runs everything in this process. A strategy
+    that raises becomes an InputError; Ctrl-C ends all processes and raises KeyboardInterrupt, and so
+    does a process that dies, which raises WorkerDiedError.
+    """
     workers = min(cores() if workers is None else workers, len(jobs))
     with PersistentPool(workers, run_function, patience_s=0.0) as rounds:
         return rounds.run(jobs, on_done)
@@ -115,6 +122,28 @@ def chunks_of(jobs: Sequence[RunSpec], workers: int, run_function: RunFunction) 
         yield Chunk(first, tuple(jobs[first : first + size]), run_function)
 
 
+class Workers:
+    """Spawned processes that carry out calls: they hear no Ctrl-C, and whoever made them ends them."""
+
+    def __init__(self, number: int) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._pool = ProcessPoolExecutor(number, context, initializer=init_worker)
+
+    def submit(self, function: Callable[..., T], *arguments: Any) -> Future[T]:
+        """Have a process do this call. Raises BrokenExecutor once a process has died."""
+        with children_ignore_interrupts():
+            return self._pool.submit(function, *arguments)
+
+    def end(self, now: bool) -> None:
+        """End all processes, so that their memory is free; `now`: without waiting for what they do."""
+        processes = list((self._pool._processes or {}).values())  # its own, and no others
+        for process in processes if now else ():
+            process.kill()  # at once: it heeds a SIGTERM late, or after a long run
+        self._pool.shutdown(wait=not now, cancel_futures=True)
+        for process in processes:
+            process.join(END_TIMEOUT_S)
+
+
 class PersistentPool:
     """Processes that stay for round after round of jobs; a context manager that leaves none behind.
 
@@ -133,7 +162,7 @@ class PersistentPool:
         self._conduct = run_function
         self._patience_s = POOL_START_DELAY_S if patience_s is None else patience_s
         self._spent_s = 0.0
-        self._pool: ProcessPoolExecutor | None = None
+        self._pool: Workers | None = None
         self._warm: set[tuple[str, ...]] = set()  # strategies that workers find in the cache
 
     def __enter__(self) -> PersistentPool:
@@ -145,12 +174,8 @@ class PersistentPool:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        if self._pool is None:
-            return
-        processes = list((self._pool._processes or {}).values())  # its own, and no others
-        self._pool.shutdown(wait=error is None, cancel_futures=True)
-        for process in processes if error is not None else ():
-            process.kill()
+        if self._pool is not None:
+            self._pool.end(now=error is not None)
 
     def run(self, jobs: Sequence[RunSpec], on_done: OnDone | None = None) -> list[Result]:
         """The results of one round, in the order of its jobs; as `run_all` otherwise."""
@@ -169,11 +194,9 @@ class PersistentPool:
         """The first run's number and the results of each chunk, in the order in which they are ready."""
         self._warm_up(chunks)
         if self._pool is None:
-            context = multiprocessing.get_context("spawn")
-            self._pool = ProcessPoolExecutor(self._workers, context, initializer=init_worker)
+            self._pool = Workers(self._workers)
         try:
-            with children_ignore_interrupts():
-                futures = [self._pool.submit(run_chunk, chunk) for chunk in chunks]
+            futures = [self._pool.submit(run_chunk, chunk) for chunk in chunks]
             for future in as_completed(futures):
                 yield future.result()
         except BrokenExecutor:

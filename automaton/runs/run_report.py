@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import sys
-from typing import Any
-
-from rich.console import Console
-from rich.table import Table
+from collections.abc import Iterator
 
 from automaton.build.resolve import Resolved
+from automaton.runs.console_output import ConsoleBlock, console, print_blocks
 from automaton.runs.headless import Outcome
 from automaton.runs.metric_catalogue import units_of
 from automaton.runs.metrics import METRIC_CATALOGUE
+from automaton.runs.report_document import Table
 from automaton.runs.run_diagnosis import describe_wait_cycles
 from automaton.strategy.lookup import NO_STRATEGY
 from automaton.units import Unit, count, duration, number, percent
@@ -37,49 +35,23 @@ ROBOTS_SHOWN = 50
 NEVER_WITH_CELLS = ("try_drops",)  # makes room for the distance
 
 
-class Reports(Console):
-    """A console that lets it be known that nobody reads any more; rich would exit with code 1."""
-
-    def on_broken_pipe(self) -> None:
-        """The command line knows what to do."""
-        raise BrokenPipeError
-
-
-def console(stream: Any = None) -> Console:
-    """Where reports go: no markup, no guessing at what to colour; 80 columns in a pipe."""
-    return Reports(file=stream or sys.stdout, highlight=False, markup=False, emoji=False)
-
-
-def plain_table(*headers: str, gap: int = 2) -> Table:
-    """A table of right-aligned columns without a frame, so many blanks apart."""
-    table = Table(box=None, pad_edge=False, padding=(0, gap, 0, 0), header_style="bold underline")
-    for header in headers:
-        table.add_column(header, justify="right", no_wrap=True)
-    return table
-
-
-def print_table(out: Console, table: Table) -> None:
-    """Print a table without the blanks that rich puts at the ends of lines."""
-    with out.capture() as captured:
-        out.print(table)
-    for line in captured.get().splitlines():
-        out.file.write(line.rstrip() + "\n")
-
-
 def print_report(resolved: Resolved, outcome: Outcome) -> None:
     """Print the whole report."""
+    print_blocks(console(), blocks(resolved, outcome))
+
+
+def blocks(resolved: Resolved, outcome: Outcome) -> Iterator[ConsoleBlock]:
+    """The whole report."""
     tick, cell = units_of(resolved)
-    out = console()
-    for line in heading(resolved, outcome, tick):
-        out.print(line, soft_wrap=True)
+    yield from heading(resolved, outcome, tick)
     tables = metrics_table(outcome, tick, cell), lost_table(outcome, tick)
     by_type = [types_table(outcome, tick)] if outcome.types else []
     for table in (*tables, *by_type, robots_table(outcome, tick, cell)):
-        out.print()
-        print_table(out, table)
+        yield ""
+        yield table
     if len(outcome.robots) > ROBOTS_SHOWN:
         rest = len(outcome.robots) - ROBOTS_SHOWN
-        out.print(f"... and {count(rest, 'more robot')}: --json prints all", soft_wrap=True)
+        yield f"... and {count(rest, 'more robot')}: --json prints all"
 
 
 def heading(resolved: Resolved, outcome: Outcome, tick: Unit) -> list[str]:
@@ -126,17 +98,16 @@ def metrics_table(outcome: Outcome, tick: Unit, cell: Unit | None) -> Table:
 
     Where the scenario says what a cell is, ticks and cells stand beside the translated values.
     """
-    table = plain_table("metric", "value", "unit", *(["of the grid"] if cell else []))
-    table.columns[0].justify = table.columns[2].justify = "left"
-    table.add_column("meaning", overflow="fold")
+    rows = []
     for name in outcome.metrics:
         if name.startswith(LOST_METRIC_PREFIX) or name == SLOWDOWN:
             continue
         kind, meaning = METRIC_CATALOGUE.get(name, ("times", "counted by a strategy"))
         value, in_unit = in_units(outcome.metrics[name], kind, tick, cell)
         raw = f"{number(outcome.metrics[name])} {kind}" if kind in ("ticks", "cells") else ""
-        table.add_row(name, value, in_unit, *([raw] if cell else []), meaning)
-    return table
+        rows.append([name, value, in_unit, *([raw] if cell else []), meaning])
+    heads = ("metric", "value", "unit", *(["of the grid"] if cell else []), "meaning")
+    return Table(heads, rows, also_left=(2,), folded=True)
 
 
 def in_units(value: float, kind: str, tick: Unit, cell: Unit | None) -> tuple[str, str]:
@@ -155,9 +126,7 @@ def in_units(value: float, kind: str, tick: Unit, cell: Unit | None) -> tuple[st
 
 def lost_table(outcome: Outcome, tick: Unit) -> Table:
     """Robot time lost to others, by cause; and what driving slowly cost, which is not a wait."""
-    table = plain_table("lost time", tick.plural, "share")
-    table.columns[0].justify = "left"
-    table.add_column("cause", overflow="fold")
+    rows = []
     total = sum(
         value for name, value in outcome.metrics.items() if name.startswith(LOST_METRIC_PREFIX)
     )
@@ -165,18 +134,17 @@ def lost_table(outcome: Outcome, tick: Unit) -> Table:
         if name.startswith(LOST_METRIC_PREFIX) and name in outcome.metrics:
             value = outcome.metrics[name]
             share = percent(value / total) if total else "-"
-            table.add_row(name, number(tick.of(value)), share, meaning)
+            rows.append([name, number(tick.of(value)), share, meaning])
     if SLOWDOWN in outcome.metrics:
         cost = number(tick.of(outcome.metrics[SLOWDOWN]))
-        table.add_row(SLOWDOWN, cost, "-", METRIC_CATALOGUE[SLOWDOWN][1])
-    return table
+        rows.append([SLOWDOWN, cost, "-", METRIC_CATALOGUE[SLOWDOWN][1]])
+    return Table(("lost time", tick.plural, "share", "cause"), rows, folded=True)
 
 
 def types_table(outcome: Outcome, tick: Unit) -> Table:
     """One line for each type of robots: what they delivered, and how their time went by."""
-    heads = ("robots", "move time", "payload", "delivered", "driving", "handling", "used")
-    table = plain_table("type", *heads, gap=1)
-    table.columns[0].justify = "left"
+    heads = ("type", "robots", "move time", "payload", "delivered", "driving", "handling", "used")
+    rows = []
     for row in outcome.types:
         payload = "any" if row["payload"] is None else number(row["payload"])
         driving = number(tick.of(row["move_ticks"] + row["turn_ticks"]))
@@ -184,8 +152,8 @@ def types_table(outcome: Outcome, tick: Unit) -> Table:
         counted = (number(row[name]) for name in ("robots", "move_time_factor"))
         done = number(row["delivered"])
         used = percent(row["utilization"], 0)
-        table.add_row(row["type"], *counted, payload, done, driving, handling, used)
-    return table
+        rows.append([row["type"], *counted, payload, done, driving, handling, used])
+    return Table(heads, rows, gap=1)
 
 
 def robots_table(outcome: Outcome, tick: Unit, cell: Unit | None) -> Table:
@@ -196,7 +164,7 @@ def robots_table(outcome: Outcome, tick: Unit, cell: Unit | None) -> Table:
     if cell is not None:
         columns = {head: name for head, name in columns.items() if name not in NEVER_WITH_CELLS}
         columns[cell.name] = "distance"
-    table = plain_table(*columns, gap=1)  # long runs fit 80 columns
+    rows = []
     for row in outcome.robots[:ROBOTS_SHOWN]:
         lost = sum(value for name, value in row.items() if name.startswith(LOST_METRIC_PREFIX))
         shares = {name: percent(row[name], 0) for name in ("utilization", "empty_ticks_share")}
@@ -206,5 +174,5 @@ def robots_table(outcome: Outcome, tick: Unit, cell: Unit | None) -> Table:
         if slows:
             cells[SLOWDOWN] = number(tick.of(row[SLOWDOWN]))
         texts = [cells[name] for name in columns.values()]
-        table.add_row(*(text if isinstance(text, str) else number(text) for text in texts))
-    return table
+        rows.append([text if isinstance(text, str) else number(text) for text in texts])
+    return Table(list(columns), rows, left=0, gap=1)  # long runs fit 80 columns

@@ -14,14 +14,10 @@ from docs_pages import page
 from automaton.bench import (
     PARTS,
     crowd_speed,
-    forecast_speed,
-    layer_speed,
     loop_speed,
-    observing_speed,
-    plan_speed,
     route_speed,
-    slow_zone_speed,
     tabletop_speed,
+    warehouse_speed,
 )
 from automaton.bench.bench_floors import open_floor, scene
 from automaton.bench.measurement import Measurement, rounded, take
@@ -166,9 +162,9 @@ def test_routes_are_driven_in_every_tick_and_nobody_is_asked() -> None:
 
 
 def test_observing_is_measured_on_a_fleet_that_is_observed_and_one_that_is_not() -> None:
-    alone, observed = (observing_speed.fleet(60, 20, watched) for watched in (False, True))
+    alone, observed = (route_speed.observed_fleet(60, 20, watched) for watched in (False, True))
     for simulation in (alone, observed):
-        assert observing_speed.seconds_of_driving(simulation, 40, seed=1) > 0
+        assert route_speed.seconds_of_observing(simulation, 40, seed=1) > 0
     assert observed.observation.lost.sum() > 60 and observed.observation.flow.sum() > 100
     assert not alone.observation.lost.any() and alone.digest == observed.digest
 
@@ -180,7 +176,7 @@ def test_a_robot_in_the_way_of_the_routes_is_noticed() -> None:
         route_speed.cpu_seconds_of_driving(simulation, 20)
 
 
-@pytest.mark.parametrize("strategy", [layer_speed.COMPILED, layer_speed.IN_PYTHON])
+@pytest.mark.parametrize("strategy", [loop_speed.COMPILED, loop_speed.IN_PYTHON])
 def test_the_layer_is_asked_every_tick_and_moves_nobody(strategy: str) -> None:
     simulation = loop_speed.idle_fleet(strategy)
     before = simulation.world.tally.batches.copy()
@@ -197,19 +193,19 @@ def test_every_sampler_returns_a_figure() -> None:
     assert route_speed.prepare(60, 10, 30)() > 0
     assert crowd_speed.prepare_holders(CROWDED)() > 0
     assert crowd_speed.prepare_crowd(50, 3)() > 0
-    assert isinstance(observing_speed.prepare(60, 10, 30)(), float)
-    assert isinstance(observing_speed.prepare(60, 10, 30, at_random=True)(), float)
+    assert isinstance(route_speed.prepare_observing(60, 10, 30)(), float)
+    assert isinstance(route_speed.prepare_observing(60, 10, 30, at_random=True)(), float)
     assert tabletop_speed.prepare([1])() > 0
-    assert plan_speed.prepare_legs(30, LARGER_G, 10)() > 0
-    assert plan_speed.prepare_avoidance(30, 10)() > 0
-    assert forecast_speed.prepare_legs(30, 8)() > 0
-    assert forecast_speed.prepare_forecast(30, 8)() > 0
-    assert slow_zone_speed.prepare_fleet("zones", 20, 50)() > 0
-    assert slow_zone_speed.prepare_network(20)() > 0
+    assert warehouse_speed.prepare_legs(30, LARGER_G, 10)() > 0
+    assert warehouse_speed.prepare_avoidance(30, 10)() > 0
+    assert warehouse_speed.prepare_legs_in_time(30, 8)() > 0
+    assert warehouse_speed.prepare_forecast(30, 8)() > 0
+    assert warehouse_speed.prepare_fleet("zones", 20, 50)() > 0
+    assert warehouse_speed.prepare_network(20)() > 0
     assert loop_speed.prepare_loop(1000)() > 0
     assert loop_speed.prepare_digest(10)() > 0
-    for strategy in (layer_speed.COMPILED, layer_speed.IN_PYTHON):
-        assert isinstance(layer_speed.prepare(strategy, 100)(), float)
+    for strategy in (loop_speed.COMPILED, loop_speed.IN_PYTHON):
+        assert isinstance(loop_speed.prepare_layer(strategy, 100)(), float)
 
 
 def test_a_scene_has_no_orders_and_never_ends() -> None:

@@ -19,14 +19,13 @@ from typing import Any
 
 import numpy as np
 
-from automaton.studies.inference.effects import effect
+from automaton.studies.inference.effects import bonferroni, effect
 from automaton.studies.inference.intervals import (
     DEFAULT_CONFIDENCE,
     STUDENT_MIN_RUNS,
     mean_interval,
     skewness,
 )
-from automaton.studies.inference.multiple_comparisons import bonferroni
 from automaton.studies.inference.selection import batches, feasible, region, select_least
 from automaton.studies.inference.steady_state import (
     NotSteadyError,
@@ -35,9 +34,8 @@ from automaton.studies.inference.steady_state import (
     mser5,
     replication_deletion,
 )
-from automaton.studies.sizing.candidates import FleetConfig, Run
 from automaton.studies.sizing.fleet_runs import replication_seeds
-from automaton.studies.sizing.fleet_search import Search
+from automaton.studies.sizing.fleet_search import FleetConfig, Run, Search
 from automaton.studies.sizing.question import Question, Target, make_question
 
 Values = Any

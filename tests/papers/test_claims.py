@@ -15,6 +15,7 @@ from automaton.papers.claim_report import bounds, evidence, panel_table
 from automaton.papers.claims import Claim, Figure, Judged, judge
 from automaton.papers.published_tables import find
 from automaton.papers.reproduction_study import Case, MadeTable, Table
+from automaton.runs.console_output import rich_table
 from automaton.studies.inference.proportions import exact_share
 
 NEVER = Figure("runs that fail", lambda mean: mean("fails"), at_most=0, unit="%")
@@ -170,6 +171,6 @@ def test_a_table_shows_the_bounds_of_a_share_of_runs() -> None:
     rows = MadeTable(table, table.cases(()), [runs]).rows()
     assert [row.exact is not None for row in rows] == [True, False]
     out = Console(width=100, record=True)
-    out.print(panel_table(("empty", "line"), rows, table))
+    out.print(rich_table(panel_table(("empty", "line"), rows, table)))
     text = out.export_text()
     assert "0.0 to 70.8 %" in text and "95 %" in text and "sd" in text

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis.extra.numpy import arrays
 
-from automaton.papers.training.losses import first_bias, sample_weights
 from automaton.papers.training.prediction_metrics import (
     METRICS,
     Counts,
@@ -16,6 +15,7 @@ from automaton.papers.training.prediction_metrics import (
     measured,
     subset_accuracy,
 )
+from automaton.papers.training.training_settings import first_bias, sample_weights
 from automaton.papers.training.training_tables import PRINTED, monitored
 
 

@@ -14,13 +14,13 @@ import pytest
 from automaton.commands import main
 from automaton.papers.auctions.auction_charging import rolling
 from automaton.papers.auctions.auction_pictures import drawing, pictures, route
-from automaton.papers.auctions.auction_study import REPRODUCTION
-from automaton.papers.auctions.auction_tables import (
+from automaton.papers.auctions.auction_study import (
     CHARGING,
     EFFORTS,
     EFFORTS_BY_ROBOTS,
     EXAMPLE,
     HORIZON,
+    REPRODUCTION,
     ROLLING,
 )
 from automaton.papers.claim_report import evidence

@@ -9,18 +9,21 @@ import pytest
 from automaton.build.resolve import resolve
 from automaton.commands import main
 from automaton.errors import InputError
-from automaton.papers.auctions.living_auctions import CHARGING, KINDS, SATURATED
-from automaton.papers.auctions.living_claims import LEAST_SHARE, SAFE
-from automaton.papers.claims import judge
-from automaton.papers.published_tables import find
-from automaton.papers.reproduction_study import Reproduced, reproduce
-from automaton.papers.scenario_runs import (
+from automaton.papers.auctions.living_auctions import (
+    CHARGING,
+    KINDS,
     LAST_FAILURE,
+    LEAST_SHARE,
+    SAFE,
+    SATURATED,
     TOW_AFTER,
     to_the_end,
     with_failure,
     with_lines,
 )
+from automaton.papers.claims import judge
+from automaton.papers.published_tables import find
+from automaton.papers.reproduction_study import Reproduced, reproduce
 from automaton.runs.metrics import metrics_of
 from automaton.runs.process_pool import run_jobs
 from automaton.runs.simulation import Simulation

@@ -9,7 +9,7 @@ import pytest
 
 from automaton.build.resolve import resolve
 from automaton.papers.published_tables import find
-from automaton.papers.reproduction_study import ScenarioCase, run_scenarios
+from automaton.papers.reproduction_study import ScenarioCase, scenario_runs
 from automaton.papers.traffic.traffic_fleet import (
     A_STAR,
     AVOIDANCE,
@@ -40,7 +40,7 @@ def chosen() -> Iterator[ScenarioCase]:
 @pytest.fixture(scope="module")
 def one_seed() -> Figures:
     cases = list(chosen())
-    results = run_scenarios(cases, [1], workers=1)
+    results = scenario_runs()(cases, [1], 1, None)
     assert all(result.finished for [result] in results)
     return {case.key: dict(result.metrics) for case, [result] in zip(cases, results, strict=True)}
 

@@ -21,7 +21,7 @@ from automaton.papers.claim_report import evidence
 from automaton.papers.claims import Claim, Figure, judge
 from automaton.papers.published_tables import REPRODUCTIONS, find
 from automaton.papers.reproduction_study import Reproduced, reproduce
-from automaton.papers.tabletop.tabletop_tables import (
+from automaton.papers.tabletop_study import (
     REPRODUCTION,
     T_R,
     T_R_TOTAL,

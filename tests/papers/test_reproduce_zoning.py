@@ -31,11 +31,17 @@ from automaton.papers.zoning.zoning_cases import (
     SETTINGS,
     printed,
 )
-from automaton.papers.zoning.zoning_claims import CLAIMS
-from automaton.papers.zoning.zoning_curves import PUBLISHED, curve, curve_text
 from automaton.papers.zoning.zoning_evenness import PAIRS, SMALLER, evenness, placements
-from automaton.papers.zoning.zoning_runs import completed, curve_hours, first_legs, point
-from automaton.papers.zoning.zoning_study import beside_reference, further
+from automaton.papers.zoning.zoning_runs import (
+    PUBLISHED,
+    completed,
+    curve,
+    curve_hours,
+    curve_text,
+    first_legs,
+    point,
+)
+from automaton.papers.zoning.zoning_study import CLAIMS, beside_reference, further
 from automaton.runs.process_pool import run_jobs
 from automaton.runs.simulation import Simulation
 

@@ -10,16 +10,15 @@ from automaton.papers.claim_report import evidence
 from automaton.papers.claims import judge
 from automaton.papers.published_tables import find
 from automaton.papers.reproduction_study import MadeTable, Reproduced
-from automaton.papers.traffic.traffic_claims import CLAIMS
 from automaton.papers.traffic.traffic_network import DEPTHS as DEPTH_TABLE
-from automaton.papers.traffic.traffic_network import TABLES_1_TO_4, network, stored, stored_depths
+from automaton.papers.traffic.traffic_network import TABLES_1_TO_4, network, stored
+from automaton.papers.traffic.traffic_study import CLAIMS
 from automaton.papers.traffic.traffic_trials import tasks_of, warehouse
 from automaton.papers.training.depths import HIDDEN, constant_loss
 from automaton.papers.training.depths import LOSSES as DEPTHS
 from automaton.papers.training.leg_samples import legs_of, site_of
-from automaton.papers.training.losses import LOSSES
 from automaton.papers.training.prediction_metrics import measured
-from automaton.papers.training.training_settings import Settings
+from automaton.papers.training.training_settings import LOSSES, Settings
 from automaton.papers.training.training_tables import COLUMNS, PRINTED, from_json
 from strategies.routing.traffic_avoidance.network_files import (
     floor_fingerprint,
@@ -75,7 +74,7 @@ def test_the_printed_hinge_predicts_every_zone_that_it_ever_saw_touched(site, ro
 
 
 def test_the_stored_depths_are_complete_and_of_these_legs(site):
-    found = stored_depths()
+    found = stored("depths")
     assert found["floor"] == floor_fingerprint(site.floor.grid, site.duration)
     assert [(row["loss"], row["hidden"]) for row in found["rows"]] == list(product(DEPTHS, HIDDEN))
     known = legs_of(site, found["settings"]["legs"], found["settings"]["seed"])

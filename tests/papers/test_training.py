@@ -12,11 +12,9 @@ from automaton.build.resolve import resolve
 from automaton.commands import main
 from automaton.papers.training.depths import HIDDEN, constant_loss
 from automaton.papers.training.depths import LOSSES as DEPTHS
-from automaton.papers.training.learning_study import Data
-from automaton.papers.training.leg_samples import Legs, site_of, unseen
-from automaton.papers.training.losses import LOSSES, first_bias
+from automaton.papers.training.leg_samples import Data, Legs, site_of, unseen
 from automaton.papers.training.prediction_metrics import measured
-from automaton.papers.training.training_settings import Settings
+from automaton.papers.training.training_settings import LOSSES, Settings, first_bias
 from automaton.papers.training.training_tables import PRINTED, from_json
 from strategies.routing.traffic_avoidance.network_files import (
     ZoneNetwork,

@@ -19,11 +19,7 @@ from report_helpers import report, tables
 from synthetic_results import noise, study_of, synthetic_store
 
 from automaton.commands import main
-from automaton.studies.inference.effects import effect
-from automaton.studies.reports.comparisons import comparisons, declared_pairs
-from automaton.studies.reports.html_output import as_html
-from automaton.studies.reports.metric_tables import metric_section
-from automaton.studies.reports.report_document import (
+from automaton.runs.report_document import (
     Curves,
     Document,
     HeatMap,
@@ -32,9 +28,19 @@ from automaton.studies.reports.report_document import (
     Table,
     Text,
 )
+from automaton.studies.inference.effects import effect
+from automaton.studies.reports.comparisons import comparisons, declared_pairs
+from automaton.studies.reports.html_output import as_html
+from automaton.studies.reports.metric_tables import metric_section
 from automaton.studies.reports.sections import comparison_section, remarks
-from automaton.studies.reports.text_charts import chart, coarse, shaded
-from automaton.studies.reports.text_output import as_markdown, as_text, table_lines
+from automaton.studies.reports.text_output import (
+    as_markdown,
+    as_text,
+    chart,
+    coarse,
+    shaded,
+    table_lines,
+)
 
 pytest.importorskip("pyarrow")
 

@@ -7,10 +7,9 @@ import pytest
 from msgspec.structs import replace
 from synthetic_results import noise, study_of, synthetic_store
 
-from automaton.studies.inference.effects import effect
-from automaton.studies.inference.precision import fewest, paired_runs, unpaired_runs
+from automaton.runs.report_document import Table, Text
+from automaton.studies.inference.effects import effect, fewest, paired_runs, unpaired_runs
 from automaton.studies.reports.comparisons import comparisons, pairing_remark
-from automaton.studies.reports.report_document import Table, Text
 from automaton.studies.reports.sections import comparison_section
 from automaton.studies.reports.study_results import Results
 from automaton.studies.sweeps.study import Study

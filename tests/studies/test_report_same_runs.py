@@ -9,12 +9,11 @@ from msgspec.structs import replace
 from synthetic_results import noise, study_of, synthetic_store
 
 from automaton.__main__ import main
+from automaton.runs.report_document import Table, Text
 from automaton.studies.reports.comparisons import comparisons, left_out
 from automaton.studies.reports.metric_tables import metric_section
-from automaton.studies.reports.report_document import Table, Text
-from automaton.studies.reports.same_runs import same_remarks
 from automaton.studies.reports.sections import comparison_section
-from automaton.studies.reports.study_results import Results
+from automaton.studies.reports.study_results import Results, same_remarks
 from automaton.studies.sweeps.study import Study
 
 FLEETS = {"fleet.robots": (1, 2), "strategy.right_of_way": ("wait", "retreat")}

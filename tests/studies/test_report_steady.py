@@ -16,12 +16,12 @@ from automaton.build.resolve import resolve
 from automaton.engine.state import ORDER_DELIVERED
 from automaton.experiments import sweep
 from automaton.runs.metrics import metrics_of
+from automaton.runs.report_document import Listed
 from automaton.runs.simulation import Simulation
 from automaton.scenario.reading import find
 from automaton.studies.reports.build_report import compose
 from automaton.studies.reports.metric_tables import bound
-from automaton.studies.reports.report_document import Listed
-from automaton.studies.reports.steady_section import steady_section
+from automaton.studies.reports.sections import steady_section
 from automaton.studies.reports.study_results import Results
 from automaton.studies.reports.text_output import as_text
 from automaton.studies.reports.warm_up_cut import cut_of

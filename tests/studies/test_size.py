@@ -21,7 +21,6 @@ from automaton.errors import InputError
 from automaton.runs import process_pool
 from automaton.runs.process_pool import PersistentPool
 from automaton.runs.simulation import Simulation
-from automaton.studies.sizing.candidates import Candidate, FleetConfig, Run, judged
 from automaton.studies.sizing.fleet_runs import (
     Checked,
     Fleets,
@@ -29,12 +28,10 @@ from automaton.studies.sizing.fleet_runs import (
     replication_seeds,
     run_and_measure_use,
 )
-from automaton.studies.sizing.fleet_search import Search
-from automaton.studies.sizing.follow_up import RunBudget
+from automaton.studies.sizing.fleet_search import Candidate, FleetConfig, Run, Search, judged
 from automaton.studies.sizing.question import Target, make_question, read_target
-from automaton.studies.sizing.sizing_charts import picture
-from automaton.studies.sizing.sizing_report import print_answer
-from automaton.studies.sizing.sizing_session import SizingSession
+from automaton.studies.sizing.sizing_report import picture, print_answer
+from automaton.studies.sizing.sizing_session import RunBudget, SizingSession
 from automaton.units import Unit
 
 ZERO = Target("makespan", True, 0.0)

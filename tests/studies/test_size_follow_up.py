@@ -10,10 +10,9 @@ import pytest
 from statistics_trials import synthetic
 
 from automaton.commands import main
-from automaton.studies.sizing.candidates import Candidate, FleetConfig, InfeasibleFleetError, Run
-from automaton.studies.sizing.follow_up import RunBudget, best_of
+from automaton.studies.sizing.fleet_search import Candidate, FleetConfig, InfeasibleFleetError, Run
 from automaton.studies.sizing.question import Target, make_question
-from automaton.studies.sizing.sizing_session import SizingSession
+from automaton.studies.sizing.sizing_session import RunBudget, SizingSession, best_of
 
 ZERO = Target("makespan", True, 0.0)
 LONGER = {-10: ["durations.turn=1"], 10: ["durations.turn=2"]}

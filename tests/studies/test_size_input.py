@@ -10,7 +10,6 @@ from automaton import experiments
 from automaton.commands import main
 from automaton.errors import InputError
 from automaton.runs.process_pool import PersistentPool
-from automaton.studies.sizing.compared_strategies import strategies_named, strategies_of
 from automaton.studies.sizing.fleet_runs import Fleets, run_and_measure_use
 from automaton.studies.sizing.question import (
     Target,
@@ -18,6 +17,8 @@ from automaton.studies.sizing.question import (
     read_robots,
     read_target,
     robots_of,
+    strategies_named,
+    strategies_of,
 )
 from automaton.units import Unit
 

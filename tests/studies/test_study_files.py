@@ -23,8 +23,8 @@ from automaton.studies.sweeps.study import (
     read_study,
     shipped_studies,
     study_document,
+    study_schema,
 )
-from automaton.studies.sweeps.study_schema import study_schema
 from automaton.studies.sweeps.sweep_plan import check_study, make_sweep_plan
 
 GOOD = """name: good

@@ -16,9 +16,9 @@ from automaton.commands import main
 from automaton.errors import InputError
 from automaton.experiments import Study, simulate, sweep
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
+from automaton.runs.report_document import Table
 from automaton.runs.simulation import Simulation
 from automaton.studies.reports.build_report import compose
-from automaton.studies.reports.report_document import Table
 from automaton.studies.reports.study_results import read_results
 from automaton.studies.sweeps import run_keys, sweep_session
 from automaton.studies.sweeps.result_columns import RESULT_COLUMNS

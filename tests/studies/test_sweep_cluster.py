@@ -28,7 +28,7 @@ from sweep_studies import (
 from automaton.commands import main
 from automaton.errors import InputError
 from automaton.experiments import sweep
-from automaton.studies.sweeps.cluster import DaskCluster
+from automaton.studies.sweeps.pools import DaskCluster
 from automaton.studies.sweeps.result_store import Store
 
 # Looked for, not imported: that takes a second, in each worker that collects this module.
@@ -74,8 +74,8 @@ def test_a_cluster_gives_the_same_rows_and_survives_a_killed_worker(
 def test_a_scheduler_that_is_not_there_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("automaton.studies.sweeps.cluster.SCHEDULER_TIMEOUT_S", 0.2)
-    monkeypatch.setattr("automaton.studies.sweeps.cluster.ADDRESS_FILE_RETRY_S", 0.0)
+    monkeypatch.setattr("automaton.studies.sweeps.pools.SCHEDULER_TIMEOUT_S", 0.2)
+    monkeypatch.setattr("automaton.studies.sweeps.pools.ADDRESS_FILE_RETRY_S", 0.0)
     study, out = small_study(tmp_path, 1), tmp_path / "out"
     assert main(["sweep", str(study), "--out", str(out), "--scheduler", "tcp://127.0.0.1:9"]) == 2
     assert "no Dask scheduler answers at tcp://127.0.0.1:9" in capsys.readouterr().err

@@ -26,9 +26,8 @@ from automaton.errors import InputError
 from automaton.experiments import sweep
 from automaton.studies.sweeps import pools, sweep_runs
 from automaton.studies.sweeps.result_store import Store, read_rows
-from automaton.studies.sweeps.sweep_forecast import done_in
 from automaton.studies.sweeps.sweep_plan import make_sweep_plan
-from automaton.studies.sweeps.sweep_session import sweep_into
+from automaton.studies.sweeps.sweep_session import done_in, sweep_into
 
 
 def test_a_run_whose_strategy_raises_is_a_row_that_says_so(tmp_path: Path) -> None:

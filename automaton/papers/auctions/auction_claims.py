@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any, Final
 
-from automaton.papers.claims import Claim, Figure, Mean
+from automaton.papers.claims import Claim, Figure, Quantity, above, claim, exponent, mean_of
 
 SEVERAL: Final = (2, 3, 4)  # robots
 LINEAR: Final[dict[str, Any]] = {
@@ -45,74 +44,34 @@ REMARKS: Final = (
 )
 
 
-def value(metric: str, *key: str | int) -> Callable[[Mean], float]:
-    """The mean of a metric of a case."""
-    return lambda mean: mean(metric, *key)
+def growth(name: str) -> Quantity:
+    """The exponent with which a count grows from 5 to 10 tasks."""
+    return exponent(mean_of(name, 10), mean_of(name, 5), 10, 5)
 
 
-def paired(metric: str, other: str, *key: str | int) -> Callable[[Mean], float]:
-    """How much larger the first metric of a case is."""
-    return lambda mean: mean(metric, *key) - mean(other, *key)
-
-
-def share_of(metric: str, of: str, *key: str | int) -> Callable[[Mean], float]:
-    """How much less the first is than the second, as a share of the second."""
-    return lambda mean: 1 - mean(metric, *key) / mean(of, *key)
-
-
-def growth(metric: str, low: int = 5, high: int = 10) -> Callable[[Mean], float]:
-    """The exponent with which a count grows from `low` to `high` tasks."""
-    return lambda mean: math.log(mean(metric, high) / mean(metric, low)) / math.log(high / low)
-
-
-def by_robots(metric: str, low: int = 2, high: int = 6) -> Callable[[Mean], float]:
-    """The exponent with which a count for ten tasks grows from `low` to `high` robots."""
-    return lambda mean: (
-        math.log(mean(metric, "ten", high) / mean(metric, "ten", low)) / math.log(high / low)
-    )
+def by_robots(name: str) -> Quantity:
+    """The exponent with which a count for ten tasks grows from 2 to 6 robots."""
+    return exponent(mean_of(name, "ten", 6), mean_of(name, "ten", 2), 6, 2)
 
 
 def about_the_example() -> Iterator[Claim]:
     """Section 4."""
-    yield Claim(
+
+    def lead(setting: str, **bounds: Any) -> Figure:
+        less = mean_of("bid", setting, 2) - mean_of("bid", setting, 1)
+        return Figure("bid of robot 2 less that of robot 1", less, certain=True, **bounds)
+
+    yield claim(
         "Robot 1 wins the task with 145 against 154, though it is nearer to robot 2's route",
-        (
-            Figure(
-                "bid of robot 2 less that of robot 1",
-                lambda mean: mean("bid", "as printed", 2) - mean("bid", "as printed", 1),
-                9,
-                9,
-                certain=True,
-            ),
-        ),
+        lead("as printed", at_least=9, at_most=9),
     )
-    yield Claim(
+    yield claim(
         "Without resource constraints robot 2 would have obtained the task",
-        (
-            Figure(
-                "bid of robot 2 less that of robot 1",
-                lambda mean: (
-                    mean("bid", "charging ignored", 2) - mean("bid", "charging ignored", 1)
-                ),
-                at_most=0,
-                strict=True,
-                certain=True,
-            ),
-        ),
+        lead("charging ignored", at_most=0, strict=True),
     )
-    yield Claim(
+    yield claim(
         "... also with chargers at depots 1, 2 and 3, as section 3.2.1 has them",
-        (
-            Figure(
-                "bid of robot 2 less that of robot 1",
-                lambda mean: (
-                    mean("bid", "chargers 1, 2, 3", 2) - mean("bid", "chargers 1, 2, 3", 1)
-                ),
-                at_least=0,
-                strict=True,
-                certain=True,
-            ),
-        ),
+        lead("chargers 1, 2, 3", at_least=0, strict=True),
     )
 
 
@@ -120,55 +79,51 @@ def about_quality() -> Iterator[Claim]:
     """Section 5.1: makespans."""
     for floor in ("full", "comb"):
         for m in SEVERAL:
-            for metric, name in (("GA", "one gene"), ("GA each gene", "each gene")):
-                yield Claim(
+            for genetic, name in (("GA", "one gene"), ("GA each gene", "each gene")):
+                yield claim(
                     f"The auction lies between the optimum and the genetic algorithm ({m} robots, "
                     f"floor {floor}, mutation of {name})",
-                    (
-                        Figure(
-                            "ratio of the genetic algorithm less that of the auction",
-                            paired(metric, "LB", floor, m),
-                            at_least=0,
-                            digits=3,
-                        ),
+                    Figure(
+                        "ratio of the genetic algorithm less that of the auction",
+                        mean_of(genetic, floor, m) - mean_of("LB", floor, m),
+                        at_least=0,
+                        digits=3,
                     ),
                 )
-    yield Claim(
+    yield claim(
         "Fewest bids is identical to lowest bid where all robots can do all tasks",
-        tuple(
+        *(
             Figure(
                 f"ratio by fewest bids less that by the lowest, {m} robots",
-                paired("FB", "LB", "full", m),
-                0,
-                0,
+                mean_of("FB", "full", m) - mean_of("LB", "full", m),
+                at_least=0,
+                at_most=0,
                 digits=3,
             )
             for m in SEVERAL
         ),
     )
-    yield Claim(
+    yield claim(
         "With one robot all methods perform equally, because only one solution is possible",
-        tuple(
+        *(
             Figure(
                 f"ratio of {name}",
-                value(metric, "full", 1),
+                mean_of(method, "full", 1),
                 at_most=1,
                 why="as good as the optimum",
                 digits=3,
             )
-            for metric, name in (("LB", "the auction"), ("GA", "the genetic algorithm"))
+            for method, name in (("LB", "the auction"), ("GA", "the genetic algorithm"))
         ),
     )
-    yield Claim(
+    yield claim(
         "More than four robots bring no gain (10 tasks)",
-        (
-            Figure(
-                "optimal makespan of five robots, as a share of that of four",
-                lambda mean: mean("optimum", 5, 10) / mean("optimum", 4, 10),
-                at_least=0.95,
-                unit="%",
-                why="`roughly the same`, read as within 5 %",
-            ),
+        Figure(
+            "optimal makespan of five robots, as a share of that of four",
+            mean_of("optimum", 5, 10) / mean_of("optimum", 4, 10),
+            at_least=0.95,
+            unit="%",
+            why="`roughly the same`, read as within 5 %",
         ),
     )
 
@@ -177,138 +132,93 @@ def about_work() -> Iterator[Claim]:
     """Section 5.1: computing. Bids are counted: of 10 tasks and m robots 55 m if everybody bids again,
     10 m + 45 if the winner does. Places depend on the tours.
     """
-    yield Claim(
+    yield claim(
         "The auction's work grows linearly with the tasks",
-        (
-            Figure("exponent of places tried, 5 to 10 tasks", growth("LB places"), **LINEAR),
-            Figure("exponent of bids, 5 to 10 tasks", growth("LB bids"), **LINEAR, certain=True),
-        ),
-        SCALES,
+        Figure("exponent of places tried, 5 to 10 tasks", growth("LB places"), **LINEAR),
+        Figure("exponent of bids, 5 to 10 tasks", growth("LB bids"), **LINEAR, certain=True),
+        source=SCALES,
     )
-    yield Claim(
+    yield claim(
         "... if each task is auctioned as it arrives (Algorithm 2)",
-        (Figure("exponent of places tried", growth("arrival places"), **LINEAR),),
+        Figure("exponent of places tried", growth("arrival places"), **LINEAR),
     )
     bids, places = (f"exponent of {what}, 2 to 6 robots" for what in ("bids", "places"))
     for who, name in (("all", "everybody bids again"), ("LB", "only the winner bids again")):
-        yield Claim(
+        yield claim(
             f"The auction's work grows linearly with the robots ({name} after a sale)",
-            (
-                Figure(bids, by_robots(f"{who} bids"), **LINEAR, certain=True),
-                Figure(places, by_robots(f"{who} places"), **LINEAR),
-            ),
-            SCALES,
+            Figure(bids, by_robots(f"{who} bids"), **LINEAR, certain=True),
+            Figure(places, by_robots(f"{who} places"), **LINEAR),
+            source=SCALES,
         )
-    yield Claim(
+    yield claim(
         "The auction needs far less work than the genetic algorithm (10 tasks)",
-        (
-            Figure(
-                "places tried by the genetic algorithm for one of the auction",
-                lambda mean: mean("GA places", 10) / mean("LB places", 10),
-                at_least=100,
-                why="`far less`, read as a hundredth",
-            ),
+        Figure(
+            "places tried by the genetic algorithm for one of the auction",
+            mean_of("GA places", 10) / mean_of("LB places", 10),
+            at_least=100,
+            why="`far less`, read as a hundredth",
         ),
     )
-    yield Claim(
+    yield claim(
         "The optimum's work grows exponentially with the tasks",
-        (
+        *(
             Figure(
-                "sequences of 10 tasks for one of 9",
-                lambda mean: mean("sequences", 10) / mean("sequences", 9),
+                f"{what} of 10 tasks for one of 9",
+                mean_of(what, 10) / mean_of(what, 9),
                 at_least=2,
                 why="doubled by each task",
                 certain=True,
-            ),
-            Figure(
-                "allotments of 10 tasks for one of 9",
-                lambda mean: mean("allotments", 10) / mean("allotments", 9),
-                at_least=2,
-                why="doubled by each task",
-                certain=True,
-            ),
+            )
+            for what in ("sequences", "allotments")
         ),
     )
 
 
-def saving(label: str, of: Callable[[Mean], float]) -> Figure:
-    """A share of costs that is saved."""
-    return Figure(label, of, at_least=0, strict=True, unit="%")
+def saving(label: str, ours: str, theirs: str) -> Figure:
+    """How much less a cost of ten tasks is than another, as a share of the other."""
+    return above(label, 1 - mean_of(ours, "2", 10) / mean_of(theirs, "2", 10), unit="%")
+
+
+def never(what: str, name: str, tasks: int = 10) -> Figure:
+    """A figure: the share of tours of so many tasks, which must be none."""
+    label = f"share of tours of {tasks} tasks {what}"
+    return Figure(label, mean_of(name, "2", tasks), at_most=0, unit="%")
 
 
 def about_charging() -> Iterator[Claim]:
     """Section 5.2."""
     for reserve in ("r0", "r20"):
-        yield Claim(
+        yield claim(
             f"With fewer than six tasks no charging is needed (reserve {reserve[1:]} %)",
-            tuple(
-                Figure(
-                    f"share of tours of {n} tasks with charging",
-                    value(f"charges {reserve}", "2", n),
-                    at_most=0,
-                    unit="%",
-                )
-                for n in (4, 5)
-            ),
+            *(never("with charging", f"charges {reserve}", n) for n in (4, 5)),
         )
-    yield Claim(
+    yield claim(
         "Charging just as much as needed costs less than threshold-100 (10 tasks, reserve 20 %)",
-        (
-            saving("gross saving", share_of("gross r20", "gross look", "2", 10)),
-            saving("net saving", share_of("net r20", "net look", "2", 10)),
-            saving("net saving, safe", share_of("net r20", "net safe", "2", 10)),
-        ),
+        saving("gross saving", "gross r20", "gross look"),
+        saving("net saving", "net r20", "net look"),
+        saving("net saving, safe", "net r20", "net safe"),
     )
-    yield Claim(
+    yield claim(
         "... always, in every single tour",
-        (
-            Figure(
-                "share of tours of 10 tasks whose charging is dearer than by threshold",
-                value("gross worse", "2", 10),
-                at_most=0,
-                unit="%",
-            ),
-            Figure(
-                "share of tours of 10 tasks that take longer in all",
-                value("time worse", "2", 10),
-                at_most=0,
-                unit="%",
-            ),
-        ),
+        never("whose charging is dearer than by threshold", "gross worse"),
+        never("that take longer in all", "time worse"),
     )
-    yield Claim(
+    yield claim(
         "... in every tour in which the threshold rule keeps the 20 %",
-        (
-            Figure(
-                "share of tours of 10 tasks that take longer in all",
-                value("time worse, floor kept", "2", 10),
-                at_most=0,
-                unit="%",
-            ),
-        ),
+        never("that take longer in all", "time worse, floor kept"),
     )
-    yield Claim(
+    yield claim(
         "With 0.3 % a second every robot reaches a charger from anywhere (threshold 20 %)",
-        (
-            Figure(
-                "share of tours of 10 tasks that run empty",
-                value("empty look", "2", 10),
-                at_most=0,
-                unit="%",
-            ),
-        ),
+        never("that run empty", "empty look"),
     )
-    yield Claim(
+    yield claim(
         "Optimal charging needs more work than the threshold (10 tasks, chargers 1, 2, 3)",
-        (
-            Figure(
-                "states looked at, for each leg that the threshold rule looks at",
-                lambda mean: mean("states r20", "1,2,3", 10) / mean("states look", "1,2,3", 10),
-                at_least=1,
-                strict=True,
-                digits=1,
-                why="as many",
-            ),
+        above(
+            "states looked at, for each leg that the threshold rule looks at",
+            mean_of("states r20", "1,2,3", 10) / mean_of("states look", "1,2,3", 10),
+            bound=1,
+            digits=1,
+            why="as many",
         ),
     )
 
@@ -317,17 +227,13 @@ def about_the_horizon() -> Iterator[Claim]:
     """What changes when batch follows on batch."""
     for curve in ("linear", "taper"):
         for size in (2, 4, 8):
-            yield Claim(
+            yield claim(
                 f"Just enough beats threshold-100 at equal safety, batch after batch ({curve} curve, "
                 f"batches of {size})",
-                (
-                    Figure(
-                        "seconds per task saved against thr20 safe",
-                        paired("thr20 safe", "r0 reach", curve, size),
-                        at_least=0,
-                        strict=True,
-                        digits=1,
-                    ),
+                above(
+                    "seconds per task saved against thr20 safe",
+                    mean_of("thr20 safe", curve, size) - mean_of("r0 reach", curve, size),
+                    digits=1,
                 ),
             )
 

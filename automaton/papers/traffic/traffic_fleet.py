@@ -7,12 +7,11 @@ All policies face the same orders: dock and rack of order k depend on the seed a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
-from typing import Final
+from collections.abc import Sequence
+from typing import Any, Final
 
-from automaton.papers.claims import Claim, Figure, Mean
-from automaton.papers.reproduction_study import Key, Reproduction, ScenarioCase, Table
+from automaton.papers.claims import Figure, Quantity, above, claim, mean_of
+from automaton.papers.reproduction_study import Reproduction, ScenarioCase, Table
 
 SCENARIO: Final = "warehouse-100"
 ROBOTS: Final = (6, 20, 50, 100)
@@ -66,81 +65,52 @@ def delayed_fleets(policies: Sequence[str]) -> list[ScenarioCase]:
     ]
 
 
-def unpublished(key: Key, metric: str) -> None:
-    """The paper has no figures of such fleets."""
-
-
 METRICS: Final = ("task_time", "delay", "completions")
 
 
-def table(title: str, cases: Callable[[Sequence[str]], list[ScenarioCase]], grouped: int) -> Table:
-    """A table of these cases, without printed figures beside them."""
-    return Table(
-        title=title,
-        cases=cases,
-        panels=(METRICS,),
-        published=unpublished,
-        digits=2,
-        grouped=grouped,
-    )
-
-
-def delay(policy: str, of: int | str = CROWD) -> Callable[[Mean], float]:
+def delay(policy: str, of: int | str = CROWD) -> Quantity:
     """The mean delay with a policy; `of`: robots, or CHANCE."""
-    return lambda mean: mean("delay", policy, of)
+    return mean_of("delay", policy, of)
 
 
-def beyond_a_star(policy: str, robots: int) -> Figure:
+def beyond_a_star(policy: str, robots: int, **bounds: Any) -> Figure:
     """A figure: by how much a policy has the greater delay."""
-    return Figure(
-        f"delay beyond A*, N = {robots}",
-        lambda mean: mean("delay", policy, robots) - mean("delay", A_STAR, robots),
-        digits=1,
-    )
-
-
-def beyond_plans(policy: str) -> Callable[[Mean], float]:
-    """By how much a policy has the greater delay than search in time through shared plans."""
-    return lambda mean: delay(policy)(mean) - delay(PLANS)(mean)
-
-
-def more_completions(mean: Mean) -> float:
-    return mean("completions", CONGESTION, CROWD) / mean("completions", A_STAR, CROWD) - 1
+    more = delay(policy, robots) - delay(A_STAR, robots)
+    return Figure(f"delay beyond A*, N = {robots}", more, digits=1, **bounds)
 
 
 OURS: Final = "a bound of ours"  # nothing of it is printed
 
 CLAIMS: Final = (
-    Claim(
+    claim(
         "Avoidance by static counts harms a fleet in which everybody uses it",
-        tuple(
-            replace(beyond_a_star(AVOIDANCE, robots), at_least=0, strict=True) for robots in ROBOTS
-        ),
+        *(beyond_a_star(AVOIDANCE, robots, at_least=0, strict=True) for robots in ROBOTS),
     ),
-    Claim(
+    claim(
         "What helps is to know the plans of the others: their tasks alone are not enough",
-        tuple(
-            Figure(
-                f"delay by {policy} beyond {PLANS}", beyond_plans(policy), 0, strict=True, digits=1
-            )
+        *(
+            above(f"delay by {policy} beyond {PLANS}", delay(policy) - delay(PLANS), digits=1)
             for policy in (SHARES, TASKS)
         ),
     ),
-    Claim(
+    claim(
         "Search in time through shared plans leaves 100 robots at most 7 ticks of delay",
-        (Figure("delay", delay(CONGESTION), at_most=7, digits=1, why=OURS),),
+        Figure("delay", delay(CONGESTION), at_most=7, digits=1, why=OURS),
     ),
-    Claim(
+    claim(
         "It gives at least a fifth more throughput than A*",
-        (Figure("more completions", more_completions, at_least=0.2, unit="%", why=OURS),),
+        Figure(
+            "more completions",
+            mean_of("completions", CONGESTION, CROWD) / mean_of("completions", A_STAR, CROWD) - 1,
+            at_least=0.2,
+            unit="%",
+            why=OURS,
+        ),
     ),
-    Claim(
-        "Six robots lose nothing by it",
-        (replace(beyond_a_star(CONGESTION, 6), at_most=0),),
-    ),
-    Claim(
+    claim("Six robots lose nothing by it", beyond_a_star(CONGESTION, 6, at_most=0)),
+    claim(
         "It bears that plans are not kept: at most 27 ticks of delay, extra ticks included",
-        (Figure("delay", delay(CONGESTION, CHANCE), at_most=27, digits=1, why=OURS),),
+        Figure("delay", delay(CONGESTION, CHANCE), at_most=27, digits=1, why=OURS),
     ),
 )
 
@@ -162,10 +132,21 @@ REPRODUCTION: Final = Reproduction(
     "autonomous vehicles in a warehouse environment: no printed figures",
     strategies=tuple(POLICIES),
     tables=(
-        table("All moves take what their zones say", fleets, 1),
-        table(f"{CROWD} robots, a tick more for {CHANCE} of the moves", delayed_fleets, 0),
+        Table(
+            title="All moves take what their zones say",
+            cases=fleets,
+            panels=(METRICS,),
+            digits=2,
+            grouped=1,
+        ),
+        Table(
+            title=f"{CROWD} robots, a tick more for {CHANCE} of the moves",
+            cases=delayed_fleets,
+            panels=(METRICS,),
+            digits=2,
+            grouped=0,
+        ),
     ),
-    averaged=(),
     claims=CLAIMS,
     remarks=REMARKS,
     seeds=3,

@@ -7,18 +7,15 @@ are read from files that `automaton train traffic` wrote, and that it writes ane
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final
 
 import numpy as np
 
 from automaton.engine.state import Array
-from automaton.papers.reproduction_study import Case, Key, Table
+from automaton.papers.reproduction_study import Case, Key, Table, read_once
 from automaton.papers.traffic.traffic_trials import Warehouse
 from automaton.papers.training.training_tables import COLUMNS, PRINTED, Row, from_json
-from automaton.runs.process_pool import OnDone
 from strategies.routing.traffic_avoidance.network_files import network_for, predicted_zones, shipped
 
 SCENARIO: Final = "warehouse-100"
@@ -40,18 +37,10 @@ def network(where: Warehouse, seed: int, tasks: Array) -> Array:
     return foreseen
 
 
-@dataclass(frozen=True)
-class Trained:
-    """A row of Tables 1 to 4."""
-
-    metrics: Mapping[str, float]
-    finished: bool = True
-
-
 @cache
-def stored() -> dict[str, Any]:
-    """The file of results: how they were made, and the rows."""
-    path = shipped(SCENARIO).with_name(f"{SCENARIO}-tables.json")
+def stored(what: str = "tables") -> dict[str, Any]:
+    """A file of results, of Tables 1 to 4 or of `depths`: how they were made, and the rows."""
+    path = shipped(SCENARIO).with_name(f"{SCENARIO}-{what}.json")
     found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     return found
 
@@ -68,17 +57,6 @@ def rows() -> dict[Key, Row]:
 def labels(row: Row) -> dict[str, str | int]:
     """What a row is called, short enough for a line."""
     return {"table": row.table, "monitored": row.short, "loss": row.loss}
-
-
-def read_rows(
-    cases: Sequence[Case],
-    seeds: Sequence[int],
-    workers: int | None = None,
-    on_done: OnDone | None = None,
-) -> list[list[Trained]]:
-    """One training each: the seeds of a reproduction do not matter to it."""
-    known = rows()
-    return [[Trained(known[case.key].ours)] for case in cases]
 
 
 def published(key: Key, metric: str) -> float | None:
@@ -99,36 +77,20 @@ def origin() -> str:
     )
 
 
-@cache
-def stored_depths() -> dict[str, Any]:
-    """The file of networks of several depths: how they were trained, and what they came to."""
-    path = shipped(SCENARIO).with_name(f"{SCENARIO}-depths.json")
-    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    return found
-
-
 def depths() -> dict[Key, dict[str, Any]]:
     """The trainings by loss and hidden layers."""
-    return {("depth", row["loss"], row["hidden"]): row for row in stored_depths()["rows"]}
+    return {("depth", row["loss"], row["hidden"]): row for row in stored("depths")["rows"]}
 
 
-def read_depths(
-    cases: Sequence[Case],
-    seeds: Sequence[int],
-    workers: int | None = None,
-    on_done: OnDone | None = None,
-) -> list[list[Trained]]:
-    """One training each; beyond: by how much the loss stays above that of a constant answer."""
-    known = [depths()[case.key] for case in cases]
-    return [
-        [Trained({name: row[name] for name in DEPTH} | {"beyond": row["least"] - row["constant"]})]
-        for row in known
-    ]
+def depth_figures(key: Key) -> dict[str, float]:
+    """One training; beyond: by how much the loss stays above that of a constant answer."""
+    row = depths()[key]
+    return {name: row[name] for name in DEPTH} | {"beyond": row["least"] - row["constant"]}
 
 
 def origin_of_depths() -> str:
     """How the stored trainings were made."""
-    settings = stored_depths()["settings"]
+    settings = stored("depths")["settings"]
     return (
         f"From a file that `{DEPTHS_COMMAND}` wrote: {settings['legs']:,} legs, batches of "
         f"{settings['batch']}, at most {settings['epochs']} epochs, seed {settings['seed']}; the least "
@@ -143,8 +105,7 @@ DEPTHS: Final = Table(
         Case({"study": study, "loss": loss, "hidden": hidden}) for study, loss, hidden in depths()
     ],
     panels=(DEPTH,),
-    published=lambda key, metric: None,
-    run=read_depths,
+    run=read_once(depth_figures),
     stored=origin_of_depths,
     repetition="training",
     digits=4,
@@ -156,7 +117,7 @@ TABLES_1_TO_4: Final = Table(
     cases=lambda strategies: [Case(labels(row)) for row in rows().values()],
     panels=(COLUMNS,),
     published=published,
-    run=read_rows,
+    run=read_once(lambda key: rows()[key].ours),
     stored=origin,
     repetition="training",
     digits=2,

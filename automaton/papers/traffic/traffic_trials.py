@@ -6,7 +6,7 @@ drop off; what really happens is decided by their paths.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Final, Literal, NamedTuple
@@ -136,11 +136,6 @@ def run_seed(setting: Setting, seed: int) -> list[Trial]:
             out,
         )
     return [_figures(row.tolist()) for row in out]
-
-
-def run_seeds(setting: Setting, seeds: Iterable[int]) -> list[Trial]:
-    """The trials of several seeds, one after the other."""
-    return [one for seed in seeds for one in run_seed(setting, seed)]
 
 
 def _figures(row: Sequence[int]) -> Trial:

@@ -17,8 +17,7 @@ from sklearn.neighbors import KNeighborsClassifier
 from sklearn.svm import SVC, LinearSVC
 
 from automaton.engine.state import NIL
-from automaton.papers.training.learning_study import Data
-from automaton.papers.training.leg_samples import Legs
+from automaton.papers.training.leg_samples import Data, Legs
 from automaton.papers.training.prediction_metrics import Answers, measured
 
 NEIGHBOURS: Final = (1, 5)  # the paper names none; 5 is scikit-learn's default

@@ -20,9 +20,8 @@ from torch.nn import functional
 
 from automaton.engine.state import NIL
 from automaton.papers.training.leg_samples import Legs
-from automaton.papers.training.losses import first_bias, sample_weights
 from automaton.papers.training.prediction_metrics import METRICS, Counts, counts
-from automaton.papers.training.training_settings import Settings
+from automaton.papers.training.training_settings import Settings, first_bias, sample_weights
 
 WIDTH: Final = 256  # of a hidden layer
 AT_ONCE: Final = 3000  # legs that are answered in one go
@@ -165,7 +164,7 @@ def logits(network: Sequence[tuple[Any, Any]], rows: Any) -> Any:
 
 
 def mean_loss(name: str, logit: Any, y: Any, weights: tuple[float, float]) -> Any:
-    """The mean over legs and zones; `weights` of y = 0 and y = 1 (automaton.papers.training.losses)."""
+    """The mean over legs and zones; `weights` of y = 0 and y = 1 (see training_settings)."""
     if name == "cross-entropy":
         each = functional.binary_cross_entropy_with_logits(logit, y, reduction="none")
     elif name == "hinge":

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
-from rich.console import Console
-
 from automaton.papers.training.prediction_metrics import METRICS
-from automaton.papers.training.training_tables import COLUMNS, Row, from_json
-from automaton.runs.run_report import console, plain_table, print_table
+from automaton.papers.training.training_tables import COLUMNS, from_json
+from automaton.runs.console_output import ConsoleBlock, console, print_blocks
+from automaton.runs.report_document import Table
 
 SHOWN = ("accuracy", "precision", "recall", "f1", "mcc", "subset")
 WHAT = {
@@ -22,93 +21,95 @@ WHAT = {
 
 def print_outcome(mode: str, outcome: Mapping[str, Any]) -> None:
     """Print what `automaton train` gave in one of its modes."""
-    out = console()
-    printers = {
-        "network": print_network,
-        "tables": print_tables,
-        "depths": print_depths,
-        "classifiers": print_classifiers,
+    blocks = {
+        "network": network_blocks,
+        "tables": table_blocks,
+        "depths": depth_blocks,
+        "classifiers": classifier_blocks,
     }
-    printers[mode](out, outcome)
+    print_blocks(console(), blocks[mode](outcome))
 
 
 def title(outcome: Mapping[str, Any]) -> str:
     return f"{outcome['scenario']}, {outcome['zones']:,} zones ({outcome['mode']})"
 
 
-def print_network(out: Console, outcome: Mapping[str, Any]) -> None:
+def effort(outcome: Mapping[str, Any]) -> str:
+    """How much was learnt from."""
+    settings = outcome["settings"]
+    return (
+        f"{title(outcome)}: {settings['legs']:,} legs, batches of {settings['batch']}, "
+        f"at most {settings['epochs']} epochs"
+    )
+
+
+def network_blocks(outcome: Mapping[str, Any]) -> Iterator[ConsoleBlock]:
     """How it was trained, how well it predicts which legs, and where it is."""
     settings = outcome["settings"]
-    out.print(f"{title(outcome)}: {settings['loss']}, weighting {settings['weighting']}")
+    yield f"{title(outcome)}: {settings['loss']}, weighting {settings['weighting']}"
     monitored = " and ".join(METRICS[m].title if m in METRICS else m for m in outcome["monitored"])
-    out.print(
+    yield (
         f"{outcome['epochs']} epochs of {settings['legs']:,} legs, "
-        f"weights of epoch {outcome['epoch']} kept by {monitored}",
-        soft_wrap=True,
+        f"weights of epoch {outcome['epoch']} kept by {monitored}"
     )
-    out.print()
-    table = plain_table("legs", *SHOWN)
-    table.columns[0].justify = "left"
-    for name, measures in outcome["measures"].items():
-        table.add_row(name, *(f"{measures[measure]:.3f}" for measure in SHOWN))
-    print_table(out, table)
-    out.print(f"\nwritten to {outcome['file']}", soft_wrap=True)
+    yield ""
+    rows = [
+        [name, *(f"{measures[measure]:.3f}" for measure in SHOWN)]
+        for name, measures in outcome["measures"].items()
+    ]
+    yield Table(("legs", *SHOWN), rows)
+    yield f"\nwritten to {outcome['file']}"
 
 
-def print_tables(out: Console, outcome: Mapping[str, Any]) -> None:
-    """Tables 1 to 4, the printed figures beside ours for each loss."""
-    settings = outcome["settings"]
-    out.print(
-        f"{title(outcome)}: {settings['legs']:,} legs, batches of {settings['batch']}, "
-        f"at most {settings['epochs']} epochs",
-        soft_wrap=True,
-    )
-    print_rows(out, from_json(outcome["rows"]))
+def table_blocks(outcome: Mapping[str, Any]) -> Iterator[ConsoleBlock]:
+    """Tables 1 to 4, the printed figures beside ours for each loss.
 
-
-def print_rows(out: Console, rows: Sequence[Row]) -> None:
-    """One block for each table: a row for each set of monitored metrics and loss."""
+    One block for each table: a row for each set of monitored metrics and loss.
+    """
+    yield effort(outcome)
+    rows = from_json(outcome["rows"])
     for number in sorted({row.table for row in rows}):
         some = [row for row in rows if row.table == number]
-        out.print(f"\nTable {number} ({WHAT[number]}): paper / ours")
-        table = plain_table("monitored", "loss", *COLUMNS, "epoch")
-        table.columns[0].justify = table.columns[1].justify = "left"
-        for keep in dict.fromkeys(row.monitored for row in some):
-            for row in (row for row in some if row.monitored == keep):
-                figures = (f"{row.paper[name]:.2f} / {row.ours[name]:.2f}" for name in COLUMNS)
-                table.add_row(row.short, row.loss, *figures, f"{row.epoch} of {row.epochs}")
-        print_table(out, table)
+        yield f"\nTable {number} ({WHAT[number]}): paper / ours"
+        lines = [
+            [
+                *(row.short, row.loss),
+                *(f"{row.paper[name]:.2f} / {row.ours[name]:.2f}" for name in COLUMNS),
+                f"{row.epoch} of {row.epochs}",
+            ]
+            for keep in dict.fromkeys(row.monitored for row in some)
+            for row in some
+            if row.monitored == keep
+        ]
+        yield Table(("monitored", "loss", *COLUMNS, "epoch"), lines, left=2)
 
 
-def print_depths(out: Console, outcome: Mapping[str, Any]) -> None:
+def depth_blocks(outcome: Mapping[str, Any]) -> Iterator[ConsoleBlock]:
     """The least loss of each network beside that of a constant answer."""
-    settings = outcome["settings"]
-    out.print(
-        f"{title(outcome)}: {settings['legs']:,} legs, batches of {settings['batch']}, "
-        f"at most {settings['epochs']} epochs",
-        soft_wrap=True,
-    )
-    out.print("least: the loss of the best epoch; constant: of the best constant answer\n")
-    table = plain_table("loss", "hidden", "epochs", "least", "constant", "precision", "recall")
-    table.columns[0].justify = "left"
-    for row in outcome["rows"]:
-        figures = (f"{row[name]:.4f}" for name in ("least", "constant", "precision", "recall"))
-        table.add_row(row["loss"], str(row["hidden"]), str(row["epochs"]), *figures)
-    print_table(out, table)
+    yield effort(outcome)
+    yield "least: the loss of the best epoch; constant: of the best constant answer\n"
+    figures = ("least", "constant", "precision", "recall")
+    rows = [
+        [row["loss"], str(row["hidden"]), str(row["epochs"]), *(f"{row[n]:.4f}" for n in figures)]
+        for row in outcome["rows"]
+    ]
+    yield Table(("loss", "hidden", "epochs", *figures), rows)
 
 
-def print_classifiers(out: Console, outcome: Mapping[str, Any]) -> None:
+def classifier_blocks(outcome: Mapping[str, Any]) -> Iterator[ConsoleBlock]:
     """The share of wholly right legs first: the measure by which the paper discards them."""
-    out.print(
+    yield (
         f"{title(outcome)}: judged by {outcome['judged_by']:,} legs of the training and as many of "
-        "an unused seed",
-        soft_wrap=True,
+        "an unused seed"
     )
-    out.print()
-    table = plain_table("classifier", "learnt from", "legs", "subset", "precision", "recall")
-    table.columns[0].justify = table.columns[2].justify = "left"
-    for result in outcome["classifiers"]:
-        for legs in ("training", "unused"):
-            figures = (f"{result[legs][name]:.3f}" for name in ("subset", "precision", "recall"))
-            table.add_row(result["classifier"], f"{result['learnt_from']:,}", legs, *figures)
-    print_table(out, table)
+    yield ""
+    figures = ("subset", "precision", "recall")
+    rows = [
+        [
+            *(result["classifier"], f"{result['learnt_from']:,}", legs),
+            *(f"{result[legs][name]:.3f}" for name in figures),
+        ]
+        for result in outcome["classifiers"]
+        for legs in ("training", "unused")
+    ]
+    yield Table(("classifier", "learnt from", "legs", *figures), rows, also_left=(2,))

@@ -10,11 +10,9 @@ from typing import Any, Final
 
 from automaton.atomic_write import atomic_writer
 from automaton.build.resolve import resolve
-from automaton.papers.training.learning_study import Data, data_of, judged, network_of
-from automaton.papers.training.leg_samples import Site, site_of
-from automaton.papers.training.losses import LOSSES
+from automaton.papers.training.leg_samples import Data, Site, data_of, judged, network_of, site_of
 from automaton.papers.training.prediction_metrics import Counts, precision, recall
-from automaton.papers.training.training_settings import Settings
+from automaton.papers.training.training_settings import LOSSES, Settings
 from strategies.routing.traffic_avoidance.network_files import floor_fingerprint, save_network
 
 ProgressCallback = Callable[[str], None]
@@ -82,21 +80,9 @@ class Session:
         for loss in LOSSES:
             settings = replace(self.settings, loss=loss)
             rows += train_rows(self.data, self.site, settings, on_epoch=tell)
-        shared = {
-            name: value
-            for name, value in asdict(self.settings).items()
-            if name not in ("loss", "weighting")
-        }
-        results = {
-            "format": RESULTS,
-            **self._origin(),
-            "settings": shared,
-            "rows": as_json(rows),
-        }
-        if out is not None:
-            with atomic_writer(out) as file:
-                file.write((json.dumps(results, indent=1, ensure_ascii=False) + "\n").encode())
-        return results
+        shared = self._settings_but("loss", "weighting")
+        results = {"format": RESULTS, **self._origin(), "settings": shared, "rows": as_json(rows)}
+        return written(results, out)
 
     def train_depths(
         self, out: Path | None, told: ProgressCallback | None = None
@@ -105,14 +91,9 @@ class Session:
         from automaton.papers.training.depths import train_depths
 
         rows = [depth._asdict() for depth in train_depths(self.data.training, self.settings, told)]
-        shared = asdict(self.settings)
-        for name in ("loss", "weighting", "hidden"):
-            del shared[name]
+        shared = self._settings_but("loss", "weighting", "hidden")
         results = {**self._origin(), "settings": shared, "rows": rows}
-        if out is not None:
-            with atomic_writer(out) as file:
-                file.write((json.dumps(results, indent=1, ensure_ascii=False) + "\n").encode())
-        return results
+        return written(results, out)
 
     def try_classifiers(self, told: ProgressCallback | None = None) -> dict[str, Any]:
         """Let other classifiers learn the same legs, or as many as they manage."""
@@ -125,6 +106,10 @@ class Session:
             "classifiers": [result._asdict() for result in results],
         }
 
+    def _settings_but(self, *varied: str) -> dict[str, Any]:
+        """The settings that all rows share."""
+        return {name: one for name, one in asdict(self.settings).items() if name not in varied}
+
     def _origin(self) -> dict[str, Any]:
         grid = self.site.floor.grid
         return {
@@ -133,3 +118,11 @@ class Session:
             "zones": int(grid.traffic_zone_count),
             "floor": floor_fingerprint(grid, self.site.duration),
         }
+
+
+def written(results: dict[str, Any], out: Path | None) -> dict[str, Any]:
+    """Results, in a file if there is to be one."""
+    if out is not None:
+        with atomic_writer(out) as file:
+            file.write((json.dumps(results, indent=1, ensure_ascii=False) + "\n").encode())
+    return results

@@ -11,8 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, Final, NamedTuple
 
-from automaton.papers.training.learning_study import Data, network_of
-from automaton.papers.training.leg_samples import Site
+from automaton.papers.training.leg_samples import Data, Site, network_of
 from automaton.papers.training.prediction_metrics import measured
 from automaton.papers.training.training_settings import Settings
 from strategies.routing.traffic_avoidance.network_files import predicted_zones

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Final, NamedTuple
 
-from automaton.papers.reproduction_study import Key, ScenarioCase
+from automaton.papers.reproduction_study import Cases, Key, ScenarioCase, fixed
 
 SA: Final = "SA"
 GA: Final = "GA"
@@ -100,34 +100,16 @@ REFERENCE: Final[Mapping[str, Reference]] = {
 }
 
 
-def cases_named(
-    names: Sequence[str], scenario: str = SCENARIO, **labels: str
-) -> list[ScenarioCase]:
+def cases_named(names: Iterable[str], scenario: str = SCENARIO, **labels: str) -> Cases:
     """The configurations with these names, with further labels."""
-    return [
-        ScenarioCase({"configuration": name, **labels}, scenario, SETTINGS[name]) for name in names
-    ]
-
-
-def all_cases(_: Sequence[str]) -> list[ScenarioCase]:
-    """Every configuration, as the publication's floor is driven: robots pass each other."""
-    return cases_named(tuple(SETTINGS))
-
-
-def judged_cases(_: Sequence[str]) -> list[ScenarioCase]:
-    """The configurations whose evenness is compared over many runs."""
-    return cases_named(JUDGED, runs=MANY)
-
-
-def single_cases(_: Sequence[str]) -> list[ScenarioCase]:
-    """Every configuration where a cell of an aisle holds one robot; travel counts withdrawals."""
-    return cases_named(tuple(SETTINGS), SINGLE, lanes="single")
+    return fixed(
+        [
+            ScenarioCase({"configuration": name, **labels}, scenario, SETTINGS[name])
+            for name in names
+        ]
+    )
 
 
 def printed(key: Key, metric: str) -> float | None:
     """The printed figure of a configuration."""
     return PRINTED.get(str(key[0]), {}).get(metric)
-
-
-def unprinted(key: Key, metric: str) -> None:
-    """Nothing of this is printed."""

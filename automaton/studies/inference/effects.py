@@ -6,6 +6,18 @@ relative   a / b - 1; by the delta method on log a - log b, which stays correct 
 
 Pairing helps only where runs correlate: var(a - b) = var a + var b - 2 cov(a, b). So every effect
 tells the correlation r and the variance ratio var(a - b) / (var a + var b); above 1 pairing loses.
+
+Several comparisons at once have Holm's tests, and Bonferroni's intervals beside them. A family is what
+one declared table compares. Holm (1979): the i-th smallest of m p values is multiplied by m - i + 1,
+and never becomes less than one before it; the probability of any false finding in the family then
+stays below the level, whatever depends on what.
+
+How many runs a comparison needs until the interval of its difference is as narrow as wanted:
+
+    paired     t(n - 1) sd(a - b) / sqrt(n) <= half
+    unpaired   t(v) sqrt((var a + var b) / n) <= half, n runs of each; v: Satterthwaite (1946)
+
+By the variances of runs that were made: a plan for the next study, no reason to stop this one.
 """
 
 from __future__ import annotations
@@ -132,3 +144,64 @@ def _p_value(x: Values, y: Values, paired: bool) -> float:
         ways = 2 ** len(x) if paired else math.comb(len(x) + len(y), len(x))
         return 1.0 if difference == 0 else (2 if len(x) == len(y) else 1) / ways
     return tails(difference / error, degrees)
+
+
+def holm(p_values: Sequence[float]) -> list[float]:
+    """Adjusted p values in the order given, at most 1. Raises ValueError beyond 0..1."""
+    if any(not 0 <= p <= 1 for p in p_values):
+        raise ValueError("p values lie between 0 and 1")
+    adjusted, largest = [0.0] * len(p_values), 0.0
+    for rank, index in enumerate(sorted(range(len(p_values)), key=lambda i: p_values[i])):
+        largest = max(largest, min(1.0, (len(p_values) - rank) * p_values[index]))
+        adjusted[index] = largest
+    return adjusted
+
+
+def bonferroni(level: float, comparisons: int) -> float:
+    """The level of each interval so that all of a family hold together with `level`."""
+    if comparisons < 1 or not 0 < level < 1:
+        raise ValueError("a family has at least one comparison and a level between 0 and 1")
+    return 1 - (1 - level) / comparisons
+
+
+def paired_runs(
+    a: Sequence[float] | Values,
+    b: Sequence[float] | Values,
+    half: float,
+    level: float = DEFAULT_CONFIDENCE,
+) -> int:
+    """Pairs of runs until the interval of the difference reaches `half` to each side, at least 2.
+
+    `a` and `b`: runs with the same seeds, one below the other. Raises ValueError.
+    """
+    difference = checked(a, 2) - checked(b, 2)
+    return fewest(float(difference.var(ddof=1)), 1.0, half, level)
+
+
+def unpaired_runs(
+    a: Sequence[float] | Values,
+    b: Sequence[float] | Values,
+    half: float,
+    level: float = DEFAULT_CONFIDENCE,
+) -> int:
+    """Runs of each of two independent samples for the same, at least 2. Raises ValueError."""
+    u, v = (float(checked(one, 2).var(ddof=1)) for one in (a, b))
+    degrees = (u + v) ** 2 / (u * u + v * v) if u + v > 0 else 2.0
+    return fewest(u + v, degrees, half, level)
+
+
+def fewest(variance: float, degrees: float, half: float, level: float) -> int:
+    """The smallest n from 2 on with t(degrees (n - 1)) sqrt(variance / n) <= half."""
+    if half <= 0:
+        raise ValueError(f"a precision is above 0, not {half}")
+
+    def enough(n: int) -> bool:
+        return student(degrees * (n - 1), level) * math.sqrt(variance / n) <= half
+
+    low, high = 1, 2
+    while not enough(high):
+        low, high = high, 2 * high
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if enough(middle) else (middle, high)
+    return high

@@ -7,19 +7,18 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from automaton.errors import InputError
+from automaton.runs.report_document import Document, Heading, Listed, Text
 from automaton.scenario.reading import shipped
 from automaton.scenario.unavailable_metrics import warm_up_of
-from automaton.studies.reports.curves import curves
-from automaton.studies.reports.metric_tables import Scenarios, metric_section
-from automaton.studies.reports.report_document import Document, Heading, Listed, Text
+from automaton.studies.reports.metric_tables import Scenarios, curves, metric_section
 from automaton.studies.reports.sections import (
     comparison_section,
     design,
     not_cut,
     remarks,
     started_cold,
+    steady_section,
 )
-from automaton.studies.reports.steady_section import steady_section
 from automaton.studies.reports.study_results import Results, point_name, read_results
 from automaton.studies.reports.warm_up_cut import LENGTHS
 from automaton.studies.sweeps.result_store import STUDY_FILE, Store, content_of, study_document_in

@@ -14,9 +14,14 @@ import math
 from collections.abc import Iterator
 from typing import Final, NamedTuple
 
-from automaton.studies.inference.effects import Effect, effect
-from automaton.studies.inference.multiple_comparisons import bonferroni, holm
-from automaton.studies.inference.precision import paired_runs, unpaired_runs
+from automaton.studies.inference.effects import (
+    Effect,
+    bonferroni,
+    effect,
+    holm,
+    paired_runs,
+    unpaired_runs,
+)
 from automaton.studies.reports.study_results import Results, levels_beside
 from automaton.studies.sweeps.study import SCENARIO, Levels, Point
 from automaton.units import percent

@@ -11,8 +11,8 @@ from automaton.engine.observation import LOST_EVER, visits_of
 from automaton.engine.state import NIL, Array
 from automaton.floor.floor_plan import DRIVABLE
 from automaton.runs.headless import attribute_strategy_errors
+from automaton.runs.report_document import HeatMap
 from automaton.runs.simulation import Simulation
-from automaton.studies.reports.report_document import HeatMap
 
 
 def floor_maps(

@@ -8,7 +8,7 @@ from html import escape
 
 import numpy as np
 
-from automaton.studies.reports.report_document import (
+from automaton.runs.report_document import (
     Block,
     Curves,
     Document,
@@ -19,7 +19,7 @@ from automaton.studies.reports.report_document import (
     Table,
     Text,
 )
-from automaton.studies.reports.text_charts import coarse, scale
+from automaton.studies.reports.text_output import coarse, scale
 from automaton.units import number
 
 COLOURS = ("#1f6fb4", "#d1602b", "#2f8f4e", "#8a4fa3", "#b08900", "#0f8f8f", "#b43a5b", "#5a5a5a")
@@ -72,7 +72,7 @@ def table_parts(table: Table) -> Iterator[str]:
 
     def line(cells: Sequence[str], tag: str) -> str:
         return "".join(
-            f"<{tag}{' class=l' if index < table.left else ''}>{escape(cell)}</{tag}>"
+            f"<{tag}{' class=l' if table.is_left(index) else ''}>{escape(cell)}</{tag}>"
             for index, cell in enumerate(cells)
         )
 
@@ -84,16 +84,9 @@ def table_parts(table: Table) -> Iterator[str]:
 
 def curves_svg(curves: Curves) -> str:
     """Curves with bars for their intervals."""
-    values = [
-        value
-        for line in curves.lines
-        for ends in (line.low, line.high, line.value)
-        for value in ends
-        if math.isfinite(value)
-    ]
-    if not values:
+    if not curves.values:
         return f"<p>{escape(curves.title)}: no metrics</p>"
-    y_span, x_span = scale(values), scale([x for line in curves.lines for x in line.x])
+    y_span, x_span = scale(curves.values), scale(curves.x)
 
     def x_at(value: float) -> float:
         return LEFT + (value - x_span[0]) / (x_span[1] - x_span[0]) * (WIDTH - LEFT - RIGHT)
@@ -110,7 +103,7 @@ def curves_svg(curves: Curves) -> str:
             f'<line x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{y:.1f}" y2="{y:.1f}" stroke="#ddd"/>'
         )
         parts.append(svg_text(LEFT - 6, y + 4, number(value), "end"))
-    for x in sorted({x for line in curves.lines for x in line.x}):
+    for x in curves.x:
         parts.append(svg_text(x_at(x), HEIGHT - BOTTOM + 16, number(x), "middle"))
     middle = (LEFT + WIDTH - RIGHT) / 2
     parts.append(svg_text(middle, HEIGHT - BOTTOM + 34, curves.x_label, "middle"))

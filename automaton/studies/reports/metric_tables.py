@@ -1,4 +1,7 @@
-"""The metrics of a report: for each metric a table of means, one line for each point."""
+"""The metrics of a report: for each a table of means with one line for each point, and curves.
+
+Curves go over the size of the fleet, one for each combination of the other factors.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,15 @@ from typing import NamedTuple
 
 from automaton.build.bounds import bounds, least_ticks
 from automaton.build.resolve import Resolved
+from automaton.runs.report_document import (
+    Block,
+    Curves,
+    Heading,
+    Line,
+    Listed,
+    Table,
+    Text,
+)
 from automaton.scenario.orders import DRAWN
 from automaton.studies.inference.intervals import (
     NO_SPREAD_WARNING,
@@ -16,15 +28,16 @@ from automaton.studies.inference.intervals import (
     mean_interval,
     skewness,
 )
-from automaton.studies.reports.report_document import Block, Heading, Listed, Table, Text
-from automaton.studies.reports.same_runs import same_cells, same_heads
 from automaton.studies.reports.study_results import (
     Counts,
     Results,
     described,
     factor_cells,
     factor_heads,
+    levels_beside,
     point_name,
+    same_cells,
+    same_heads,
 )
 from automaton.studies.sweeps.study import Point
 from automaton.units import count, number, percent
@@ -87,7 +100,7 @@ def metric_section(results: Results, scenarios: Scenarios, metric: str) -> Itera
     found = [summary(results, scenarios, point, metric) for point in results.points]
     bounded = any(one.bound for one in found)
     level = percent(1 - results.analysis.error, 0)
-    heads = [*factor_heads(results.study), "mean", f"{level} low", "high", "sd", "by"]
+    heads = ["mean", f"{level} low", "high", "sd", "by"]
     limit = "most" if metric == "throughput" else "least"
     heads += [limit] if bounded else []
     rows = []
@@ -98,11 +111,8 @@ def metric_section(results: Results, scenarios: Scenarios, metric: str) -> Itera
             ends = ["-" if end is None else figure(end) for end in (interval.low, interval.high)]
             sd = "-" if one.sd is None else figure(one.sd)
             cells = [figure(interval.value), *ends, sd, interval.method]
-        cells += [one.bound or "-"] if bounded else []
-        cells += run_cells(one.counts) + same_cells(results, one.point)
-        rows.append([*factor_cells(results.study, one.point), *cells])
-    left = len(factor_heads(results.study))
-    yield Table([*heads, *RUN_HEADS, *same_heads(results)], rows, left=max(1, left))
+        rows.append([*cells, *([one.bound or "-"] if bounded else [])])
+    yield point_table(results, heads, rows)
     if bounded:
         yield Text(
             f"{limit}: no strategy can do better; by the work of the orders over the robots, each "
@@ -143,11 +153,83 @@ def warnings(results: Results, found: list[Summary]) -> Iterator[Block]:
         yield Listed([f"warning: {', '.join(names)}: {text}" for text, names in told.items()])
 
 
-def run_cells(counts: Counts) -> list[str]:
-    """Under RUN_HEADS."""
-    return [f"{one:,}" for one in (counts.done, counts.censored, counts.failed)]
+def point_table(results: Results, heads: Sequence[str], cells: Sequence[Sequence[str]]) -> Table:
+    """A line for each point: its factors, these cells, its runs, and of which point they are."""
+    factors = factor_heads(results.study)
+    rows = []
+    for point, own in zip(results.points, cells, strict=True):
+        counts = results.counts(point)
+        runs = (f"{one:,}" for one in (counts.done, counts.censored, counts.failed))
+        same = same_cells(results, point)
+        rows.append([*factor_cells(results.study, point), *own, *runs, *same])
+    head = [*factors, *heads, *RUN_HEADS, *same_heads(results)]
+    return Table(head, rows, left=max(1, len(factors)))
 
 
 def figure(value: float) -> str:
     """A metric of a table: four digits, more for large ones."""
     return f"{value:,.1f}" if abs(value) >= 1000 else f"{value:.4g}"
+
+
+ROBOTS = "fleet.robots"
+WANTED = ("throughput", "makespan", "delay", "lead_time")  # beside the metrics of the analysis
+MAX_CURVES = 8  # signs and colours that there are
+
+
+def curves(results: Results) -> Iterator[Curves]:
+    """For each metric its curve over a factor of numbers: the robots if they vary."""
+    factor = factor_of(results)
+    if factor is None:
+        return
+    wanted: tuple[str, ...] = WANTED
+    if results.study.design == "steady-state":  # all runs are as long
+        wanted = tuple(metric for metric in WANTED if metric != "makespan")
+    for metric in dict.fromkeys([*results.analysis.metrics, *wanted]):
+        if results.has(metric):
+            yield curve(results, metric, factor)
+
+
+def factor_of(results: Results) -> str | None:
+    """The factor on the x axis: the robots, else the first with several numbers as levels."""
+    names = results.study.factor_names
+    for name in sorted(names, key=lambda name: name != ROBOTS):
+        levels = results.study.levels(name)
+        numbers = all(isinstance(x, int | float) and not isinstance(x, bool) for x in levels)
+        if numbers and len(levels) > 1:
+            return name
+    return None
+
+
+def curve(results: Results, metric: str, factor: str) -> Curves:
+    """A metric over a factor."""
+    groups: dict[str, list[Point]] = {}
+    for point in results.points:
+        if factor in point.levels:
+            groups.setdefault(levels_beside(point, (factor,)), []).append(point)
+    lines = [
+        line(results, metric, sorted(points, key=lambda p: p.levels[factor]), factor)
+        for points in list(groups.values())[:MAX_CURVES]
+    ]
+    left_out = len(groups) - len(lines)
+    title = f"{metric} by {factor}" + (f", {left_out} more not shown" if left_out else "")
+    unit = described(metric)[0]
+    label = "robots" if factor == ROBOTS else factor
+    return Curves(title, label, unit, lines)
+
+
+def _others(results: Results, point: Point, factor: str) -> str:
+    heads, cells = factor_heads(results.study), factor_cells(results.study, point)
+    several = len(heads) - len(results.study.factor_names)  # 1: the scenario comes first
+    at = several + results.study.factor_names.index(factor)
+    return ", ".join(cell for index, cell in enumerate(cells) if index != at)
+
+
+def line(results: Results, metric: str, points: list[Point], factor: str) -> Line:
+    """One curve."""
+    runs = [list(results.values(point, metric).values()) for point in points]
+    found = [interval_of(results, values) for values in runs]
+    value = [math.nan if one is None else one.value for one in found]
+    low = [math.nan if one is None or one.low is None else one.low for one in found]
+    high = [math.nan if one is None or one.high is None else one.high for one in found]
+    name = _others(results, points[0], factor)
+    return Line(name, [float(point.levels[factor]) for point in points], value, low, high)

@@ -11,7 +11,7 @@ from typing import Any
 
 from automaton.atomic_write import atomic_writer
 from automaton.errors import InputError
-from automaton.studies.reports.report_document import Block, Curves, HeatMap
+from automaton.runs.report_document import Block, Curves, HeatMap
 
 FORMATS = ("png", "svg")
 DPI = 150
@@ -69,7 +69,7 @@ def draw_curves(axes: Any, curves: Curves) -> None:
         up = [high - value for value, high in zip(line.value, line.high, strict=True)]
         name = line.name or None
         axes.errorbar(line.x, line.value, yerr=[down, up], marker="o", capsize=3, label=name)
-    axes.set_xticks(sorted({x for line in curves.lines for x in line.x}))
+    axes.set_xticks(curves.x)
     axes.set(title=curves.title, xlabel=curves.x_label, ylabel=curves.y_label)
     axes.grid(alpha=0.3)
     if any(line.name for line in curves.lines):

@@ -1,12 +1,25 @@
-"""The sections of a report around its figures: the design, remarks, the declared comparisons."""
+"""The sections of a report around its figures: the design, remarks, the declared comparisons.
+
+And the throughput of a steady state by the deliveries after the warm-up: intervals from few runs, too.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import Final
 
+import numpy as np
+
+from automaton.runs.report_document import Block, Heading, Listed, Table, Text
 from automaton.scenario.unavailable_metrics import warm_up_of
 from automaton.studies.inference.intervals import NO_SPREAD_WARNING, STUDENT_MIN_RUNS, Interval
+from automaton.studies.inference.steady_state import (
+    ENOUGH_REPLICATIONS,
+    NotSteadyError,
+    batch_means,
+    replication_deletion,
+)
 from automaton.studies.reports.comparisons import (
     Comparison,
     comparisons,
@@ -15,9 +28,7 @@ from automaton.studies.reports.comparisons import (
     pairing_remark,
     precision_remark,
 )
-from automaton.studies.reports.metric_tables import RUN_HEADS, Scenarios
-from automaton.studies.reports.report_document import Block, Heading, Table, Text
-from automaton.studies.reports.same_runs import same_remarks
+from automaton.studies.reports.metric_tables import RUN_HEADS, Scenarios, figure, point_table
 from automaton.studies.reports.study_results import (
     Results,
     factor_cells,
@@ -25,8 +36,10 @@ from automaton.studies.reports.study_results import (
     level_text,
     levels_apart,
     point_name,
+    same_remarks,
 )
 from automaton.studies.reports.warm_up_cut import Cut
+from automaton.studies.sweeps.study import Point
 from automaton.units import count, percent
 
 INTERVALS: Final = f"Student's, with a warning on skew below {STUDENT_MIN_RUNS} runs"
@@ -309,3 +322,55 @@ def relative_text(relative: Interval | None) -> str:
         return "-"
     ends = ("-" if end is None else f"{100 * end:+.1f}" for end in (relative.low, relative.high))
     return f"{100 * relative.value:+.1f} % ({' to '.join(ends)})"
+
+
+def steady_throughput(results: Results, point: Point, cut: Cut) -> Interval | str | None:
+    """Orders by 1000 ticks, or why that is not told; None where runs keep no deliveries.
+
+    By the throughput of each of many runs, or by the windows of a few.
+    """
+    if point.number in cut.refused:
+        return cut.refused[point.number]
+    series = results.series(point)
+    if not series:
+        return None
+    level = 1 - results.analysis.error
+    try:
+        if len(series) >= ENOUGH_REPLICATIONS:
+            runs = [[value] for value in results.values(point, "throughput").values()]
+            return replication_deletion(runs, 0, level)
+        length, first = min(map(len, series)), math.ceil(cut.ticks / cut.window)
+        y = np.array([one[first:length] for one in series], np.float64) * (1000 / cut.window)
+        return batch_means(y, level)
+    except NotSteadyError as why:
+        return str(why)
+    except ValueError as why:
+        return f"too short: {why}"
+
+
+def steady_section(results: Results) -> Iterator[Block]:
+    """The throughput after the warm-up, for studies of steady states."""
+    cut = results.cut
+    if cut is None or not results.has("series"):
+        return
+    yield Heading("Steady throughput")
+    yield Text(
+        f"From the deliveries after the first {cut.ticks:,} ticks, which are left out at all points; "
+        "beside it what MSER-5 would leave out at each."
+    )
+    rows, refused = [], []
+    for point in results.points:
+        found = steady_throughput(results, point, cut)
+        cells = ["-"] * 3
+        if isinstance(found, Interval):
+            ends = (found.value, found.low, found.high)
+            cells = ["-" if end is None else figure(end) for end in ends]
+        elif found is not None:
+            refused.append(f"{point_name(results.study, point)}: {found}")
+        own = cut.found.get(point.number)
+        cells += ["-" if own is None else f"{own:,}"]
+        cells += [found.method if isinstance(found, Interval) else "-"]
+        rows.append(cells)
+    yield point_table(results, ("orders/1000 ticks", "low", "high", "MSER-5", "by"), rows)
+    if refused:
+        yield Listed(refused)

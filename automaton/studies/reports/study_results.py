@@ -2,15 +2,20 @@
 
 A run that failed has no figures. One that did not finish has some, but they do not say what it
 would have come to: means leave it out, and every table counts it.
+
+Points whose runs are the same compare nothing: a factor has no effect there. With one robot, right of
+way changes nothing: every seed ends with the same digest under each rule. Such points are called the
+same runs, tables say of which point, and no family compares them in a metric in which they agree, too.
+A warm-up changes no run, but what is measured of it.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +25,7 @@ from automaton.studies.reports.warm_up_cut import LENGTHS, Cut, lists, measured_
 from automaton.studies.sweeps.result_columns import SERIES, SUMS_COLUMN
 from automaton.studies.sweeps.run_keys import declared_by
 from automaton.studies.sweeps.study import SCENARIO, Analysis, Point, Study
+from automaton.units import count
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -314,3 +320,92 @@ def levels_apart(study: Study, point: Point, other: Point) -> str:
     """The levels of `other` that are not those of a point: "independent"."""
     pairs = zip(factor_cells(study, point), factor_cells(study, other), strict=True)
     return ", ".join(theirs for own, theirs in pairs if own != theirs)
+
+
+MAX_SAME_RUNS_NAMED: Final = 6  # pairs of points
+
+
+def same_heads(results: Results) -> list[str]:
+    """The head of a table's column about the same runs; none if all points differ."""
+    return ["the same runs as"] if results.repeats else []
+
+
+def same_cells(results: Results, point: Point) -> list[str]:
+    """Under `same_heads`: the number of the first point with the same runs."""
+    first = results.first_same[point.number]
+    cell = "-" if first == point.number else f"point {first}"
+    return [cell for _ in same_heads(results)]
+
+
+def same_remarks(results: Results) -> Iterator[str]:
+    """Which factors change no run, and where; if none is so, which points have the same runs."""
+    inert = list(inert_factors(results)) if results.repeats else []
+    yield from inert
+    if results.repeats and not inert:
+        named = [
+            f"point {p.number} and point {results.first_same[p.number]}"
+            for p in results.repeats[:MAX_SAME_RUNS_NAMED]
+        ]
+        more = len(results.repeats) - len(named)
+        rest = f"; and {more:,} more" if more else ""
+        yield f"the same runs, digest by digest: {'; '.join(named)}{rest}"
+
+
+def inert_factors(results: Results) -> Iterator[str]:
+    """Sentences for each factor whose levels give the same runs, everywhere or somewhere."""
+    study = results.study
+    several = [SCENARIO] if len(study.scenarios) > 1 else []
+    for factor in [*several, *study.factor_names]:
+        groups: dict[str, list[Point]] = {}
+        for point in results.points:
+            if factor == SCENARIO or factor in point.levels:
+                groups.setdefault(levels_beside(point, (factor,)), []).append(point)
+        compared = [group for group in groups.values() if len(group) > 1]
+        same = [group for group in compared if _agree(results, group)]
+        apart = [[m for m in results.reported if not _agree(results, g, m)] for g in same]
+        inert = [group for group, metrics in zip(same, apart, strict=True) if not metrics]
+        otherwise = [group for group, metrics in zip(same, apart, strict=True) if metrics]
+        if inert:
+            yield (
+                f"{factor} has no effect{_where(results, inert, compared, factor)}: its levels give "
+                "the same runs, digest by digest, and are not compared"
+            )
+        if otherwise:
+            differ = dict.fromkeys(metric for metrics in apart for metric in metrics)
+            yield (
+                f"{factor} changes no run{_where(results, otherwise, compared, factor)}: its levels "
+                f"give the same runs, digest by digest, measured otherwise ({', '.join(differ)})"
+            )
+
+
+def _agree(results: Results, group: list[Point], metric: str | None = None) -> bool:
+    """Whether all of these points have the same runs, with seeds that all of them share."""
+    known: dict[int, object] = {}
+    for point in group:
+        for seed, run in results.runs(point, metric).items():
+            if known.setdefault(seed, run) != run:
+                return False
+    shared = set(known).intersection(*(results.runs(point) for point in group))
+    return len(shared) >= MIN_SHARED_SEEDS
+
+
+def _where(
+    results: Results, groups: list[list[Point]], compared: list[list[Point]], factor: str
+) -> str:
+    """Where that is, if it is not everywhere."""
+    everywhere = len(groups) == len(compared)
+    return "" if everywhere else f" with {_beside(results, groups, factor)}"
+
+
+def _beside(results: Results, groups: list[list[Point]], factor: str) -> str:
+    """The levels of the other factors in these groups; only what all of them share, if there is."""
+    study = results.study
+    heads = factor_heads(study)[len(factor_heads(study)) - len(study.factor_names) :]
+    shared = [
+        f"{head} {level_text(study, name, levels[0])}"
+        for head, name in zip(heads, study.factor_names, strict=True)
+        if name != factor
+        and (levels := [group[0].levels.get(name) for group in groups])
+        and all(level == levels[0] for level in levels)
+    ]
+    return ", ".join(shared) or f"{count(len(groups), 'combination')} of the other factors"

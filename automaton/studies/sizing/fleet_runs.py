@@ -26,10 +26,9 @@ from automaton.runs.task_metrics import TASK_METRICS
 from automaton.scenario.document import Override, keys_of, parse_setting
 from automaton.scenario.schema import Durations, Scenario
 from automaton.scenario.unavailable_metrics import warm_up_of
-from automaton.studies.sizing.candidates import FleetConfig, InfeasibleFleetError, Run
-from automaton.studies.sizing.follow_up import MOVES_LATE, PERCENTS_OFF
+from automaton.studies.sizing.fleet_search import FleetConfig, InfeasibleFleetError, Run
 from automaton.studies.sizing.question import Question, Target
-from automaton.studies.sizing.sizing_session import SizingSession
+from automaton.studies.sizing.sizing_session import MOVES_LATE, PERCENTS_OFF, SizingSession
 from automaton.studies.sweeps.run_keys import seed_of
 from automaton.units import Unit, unit
 

@@ -5,14 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from automaton.studies.inference.effects import Effect
-from automaton.studies.inference.intervals import Interval
-from automaton.studies.sizing.candidates import Candidate, lost_by_cause, mean_of
-from automaton.studies.sizing.fleet_search import Search
-from automaton.studies.sizing.follow_up import MarginalGain, SensitivityResult
+from automaton.studies.sizing.fleet_search import Candidate, Search, lost_by_cause, mean_of
 from automaton.studies.sizing.question import Question
 from automaton.studies.sizing.sizing_report import USES
-from automaton.studies.sizing.sizing_session import SizingSession
+from automaton.studies.sizing.sizing_session import MarginalGain, SensitivityResult, SizingSession
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -85,7 +81,7 @@ def as_json(session: SizingSession, name: str, seed: int, price: float) -> dict[
         "settled": session.settled,
         "price": place.robots * price if price and place is not None else None,
         "answers": [search_as_json(one, session) for one in session.searches],
-        "best": None if session.best is None else session.best._asdict(),
+        "best": plain(session.best),
         "sensitivity": [moved_as_json(moved, question) for moved in session.moved],
     }
 
@@ -115,8 +111,8 @@ def candidate_as_json(candidate: Candidate, question: Question) -> dict[str, Any
         "after": candidate.after,
         "excluded": candidate.excluded or None,
         "refused": candidate.refused or None,
-        "share": interval_as_json(share) if candidate.runs else None,
-        "mean": None if mean is None else interval_as_json(mean),
+        "share": plain(share) if candidate.runs else None,
+        "mean": plain(mean),
         "lost": lost_by_cause(candidate),
         "use": {
             what: mean_of(candidate, name)
@@ -126,27 +122,16 @@ def candidate_as_json(candidate: Candidate, question: Question) -> dict[str, Any
     }
 
 
-def interval_as_json(interval: Interval) -> dict[str, Any]:
-    """A metric with its interval."""
-    return interval._asdict()
-
-
 def gain_as_json(gain: MarginalGain) -> dict[str, Any]:
-    """What the last robot gains."""
-    return {
-        "robots": gain.robots,
-        "refused": gain.refused or None,
-        "effect": None if gain.effect is None else effect_as_json(gain.effect),
-    }
+    """What the last robot gains: a difference with its interval, and what pairing would do."""
+    return {"robots": gain.robots, "refused": gain.refused or None, "effect": plain(gain.effect)}
 
 
-def effect_as_json(effect: Effect) -> dict[str, Any]:
-    """A difference with its interval, and what pairing would do."""
-    return {
-        **effect._asdict(),
-        "difference": interval_as_json(effect.difference),
-        "relative": None if effect.relative is None else interval_as_json(effect.relative),
-    }
+def plain(value: Any) -> Any:
+    """Named tuples, within each other, as objects."""
+    if not hasattr(value, "_asdict"):
+        return value
+    return {name: plain(one) for name, one in value._asdict().items()}
 
 
 def moved_as_json(moved: SensitivityResult, question: Question) -> dict[str, Any]:

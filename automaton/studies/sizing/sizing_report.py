@@ -1,30 +1,38 @@
-"""The answer of `automaton size` as text: the question, the answer, and how it was found."""
+"""The answer of `automaton size` as text: the question, the answer, and how it was found.
+
+Candidates are drawn as intervals below each other, and as curves for PNG and SVG.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from typing import Final
 
 from rich.console import Console
-from rich.table import Table
 
+from automaton.runs.console_output import ConsoleBlock, print_blocks
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
-from automaton.runs.run_report import plain_table, print_table
+from automaton.runs.report_document import Curves, Line, Table
 from automaton.studies.inference.intervals import Interval
-from automaton.studies.sizing.candidates import Candidate, FleetConfig, lost_by_cause, mean_of
-from automaton.studies.sizing.fleet_search import Search
-from automaton.studies.sizing.follow_up import (
+from automaton.studies.sizing.fleet_search import (
+    Candidate,
+    FleetConfig,
+    Search,
+    lost_by_cause,
+    mean_of,
+)
+from automaton.studies.sizing.question import Question, shown
+from automaton.studies.sizing.sizing_session import (
     MOVES_LATE,
     PERCENTS_OFF,
     TRIAL_RUNS,
     MarginalGain,
     SensitivityResult,
+    SizingSession,
     StrategySelection,
     around,
 )
-from automaton.studies.sizing.question import Question, shown
-from automaton.studies.sizing.sizing_charts import picture
-from automaton.studies.sizing.sizing_session import SizingSession
 from automaton.units import count, number, percent
 
 USES = {
@@ -44,28 +52,27 @@ REPORT_WIDTH = 100  # a table of metrics is not text to be folded
 
 def print_answer(out: Console, session: SizingSession, name: str, ends: str, price: float) -> None:
     """Print everything. `ends`: when a run ends, in a sentence; `price` of a robot, or 0."""
+    out.width = max(out.width, REPORT_WIDTH)
+    print_blocks(out, answer_blocks(session, name, ends, price))
+
+
+def answer_blocks(
+    session: SizingSession, name: str, ends: str, price: float
+) -> Iterator[ConsoleBlock]:
+    """The question, the answer, each strategy's candidates, what follows, and how it was found."""
     question = session.question
     unit = question.target.in_unit(question.target.value)
     steady = f" after a warm-up of {count(question.warm_up, 'tick')}" if question.warm_up else ""
-    out.print(
-        f"{name}: how many robots so that {f'{question.target.text} {unit}'.strip()}{steady}?",
-        soft_wrap=True,
-    )
-    out.print()
-    for line in headline(session, price):
-        out.print(line, soft_wrap=True)
+    yield f"{name}: how many robots so that {f'{question.target.text} {unit}'.strip()}{steady}?"
+    yield ""
+    yield from headline(session, price)
     for search in session.searches:
-        out.print()
-        out.width = max(out.width, REPORT_WIDTH)
-        print_search(out, search, session, len(question.strategies) > 1)
+        yield ""
+        yield from search_blocks(search, session, len(question.strategies) > 1)
     for lines in (best_lines(session.best), moved_lines(session, question)):
-        if lines:
-            out.print()
-        for line in lines:
-            out.print(line, soft_wrap=True)
-    out.print()
-    for line in method(session, ends):
-        out.print(line, soft_wrap=True)
+        yield from ["", *lines] if lines else []
+    yield ""
+    yield from method(session, ends)
 
 
 def headline(session: SizingSession, price: float) -> Iterator[str]:
@@ -117,32 +124,29 @@ def unfinished(search: Search) -> str:
     return f"; {found.censored:,} of {count(len(found.runs), 'run')} did not finish"
 
 
-def print_search(out: Console, search: Search, session: SizingSession, several: bool) -> None:
+def search_blocks(search: Search, session: SizingSession, several: bool) -> Iterator[ConsoleBlock]:
     """The candidates of one strategy, one by one, and what the deciding one loses time with."""
     question = session.question
     if several:
-        out.print(label(search.strategy))
-    print_table(out, candidates_table(search, question))
+        yield label(search.strategy)
+    yield candidates_table(search, question)
     if any(len(one.runs) > one.after for one in search.candidates if one.after):
-        out.print(VERDICT_NOTE, soft_wrap=True)
+        yield VERDICT_NOTE
     for one in search.candidates:
         lacking = one.unmeasured(question.target.metric)
         if lacking:
             what = f"{count(lacking, 'run')} without {question.target.metric}, since nothing ended"
-            out.print(f"{one.place.robots}: {what}; such runs miss the target", soft_wrap=True)
-    for line in picture(search, question):
-        out.print(line, soft_wrap=True, highlight=False)
+            yield f"{one.place.robots}: {what}; such runs miss the target"
+    yield from picture(search, question)
     for one in search.candidates:
         if one.excluded:
-            out.print(f"{one.place.robots}: fails without a run, {one.excluded}", soft_wrap=True)
+            yield f"{one.place.robots}: fails without a run, {one.excluded}"
     shown_one = search.find(search.answer.robots or 0) or last_run(search)
     if shown_one is not None and shown_one.runs:
-        for line in spent_time(shown_one):
-            out.print(line, soft_wrap=True)
+        yield from spent_time(shown_one)
     gain = session.gains.get(search.strategy)
     if gain is not None:
-        for line in gain_lines(gain, question):
-            out.print(line, soft_wrap=True)
+        yield from gain_lines(gain, question)
 
 
 def last_run(search: Search) -> Candidate | None:
@@ -152,24 +156,24 @@ def last_run(search: Search) -> Candidate | None:
 
 def candidates_table(search: Search, question: Question) -> Table:
     """Robots, runs, how many met the target, the interval of the share, the mean, the verdict."""
-    level = percent(1 - question.alpha, 0)
-    table = plain_table(
-        "robots", "runs", "met", "unfinished", f"share, {level}", f"mean {question.target.metric}"
-    )
-    table.add_column("verdict", no_wrap=True)
+    rows = []
     for one in search.candidates:
         mean = one.mean(question.target.metric)
         verdict = "fails (bound)" if one.excluded else one.verdict
-        table.add_row(
-            str(one.place.robots),
-            f"{len(one.runs):,}",
-            f"{one.met(question):,}" if one.runs else "-",
-            f"{one.censored:,}" if one.runs else "-",
-            between(one.share(question)) if one.runs else "-",
-            "-" if mean is None else with_half(mean),
-            verdict + (f" after {one.after:,}" if one.after and verdict != "undecided" else ""),
+        rows.append(
+            [
+                str(one.place.robots),
+                f"{len(one.runs):,}",
+                f"{one.met(question):,}" if one.runs else "-",
+                f"{one.censored:,}" if one.runs else "-",
+                between(one.share(question)) if one.runs else "-",
+                "-" if mean is None else with_half(mean),
+                verdict + (f" after {one.after:,}" if one.after and verdict != "undecided" else ""),
+            ]
         )
-    return table
+    share = f"share, {percent(1 - question.alpha, 0)}"
+    heads = ("robots", "runs", "met", "unfinished", share, f"mean {question.target.metric}")
+    return Table((*heads, "verdict"), rows, left=0, also_left=(6,))
 
 
 def between(interval: Interval) -> str:
@@ -359,3 +363,101 @@ def method(session: SizingSession, ends: str) -> Iterator[str]:
         f"Assumed: runs with different seeds are independent; {demand}; durations and orders are as "
         "the scenario says."
     )
+
+
+CHART_WIDTH: Final = 61  # of a scale
+MARK_VALUE, MARK_INTERVAL, MARK_TARGET = "o", "-", "|"
+
+
+def picture(search: Search, question: Question) -> Iterator[str]:
+    """One line for each candidate that was run: its metric with its interval, and the ends of the
+    indifference zone."""
+    judged = [(one, judged_by(one, question)) for one in search.candidates if one.runs]
+    found = [(one, interval) for one, interval in judged if interval is not None]
+    if not found:
+        return
+    least, most = zone(question)
+    low, high = scale([interval for _, interval in found], question)
+    what = f"mean {question.target.metric}" if question.mean else "share"
+    confidence = percent(1 - question.alpha, 0)
+    yield f"robots  {what} with its {confidence} interval; {MARK_TARGET} indifference zone"
+    for one, interval in found:
+        line = drawn(interval, (least, most), low, high)
+        yield f"{one.place.robots:6}  {line.rstrip()}"
+    ends = (shown(low), shown(high)) if question.mean else (percent(low, 0), percent(high, 0))
+    yield f"        {ends[0]}{ends[1]:>{CHART_WIDTH - len(ends[0])}}"
+
+
+def judged_by(candidate: Candidate, question: Question) -> Interval | None:
+    """The metric that decides: the share of runs that meet the target, or their mean."""
+    return candidate.mean(question.target.metric) if question.mean else candidate.share(question)
+
+
+def zone(question: Question) -> tuple[float, float]:
+    """Between these either verdict may fall."""
+    centre = question.target.value if question.mean else question.success_share
+    return centre - question.indifference, centre + question.indifference
+
+
+def scale(intervals: list[Interval], question: Question) -> tuple[float, float]:
+    """The ends of the scale: those of a share, or what holds all means and the zone."""
+    if not question.mean:
+        return 0.0, 1.0
+    reached = [
+        end for one in intervals for end in (one.value, one.low, one.high) if end is not None
+    ]
+    return math.floor(min(*reached, *zone(question))), math.ceil(max(*reached, *zone(question)))
+
+
+def drawn(interval: Interval, marks: tuple[float, float], low: float, high: float) -> str:
+    """An interval on a scale from low to high."""
+
+    def column(value: float) -> int:
+        inside = min(max((value - low) / (high - low), 0.0), 1.0)
+        return round(inside * (CHART_WIDTH - 1))
+
+    cells = [" "] * CHART_WIDTH
+    if interval.low is not None and interval.high is not None:
+        for at in range(column(interval.low), column(interval.high) + 1):
+            cells[at] = MARK_INTERVAL
+    for mark in marks:
+        cells[column(mark)] = MARK_TARGET
+    cells[column(interval.value)] = MARK_VALUE
+    return "".join(cells)
+
+
+def curves(session: SizingSession) -> list[Curves]:
+    """The share of runs that meet the target over the robots, and the mean of its metric."""
+    question = session.question
+    metric, ends = question.target.metric, [float(question.first), float(question.last)]
+    shares = [strategy_line(search, question, False) for search in session.searches]
+    means = [strategy_line(search, question, True) for search in session.searches]
+    wanted = (
+        []
+        if question.mean
+        else [level(f"wanted {percent(question.success_share, 0)}", ends, question.success_share)]
+    )
+    target = level(f"target {shown(question.target.value)}", ends, question.target.value)
+    return [
+        Curves(f"share of runs with {question.target.text}", "robots", "share", [*shares, *wanted]),
+        Curves(f"mean {metric} by robots", "robots", question.target.unit, [*means, target]),
+    ]
+
+
+def strategy_line(search: Search, question: Question, mean: bool) -> Line:
+    """The candidates of one strategy that were run."""
+    found: list[tuple[int, Interval]] = []
+    for one in search.candidates:
+        interval = one.mean(question.target.metric) if mean else one.share(question)
+        if one.runs and interval is not None:
+            found.append((one.place.robots, interval))
+    name = search.strategy.partition("=")[2]
+    value = [one.value for _, one in found]
+    low = [one.value if one.low is None else one.low for _, one in found]
+    high = [one.value if one.high is None else one.high for _, one in found]
+    return Line(name, [float(robots) for robots, _ in found], value, low, high)
+
+
+def level(name: str, ends: list[float], value: float) -> Line:
+    """A horizontal line."""
+    return Line(name, ends, [value] * 2, [value] * 2, [value] * 2)

@@ -1,19 +1,30 @@
-"""Backends that carry out the runs of a sweep: spawned processes, or an executor of the caller.
+"""Backends that carry out the runs of a sweep: spawned processes, an executor of the caller, a cluster.
 
 A backend takes chunks and returns futures. When a worker dies, the futures that are under way break;
 the backend is restarted, and each of their runs is tried once more, in a process of its own while no
 other process works.
+
+On a Dask cluster the scheduler spreads chunks over its workers, on any machines. Few futures are held
+at a time, and each is dropped when it is done: of what a lost worker had finished nothing is computed
+again, only what was under way. Workers tell the beginning of each chunk, so that a second one is
+noticed.
 """
 
 from __future__ import annotations
 
-import multiprocessing
+import contextlib
+import json
+import logging
+import threading
+import time
+import uuid
 from collections.abc import Callable
-from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
-from typing import Any, Protocol
+from concurrent.futures import BrokenExecutor, Executor, Future
+from pathlib import Path
+from typing import Any, Final, Protocol
 
 from automaton.errors import InputError
-from automaton.runs.process_pool import children_ignore_interrupts, cores, init_worker
+from automaton.runs.process_pool import Workers, cores
 from automaton.studies.sweeps.sweep_runs import Chunk, Row, run_chunk
 
 MAX_WORKERS = 1024
@@ -58,65 +69,42 @@ class LocalPool:
     def __init__(self, workers: int | None = None) -> None:
         self.workers = cores() if workers is None else workers
         self.repeated = 0
-        self._all: list[ProcessPoolExecutor] = []
-        self._pool = self._started(self.workers)
+        self._pool = Workers(self.workers)
         # for runs that are tried alone; its process starts with the first of them
-        self._isolation_pool = self._started(1)
+        self._isolation_pool = Workers(1)
 
     @property
     def max_in_flight(self) -> int:
         return self.workers + 1 + self.workers // 4
 
     def submit(self, chunk: Chunk) -> FutureLike:
-        with children_ignore_interrupts():
-            return self._pool.submit(run_chunk, chunk)
+        return self._pool.submit(run_chunk, chunk)
 
     def submit_alone(self, chunk: Chunk) -> FutureLike:
-        with children_ignore_interrupts():
-            try:
-                return self._isolation_pool.submit(run_chunk, chunk)
-            except BrokenExecutor:  # by the run before, or since its process had nothing to do
-                self._isolation_pool = self._replace_pool(self._isolation_pool, 1)
-                return self._isolation_pool.submit(run_chunk, chunk)
+        try:
+            return self._isolation_pool.submit(run_chunk, chunk)
+        except BrokenExecutor:  # by the run before, or since its process had nothing to do
+            self._renew_isolation()
+            return self._isolation_pool.submit(run_chunk, chunk)
 
     def is_worker_lost(self, error: BaseException) -> bool:
         return isinstance(error, BrokenExecutor)
 
     def can_start(self) -> bool:
-        self._isolation_pool = self._replace_pool(self._isolation_pool, 1)
-        with children_ignore_interrupts():
-            future = self._isolation_pool.submit(int)
-        return future.exception() is None
+        self._renew_isolation()
+        return self._isolation_pool.submit(int).exception() is None
 
     def restart(self) -> None:
-        self._pool = self._replace_pool(self._pool, self.workers)
+        self._pool.end(now=True)
+        self._pool = Workers(self.workers)
 
-    def _replace_pool(self, broken: ProcessPoolExecutor, workers: int) -> ProcessPoolExecutor:
-        """Return a new pool for a broken one, once all its processes have ended and their memory is
-        free.
-        """
-        self._all.remove(broken)
-        processes = list((broken._processes or {}).values())
-        broken.shutdown(wait=False)
-        for process in processes:
-            process.kill()  # at once: it heeds a SIGTERM late, or after a long run
-            process.join(5)
-        return self._started(workers)
+    def _renew_isolation(self) -> None:
+        self._isolation_pool.end(now=True)
+        self._isolation_pool = Workers(1)
 
     def close(self, now: bool) -> None:
-        processes = [process for pool in self._all for process in (pool._processes or {}).values()]
-        for process in processes if now else ():
-            process.kill()
-        for pool in self._all:  # they stay there, as Ctrl-C may come while we wait for them
-            pool.shutdown(wait=not now, cancel_futures=True)
-        for process in processes:
-            process.join(5)
-
-    def _started(self, workers: int) -> ProcessPoolExecutor:
-        context = multiprocessing.get_context("spawn")
-        pool = ProcessPoolExecutor(workers, mp_context=context, initializer=init_worker)
-        self._all.append(pool)
-        return pool
+        self._pool.end(now)
+        self._isolation_pool.end(now)
 
 
 class ExternalExecutor:
@@ -152,3 +140,114 @@ class ExternalExecutor:
         """Leave it as it is, but for the chunks that nobody waits for any more."""
         for future in list(self.under_way):
             future.cancel()
+
+
+CHUNK_BEGUN_TOPIC: Final = "automaton: chunk begun"  # a topic of the scheduler's
+SCHEDULER_TIMEOUT_S: Final = 10  # for a scheduler to answer
+ADDRESS_FILE_TRIES: Final = 10  # at a file of a scheduler until it is whole,
+ADDRESS_FILE_RETRY_S: Final = 0.1  # and what is between them
+WORKER_POLL_S: Final = 1.0  # between two looks at how many workers there are
+
+
+class DaskCluster:
+    """The workers of a Dask scheduler, by its address or the file that it has written.
+
+    Raises InputError if it cannot be reached.
+    """
+
+    def __init__(self, address: str) -> None:
+        try:
+            from distributed import Client, KilledWorker
+        except ImportError as error:
+            raise InputError(
+                f"--scheduler needs Dask, which cannot be imported ({error}): "
+                "pip install 'fleet-automaton[cluster]'"
+            ) from None
+        where = address if "://" in address else address_in(address)
+        try:
+            self._client: Any = Client(where, timeout=SCHEDULER_TIMEOUT_S, set_as_default=False)
+        except (OSError, ValueError, TimeoutError) as error:
+            why = str(error) or type(error).__name__
+            raise InputError(f"no Dask scheduler answers at {address}: {why}") from None
+        logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # we say it ourselves
+        self._killed = KilledWorker
+        self._topic = f"{CHUNK_BEGUN_TOPIC} {uuid.uuid4().hex}"
+        self._lock = threading.Lock()
+        self._under_way: dict[int, tuple[int, int]] = {}  # chunk -> its runs, times begun
+        self._looked = 0.0
+        self._threads = 1
+        self.repeated = 0
+        self._client.subscribe_topic(self._topic, self._begun)
+
+    @property
+    def max_in_flight(self) -> int:
+        threads = self._threads_now()
+        return threads + 1 + threads // 4
+
+    def _threads_now(self) -> int:
+        if time.monotonic() - self._looked > WORKER_POLL_S:
+            self._looked = time.monotonic()
+            workers = self._client.scheduler_info(n_workers=-1)["workers"].values()
+            self._threads = max(1, sum(worker["nthreads"] for worker in workers))
+        return self._threads
+
+    def submit(self, chunk: Chunk) -> Any:
+        with self._lock:
+            self._under_way[chunk.number] = (len(chunk.runs), 0)
+        key = f"automaton-{chunk.number}-{uuid.uuid4().hex}"
+        future = self._client.submit(run_and_tell, chunk, self._topic, key=key, pure=False)
+        future.add_done_callback(lambda done: self._over(chunk.number))
+        return future
+
+    submit_alone = submit
+
+    def is_worker_lost(self, error: BaseException) -> bool:
+        return isinstance(error, self._killed)
+
+    def can_start(self) -> bool:
+        return True
+
+    def restart(self) -> None:
+        """The scheduler has gone on already."""
+
+    def close(self, now: bool) -> None:
+        with contextlib.suppress(Exception):  # a scheduler that is gone is closed
+            self._client.close(timeout=5)
+
+    def _begun(self, event: Any) -> None:
+        _, number = event
+        with self._lock:
+            if number in self._under_way:
+                runs, times = self._under_way[number]
+                self._under_way[number] = (runs, times + 1)
+                self.repeated += runs if times else 0
+
+    def _over(self, number: int) -> None:
+        with self._lock:
+            self._under_way.pop(number, None)
+
+
+def address_in(file: str) -> str:
+    """The address in a file of a scheduler, which may just be writing it. Raises InputError."""
+    if not Path(file).is_file():
+        raise InputError(
+            "is not an address, such as tcp://host:8786, and no file of a scheduler", file
+        )
+    for _ in range(ADDRESS_FILE_TRIES):
+        try:
+            found = json.loads(Path(file).read_bytes())["address"]
+        except OSError as error:
+            raise InputError(f"cannot be read: {error.strerror or error}", file) from None
+        except (ValueError, KeyError, TypeError):
+            time.sleep(ADDRESS_FILE_RETRY_S)
+        else:
+            return str(found)
+    raise InputError("is not a file of a Dask scheduler: it names no address", file)
+
+
+def run_and_tell(chunk: Chunk, topic: str) -> list[Row]:
+    """What a worker of a cluster does with a chunk."""
+    from distributed import get_worker
+
+    get_worker().log_event(topic, chunk.number)
+    return run_chunk(chunk)

@@ -35,7 +35,7 @@ from automaton.studies.sweeps.result_store import (
     read_rows,
 )
 from automaton.studies.sweeps.run_keys import MANIFEST, Manifest, Run, manifest_json
-from automaton.studies.sweeps.study_copies import Copies
+from automaton.studies.sweeps.sweep_plan import Copies
 from automaton.studies.sweeps.sweep_runs import Row, blank, reason
 from automaton.units import count
 

@@ -18,6 +18,7 @@ from msgspec import Meta
 from automaton.errors import InputError, nearest
 from automaton.scenario.document import Document, parse
 from automaton.scenario.reading import SHIPPED_FOLDER, STUDY_KEYS, read_text, shipped
+from automaton.scenario.scenario_schema import REFERENCE
 from automaton.scenario.schema import ConfigSection, NonEmptyText, SingleLine
 from automaton.scenario.validation import shown, validated
 from automaton.studies.sweeps.result_columns import check_factor, column_type
@@ -340,3 +341,16 @@ def _check_baseline(document: Document, study: Study, analysis: Analysis) -> Non
 def _same(one: Any, other: Any) -> bool:
     # In Python 1 == True == 1.0.
     return bool(one == other) and isinstance(one, bool) == isinstance(other, bool)
+
+
+def study_schema() -> dict[str, Any]:
+    """A JSON Schema (2020-12) for editors and other programs."""
+    (reference,), definitions = msgspec.json.schema_components((Study,), ref_template=REFERENCE)
+    mapping = definitions["Study"]["properties"]["factors"]["anyOf"][0]
+    mapping["additionalProperties"] = {"type": "array", "minItems": 1}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "automaton study",
+        **reference,
+        "$defs": definitions,
+    }

@@ -1,8 +1,12 @@
-"""One sweep into a folder: begun, or gone on with if the code and the study are the same."""
+"""One sweep into a folder: begun, or gone on with if the code and the study are the same.
+
+A forecast says what it would take: its runs, the time by a few pilot runs, and room on the disk.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -10,7 +14,8 @@ from typing import NamedTuple
 import msgspec
 
 from automaton.errors import InputError
-from automaton.runs.headless import attribute_strategy_errors
+from automaton.runs.headless import WINDOW_TICKS, Marks, attribute_strategy_errors
+from automaton.runs.metrics import counted
 from automaton.runs.simulation import Simulation
 from automaton.studies.sweeps.coordinator import Coordinator, OnRows, SweepTally
 from automaton.studies.sweeps.pools import Backend
@@ -24,8 +29,8 @@ from automaton.studies.sweeps.result_writing import (
 )
 from automaton.studies.sweeps.run_keys import Manifest, changed_sources, declared_by, read_manifest
 from automaton.studies.sweeps.study import Point
-from automaton.studies.sweeps.study_copies import Copies
-from automaton.studies.sweeps.sweep_plan import SweepPlan, describe_point
+from automaton.studies.sweeps.sweep_plan import Copies, SweepPlan, describe_point
+from automaton.studies.sweeps.sweep_runs import Row, figures_of
 from automaton.units import count
 
 ADVICE = (
@@ -190,3 +195,102 @@ def warm(plan: SweepPlan, patience: float | None = None) -> None:
             # Rows will say what a strategy raises.
             with contextlib.suppress(Exception), attribute_strategy_errors(resolved):
                 Simulation(resolved, patience=patience)
+
+
+PILOTS = 8  # points that are tried, spread over the design
+BUDGET_S = 10.0  # for all pilot runs
+TEXT_BYTES = 120  # of a row's words
+NUMBER_BYTES = 8
+
+
+class Forecast(NamedTuple):
+    """What is to be done, and what it will take."""
+
+    runs: int
+    done: int
+    pilots: int
+    run_s: float  # seconds of a run on one core, on average
+    least_s: float
+    most_s: float
+    cut: bool  # pilot runs were cut off: the time is at least that
+    workers: int
+    bytes: int  # on the disk, at most
+
+    @property
+    def wall_s(self) -> float:
+        """Seconds until the sweep is done."""
+        return (self.runs - self.done) * self.run_s / self.workers
+
+
+def forecast(
+    plan: SweepPlan,
+    folder: Path | None,
+    workers: int,
+    retry_failed: bool = False,
+    recompute: bool = False,
+) -> Forecast:
+    """Run a few points once, in this process, and reckon. Nothing is written.
+
+    `retry_failed`: runs that failed are done again, too; `recompute`: of another study's results
+    those count that are of this one. Raises InputError for a strategy that raises.
+    """
+    done = done_in(folder, plan, retry_failed, recompute) if folder is not None else 0
+    warm(plan)
+    number = len(plan.scenarios)
+    chosen = sorted({index * (number - 1) // max(1, PILOTS - 1) for index in range(PILOTS)})
+    pilots: list[tuple[float, bool, int]] = []
+    for point in chosen[: max(1, number)]:
+        left = BUDGET_S - sum(seconds for seconds, *_ in pilots)
+        if left <= 0:
+            break
+        pilots.append(pilot(plan, point, max(left / 2, BUDGET_S / PILOTS)))
+    times = [seconds for seconds, *_ in pilots]
+    return Forecast(
+        runs=plan.study.runs,
+        done=done,
+        pilots=len(pilots),
+        run_s=sum(times) / len(times),
+        least_s=min(times),
+        most_s=max(times),
+        cut=any(cut for _, cut, _ in pilots),
+        workers=workers,
+        bytes=(plan.study.runs - done) * max(size for *_, size in pilots),
+    )
+
+
+def done_in(folder: Path, plan: SweepPlan, retry_failed: bool, recompute: bool = False) -> int:
+    """Runs of a plan that a folder holds, without those that are tried again."""
+    before = read_manifest(folder)
+    if before is None or (not recompute and difference(before, plan.manifest)):
+        return 0
+    return len(Store(folder, plan.manifest).keys(with_failed=not retry_failed))
+
+
+def pilot(plan: SweepPlan, point: int, budget: float) -> tuple[float, bool, int]:
+    """Seconds of a run, whether it was cut off and reckoned from its beginning, bytes of its row."""
+    resolved = plan.scenarios[point]
+    limit = resolved.scenario.stop.max_duration
+    begun = time.perf_counter()
+    with attribute_strategy_errors(resolved):
+        simulation = Simulation(resolved)
+        while not simulation.finished and simulation.tick < limit:
+            simulation.run(min(simulation.tick + WINDOW_TICKS, limit))
+            if time.perf_counter() - begun > budget:
+                break
+    seconds = time.perf_counter() - begun
+    window, stretch = plan.manifest.points[point].windows
+    stretches = (
+        [counted(simulation)] * ((limit - 1) // stretch) if stretch else []
+    )  # of a whole run
+    row = figures_of(simulation, window, Marks(None, stretches))
+    cut = not simulation.finished and simulation.tick < limit
+    if cut and resolved.scenario.stop.when == "never":
+        return seconds * limit / simulation.tick, False, row_bytes(plan, row)
+    return seconds, cut, row_bytes(plan, row)
+
+
+def row_bytes(plan: SweepPlan, row: Row) -> int:
+    """Bytes of a row that is not compressed at all."""
+    numbers = len(row["metrics"]) + len(plan.study.factor_names) + len(row.get("series") or ())
+    numbers += sum(map(len, row.get("sums", {}).values()))
+    return TEXT_BYTES + NUMBER_BYTES * (numbers + 8)

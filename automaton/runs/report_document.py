@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -34,11 +35,21 @@ class Listed:
 
 @dataclass(frozen=True)
 class Table:
-    """A table of texts; the first `left` columns are aligned left."""
+    """A table of texts; the first `left` columns are aligned left.
+
+    On a console there are `gap` blanks between columns, and the last one may be text that is folded.
+    """
 
     head: Sequence[str]
     rows: Sequence[Sequence[str]]
     left: int = 1
+    also_left: Sequence[int] = ()  # further columns
+    gap: int = 2
+    folded: bool = False
+
+    def is_left(self, column: int) -> bool:
+        """Whether a column is aligned left."""
+        return column < self.left or column in self.also_left
 
 
 @dataclass(frozen=True)
@@ -60,6 +71,17 @@ class Curves:
     x_label: str
     y_label: str
     lines: Sequence[Line]
+
+    @property
+    def x(self) -> list[float]:
+        """All x, each once, in order."""
+        return sorted({x for line in self.lines for x in line.x})
+
+    @property
+    def values(self) -> list[float]:
+        """All values and ends of intervals that are numbers: what a scale must hold."""
+        ends = (end for line in self.lines for end in (line.low, line.high, line.value))
+        return [value for several in ends for value in several if math.isfinite(value)]
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,0 @@
-"""Grzejszczak & Nocoń: a table-top warehouse."""

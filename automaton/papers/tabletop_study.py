@@ -1,0 +1,332 @@
+"""Table 3 of Grzejszczak & Nocoń: two warehouses, two strategies, one to five robots.
+
+T. Grzejszczak, W. Nocoń: Cooperative and individual planning strategies for autonomous robots in
+warehouse parcel transportation. The figures are the printed ones; those of empty runs (Figure 11)
+are lost, so E_U has no printed figure, and its definition is open: all three readings are reported.
+
+A claim about "less" is a difference above zero, one with a number is compared with that number. Where
+a word needs a range ("the same", "rapidly"), the range is ours and the figure says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise, product
+from typing import Final
+
+from automaton.engine.state import ACTION_PICK
+from automaton.errors import InputError
+from automaton.papers.claims import Claim, Figure, Quantity, above, below, claim, least, mean_of
+from automaton.papers.reproduction_study import (
+    Key,
+    Label,
+    Reproduction,
+    ScenarioCase,
+    Table,
+    scenario_runs,
+)
+from automaton.runs.process_pool import run_and_measure
+from automaton.runs.simulation import Simulation
+from automaton.strategy import lookup
+
+CONFIGURATIONS: Final = (1, 2)
+INDEPENDENT: Final = "independent"
+COOPERATIVE: Final = "cooperative"
+STRATEGIES: Final = (INDEPENDENT, COOPERATIVE)
+ROBOTS: Final = (1, 2, 3, 4, 5)
+
+# (configuration, strategy): one figure for each number of robots, as printed.
+T_TOTAL: Final = {
+    (1, INDEPENDENT): (5145, 3441, 3000, 2756, 2820),
+    (1, COOPERATIVE): (4621, 2961, 2364, 1853, 1957),
+    (2, INDEPENDENT): (5657, 3776, 3285, 3172, 3134),
+    (2, COOPERATIVE): (9436, 4670, 3764, 2944, 2736),
+}
+T_R: Final = {
+    (1, INDEPENDENT): (1156, 867, 887, 906, 1198),
+    (1, COOPERATIVE): (1130, 834, 593, 531, 671),
+    (2, INDEPENDENT): (1443, 966, 873, 875, 1041),
+    (2, COOPERATIVE): (1848, 1097, 864, 708, 787),
+}
+T_R_TOTAL: Final = {
+    (1, INDEPENDENT): (1156, 1734, 2661, 3624, 5990),
+    (1, COOPERATIVE): (1130, 1668, 1779, 2124, 3355),
+    (2, INDEPENDENT): (1443, 1932, 2619, 3500, 5205),
+    (2, COOPERATIVE): (1848, 2194, 2592, 2832, 3935),
+}
+TABLE_3: Final = {"T_total": T_TOTAL, "T_R": T_R, "T_Rtotal": T_R_TOTAL}
+
+REMARKS: Final = (
+    "T_Rtotal is N times T_R in every printed cell, to the unit: it was computed from a rounded "
+    "T_R and is no figure of its own.",
+    "The text credits the independent strategy with the shorter T_total for few robots in "
+    "configuration 1; the table shows that for configuration 2, and the opposite for 1.",
+    "The text has independent robots finish earlier with five robots in configuration 2; the "
+    "table has them finish later, there and in configuration 1.",
+    "The reduction of 30 % at four robots is 32.8 % in the table.",
+    "Cooperation is said to need four robots before its T_Rtotal is the smaller one in "
+    "configuration 2; in the table three are enough.",
+    "The floor's printed size leaves no column for the destinations, and configuration 2 has 6 "
+    "destinations beside 7 rows.",
+    "After a wait the pseudo-code always plans anew, the text only if the cell is still held; "
+    "without a withdrawal neither resolves a head-on meeting.",
+    "Nothing says when a robot begins to withdraw, nor what ends the search for a free shelf to "
+    "the right (x_a + 2).",
+    "Empty runs are introduced as moves without cargo and then discussed as cycles and as time.",
+    "Unexplained by any reading tried: T_Rtotal at five robots in configuration 1 (5990 and "
+    "3355), and the cooperative T_total that rises there from four robots to five.",
+)
+
+
+def cases(strategies: Sequence[str]) -> list[ScenarioCase]:
+    """The cells of the table for these allocation strategies. Raises InputError."""
+    for strategy in strategies:
+        try:
+            lookup.load("allocation", strategy)
+        except InputError as error:
+            raise InputError(f"--strategies: {error}") from error
+    return [
+        ScenarioCase(
+            labels={"configuration": configuration, "strategy": strategy, "robots": robots},
+            scenario=f"tabletop-{configuration}",
+            overrides=(f"fleet.robots={robots}", f"strategy.allocation={strategy}"),
+        )
+        for configuration in CONFIGURATIONS
+        for strategy in strategies
+        for robots in ROBOTS
+    ]
+
+
+def sixth(strategies: Sequence[str]) -> list[ScenarioCase]:
+    """Six cooperative robots in configuration 1, which the publication did not run."""
+    overrides = "fleet.robots=6", f"strategy.allocation={COOPERATIVE}"
+    labels: dict[str, Label] = {"configuration": 1, "strategy": COOPERATIVE, "robots": 6}
+    return [ScenarioCase(labels, "tabletop-1", overrides)] if COOPERATIVE in strategies else []
+
+
+def with_least_busy(simulation: Simulation) -> dict[str, float | int]:
+    """A run to its end: how often its least busy robot picked up something, and whether it never did."""
+    figures = run_and_measure(simulation)
+    least = int(simulation.world.tally.operations[:, ACTION_PICK].sum(1).min())
+    return figures | {"least_picks": least, "sixth_idle": float(least == 0)}
+
+
+def published(key: Key, metric: str) -> float | None:
+    """The printed figure of (configuration, strategy, robots); None where there is none."""
+    configuration, strategy, robots = key
+    table = TABLE_3.get(metric, {})
+    line = table.get((int(configuration), str(strategy)))
+    return None if line is None or robots not in ROBOTS else line[ROBOTS.index(int(robots))]
+
+
+E_U: Final = {
+    "E_U_moves": "moves",
+    "E_U_operations": "operations",
+    "E_U_cycles": "cycles",
+}
+
+SAME: Final = 0.02  # shares this close count as the same
+FROM_TWO: Final = "from 2 robots on, for one alone meets nobody; the paper names no first number"
+
+
+def saved(name: str, configuration: int, robots: int) -> Quantity:
+    """How much less cooperative robots need than independent ones."""
+    alone, together = (mean_of(name, configuration, strategy, robots) for strategy in STRATEGIES)
+    return alone - together
+
+
+def rises(name: str, configuration: int, strategy: str) -> list[Quantity]:
+    """What each robot after the first adds to a metric."""
+    by_robots = [mean_of(name, configuration, strategy, robots) for robots in ROBOTS]
+    return [after - before for before, after in pairwise(by_robots)]
+
+
+def congestion(configuration: int, strategy: str, robots: int) -> Quantity:
+    """Robot cycles that a fleet takes beyond those of a lone robot, as a share of these."""
+    alone = mean_of("T_total", configuration, strategy, 1)
+    return robots * mean_of("T_total", configuration, strategy, robots) / alone - 1
+
+
+def later_congestion(configuration: int, strategy: str) -> Quantity:
+    """Rise of the congestion from two robots to five."""
+    return congestion(configuration, strategy, 5) - congestion(configuration, strategy, 2)
+
+
+def signed(
+    name: str, configuration: int, fewer: tuple[int, ...] = (), more: tuple[int, ...] = ()
+) -> Iterator[Figure]:
+    """Cooperation needs less than independence for these `fewer` N, and more for these `more` N."""
+    for robots in sorted((*fewer, *more)):
+        label = f"{name} saved by cooperation, N = {robots}"
+        yield (above if robots in fewer else below)(label, saved(name, configuration, robots))
+
+
+def by_curve(what: str, make: Callable[[int, str], Quantity]) -> Iterator[Figure]:
+    """A figure for each strategy and configuration, which must be above zero."""
+    for c, s in product(CONFIGURATIONS, STRATEGIES):
+        yield above(f"{what}, {s}, cfg {c}", make(c, s))
+
+
+def empty_runs() -> Iterator[Claim]:
+    """The claims about empty runs, by each reading of their definition."""
+    same = "read as within 2 points, for Figure 11 is lost"
+    for name, reading in E_U.items():
+        yield claim(
+            f"Configuration 2: cooperative robots run empty less at every N (E_U by {reading})",
+            *(above(f"less by, N = {n}", saved(name, 2, n), unit="points") for n in ROBOTS),
+        )
+        yield claim(
+            f"Configuration 1: empty runs are the same with 3 to 5 robots (E_U by {reading})",
+            *(
+                Figure(f"less by, N = {n}", saved(name, 1, n), -SAME, SAME, unit="points", why=same)
+                for n in ROBOTS[2:]
+            ),
+        )
+
+
+CLAIMS: Final = (
+    claim(
+        "Configuration 1: cooperation cuts T_total by 30 % with 4 robots",
+        Figure(
+            "cut",
+            saved("T_total", 1, 4) / mean_of("T_total", 1, INDEPENDENT, 4),
+            at_least=0.3,
+            unit="%",
+            why="as the text says",
+        ),
+        source="In the optimal case of 4 robots in Configuration 1, the cooperative strategy resulted "
+        "in a 30% decrease of the time needed for the completion of the whole task.",
+    ),
+    claim(
+        "Configuration 1: cooperation shortens T_total at every N",
+        *signed("T_total", 1, fewer=ROBOTS),
+    ),
+    claim(
+        "Configuration 1: 4 cooperative robots are the optimum, a fifth makes T_total longer",
+        above("change by the fifth", rises("T_total", 1, COOPERATIVE)[-1]),
+    ),
+    claim(
+        "Each robot added shortens T_total by less than the one before",
+        *by_curve(
+            "smallest drop of the gain",
+            lambda c, s: least(b - a for a, b in pairwise(rises("T_total", c, s))),
+        ),
+    ),
+    claim(
+        "Congestion grows faster in configuration 2 (from 2 robots to 5)",
+        *(
+            above(
+                f"more than in configuration 1, {s}",
+                later_congestion(2, s) - later_congestion(1, s),
+                unit="points",
+                why=FROM_TWO,
+            )
+            for s in STRATEGIES
+        ),
+        source="However, the greater the number of robots, the smaller the gain from addition of "
+        "another robot. This congestion effect increases faster with the number of robots in "
+        "Configuration 2, where for 5 robots T_total time is smaller if robots work in the "
+        "independent mode.",
+    ),
+    claim(
+        "Configuration 1: a sixth cooperative robot stays idle for good",
+        Figure(
+            "runs in which one of six never picks anything up",
+            mean_of("sixth_idle", 1, COOPERATIVE, 6),
+            at_least=1,
+            unit="%",
+        ),
+        source="because in Configuration 1 only 5 corridors are available for the robots working in a "
+        "cooperative mode, a greater number of robots was not tested, as it would result in a "
+        "permanent inactivity of the \u201csixth\u201d robot.",
+    ),
+    claim(
+        "Configuration 1: few robots (N = 1) finish earlier if independent",
+        *signed("T_total", 1, more=(1,)),
+    ),
+    claim(
+        "The same read for configuration 2, few robots: N = 1 and 2",
+        *signed("T_total", 2, more=(1, 2)),
+    ),
+    claim(
+        "Configuration 2: with many robots (N = 4 and 5) cooperation finishes earlier",
+        *signed("T_total", 2, fewer=(4, 5)),
+    ),
+    claim(
+        "Configuration 2: the crossover lies between 3 and 4 robots",
+        *signed("T_total", 2, fewer=(4,), more=(3,)),
+    ),
+    claim(
+        "Configuration 2: 5 independent robots finish before 5 cooperative ones",
+        *signed("T_total", 2, more=(5,)),
+    ),
+    claim(
+        "T_R of independent robots has an optimum: it is higher with 5 than with some fewer",
+        *(
+            above(
+                f"above the least, cfg {c}",
+                mean_of("T_R", c, INDEPENDENT, 5)
+                - least(mean_of("T_R", c, INDEPENDENT, robots) for robots in ROBOTS[:-1]),
+            )
+            for c in CONFIGURATIONS
+        ),
+    ),
+    claim(
+        "Configuration 1: T_R of independent robots rises rapidly from 2 robots to 5",
+        Figure(
+            "rise",
+            mean_of("T_R", 1, INDEPENDENT, 5) / mean_of("T_R", 1, INDEPENDENT, 2) - 1,
+            at_least=0.25,
+            unit="%",
+            why="`rapidly`, read as by a quarter",
+        ),
+        source="Configuration 1 also seems to be unfavorable for the independent strategy, as the "
+        "average robot cycles usage increases rapidly with the number of robots.",
+    ),
+    claim(
+        "T_Rtotal rises with every robot added",
+        *by_curve("smallest rise", lambda c, s: least(rises("T_Rtotal", c, s))),
+    ),
+    claim(
+        "T_Rtotal rises faster for independent robots (from 1 robot to 5)",
+        *(
+            above(
+                f"difference of the rises, cfg {c}",
+                saved("T_Rtotal", c, 5) - saved("T_Rtotal", c, 1),
+            )
+            for c in CONFIGURATIONS
+        ),
+    ),
+    claim(
+        "Configuration 2: cooperation needs 4 robots to have the smaller T_Rtotal",
+        *signed("T_Rtotal", 2, fewer=(4, 5), more=(1, 2, 3)),
+    ),
+    *empty_runs(),
+)
+
+REPRODUCTION: Final = Reproduction(
+    name="tabletop",
+    title="Table-top warehouse, Table 3",
+    source="Grzejszczak & Nocoń, Cooperative and individual planning strategies for autonomous "
+    "robots in warehouse parcel transportation",
+    strategies=STRATEGIES,
+    tables=(
+        Table(
+            cases=cases,
+            panels=(("T_total", "T_R", "T_Rtotal"), tuple(E_U)),
+            published=published,
+            shares=tuple(E_U),
+        ),
+        Table(
+            title="A sixth robot, which has no alley of its own",
+            cases=sixth,
+            panels=(("T_total", "T_R", "least_picks", "sixth_idle"),),
+            published=published,
+            run=scenario_runs(with_least_busy),
+            shares=("sixth_idle",),
+        ),
+    ),
+    averaged=("T_total", "T_Rtotal"),
+    claims=CLAIMS,
+    remarks=REMARKS,
+)

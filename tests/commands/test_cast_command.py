@@ -27,6 +27,7 @@ from automaton.runs.simulation import Simulation
 from automaton.units import unit
 from tui.cast.asciicast import schedule
 from tui.cast.film_status import Status
+from tui.playback.laid_over import Overlays
 from tui.playback.run_source import floor_of
 from tui.render.camera import Camera
 from tui.render.compose import compose
@@ -70,7 +71,8 @@ def snapshots_at(*ticks: int, robot: int = NIL, layer: str = "") -> list[Snapsho
     simulation = Simulation(resolve("crossing"), 1, on_observe=Simulation.empty_observation)
     for tick in ticks:
         simulation.run(until=tick)
-        found.append(take_snapshot(simulation, robot, layer))
+        bare = take_snapshot(simulation, robot, layer)
+        found.append(Overlays().laid_over(bare, simulation, layer, playing=False))
     return found
 
 

@@ -11,17 +11,17 @@ def pans(name: str, rows: int, columns: int) -> None:
     """An action that moves the map in these directions, and lets the followed robot go."""
 
     async def action(user: Watched) -> None:
-        camera = user.app.pictures.camera
+        camera = user.session.pictures.camera
         while camera.zoom is not camera.ladder[0]:
             camera.zoom_in()
-        user.app.pictures.resize = lambda rows, columns: None  # type: ignore[method-assign]
+        user.session.pictures.resize = lambda rows, columns: None  # type: ignore[method-assign]
         camera.resize(3, 20)  # so that there is something beside what is seen
         camera.centre_on(camera.floor_plan.cell(6, 3))
-        user.app.choice.robot, user.app.choice.following = 0, True
+        user.session.choice.robot, user.session.choice.following = 0, True
         top, left = camera.top, camera.left
         await press(user, name)
         assert np.sign(camera.top - top) == rows and np.sign(camera.left - left) == columns
-        assert not user.app.choice.following
+        assert not user.session.choice.following
 
     CHECKS[name] = action
 
@@ -35,12 +35,12 @@ def zooms(name: str, start: int, end: int) -> None:
     """An action that goes from one step of the ladder to another."""
 
     async def action(user: Watched) -> None:
-        camera = user.app.pictures.camera
+        camera = user.session.pictures.camera
         camera.zoom = camera.ladder[start]
-        user.app.pictures.fitted = False
+        user.session.pictures.fitted = False
         await press(user, name)
         assert camera.ladder.index(camera.zoom) == end
-        assert user.app.pictures.fitted == (name == "zoom_fit")
+        assert user.session.pictures.fitted == (name == "zoom_fit")
 
     CHECKS[name] = action
 
@@ -56,13 +56,16 @@ def zooms_time(name: str, before: int, after: int) -> None:
 
     async def action(user: Watched) -> None:
         await user.at(120)
-        await user.until(lambda: user.app.timeline.past.head == 120)
-        user.app.timeline.zoom(before)
-        ticks, column = user.app.timeline.track.part.ticks, user.app.timeline.track.column_of(120)
+        await user.until(lambda: user.display.timeline.past.head == 120)
+        user.display.timeline.zoom(before)
+        ticks, column = (
+            user.display.timeline.track.part.ticks,
+            user.display.timeline.track.column_of(120),
+        )
         await press(user, name)
-        track = user.app.timeline.track
+        track = user.display.timeline.track
         assert track.part.ticks == ticks * 2**-after and abs(track.column_of(120) - column) <= 4
-        assert f"{track.part.last:,}" in said(user.app.timeline)
+        assert f"{track.part.last:,}" in said(user.display.timeline)
 
     CHECKS[name] = action
 

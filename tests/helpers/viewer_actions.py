@@ -13,9 +13,9 @@ from action_cases import CHECKS, check, press, said
 from viewer_harness import Watched, compared, mini, viewing
 
 from automaton.engine.state import NIL
+from tui.registration import layers
 from tui.render import styles
 from tui.render.glyphs import GLYPH_BITS
-from tui.render.scene import SHADED
 from tui.screens.help_screen import HelpScreen
 from tui.widgets.bindings import COMPARING
 
@@ -45,24 +45,24 @@ moves("go_start", 150, 0)
 @check
 async def play_pause(user: Watched) -> None:
     await press(user, "play_pause")
-    await user.until(lambda: user.app.playback.playing == 1 and user.tick > 0)
+    await user.until(lambda: user.session.playback.playing == 1 and user.tick > 0)
     await press(user, "play_pause")
-    await user.until(lambda: user.app.playback.playing == 0)
+    await user.until(lambda: user.session.playback.playing == 0)
 
 
 @check
 async def reverse(user: Watched) -> None:
     await user.at(150)
     await press(user, "reverse")
-    await user.until(lambda: user.app.playback.playing == -1 and user.tick < 150)
+    await user.until(lambda: user.session.playback.playing == -1 and user.tick < 150)
 
 
 def speeds(name: str, before: float, after: float) -> None:
     async def action(user: Watched) -> None:
-        user.app._set_speed(before)
-        await user.until(lambda: user.app.playback.asked == 10 * before)
+        user.app.clock.set_speed(before)
+        await user.until(lambda: user.session.playback.asked == 10 * before)
         await press(user, name)
-        await user.until(lambda: user.app.playback.asked == 10 * after)
+        await user.until(lambda: user.session.playback.asked == 10 * after)
 
     CHECKS[name] = action
 
@@ -91,7 +91,7 @@ async def go_to(user: Watched) -> None:
 
 async def with_events(user: Watched) -> list[int]:
     await user.at(300)
-    return sorted(set(user.app.runs[0].event_history.events[:, 0].tolist()))
+    return sorted(set(user.session.runs[0].event_history.events[:, 0].tolist()))
 
 
 @check
@@ -113,31 +113,31 @@ async def previous_event(user: Watched) -> None:
 @check
 async def follow(user: Watched) -> None:
     await user.at(120)
-    user.app.choose(1)
+    user.session.choose(1)
     await press(user, "follow")
-    assert user.app.choice.following
-    camera = user.app.pictures.camera
+    assert user.session.choice.following
+    camera = user.session.pictures.camera
     camera.resize(4, 12)
     await user.at(500)
-    cell = int(user.app.playback.snapshots[0].robots.cell[1])
+    cell = int(user.session.playback.snapshots[0].robots.cell[1])
     assert camera.place_of(cell) is not None
 
 
 @check
 async def maximise(user: Watched) -> None:
-    before = user.app.maps[0].size.height
+    before = user.display.maps[0].size.height
     await press(user, "maximise")
-    await user.until(lambda: user.app.maps[0].size.height > before)
+    await user.until(lambda: user.display.maps[0].size.height > before)
     assert not user.app.query_one("#side").display
 
 
 @check
 async def minimap(user: Watched) -> None:
-    user.app.pictures.camera.resize(4, 12)
-    user.app.pictures.camera.one_to_one()
-    before = user.app.pictures.corner(user.app.choice)
+    user.session.pictures.camera.resize(4, 12)
+    user.session.pictures.camera.one_to_one()
+    before = user.session.pictures.corner(user.session.choice)
     await press(user, "minimap")
-    after = user.app.pictures.corner(user.app.choice)
+    after = user.session.pictures.corner(user.session.choice)
     assert (before is None) != (after is None)
 
 
@@ -146,40 +146,40 @@ async def find(user: Watched) -> None:
     await press(user, "find")
     await user.until(lambda: len(user.app.screen_stack) == 2)
     await user.press(*"robot", "space", "2", "enter")
-    await user.until(lambda: user.app.choice.robot == 2)
+    await user.until(lambda: user.session.choice.robot == 2)
 
 
 @check
 async def next_robot(user: Watched) -> None:
-    user.app.choose(2)
+    user.session.choose(2)
     await press(user, "next_robot")
-    await user.until(lambda: user.app.choice.robot == 0)
+    await user.until(lambda: user.session.choice.robot == 0)
 
 
 @check
 async def previous_robot(user: Watched) -> None:
-    user.app.choose(0)
+    user.session.choose(0)
     await press(user, "previous_robot")
-    await user.until(lambda: user.app.choice.robot == 2)
+    await user.until(lambda: user.session.choice.robot == 2)
 
 
 @check
 async def clear(user: Watched) -> None:
-    user.app.choose(1)
-    user.app.choice.found = np.array([0, 1], np.int32)
-    user.app.choice.following = True
+    user.session.choose(1)
+    user.session.choice.found = np.array([0, 1], np.int32)
+    user.session.choice.following = True
     await press(user, "clear")
-    choice = user.app.choice
+    choice = user.session.choice
     assert choice.robot == NIL and not len(choice.found) and not choice.following
 
 
 def opens(name: str, panel: str) -> None:
     async def action(user: Watched) -> None:
-        user.app.column.open("figures")
-        user.app.column.open("events" if panel != "events" else "inspector")
-        user.app.choose(1)
+        user.display.column.open("figures")
+        user.display.column.open("events" if panel != "events" else "inspector")
+        user.session.choose(1)
         await press(user, name)
-        await user.until(lambda: user.app.column.name_open == panel)
+        await user.until(lambda: user.display.column.name_open == panel)
 
     CHECKS[name] = action
 
@@ -196,9 +196,9 @@ async def breakpoints(user: Watched) -> None:
     await press(user, "breakpoints")
     await user.until(lambda: len(user.app.screen_stack) == 2)
     await user.press(*"delivered", "enter", "escape")
-    await user.until(lambda: user.app.stops)
-    user.app.player.play()
-    await user.until(lambda: "delivered" in user.app.playback.stopped)
+    await user.until(lambda: user.app.branches.stops)
+    user.session.player.play()
+    await user.until(lambda: "delivered" in user.session.playback.stopped)
 
 
 @check
@@ -208,17 +208,17 @@ async def branch(user: Watched) -> None:
     await press(user, "branch")
     await user.until(lambda: len(user.app.screen_stack) == 2)
     await user.press(*"durations.pick", "equals_sign", "3", "0", "ctrl+s")
-    await user.until(lambda: user.app.runs[0].resolved.scenario.durations.pick == 30)
-    await user.until(lambda: any(mark.kind == "branch" for mark in user.app.marks))
+    await user.until(lambda: user.session.runs[0].resolved.scenario.durations.pick == 30)
+    await user.until(lambda: any(mark.kind == "branch" for mark in user.session.marks))
     assert user.tick == 150
 
 
 def lays(name: str, before: str, after: str) -> None:
     async def action(user: Watched) -> None:
         await user.at(100)
-        user.app.show_layer(before)
+        user.app.layers.show(before)
         await press(user, name)
-        assert user.app.choice.layer == after
+        assert user.session.choice.layer == after
 
     CHECKS[name] = action
 
@@ -237,8 +237,8 @@ async def layer_explored(user: Watched) -> None:
     await press(user, "layer_explored")
     assert "select a robot, and the search for its way is shown" in user.toasts()
     await user.at(120)
-    user.app.choose(int(np.argmax(user.app.playback.snapshots[0].robots.route_length)))
-    await user.until(lambda: np.any(user.app.playback.snapshots[0].heat))
+    user.session.choose(int(np.argmax(user.session.playback.snapshots[0].robots.route_length)))
+    await user.until(lambda: np.any(user.session.playback.snapshots[0].heat))
 
 
 @check
@@ -246,23 +246,26 @@ async def layer_predicted(user: Watched) -> None:
     await user.at(120)
     for least in (2, 3, 4, 5, 1):
         await press(user, "layer_predicted")
-        assert user.app.choice.laid == f"predicted {least}+"
-    await user.until(lambda: np.any(user.app.playback.snapshots[0].heat))
-    assert user.app.pictures.scene(user.app.playback, user.app.choice, 0).values is not None
-    for layer in (*SHADED, ""):  # the snapshot still brings what the layer before counts
-        chosen = replace(user.app.choice, layer=layer)
-        scene = user.app.pictures.scene(user.app.playback, chosen, 0)
+        assert user.session.choice.laid == f"predicted {least}+"
+    await user.until(lambda: np.any(user.session.playback.snapshots[0].heat))
+    assert (
+        user.session.pictures.scene(user.session.playback, user.session.choice, 0).values
+        is not None
+    )
+    for layer in (*layers().by_name, ""):  # the snapshot still brings what the layer before counts
+        chosen = replace(user.session.choice, layer=layer)
+        scene = user.session.pictures.scene(user.session.playback, chosen, 0)
         assert (scene.values is not None) == (layer == "predicted")
-        user.app.pictures.picture(scene, chosen, 20, 60)
+        user.session.pictures.picture(scene, chosen, 20, 60)
 
 
 @check
 async def layer_route(user: Watched) -> None:
     await user.at(120)
-    user.app.choose(int(np.argmax(user.app.playback.snapshots[0].robots.route_length)))
-    await user.until(lambda: len(user.app.playback.snapshots[0].route))
+    user.session.choose(int(np.argmax(user.session.playback.snapshots[0].robots.route_length)))
+    await user.until(lambda: len(user.session.playback.snapshots[0].route))
     await press(user, "layer_route")
-    assert not len(user.app.pictures.scene(user.app.playback, user.app.choice, 0).route)
+    assert not len(user.session.pictures.scene(user.session.playback, user.session.choice, 0).route)
 
 
 @check
@@ -278,19 +281,19 @@ async def panels(user: Watched) -> None:
 @check
 async def compare_side(user: Watched) -> None:
     await press(user, "compare_side")
-    assert user.app.view().side == 1
+    assert user.session.view().side == 1
 
 
 @check
 async def next_difference(user: Watched) -> None:
-    await user.until(lambda: user.app.divergence is not None)
-    assert user.app.divergence.tick > 1
-    await user.until(lambda: "the runs differ first" in said(user.app.info))
-    foregrounds = user.app.info.shown[0, :9] // ((1 << GLYPH_BITS) * len(styles.COLOURS))
+    await user.until(lambda: user.session.divergence is not None)
+    assert user.session.divergence.tick > 1
+    await user.until(lambda: "the runs differ first" in said(user.display.info))
+    foregrounds = user.display.info.shown[0, :9] // ((1 << GLYPH_BITS) * len(styles.COLOURS))
     # blue, as found robots are, is not legible
     assert set(foregrounds.tolist()) == {styles.COLOUR_TEXT}
     await press(user, "next_difference")
-    await user.until(lambda: user.tick == user.app.divergence.tick)
+    await user.until(lambda: user.tick == user.session.divergence.tick)
 
 
 @check
@@ -318,13 +321,13 @@ async def help(user: Watched) -> None:
 @check
 async def theme(user: Watched) -> None:
     await press(user, "theme")
-    assert user.app.maps[0].look.theme == "light" and not user.app.current_theme.dark
+    assert user.display.maps[0].look.theme == "light" and not user.app.current_theme.dark
 
 
 @check
 async def link_figures(user: Watched) -> None:
     await press(user, "link_figures")
-    await user.until(lambda: "rtt" in said(user.app.info))
+    await user.until(lambda: "rtt" in said(user.display.info))
 
 
 @check

@@ -20,6 +20,8 @@ from automaton.runs.simulation import Simulation
 from tui.playback.run_source import Opening, live, recorded
 from tui.terminal.options import Options
 from tui.viewer.app import Viewer
+from tui.viewer.display import Display
+from tui.viewer.session import Session
 
 PATIENCE_S = 60.0
 
@@ -39,6 +41,14 @@ class Watched:
         self.pilot = pilot
         self.patience = PATIENCE_S
 
+    @property
+    def session(self) -> Session:
+        return self.app.session
+
+    @property
+    def display(self) -> Display:
+        return self.app.main_display
+
     async def until(self, condition: Callable[[], Any], what: str = "") -> None:
         """Wait until it holds, but not for ever."""
         begun = time.monotonic()
@@ -53,20 +63,20 @@ class Watched:
 
     @property
     def tick(self) -> int:
-        assert self.app.playback is not None
-        return self.app.playback.tick
+        assert self.session.playback is not None
+        return self.session.playback.tick
 
     async def at(self, tick: int) -> None:
         """Go there, and wait until it is shown."""
-        self.app.go_to_tick(tick)
+        self.app.clock.go_to(tick)
         await self.until(lambda: self.tick == tick, f"tick {tick}")
 
     async def shown(self) -> None:
         """Wait until nothing is left to be drawn."""
-        player = self.app.player
+        player = self.session.player
         assert player is not None
         known = [-1]
-        while known[-1] != player.latest().known or self.app.playback is not player.latest():
+        while known[-1] != player.latest().known or self.session.playback is not player.latest():
             known.append(player.latest().known)  # a recording is read ahead meanwhile
             await self.pilot.pause(0.3)
         before, now = "", screen_text(self.app)
@@ -76,7 +86,7 @@ class Watched:
 
     def toasts(self) -> list[str]:
         """What is said over the map, and last what is said for a while in the line under it."""
-        notice = self.app.notice
+        notice = self.display.notices.notice
         said = [] if notice is None else [notice.words.text]
         return [*(toast.message for toast in self.app._notifications), *said]
 
@@ -112,9 +122,9 @@ def compared(folder: Path) -> Opening:
 
 def laid_out(app: Viewer) -> bool:
     """Whether the maps have their final size, and the camera knows it."""
-    rows = min(view.size.height for view in app.maps)
-    shown = all(view.shown is not None for view in app.maps)
-    return shown and 1 < rows == app.pictures.camera.rows
+    rows = min(view.size.height for view in app.main_display.maps)
+    shown = all(view.shown is not None for view in app.main_display.maps)
+    return shown and 1 < rows == app.session.pictures.camera.rows
 
 
 @asynccontextmanager
@@ -129,10 +139,17 @@ async def viewing(
     try:
         async with app.run_test(size=size, notifications=toasts) as pilot:
             user = Watched(app, pilot)
-            await user.until(lambda: app.playback is not None and app.column is not None, app.error)
             await user.until(
-                lambda: app.column.is_mounted and laid_out(app) and app.timeline.past is not None
+                lambda: app.session.playback is not None and app.main_display.column is not None,
+                app.session.error,
+            )
+            await user.until(
+                lambda: (
+                    app.main_display.column.is_mounted
+                    and laid_out(app)
+                    and app.main_display.timeline.past is not None
+                )
             )
             yield user
     finally:
-        app.close_runs()
+        app.session.close()

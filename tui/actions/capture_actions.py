@@ -5,82 +5,79 @@ from __future__ import annotations
 import io
 import os
 import re
-from contextlib import suppress
-from pathlib import Path
 
-from tui.actions.viewer_base import ViewerBase
+from textual.app import App
+
+from automaton.atomic_write import replacing
+from tui.actions import Command
 from tui.playback.recording_files import capture_file, short_path
+from tui.registration import layer_named
 from tui.render.image_export import as_text
-from tui.render.map_overlays import zone_key
-from tui.render.service_zone_overlay import design_key
+from tui.viewer.display import Display
+from tui.viewer.session import Session
 
 FROM_THE_INTERNET = re.compile(r"@font-face\s*\{[^}]*\}|<!--.*?-->", re.DOTALL)
 
 
-class CaptureActions(ViewerBase):
+class CaptureActions:
     """Captures."""
 
-    def action_screenshot(self) -> None:  # type: ignore[override]  # it takes no file name
-        svg = self.export_screenshot(title=f"automaton: {self.opening.name}")
+    def __init__(self, app: App[None], session: Session, display: Display) -> None:
+        self._app, self._session, self._display = app, session, display
+
+    def commands(self) -> dict[str, Command]:
+        return {"screenshot": self._take_screenshot, "copy_text": self._copy_text}
+
+    def _take_screenshot(self) -> None:
+        svg = self._app.export_screenshot(title=f"automaton: {self._session.opening.name}")
         # It has painted everything, and with that forgot what was still to be painted.
-        self.screen.refresh()
+        self._app.screen.refresh()
         self._save(without_links(svg), ".svg")
 
-    def action_copy_text(self) -> None:
+    def _copy_text(self) -> None:
+        glyphs = self._session.glyphs
         texts = [
-            f"{title}, tick {self._tick_of(side):,}\n{as_text(self.codes_of(side), self.glyphs)}"
-            f"{self._key(side)}"
-            for side, title in enumerate(self.titles)
+            f"{title}, tick {self._tick_of(side):,}\n"
+            f"{as_text(self._display.codes_of(side), glyphs)}{self._key(side)}"
+            for side, title in enumerate(self._session.titles)
         ]
         text = "\n".join(texts)
-        self.copy_to_clipboard(text)
+        self._app.copy_to_clipboard(text)
         self._save(text, ".txt")
 
     def _key(self, side: int) -> str:
         """What the letters of zones mean, if they are shown: there is no legend beside a text."""
-        if self.choice.layer == "service-zones":
-            service_zones = self.pictures.scene(self.playback, self.choice, side).service_zones
-            many = 0 if service_zones is None else len(service_zones.server)
-            return "; ".join(design_key(many, self.glyphs)) + "\n"
-        if self.choice.layer != "traffic-zones":
-            return ""
-        return "; ".join(zone_key(self.pictures.floors[side], self.glyphs)) + "\n"
+        session = self._session
+        layer, resolved = layer_named(session.choice.layer), session.opening.resolved[side]
+        words = layer.key_words(session.scene(side), resolved, session.glyphs)
+        return f"{'; '.join(words)}\n" if words else ""
 
     def _tick_of(self, side: int) -> int:
-        return 0 if self.playback is None else self.playback.snapshots[side].tick
+        playback = self._session.playback
+        return 0 if playback is None else playback.snapshots[side].tick
 
     def _save(self, text: str, suffix: str) -> None:
-        tick = 0 if self.playback is None else self.playback.tick
-        name = f"{self.opening.name}-{tick}"
-        if self.is_web:
+        session = self._session
+        tick = 0 if session.playback is None else session.playback.tick
+        name = f"{session.opening.name}-{tick}"
+        if self._app.is_web:
             self._deliver(text, f"{name}{suffix}")
             return
         try:
-            path = capture_file(name, suffix, os.environ, here=not self.options.read_only)
-            write_atomically(path, text)
+            path = capture_file(name, suffix, os.environ, here=not session.options.read_only)
+            with replacing(path, path.with_name(f"{path.name}.part")) as file:
+                file.write(text.encode())
         except OSError as error:
-            self.notify(f"cannot save the picture: {error.strerror}", severity="error")
+            self._display.notices.say(f"cannot save the picture: {error.strerror}", "error")
             return
-        self.notify(f"saved {short_path(path)}")
+        session.notify(f"saved {short_path(path)}")
 
     def _deliver(self, text: str, name: str) -> None:
         """To the browser."""
-        if self.options.read_only:
-            self.notify("this viewer is read-only: it hands out no files", severity="warning")
+        if self._session.options.read_only:
+            self._display.notices.say("this viewer is read-only: it hands out no files", "warning")
         else:
-            self.deliver_text(io.StringIO(text), save_filename=name)
-
-
-def write_atomically(path: Path, text: str) -> None:
-    """The file is there when all of it is; raises OSError, and then leaves nothing."""
-    part = path.with_name(f"{path.name}.part")
-    try:
-        part.write_text(text, encoding="utf-8")
-        part.replace(path)
-    except OSError:
-        with suppress(OSError):
-            part.unlink()
-        raise
+            self._app.deliver_text(io.StringIO(text), save_filename=name)
 
 
 def without_links(svg: str) -> str:

@@ -3,120 +3,113 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import TYPE_CHECKING
 
-from tui.actions.viewer_base import ViewerBase
+from textual.app import App
+
+from tui.actions import Command
 from tui.terminal.options import SPEEDS
+from tui.viewer.display import Display
+from tui.viewer.session import Session
 
 if TYPE_CHECKING:
     from tui.playback.player import Player
 
 
-class TimeActions(ViewerBase):
+class ClockActions:
     """Time."""
 
-    def action_play_pause(self) -> None:
-        self._turn(1)
+    def __init__(self, app: App[None], session: Session, display: Display) -> None:
+        self._app, self._session, self._display = app, session, display
 
-    def action_reverse(self) -> None:
-        self._turn(-1)
+    def commands(self) -> dict[str, Command]:
+        return {
+            "play_pause": partial(self._turn, 1),
+            "reverse": partial(self._turn, -1),
+            "step_forward": partial(self.step, 1),
+            "step_back": partial(self.step, -1),
+            "forward_10": partial(self.step, 10),
+            "back_10": partial(self.step, -10),
+            "forward_100": partial(self.step, 100),
+            "back_100": partial(self.step, -100),
+            "faster": self._faster,
+            "slower": self._slower,
+            "normal_speed": partial(self.set_speed, 1.0),
+            "full_speed": partial(self.set_speed, math.inf),
+            "go_start": partial(self.go_to, 0),
+            "go_end": self._go_end,
+            "go_to": self._ask_for_tick,
+            "timeline_in": partial(self._display.timeline.zoom, 1),
+            "timeline_out": partial(self._display.timeline.zoom, -1),
+            "timeline_whole": partial(self._display.timeline.zoom, 0),
+        }
 
-    def action_step_forward(self) -> None:
-        self._step(1)
-
-    def action_step_back(self) -> None:
-        self._step(-1)
-
-    def action_forward_10(self) -> None:
-        self._step(10)
-
-    def action_back_10(self) -> None:
-        self._step(-10)
-
-    def action_forward_100(self) -> None:
-        self._step(100)
-
-    def action_back_100(self) -> None:
-        self._step(-100)
-
-    def action_faster(self) -> None:
-        self._set_speed(min((f for f in SPEEDS if f > self.speed), default=math.inf))
-
-    def action_slower(self) -> None:
-        self._set_speed(max((f for f in SPEEDS if f < self.speed), default=SPEEDS[0]))
-
-    def action_normal_speed(self) -> None:
-        self._set_speed(1.0)
-
-    def action_full_speed(self) -> None:
-        self._set_speed(math.inf)
-
-    def action_go_start(self) -> None:
-        self.go_to_tick(0)
-
-    def action_go_end(self) -> None:
-        if self.ready() and self.playback is not None:
-            self.go_to_tick(self.playback.head, stop_at_breakpoints=True)
-
-    def action_timeline_in(self) -> None:
-        self.timeline.zoom(1)
-
-    def action_timeline_out(self) -> None:
-        self.timeline.zoom(-1)
-
-    def action_timeline_whole(self) -> None:
-        self.timeline.zoom(0)
-
-    def action_go_to(self) -> None:
-        if not self.ready():
-            return
-        from tui.screens.go_to_dialog import GoToScreen
-
-        self.push_screen(GoToScreen(self.view()), self._go_to_chosen)
-
-    def go_to_tick(self, tick: int, stop_at_breakpoints: bool = False) -> None:
+    def go_to(self, tick: int, stop_at_breakpoints: bool = False) -> None:
         """Pause there; with `stop_at_breakpoints` at the first one on the way forward."""
-        if self.ready():
-            self.goal = tick
+        if self._session.ready():
+            self._session.goal = tick
             self._player.seek(tick, stop_at_breakpoints)
-            self.ordered()
+            self._session.ordered()
 
-    def _go_to_chosen(self, tick: int | None) -> None:
-        if tick is not None:
-            self.go_to_tick(tick, stop_at_breakpoints=True)
+    def step(self, ticks: int) -> None:
+        """Pause so many ticks later, or earlier."""
+        if self._session.ready():
+            self._player.step(ticks)
+            self._session.ordered()
+
+    def set_speed(self, factor: float) -> None:
+        """Times ten ticks a second; math.inf for as fast as it goes."""
+        self._session.speed = factor
+        if self._session.ready():
+            self._player.set_speed(factor)
+            self._session.ordered()
 
     @property
     def _player(self) -> Player:
-        assert self.player is not None
-        return self.player
+        assert self._session.player is not None
+        return self._session.player
+
+    def _faster(self) -> None:
+        speed = self._session.speed
+        self.set_speed(min((factor for factor in SPEEDS if factor > speed), default=math.inf))
+
+    def _slower(self) -> None:
+        speed = self._session.speed
+        self.set_speed(max((factor for factor in SPEEDS if factor < speed), default=SPEEDS[0]))
+
+    def _go_end(self) -> None:
+        if self._session.ready() and self._session.playback is not None:
+            self.go_to(self._session.playback.head, stop_at_breakpoints=True)
+
+    def _ask_for_tick(self) -> None:
+        if not self._session.ready():
+            return
+        from tui.screens.go_to_dialog import GoToScreen
+
+        self._app.push_screen(GoToScreen(self._session.view()), self._take_tick)
+
+    def _take_tick(self, tick: int | None) -> None:
+        if tick is not None:
+            self.go_to(tick, stop_at_breakpoints=True)
 
     def _turn(self, direction: int) -> None:
-        if self.ready() and not (direction > 0 and self._has_ended()):
+        if self._session.ready() and not (direction > 0 and self._has_ended()):
             self._player.toggle(direction)
-            self.ordered()
+            self._session.ordered()
 
     def _has_ended(self) -> bool:
         """Whether there is nothing to be played any more; if so, says why."""
-        playback = self.playback
+        session = self._session
+        playback = session.playback
         if playback is None or playback.playing or playback.tick != playback.end:
             return False
         if playback.failed:
-            self.notify_failure()
-        elif self.opening.comparing:
-            self.notify(f"both runs have ended at tick {playback.tick:,}; r plays them backwards")
+            self._display.notices.say_failure()
+            return True
+        end = f"at tick {playback.tick:,}; r plays"
+        if session.opening.comparing:
+            session.notify(f"both runs have ended {end} them backwards")
         else:
-            self.notify(
-                f"{self.mode(playback).text} at tick {playback.tick:,}; r plays it backwards"
-            )
+            session.notify(f"{self._display.mode(playback).text} {end} it backwards")
         return True
-
-    def _step(self, ticks: int) -> None:
-        if self.ready():
-            self._player.step(ticks)
-            self.ordered()
-
-    def _set_speed(self, factor: float) -> None:
-        self.speed = factor
-        if self.ready():
-            self._player.set_speed(factor)
-            self.ordered()

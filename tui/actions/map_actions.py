@@ -2,95 +2,95 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Final
 
+from textual.app import App
+
 from automaton.engine.state import NIL
-from tui.actions.viewer_base import ViewerBase
+from tui.actions import Command
+from tui.playback.frame_cache import robot_cell
+from tui.viewer.session import Session
 
 STEP_COLUMNS: Final = 4
 STEP_ROWS: Final = 2
 
 
-class MapActions(ViewerBase):
+class MapActions:
     """The map."""
 
-    def action_pan_left(self) -> None:
-        self.pan(-STEP_COLUMNS, 0)
+    def __init__(self, app: App[None], session: Session) -> None:
+        self._app, self._session = app, session
+        self._choice, self._pictures = session.choice, session.pictures
 
-    def action_pan_right(self) -> None:
-        self.pan(STEP_COLUMNS, 0)
-
-    def action_pan_up(self) -> None:
-        self.pan(0, -STEP_ROWS)
-
-    def action_pan_down(self) -> None:
-        self.pan(0, STEP_ROWS)
-
-    def action_page_left(self) -> None:
-        self.pan(-(self.pictures.camera.columns // 2), 0)
-
-    def action_page_right(self) -> None:
-        self.pan(self.pictures.camera.columns // 2, 0)
-
-    def action_page_up(self) -> None:
-        self.pan(0, -(self.pictures.camera.rows // 2))
-
-    def action_page_down(self) -> None:
-        self.pan(0, self.pictures.camera.rows // 2)
-
-    def action_zoom_in(self) -> None:
-        self.zoom(1)
-
-    def action_zoom_out(self) -> None:
-        self.zoom(-1)
-
-    def action_zoom_fit(self) -> None:
-        self.pictures.fitted = True
-        self.pictures.camera.fit()
-        self.changed()
-
-    def action_zoom_cell(self) -> None:
-        self.pictures.fitted = False
-        self.pictures.camera.one_to_one()
-        self.changed()
-
-    def action_follow(self) -> None:
-        if self.choice.robot == NIL:
-            self.notify("choose a robot first: click it, or press )")
-            return
-        self.choice.following = not self.choice.following
-        if self.choice.following and self.playback is not None:
-            self.pictures.fitted = False
-            self.pictures.follow(self.playback, self.choice)
-        self.changed()
-
-    def action_maximise(self) -> None:
-        self.screen.toggle_class("-map-alone")
-        self.changed()
-
-    def action_minimap(self) -> None:
-        self.choice.minimap = not self.choice.minimap
-        self.changed()
+    def commands(self) -> dict[str, Command]:
+        ways = {"left": (-1, 0), "right": (1, 0), "up": (0, -1), "down": (0, 1)}
+        pans: dict[str, Command] = {
+            f"pan_{name}": partial(self.pan, STEP_COLUMNS * x, STEP_ROWS * y)
+            for name, (x, y) in ways.items()
+        }
+        pages = {f"page_{name}": partial(self._page, *way) for name, way in ways.items()}
+        return {
+            **pans,
+            **pages,
+            "zoom_in": partial(self.zoom, 1),
+            "zoom_out": partial(self.zoom, -1),
+            "zoom_fit": self._fit,
+            "zoom_cell": self._one_to_one,
+            "follow": self.follow,
+            "maximise": self._maximise,
+            "minimap": self._minimap,
+        }
 
     def pan(self, columns: int, rows: int) -> None:
-        """Move the view by so many characters; nobody is followed any more."""
-        self.choice.following = self.pictures.fitted = False
-        self.pictures.camera.pan_characters(columns, rows)
-        self.changed()
+        """Move the view by so many characters; no robot is followed any more."""
+        self._choice.following = self._pictures.fitted = False
+        self._pictures.camera.pan_characters(columns, rows)
+        self._session.changed()
 
     def zoom(self, steps: int, at: tuple[int, int] | None = None) -> None:
         """A step nearer or farther; what is at the place (row, column) of the map stays there."""
-        self.pictures.fitted = False
-        if at is None and self.choice.robot != NIL:
-            at = self._place_of_robot()
+        camera = self._pictures.camera
+        self._pictures.fitted = False
+        if at is None and self._session.playback is not None:
+            cell = robot_cell(self._session.playback, self._choice)
+            at = None if cell == NIL else camera.place_of(cell)
         if steps > 0:
-            self.pictures.camera.zoom_in(at)
+            camera.zoom_in(at)
         else:
-            self.pictures.camera.zoom_out(at)
-        self.changed()
+            camera.zoom_out(at)
+        self._session.changed()
 
-    def _place_of_robot(self) -> tuple[int, int] | None:
-        from tui.playback.frame_cache import robot_cell
+    def follow(self) -> None:
+        """Keep the selected robot on the screen, or no more."""
+        choice, session = self._choice, self._session
+        if choice.robot == NIL:
+            session.notify("choose a robot first: click it, or press )")
+            return
+        choice.following = not choice.following
+        if choice.following and session.playback is not None:
+            self._pictures.fitted = False
+            self._pictures.follow(session.playback, choice)
+        session.changed()
 
-        cell = NIL if self.playback is None else robot_cell(self.playback, self.choice)
-        return None if cell == NIL else self.pictures.camera.place_of(cell)
+    def _page(self, across: int, down: int) -> None:
+        camera = self._pictures.camera
+        self.pan(across * (camera.columns // 2), down * (camera.rows // 2))
+
+    def _fit(self) -> None:
+        self._pictures.fitted = True
+        self._pictures.camera.fit()
+        self._session.changed()
+
+    def _one_to_one(self) -> None:
+        self._pictures.fitted = False
+        self._pictures.camera.one_to_one()
+        self._session.changed()
+
+    def _maximise(self) -> None:
+        self._app.screen.toggle_class("-map-alone")
+        self._session.changed()
+
+    def _minimap(self) -> None:
+        self._choice.minimap = not self._choice.minimap
+        self._session.changed()

@@ -1,79 +1,131 @@
-"""Actions on the panels: off, beside the map, or in its place."""
+"""Actions on the panels: off, beside the map, or in its place; and which one is open."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Final
 
-from tui.actions.clock_actions import TimeActions
+import numpy as np
+from textual.app import App
+
+from automaton.engine.observation import is_waiting
+from automaton.engine.state import NIL
+from tui.actions import Command
+from tui.registration import panels
+from tui.viewer.display import Display
+from tui.viewer.session import Session
 
 WIDE: Final = 100  # columns from which panels have room beside the map
 
 
-class PanelActions(TimeActions):
-    """Panels, and the two runs they can tell of."""
+class PanelActions:
+    """Panels."""
 
-    panels = "side"  # off, side or full; on a narrow screen "side" counts as off
+    def __init__(self, app: App[None], session: Session, display: Display) -> None:
+        self._app, self._session, self._display = app, session, display
+        self.shown = "side"  # off, side or full; on a narrow screen "side" counts as off
+        # Before a panel is opened by its key; False: there is nothing to open it for.
+        self.before: dict[str, Callable[[], bool]] = {
+            "why": self._choose_waiting,
+            "inspector": self._choose_pointed,
+        }
 
-    def action_panels(self) -> None:
-        self.show_panels({"off": "side", "side": "full", "full": "off"}[self._panels_seen()])
+    def commands(self) -> dict[str, Command]:
+        opening: dict[str, Command] = {
+            panel.action or name: partial(self._open_by_key, name)
+            for name, panel in panels().by_name.items()
+        }
+        return {**opening, "panels": self._turn, "compare_side": self._change_side}
 
-    def action_compare_side(self) -> None:
-        if self._alone():
-            return
-        self.choice.side = (self.choice.side + 1) % len(self.maps)
-        self.changed()
-        side = self.choice.side
-        self.notify(f"panels tell of {'AB'[side]} {self.opening.heads[side].own}", timeout=3)
+    def _open_by_key(self, name: str) -> None:
+        before = self.before.get(name)
+        if before is None or (self._session.ready() and before()):
+            self.open(name)
 
-    def action_next_difference(self) -> None:
-        if self._alone():
-            return
-        if self.divergence is None:
-            self.notify("the runs are still being compared")
-        elif self.divergence.tick is None:
-            self.notify(self.divergence.text)
-        else:
-            self.go_to_tick(self.divergence.tick)
-
-    def _alone(self) -> bool:
-        """Whether no other run is beside this one; if so, says how to compare two."""
-        if not self.opening.comparing:
-            self.notify("two recordings are compared by: automaton replay A B")
-        return not self.opening.comparing
-
-    def show_panels(self, panels: str) -> None:
+    def show(self, panels: str) -> None:
         """Off, side or full."""
-        if panels == "side" and self.size.width < WIDE:
+        if panels == "side" and self._app.size.width < WIDE:
             panels = "full"
-        self.panels = panels
+        self.shown, column = panels, self._display.column
         for name in ("off", "side", "full"):
-            self.screen_stack[0].set_class(name == panels, f"-panels-{name}")
-        if self.column is not None:
-            self.column.set_class(panels == "full", "full")
-        if panels != "full" or self.column is None:
-            self.maps[0].focus()
-        self._panels_know = None
-        self.changed()
+            self._app.screen_stack[0].set_class(name == panels, f"-panels-{name}")
+        if column is not None:
+            column.set_class(panels == "full", "full")
+        if panels != "full" or column is None:
+            self._display.maps[0].focus()
+        self._display.refresh_panels()
 
-    def open_panel(self, name: str) -> None:
+    def open(self, name: str) -> None:
         """Show this panel; if it is what is shown in place of the map, go back to the map."""
-        if not self.ready() or self.column is None:
+        column = self._display.column
+        if not self._session.ready() or column is None:
             return
-        seen = self._panels_seen()
-        if seen == "full" and self.column.name_open == name:
-            self.leave_full_panels()
+        if self._seen == "full" and column.name_open == name:
+            self.leave_full()
             return
-        self.screen.remove_class("-map-alone")
-        if seen == "off":
-            self.show_panels("side")
-        self.column.open(name, focus=self.panels == "full")
-        self._panels_know = None
-        self.changed()
+        self._app.screen.remove_class("-map-alone")
+        if self._seen == "off":
+            self.show("side")
+        column.open(name, focus=self.shown == "full")
+        self._display.refresh_panels()
 
-    def leave_full_panels(self) -> None:
+    def leave_full(self) -> None:
         """Show the map again."""
-        if self.panels == "full":
-            self.show_panels("side" if self.size.width >= WIDE else "off")
+        if self.shown == "full":
+            self.show("side" if self._app.size.width >= WIDE else "off")
 
-    def _panels_seen(self) -> str:
-        return "off" if self.panels == "side" and self.size.width < WIDE else self.panels
+    @property
+    def _seen(self) -> str:
+        return "off" if self.shown == "side" and self._app.size.width < WIDE else self.shown
+
+    def _turn(self) -> None:
+        self.show({"off": "side", "side": "full", "full": "off"}[self._seen])
+
+    def _change_side(self) -> None:
+        session, choice = self._session, self._session.choice
+        if session.is_alone():
+            return
+        choice.side = (choice.side + 1) % len(self._display.maps)
+        session.changed()
+        own = session.opening.heads[choice.side].own
+        self._display.notices.say(f"panels tell of {'AB'[choice.side]} {own}", timeout=3)
+
+    def _choose_waiting(self) -> bool:
+        """Select the robot that has waited longest, if none is selected."""
+        session = self._session
+        if session.playback is None:
+            return False
+        if session.choice.robot == NIL:
+            longest = self._longest_waiting()
+            if longest == NIL:
+                session.notify("no robot waits; click one to select it")
+                return False
+            session.choose(longest)
+            session.show_robot()
+        return True
+
+    def _longest_waiting(self) -> int:
+        playback = self._session.playback
+        assert playback is not None
+        robots = playback.snapshots[self._session.choice.side].robots
+        kept = np.flatnonzero(is_waiting(robots.cause))
+        return int(kept[np.argmin(robots.since[kept])]) if len(kept) else NIL
+
+    def _choose_pointed(self) -> bool:
+        """Select what the mouse points at, or something if nothing is selected."""
+        session, choice = self._session, self._session.choice
+        if session.pointing and session.hovered != NIL:
+            choice.side = session.hovered_side
+            session.choose_at(session.hovered)
+        elif choice.robot == choice.cell == choice.zone == NIL:
+            self._choose_middle()
+        return True
+
+    def _choose_middle(self) -> None:
+        """Of the map: something has to be inspected."""
+        camera = self._session.pictures.camera
+        middle = camera.cell_at(camera.rows // 2, camera.columns // 2)
+        cell = middle if self._session.hovered == NIL else self._session.hovered
+        if cell is not None:
+            self._session.choose_at(cell)

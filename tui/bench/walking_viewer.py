@@ -37,16 +37,16 @@ def main(argument: str) -> int:
     )
 
     def note() -> None:
-        if viewer.player is None:
+        if viewer.session.player is None:
             viewer.set_timer(0.05, note)
         else:
             if not wanted.get("panels", True):
-                viewer.show_panels("off")
-            Path(wanted["notes"]).write_text(str(viewer.player.thread))
+                viewer.panels.show("off")
+            Path(wanted["notes"]).write_text(str(viewer.session.player.thread))
 
     viewer.call_later(note)
     viewer.run()
-    viewer.close_runs()
+    viewer.session.close()
     return 0
 
 

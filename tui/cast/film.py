@@ -10,7 +10,6 @@ import numpy as np
 
 from automaton.engine.state import NIL
 from automaton.errors import InputError, alternatives
-from automaton.strategy.lookup import NO_STRATEGY
 from automaton.units import unit
 from tui.cast.film_frame import aim, checked_size, size_for
 from tui.cast.film_request import Request
@@ -18,11 +17,9 @@ from tui.cast.film_status import Status
 from tui.playback.frame_cache import Choice, Pictures
 from tui.playback.run_source import recorded
 from tui.playback.titles import title_of
+from tui.registration import layer_named, layers
 from tui.render.depth import DEPTHS, Depth
 from tui.render.glyphs import ASCII, SHADED, UNICODE, Codes
-from tui.render.map_overlays import zone_key
-from tui.render.scene import MAP_LAYERS
-from tui.render.service_zone_overlay import design_key
 from tui.render.styles import Look
 
 if TYPE_CHECKING:  # they need Numba
@@ -76,7 +73,7 @@ class Film:
         """(rows, columns) codes of each of these ticks, which ascend."""
         from automaton.evidence.history.playback import Playback
         from automaton.evidence.history.snapshot import take_snapshot
-        from tui.playback.route_overlays import Overlays
+        from tui.playback.laid_over import Overlays
 
         overlays = Overlays()
         playback = Playback(self.recording.header, self.recording.stored())
@@ -122,9 +119,13 @@ class Film:
             raise InputError(
                 f"there is no robot {request.follow}: the last one is robot {robots - 1}"
             )
-        known = [name for name in MAP_LAYERS if name]
+        known, problems = layers()
         if request.layer and request.layer not in known:
-            raise InputError(f"unknown layer '{request.layer}': allowed are {alternatives(known)}")
+            about = [
+                problem for problem in problems if problem.startswith(f"layer {request.layer!r}")
+            ]
+            allowed = f"unknown layer '{request.layer}': allowed are {alternatives(list(known))}"
+            raise InputError(about[0] if about else allowed)
         if request.layer == "explored" and request.follow == NIL:
             raise InputError("explored shows the search for one robot: --follow says for which")
         return Choice(request.follow, layer=request.layer, following=request.follow != NIL)
@@ -135,9 +136,6 @@ class Film:
         chosen += [f"robot {request.follow}"] if request.follow != NIL else []
         orders = len(self.recording.header["orders"]["source"])
         tick = unit(scenario.units.tick)
-        floor = self._pictures.floors[0]
-        key = zone_key(floor, self.glyphs) if request.layer == "traffic-zones" else []
-        if request.layer == "service-zones":
-            serve = self._resolved.strategies["zoning"].name != NO_STRATEGY
-            key = design_key(scenario.fleet.robots if serve else 0, self.glyphs)
+        scene = self._pictures.scene(None, self._choice, 0)
+        key = layer_named(request.layer).key_words(scene, self._resolved, self.glyphs)
         return Status(self.last, scenario.fleet.robots, orders, tick, "  ".join(chosen), key)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from automaton.engine.state import NIL
 from tui.playback.run_source import Opening, floor_of
+from tui.registration import layer_named
 from tui.render import styles
 from tui.render.camera import Camera
 from tui.render.compose import compose
@@ -49,12 +50,7 @@ class Choice:
     @property
     def laid(self) -> str:
         """The layer, as it is said."""
-        names = {
-            "predicted": f"predicted {self.least}+",
-            "service-zones": "service zones",
-            "traffic-zones": "traffic zones",
-        }
-        return names.get(self.layer, self.layer)
+        return layer_named(self.layer).title(self)
 
 
 class Corner(NamedTuple):
@@ -162,6 +158,27 @@ class Pictures:
         if self._corner is None or self._corner[0] != (camera.rows, camera.columns):
             self._corner = (camera.rows, camera.columns), _corner(camera)
         return self._corner[1]
+
+    def cell_at(self, choice: Choice, row: int, column: int) -> int | None:
+        """The cell at a place of the map; None beside the floor and on the minimap."""
+        if row < 0 or self._in_minimap(choice, row, column):
+            return None
+        return self.camera.cell_at(row, column)
+
+    def centre(self, choice: Choice, row: int, column: int) -> bool:
+        """Go to a place of the minimap; whether it is one."""
+        corner = self._in_minimap(choice, row, column)
+        if corner is None:
+            return False
+        cell = corner.minimap.cell_at(row - corner.top, column - corner.left)
+        if cell is not None:
+            choice.following = self.fitted = False
+            self.camera.centre_on(cell)
+        return True
+
+    def _in_minimap(self, choice: Choice, row: int, column: int) -> Corner | None:
+        corner = self.corner(choice)
+        return corner if corner is not None and corner.holds(row, column) else None
 
     def follow(self, playback: PlaybackState, choice: Choice) -> bool:
         """Keep the selected robot away from the edges; whether the view has moved."""

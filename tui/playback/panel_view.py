@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from textual.message import Message
 
@@ -12,6 +13,19 @@ from automaton.evidence.history.snapshot import Snapshot
 from automaton.evidence.history.watched_run import Run
 from automaton.floor.floor_plan import FloorPlan
 from tui.playback.playback_state import PlaybackState
+from tui.render.camera import Zoom
+from tui.render.glyphs import GlyphSet
+from tui.render.scene import Scene
+from tui.render.styles import Look
+
+
+class Picture(NamedTuple):
+    """What a picture of the map is made of, and how it is drawn."""
+
+    scene: Scene
+    zoom: Zoom
+    look: Look
+    glyphs: GlyphSet
 
 
 @dataclass(frozen=True)
@@ -24,9 +38,17 @@ class View:
     runs: Sequence[Run]
     robot: int = NIL  # the selected robot, or NIL
     cell: int = NIL  # the selected cell, or NIL
-    layer: str = ""  # of tui.render.scene.LAYERS
+    layer: str = ""  # the name of one that is registered, or none
     side: int = 0  # which of two compared runs the panels tell of
     zone: int = NIL  # the selected zone of the floor, or NIL
+    picture: Picture | None = None  # of the run that the panels tell of
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        """Two views with one key show the same."""
+        chosen = (self.robot, self.cell, self.zone, self.side, self.layer)
+        drawn = () if self.picture is None else (self.picture.scene.least, *self.picture[1:])
+        return (id(self.run), self.playback.seq, *chosen, *drawn)
 
     @property
     def snapshot(self) -> Snapshot:
@@ -73,4 +95,12 @@ class TickChosen(Message):
 
     def __init__(self, tick: int) -> None:
         self.tick = tick
+        super().__init__()
+
+
+class OrderChosen(Message):
+    """Tell about an order."""
+
+    def __init__(self, order: int) -> None:
+        self.order = order
         super().__init__()

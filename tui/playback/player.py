@@ -21,8 +21,8 @@ from automaton.evidence.history.breakpoints import Breakpoint
 from automaton.evidence.history.snapshot import Snapshot, take_snapshot
 from automaton.evidence.history.watched_run import COMPUTE_SLICE_S, Run
 from tui.playback.breakpoint_hits import Hit, begun, held_by, reason
+from tui.playback.laid_over import Overlays
 from tui.playback.playback_state import Figures, PlaybackState, figures_of
-from tui.playback.route_overlays import Overlays
 
 TICKS_PER_S: Final = 10.0  # at speed x1
 REWIND: Final = 64.0  # the fastest way back

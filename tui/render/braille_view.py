@@ -41,7 +41,7 @@ def far_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
     part = part_of(camera)
     base = floor_in_dots(scene.floor, camera.shown, camera.zoom.across // 2, glyphs)
     codes = base[part.top : part.bottom, part.left : part.right].copy()
-    if scene.layer == "flow" and scene.values is not None:
+    if scene.map_layer.arrows and scene.values is not None:
         draw_flow(codes, part, scene, scene.values, camera, glyphs)
     draw_dots(codes, part, camera, glyphs, scene.zone_cells, styles.COLOUR_MARKED)
     draw_over(codes, part, scene, camera, glyphs)

@@ -23,10 +23,10 @@ from tui.render.canvas import Canvas, Cells
 from tui.render.cell_looks import cell_codes, look
 from tui.render.field import HEAT_LEVELS
 from tui.render.glyphs import GLYPH_BITS, GLYPHS, Codes, GlyphSet, code
-from tui.render.map_overlays import draw_zone_signs
-from tui.render.scene import DETAIL_FULL_SHELF, SHADED, Scene
+from tui.render.scene import DETAIL_FULL_SHELF, Scene
 from tui.render.shelf_marks import full_shelves
 from tui.render.styles import style
+from tui.render.tints import draw_tints
 
 FLOW_LEVELS = (0, 4, 4, 4, 5, 5, 6, 7, 8)  # of heat: thin arrows would not show in its first ones
 
@@ -42,7 +42,7 @@ def near_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
         draw_route(canvas)
         draw_claims(canvas)
         draw_robots(canvas)
-    if scene.tinted or (scene.values is not None and scene.layer in SHADED):
+    if scene.shaded:
         keep_heat(canvas, ground)
     if scene.zone != NIL:
         canvas.set_background(canvas.at(scene.zone_cells)[0], styles.COLOUR_MARKED)
@@ -67,12 +67,12 @@ def draw_loads(canvas: Canvas) -> None:
 def draw_layer(canvas: Canvas) -> None:
     """The layer of the scene on the cells that robots drive on."""
     scene = canvas.scene
-    if scene.tinted:
-        draw_zone_signs(canvas)
+    if scene.tints is not None:
+        draw_tints(canvas, scene.tints)
     elif scene.values is not None:
         levels = scene.levels(canvas.cells(scene.values)).reshape(-1)
         index = np.flatnonzero(levels)
-        if scene.layer in SHADED:
+        if scene.shaded:
             canvas.flat[index] = heat_codes(canvas.glyphs)[levels[index], None]
         else:
             draw_flow(canvas, index, levels[index])

@@ -10,7 +10,7 @@ from tui.render.camera import Camera
 from tui.render.cell_view import near_picture
 from tui.render.glyphs import Codes, GlyphSet, code
 from tui.render.pixels import pixel_picture
-from tui.render.scene import SHADED, Scene
+from tui.render.scene import Scene
 from tui.render.styles import style
 
 
@@ -23,7 +23,7 @@ def compose(scene: Scene, camera: Camera, glyphs: GlyphSet, out: Codes | None = 
         part = near_picture(scene, camera, glyphs)
         before = camera.left % camera.zoom.width if camera.left > 0 else 0  # columns cut off
         part = part[:, before : before + camera.columns]
-    elif kind == "pixels" or scene.layer in SHADED or scene.tinted:
+    elif kind == "pixels" or scene.shaded:
         part = pixel_picture(scene, camera, glyphs)
     else:
         part = far_picture(scene, camera, glyphs)

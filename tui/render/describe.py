@@ -12,7 +12,7 @@ from automaton.engine.observation import CAUSES
 from automaton.engine.robot_status import BATTERY_PERCENT, STATUS_TOWED
 from automaton.engine.state import ACTION_IDLE, ACTION_NAMES, NIL, ORDER_DELIVERED, ORDER_WAITING
 from automaton.floor.cells import CELL_KINDS, DIRECTIONS, EXIT_EAST, EXIT_WEST, FLOOR, SHELF, TRACK
-from tui.render.map_overlays import value_words, zone_words
+from tui.registration import layers
 from tui.render.scene import (
     DETAIL_ONE_WAY,
     DETAIL_PASSING,
@@ -28,9 +28,10 @@ MAX_NAMED_ROBOTS = 3  # named in one line
 def describe(scene: Scene, cell: int) -> str:
     """One line about a cell of the floor."""
     parts = [place(scene, cell) + " " + ground(scene, cell) + _content(scene, cell)]
-    parts += zone_words(scene, cell)
+    for layer in layers().by_name.values():
+        parts += layer.cell_words(scene, cell)
     if scene.values is not None and scene.floor.drivable[cell]:
-        parts += value_words(scene, int(scene.values[cell]))
+        parts += scene.map_layer.value_words(int(scene.values[cell]))
     return ", ".join(parts + _robots(scene, cell))
 
 

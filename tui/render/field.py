@@ -12,9 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 HEAT_LEVELS: Final = 9  # level 0 is nothing at all
-OVERLAYS: Final = ("explored", "predicted")
-EXPLORED, ON_PATH = 4, 7  # levels of heat: the cells that A* finds, and its path among them
-PREDICTED: Final = (3, 5, 6, 7, 8)  # of the least number of paths, of one more, ...
 SCALE_ENDS: Final = (10, 12, 15, 20, 25, 30, 40, 50, 60, 80)  # times a power of ten
 
 
@@ -51,15 +48,6 @@ def levels_of(values: NDArray[np.int32], scale: Scale) -> NDArray[np.uint8]:
     return (
         np.searchsorted(begins, values.reshape(-1), "right").astype(np.uint8).reshape(values.shape)
     )
-
-
-def overlay_levels(layer: str, values: NDArray[np.int32], least: int) -> NDArray[np.uint8]:
-    """The level of heat of each value: explored 1 or on the path 2; or so many predicted paths."""
-    if layer == "explored":
-        return np.array([0, EXPLORED, ON_PATH], np.uint8)[values]
-    table = np.array([0, *PREDICTED], np.uint8)
-    levels: NDArray[np.uint8] = table[np.clip(values - (least - 1), 0, len(PREDICTED))]
-    return levels
 
 
 def _rounded(number: float) -> int:

@@ -13,9 +13,8 @@ from tui.render import styles
 from tui.render.camera import Zoom
 from tui.render.cell_looks import FAR_SHELF, cell_codes, colour_of, look
 from tui.render.cell_view import flow_codes, heat_codes
-from tui.render.field import HEAT_LEVELS, OVERLAYS
+from tui.render.field import HEAT_LEVELS
 from tui.render.glyphs import GlyphSet, code
-from tui.render.map_overlays import overlay_meanings, zone_entries
 from tui.render.pixels import DRIVEN
 from tui.render.scene import (
     DETAIL_FULL_SHELF,
@@ -23,19 +22,10 @@ from tui.render.scene import (
     DETAIL_PASSING,
     DETAIL_SHIFT,
     DETAIL_UNLIMITED,
-    HEAT,
     KIND_MASK,
     Scene,
 )
 from tui.render.styles import style
-
-UNITS = {
-    "visits": "visits",
-    "waiting": "ticks lost",
-    "congestion": "ticks lost of late",
-    "flow": "moves",
-}
-
 
 MAX_WORST_CELLS = 10  # cells of a layer that are listed
 
@@ -50,7 +40,7 @@ class Entry(NamedTuple):
 def legend(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
     """The layer, the robots, what lies over the floor, and the floor."""
     near = zoom.kind == "cells"
-    solid = zoom.kind == "pixels" and scene.values is None and not scene.tinted
+    solid = zoom.kind == "pixels" and scene.values is None and scene.tints is None
     sign = glyphs.full if solid else glyphs.fleet[255]
     entries = _robots(scene, glyphs) if near else _far_robots(scene, sign)
     entries = _layer(scene, glyphs) + entries + _overlays(scene, glyphs, near)
@@ -59,7 +49,7 @@ def legend(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
 
 def worst_cells(scene: Scene) -> list[tuple[int, int]]:
     """Cells with the greatest numbers of a heat layer, and the numbers."""
-    if scene.layer not in HEAT or scene.values is None:
+    if not scene.map_layer.ranked or scene.values is None:
         return []
     order = np.argsort(-scene.values, kind="stable")[:MAX_WORST_CELLS]
     return [(int(cell), int(scene.values[cell])) for cell in order if scene.values[cell] > 0]
@@ -144,22 +134,18 @@ def _overlays(scene: Scene, glyphs: GlyphSet, near: bool) -> list[Entry]:
 
 def _layer(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
     """Levels with their numbers, or the zones."""
-    if scene.traffic_zones is not None or scene.layer == "service-zones":
-        return [Entry(*entry) for entry in zone_entries(scene, glyphs)]
-    if scene.layer in OVERLAYS:
-        said = overlay_meanings(scene)
-        return [
-            Entry((int(heat_codes(glyphs)[level]),) if level else (), text) for level, text in said
-        ]
+    own = scene.map_layer.entries(scene, glyphs)
+    if own is not None:
+        return [Entry(*entry) for entry in own]
     if scene.values is None:
         return []
     lines: dict[tuple[int, ...], list[int]] = {}
     for level in range(1, HEAT_LEVELS):
         heat = (int(heat_codes(glyphs)[level]),)
         arrows = tuple(flow_codes(glyphs)[level].tolist())
-        lines.setdefault(heat if scene.layer in HEAT else arrows, []).append(level)
+        lines.setdefault(arrows if scene.map_layer.arrows else heat, []).append(level)
     return [
-        Entry(codes, f"{UNITS[scene.layer]}: {scene.scale.words(levels[0], levels[-1])}")
+        Entry(codes, f"{scene.map_layer.unit}: {scene.scale.words(levels[0], levels[-1])}")
         for codes, levels in lines.items()
     ]
 

@@ -27,7 +27,6 @@ from automaton.floor.cells import (
     TURNTABLE,
     WALL,
 )
-from strategies.zoning.design.zone_cells import stations_of
 from tui.render import robot_marks as fleet
 from tui.render import styles
 from tui.render.blocks import Part, blocks, part_of
@@ -36,11 +35,10 @@ from tui.render.camera import Camera, Rectangle
 from tui.render.cell_looks import FAR_LOAD, FAR_SHELF, KIND_COLOURS, colour_of, look
 from tui.render.cell_view import heat_codes
 from tui.render.glyphs import Codes, GlyphSet, code
-from tui.render.map_overlays import paint_tints, sign_tints
 from tui.render.scene import KIND_MASK, LOOK_COUNT, Floor, Scene
-from tui.render.service_zone_overlay import TRANSFER_COLOUR
 from tui.render.shelf_marks import full_shelves
 from tui.render.styles import style
+from tui.render.tints import paint_tints, sign_tints
 
 Colours = NDArray[np.uint8]
 # These show in a pixel of many cells, the last one first.
@@ -64,15 +62,15 @@ def pixel_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
     part, k = part_of(camera), camera.zoom.across
     whole = floor_in_pixels(scene.floor, camera.shown, k)
     pixels = whole[2 * part.top : 2 * part.bottom, part.left : part.right].copy()
-    canvas = _Pixels(pixels, part, camera)
+    canvas = Pixels(pixels, part, camera)
     if k == 1:
         canvas.flat[full_shelves(scene, camera.visible())] = FAR_LOAD
-    laid = draw_layer(canvas, scene)
+    signed = draw_layer(canvas, scene)
     canvas.paint(scene.zone_cells, styles.COLOUR_MARKED)
-    if laid:
+    if scene.tints is not None or scene.values is not None:
         codes = paired(pixels, glyphs)
-        if scene.tinted:
-            codes = sign_tints(codes, pixels, thin=scene.served is not None and glyphs.shaded)
+        if scene.tints is not None:
+            codes = sign_tints(codes, pixels, thin=signed and glyphs.shaded)
         draw_over(codes, part, scene, camera, glyphs, grounds(pixels))
         return codes
     if scene.snapshot is not None:
@@ -165,7 +163,7 @@ def _pixel_colour(number: int) -> int:
     return FAR_SHELF if kind in (SHELF, RACK) else colour_of(number)
 
 
-class _Pixels:
+class Pixels:
     """The pixels on the screen, while they are painted."""
 
     def __init__(self, pixels: Colours, part: Part, camera: Camera) -> None:
@@ -201,22 +199,18 @@ class _Pixels:
         return np.pad(values, ((0, missing), (0, 0)), constant_values=rest)
 
 
-def draw_layer(canvas: _Pixels, scene: Scene) -> bool:
-    """Heat, or zones; whether there is a layer."""
-    if scene.tinted:
+def draw_layer(canvas: Pixels, scene: Scene) -> bool:
+    """Heat, or zones; whether these have signs of their own."""
+    if scene.tints is not None:
         paint_tints(canvas.pixels, canvas.reduced(scene.tints, NIL))
     elif scene.values is not None:
         levels = scene.levels(canvas.reduced(scene.values, 0))
         hot = levels > 0
         canvas.pixels[hot] = styles.COLOUR_HEAT_0 + levels[hot]
-    if scene.served is not None:
-        cells, _, shared = stations_of(scene.served.roads, scene.served.design)
-        canvas.paint(cells[~shared].astype(np.int32), styles.COLOUR_DIM)
-        canvas.paint(cells[shared].astype(np.int32), TRANSFER_COLOUR)
-    return scene.tinted or scene.values is not None
+    return scene.map_layer.paint_pixels(canvas, scene)
 
 
-def draw_robots(canvas: _Pixels, scene: Scene) -> None:
+def draw_robots(canvas: Pixels, scene: Scene) -> None:
     """Each robot as a pixel in the colour of its state, of several in that of the worst."""
     seen = fleet.robots_of(scene)
     index, which = canvas.at(seen.cell)

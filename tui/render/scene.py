@@ -26,17 +26,13 @@ from automaton.floor.cells import (
 )
 from automaton.floor.floor_plan import DRIVABLE, FloorPlan
 from automaton.floor.traffic_zones import TrafficZones
-from tui.render.field import OVERLAYS, Scale, levels_of, overlay_levels, scale_for
-from tui.render.service_zone_tints import design_tints, zone_cells_of
-from tui.render.traffic_zone_tints import tints_of
+from tui.registration import layer_named, layers
+from tui.render.field import Scale, scale_for
+from tui.render.layer import Layer
 
 if TYPE_CHECKING:  # it needs Numba, pictures do not
     from automaton.engine.service_zones import ServiceZones
     from automaton.evidence.history.snapshot import Snapshot
-
-HEAT: Final = ("visits", "waiting", "congestion")
-SHADED: Final = (*HEAT, *OVERLAYS)  # levels as papers
-MAP_LAYERS: Final = ("", *HEAT, "flow", "service-zones", "traffic-zones", *OVERLAYS)
 
 # What a cell looks like: its kind, and a detail in the bits above.
 DETAIL_SHIFT: Final = 4
@@ -111,13 +107,6 @@ class Floor:
         return DRIVABLE[self.floor_plan.kind].reshape(-1)
 
     @cached_property
-    def tints(self) -> NDArray[np.int8]:
-        """(C,) the tint of each cell's zone, of tui.render.traffic_zone_tints, or NIL."""
-        if self.traffic_zones is None:
-            return np.full(self.floor_plan.kind.size, NIL, np.int8)
-        return tints_of(self.traffic_zones, *self.floor_plan.kind.shape)
-
-    @cached_property
     def slot_in(self) -> NDArray[np.int32]:
         """(C,) the slot in a cell, or NIL."""
         slots = np.full(self.floor_plan.kind.size, NIL, np.int32)
@@ -139,7 +128,7 @@ class Scene:
     selected: int = NIL  # robot
     route: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # its cells, stand last
     cursor: int | None = None  # cell
-    layer: str = ""  # of MAP_LAYERS
+    layer: str = ""  # the name of one that is registered, or none
     marked: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # robots
     zone: int = NIL  # whose cells are marked
     least: int = 2  # paths that lead through a cell of the overlay "predicted"
@@ -148,18 +137,29 @@ class Scene:
         """The same scene but for these fields."""
         return replace(self, **changes)
 
+    @property
+    def map_layer(self) -> Layer:
+        """The layer that is shown."""
+        return layer_named(self.layer)
+
     @cached_property
     def values(self) -> NDArray[np.int32] | None:
-        """(C,) what the layer counts, as far as the snapshot brings it."""
-        if self.snapshot is None:
+        """(C,) what the layer counts, as far as the snapshot brings it; of arrows the strongest."""
+        if self.snapshot is None or not self.map_layer.heat:
             return None
-        if self.layer in SHADED:
+        if not self.map_layer.arrows:
             return self.snapshot.heat
-        if self.layer == "flow" and self.snapshot.flow is not None:
-            east, south, west, north = self.snapshot.flow.T
-            strongest = np.maximum(np.maximum(east, south), np.maximum(west, north))
-            return np.asarray(strongest, np.int32)
-        return None
+        if self.snapshot.flow is None:
+            return None
+        east, south, west, north = self.snapshot.flow.T
+        strongest = np.maximum(np.maximum(east, south), np.maximum(west, north))
+        return np.asarray(strongest, np.int32)
+
+    @property
+    def shaded(self) -> bool:
+        """Whether the layer colours the floor: by heat or tints, not by arrows."""
+        layer = self.map_layer
+        return (layer.heat and not layer.arrows) or self.tints is not None
 
     @cached_property
     def scale(self) -> Scale:
@@ -168,9 +168,7 @@ class Scene:
 
     def levels(self, values: NDArray[np.int32]) -> NDArray[np.uint8]:
         """0 to 8 on the scale of the layer."""
-        if self.layer in OVERLAYS:
-            return overlay_levels(self.layer, values, self.least)
-        return levels_of(values, self.scale)
+        return self.map_layer.levels(self, values)
 
     @property
     def goal_cell(self) -> int:
@@ -194,11 +192,6 @@ class Scene:
         return cells
 
     @property
-    def traffic_zones(self) -> TrafficZones | None:
-        """The zones of the floor, while their layer is shown."""
-        return self.floor.traffic_zones if self.layer == "traffic-zones" else None
-
-    @property
     def service_zones(self) -> ServiceZones | None:
         """The zones that robots serve, if there are any."""
         service_zones = None if self.snapshot is None else self.snapshot.service_zones
@@ -206,22 +199,10 @@ class Scene:
             service_zones if service_zones is not None and len(service_zones.roads.cell) else None
         )
 
-    @property
-    def tinted(self) -> bool:
-        """Whether zones of either kind are shown."""
-        return self.traffic_zones is not None or self.served is not None
-
-    @property
-    def served(self) -> ServiceZones | None:
-        """The zones that robots serve, while their layer is shown."""
-        return self.service_zones if self.layer == "service-zones" else None
-
     @cached_property
-    def tints(self) -> NDArray[np.int8]:
-        """(C,) the tint of each cell, of tui.render.traffic_zone_tints, or NIL."""
-        if self.served is None:
-            return self.floor.tints
-        return design_tints(self.floor.floor_plan, self.floor.slots_cell, self.served)
+    def tints(self) -> NDArray[np.int8] | None:
+        """(C,) the tint of each cell, an index of tui.render.tints.TINTS, or NIL; None: no tints."""
+        return self.map_layer.tints(self)
 
     @property
     def zone_name(self) -> str:
@@ -233,9 +214,5 @@ class Scene:
         """(k,) the cells of the zone that is marked: of one that robots serve, if they do."""
         if self.zone == NIL:
             return NO_CELLS
-        if self.service_zones is not None:
-            return zone_cells_of(self.floor.floor_plan, self.service_zones, self.zone)
-        if self.floor.traffic_zones is None:
-            return NO_CELLS
-        cells = np.flatnonzero((self.floor.traffic_zones.of == self.zone).any(axis=1))
-        return cells.astype(np.int32)
+        of_layers = (layer.zone_cells(self, self.zone) for layer in layers().by_name.values())
+        return next((cells for cells in of_layers if cells is not None), NO_CELLS)

@@ -28,23 +28,24 @@ def show(opening: Opening, options: Options) -> int:
 
     viewer = Viewer(opening, options)
     try:
-        with handled(viewer.leave, viewer.close_runs):
+        with handled(viewer.leave, viewer.session.close):
             viewer.run()
     finally:
-        viewer.close_runs()
-    failed, error = viewer.error or viewer.broken, ""
-    if viewer.playback is not None:
-        failed, error = failed or viewer.playback.failed, viewer.playback.error
+        viewer.session.close()
+    session = viewer.session
+    failed, error = session.error or session.broken, ""
+    if session.playback is not None:
+        failed, error = failed or session.playback.failed, session.playback.error
     if failed or error:
         _say(failed or error)
-    kept = [path for path in viewer.recordings if path.exists()]
+    kept = [path for path in session.recordings if path.exists()]
     for path in kept:
         _say(f"recorded in {path}")
     runs = [*opening.files, *kept]
     if kept and len(runs) > 1:
         _say(f"to compare: {comparing_command(*runs[-2:])}")
     bad = failed or (
-        error and not viewer.live
+        error and not session.live
     )  # a live run whose disk is full was shown all the same
     return viewer.return_code or (BAD_INPUT if bad else 0)
 

@@ -1,6 +1,6 @@
 """Every action of the viewer: its id, keys and name; help, footer, palette and tests read this table.
 
-An id is stable: `App.set_keymap` gives its action other keys, `action_<id>` is its method.
+An id is stable: `App.set_keymap` gives its action other keys; a group of tui.actions carries it out.
 """
 
 from __future__ import annotations
@@ -8,6 +8,10 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 from textual.binding import Binding
+
+from tui.registration import layers, panels
+from tui.render.layer import Layer
+from tui.widgets.panel import Panel
 
 
 class Action(NamedTuple):
@@ -18,6 +22,7 @@ class Action(NamedTuple):
     label: str  # in the footer, the palette and the help
     meaning: str = ""  # a little more, for the help
     shown: bool = False  # in the footer
+    place: int = 0  # in its topic, among those that layers and panels bring
 
 
 class Topic(NamedTuple):
@@ -27,7 +32,7 @@ class Topic(NamedTuple):
     actions: tuple[Action, ...]
 
 
-TOPICS: Final = (
+_FIXED: Final = (
     Topic(
         "Time",
         (
@@ -80,35 +85,18 @@ TOPICS: Final = (
             Action("next_robot", "right_parenthesis", "Next robot"),
             Action("previous_robot", "left_parenthesis", "Previous robot"),
             Action("clear", "escape", "Clear", "nothing selected, found or followed"),
-            Action("why", "w", "Why", "why the robot waits", True),
-            Action("breakpoints", "b", "Stops", "conditions that stop the run on its way on", True),
-            Action("branch", "B", "Branch", "go on with other settings from here"),
-            Action("inspect", "i", "Inspect", "the robot, or the cell under the mouse"),
-            Action("events", "e", "Events", "events: what happened", True),
-            Action("robots", "t", "Robots", "all robots in a table"),
-            Action("legend", "K", "Legend", "legend: what the signs mean"),
+            Action(
+                "breakpoints", "b", "Stops", "conditions that stop the run on its way on", True, 20
+            ),
+            Action("branch", "B", "Branch", "go on with other settings from here", place=20),
         ),
     ),
     Topic(
         "Layers",
         (
             Action("layer_none", "f2", "No layer"),
-            Action("layer_visits", "f3", "Visits", "visits: how often cells are entered"),
-            Action("layer_waiting", "f4", "Waiting", "waiting: where time is lost"),
-            Action(
-                "layer_congestion", "f5", "Congestion", "congestion: where time was lost of late"
-            ),
-            Action("layer_flow", "f6", "Flow", "flow: moves out of each cell"),
-            Action("layer_zones", "f7", "Zones", "zones of robots; again: of the floor"),
-            Action("layer_route", "f8", "Route", "the selected robot's route, on or off"),
-            Action("layer_explored", "f9,E", "Explored", "what A* looks at for the selected robot"),
-            Action(
-                "layer_predicted",
-                "f10,P",
-                "Predicted",
-                "where 2 or more others will drive; again: 3, 4, 5, 1",
-            ),
-            Action("next_layer", "L", "Layer", "the next layer", True),
+            Action("layer_route", "f8", "Route", "the selected robot's route, on or off", place=65),
+            Action("next_layer", "L", "Layer", "the next layer", True, 10_000),
         ),
     ),
     Topic(
@@ -138,6 +126,35 @@ TOPICS: Final = (
         ),
     ),
 )
+
+
+def _brought(one: Layer | Panel, action: str, place: int, taken: set[str]) -> Action:
+    """The action of a layer or a panel; a key that is taken stays where it is."""
+    keys = [key for key in one.key.split(",") if key and key not in taken]
+    label, shown = one.label or one.name, isinstance(one, Panel) and one.shown
+    return Action(one.action or action, ",".join(keys), label, one.meaning, shown, place)
+
+
+def _topics() -> tuple[Topic, ...]:
+    """All topics, with the actions that registered layers and panels bring."""
+    taken = {key for topic in _FIXED for action in topic.actions for key in action.keys.split(",")}
+    brought = {
+        "Looking closer": [
+            _brought(panel, name, panel.listed, taken) for name, panel in panels().by_name.items()
+        ],
+        "Layers": [
+            _brought(layer, f"layer_{name}", layer.position, taken)
+            for name, layer in layers().by_name.items()
+        ],
+    }
+    topics = []
+    for topic in _FIXED:
+        rows = sorted((*topic.actions, *brought.get(topic.name, ())), key=lambda one: one.place)
+        topics.append(Topic(topic.name, tuple({row.id: row for row in rows}.values())))
+    return tuple(topics)
+
+
+TOPICS: Final = _topics()
 ACTIONS: Final = tuple(action for topic in TOPICS for action in topic.actions)
 COMPARING: Final = frozenset({"compare_side", "next_difference"})  # with two runs only
 
@@ -162,18 +179,24 @@ KEY_NAMES: Final = {
 }
 
 
+def do(id: str) -> str:
+    """What Textual is told to do for an action of the table."""
+    return f"do({id!r})"
+
+
 def bindings() -> list[Binding]:
     """The table for Textual."""
     return [
         Binding(
             action.keys,
-            action.id,
+            do(action.id),
             action.label,
             show=action.shown,
             tooltip=action.meaning,
             id=action.id,
         )
         for action in ACTIONS
+        if action.keys
     ]
 
 

@@ -17,6 +17,7 @@ from automaton.floor.cells import BAY, CELL_KINDS, CHARGER, DIRECTIONS, UNLIMITE
 from automaton.floor.floor_plan import DRIVABLE
 from automaton.units import count
 from tui.playback.panel_view import View
+from tui.registration import layer_named
 from tui.widgets.charge_facts import charger_lines
 from tui.widgets.robot_type_facts import closed_to
 from tui.widgets.service_zone_facts import order_zone, part_of_order, station_facts
@@ -40,12 +41,6 @@ ORDER_STATE_WORDS: Final = {
     ORDER_CARRIED: "under way",
     ORDER_DELIVERED: "delivered",
     ORDER_UNRELEASED: "will come; no strategy knows it yet",
-}
-COUNTED: Final = {  # what the layers count
-    "visits": "visits",
-    "waiting": "ticks lost here",
-    "congestion": "ticks lost here of late",
-    "predicted": "robots are going to drive here",
 }
 
 
@@ -93,9 +88,10 @@ def _traffic(view: View, cell: int) -> list[tuple[str, Parts]]:
     """Who is there, who comes and who would like to; what the layer counts."""
     fleet, snapshot = view.snapshot.robots, view.snapshot
     at = np.where(fleet.cell == NIL, fleet.bay, fleet.cell)
+    layer = layer_named(view.layer)
     counted: Parts = []
-    if snapshot.heat is not None and view.layer in COUNTED:
-        counted = [f"{int(snapshot.heat[cell]):,} {COUNTED[view.layer]}"]
+    if snapshot.heat is not None and layer.counted:
+        counted = [f"{int(snapshot.heat[cell]):,} {layer.counted}"]
     elif snapshot.flow is not None:
         moves = [
             f"{name} {int(n):,}" for name, n in zip(DIRECTIONS, snapshot.flow[cell], strict=True)

@@ -16,6 +16,7 @@ from automaton.units import count
 from tui.playback.panel_view import RobotChosen, TickChosen, View
 from tui.widgets.event_kinds import KindBoxes
 from tui.widgets.event_rows import EVENT_GROUPS, ROBOT_COLUMN_WIDTH, Wanted, event_line
+from tui.widgets.panel import PanelWidget
 from tui.widgets.rows import Rows
 from tui.widgets.service_zone_facts import partition_of, parts_finished
 from tui.widgets.signs import UNICODE, Signs
@@ -203,7 +204,7 @@ class EventList(Rows):
                 self.keep_in_sight(max(0, self._present - 1))
 
 
-class Events(Vertical):
+class Events(Vertical, PanelWidget):
     """The filter's words and boxes above the list; tab goes to them from the list."""
 
     DEFAULT_CSS = """
@@ -239,9 +240,13 @@ class Events(Vertical):
         """List the events of this run."""
         self.list.show(view)
 
-    def matching(self, view: View) -> Array:
-        """(M,) int64: indices of the events that are asked for, ascending; shown or not."""
+    def listed_events(self, view: View) -> Array:
+        """Those that are asked for; shown or not."""
         return self.list.matching(view)
+
+    @property
+    def focused_part(self) -> EventList:
+        return self.list
 
     def on_input_changed(self, event: Input.Changed) -> None:
         event.stop()

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from textual.message import Message
-
 from automaton.engine.state import NIL
-from tui.playback.panel_view import View
+from tui.playback.panel_view import OrderChosen, View
 from tui.widgets.cell_facts import cell_lines, order_lines
 from tui.widgets.robot_facts import robot_lines
 from tui.widgets.styled_lines import Line, Link, dim, line, robot_link, title, wrapped
@@ -18,14 +16,6 @@ GUIDE = (
     "i looks at the cell under the cursor, or in the middle of the map.",
     "What is underlined leads on: click it, or go to it with up and down and press enter.",
 )
-
-
-class OrderChosen(Message):
-    """Tell about an order."""
-
-    def __init__(self, order: int) -> None:
-        self.order = order
-        super().__init__()
 
 
 class Inspector(TextPanel):
@@ -52,21 +42,22 @@ class Inspector(TextPanel):
     def cache_key(self, view: View) -> tuple[object, ...]:
         return (*super().cache_key(view), self.order)
 
-    def tell_order(self, order: int) -> None:
+    def show_order(self, order: int) -> bool:
         """Show an order, until another robot or cell is chosen."""
         self.order = order
         if self.view is not None:
             self.show(self.view)
+        return True
 
     def follow(self, link: Link, column: int = 0) -> None:
         """An order is shown here; a robot or cell that is chosen already comes back."""
         kind, number = link
         if kind == "order":
-            self.tell_order(number)
+            self.show_order(number)
             self.post_message(OrderChosen(number))
             return
         if kind in ("robot", "cell", "zone"):
-            self.tell_order(NIL)
+            self.show_order(NIL)
         super().follow(link, column)
 
 

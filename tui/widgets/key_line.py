@@ -7,7 +7,9 @@ from typing import Any, Final
 from textual.app import ComposeResult
 from textual.widgets import Footer
 
-STAY: Final = ("help", "quit")  # actions; of the others the last ones go first
+from tui.widgets.bindings import do
+
+STAY: Final = (do("help"), do("quit"))  # of the others the last ones go first
 
 
 class Keys(Footer):

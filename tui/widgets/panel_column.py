@@ -12,8 +12,10 @@ column              full
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import ClassVar, Final
+from functools import cache
+from typing import Any, ClassVar, Final, NamedTuple
 
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
@@ -21,29 +23,17 @@ from textual.containers import Container, Vertical
 from textual.message import Message
 from textual.widgets import ContentSwitcher
 
-from automaton.engine.state import NIL
-from tui.playback.panel_view import View
-from tui.render.camera import Zoom
+from automaton.engine.state import NIL, Array
+from tui.playback.panel_view import OrderChosen, View
+from tui.registration import left_out, load, panels
 from tui.render.glyphs import GlyphSet
-from tui.render.scene import Scene
-from tui.render.styles import Look
-from tui.widgets.event_list import Events
-from tui.widgets.inspector import Inspector, OrderChosen
-from tui.widgets.legend_panel import Legend
+from tui.widgets.bindings import key_text
 from tui.widgets.metrics_panel import Figures
-from tui.widgets.robot_table import Robots
+from tui.widgets.panel import PanelWidget
 from tui.widgets.rows import Rows
-from tui.widgets.signs import signs_of
+from tui.widgets.signs import Signs, signs_of
 from tui.widgets.styled_lines import Line, Link, Span
-from tui.widgets.why_panel import Why
 
-TABS: Final = {  # name of a panel: its tab and the app's key that opens it
-    "inspector": ("info", "i"),
-    "why": ("why", "w"),
-    "events": ("events", "e"),
-    "robots": ("robots", "t"),
-    "legend": ("legend", "K"),
-}
 WITH_KEYS: Final = 40  # columns from which the tabs name their keys
 
 
@@ -59,7 +49,6 @@ class TabStrip(Rows):
         Binding("left", "neighbour(-1)", "Previous panel", show=False),
         Binding("right", "neighbour(1)", "Next panel", show=False),
     ]
-    open = "inspector"
 
     class Opened(Message):
         """A tab was chosen."""
@@ -67,6 +56,11 @@ class TabStrip(Rows):
         def __init__(self, name: str) -> None:
             self.name = name
             super().__init__()
+
+    def __init__(self, signs: Signs, names: Sequence[str]) -> None:
+        super().__init__(signs)
+        self._panels = [panels().by_name[name] for name in names]
+        self.open = names[0] if names else ""
 
     def on_mount(self) -> None:
         self.update_rows(1)
@@ -78,9 +72,10 @@ class TabStrip(Rows):
 
     def row(self, index: int) -> Line:
         spans: list[Span] = []
-        for at, (name, (label, key)) in enumerate(TABS.items()):
-            text = f"{label} {key}" if self.width >= WITH_KEYS else label
-            look = "cursor" if name == self.open else "plain"
+        for at, panel in enumerate(self._panels):
+            key = key_text(panel.key.partition(",")[0])
+            text = f"{panel.tab} {key}".rstrip() if self.width >= WITH_KEYS else panel.tab
+            look = "cursor" if panel.name == self.open else "plain"
             spans += [Span(text, look, ("tab", at)), Span(" ", "dim")]
         return tuple(spans[:-1])
 
@@ -91,12 +86,35 @@ class TabStrip(Rows):
         )
 
     def follow(self, link: Link, column: int = 0) -> None:
-        self.post_message(self.Opened(list(TABS)[link[1]]))
+        self.post_message(self.Opened(self._panels[link[1]].name))
 
     def action_neighbour(self, step: int) -> None:
         """Open the next panel."""
-        names = list(TABS)
+        names = [panel.name for panel in self._panels]
         self.post_message(self.Opened(names[(names.index(self.open) + step) % len(names)]))
+
+
+class Widgets(NamedTuple):
+    """The classes of the panels by name, and what is wrong with others."""
+
+    by_name: dict[str, type[Any]]
+    problems: tuple[str, ...]
+
+
+@cache
+def panel_widgets() -> Widgets:
+    """Import the widgets of all panels; in the thread in which the runs are begun."""
+    classes: dict[str, type[Any]] = {}
+    problems = []
+    for name, panel in panels().by_name.items():
+        try:
+            kind = load(panel.widget)
+            if not issubclass(kind, PanelWidget):
+                raise TypeError(f"{panel.widget} is not a tui.widgets.panel.PanelWidget")
+            classes[name] = kind
+        except Exception as error:  # whatever a user's module does wrong while it is imported
+            problems.append(left_out("panel", name, error))
+    return Widgets(classes, tuple(problems))
 
 
 class PanelColumn(Container):
@@ -114,16 +132,12 @@ class PanelColumn(Container):
     }
     """
 
-    def __init__(self, look: Look, glyphs: GlyphSet, *, id: str | None = None) -> None:
+    def __init__(self, glyphs: GlyphSet, widgets: Widgets, *, id: str | None = None) -> None:
         super().__init__(id=id)
         signs = signs_of(glyphs)
         self.figures = Figures(signs, id="figures")
-        self.inspector = Inspector(signs, id="inspector")
-        self.why = Why(signs, id="why")
-        self.events = Events(signs, id="events")
-        self.robots = Robots(signs, id="robots")
-        self.legend = Legend(look, glyphs, signs, id="legend")
-        self.tabs = TabStrip(signs)
+        self.panels = {name: kind(signs, id=name) for name, kind in widgets.by_name.items()}
+        self.tabs = TabStrip(signs, list(self.panels))
         self._view: View | None = None
         self._key: tuple[object, ...] = ()  # of what is shown
 
@@ -131,12 +145,8 @@ class PanelColumn(Container):
         yield self.figures
         with Vertical():
             yield self.tabs
-            with ContentSwitcher(initial="inspector"):
-                yield self.inspector
-                yield self.why
-                yield self.events
-                yield self.robots
-                yield self.legend
+            with ContentSwitcher(initial=self.tabs.open or None):
+                yield from self.panels.values()
 
     @property
     def name_open(self) -> str:
@@ -146,15 +156,14 @@ class PanelColumn(Container):
     def show(self, view: View) -> None:
         """Show this in the figures and in the open panel, as far as they are in sight."""
         self._view = view = _within(view)
-        chosen = (view.robot, view.cell, view.zone)
-        key = (id(view.run), view.playback.seq, *chosen, view.side, view.layer)
         self._fit_figures()
-        if not self.is_mounted or not self.size or key == self._key:
+        if not self.is_mounted or not self.size or view.key == self._key:
             return
-        self._key = key
+        self._key = view.key
         self.figures.show(view)
         self._fit_figures()
-        self._opened().show(view)
+        if self.tabs.open:
+            self.panels[self.tabs.open].show(view)
 
     def _fit_figures(self) -> None:
         """Above another panel the figures end where a part of them ends, not within a curve."""
@@ -165,39 +174,32 @@ class PanelColumn(Container):
     def on_resize(self) -> None:
         self._fit_figures()
 
-    def _opened(self) -> Inspector | Why | Events | Robots | Legend:
-        panels = (self.inspector, self.why, self.events, self.robots, self.legend)
-        return panels[list(TABS).index(self.tabs.open)]
-
     def open(self, name: str, focus: bool = False) -> None:
-        """Open a panel of TABS; "figures" are always open."""
-        if name in TABS:
+        """Open a panel; "figures" are always open."""
+        if name in self.panels:
             self.query_one(ContentSwitcher).current = name
             self.tabs.set_content(name)
         self._key = ()
         if self._view is not None:
             self.show(self._view)
         if focus:
-            panel = self.figures if name == "figures" else self._opened()
-            (panel.list if isinstance(panel, Events) else panel).focus()
+            self.panels.get(name, self.figures).focused_part.focus()
 
-    def show_floor(self, scene: Scene, zoom: Zoom) -> None:
-        """Explain this picture in the legend."""
-        self.legend.show_floor(scene, zoom)
-
-    def set_appearance(self, look: Look, glyphs: GlyphSet) -> None:
-        """Other colours or characters on the map."""
-        self.legend.set_appearance(look, glyphs)
+    def listed_events(self, view: View) -> Array | None:
+        """(M,) int64 indices of the events that a panel lists, ascending; None: no panel does."""
+        lists = (panel.listed_events(view) for panel in self.panels.values())
+        return next((listed for listed in lists if listed is not None), None)
 
     def on_tab_strip_opened(self, message: TabStrip.Opened) -> None:
         message.stop()
         self.open(message.name)
 
     def on_order_chosen(self, message: OrderChosen) -> None:
-        """An order is shown by the inspector, whoever was clicked."""
-        self.inspector.tell_order(message.order)
-        if self.tabs.open != "inspector":
-            self.open("inspector")
+        """An order is shown by the panel that shows orders, wherever it was clicked."""
+        showing = (name for name, panel in self.panels.items() if panel.show_order(message.order))
+        name = next(showing, self.tabs.open)
+        if self.tabs.open != name:
+            self.open(name)
 
 
 def _within(view: View) -> View:

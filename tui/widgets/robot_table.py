@@ -10,13 +10,14 @@ from textual.binding import Binding, BindingType
 from automaton.engine.robot_status import STATUS_DEPLETED, STATUS_FAILED
 from automaton.engine.state import Array
 from tui.playback.panel_view import RobotChosen, View
+from tui.widgets.panel import PanelWidget
 from tui.widgets.robot_columns import ROBOT_TABLE_COLUMNS, Column, ordered
 from tui.widgets.rows import Rows
 from tui.widgets.signs import UNICODE, Signs
 from tui.widgets.styled_lines import Line, Link, Span, line
 
 
-class Robots(Rows):
+class Robots(Rows, PanelWidget):
     """The number stays in sight; the columns beside it as far as there is room, from `first` on."""
 
     BINDINGS: ClassVar[list[BindingType]] = [

@@ -13,8 +13,8 @@ from automaton.engine.state import NIL, ORDER_CARRIED, ORDER_WAITING
 from automaton.errors import InputError
 from automaton.units import count
 from strategies.zoning.design.zone_work import minutes_of_zones
+from tui.layers.service_zones import transfer_pairs
 from tui.playback.panel_view import View
-from tui.render.service_zone_overlay import transfer_pairs
 from tui.widgets.styled_lines import (
     Line,
     Span,

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from tui.playback.panel_view import View
+from tui.widgets.panel import PanelWidget
 from tui.widgets.rows import Rows
 from tui.widgets.signs import UNICODE, Signs
 from tui.widgets.styled_lines import Line, Link, Span, dim, line, wrapped
 
 
-class TextPanel(Rows):
+class TextPanel(Rows, PanelWidget):
     """Subclasses write the lines for a width; they are made again only when something changed."""
 
     def __init__(self, signs: Signs = UNICODE, *, id: str | None = None) -> None:
@@ -25,8 +26,7 @@ class TextPanel(Rows):
 
     def cache_key(self, view: View) -> tuple[object, ...]:
         """What the lines depend on."""
-        chosen = (view.robot, view.cell, view.zone)
-        return (id(view.run), view.playback.seq, *chosen, view.side, view.layer)
+        return view.key
 
     def show(self, view: View) -> None:
         """Tell of this."""

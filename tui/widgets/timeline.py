@@ -21,6 +21,7 @@ from automaton.engine.observation import DELIVERED_ORDERS
 from tui.render import styles
 from tui.render.glyphs import Codes, GlyphSet, code, text
 from tui.render.styles import style
+from tui.widgets.bindings import do
 from tui.widgets.map_view import MapView
 from tui.widgets.tick_track import Part, Track, track_of
 
@@ -70,9 +71,9 @@ class Timeline(MapView, can_focus=True):
         Binding("right", "scrub(1)", "Tick on", show=False),
         Binding("shift+left,pageup", "scrub(-10)", "10 back", show=False),
         Binding("shift+right,pagedown", "scrub(10)", "10 on", show=False),
-        Binding("plus,equals_sign", "app.timeline_in", "Zoom in", show=False),
-        Binding("minus", "app.timeline_out", "Zoom out", show=False),
-        Binding("0", "app.timeline_whole", "Whole run", show=False),
+        Binding("plus,equals_sign", f"app.{do('timeline_in')}", "Zoom in", show=False),
+        Binding("minus", f"app.{do('timeline_out')}", "Zoom out", show=False),
+        Binding("0", f"app.{do('timeline_whole')}", "Whole run", show=False),
     ]
 
     class Scrubbed(Message):

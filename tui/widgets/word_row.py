@@ -10,6 +10,7 @@ import numpy as np
 from tui.render import styles
 from tui.render.glyphs import Codes, code, text
 from tui.render.styles import style
+from tui.widgets.bindings import do
 from tui.widgets.map_view import MapView
 
 
@@ -71,7 +72,7 @@ class Line(MapView, can_focus=False):
         event.stop()
         for begin, end, action in getattr(self, "_places", []):
             if action and begin <= event.column < end:
-                await self.app.run_action(action)
+                await self.app.run_action(do(action))
 
 
 def _width(words: Sequence[Word], gap: int) -> int:

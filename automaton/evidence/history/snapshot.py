@@ -10,14 +10,12 @@ import numpy as np
 from automaton.engine.facilities import Slots, Stations
 from automaton.engine.jit.fields import CARRIED
 from automaton.engine.jit.structs import Struct
-from automaton.engine.observation import LOST_EVER, Observation, congestion_of, visits_of
+from automaton.engine.observation import Observation
 from automaton.engine.service_zones import ServiceZones
 from automaton.engine.state import CLOCK_TICK, NIL, Array, Orders, Robots
 from automaton.runs.simulation import Simulation
 
 S = TypeVar("S", bound=Struct)
-
-OVERLAYS: Final = ("explored", "predicted")  # tui.playback.route_overlays brings their numbers
 
 
 def by_robot(struct: type[Struct]) -> list[str]:
@@ -68,10 +66,10 @@ class Snapshot:
     route: Array  # (k,) int32: cells that the selected robot has still to drive through
     order_queue: Array  # (k,) int32: orders that the selected robot is to do, one after another
     curve: Array  # (K, 2) int32: from this charge on, units that a tick at a charger gives
-    layer: str  # the one that was asked for, whose numbers follow
-    heat: Array | None  # (C,) int32, or None
-    flow: Array | None  # (C, 4) int32
     lost_in_zone: Array  # (Z,) int64: ticks that moves took longer because of each slow zone
+    layer: str  # of the map, that was asked for; whoever shows it brings its numbers
+    heat: Array | None = None  # (C,) int32, or None
+    flow: Array | None = None  # (C, 4) int32
 
 
 def take_snapshot(simulation: Simulation, selected: int = NIL, layer: str = "") -> Snapshot:
@@ -94,12 +92,10 @@ def take_snapshot(simulation: Simulation, selected: int = NIL, layer: str = "") 
         redesigns=int(observation.redesigns[0]),
         selected=selected,
         route=_route(simulation, selected),
-        layer=layer,
         order_queue=_plan(simulation, selected),
         curve=world.rules.curve,  # it is never written to
-        heat=_heat(simulation, layer),
-        flow=observation.flow.copy() if layer == "flow" else None,
         lost_in_zone=observation.lost_in_zone.copy(),
+        layer=layer,
     )
 
 
@@ -132,14 +128,3 @@ def _plan(simulation: Simulation, selected: int) -> Array:
     i = robots.at_index[selected]
     orders: Array = robots.order_queue[i, : robots.order_queue_length[i]].copy()
     return orders
-
-
-def _heat(simulation: Simulation, layer: str) -> Array | None:
-    observation = simulation.observation
-    if layer == "visits":
-        return visits_of(observation.flow, simulation.world.grid.offset)
-    if layer == "waiting":
-        return observation.lost_ticks_by_cell[:, LOST_EVER].copy()
-    if layer == "congestion":
-        return congestion_of(observation.lost_ticks_by_cell, simulation.tick)
-    return None

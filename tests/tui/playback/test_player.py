@@ -13,12 +13,11 @@ import pytest
 from manual_clock import FLEET, ManualClock, clock, live, manual_player, recorded
 
 from automaton.evidence.history.live_run import LiveRun, branch_of
-from automaton.evidence.history.snapshot import OVERLAYS
 from automaton.evidence.history.watched_run import Run
 from automaton.evidence.verification.verification import verify
 from tui.playback.playback_state import PlaybackState
 from tui.playback.player import IDLE_S, REWIND, TICKS_PER_S, Player
-from tui.render.scene import HEAT, MAP_LAYERS
+from tui.registration import layer_named, layers
 from tui.terminal.options import SPEEDS
 
 __all__ = ["clock"]
@@ -224,6 +223,13 @@ def test_play_stops_at_both_ends(clock: ManualClock) -> None:
     assert (playback.tick, playback.playing, playback.head) == (0, 0, 50)
 
 
+LAYERS = [
+    *("visits", "waiting", "congestion", "flow", "service-zones", "traffic-zones"),
+    *("explored", "predicted"),
+]
+COUNTING = ("visits", "waiting", "congestion", "explored", "predicted")
+
+
 def test_figures_and_layers(clock: ManualClock) -> None:
     player = manual_player(clock)
     player.seek(200)
@@ -231,8 +237,10 @@ def test_figures_and_layers(clock: ManualClock) -> None:
     playback = player.settle()
     assert playback.snapshots[0].selected == 2 and playback.figures[0].tick == 200
     assert len(playback.figures[0].operations) == 4 and (playback.figures[0].active <= 1).all()
-    for layer in MAP_LAYERS:
+    assert list(layers().by_name) == LAYERS
+    for layer in ("", *LAYERS):
         player.show_layer(layer)
         snapshot = player.settle().snapshots[0]
-        assert (snapshot.heat is not None) == (layer in (*HEAT, *OVERLAYS))
+        counts = layer_named(layer).heat and not layer_named(layer).arrows
+        assert (snapshot.heat is not None) == counts == (layer in COUNTING)
         assert (snapshot.flow is not None) == (layer == "flow")

@@ -13,15 +13,15 @@ from automaton.engine.state import NIL
 from automaton.floor.drawn_floors import draw_floor
 from strategies.zoning.design.design_files import read_design
 from strategies.zoning.design.zone_cells import ways_of
+from tui.layers.service_zone_tints import service_zone_tints, sparest_first
+from tui.layers.service_zones import SHARED_TINTS_TEXT, design_key
 from tui.render import styles
 from tui.render.compose import compose
 from tui.render.describe import describe
 from tui.render.glyphs import ASCII
 from tui.render.map_legend import legend
 from tui.render.scene import Scene
-from tui.render.service_zone_overlay import SHARED_TINTS_TEXT, TRANSFER_COLOUR, design_key
-from tui.render.service_zone_tints import service_zone_tints, sparest_first
-from tui.render.traffic_zone_tints import TINTS
+from tui.render.tints import TINTS, TRANSFER_COLOUR
 
 FLOOR = """
 1...2...3

@@ -147,7 +147,7 @@ def test_a_frame_of_two_pictures_is_one_write() -> None:
 def test_where_there_is_no_terminal_nobody_is_asked() -> None:
     async def story() -> None:
         async with viewing() as user:
-            with user.app.presenter.frame() as frame:
+            with user.display.presenter.frame() as frame:
                 frame.acknowledged = True
             assert not frame.asked
 

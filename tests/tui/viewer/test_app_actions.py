@@ -11,6 +11,7 @@ from action_cases import CHECKS
 from viewer_actions import carry_out
 from viewer_harness import mini, viewing
 
+from tui.terminal.options import Options
 from tui.viewer.app import Viewer
 from tui.widgets.bindings import ACTIONS
 
@@ -21,9 +22,11 @@ def test_a_branch_brings_its_zones(folder: Path) -> None:
     async def story() -> None:
         async with viewing(mini()) as user:
             await user.at(20)
-            before = user.app.pictures.floors[0].traffic_zones.count
-            user.app._take_branch(("world.traffic_zones=directed",))
-            await user.until(lambda: user.app.pictures.floors[0].traffic_zones.count == 2 * before)
+            before = user.session.pictures.floors[0].traffic_zones.count
+            user.app.branches.take(("world.traffic_zones=directed",))
+            await user.until(
+                lambda: user.session.pictures.floors[0].traffic_zones.count == 2 * before
+            )
 
     asyncio.run(story())
 
@@ -34,9 +37,14 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+def test_every_action_of_the_table_is_carried_out_by_one_group() -> None:
+    viewer = Viewer(mini(), Options())
+    ids = [id for group in viewer.groups for id in group.commands()]
+    assert sorted(ids) == sorted([*(action.id for action in ACTIONS), "command_palette"])
+
+
 def test_every_action_has_a_check_and_no_check_is_without_action() -> None:
     assert set(CHECKS) == {action.id for action in ACTIONS}
-    assert all(callable(getattr(Viewer, f"action_{action.id}")) for action in ACTIONS)
 
 
 @pytest.mark.parametrize("name", list(CHECKS))

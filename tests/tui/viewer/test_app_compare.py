@@ -21,7 +21,7 @@ def test_two_runs_survive_every_size(tmp_path: Path) -> None:
             for size in ((80, 24), (60, 16), (1, 1), (300, 20), (200, 60)):
                 await user.pilot.resize_terminal(*size)
                 await user.shown()
-            assert user.app.is_running and user.app.maps[1].shown is not None
+            assert user.app.is_running and user.display.maps[1].shown is not None
 
     asyncio.run(story())
 
@@ -36,7 +36,7 @@ def test_what_is_found_in_the_larger_fleet_is_not_looked_for_in_the_smaller(tmp_
             await user.press("slash")
             for key in ("x", "space", "greater_than_sign", "space", "minus", "5", "enter"):
                 await user.press(key)
-            await user.until(lambda: len(user.app.choice.found) == 3)
+            await user.until(lambda: len(user.session.choice.found) == 3)
             await user.shown()
             assert user.app.is_running
 
@@ -58,9 +58,9 @@ def test_the_text_of_a_hidden_map_is_that_of_the_tick(
             (saved,) = tmp_path.glob("*.txt")
             await user.press("p")
             await user.shown()
-            shown = user.app.maps[0].shown
+            shown = user.display.maps[0].shown
             assert shown is not None and user.tick == 150
-            seen = as_text(shown, user.app.glyphs)
+            seen = as_text(shown, user.session.glyphs)
             assert {line.strip() for line in seen.splitlines()} <= {
                 line.strip() for line in saved.read_text(encoding="utf-8").splitlines()
             }
@@ -76,20 +76,20 @@ def test_a_run_that_has_ended_tells_of_its_own_end(tmp_path: Path, size: tuple[i
         async with viewing(recorded(short, long), size) as user:
             await user.at(150)
             await user.shown()
-            assert not any("ended" in said(head) for head in user.app.heads)
+            assert not any("ended" in said(head) for head in user.display.heads)
             await user.at(300)
-            await user.until(lambda: "tick 200" in said(user.app.status))
-            assert "of 200" not in said(user.app.status)
-            assert said(user.app.status).rstrip().endswith("ended")
-            for head, end in zip(user.app.heads, (200, 300), strict=True):
+            await user.until(lambda: "tick 200" in said(user.display.status))
+            assert "of 200" not in said(user.display.status)
+            assert said(user.display.status).rstrip().endswith("ended")
+            for head, end in zip(user.display.heads, (200, 300), strict=True):
                 assert said(head).rstrip().endswith(f"  ended at tick {end}")
             await user.press("space")
-            await user.until(lambda: "both runs have ended at tick 300" in said(user.app.info))
+            await user.until(lambda: "both runs have ended at tick 300" in said(user.display.info))
             await user.at(250)
             await user.press("o")
-            await user.until(lambda: "tick 250  of 300" in said(user.app.status))
-            assert said(user.app.status).rstrip().endswith("compare")
-            assert "ended" not in said(user.app.heads[1])
+            await user.until(lambda: "tick 250  of 300" in said(user.display.status))
+            assert said(user.display.status).rstrip().endswith("compare")
+            assert "ended" not in said(user.display.heads[1])
 
     asyncio.run(story())
 
@@ -119,14 +119,17 @@ def test_a_breakpoint_shows_the_run_that_met_it(tmp_path: Path) -> None:
             await user.press("b")
             await user.until(lambda: len(user.app.screen_stack) == 2)
             await user.press(*"stalled > 20", "enter", "escape")
-            await user.until(lambda: user.app.stops)
+            await user.until(lambda: user.app.branches.stops)
             await user.press("9", "space")
-            await user.until(lambda: user.app.playback.stops)
-            side, robot = user.app.playback.side, user.app.playback.breakpoint_robots[0]
-            await user.until(lambda: user.app.choice.side == side)
-            assert user.app.choice.robot == robot
+            await user.until(lambda: user.session.playback.stops)
+            side, robot = (
+                user.session.playback.side,
+                user.session.playback.breakpoint_robots[0],
+            )
+            await user.until(lambda: user.session.choice.side == side)
+            assert user.session.choice.robot == robot
             told = f"stopped: stalled > 20: run {'AB'[side]}, robot {robot}"
-            await user.until(lambda: told in said(user.app.info))
+            await user.until(lambda: told in said(user.display.info))
             assert side == 1  # the one in which robots only wait
 
     asyncio.run(story())
@@ -140,7 +143,7 @@ def test_a_recording_that_cannot_be_compared_says_so(tmp_path: Path) -> None:
     async def story() -> None:
         async with viewing(opening) as user:
             told = "recording B has fewer ticks than it says: the file was altered"
-            await user.until(lambda: told in said(user.app.info))
-            assert user.app.divergence is None and user.app.broken == told
+            await user.until(lambda: told in said(user.display.info))
+            assert user.session.divergence is None and user.session.broken == told
 
     asyncio.run(story())

@@ -29,20 +29,20 @@ def covered(user: Watched) -> bool:
 
 
 def place_of(user: Watched, cell: int) -> tuple[int, int]:
-    row, column = user.app.pictures.camera.place_of(cell)
+    row, column = user.session.pictures.camera.place_of(cell)
     return column, row
 
 
 @pytest.mark.parametrize("size", [NARROW, MIDDLE])
 def test_what_is_chosen_in_a_list_is_seen_on_the_map(size: tuple[int, int]) -> None:
     async def tell(user: Watched) -> None:
-        cell = user.app.pictures.camera.floor_plan.cell(1, 4)
+        cell = user.session.pictures.camera.floor_plan.cell(1, 4)
         for message in (RobotChosen(2), CellChosen(cell), TickChosen(60)):
-            user.app.show_panels("full")
+            user.app.panels.show("full")
             await user.until(lambda: covered(user))
-            user.app.column.post_message(message)
+            user.display.column.post_message(message)
             await user.until(lambda: not covered(user))
-        assert user.app.choice.cell == cell
+        assert user.session.choice.cell == cell
         await user.until(lambda: user.tick == 60)
 
     story(tell, size)
@@ -54,7 +54,7 @@ def test_a_robot_of_the_table_is_seen_on_the_map() -> None:
         await user.until(lambda: covered(user))
         await user.press("down", "enter")
         await user.until(lambda: not covered(user))
-        assert user.app.choice.robot != NIL and user.app.maps[0].has_focus
+        assert user.session.choice.robot != NIL and user.display.maps[0].has_focus
 
     story(tell)
 
@@ -64,7 +64,7 @@ def test_what_was_found_is_seen_on_the_map() -> None:
         await user.press("e")
         await user.until(lambda: covered(user))
         await user.press("slash", *"robot", "space", "2", "enter")
-        await user.until(lambda: user.app.choice.robot == 2 and not covered(user))
+        await user.until(lambda: user.session.choice.robot == 2 and not covered(user))
 
     story(tell)
 
@@ -72,25 +72,25 @@ def test_what_was_found_is_seen_on_the_map() -> None:
 def test_the_next_robot_is_looked_at_without_leaving_the_inspector() -> None:
     async def tell(user: Watched) -> None:
         await user.press("i", "right_parenthesis")
-        await user.until(lambda: user.app.choice.robot != NIL)
-        assert covered(user) and user.app.column.name_open == "inspector"
+        await user.until(lambda: user.session.choice.robot != NIL)
+        assert covered(user) and user.display.column.name_open == "inspector"
 
     story(tell)
 
 
 def test_inspect_tells_of_what_the_mouse_has_moved_to_and_else_of_what_is_selected() -> None:
     async def tell(user: Watched) -> None:
-        floor_plan = user.app.pictures.camera.floor_plan
+        floor_plan = user.session.pictures.camera.floor_plan
         one, other = floor_plan.cell(1, 4), floor_plan.cell(2, 4)
-        user.app.choose(1)
+        user.session.choose(1)
         await user.pilot.hover("#map-0", offset=place_of(user, one))
-        await user.until(lambda: user.app.hovered == one)
+        await user.until(lambda: user.session.hovered == one)
         await user.press("i")
-        assert (user.app.choice.robot, user.app.choice.cell) == (NIL, one)
+        assert (user.session.choice.robot, user.session.choice.cell) == (NIL, one)
         await user.pilot.hover("#map-0", offset=place_of(user, other))
-        await user.until(lambda: user.app.hovered == other)
+        await user.until(lambda: user.session.hovered == other)
         await user.press("right_parenthesis", "i")  # chosen after the mouse came to rest
-        assert (user.app.choice.robot, user.app.choice.cell) == (0, NIL)
+        assert (user.session.choice.robot, user.session.choice.cell) == (0, NIL)
 
     story(tell, MIDDLE)
 
@@ -98,7 +98,7 @@ def test_inspect_tells_of_what_the_mouse_has_moved_to_and_else_of_what_is_select
 def test_with_nothing_selected_the_middle_of_the_map_is_inspected() -> None:
     async def tell(user: Watched) -> None:
         await user.press("i")
-        choice = user.app.choice
+        choice = user.session.choice
         assert (choice.robot, choice.cell) != (NIL, NIL)
 
     story(tell, MIDDLE)

@@ -32,22 +32,22 @@ def story(tell: Callable[[Watched], Awaitable[None]], opening: Opening | None = 
 
 def place_of(user: Watched, robot: int) -> tuple[int, int]:
     """Column and row of a robot on the map."""
-    cell = int(user.app.playback.snapshots[0].robots.cell[robot])
-    row, column = user.app.pictures.camera.place_of(cell)
+    cell = int(user.session.playback.snapshots[0].robots.cell[robot])
+    row, column = user.session.pictures.camera.place_of(cell)
     return column, row
 
 
 def test_a_click_selects_the_robot_or_the_cell_there_and_beside_the_floor_nothing() -> None:
     async def tell(user: Watched) -> None:
         await user.pilot.click("#map-0", offset=place_of(user, 2))
-        assert user.app.choice.robot == 2
-        camera = user.app.pictures.camera
+        assert user.session.choice.robot == 2
+        camera = user.session.pictures.camera
         cell = camera.floor_plan.cell(1, 4)
         row, column = camera.place_of(cell)
         await user.pilot.click("#map-0", offset=(column, row))
-        assert (user.app.choice.robot, user.app.choice.cell) == (NIL, cell)
+        assert (user.session.choice.robot, user.session.choice.cell) == (NIL, cell)
         await user.pilot.click("#map-0", offset=(0, 0))
-        assert (user.app.choice.robot, user.app.choice.cell) == (NIL, NIL)
+        assert (user.session.choice.robot, user.session.choice.cell) == (NIL, NIL)
 
     story(tell)
 
@@ -55,22 +55,22 @@ def test_a_click_selects_the_robot_or_the_cell_there_and_beside_the_floor_nothin
 def test_a_double_click_follows_and_a_drag_lets_go() -> None:
     async def tell(user: Watched) -> None:
         await user.pilot.double_click("#map-0", offset=place_of(user, 1))
-        assert user.app.choice.robot == 1 and user.app.choice.following
-        view = user.app.maps[0]
+        assert user.session.choice.robot == 1 and user.session.choice.following
+        view = user.display.maps[0]
         view.post_message(MapView.Dragged(view, 0, -3, 1))
-        await user.until(lambda: not user.app.choice.following)
+        await user.until(lambda: not user.session.choice.following)
 
     story(tell)
 
 
 def test_the_wheel_zooms_at_the_pointer_and_pans_with_shift() -> None:
     async def tell(user: Watched) -> None:
-        camera = user.app.pictures.camera
+        camera = user.session.pictures.camera
         camera.resize(5, 20)
         camera.zoom = camera.ladder[2]
         camera.centre_on(camera.floor_plan.cell(6, 3))
         before = camera.cell_at(2, 5)
-        view = user.app.maps[0]
+        view = user.display.maps[0]
         wheel = MapView.Wheeled.__new__(MapView.Wheeled)
         MapView.Happened.__init__(wheel, view)
         wheel.row, wheel.column, wheel.direction, wheel.shift, wheel.ctrl = 2, 5, "up", False, False
@@ -117,7 +117,7 @@ def test_the_wheel_zooms_the_timeline_about_the_pointer_and_with_shift_goes_by_t
         turn(events.MouseScrollUp)
         turn(events.MouseScrollUp)
         await user.until(lambda: before not in line.track.part)
-        user.app.action_timeline_in()  # by key: about the present
+        user.display.timeline.zoom(1)  # by key: about the present
         assert user.tick in line.track.part
         await user.at(10)
         await user.until(lambda: line.past.tick == 10)
@@ -129,7 +129,7 @@ def test_the_wheel_zooms_the_timeline_about_the_pointer_and_with_shift_goes_by_t
 def test_words_of_the_status_line_can_be_clicked() -> None:
     async def tell(user: Watched) -> None:
         await user.pilot.click("#status", offset=(0, 0))
-        await user.until(lambda: user.app.playback.playing == 1)
+        await user.until(lambda: user.session.playback.playing == 1)
 
     story(tell)
 
@@ -137,7 +137,7 @@ def test_words_of_the_status_line_can_be_clicked() -> None:
 def test_the_mouse_over_a_cell_says_what_is_there() -> None:
     async def tell(user: Watched) -> None:
         await user.pilot.hover("#map-0", offset=place_of(user, 2))
-        await user.until(lambda: "robot 2" in said(user.app.info))
+        await user.until(lambda: "robot 2" in said(user.display.info))
 
     story(tell)
 
@@ -145,7 +145,7 @@ def test_the_mouse_over_a_cell_says_what_is_there() -> None:
 def test_every_action_is_in_the_palette(tmp_path: Path) -> None:
     def listed(user: Watched) -> set[str]:
         commands = user.app.get_system_commands(user.app.screen)
-        return {command.callback.__name__.removeprefix("action_") for command in commands}
+        return {command.callback.args[0] for command in commands}
 
     async def alone(user: Watched) -> None:
         assert listed(user) == {action.id for action in ACTIONS} - COMPARING

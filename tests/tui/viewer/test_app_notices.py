@@ -10,6 +10,7 @@ import pytest
 from action_cases import said
 from viewer_harness import Watched, compared, mini, record, screen_text, viewing
 
+from automaton import atomic_write
 from automaton.build.resolve import resolve
 from automaton.evidence.recording.recording_reader import read_recording
 from tui.playback.frame_cache import Pictures
@@ -41,8 +42,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 async def branched(user: Watched, setting: str) -> None:
-    user.app._take_branch((setting,))
-    await user.until(lambda: any(mark.kind == "branch" for mark in user.app.marks))
+    user.app.branches.take((setting,))
+    await user.until(lambda: any(mark.kind == "branch" for mark in user.session.marks))
 
 
 def test_a_hint_about_a_layer_goes_when_it_was_followed() -> None:
@@ -66,21 +67,23 @@ def test_a_branch_changes_the_title_and_forgets_the_marks_of_the_future_left(fol
 
         for tick in (100, 200):
             await user.at(tick)
-            user.app._player.set_breakpoints([breakpoint_of("delivered"), breakpoint_of("loaded")])
-            stops = user.app.playback.stops
-            user.app._player.play()
-            user.app._player.set_speed(64)
-            await user.until(lambda stops=stops: user.app.playback.stops > stops)
-        early, late = (mark.tick for mark in user.app.marks)
+            user.session.player.set_breakpoints(
+                [breakpoint_of("delivered"), breakpoint_of("loaded")]
+            )
+            stops = user.session.playback.stops
+            user.session.player.play()
+            user.session.player.set_speed(64)
+            await user.until(lambda stops=stops: user.session.playback.stops > stops)
+        early, late = (mark.tick for mark in user.session.marks)
         await user.at(late - 1)
         await branched(user, "strategy.right_of_way=retreat")
-        assert [(mark.tick, mark.kind) for mark in user.app.marks] == [
+        assert [(mark.tick, mark.kind) for mark in user.session.marks] == [
             (early, "stop"),
             (late - 1, "branch"),
         ]
         await user.shown()
         wanted = f"right_of_way=wait, from tick {late - 1} right_of_way=retreat"
-        assert wanted in said(user.app.title_line)
+        assert wanted in said(user.display.title_line)
         notice = next(text for text in user.toasts() if "recorded" in text)
         command = "automaton replay run.rec run-branch.rec"
         assert notice == f"the branch is recorded in run-branch.rec; to compare: {command}"
@@ -93,8 +96,8 @@ def test_a_branch_of_a_recording_is_live_and_recorded_beside_it(folder: Path) ->
     async def tell(user: Watched) -> None:
         await user.at(150)
         await branched(user, "durations.pick=30")
-        await user.until(lambda: "live REC" in said(user.app.status))
-        assert user.app.recordings == [folder / "one-branch.rec"]
+        await user.until(lambda: "live REC" in said(user.display.status))
+        assert user.session.recordings == [folder / "one-branch.rec"]
 
     story(tell, recorded(record(folder / "one.rec", until=300)))
     assert "durations.pick=30" in recorded(folder / "one-branch.rec").titles[0]
@@ -105,20 +108,20 @@ def test_a_branch_of_a_recording_is_live_and_recorded_beside_it(folder: Path) ->
 )
 def test_a_run_that_has_ended_says_how(settings: tuple[str, ...], word: str) -> None:
     async def tell(user: Watched) -> None:
-        user.app.go_to_tick(999_999)
-        await user.until(lambda: said(user.app.status).rstrip().endswith(word))
+        user.app.clock.go_to(999_999)
+        await user.until(lambda: said(user.display.status).rstrip().endswith(word))
         end = user.tick
-        await user.until(lambda: f"the run ends at tick {end:,};" in said(user.app.info))
+        await user.until(lambda: f"the run ends at tick {end:,};" in said(user.display.info))
         await user.press("space")
-        await user.until(lambda: f"{word} at tick {end:,}; r plays" in said(user.app.info))
-        assert not user.app._notifications and user.app.playback.playing == 0
+        await user.until(lambda: f"{word} at tick {end:,}; r plays" in said(user.display.info))
+        assert not user.app._notifications and user.session.playback.playing == 0
 
     story(tell, mini(*settings))
 
 
 def test_a_tick_after_the_end_that_was_asked_for_at_the_start() -> None:
     async def tell(user: Watched) -> None:
-        await user.until(lambda: "the run ends at tick 200;" in said(user.app.info))
+        await user.until(lambda: "the run ends at tick 200;" in said(user.display.info))
 
     story(tell, mini("stop.max_duration=200"), options=Options(at=999_999, color="true"))
 
@@ -129,16 +132,16 @@ def test_a_recording_says_whether_it_ended_or_was_cut_short(folder: Path) -> Non
     assert not read_recording(cut).complete
 
     async def ended(user: Watched) -> None:
-        await user.until(lambda: said(user.app.status).rstrip().endswith("replay"))
+        await user.until(lambda: said(user.display.status).rstrip().endswith("replay"))
         await user.press("end")
-        await user.until(lambda: said(user.app.status).rstrip().endswith("ended"))
+        await user.until(lambda: said(user.display.status).rstrip().endswith("ended"))
 
     async def cut_short(user: Watched) -> None:
-        await user.until(lambda: said(user.app.status).rstrip().endswith("cut short"))
-        user.app.choose(1)
+        await user.until(lambda: said(user.display.status).rstrip().endswith("cut short"))
+        user.session.choose(1)
         await user.press("f3")
         await user.shown()
-        assert said(user.app.status).rstrip().endswith("cut short")
+        assert said(user.display.status).rstrip().endswith("cut short")
 
     story(ended, recorded(whole))
     story(cut_short, recorded(cut))
@@ -148,9 +151,9 @@ def test_short_notices_are_in_the_line_and_long_ones_over_the_map() -> None:
     async def tell(user: Watched) -> None:
         await user.at(120)
         await user.press("f8")
-        await user.until(lambda: "routes are hidden" in said(user.app.info))
+        await user.until(lambda: "routes are hidden" in said(user.display.info))
         assert not user.app._notifications
-        await user.until(lambda: "routes" not in said(user.app.info))
+        await user.until(lambda: "routes" not in said(user.display.info))
         user.app.notify("[something] long " * 8)
         await user.until(lambda: "[something]" in screen_text(user.app))
         await user.shown()
@@ -163,11 +166,11 @@ def test_short_notices_are_in_the_line_and_long_ones_over_the_map() -> None:
 
 def test_what_failed_stays_in_the_line_whatever_is_selected() -> None:
     async def tell(user: Watched) -> None:
-        user.app.go_to_tick(400)
-        await user.until(lambda: "own mistake" in said(user.app.info))
-        user.app.choose(cell=user.app.pictures.camera.floor_plan.cell(1, 4))
+        user.app.clock.go_to(400)
+        await user.until(lambda: "own mistake" in said(user.display.info))
+        user.session.choose(cell=user.session.pictures.camera.floor_plan.cell(1, 4))
         await user.shown()
-        assert "own mistake" in said(user.app.info)
+        assert "own mistake" in said(user.display.info)
         for _ in range(3):
             await user.press("space")
             await user.shown()
@@ -182,17 +185,17 @@ def test_what_failed_stays_in_the_line_whatever_is_selected() -> None:
 def test_a_capture_that_cannot_be_finished_leaves_nothing(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def half(path: Path, text: str, encoding: str) -> None:
-        path.write_bytes(text.encode(encoding)[: len(text) // 2])
+    def full(part: Path, path: Path, durable: bool) -> None:
+        assert part.exists()
         raise OSError(28, "No space left on device")
 
     async def tell(user: Watched) -> None:
-        monkeypatch.setattr(Path, "write_text", half)
+        monkeypatch.setattr(atomic_write, "put_in_place", full)
         told = "cannot save the picture: No space left on device"
         for key in "sS":
             await user.press(key)
-            await user.until(lambda: told in said(user.app.info))
-            user.app.notice = None
+            await user.until(lambda: told in said(user.display.info))
+            user.display.notices.notice = None
 
     story(tell)
     assert not list(folder.iterdir())
@@ -201,7 +204,7 @@ def test_a_capture_that_cannot_be_finished_leaves_nothing(
 def test_alone_a_run_says_how_two_are_compared() -> None:
     async def tell(user: Watched) -> None:
         for key in "xo":
-            user.app.notice = None
+            user.display.notices.notice = None
             await user.press(key)
             assert user.toasts() == ["two recordings are compared by: automaton replay A B"]
 
@@ -211,12 +214,12 @@ def test_alone_a_run_says_how_two_are_compared() -> None:
 def test_heads_of_compared_runs_never_touch(folder: Path) -> None:
     async def tell(user: Watched) -> None:
         await user.shown()
-        heads = [said(head) for head in user.app.heads]
+        heads = [said(head) for head in user.display.heads]
         assert heads[0].startswith("A a.rec: right_of_way=retreat  tabletop")
         assert heads[1].startswith("B b.rec: right_of_way=wait")
         await user.pilot.resize_terminal(170, 40)
         await user.shown()
-        left, right = user.app.heads
+        left, right = user.display.heads
         assert left.region.right == right.region.x
         assert said(left).rstrip() == "A a.rec: right_of_way=retreat"
         assert head_words("A a.rec: right_of_way=wait", "", 20)[0].text == "A a.rec: right_of..."
@@ -240,7 +243,7 @@ def test_maps_of_a_tall_floor_stand_side_by_side_on_a_narrow_screen(folder: Path
 
     async def tell(user: Watched) -> None:
         await user.shown()
-        left, right = user.app.maps
+        left, right = user.display.maps
         assert left.region.y == right.region.y and left.region.x < right.region.x
 
     story(tell, recorded(*(record(folder / f"{n}.rec", *tall, until=20) for n in "ab")))
@@ -249,7 +252,7 @@ def test_maps_of_a_tall_floor_stand_side_by_side_on_a_narrow_screen(folder: Path
 def test_the_play_sign_in_ascii_is_an_arrow() -> None:
     async def tell(user: Watched) -> None:
         await user.press("space")
-        await user.until(lambda: said(user.app.status).startswith(">  x1 10/s  tick"))
+        await user.until(lambda: said(user.display.status).startswith(">  x1 10/s  tick"))
 
     story(tell, options=Options(paused=True, ascii=True, color="true"))
 

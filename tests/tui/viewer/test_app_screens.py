@@ -18,16 +18,16 @@ Visit = Callable[[Watched], Awaitable[None]]
 
 
 async def the_map(user: Watched) -> None:
-    user.app.choose(1)
+    user.session.choose(1)
 
 
 async def inspector(user: Watched) -> None:
-    user.app.choose(1)
+    user.session.choose(1)
     await user.press("i")
 
 
 async def why(user: Watched) -> None:
-    user.app.choose(0)
+    user.session.choose(0)
     await user.press("w")
 
 
@@ -52,9 +52,9 @@ async def find(user: Watched) -> None:
 
 
 async def comparison(user: Watched) -> None:
-    await user.until(lambda: user.app.divergence is not None)
+    await user.until(lambda: user.session.divergence is not None)
     await user.press("x")
-    await user.until(lambda: user.tick == user.app.divergence.tick)
+    await user.until(lambda: user.tick == user.session.divergence.tick)
 
 
 VISITS: dict[str, Visit] = {
@@ -106,7 +106,7 @@ def test_words_and_rows_fit_the_smallest_terminal() -> None:
     async def story() -> list[str]:
         async with viewing(size=(60, 16)) as user:
             await user.at(TICK)
-            user.app.choose(1)
+            user.session.choose(1)
             await user.shown()
             return screen_text(user.app).splitlines()
 

@@ -117,7 +117,7 @@ def test_an_error_inside_restores_the_terminal(tmp_path: Path) -> None:
         "import sys\n"
         "from tui.actions.layer_actions import LayerActions\n"
         "def fail(self): raise RuntimeError('made to fail')\n"
-        "LayerActions.action_next_layer = fail\n"
+        "LayerActions._next = fail\n"
         "from automaton.commands import main\n"
         "sys.exit(main(['watch', 'tabletop-mini', '--paused']))\n"
     )

@@ -53,7 +53,7 @@ def test_a_dialog_that_is_opened_or_closed_unseen_leaves_all_in_order() -> None:
         await user.press("escape")
         await user.pilot.resize_terminal(90, 24)
         await user.until(lambda: "tick 100" in screen_text(user.app))
-        await user.until(lambda: user.app.screen.focused is user.app.maps[0])
+        await user.until(lambda: user.app.screen.focused is user.display.maps[0])
 
     story(tell, (80, 24))
 

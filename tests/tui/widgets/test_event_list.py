@@ -49,7 +49,7 @@ def test_every_event_has_words(code: int) -> None:
 
 def found(events: Events, view: View) -> Any:
     """(M, 5) the events that are asked for."""
-    return view.run.event_history.events[events.matching(view)]
+    return view.run.event_history.events[events.listed_events(view)]
 
 
 @pytest.mark.parametrize("width", [NARROW, WIDE])
@@ -290,7 +290,7 @@ def test_a_long_log_is_looked_at_once_and_written_in_sight_only() -> None:
         assert said(events.list)[-1].startswith("▸ 299,999")
         assert len(set(written)) < 200
         event_history._events.append(rows[:1] + np.array([many, 0, 0, 0, 0]))
-        assert len(events.matching(view)) == many + 1
+        assert len(events.listed_events(view)) == many + 1
 
     run_in_harness(events, story, NARROW, 30)
 
@@ -309,14 +309,14 @@ def test_events_that_are_not_kept_are_counted_and_the_list_goes_on() -> None:
         for first in range(0, 2000, 1000):
             event_history._events.append(rows + np.array([first, 0, 0, 0, 0]))
         events.show(view)
-        assert len(events.matching(view)) == 2000
+        assert len(events.listed_events(view)) == 2000
         event_history._events.append(rows + np.array([2000, 0, 0, 0, 0]))  # half of them go
         shown = "".join(span.text for span in events.list.row(1999))
         assert "1,999" in shown, "what is shown stays until it is told again"
         events.show(view)
         await pilot.pause()
         assert "1,000 events 2,000 older are not kept" in text(events.list)
-        assert len(events.matching(view)) == 1000
+        assert len(events.listed_events(view)) == 1000
         assert said(events.list)[-1].startswith("▸ 2,999")
 
     run_in_harness(events, story, NARROW, 30)

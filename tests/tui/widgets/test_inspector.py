@@ -132,7 +132,7 @@ def test_another_choice_ends_the_look_at_an_order() -> None:
 
     async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
         inspector.show(of_robot(busy(), 1))
-        inspector.tell_order(6)
+        inspector.show_order(6)
         inspector.show(of_robot(busy(), 2))
         await pilot.pause()
         assert said(inspector)[0].startswith("robot 2")

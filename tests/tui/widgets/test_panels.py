@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from panel_harness import (
     NARROW,
@@ -18,18 +20,19 @@ from panel_harness import (
 )
 from textual.pilot import Pilot
 
-from tui.playback.panel_view import View
+from tui.playback.panel_view import Picture, View
+from tui.registration import panels
 from tui.render.camera import Camera
 from tui.render.depth import Depth
-from tui.render.glyphs import ASCII, UNICODE
+from tui.render.glyphs import ASCII, UNICODE, GlyphSet
 from tui.render.scene import Floor, Scene
 from tui.render.styles import Look
 from tui.widgets.inspector import Inspector
 from tui.widgets.legend_panel import Legend
 from tui.widgets.metrics_panel import Figures
-from tui.widgets.panel_column import TABS, PanelColumn
+from tui.widgets.panel_column import PanelColumn, panel_widgets
 from tui.widgets.signs import UNICODE as SIGNS
-from tui.widgets.signs import bar
+from tui.widgets.signs import bar, signs_of
 from tui.widgets.styled_lines import line, linked, robot_link, wrapped
 
 LOOK = Look(Depth.TRUE)
@@ -43,16 +46,16 @@ def _scene(view: View) -> tuple[Scene, Camera]:
 
 @pytest.mark.parametrize("glyphs", [UNICODE, ASCII], ids=["unicode", "ascii"])
 def test_the_legend_shows_the_signs_of_the_map_in_its_colours(glyphs: object) -> None:
-    assert glyphs in (UNICODE, ASCII)
-    legend = Legend(LOOK, UNICODE if glyphs is UNICODE else ASCII)
+    assert isinstance(glyphs, GlyphSet)
+    legend = Legend(signs_of(glyphs))
 
     async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
         scene, camera = _scene(busy())
-        legend.show_floor(scene, camera.zoom)
+        legend.show(replace(busy(), picture=Picture(scene, camera.zoom, LOOK, glyphs)))
         await pilot.pause()
         words = text(legend)
         assert "turntable: robots turn here" in words and "robot with a load" in words
-        sign = legend.glyphs.characters[legend.glyphs.turntable]
+        sign = glyphs.characters[glyphs.turntable]
         assert any(row.startswith(sign) for row in said(legend))
         foregrounds = {segment.style.color for segment in legend.render_line(0) if segment.style}
         assert len(foregrounds) > 1
@@ -62,11 +65,12 @@ def test_the_legend_shows_the_signs_of_the_map_in_its_colours(glyphs: object) ->
 
 def test_the_legend_leads_to_the_worst_cells_of_a_layer() -> None:
     view = moment(600, "tabletop-1", "fleet.robots=5", layer="visits")
-    legend = Legend(LOOK, UNICODE)
+    legend = Legend()
 
     async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
         scene, camera = _scene(view)
-        legend.show_floor(scene.with_(layer="visits"), camera.zoom)
+        picture = Picture(scene.with_(layer="visits"), camera.zoom, LOOK, UNICODE)
+        legend.show(replace(view, picture=picture))
         await pilot.pause()
         assert view.snapshot.heat is not None
         cell = int(view.snapshot.heat.argmax())
@@ -78,18 +82,18 @@ def test_the_legend_leads_to_the_worst_cells_of_a_layer() -> None:
 
 
 def test_tabs_open_by_click_and_only_the_open_panel_works() -> None:
-    column = PanelColumn(LOOK, UNICODE)
+    column = PanelColumn(UNICODE, panel_widgets())
 
     async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
         column.show(of_robot(deadlocked(), 1))
         await pilot.pause()
         assert column.name_open == "inspector" and "head-on, in a wait cycle" in text(
-            column.inspector
+            column.panels["inspector"]
         )
-        assert column.why.view is None and column.robots.view is None
+        assert column.panels["why"].view is None and column.panels["robots"].view is None
         await click(pilot, column.tabs, "why")
-        assert column.name_open == "why" and "two robots never swap" in text(column.why)
-        assert not column.inspector.display
+        assert column.name_open == "why" and "two robots never swap" in text(column.panels["why"])
+        assert not column.panels["inspector"].display
         column.tabs.focus()
         await pilot.press("right")
         assert column.name_open == "events"
@@ -97,9 +101,9 @@ def test_tabs_open_by_click_and_only_the_open_panel_works() -> None:
     run_in_harness(column, story, NARROW, 60)
 
 
-@pytest.mark.parametrize("name", TABS)
+@pytest.mark.parametrize("name", panels().by_name)
 def test_every_panel_can_be_opened_by_name_and_focused(name: str) -> None:
-    column = PanelColumn(LOOK, UNICODE)
+    column = PanelColumn(UNICODE, panel_widgets())
 
     async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
         column.show(busy())
@@ -113,19 +117,19 @@ def test_every_panel_can_be_opened_by_name_and_focused(name: str) -> None:
 
 
 def test_an_order_that_is_clicked_opens_the_inspector() -> None:
-    column = PanelColumn(LOOK, UNICODE)
+    column = PanelColumn(UNICODE, panel_widgets())
 
     async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
         column.show(of_robot(busy(), 1))
         await pilot.pause()
-        await click(pilot, column.inspector, "order 6")
-        assert "order 6 under way" in text(column.inspector)
+        await click(pilot, column.panels["inspector"], "order 6")
+        assert "order 6 under way" in text(column.panels["inspector"])
 
     run_in_harness(column, story, NARROW, 60)
 
 
 def test_full_screen_has_the_figures_beside_the_tabs() -> None:
-    column = PanelColumn(LOOK, UNICODE)
+    column = PanelColumn(UNICODE, panel_widgets())
     column.add_class("full")
 
     async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
@@ -139,13 +143,13 @@ def test_full_screen_has_the_figures_beside_the_tabs() -> None:
 
 
 def test_nothing_is_done_again_when_nothing_changed() -> None:
-    column = PanelColumn(LOOK, UNICODE)
+    column = PanelColumn(UNICODE, panel_widgets())
 
     async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
         column.show(of_robot(busy(), 1))
         await pilot.pause()
         shown_of: list[int] = []
-        column.inspector.show = lambda view: shown_of.append(view.robot)  # type: ignore[method-assign]
+        column.panels["inspector"].show = lambda view: shown_of.append(view.robot)  # type: ignore[method-assign]
         column.show(of_robot(busy(), 1))
         column.show(of_robot(busy(), 2))
         column.show(of_robot(busy(), 2))
@@ -155,12 +159,12 @@ def test_nothing_is_done_again_when_nothing_changed() -> None:
 
 
 def test_a_robot_that_a_run_does_not_have_is_not_selected_in_it() -> None:
-    column = PanelColumn(LOOK, UNICODE)
+    column = PanelColumn(UNICODE, panel_widgets())
 
     async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
         column.show(of_robot(busy(), 5))
         await pilot.pause()
-        assert "nothing is selected" in text(column.inspector)
+        assert "nothing is selected" in text(column.panels["inspector"])
 
     run_in_harness(column, story, NARROW, 60)
 
@@ -235,7 +239,7 @@ def test_what_the_figures_show_above_another_panel_is_whole() -> None:
         await pilot.pause()
         assert figures.size.height == 30
 
-    run_in_harness(PanelColumn(LOOK, UNICODE), story, NARROW, 30)
+    run_in_harness(PanelColumn(UNICODE, panel_widgets()), story, NARROW, 30)
 
 
 @pytest.mark.parametrize("width", [34, 41, 48])  # of the side beside 100, 120 and 140 columns
@@ -246,7 +250,9 @@ def test_the_tabs_leave_a_column_free_at_the_edge(width: int) -> None:
         column.styles.width = width
         await pilot.pause()
         words = said(column.tabs)[0]
-        assert len(words) < column.tabs.width and all(name in words for name, _ in TABS.values())
+        assert len(words) < column.tabs.width and all(
+            panel.tab in words for panel in panels().by_name.values()
+        )
         assert words.endswith("K") == (width > 40)
 
-    run_in_harness(PanelColumn(LOOK, UNICODE), story, width, 24)
+    run_in_harness(PanelColumn(UNICODE, panel_widgets()), story, width, 24)

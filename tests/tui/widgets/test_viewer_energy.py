@@ -224,7 +224,7 @@ def test_an_order_says_from_when_it_is_known_and_how_long_it_takes() -> None:
     async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
         inspector.show(view)
         for order in (done, open_, 199):
-            inspector.tell_order(order)
+            inspector.show_order(order)
             await pilot.pause()
             told.append(text(inspector))
 

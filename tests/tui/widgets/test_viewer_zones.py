@@ -23,13 +23,15 @@ from automaton.runs.simulation import Simulation
 from strategies.routing.astar.frontier import FIFO, LARGER_G, TIES
 from tui.cast.film_making import make_picture
 from tui.cast.film_request import Request
+from tui.layers.astar_paths import Paths, driven, explored, ties_of
+from tui.layers.traffic_zone_tints import tints_of
+from tui.playback.laid_over import Overlays
 from tui.playback.panel_view import View
-from tui.playback.route_overlays import Overlays, Paths, driven, explored, predicted, ties_of
 from tui.render.compose import compose
 from tui.render.describe import describe
 from tui.render.glyphs import ASCII
 from tui.render.map_legend import legend
-from tui.render.traffic_zone_tints import TINT_CODES, TINTS, tints_of
+from tui.render.tints import TINT_CODES, TINTS
 from tui.screens.find_query import find
 from tui.widgets.inspector import Inspector
 from tui.widgets.metrics_panel import Figures, slow_zones
@@ -153,8 +155,8 @@ def test_the_tie_rule_of_the_scenario_decides_what_is_explored(run: Simulation) 
 
 def test_predicted_paths_hold_the_routes_and_lose_the_selected_robot(run: Simulation) -> None:
     robot, grid = busiest(run), run.world.grid
-    everybody = predicted(run.world, paths_of(run), NIL)
-    others = predicted(run.world, paths_of(run), robot)
+    everybody = paths_of(run).counted(run.world, NIL)
+    others = paths_of(run).counted(run.world, robot)
     least = np.zeros(grid.cell_flags.size, np.int32)
     for one in range(5):
         least[list(set(route_of(run, one)))] += 1
@@ -181,7 +183,7 @@ def test_predicted_paths_are_the_routes_and_the_rest_of_the_tasks(run: Simulatio
             ].tolist()
         expected[sorted({int(cell) for cell in cells})] += 1
     assert expected.max() >= 2 and (robots.goal_type == GOAL_PICK).any()
-    assert np.array_equal(predicted(world, paths, NIL), expected)
+    assert np.array_equal(paths.counted(world, NIL), expected)
 
 
 def test_paths_are_those_of_one_seed(run: Simulation) -> None:
@@ -291,20 +293,22 @@ def test_a_zone_that_was_found_is_marked_on_the_map_until_escape() -> None:
     async def story() -> None:
         async with viewing(mini()) as user:
             await user.press("slash", *"zone", "space", "3", "enter")
-            await user.until(lambda: user.app.choice.zone == 3)
-            scene = user.app.pictures.scene(user.app.playback, user.app.choice, 0)
+            await user.until(lambda: user.session.choice.zone == 3)
+            scene = user.session.pictures.scene(user.session.playback, user.session.choice, 0)
             of = traffic_zones_of(scene.floor.floor_plan).of
             assert scene.zone_cells.tolist() == np.flatnonzero(of[:, 0] == 3).tolist()
             await user.until(lambda: "zone 3 of" in "".join(
-                span.text for line in user.app.column.inspector.lines for span in line
+                span.text for line in user.display.column.panels["inspector"].lines for span in line
             ))  # fmt: skip
             await user.press("i", "i")
-            assert user.app.choice.zone == 3  # it is what is inspected, not a cell
-            before = user.app.codes_of(0)
+            assert user.session.choice.zone == 3  # it is what is inspected, not a cell
+            before = user.display.codes_of(0)
             await user.press("escape")
-            assert user.app.choice.zone == NIL
-            changed = np.argwhere(user.app.codes_of(0) != before).tolist()
-            places = [user.app.pictures.camera.place_of(cell) for cell in scene.zone_cells.tolist()]
+            assert user.session.choice.zone == NIL
+            changed = np.argwhere(user.display.codes_of(0) != before).tolist()
+            places = [
+                user.session.pictures.camera.place_of(cell) for cell in scene.zone_cells.tolist()
+            ]
             assert {(row, column) for row, column in changed} >= set(places)
 
     asyncio.run(story())

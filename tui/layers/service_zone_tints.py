@@ -16,7 +16,7 @@ from automaton.engine.service_zones import ServiceZones
 from automaton.engine.state import NIL
 from automaton.floor.floor_plan import FloorPlan
 from strategies.zoning.design.zone_cells import stations_of, ways_of
-from tui.render.traffic_zone_tints import TINTS
+from tui.render.tints import TINTS
 
 
 def tints_shared(zones: int) -> bool:

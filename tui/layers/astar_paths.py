@@ -4,68 +4,22 @@ explored     1 in the cells that the search for the selected robot finds, 2 on t
 predicted    how many robots besides the selected one are going to drive through each cell
 
 A robot's predicted path is the rest of its route and, if it picks up an order with a target of its
-own, the path of A* from there to where it sets its load
-down. Both overlays ignore other robots and closed zones.
+own, the path of A* from there to where it sets its load down. Both ignore other robots and closed zones.
 """
 
 from __future__ import annotations
 
-import math
-import time
 from collections.abc import Mapping
-from dataclasses import replace
-from typing import Final
 
 import numpy as np
 
 from automaton.engine.requests import first_cell
 from automaton.engine.state import NIL, Array, World
-from automaton.evidence.history.snapshot import OVERLAYS, Snapshot
-from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
 from strategies.routing.astar.astar import astar
 from strategies.routing.astar.frontier import LARGER_G, OPEN_STAMP, TIES
 from strategies.routing.astar.route_workspace import route_space
 from strategies.routing.traffic_avoidance.predicted_paths import count_predicted
-
-PAUSE_S: Final = 0.25  # between two computations while ticks go by
-OVERLAY_TIME_RATIO: Final = 4  # at most a fourth of the time goes into them
-
-
-class Overlays:
-    """The overlays of one run; scratch is kept from picture to picture."""
-
-    def __init__(self) -> None:
-        self._of: tuple[Simulation, int, int, str] | None = None  # run, tick, robot and layer
-        self._field: Array | None = None
-        self._next = -math.inf  # when it may be computed again while ticks go by
-        self._paths: Paths | None = None
-
-    def laid_over(
-        self, snapshot: Snapshot, simulation: Simulation, layer: str, playing: bool
-    ) -> Snapshot:
-        """The snapshot of this moment with the numbers of an overlay as its heat.
-
-        While ticks go by they may be some tenths of a second old; otherwise they are of this tick.
-        """
-        if layer not in OVERLAYS:
-            return snapshot
-        now = (simulation, snapshot.tick, snapshot.selected, layer)
-        began = time.monotonic()
-        old = self._of is not None and self._of[2:] == now[2:] and began < self._next
-        if self._of != now and not (playing and old):
-            self._of, self._field = now, self._computed(simulation, snapshot.selected, layer)
-            ended = time.monotonic()
-            self._next = ended + max(PAUSE_S, OVERLAY_TIME_RATIO * (ended - began))
-        return replace(snapshot, heat=self._field)
-
-    def _computed(self, simulation: Simulation, selected: int, layer: str) -> Array:
-        world, ties = simulation.world, ties_of(simulation.resolved.scenario)
-        if self._paths is None or not self._paths.fit(world, ties):
-            self._paths = Paths(world, ties)
-        if layer == "explored":
-            return explored(world, self._paths, selected)
-        return predicted(world, self._paths, selected)
 
 
 class Paths:
@@ -141,8 +95,3 @@ def explored(world: World, paths: Paths, robot: int) -> Array:
     field[found] = 1
     field[path] = 2
     return field
-
-
-def predicted(world: World, paths: Paths, besides: int) -> Array:
-    """(C,) int32: how many robots on a way are going to drive through each cell, but for one."""
-    return paths.counted(world, besides)

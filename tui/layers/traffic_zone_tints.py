@@ -13,15 +13,8 @@ from numpy.typing import NDArray
 
 from automaton.engine.state import NIL
 from automaton.floor.traffic_zones import TrafficZones
-from tui.render import styles
+from tui.render.tints import TINTS
 
-# The six that stay farthest apart under all three kinds of colour blindness, in both themes; the
-# last one is rarely needed.
-TINTS: Final = (
-    *(styles.COLOUR_ZONE_0, styles.COLOUR_ZONE_1, styles.COLOUR_ZONE_2),
-    *(styles.COLOUR_ZONE_5, styles.COLOUR_ZONE_7, styles.COLOUR_ZONE_4),
-)
-TINT_CODES: Final = tuple(map(ord, "defghi"))  # by tint, for no colours; none is a sign in ASCII
 # zones that are told from those that they touch; more go by their numbers
 MAX_TINTED_ZONES: Final = 50_000
 # half of the neighbours: pairs count once

@@ -1,4 +1,4 @@
-"""The zones that robots serve: their ways as tints, letters where there are no colours.
+"""The layer of the zones that robots serve: their ways as tints, letters where there are no colours.
 
 fffT+++ddt    T a transfer station, t another one; ways of no zone stay as they are
 f      d
@@ -6,26 +6,83 @@ f      d
 
 from __future__ import annotations
 
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from automaton.engine.service_zones import ServiceZones
 from automaton.engine.state import NIL
+from automaton.strategy.lookup import NO_STRATEGY
 from strategies.zoning.design.zone_cells import stations_of, ways_of
+from tui.layers.service_zone_tints import (
+    design_tints,
+    service_zone_tints,
+    tints_shared,
+    zone_cells_of,
+)
 from tui.render import styles
 from tui.render.canvas import Canvas
 from tui.render.glyphs import GlyphSet, code
+from tui.render.layer import Entries, Layer
+from tui.render.pixels import Pixels
 from tui.render.scene import Scene
-from tui.render.service_zone_tints import service_zone_tints, tints_shared
 from tui.render.styles import style
-from tui.render.traffic_zone_tints import TINT_CODES, TINTS
+from tui.render.tints import TINT_CODES, TINTS, TRANSFER_COLOUR
+
+if TYPE_CHECKING:
+    from automaton.build.resolve import Resolved
 
 NO_ZONES_TEXT: Final = "zones: robots have none here, or none yet"
 SHARED_TINTS_TEXT: Final = "zones may share a tint; touching ones differ"
-TRANSFER_COLOUR: Final = styles.COLOUR_TEXT
 STATION_DIGITS: Final = 2  # of the number of a station, beside its sign
+
+
+class ServiceZoneLayer(Layer):
+    """Zones that robots serve, where they serve any."""
+
+    key, label, position, action = "f7", "Zones", 50, "layer_zones"
+    meaning = "zones of robots; again: of the floor"
+    words = "service zones"
+    absent = "robots serve no zones here, or none yet"
+    heat, whole_floor = False, True
+
+    def is_there(self, scene: Scene) -> bool:
+        return scene.service_zones is not None
+
+    def tints(self, scene: Scene) -> NDArray[np.int8] | None:
+        if scene.service_zones is None:
+            return None
+        return design_tints(scene.floor.floor_plan, scene.floor.slots_cell, scene.service_zones)
+
+    def draw_signs(self, canvas: Canvas, tints: NDArray[np.int8], looks: NDArray[np.uint8]) -> None:
+        if canvas.scene.service_zones is not None:
+            draw_stations(canvas, canvas.scene.service_zones)
+
+    def paint_pixels(self, pixels: Pixels, scene: Scene) -> bool:
+        if scene.service_zones is None:
+            return False
+        cells, _, shared = stations_of(scene.service_zones.roads, scene.service_zones.design)
+        pixels.paint(cells[~shared].astype(np.int32), styles.COLOUR_DIM)
+        pixels.paint(cells[shared].astype(np.int32), TRANSFER_COLOUR)
+        return True
+
+    def entries(self, scene: Scene, glyphs: GlyphSet) -> Entries:
+        return design_entries(scene, glyphs)
+
+    def key_words(self, scene: Scene, resolved: Resolved, glyphs: GlyphSet) -> list[str]:
+        zones = 0 if scene.service_zones is None else len(scene.service_zones.server)
+        if scene.snapshot is None and resolved.strategies["zoning"].name != NO_STRATEGY:
+            zones = resolved.scenario.fleet.robots
+        return design_key(zones, glyphs)
+
+    def cell_words(self, scene: Scene, cell: int) -> list[str]:
+        return station_words(scene, cell)
+
+    def zone_cells(self, scene: Scene, zone: int) -> NDArray[np.int32] | None:
+        if scene.service_zones is None:
+            return None
+        return zone_cells_of(scene.floor.floor_plan, scene.service_zones, zone)
 
 
 def draw_stations(canvas: Canvas, service_zones: ServiceZones) -> None:
@@ -46,12 +103,12 @@ def draw_stations(canvas: Canvas, service_zones: ServiceZones) -> None:
             canvas.flat[index, 1 + column] = code(style(fg, bg), digit)
 
 
-def design_entries(scene: Scene, glyphs: GlyphSet) -> list[tuple[tuple[int, ...], str]]:
+def design_entries(scene: Scene, glyphs: GlyphSet) -> Entries:
     """Signs and meanings of the layer "service-zones"."""
     service_zones = scene.service_zones
     if service_zones is None:
         return [((), NO_ZONES_TEXT)]
-    entries: list[tuple[tuple[int, ...], str]] = []
+    entries: Entries = []
     if tints_shared(len(service_zones.server)):
         entries.append(((), SHARED_TINTS_TEXT))
     for zone, tint in enumerate(service_zone_tints(service_zones).tolist()):

@@ -1,0 +1,1 @@
+"""The layers of the map that come with the program, registered in pyproject.toml as others are."""

@@ -1,0 +1,130 @@
+"""Layers of what A* looks at, and of where robots are going to drive.
+
+Figures 3 and 4 of Bhattathiri, Li & Kuhl; `astar_paths` computes them.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from automaton.engine.state import NIL, Array
+from tui.render.layer import Entries, Layer
+
+if TYPE_CHECKING:  # it needs Numba
+    from automaton.runs.simulation import Simulation
+    from tui.layers.astar_paths import Paths
+    from tui.playback.frame_cache import Choice
+    from tui.render.glyphs import GlyphSet
+    from tui.render.scene import Scene
+
+PAUSE_S: Final = 0.25  # between two computations while ticks go by
+EXPLORED, ON_PATH = 4, 7  # levels of heat: the cells that A* finds, and its path among them
+PREDICTED: Final = (3, 5, 6, 7, 8)  # of the least number of paths, of one more, ...
+MAX_RUNS: Final = 2  # that are shown beside each other
+MAX_PREDICTED_PATHS: Final = 5  # paths through a cell
+
+
+class AstarLayer(Layer):
+    """Paths of A* on the empty floor of the world that is shown; scratch is kept between pictures."""
+
+    pause_s = PAUSE_S
+
+    def __init__(self) -> None:
+        self._paths: list[Paths] = []  # of the runs that were shown last
+
+    def numbers(self, simulation: Simulation, selected: int) -> Array:
+        from tui.layers.astar_paths import Paths, ties_of
+
+        world, ties = simulation.world, ties_of(simulation.resolved.scenario)
+        fitting = [paths for paths in self._paths if paths.fit(world, ties)]
+        paths = fitting[0] if fitting else Paths(world, ties)
+        self._paths = [paths, *(other for other in self._paths if other is not paths)][:MAX_RUNS]
+        return self.field(simulation, paths, selected)
+
+    def field(self, simulation: Simulation, paths: Paths, selected: int) -> Array:
+        """(C,) int32."""
+        raise NotImplementedError
+
+    def entries(self, scene: Scene, glyphs: GlyphSet) -> Entries:
+        from tui.render.cell_view import heat_codes
+
+        heat = heat_codes(glyphs)
+        said = self.meanings(scene)
+        return [((int(heat[level]),) if level else (), text) for level, text in said]
+
+    def meanings(self, scene: Scene) -> list[tuple[int, str]]:
+        """What the levels mean on this floor now, with how many cells there are; 0 has no sign."""
+        raise NotImplementedError
+
+
+class Explored(AstarLayer):
+    """What A* looks at for the selected robot."""
+
+    key, label, position = "f9,E", "Explored", 70
+    meaning = "what A* looks at for the selected robot"
+
+    def field(self, simulation: Simulation, paths: Paths, selected: int) -> Array:
+        from tui.layers.astar_paths import explored
+
+        return explored(simulation.world, paths, selected)
+
+    def levels(self, scene: Scene, values: NDArray[np.int32]) -> NDArray[np.uint8]:
+        return np.array([0, EXPLORED, ON_PATH], np.uint8)[values]
+
+    def meanings(self, scene: Scene) -> list[tuple[int, str]]:
+        values, robot = scene.values, f"robot {scene.selected}"
+        if scene.selected == NIL:
+            return [(0, "explored: select a robot, and its search is shown")]
+        if values is None or not values.any():
+            return [(0, f"explored: {robot} is on no way")]
+        found, path = np.count_nonzero(values), np.count_nonzero(values == 2)
+        return [
+            (EXPLORED, f"explored by the search of A* for {robot}: {found:,} cells"),
+            (ON_PATH, f"the path that it finds: {path:,} cells"),
+        ]
+
+    def value_words(self, value: int) -> list[str]:
+        return [["not explored"], ["explored"], ["explored", "on the path of A*"]][value]
+
+    def shown(self, choice: Choice, again: bool) -> str:
+        return "" if choice.robot != NIL else "select a robot, and the search for its way is shown"
+
+
+class Predicted(AstarLayer):
+    """Where others will drive. Again: where one more robot will, up to MAX_PREDICTED_PATHS; then one."""
+
+    key, label, position = "f10,P", "Predicted", 80
+    meaning = "where 2 or more others will drive; again: 3, 4, 5, 1"
+    counted = "robots are going to drive here"
+
+    def field(self, simulation: Simulation, paths: Paths, selected: int) -> Array:
+        return paths.counted(simulation.world, selected)
+
+    def levels(self, scene: Scene, values: NDArray[np.int32]) -> NDArray[np.uint8]:
+        table = np.array([0, *PREDICTED], np.uint8)
+        levels: NDArray[np.uint8] = table[np.clip(values - (scene.least - 1), 0, len(PREDICTED))]
+        return levels
+
+    def meanings(self, scene: Scene) -> list[tuple[int, str]]:
+        values, said = scene.values, list[tuple[int, str]]()
+        others = "robots" if scene.selected == NIL else "other robots"
+        if values is None:
+            return []
+        for at, level in enumerate(PREDICTED):
+            many, more = scene.least + at, at == len(PREDICTED) - 1
+            cells = np.count_nonzero(values >= many if more else values == many)
+            words = f"{many}{' or more' if more else ''} {others} will drive here: {cells:,} cells"
+            said.append((level, words))
+        return said
+
+    def title(self, choice: Choice) -> str:
+        return f"predicted {choice.least}+"
+
+    def shown(self, choice: Choice, again: bool) -> str:
+        if again:
+            choice.least = choice.least % MAX_PREDICTED_PATHS + 1
+        others = "other robots" if choice.robot != NIL else "robots"
+        return f"cells through which {choice.least} or more {others} will drive"

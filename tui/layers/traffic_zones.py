@@ -1,0 +1,117 @@
+"""The layer of the zones of the floor: stretches between intersections, in tints.
+
+aaa+bbb    + an intersection, in no zone
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from automaton.engine.state import NIL
+from automaton.floor.cells import FLOOR
+from automaton.floor.traffic_zones import TrafficZones
+from tui.layers.traffic_zone_tints import tints_of
+from tui.render import styles
+from tui.render.canvas import Canvas
+from tui.render.glyphs import GlyphSet, code
+from tui.render.layer import Entries, Layer
+from tui.render.scene import Floor, Scene
+from tui.render.styles import style
+from tui.render.tints import TINT_COLOURS, TINT_LETTERS
+
+if TYPE_CHECKING:
+    from automaton.build.resolve import Resolved
+
+
+class TrafficZoneLayer(Layer):
+    """Zones of the floor, where there are any."""
+
+    key, label, position, action = "f7", "Zones", 60, "layer_zones"
+    meaning = "zones of robots; again: of the floor"
+    words = "traffic zones"
+    absent = "this floor has no zones: all of it is intersections"
+    heat = False
+
+    def is_there(self, scene: Scene) -> bool:
+        return _zones(scene) is not None
+
+    def tints(self, scene: Scene) -> NDArray[np.int8] | None:
+        return None if scene.floor.traffic_zones is None else floor_tints(scene.floor)
+
+    def draw_signs(self, canvas: Canvas, tints: NDArray[np.int8], looks: NDArray[np.uint8]) -> None:
+        traffic_zones = canvas.scene.floor.traffic_zones
+        if traffic_zones is not None:
+            crossing = canvas.cells(traffic_zones.intersection).reshape(-1)
+            index = np.flatnonzero(crossing & (tints == NIL) & (looks == FLOOR))
+            canvas.flat[index, 0] = crossing_sign(canvas.glyphs)
+
+    def entries(self, scene: Scene, glyphs: GlyphSet) -> Entries:
+        traffic_zones = _zones(scene)
+        if traffic_zones is None:
+            return [((), "zones: this floor has none, all of it is intersections")]
+        used = _used(scene.floor)
+        foregrounds = TINT_COLOURS[used]
+        signs = code(style(foregrounds, foregrounds), TINT_LETTERS[used]).tolist()
+        said = f"{traffic_zones.count:,} zones, {traffic_zones.mode}; those that touch differ"
+        entries = [(tuple(signs[:4]), said)]
+        entries += [(tuple(signs[4:]), "more of them")] if signs[4:] else []
+        if traffic_zones.mode != "with-intersections" and traffic_zones.intersection.any():
+            entries.append(((crossing_sign(glyphs),), "intersection, in no zone"))
+        return entries
+
+    def key_words(self, scene: Scene, resolved: Resolved, glyphs: GlyphSet) -> list[str]:
+        traffic_zones, floor = _zones(scene), scene.floor
+        if traffic_zones is None:
+            return ["this floor has no zones"]
+        letters = " ".join(chr(letter) for letter in TINT_LETTERS[_used(floor)])
+        said = [f"a tint or letter ({letters}) for each zone", "touching ones differ"]
+        # Others than plain floor keep their signs.
+        signed = floor.floor_plan.kind.reshape(-1)[traffic_zones.intersection] == FLOOR
+        if traffic_zones.mode != "with-intersections" and signed.any():
+            said.append(f"{glyphs.characters[glyphs.crossing]} intersection")
+        return said
+
+    def cell_words(self, scene: Scene, cell: int) -> list[str]:
+        """The zone of a cell; two where directions have their own; none where robots serve zones."""
+        traffic_zones = scene.floor.traffic_zones
+        if scene.service_zones is not None or traffic_zones is None:
+            return []
+        if not scene.floor.drivable[cell]:
+            return []
+        numbers = sorted({int(zone) for zone in traffic_zones.of[cell] if zone != NIL})
+        if not numbers:
+            return ["intersection"]
+        return [f"zone{'s' * (len(numbers) > 1)} {' and '.join(map(str, numbers))}"]
+
+    def zone_cells(self, scene: Scene, zone: int) -> NDArray[np.int32] | None:
+        traffic_zones = scene.floor.traffic_zones
+        if scene.service_zones is not None or traffic_zones is None:
+            return None
+        return np.flatnonzero((traffic_zones.of == zone).any(axis=1)).astype(np.int32)
+
+
+def _zones(scene: Scene) -> TrafficZones | None:
+    """The zones, if there are any."""
+    traffic_zones = scene.floor.traffic_zones
+    return traffic_zones if traffic_zones is not None and traffic_zones.count else None
+
+
+@lru_cache(maxsize=4)
+def floor_tints(floor: Floor) -> NDArray[np.int8]:
+    """(C,) the tint of each cell's zone, or NIL; of a floor with traffic zones."""
+    assert floor.traffic_zones is not None
+    return tints_of(floor.traffic_zones, *floor.floor_plan.kind.shape)
+
+
+def _used(floor: Floor) -> NDArray[np.int8]:
+    tints = floor_tints(floor)
+    return np.unique(tints[tints != NIL])
+
+
+def crossing_sign(glyphs: GlyphSet) -> int:
+    """An intersection while zones are shown."""
+    return int(code(style(styles.COLOUR_DIM, styles.COLOUR_FLOOR), glyphs.crossing))

@@ -1,0 +1,267 @@
+"""The path of a frame, from the player to the widgets.
+
+Player -> PlaybackState -> Scene -> codes -> MapView        whenever something has changed
+               -> View -> panels, lines            at most some times a second
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from textual.app import App
+
+from automaton.engine.state import NIL
+from automaton.units import unit
+from tui.render import styles
+from tui.render.describe import describe
+from tui.render.glyphs import Codes
+from tui.render.styles import Look
+from tui.terminal.frame_pacing import FrameClock, FramePacer
+from tui.terminal.presenter import Presenter
+from tui.viewer.notices import LINES_S, Notices
+from tui.viewer.session import Session
+from tui.widgets.map_view import MapView
+from tui.widgets.status import (
+    choice_words,
+    end_words,
+    fleet_words,
+    head_words,
+    link_words,
+    mode_word,
+    time_words,
+)
+from tui.widgets.timeline import Mark, Past, Timeline
+from tui.widgets.word_row import Line, Word, word
+
+if TYPE_CHECKING:
+    from tui.playback.playback_state import PlaybackState
+
+PANELS_S: Final = 0.25  # between two updates of the panels
+STRAINED_S: Final = 1.0  # the same over a slow link
+HINTS: Final = (  # what there is to be done, what a click on it does, and its rank
+    ("? help", "help", 0),
+    ("space play", "play_pause", 1),
+    ("click a robot or a cell", "", 2),
+    ("ctrl+p all commands", "command_palette", 3),
+)
+
+
+class Display:
+    """The widgets of the viewer, and what they show of a session."""
+
+    def __init__(self, app: App[None], session: Session) -> None:
+        options, opening = session.options, session.opening
+        self._session = session
+        self.presenter = Presenter(app, options.renderer)
+        pacer = FramePacer(options.fps, options.max_kbit)
+        self.frames = FrameClock(self.presenter, self.draw, pacer)
+        self.maps = [self._made(MapView, f"map-{n}") for n in range(len(opening.resolved))]
+        self.heads = [self._made(Line, f"head-{n}") for n in range(len(self.maps))]
+        self.title_line = self._made(Line, "title")
+        self.status = self._made(Line, "status")
+        self.info = self._made(Line, "info")
+        self.timeline = self._made(Timeline, "timeline")
+        self.notices = Notices(app, session, self.info, self.refresh_lines_soon)
+        self.column: Any = None  # the panels, once they are imported
+        self.link_shown = False
+        self._unit = unit(opening.resolved[0].scenario.units.tick)
+        self._stale = self._texts_stale = True
+        self._texts_updated_at = self._panels_at = -math.inf
+        self._panels_know: object = None
+        session.changed, session.ordered = self.changed, self.ordered
+
+    def _made(self, kind: type[Any], id: str) -> Any:
+        return kind(self.presenter, self._session.look, self._session.glyphs, id=id)
+
+    def changed(self) -> None:
+        """Something else is chosen: draw it."""
+        self._stale = True
+        self.refresh_lines_soon()
+
+    def ordered(self) -> None:
+        """The player got a request: its result is to be seen as soon as it is there."""
+        self._texts_stale = True
+        self.frames.expect()
+
+    def refresh_lines_soon(self) -> None:
+        """The lines under the map have something new to say."""
+        self._texts_stale = True
+        self.frames.wake()
+
+    def refresh_panels(self) -> None:
+        """Panels are shown in another way: write them again."""
+        self._panels_know = None
+        self.changed()
+
+    def set_look(self, look: Look) -> None:
+        """Other colours."""
+        self._session.look = look
+        lines = (self.title_line, self.info, self.status, self.timeline)
+        for view in (*self.maps, *self.heads, *lines):
+            view.set_appearance(look, self._session.glyphs)
+        self.changed()
+
+    def toggle_link(self) -> None:
+        """Show what the connection carries, or no more."""
+        self.link_shown = not self.link_shown
+        self.changed()
+
+    def draw(self) -> bool:
+        """Present what has changed; False if nothing had, and then nothing was written."""
+        session = self._session
+        before = session.playback
+        if session.player is not None:
+            session.playback = session.player.latest()
+        if session.playback is not before:
+            self._texts_stale = True
+            self._follow_playback(before)
+        if session.player is not None and session.player.computing():
+            self._texts_stale = True  # the seconds go on
+        drawn = False
+        if session.playback is not before or self._stale:
+            drawn = self._draw_maps()
+        told = self._update_texts()
+        return drawn or told
+
+    def _follow_playback(self, before: PlaybackState | None) -> None:
+        """Follow the selected robot, and go where a breakpoint stopped the run."""
+        session = self._session
+        playback = session.playback
+        assert playback is not None
+        session.pictures.follow(playback, session.choice)
+        if playback.failed and (before is None or not before.failed):
+            self.notices.say_failure()
+        self._report_unreachable_tick(playback)
+        if playback.stops > (0 if before is None else before.stops):
+            session.marks.append(Mark(playback.tick, "stop"))
+            session.goal = None  # it is not on the way there any more
+            session.choice.side = playback.side
+            if playback.breakpoint_robots:
+                session.choose(playback.breakpoint_robots[0])
+                session.show_robot()
+
+    def _report_unreachable_tick(self, playback: PlaybackState) -> None:
+        """A tick was asked for that there is not."""
+        goal, end = self._session.goal, playback.end
+        if goal is None or playback.tick < min(goal, playback.head):
+            return
+        if end is not None and playback.tick == end < goal and not playback.failed:
+            self._session.notify(f"the run ends at tick {end:,}; there is no tick {goal:,}")
+        if playback.tick >= goal or playback.tick == end:
+            self._session.goal = None
+
+    def _draw_maps(self) -> bool:
+        drawn = self._stale = False
+        for side, view in enumerate(self.maps):
+            rows, columns = view.size.height, view.size.width
+            if not rows or not columns or not view.is_on_screen:
+                continue
+            codes = self.codes_of(side)
+            if view.shown is None or not np.array_equal(codes, view.shown):
+                view.present(codes)
+                drawn = True
+        return drawn
+
+    def codes_of(self, side: int) -> Codes:
+        """The picture of a run at the tick that is shown, also while its map is hidden."""
+        session, size = self._session, self.maps[side].size
+        camera = session.pictures.camera
+        rows, columns = size.height or camera.rows, size.width or camera.columns
+        return session.pictures.picture(session.scene(side), session.choice, rows, columns)
+
+    def _update_texts(self) -> bool:
+        """Lines and panels, if there is news and it is time for it."""
+        now = asyncio.get_running_loop().time()
+        pause = PANELS_S if self.frames.pace.strained else LINES_S
+        said = False
+        if self._texts_stale and now - self._texts_updated_at >= pause:
+            self._texts_updated_at, self._texts_stale = now, False
+            said = self._update_lines()
+        self._update_panels(now)
+        return said
+
+    def _update_lines(self) -> bool:
+        session = self._session
+        playback, choice = session.playback, session.choice
+        link = link_words(self.frames.figures()) if self.link_shown else []
+        changed: bool = self.info.set_words(self._message(), link)
+        if playback is None:
+            state = "cannot run" if session.error else "the world is being built ..."
+            changed |= self.status.set_words([word(state, styles.COLOUR_DIM)])
+            return changed
+        words = time_words(playback, choice.side, session.speed, self._unit, session.glyphs)
+        words += fleet_words(playback.snapshots[choice.side])
+        words += choice_words(choice.robot, choice.following, choice.laid)
+        changed |= self.status.set_words(words, [self.mode(playback)])
+        changed |= self.timeline.set_content(self._past(playback))
+        changed |= self.show_titles()
+        return changed
+
+    def show_titles(self) -> bool:
+        """What the runs are called, and which of two has ended; whether anything changed."""
+        session = self._session
+        changed: bool = self.title_line.set_words([word("automaton"), word(session.titles[0])])
+        for side, (own, common) in enumerate(session.opening.heads):
+            head, end = self.heads[side], end_words(session.playback, side)
+            room = head.size.width - sum(len(one.glyphs) + Line.GAP for one in end)
+            changed |= head.set_words(head_words(f"{'AB'[side]} {own}", common, room), end)
+        return changed
+
+    def mode(self, playback: PlaybackState) -> Word:
+        """Live, in the past of a live run, or recorded; and how the run ended."""
+        session = self._session
+        side = session.choice.side
+        if session.live:
+            return mode_word(playback, side, "live REC" if session.recordings else "live")
+        name = "compare" if session.opening.comparing else "replay"
+        whole = session.opening.recordings[side].complete
+        return mode_word(playback, side, name, recorded=True, whole=whole)
+
+    def _past(self, playback: PlaybackState) -> Past:
+        """What the timeline shows."""
+        session = self._session
+        event_history = session.runs[session.choice.side].event_history
+        marks = [Mark(tick, "deadlock") for tick in event_history.deadlocks.tolist()]
+        marks += [Mark(tick, "redesign") for tick in event_history.redesigns.tolist()]
+        marks += session.marks
+        if session.divergence is not None and session.divergence.tick is not None:
+            marks.append(Mark(session.divergence.tick, "difference"))
+        return Past(playback.tick, playback.head, playback.end, event_history.curve, tuple(marks))
+
+    def _message(self) -> list[Word]:
+        """The most important of what there is to say."""
+        session = self._session
+        playback, choice = session.playback, session.choice
+        if (notice := self.notices.current()) is not None:
+            return [notice]
+        error = session.error or session.broken or (playback.error if playback is not None else "")
+        if error:
+            return [word(error, styles.COLOUR_FAULT, "play_pause")]
+        if session.player is not None and (slow := session.player.computing()):
+            return [word(f"computing tick {slow[0]:,}, {slow[1]} s", styles.COLOUR_CURSOR)]
+        if playback is not None and playback.stopped:
+            return [word(f"stopped: {playback.stopped}", styles.COLOUR_CURSOR, "breakpoints")]
+        if session.hovered != NIL:
+            return [word(describe(session.scene(session.hovered_side), session.hovered))]
+        if playback is not None and playback.failed:
+            return [word(playback.failed, styles.COLOUR_FAULT, "play_pause")]
+        if choice.cell != NIL:
+            return [word(describe(session.scene(), choice.cell))]
+        if session.divergence is not None:
+            return [word(session.divergence.text, styles.COLOUR_TEXT, "next_difference")]
+        return [word(text, styles.COLOUR_DIM, action, rank) for text, action, rank in HINTS]
+
+    def _update_panels(self, now: float) -> None:
+        session, pause = self._session, STRAINED_S if self.frames.pace.strained else PANELS_S
+        if self.column is None or session.playback is None or now - self._panels_at < pause:
+            return
+        choice, pictures = session.choice, session.pictures
+        chosen = (choice.robot, choice.cell, choice.zone, choice.layer, choice.least, choice.side)
+        know = (session.playback, chosen, session.look, pictures.camera.zoom, pictures.glyphs)
+        if self._panels_know == know or not self.column.is_on_screen:
+            return
+        self._panels_at, self._panels_know = now, know
+        self.column.show(session.view())

@@ -96,7 +96,7 @@ def fleet_under_way(side: int, robots: int) -> Simulation:
 
 def prepare_legs_in_time(side: int, robots: int = ROBOTS) -> Sample:
     """A sampler: us for a leg, over all robots one after another."""
-    view, workspace, memory = routing_of(fleet_under_way(side, robots))
+    view, workspace, state = routing_of(fleet_under_way(side, robots))
 
     def sample() -> float:
         forecast_all(view, workspace, state)
@@ -109,7 +109,7 @@ def prepare_legs_in_time(side: int, robots: int = ROBOTS) -> Sample:
 
 def prepare_forecast(side: int, robots: int = ROBOTS) -> Sample:
     """A sampler: us for a forecast, and for clearing it away."""
-    view, workspace, memory = routing_of(fleet_under_way(side, robots))
+    view, workspace, state = routing_of(fleet_under_way(side, robots))
 
     def sample() -> float:
         begun = cpu_seconds(lambda: forecast_all(view, workspace, state))

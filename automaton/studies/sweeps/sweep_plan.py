@@ -21,7 +21,7 @@ from automaton.build.resolve import Resolved, resolve
 from automaton.errors import InputError, nearest
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
 from automaton.runs.provenance import versions
-from automaton.scenario.document import Document, Override, keys_of, line_of
+from automaton.scenario.document import Document, Override, keys_of
 from automaton.scenario.reading import SHIPPED_FOLDER, find
 from automaton.scenario.unavailable_metrics import not_measured, warm_up_of
 from automaton.strategy import lookup

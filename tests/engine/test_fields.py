@@ -24,6 +24,7 @@ from automaton.engine.jit.field_kernels import (
 from automaton.engine.jit.fields import (
     BY_ENTRY,
     CARRIED,
+    CONSTANT,
     SCRATCH,
     STATE,
     STATIC,
@@ -96,6 +97,32 @@ def test_what_is_not_given_has_its_default() -> None:
     assert load.sides.tolist() == [-1] * 8
     with pytest.raises(TypeError, match=r"Load.weight needs n"):
         Load.sized(limit=1)
+
+
+class Table(Struct):
+    ways: Array = field("(n,) int32", role=CONSTANT)
+    marks: Array = field("(n,) int32", default=-1)
+
+
+class Search(Struct, role=SCRATCH):
+    table: Table
+    heap: Array = field("(n,) int32")
+
+
+class Found(Struct):
+    search: Search
+    answer: Array = field("(n,) int32")
+
+
+def test_a_copy_has_its_own_scratch_and_the_same_constants() -> None:
+    ways, four = np.arange(4, dtype=np.int32), np.full(4, 4, np.int32)
+    table = Table(ways=ways, marks=four.copy())
+    found = Found(search=Search(table=table, heap=four.copy()), answer=four.copy())
+    copy = found.copied()
+    assert copy.answer.tolist() == [4] * 4 and copy.search.heap.tolist() == [0] * 4
+    assert copy.search.table.ways.tolist() == [0, 1, 2, 3]
+    assert copy.search.table.marks.tolist() == [-1] * 4
+    assert {name for name, *_ in found.arrays()} == {"search.heap", "search.table.ways", "answer"}
 
 
 # The proof: one more field of robots, declared and nothing else, is everywhere.

@@ -112,6 +112,10 @@ class Field:
             self._recorded and self.role == STATE and self.digest is not None and is_row_of_its_own
         )
 
+    def is_scratch(self, in_scratch: bool) -> bool:
+        """Whether it is scratch, in a struct that is: what does not change is not, even there."""
+        return self.role == SCRATCH or (in_scratch and self.role not in (CONSTANT, STATIC, DERIVED))
+
     def word(self, number: Any) -> int:
         """The 64 bits of a number of this kind."""
         is_float = self.dtype == np.float64

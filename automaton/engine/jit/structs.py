@@ -230,28 +230,28 @@ class Struct(metaclass=StructClass):
         return self._over(lambda kind, is_scratch, array: stop if kind.role == STOP else array)
 
     def _over(self, other: Callable[[Field, bool, Any], Any], in_scratch: bool = False) -> Self:
-        """The same struct over other arrays, and those in it; what is in scratch is scratch."""
+        """The same struct over other arrays, and those in it, by (declaration, is it scratch, array)."""
         values = {name: getattr(self, name) for name in self._fields}
         for name, value in values.items():
             declared = self._declared[name]
-            is_scratch = in_scratch or declared.role == SCRATCH
             if isinstance(value, Struct):
-                values[name] = value._over(other, is_scratch)
+                values[name] = value._over(other, in_scratch or declared.role == SCRATCH)
             elif declared.is_array:
-                values[name] = other(declared, is_scratch, value)
+                values[name] = other(declared, declared.is_scratch(in_scratch), value)
         return type(self)(**values)
 
-    def arrays(self) -> Iterator[tuple[str, Field, Any]]:
+    def arrays(self, in_scratch: bool = False) -> Iterator[tuple[str, Field, Any]]:
         """Name, declaration and value of each array, and of those of the structs in it.
 
-        Structs that are scratch as a whole are left out.
+        What is scratch only because the struct that it is in is scratch is left out.
         """
         for name, declared in self._declared.items():
             value = getattr(self, name)
-            if declared.is_array:
+            if isinstance(value, Struct):
+                parts = value.arrays(in_scratch or declared.role == SCRATCH)
+                yield from ((f"{name}.{part}", *rest) for part, *rest in parts)
+            elif declared.is_array and not (in_scratch and declared.is_scratch(in_scratch)):
                 yield name, declared, value
-            elif isinstance(value, Struct) and declared.role != SCRATCH:
-                yield from ((f"{name}.{part}", *rest) for part, *rest in value.arrays())
 
     @property
     def is_open(self) -> bool:

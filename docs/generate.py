@@ -9,14 +9,19 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import inspect
 import json
 import re
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, Final
 
 from automaton.commands import COMMANDS
+from automaton.engine import facilities, robot_status, service_zones, state
+from automaton.engine.jit.field_kernels import hidden_fields
+from automaton.engine.jit.fields import SCRATCH
+from automaton.engine.jit.structs import Struct
 from automaton.engine.observation import CAUSES, DEADLOCK_TICKS
 from automaton.engine.record_codes import KEYFRAME_TICKS
 from automaton.evidence.history.breakpoints import FIELDS
@@ -26,7 +31,7 @@ from automaton.runs.metric_catalogue import METRIC_CATALOGUE
 from automaton.scenario.floor_section import generator_type, generators
 from automaton.scenario.scenario_schema import json_schema
 from automaton.scenario.schema import LAYER_NAMES
-from automaton.strategy import lookup
+from automaton.strategy import kernels, lookup, paths, per_robot
 from automaton.studies.sweeps import result_columns, run_keys
 from automaton.studies.sweeps.study import study_schema
 from tui.widgets.bindings import COMPARING, TOPICS, key_text
@@ -53,6 +58,7 @@ def pages() -> dict[str, str]:
         "scenario.md": scenario_page(),
         "study.md": study_page(),
         "strategies.md": strategies_page(),
+        "strategy-contract.md": contract_page(),
         "floors.md": floors_page(),
         "metrics.md": metrics_page(),
         "keys.md": keys_page(),
@@ -313,6 +319,227 @@ def _strategy_section(layer: str, name: str, definitions: Schema) -> str:
     if list(definition["properties"]) == ["name"]:
         return text + "It has no parameters.\n"
     return text + keys_table(definition, definitions, set(), "name")
+
+
+# The contract of a strategy
+
+
+SEEN: Final = {
+    "robots": state.Robots,
+    "orders": state.Orders,
+    "slots": facilities.Slots,
+    "grid": facilities.Grid,
+    "rules": state.Rules,
+    "traffic": state.Traffic,
+    "chargers": facilities.Chargers,
+    "stations": facilities.Stations,
+    "service_zones": service_zones.ServiceZones,
+    "service_zones.roads": service_zones.Roads,
+    "service_zones.design": service_zones.Design,
+}
+DECIDED: Final = {
+    "zoning": state.ZoningDecisions,
+    "charging": state.ChargingDecisions,
+    "allocation": state.AllocationDecisions,
+    "routing": state.RoutingDecisions,
+    "right_of_way": state.RightOfWayDecisions,
+}
+PUBLIC_SCRATCH: Final = ("holder",)
+COMMAND_MEANINGS: Final = {
+    "CMD_TAKE_ORDER": "allocation: reserve an order and drive to pick it up",
+    "CMD_DROP_AT": "allocation: reserve a slot and drive to drop the load there",
+    "CMD_PARK": "allocation: drive home; illegal for a robot that has an order or a load",
+    "CMD_STEP": "right of way: one move, or the turn before it",
+    "CMD_WAIT": "right of way: wait for some ticks",
+    "CMD_RETREAT": "right of way: begin a retreat, and be asked for each of its moves",
+}
+NAMED_VALUES: Final = {state.NIL: "NIL", state.KEEP: "KEEP", state.NEVER: "NEVER"}
+FULL_SHELF: Final = (
+    "A shelf holds one load. To drop a load at a full shelf, or at one that another robot has reserved, "
+    "is illegal, as is to take an order that another robot has reserved. The view has the reservations "
+    "that were made before this batch: `order_taken` and `slot_taken` are there to mark what was given "
+    "to the robots before in the batch, and the engine does not read them. A robot that gets nothing "
+    "is asked again once an order or a reservation has changed; with `ask_again` it is asked in the "
+    "next tick, as where the target of its load is full.\n"
+)
+PUBLIC_CLOCK: Final = (
+    *("CLOCK_TICK", "CLOCK_UNDELIVERED", "CLOCK_REVISION", "CLOCK_NEXT_RELEASE"),
+    *("CLOCK_OPEN_JOBS", "CLOCK_ROBOTS_DOWN", "CLOCK_ZONES_REDESIGNED"),
+)
+ENUMERATIONS: Final = {
+    "orders.state": (state, "ORDER_"),
+    "robots.goal_type": (state, "GOAL_"),
+    "robots.action, rules.duration": (state, "ACTION_"),
+    "robots.retry_state": (state, "RETRY_"),
+    "robots.need": (state, "NEED_"),
+    "robots.status": (robot_status, "STATUS_"),
+}
+NO_VALUES: Final = "ORDER_LIST", "ACTION_COUNT"  # of an enumeration
+
+
+def contract_page() -> str:
+    """What a strategy is asked, sees and decides, from the declarations of the structs."""
+    return page(
+        "What a strategy sees and decides",
+        "A strategy is called as `decide(view, batch, decisions, memory, workspace)`. How to write one: "
+        "[your own strategy](../tutorials/your-own-strategy.md). The names in capitals are in "
+        "`automaton.engine.state`; `NIL` (-1) means none. n robots are stored at indices, which "
+        "`view.robots` and `batch.robot` use; whatever refers to a robot from elsewhere has its "
+        "identity, and `view.robots.at_index` leads from there to the index. m orders, s slots, "
+        "K types of robots, C cells: a flat cell is `y * view.grid.width + x`, counted with the border, "
+        "so that cell [0, 0] of a scenario has x = y = 1. Directions are 0 east, 1 south, 2 west, "
+        "3 north.",
+        "## What it is asked\n",
+        "The first `batch.count[0]` rows are robots that the layer is asked about, by identity.\n",
+        _fields_table("batch", state.Batch, {}),
+        table(("reason", "meaning"), _constants("REASON_")),
+        "## What it sees\n",
+        "`view` is the whole world, read-only. Where a strategy may not see all "
+        "([what robots know](../explanation/information.md)), rows of what is out of sight have the "
+        "value of the last column; where it is empty the field is always seen. "
+        "`view.traffic.holder` is entered for strategies with `holders = True`.\n",
+        *(f"### view.{name}\n\n{_seen_section(name, one)}" for name, one in SEEN.items()),
+        "### view.clock\n\nEntries of one array, `view.clock[CLOCK_TICK]`.\n",
+        table(
+            ("entry", "meaning"),
+            (row for row in _constants("CLOCK_") if row[0].strip("`") in PUBLIC_CLOCK),
+        ),
+        "### Values\n",
+        "The constants of `robots.status` are in `automaton.engine.robot_status`.\n",
+        table(
+            ("field", "its values"),
+            (
+                (code(field), ", ".join(map(code, _names(module, prefix))))
+                for field, (module, prefix) in ENUMERATIONS.items()
+            ),
+        ),
+        "## What it decides\n",
+        "Row k of `decisions.<layer>` is about robot `batch.robot[k]`. All decisions begin as in the "
+        "last column; KEEP lets a robot go on. An illegal one costs the robot a tick and is counted.\n",
+        *(
+            f"### decisions.{name}\n\n{_decided_section(name, one)}"
+            for name, one in DECIDED.items()
+        ),
+        "### Commands\n",
+        table(
+            ("command", "meaning"), ((code(n), COMMAND_MEANINGS[n]) for n in _names(state, "CMD_"))
+        ),
+        "## One robot at a time\n",
+        "With `@per_robot(layer)` a strategy is a function `decide(me, view)`, which returns one of the "
+        "decisions below, or None to go on (`automaton.strategy.per_robot`).\n",
+        *(
+            f"### {name}\n\n" + table(("attribute", "meaning"), _members(one))
+            for name, one in (
+                ("me", per_robot.Me),
+                ("view", per_robot.LocalView),
+                ("order", per_robot.Order),
+            )
+        ),
+        "### Decisions\n",
+        table(("decision", "meaning"), _functions(per_robot, "Decision")),
+        "## What it may call\n",
+        "In Python, from `automaton.strategy.paths`; robots are storage indices, cells are flat.\n",
+        table(("function", "meaning"), _functions(paths)),
+        "In kernels, from `automaton.strategy.kernels`.\n",
+        table(("kernel", "meaning"), _kernels()),
+        "`workspace` is what they search in; `workspace.stop[0]` is not 0 once the run is given up.\n",
+    )
+
+
+def _fields_table(owner: str, struct: type[Struct], hidden: dict[str, Any]) -> str:
+    fields = {
+        name: one
+        for name, one in struct._declared.items()
+        if one.kind and (one.role != SCRATCH or name in PUBLIC_SCRATCH)
+    }
+    rows = (
+        (code(name), code(one.kind), one.meaning, _value(hidden[name]) if name in hidden else "")
+        for name, one in fields.items()
+    )
+    columns = 4 if hidden else 3
+    heading = (owner, "kind", "meaning", "out of sight")
+    return table(heading[:columns], (row[:columns] for row in rows))
+
+
+def _value(number: int) -> str:
+    return code(NAMED_VALUES.get(number, number))
+
+
+def _seen_section(name: str, struct: type[Struct]) -> str:
+    hidden = {
+        field: one.hidden
+        for extent in ("n", "m", "k", "j")
+        for field, one in hidden_fields(struct, extent).items()
+        if struct not in (facilities.Chargers, facilities.Slots, state.Traffic)
+    }
+    return f"{_summary(struct)}\n\n" + _fields_table("field", struct, hidden)
+
+
+def _decided_section(name: str, struct: type[Struct]) -> str:
+    rows = (
+        (code(name), code(one.kind), one.meaning, _value(one.default))
+        for name, one in struct._declared.items()
+        if one.kind
+    )
+    text = table(("field", "kind", "meaning", "begins as"), rows)
+    return f"{text}\n{FULL_SHELF}" if name == "allocation" else text
+
+
+def _names(module: Any, prefix: str) -> list[str]:
+    """The names of whole numbers in a module that begin with a prefix."""
+    numbers = (name for name, value in vars(module).items() if isinstance(value, int))
+    return [name for name in numbers if name.startswith(prefix) and name not in NO_VALUES]
+
+
+def _constants(prefix: str) -> Iterator[tuple[str, str]]:
+    """Yield the constants of the state with a prefix, each with the comment behind it."""
+    source = inspect.getsource(state)
+    for name in _names(state, prefix):
+        line = re.search(rf"^{name}: Final = .*?(?:  # (.*))?$", source, re.MULTILINE)
+        yield code(name), (line[1] if line else "") or ""
+
+
+def _members(kind: type) -> Iterator[tuple[str, str]]:
+    """Yield the public attributes of a class: fields with the comment behind them, then the others."""
+    stored = r"^ +(?:self\.([a-z]\w*) = \w+|([a-z]\w*): int)(?:  # (.*))?$"
+    for assigned, declared, comment in re.findall(stored, inspect.getsource(kind), re.MULTILINE):
+        yield code(assigned or declared), comment
+    for name, member in vars(kind).items():
+        if not name.startswith("_") and isinstance(member, property):
+            yield code(name), _summary(member)
+        elif not name.startswith("_") and inspect.isfunction(member):
+            yield code(_call(name, member)), _summary(member)
+
+
+def _functions(module: Any, result: str = "") -> Iterator[tuple[str, str]]:
+    """Yield the public functions of a module, those that return `result` if that is given."""
+    for name, one in vars(module).items():
+        is_own = inspect.isfunction(one) and one.__module__ == module.__name__
+        if (
+            is_own
+            and not name.startswith("_")
+            and result in ("", inspect.signature(one).return_annotation)
+        ):
+            yield code(_call(name, one)), _summary(one)
+
+
+def _kernels() -> Iterator[tuple[str, str]]:
+    for name in kernels.__all__:
+        function = getattr(getattr(kernels, name), "py_func", getattr(kernels, name))
+        if inspect.isfunction(function) and function is not kernels.kernel:
+            yield code(_call(name, function)), _summary(function)
+
+
+def _call(name: str, function: Callable[..., Any]) -> str:
+    """A call with the names of the arguments and their defaults."""
+    arguments = inspect.signature(function).parameters.values()
+    shown = (str(one.replace(annotation=one.empty)) for one in arguments if one.name != "self")
+    return f"{name}({', '.join(shown)})"
+
+
+def _summary(thing: Any) -> str:
+    """The first paragraph of a docstring."""
+    return " ".join((inspect.getdoc(thing) or "").split("\n\n")[0].split())
 
 
 # Floors

@@ -30,7 +30,7 @@ from automaton.strategy.layer import Strategy
 class Order:
     """An order that waits to be picked up."""
 
-    index: int
+    index: int  # its number
     slot: int  # where it lies
     target: int  # slot to which it must go
 
@@ -89,6 +89,7 @@ class LocalView:
 
     @property
     def tick(self) -> int:
+        """The tick in which it is asked."""
         return int(self.view.clock[state.CLOCK_TICK])
 
     def open_orders(self) -> list[Order]:
@@ -137,6 +138,7 @@ class Me:
 
     @property
     def identity(self) -> int:
+        """Its number, from 0."""
         return int(self._view.robots.identity[self._robot])
 
     @property

@@ -121,6 +121,17 @@ def test_the_study_of_the_tutorial_has_its_points(
     assert len(scenarios) == 4 * 2 and study.scenario == "my-floor.yaml"
 
 
+def test_the_compiled_strategy_of_the_tutorial_decides_as_the_one_in_python(tmp_path: Path) -> None:
+    write_files(page("docs/tutorials/your-own-strategy.md"), tmp_path)
+    run = "automaton run tabletop-1 --json --set strategy.allocation="
+    with in_this_process(tmp_path):
+        python, kernel = (
+            json.loads(carry_out(run + one, tmp_path)) for one in ("nearest:Nearest", "near:Near")
+        )
+    assert python["digest"] == kernel["digest"]
+    assert kernel["metrics"]["orders_taken"] >= kernel["delivered"] > 0
+
+
 def test_zones_of_ones_own_floor(tmp_path: Path) -> None:
     write_files(page("docs/how-to/divide-a-floor-into-zones.md"), tmp_path)
     with in_this_process(tmp_path):

@@ -8,6 +8,8 @@ from types import ModuleType
 
 import pytest
 
+from automaton.engine.state import Decisions, World
+
 DOCS = Path(__file__).parents[2] / "docs"
 
 
@@ -47,3 +49,11 @@ def test_every_key_has_a_meaning(generator: ModuleType, page: str) -> None:
     keys = [row for row in rows if row.count(" | ") == 3]
     assert keys
     assert [row for row in keys if row.endswith("|  |")] == []
+
+
+def test_the_contract_has_every_part_of_the_view_and_of_the_decisions(
+    generator: ModuleType,
+) -> None:
+    parts = {name.partition(".")[0] for name in generator.SEEN}
+    assert parts == set(World.struct_classes()) - {"tally"}
+    assert Decisions.struct_classes() == generator.DECIDED

@@ -30,6 +30,7 @@ LANGUAGES = {"sh", "console", "yaml", "csv", "python", "text", "mermaid"}
 WITH_COMMANDS = [
     one for one in pages() if any(block.language in ("sh", "console") for block in one.blocks)
 ]
+FOR_DEVELOPERS = [page(f"docs/how-to/add-a-{thing}.md") for thing in ("cell-kind", "metric")]
 
 
 def test_the_readme_is_short() -> None:
@@ -94,6 +95,17 @@ def test_commands_within_the_text_take_their_arguments(one: Page) -> None:
 def test_files_that_a_page_names_exist(one: Page) -> None:
     named = r"(?<![\w./-])((?:automaton|strategies|layouts|tui|tests|docs)/[\w*./-]*\w)"
     assert [path for path in re.findall(named, one.text) if not list(ROOT.glob(path))] == []
+
+
+@pytest.mark.parametrize("one", FOR_DEVELOPERS, ids=lambda one: one.name)
+def test_names_in_pages_for_developers_exist_in_the_files_beside_them(one: Page) -> None:
+    """In each list item, row and paragraph: tables of constants and functions, `SUMS`, `counted()`."""
+    for part in re.split(r"\n\n|\n(?=\d+\. |\|)", one.prose):
+        paths = [path for text in re.findall(r"`([\w/]+\.py)`", part) for path in ROOT.glob(text)]
+        text = "\n".join(path.read_text(encoding="utf-8") for path in paths)
+        for name, function in re.findall(r"`(?:([A-Z][A-Z_0-9]+)|(\w+)\(\))`", part):
+            declared = rf"^{name}\b.* = " if name else rf"^def {function}\("
+            assert re.search(declared, text, re.MULTILINE), f"{name or function}: {part}"
 
 
 def test_commands_that_are_only_read_are_run_by_other_tests() -> None:

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from automaton.commands import COMMANDS
-from automaton.engine import facilities, robot_status, service_zones, state
+from automaton.engine import facilities, robot_status, service_zones, state, visibility
 from automaton.engine.jit.field_kernels import hidden_fields
 from automaton.engine.jit.fields import SCRATCH
 from automaton.engine.jit.structs import Struct
@@ -345,6 +345,13 @@ DECIDED: Final = {
     "right_of_way": state.RightOfWayDecisions,
 }
 PUBLIC_SCRATCH: Final = ("holder",)
+HIDDEN_EXTENTS: Final = {  # along which limited sight hides rows (automaton.engine.visibility)
+    state.Robots: ("n",),
+    state.Orders: ("m",),
+    facilities.Stations: ("k", "j"),
+    service_zones.ServiceZones: ("n", "m", "Z"),
+    service_zones.Design: ("S", "Z", "M"),
+}
 COMMAND_MEANINGS: Final = {
     "CMD_TAKE_ORDER": "allocation: reserve an order and drive to pick it up",
     "CMD_DROP_AT": "allocation: reserve a slot and drive to drop the load there",
@@ -391,14 +398,14 @@ def contract_page() -> str:
         "3 north.",
         "## What it is asked\n",
         "The first `batch.count[0]` rows are robots that the layer is asked about, by identity.\n",
-        _fields_table("batch", state.Batch, {}),
+        _fields_table(state.Batch, "", {}),
         table(("reason", "meaning"), _constants("REASON_")),
         "## What it sees\n",
         "`view` is the whole world, read-only. Where a strategy may not see all "
         "([what robots know](../explanation/information.md)), rows of what is out of sight have the "
         "value of the last column; where it is empty the field is always seen. "
         "`view.traffic.holder` is entered for strategies with `holders = True`.\n",
-        *(f"### view.{name}\n\n{_seen_section(name, one)}" for name, one in SEEN.items()),
+        *(f"### view.{name}\n\n{_seen_section(one)}" for name, one in SEEN.items()),
         "### view.clock\n\nEntries of one array, `view.clock[CLOCK_TICK]`.\n",
         table(
             ("entry", "meaning"),
@@ -416,10 +423,7 @@ def contract_page() -> str:
         "## What it decides\n",
         "Row k of `decisions.<layer>` is about robot `batch.robot[k]`. All decisions begin as in the "
         "last column; KEEP lets a robot go on. An illegal one costs the robot a tick and is counted.\n",
-        *(
-            f"### decisions.{name}\n\n{_decided_section(name, one)}"
-            for name, one in DECIDED.items()
-        ),
+        *(f"### decisions.{name}\n\n{_decided_section(one)}" for name, one in DECIDED.items()),
         "### Commands\n",
         table(
             ("command", "meaning"), ((code(n), COMMAND_MEANINGS[n]) for n in _names(state, "CMD_"))
@@ -446,43 +450,37 @@ def contract_page() -> str:
     )
 
 
-def _fields_table(owner: str, struct: type[Struct], hidden: dict[str, Any]) -> str:
-    fields = {
-        name: one
+def _fields_table(struct: type[Struct], column: str, values: dict[str, int]) -> str:
+    """Return a table of the fields of a struct, with these values in the last column, if any."""
+    rows = (
+        (code(name), code(one.kind), one.meaning, _value(values.get(name)))
         for name, one in struct._declared.items()
         if one.kind and (one.role != SCRATCH or name in PUBLIC_SCRATCH)
-    }
-    rows = (
-        (code(name), code(one.kind), one.meaning, _value(hidden[name]) if name in hidden else "")
-        for name, one in fields.items()
     )
-    columns = 4 if hidden else 3
-    heading = (owner, "kind", "meaning", "out of sight")
+    columns = 4 if values else 3
+    heading = ("field", "kind", "meaning", column)
     return table(heading[:columns], (row[:columns] for row in rows))
 
 
-def _value(number: int) -> str:
-    return code(NAMED_VALUES.get(number, number))
+def _value(number: int | None) -> str:
+    return "" if number is None else code(NAMED_VALUES.get(number, number))
 
 
-def _seen_section(name: str, struct: type[Struct]) -> str:
+def _seen_section(struct: type[Struct]) -> str:
     hidden = {
-        field: one.hidden
-        for extent in ("n", "m", "k", "j")
-        for field, one in hidden_fields(struct, extent).items()
-        if struct not in (facilities.Chargers, facilities.Slots, state.Traffic)
+        name: one.hidden
+        for extent in HIDDEN_EXTENTS.get(struct, ())
+        for name, one in hidden_fields(struct, extent).items()
     }
-    return f"{_summary(struct)}\n\n" + _fields_table("field", struct, hidden)
+    if struct is service_zones.Design:
+        hidden["held"] = visibility.HIDDEN
+    return f"{_summary(struct)}\n\n" + _fields_table(struct, "out of sight", hidden)
 
 
-def _decided_section(name: str, struct: type[Struct]) -> str:
-    rows = (
-        (code(name), code(one.kind), one.meaning, _value(one.default))
-        for name, one in struct._declared.items()
-        if one.kind
-    )
-    text = table(("field", "kind", "meaning", "begins as"), rows)
-    return f"{text}\n{FULL_SHELF}" if name == "allocation" else text
+def _decided_section(struct: type[Struct]) -> str:
+    defaults = {name: one.default for name, one in struct._declared.items()}
+    text = _fields_table(struct, "begins as", defaults)
+    return f"{text}\n{FULL_SHELF}" if struct is state.AllocationDecisions else text
 
 
 def _names(module: Any, prefix: str) -> list[str]:

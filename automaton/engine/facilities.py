@@ -57,18 +57,18 @@ class Slots(Struct, role=DERIVED):
         "(s, 4) int32", "drivable neighbours E, S, W, N, or NIL; a station: itself"
     )
     accessible: Array = field(
-        "(K, s) uint8", "1 = robots of type k get to an access cell of the slot"
+        "(K, s) uint8", "1 = robots of this type get to an access cell of the slot"
     )
     first_spare: int = field("int64", "the first spare slot, or s", role=STATIC)
     reachable: Array = field(
-        "(K, C) uint8", "1 = robots of type k get there and back home", role=CONSTANT
+        "(K, C) uint8", "1 = robots of this type get there and back home", role=CONSTANT
     )
 
 
 class Chargers(Struct, role=STATIC):
     """Cells where robots charge; k of them."""
 
-    cell: Array = field("(k,) int32")
+    cell: Array = field("(k,) int32", "where it is")
     charger_at: Array = field("(C,) int32", "the charger in a cell, or NIL")
     exit_cell: Array = field(
         "(k,) int32",

@@ -206,7 +206,7 @@ class Robots(Struct):
 
     identity: Array = field("(n,) int32", "a permutation of 0..n-1", role=STATIC)
     at_index: Array = field("(n,) int32", "the storage index of an identity", role=STATIC)
-    type: Array = field("(n,) uint8", role=STATIC)
+    type: Array = field("(n,) uint8", "which robot type it is", role=STATIC)
     cell: Array = field(
         "(n,) int32",
         "where it stands, or the cell left by a long move; NIL: off the floor",
@@ -268,7 +268,7 @@ class Robots(Struct):
         hidden=NIL,
         header=True,
     )
-    parked: Array = field("(n,) uint8", default=1, hidden=0, digest=19)
+    parked: Array = field("(n,) uint8", "1 = it is parked", default=1, hidden=0, digest=19)
     service_zone: Array = field(
         "(n,) int32", "the service zone of the robot, set by zoning", default=NIL, digest=20
     )
@@ -430,9 +430,9 @@ class World(Struct):
 class Batch(Struct):
     """A batch: the robots that a layer is asked about, sorted by identity."""
 
-    count: Array = field("(1,) int64")
+    count: Array = field("(1,) int64", "how many they are")
     robot: Array = field("(n,) int32", "storage indices; the first `count` are valid")
-    reason: Array = field("(n,) uint8")
+    reason: Array = field("(n,) uint8", "why the layer is asked about each: REASON_*")
 
 
 def decided(meaning: str, default: int = 0, dtype: str = "int32") -> Any:

@@ -30,7 +30,9 @@ LANGUAGES = {"sh", "console", "yaml", "csv", "python", "text", "mermaid"}
 WITH_COMMANDS = [
     one for one in pages() if any(block.language in ("sh", "console") for block in one.blocks)
 ]
-FOR_DEVELOPERS = [page(f"docs/how-to/add-a-{thing}.md") for thing in ("cell-kind", "metric")]
+FOR_DEVELOPERS = [
+    page(f"docs/how-to/add-a-{thing}.md") for thing in ("cell-kind", "metric", "map-layer")
+]
 
 
 def test_the_readme_is_short() -> None:

@@ -36,7 +36,7 @@ LOOP = "automaton.engine.loop"  # compiled in every first run, and last
 CACHES_KEPT = 4
 UNUSED_S = 7 * 86_400.0  # after which kernels in the temporary folder are removed
 WORLD = "the world"
-FIRST_RUN_NOTICE = "first run of this version on this machine (about a minute): the world"
+FIRST_RUN_NOTICE = "first run of this version on this machine (one to two minutes): the world"
 FIRST_USE_NOTICE = "first use on this machine: "
 COMPILE_NOTICE_DELAY_S = 1.0  # before it is said that something is being compiled
 

@@ -2,7 +2,7 @@
 
     tick * 8 + phase (entry of LAYER_SEQUENCE) | identity * 65,536 + number of values | values ...
 
-in the order in which they entered the world; robots that were asked and got KEEP are left out.
+in the order in which they entered the world; decisions that are as they began (KEEP) are left out.
 Values: the fields of a decision as declared in automaton.engine.state; for zoning see
 automaton.engine.zoning_decision_stream; before the decisions of allocation, plans (PLAN_WORDS times the
 number of orders, the orders); for routing the steps, then 31 directions of 2 bits each, or -1 for an

@@ -70,9 +70,11 @@ class _Watcher:
                 self.flags += flags
             yield
         finally:
-            signal.set_wakeup_fd(before)
-            with self._lock:
-                del self.flags[outer:]
+            try:
+                with self._lock:
+                    del self.flags[outer:]
+            finally:
+                signal.set_wakeup_fd(before)
 
     def forget(self) -> None:
         """Forget the signals that came so far: the main thread has handled them, or is about to."""
@@ -86,10 +88,18 @@ class _Watcher:
         """The next signal in the pipe, which an event loop hears of as well; 0 if it is empty."""
         with suppress(BlockingIOError):
             byte = os.read(self._read, 1)
-            if self.other != NO_SIGNAL:
-                os.write(self.other, byte)
+            self._pass_on(byte)
             return byte[0]
         return 0
+
+    def _pass_on(self, byte: bytes) -> None:
+        if self.other != NO_SIGNAL:
+            try:
+                os.write(self.other, byte)
+            except BlockingIOError:
+                pass  # it is full of signals
+            except OSError:
+                self.other = NO_SIGNAL  # its loop has ended
 
     def _listen(self) -> None:
         poll = select.poll()

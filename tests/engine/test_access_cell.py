@@ -64,6 +64,15 @@ def test_the_tutorial_has_the_rule(tmp_path: Path, access_cell: str) -> None:
     assert run_with(tmp_path, access_cell, setting).digest == one.digest
 
 
+@pytest.mark.parametrize("access_cell", ["fixed", "nearest"])
+def test_strategies_that_decide_robot_by_robot_have_the_rule(
+    tmp_path: Path, access_cell: str
+) -> None:
+    one = run_with(tmp_path, access_cell)
+    setting = "strategy.allocation=example_strategies:eager"
+    assert run_with(tmp_path, access_cell, setting).tick == one.tick
+
+
 def test_of_several_nearest_cells_the_first_one_by_the_fixed_rule_counts(tmp_path: Path) -> None:
     floor_plan = resolve(file_with(tmp_path, "nearest")).floor_plan
     for access_cell in ("fixed", "nearest"):

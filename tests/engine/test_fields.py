@@ -76,6 +76,7 @@ def loads(**changed: Any) -> dict[str, Any]:
         ({"place": np.zeros((2, 3), np.uint8).T}, "Load.place is not contiguous"),
         ({"sides": np.zeros(3, np.int64)}, "Load: 4n is 3, where n is 3"),
         ({"weight": [1, 2, 3]}, "Load.weight is not an array"),
+        ({"limit": 2.7}, r"Load.limit is 2.7; it is declared as int64"),
     ],
 )
 def test_arrays_are_as_declared(changed: dict[str, Any], sentence: str) -> None:

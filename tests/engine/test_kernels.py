@@ -22,7 +22,7 @@ import sys
 from numba.core.dispatcher import Dispatcher
 from automaton.build.resolve import resolve
 from automaton.runs.simulation import Simulation
-from automaton.bench import plan_speed as plans
+from automaton.bench import warehouse_speed as plans
 from automaton.papers.traffic.traffic_trials import Setting, exact, run_seed
 for allocation in ("independent", "cooperative", "adaptive"):
     simulation = Simulation(resolve("tabletop-mini", [f"strategy.allocation={allocation}"]))

@@ -26,6 +26,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from ctypes import addressof, c_char
+from operator import index
 from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, Self
 from weakref import WeakKeyDictionary, WeakValueDictionary
 
@@ -97,9 +98,11 @@ class Struct(metaclass=StructClass):
             if declared.is_array:
                 words.append(self._checked(name, declared, value, sizes, shapes))
                 words += (*value.shape, *NO_SHAPE[len(value.shape) :])
+            elif declared.kind:
+                values[name] = self._number(name, declared, value)
+                words += (declared.word(values[name]), *NO_SHAPE)
             else:
-                words.append(declared.word(value) if declared.kind else value._address)
-                words += NO_SHAPE
+                words += (value._address, *NO_SHAPE)
         wrong = self._sizes.contradiction(sizes)
         if wrong:
             raise TypeError(f"{type(self).__name__}: {wrong}")
@@ -139,6 +142,13 @@ class Struct(metaclass=StructClass):
             raise self._unfit(name, "is read-only")
         address: int = array.__array_interface__["data"][0]
         return address
+
+    def _number(self, name: str, declared: Field, value: Any) -> int | float:
+        """A number as kernels see it. Raises TypeError for a fraction that is declared as a whole one."""
+        try:
+            return float(value) if declared.dtype == np.float64 else index(value)
+        except TypeError:
+            raise self._unfit(name, f"is {value!r}") from None
 
     def _unfit(self, name: str, fault: str) -> TypeError:
         kind = self._declared[name].kind
@@ -225,9 +235,15 @@ class Struct(metaclass=StructClass):
 
     def stopped_by(self, stop: Any) -> Self:
         """The same struct, whose arrays of role STOP are this one, (1,) int64."""
-        if all(kind.role != STOP for _, kind, _ in self.arrays()):
+        if not self._has(STOP):
             return self
         return self._over(lambda kind, is_scratch, array: stop if kind.role == STOP else array)
+
+    def _has(self, role: str) -> bool:
+        """Whether it has a field of this role, in whatever struct in it."""
+        return any(one.role == role for one in self._declared.values()) or any(
+            getattr(self, name)._has(role) for name in self._structs
+        )
 
     def _over(self, other: Callable[[Field, bool, Any], Any], in_scratch: bool = False) -> Self:
         """The same struct over other arrays, and those in it, by (declaration, is it scratch, array)."""

@@ -1,4 +1,4 @@
-"""Loads and orders: picked up, set down, reserved."""
+"""Loads and orders: picked up, dropped, reserved."""
 
 import numpy as np
 

@@ -75,19 +75,19 @@ PHASES = len(LAYER_SEQUENCE)
 
 
 def ticks(
-    worlds, batches, decisions, kept, workspace, layer_mode, memories,
+    worlds, batches, decisions, outputs, workspace, layer_mode, memories,
     zoning, charging, allocation, routing, right_of_way,
 ):  # fmt: skip
     """Run ticks until world.clock[CLOCK_STOP_TICK]; pause there, when a buffer is full, and at the end.
 
     `worlds`: the world; what strategies see of it; the same memory, read-only, which they get.
     `batches`: the robots that a layer is asked about; those of one call; the same, read-only.
-    `kept`: the record, and what is observed. `layer_mode`, `memories`: by layer. Functions come one by
+    `outputs`: the record, and what is observed. `layer_mode`, `memories`: by layer. Functions come one by
     one: Numba warns of a tuple of them. Gives the run up in mid-tick once workspace.stop is set.
     """
     world, visible_world, view = worlds
     full_batch, batch, batch_view = batches
-    record, observation = kept
+    record, observation = outputs
     decide = (zoning, charging, allocation, routing, right_of_way)
     clock = world.clock
     while True:

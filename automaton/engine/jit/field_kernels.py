@@ -102,8 +102,8 @@ def digesting(world: type[Struct], add_value: Any, values: Iterable[Any]) -> Any
 
 
 def clearing(struct: type[Struct]) -> Any:
-    """A kernel (s, count): the first `count` decisions, and what holds for a call, begin anew."""
-    whole = [
+    """A kernel (s, count): the first `count` decisions, and what holds for a call, begin as declared."""
+    for_call = [
         f"    s.{name}[:] = {one.default}"
         for name, one in struct._declared.items()
         if one.role == CALL
@@ -113,7 +113,7 @@ def clearing(struct: type[Struct]) -> Any:
         for name, one in struct._declared.items()
         if one.role == DECISION
     ]
-    lines = [*whole, "    for k in range(count):", *each]
+    lines = [*for_call, "    for k in range(count):", *each]
     return kernel(written_out(f"clear_{struct.__name__}", "s, count", lines), cached=False)
 
 

@@ -13,6 +13,7 @@ from automaton.engine.observation import (
     CAUSE_NO_ORDER,
     CAUSE_NOT_WAITING,
     CAUSE_REDUCED_SPEED,
+    CAUSE_UNDECIDED,
     CAUSES,
     DEADLOCK_TICKS,
     EVENT_DEADLOCK,
@@ -21,7 +22,12 @@ from automaton.engine.observation import (
 )
 from automaton.engine.state import ACTION_NAMES, NIL
 from automaton.errors import InputError
-from automaton.evidence.history.breakpoints import FIELDS, breakpoint_of, robots_where
+from automaton.evidence.history.breakpoints import (
+    FIELDS,
+    WAIT_CAUSE_CODES,
+    breakpoint_of,
+    robots_where,
+)
 from automaton.evidence.history.live_run import LiveRun
 from automaton.evidence.history.snapshot import Snapshot, take_snapshot
 
@@ -218,9 +224,15 @@ def test_deliveries_name_the_robot_that_delivered(run: LiveRun) -> None:
         assert robot not in holding(run, "delivered")
 
 
-def test_each_cause_of_waiting_can_be_asked_for(run: LiveRun) -> None:
-    for name in (cause.name for cause in CAUSES if cause.name != "reduced speed"):
-        assert holding(run, f"cause == '{name}'") or name != "none"
+def test_each_cause_of_waiting_can_be_asked_for() -> None:
+    codes = {cause.name: code for code, cause in enumerate(CAUSES) if code != CAUSE_REDUCED_SPEED}
+    assert codes == WAIT_CAUSE_CODES
+    floor = SmallRun("ABC", {"A": "E", "B": "E"}).tick()
+    causes = floor.run.observation.cause
+    for name, code in codes.items():
+        causes[:] = [code, CAUSE_UNDECIDED, code]
+        held = breakpoint_of(f"cause == '{name}'").test(floor.run, floor.floor_plan)
+        assert held.tolist() == [0, 2]
     with pytest.raises(InputError, match="'reduced speed' is not a known cause"):
         breakpoint_of("cause == 'reduced speed'")  # who drives slowly does not wait
 

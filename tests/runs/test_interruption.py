@@ -6,8 +6,9 @@ import os
 import signal
 import subprocess
 import sys
-import time
+import threading
 from pathlib import Path
+from typing import Any
 
 import endless_strategies
 import numpy as np
@@ -102,37 +103,62 @@ def test_a_run_that_is_interrupted_raises_and_computes_nothing(given_up: Simulat
     assert given_up.tick == 0
 
 
-def test_a_handler_of_somebody_else_lets_the_run_go_on() -> None:
+class WatchersLock:
+    """The lock of the thread that hears of signals, and how often that asked for it and was done."""
+
+    def __init__(self, lock: Any) -> None:
+        self.lock = lock
+        self.asked = self.done = 0
+
+    def __enter__(self) -> None:
+        if threading.current_thread().name == "signals":
+            self.asked += 1
+        self.lock.acquire()
+
+    def __exit__(self, *_: object) -> None:
+        self.lock.release()
+        if threading.current_thread().name == "signals":
+            self.done += 1
+
+
+@pytest.fixture
+def watcher(monkeypatch: pytest.MonkeyPatch) -> WatchersLock:
+    with interruptible(np.zeros(1, np.int64)):
+        pass  # the thread is there
+    lock = WatchersLock(interruption._WATCHER._lock)
+    monkeypatch.setattr(interruption._WATCHER, "_lock", lock)
+    return lock
+
+
+def test_a_handler_of_somebody_else_lets_the_run_go_on(watcher: WatchersLock) -> None:
     told: list[int] = []
     before = signal.signal(signal.SIGTERM, lambda number, _: told.append(number))
     try:
         simulation = Simulation(resolve("tabletop-mini"))
         simulation.run(until=10)
         with interruptible(simulation.workspace.stop):
+            done = watcher.done
             signal.raise_signal(signal.SIGTERM)
-            deadline = time.monotonic() + 0.2  # for the watcher to hear of it
-            wait_until(lambda: time.monotonic() > deadline)
+            wait_until(lambda: watcher.done > done)
         simulation.run()
     finally:
         signal.signal(signal.SIGTERM, before)
     assert told == [signal.SIGTERM] and simulation.finished
 
 
-def test_a_signal_that_is_heard_late_ends_no_later_run() -> None:
+def test_a_signal_that_is_heard_late_ends_no_later_run(watcher: WatchersLock) -> None:
     """The handler raises, and the next run begins, before the thread that hears of signals wakes."""
     first, later = np.zeros(1, np.int64), np.zeros(1, np.int64)
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # the background ignores it
     try:
-        with interruptible(first):
-            pass  # the thread is there
-        asleep = interruption._WATCHER._lock
-        asleep.acquire()
+        asked, done = watcher.asked, watcher.done
+        watcher.lock.acquire()
         with pytest.raises(KeyboardInterrupt), interruptible(first):
             signal.raise_signal(signal.SIGINT)
+        wait_until(lambda: watcher.asked > asked)
         with interruptible(later):
-            asleep.release()
-            deadline = time.monotonic() + 0.2  # for the thread to hear of it
-            wait_until(lambda: time.monotonic() > deadline)
+            watcher.lock.release()
+            wait_until(lambda: watcher.done > done)
             assert not later[0]
     finally:
         signal.signal(signal.SIGINT, before)

@@ -51,6 +51,10 @@ class Resolved:
         """The robots on the floor: types, starts, what they reach."""
         return FleetOnFloor(self.scenario, self.floor_plan, self.start)
 
+    def __getstate__(self) -> dict[str, Any]:
+        """All but the fleet, which follows from the rest and may be larger than all of it."""
+        return {name: value for name, value in vars(self).items() if name != "fleet"}
+
     @property
     def zoning(self) -> ZoningParameters:
         """What the zoning strategy says of the zones at the start. Raises InputError."""
@@ -79,7 +83,7 @@ def resolve(
     floor = floor_of(document, checked.layout)
     fleet = check_feasible(document, checked, floor)
     strategies = choose_strategies(document, checked, floor.floor_plan)
-    return Resolved(
+    resolved = Resolved(
         scenario=naming_files(checked, strategies),
         floor_plan=floor.floor_plan,
         strategies=strategies,
@@ -90,6 +94,8 @@ def resolve(
         ),
         files=() if order_file is None else ((order_file.path, order_file.content_hash),),
     )
+    vars(resolved)["fleet"] = fleet  # with the facts that the checks have found
+    return resolved
 
 
 def choose_strategies(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from automaton.build.capabilities import FleetOnFloor
-from automaton.build.prepared_floor import Floor
 from automaton.build.resolve import Resolved
 from automaton.build.rules import units
 from automaton.engine import random_numbers
@@ -17,7 +16,7 @@ from automaton.floor.reachability import rack_stands
 from automaton.scenario.schema import Scenario
 
 
-def homes(resolved: Resolved, floor: Floor, seed: int) -> tuple[Array, Array]:
+def homes(resolved: Resolved, seed: int) -> tuple[Array, Array]:
     """(n,) home cells and (n,) parking bays by identity; NIL where a robot parks on the floor itself."""
     fleet, floor_plan = resolved.fleet, resolved.floor_plan
     none = np.full(len(fleet.type_of), NIL, np.int32)

@@ -79,7 +79,7 @@ def build_world(
     zones = scenario.world.traffic_zones
     types = resolved.fleet.types
     floor = floor_for(resolved.floor_plan, kinematics, durations.move, durations.turn, zones, types)
-    starts = homes(resolved, floor, seed)
+    starts = homes(resolved, seed)
     orders, slots = build_orders(resolved, floor, seed, starts[0])
     occupancy = floor.occupancy.copy()
     steps = floor.longest_route if longest_route is None else longest_route

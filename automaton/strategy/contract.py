@@ -35,7 +35,7 @@ def checked_state(strategy: Strategy, state: Any, view: World) -> Struct:
             if len(array) != robots:
                 rows = f"found {len(array)} rows for {robots} robots"
                 raise _fault(strategy, f"{name} must have a row for each robot, {rows}")
-            counted += [name] * (len(declared.extents) == 1)
+            counted += [name] * (len(declared.extents) == 1 and "." not in name)
     for name, field in strategy.counters.items():
         if field not in counted:
             fields = f"these are {', '.join(counted) or 'none'}; found {field!r}"

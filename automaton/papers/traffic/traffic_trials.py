@@ -18,12 +18,7 @@ from automaton.engine.state import ACTION_COUNT, NIL, Array, Grid
 from automaton.floor.cells import DOCK, EAST, RACK
 from automaton.scenario.floor_section import generator_type
 from strategies.routing.astar.frontier import LARGER_G
-from strategies.routing.astar.route_workspace import (
-    MonteCarloWorkspace,
-    RouteSpace,
-    monte_carlo_workspace,
-    route_space,
-)
+from strategies.routing.astar.route_workspace import RouteSpace, route_space
 from strategies.routing.traffic_avoidance import monte_carlo
 from strategies.routing.traffic_avoidance.avoidance import LEAST_TIME, MOST_CAUTIOUS
 from strategies.routing.traffic_avoidance.prediction_noise import CERTAIN, USED_SHARE, false_alarms
@@ -42,7 +37,7 @@ class Warehouse(NamedTuple):
     racks: Array  # (k,) int32: the cell from which each rack is served
     docks: Array  # (k,) int32
     workspace: RouteSpace
-    trial: MonteCarloWorkspace
+    trial: monte_carlo.MonteCarloWorkspace
 
 
 Predictor = Callable[[Warehouse, int, Array], Array]  # warehouse, seed, tasks -> (trials, Z) int32
@@ -71,7 +66,7 @@ def warehouse(side: int = SIDE) -> Warehouse:
         stands(floor, RACK),
         stands(floor, DOCK),
         route_space(grid),
-        monte_carlo_workspace(ROBOTS, 2 * floor.longest_route, grid.traffic_zone_count),
+        monte_carlo.monte_carlo_workspace(ROBOTS, 2 * floor.longest_route, grid.traffic_zone_count),
     )
 
 

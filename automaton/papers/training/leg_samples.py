@@ -22,13 +22,14 @@ from automaton.errors import InputError
 from automaton.floor.cells import DOCK, RACK
 from automaton.papers.training.prediction_metrics import measured
 from strategies.routing.astar.frontier import FIFO
-from strategies.routing.astar.route_workspace import route_space, words
+from strategies.routing.astar.route_workspace import route_space
 from strategies.routing.traffic_avoidance import training_legs
 from strategies.routing.traffic_avoidance.network_files import (
     ZoneNetwork,
     floor_fingerprint,
     predicted_zones,
 )
+from strategies.routing.traffic_avoidance.path_zones import words
 
 Cells = npt.NDArray[np.int32]
 
@@ -82,14 +83,14 @@ def site_of(resolved: Resolved) -> Site:
     outer, inner = kind == DOCK, kind == RACK
     if not outer.any() or not inner.any():
         outer, inner = floor.slot_endless == 1, floor.slot_endless == 0
-    racks, docks = _access(resolved, floor, inner), _access(resolved, floor, outer)
+    racks, docks = _access(floor, inner), _access(floor, outer)
     if not racks.size or not docks.size:
         racks = docks = np.flatnonzero(resolved.floor_plan.drivable).astype(np.int32)
     duration = frozen(duration_table(durations))  # as strategies see it: the same compiled search
     return Site(floor, duration, racks, docks)
 
 
-def _access(resolved: Resolved, floor: Floor, mask: npt.NDArray[np.bool_]) -> Cells:
+def _access(floor: Floor, mask: npt.NDArray[np.bool_]) -> Cells:
     """The first access cell of each slot of a mask that has one."""
     access = floor.slot_access[mask]
     served = access[(access != NIL).any(axis=1)]

@@ -10,8 +10,10 @@ Two readings of a slow zone with others in it:
 
 import numpy as np
 
+from automaton.engine.jit.fields import field
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.state import ACTION_MOVE, NIL
+from automaton.engine.jit.structs import Struct
+from automaton.engine.state import ACTION_MOVE, NIL, Array
 from automaton.strategy.kernels import random_between
 from strategies.routing.astar.astar import search, write_steps
 from strategies.routing.astar.frontier import OPEN_COST
@@ -21,6 +23,7 @@ from strategies.routing.traffic_avoidance.path_zones import (
     count_common,
     count_zones,
     delay_of,
+    words,
 )
 from strategies.routing.traffic_avoidance.prediction_noise import blur
 
@@ -35,6 +38,27 @@ TRIAL_ENCOUNTERS = 2  # others met in a zone: pairs of a zone and a robot
 TRIAL_CHOSEN = 3  # the three again for the chosen path start here
 TRIAL_ALTERNATIVE = 6  # 1 = the chosen path is not that of plain A*
 TRIAL_COLUMNS = 7
+
+
+class MonteCarloWorkspace(Struct):
+    """What a trial of r robots works in; R steps of the longest task, Z zones."""
+
+    task: Array = field("(r, 3) int32", "start, pick-up and drop-off cell")
+    route: Array = field("(r, R) uint8", "directions of both legs")
+    plain: Array = field("(R,) uint8", "robot 0's by plain A*")
+    length: Array = field("(r,) int32")
+    at: Array = field("(r,) int32", "steps driven")
+    cell: Array = field("(r,) int32")
+    busy: Array = field("(r,) int32", "ticks until it arrives")
+    zone: Array = field("(r,) int32", "the zone it is in")
+    met: Array = field("(r,) int32", "the zone in which robot 0 is together with it")
+    used: Array = field("(words,) int64", "zones of one path, a bit for each")
+    actual: Array = field("(Z,) int32", "others with a path through each zone")
+
+
+def monte_carlo_workspace(robots: int, steps: int, zones: int) -> MonteCarloWorkspace:
+    """Room for trials of so many robots whose two legs have at most so many steps together."""
+    return MonteCarloWorkspace.sized({"r": robots, "R": steps, "Z": zones, "words": words(zones)})
 
 
 @kernel

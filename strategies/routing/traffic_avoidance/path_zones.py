@@ -13,6 +13,11 @@ from automaton.strategy.kernels import STARTED, parent_of
 WORD = 64  # zones in a word of a set
 
 
+def words(zones: int) -> int:
+    """int64 words of a set of zones, a bit for each."""
+    return -(-zones // WORD)
+
+
 @kernel
 def zone_left(grid, pose, how):
     """The zone of the move in direction `how` that ended in a pose; NIL on an intersection."""

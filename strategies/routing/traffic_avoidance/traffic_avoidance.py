@@ -32,7 +32,12 @@ from strategies.routing.traffic_avoidance.avoidance import (
     close_zones,
 )
 from strategies.routing.traffic_avoidance.network_files import network_for
-from strategies.routing.traffic_avoidance.path_zones import add_zones, count_zones, has_zone
+from strategies.routing.traffic_avoidance.path_zones import (
+    add_zones,
+    count_zones,
+    has_zone,
+    words,
+)
 from strategies.routing.traffic_avoidance.predicted_paths import next_goal_cell
 from strategies.routing.traffic_avoidance.prediction_noise import (
     CERTAIN,
@@ -260,7 +265,7 @@ class TrafficAvoidance(Strategy):
         if p.predictor not in ("exact", "noisy"):
             network = kernel_network(network_for(view.grid, view.rules.duration[0], p.network))
         return AvoidanceState.sized(
-            {"n": len(view.robots.cell), "words": -(-view.grid.traffic_zone_count // 64)},
+            {"n": len(view.robots.cell), "words": words(view.grid.traffic_zone_count)},
             tie_rule=TIES.index(p.tie_break),
             max_threshold=p.max_threshold,
             keep_chance=round(keep * CERTAIN),

@@ -13,7 +13,6 @@ from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.papers.training.leg_samples import legs_of, members, site_of, unseen
 from automaton.papers.training.prediction_metrics import measured
-from strategies.routing.astar.route_workspace import words
 from strategies.routing.traffic_avoidance import network_files as networks
 from strategies.routing.traffic_avoidance.network_files import (
     check_floor,
@@ -22,6 +21,7 @@ from strategies.routing.traffic_avoidance.network_files import (
     predicted_zones,
     save_network,
 )
+from strategies.routing.traffic_avoidance.path_zones import words
 from strategies.routing.traffic_avoidance.zone_network import kernel_network, predict_legs
 
 SHIPPED = networks.shipped("warehouse-100")

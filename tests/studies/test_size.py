@@ -8,6 +8,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from rich.console import Console
@@ -418,12 +419,13 @@ def test_figures_of_a_steady_state_leave_the_start_up_out() -> None:
 
 @pytest.fixture
 def each_run_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Searches of one scenario and fleet share their runs, which the seeds tell apart."""
+    """Searches that ask for the same runs share them: of a scenario, its fleet and settings, by seed."""
     done: dict[Any, Any] = {}
     carry_out = process_pool.run_chunk
 
     def run_chunk(chunk: Any) -> Any:
-        key = (chunk.first, *(seed for _, seed in chunk.jobs))
+        jobs = [(msgspec.json.encode(given.scenario), seed) for given, seed in chunk.jobs]
+        key = (chunk.first, chunk.conduct, *jobs)
         if key not in done:
             done[key] = carry_out(chunk)
         return done[key]

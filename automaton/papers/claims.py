@@ -44,17 +44,26 @@ class Quantity:
             return Quantity(lambda mean: apply(self(mean), other(mean)))
         return Quantity(lambda mean: apply(self(mean), other))
 
+    def __add__(self, other: Quantity | float) -> Quantity:
+        return self._with(operator.add, other)
+
     def __sub__(self, other: Quantity | float) -> Quantity:
         return self._with(operator.sub, other)
 
     def __rsub__(self, other: float) -> Quantity:
         return Quantity(lambda mean: other - self(mean))
 
-    def __rmul__(self, other: float) -> Quantity:
-        return Quantity(lambda mean: other * self(mean))
+    def __mul__(self, other: Quantity | float) -> Quantity:
+        return self._with(operator.mul, other)
 
     def __truediv__(self, other: Quantity | float) -> Quantity:
         return self._with(operator.truediv, other)
+
+    def __rtruediv__(self, other: float) -> Quantity:
+        return Quantity(lambda mean: other / self(mean))
+
+    __radd__ = __add__
+    __rmul__ = __mul__
 
 
 def mean_of(name: str, *key: Any) -> Quantity:

@@ -107,8 +107,8 @@ def sixth(strategies: Sequence[str]) -> list[ScenarioCase]:
 def with_least_busy(simulation: Simulation) -> dict[str, float | int]:
     """A run to its end: how often its least busy robot picked up something, and whether it never did."""
     figures = run_and_measure(simulation)
-    least = int(simulation.world.tally.operations[:, ACTION_PICK].sum(1).min())
-    return figures | {"least_picks": least, "sixth_idle": float(least == 0)}
+    picks = int(simulation.world.tally.operations[:, ACTION_PICK].sum(1).min())
+    return figures | {"least_picks": picks, "sixth_idle": float(picks == 0)}
 
 
 def published(key: Key, metric: str) -> float | None:

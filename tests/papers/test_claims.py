@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from automaton.papers.claim_report import bounds, evidence, panel_table
-from automaton.papers.claims import Claim, Figure, Judged, judge
+from automaton.papers.claims import Claim, Figure, Judged, Quantity, judge, mean_of
 from automaton.papers.published_tables import find
 from automaton.papers.reproduction_study import Case, MadeTable, Table
 from automaton.runs.console_output import rich_table
@@ -174,3 +174,22 @@ def test_a_table_shows_the_bounds_of_a_share_of_runs() -> None:
     out.print(rich_table(panel_table(("empty", "line"), rows, table)))
     text = out.export_text()
     assert "0.0 to 70.8 %" in text and "95 %" in text and "sd" in text
+
+
+@pytest.mark.parametrize(
+    ("combine", "result"),
+    [
+        (lambda a, b: a + b, 10),
+        (lambda a, b: a - b, 6),
+        (lambda a, b: a * b, 16),
+        (lambda a, b: a / b, 4),
+    ],
+)
+def test_quantities_are_reckoned_with_each_other_and_with_numbers(
+    combine: Callable[[Any, Any], Any], result: float
+) -> None:
+    eight, two = mean_of("eight"), mean_of("two")
+    for one, other in ((eight, two), (eight, 2.0), (8.0, two)):
+        found = combine(one, other)
+        assert isinstance(found, Quantity)
+        assert found(lambda name: {"eight": 8.0, "two": 2.0}[name]) == result

@@ -179,3 +179,22 @@ def test_an_executor_is_left_without_the_runs_of_a_sweep_that_ended(
             sweep_into(tmp_path / "out", plan, lambda: backend, on_rows=stop)
         over.set()
     assert len(begun) <= 2  # one that was done, and one that was under way
+
+
+def test_a_pool_that_cannot_be_ended_leaves_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    ended = []
+
+    def end(workers: pools.Workers, now: bool) -> None:
+        ended.append(workers)
+        raise OSError("it cannot be ended")
+
+    pool = pools.LocalPool(1)
+    first, alone = pool._pool, pool._isolation_pool
+    monkeypatch.setattr(pools.Workers, "end", end)
+    with pytest.raises(OSError, match="it cannot"):
+        pool.restart()
+    second = pool._pool
+    assert second is not first
+    with pytest.raises(OSError, match="it cannot"):
+        pool.close(now=True)
+    assert ended == [first, second, alone]

@@ -95,16 +95,22 @@ class LocalPool:
         return self._isolation_pool.submit(int).exception() is None
 
     def restart(self) -> None:
-        self._pool.end(now=True)
-        self._pool = Workers(self.workers)
+        try:
+            self._pool.end(now=True)
+        finally:
+            self._pool = Workers(self.workers)
 
     def _renew_isolation(self) -> None:
-        self._isolation_pool.end(now=True)
-        self._isolation_pool = Workers(1)
+        try:
+            self._isolation_pool.end(now=True)
+        finally:
+            self._isolation_pool = Workers(1)
 
     def close(self, now: bool) -> None:
-        self._pool.end(now)
-        self._isolation_pool.end(now)
+        try:
+            self._pool.end(now)
+        finally:
+            self._isolation_pool.end(now)
 
 
 class ExternalExecutor:

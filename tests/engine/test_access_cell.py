@@ -13,6 +13,7 @@ from automaton.commands import main
 from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.runs.simulation import Simulation
+from automaton.strategy import paths
 from automaton.strategy.access_cells import dropoff_cell, pickup_cell
 
 ROOT = Path(__file__).parents[2]
@@ -48,6 +49,16 @@ def test_from_the_nearest_cell_a_run_is_shorter(tmp_path: Path) -> None:
     """Fixed, A drives round the shelf to its east side and back to the west side of d."""
     fixed, nearest = run_with(tmp_path, "fixed"), run_with(tmp_path, "nearest")
     assert nearest.tick + 4 <= fixed.tick
+
+
+def test_all_access_cells_of_a_slot_are_listed(tmp_path: Path) -> None:
+    view = Simulation(resolve(file_with(tmp_path, "fixed"))).view
+    width = int(view.grid.offset.max())
+    found = [
+        [cell - int(view.slots.cell[slot]) for cell in paths.access_cells(view, 0, slot)]
+        for slot in range(2)
+    ]
+    assert found == [[1, width, -1, -width], [1, -1, -width]]  # "d" is in the last row
 
 
 @pytest.mark.parametrize("access_cell", ["fixed", "nearest"])

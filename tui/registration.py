@@ -3,21 +3,33 @@
     [project.entry-points."automaton.layers"]
     dust = "my_package.dust:Dust"
 
-What cannot be loaded is left out, and one sentence says so.
+What cannot be loaded is left out, and one sentence says so. What another distribution brings is
+switched off when it raises while it is shown. Names, actions and keys that are taken stay where they
+are; ours come first.
 """
 
 from __future__ import annotations
 
 import importlib
-from functools import cache
-from importlib.metadata import EntryPoint, entry_points
-from typing import Any, Final, Generic, NamedTuple, TypeVar
+import re
+from collections.abc import Callable
+from copy import copy
+from functools import cache, partial
+from importlib.metadata import Distribution, EntryPoint, entry_points
+from queue import Empty, SimpleQueue
+from typing import TYPE_CHECKING, Any, Final, Generic, NamedTuple, TypeVar
 
 from tui.render.layer import NO_LAYER, Layer
 from tui.widgets.panel import Panel
 
+if TYPE_CHECKING:  # it imports this module
+    from tui.render.scene import Scene
+
 LAYERS: Final = "automaton.layers"
 PANELS: Final = "automaton.panels"
+OURS: Final = "fleet-automaton"  # the distribution of this module
+RESERVED: Final = ("layer_none", "layer_route")  # actions of the viewer itself
+WIDGET_ID: Final = re.compile(r"[a-zA-Z_-][a-zA-Z0-9_-]*")  # what Textual takes
 T = TypeVar("T")
 
 
@@ -26,6 +38,7 @@ class Registered(NamedTuple, Generic[T]):
 
     by_name: dict[str, T]
     problems: tuple[str, ...]
+    own: frozenset[str]  # names of those that are ours
 
 
 @cache
@@ -45,6 +58,41 @@ def layer_named(name: str) -> Layer:
     return layers().by_name.get(name, NO_LAYER) if name else NO_LAYER
 
 
+_failures: Final[SimpleQueue[str]] = SimpleQueue()
+
+
+def failure() -> str:
+    """The next sentence about something that was switched off because it raised, or ""."""
+    try:
+        return _failures.get_nowait()
+    except Empty:
+        return ""
+
+
+def guard(thing: Any, what: str, name: str, without: type[Any], off: Callable[[str], None]) -> None:
+    """Replace the public methods that a thing inherits from `without`: they raise no errors.
+
+    With the first error the thing is switched off: `failure` returns the sentence, which `off` gets,
+    too, and from then on the methods do what those of `without` do.
+    """
+    failed: list[str] = []
+
+    def called(method: Callable[..., Any], instead: Callable[..., Any], *args: Any) -> Any:
+        if not failed:
+            try:
+                return method(*args)
+            except Exception as error:  # whatever a user's module does wrong
+                failed.append(left_out(what, name, error))
+                _failures.put(failed[0])
+                off(failed[0])
+        return instead(thing, *args)
+
+    for each in dir(without):
+        instead = getattr(without, each)
+        if callable(instead) and not each.startswith("_"):
+            setattr(thing, each, partial(called, getattr(thing, each), instead))
+
+
 def load(place: str) -> Any:
     """What "module:name" stands for. Raises whatever its module does."""
     module, _, name = place.partition(":")
@@ -59,19 +107,69 @@ def left_out(what: str, name: str, error: Exception) -> str:
 def _registered(group: str, what: str, kind: type[T]) -> Registered[T]:
     entries: dict[str, T] = {}
     problems: list[str] = []
-    for point in sorted(entry_points(group=group), key=lambda point: point.name):
+    points = sorted(entry_points(group=group), key=lambda one: (not _is_ours(one.dist), one.name))
+    own = frozenset(point.name for point in points if _is_ours(point.dist))
+    if not points:
+        problems.append(f"no {what}s are registered: install the project again (pip install -e .)")
+    for point in points:
+        ours = _is_ours(point.dist)
         try:
-            entries[point.name] = _loaded(point, kind)
+            if point.name in entries or (point.name in own and not ours):
+                raise ValueError("the name is taken")
+            loaded = _loaded(point, kind)
+            _take_action(loaded, ours, entries)
+            if isinstance(loaded, Layer) and not ours:
+                guard(loaded, what, point.name, _SwitchedOff, partial(setattr, loaded, "absent"))
+            entries[point.name] = loaded
         except Exception as error:  # whatever a user's module does wrong while it is imported
             problems.append(left_out(what, point.name, error))
     in_order = sorted(entries.items(), key=lambda item: item[1].position)  # type: ignore[attr-defined]
-    return Registered(dict(in_order), tuple(problems))
+    return Registered(dict(in_order), tuple(problems), own)
+
+
+class _SwitchedOff(Layer):
+    """What a layer that raised does from then on."""
+
+    def is_there(self, scene: Scene) -> bool:
+        return False
+
+
+@cache
+def _is_ours(distribution: Distribution | None) -> bool:
+    return distribution is not None and distribution.name == OURS
 
 
 def _loaded(point: EntryPoint, kind: type[T]) -> T:
+    """A layer or a panel with its name; the attributes that `kind` gives are of the same types."""
     loaded = point.load()
-    loaded = loaded() if isinstance(loaded, type) else loaded
+    loaded = loaded() if isinstance(loaded, type) else copy(loaded)
     if not isinstance(loaded, kind):
         raise TypeError(f"{point.value} is not a {kind.__module__}.{kind.__name__}")
+    for name, default in vars(kind).items():
+        value = getattr(loaded, name)
+        if (
+            type(default) in (str, int, bool)
+            and type(value) is not type(default)
+            and name[0] != "_"
+        ):
+            raise TypeError(f"{name} is {value!r}, not of type {type(default).__name__}")
+    if not WIDGET_ID.fullmatch(point.name):
+        raise ValueError("a name has letters, digits, - and _ only, and begins with no digit")
     loaded.name = point.name  # type: ignore[attr-defined]
     return loaded
+
+
+def _take_action(one: Any, ours: bool, others: dict[str, Any]) -> None:
+    """Give it its action in the table of bindings. Raises ValueError for one that is taken."""
+    turns = isinstance(one, Layer) and bool(one.action)  # layers may share an action
+    if isinstance(one, Layer):
+        one.action = one.action or f"layer_{one.name}"
+    elif ours:
+        one.action = one.action or one.name
+    else:
+        one.action = f"panel_{one.name}"
+    if isinstance(one, Layer) and not one.action.startswith("layer_"):
+        raise ValueError(f"its action {one.action!r} does not begin with 'layer_'")
+    taken = {other.action for other in others.values()}
+    if one.action in RESERVED or (one.action in taken and not turns):
+        raise ValueError(f"the action {one.action!r} is taken")

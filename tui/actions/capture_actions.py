@@ -49,6 +49,8 @@ class CaptureActions:
         """What the letters of zones mean, if they are shown: there is no legend beside a text."""
         session = self._session
         layer, resolved = layer_named(session.choice.layer), session.opening.resolved[side]
+        if session.runs:  # after a branch another one
+            resolved = session.runs[side].resolved
         words = layer.key_words(session.scene(side), resolved, session.glyphs)
         return f"{'; '.join(words)}\n" if words else ""
 

@@ -19,7 +19,7 @@ class LayerActions:
     def commands(self) -> dict[str, Command]:
         ids: dict[str, list[str]] = {}
         for name, layer in layers().by_name.items():
-            ids.setdefault(layer.action or f"layer_{name}", []).append(name)
+            ids.setdefault(layer.action, []).append(name)
         return {
             "layer_none": partial(self.show, ""),
             **{id: partial(self._press, names) for id, names in ids.items()},
@@ -60,7 +60,8 @@ class LayerActions:
 
     def _next(self) -> None:
         there = ["", *(name for name in layers().by_name if self._is_there(name))]
-        self.show(there[(there.index(self._choice.layer) + 1) % len(there)])
+        shown = self._choice.layer
+        self.show(there[(there.index(shown) + 1) % len(there)] if shown in there else "")
 
     def _is_there(self, name: str) -> bool:
         return layer_named(name).is_there(self._session.scene())

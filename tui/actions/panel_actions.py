@@ -33,7 +33,7 @@ class PanelActions:
 
     def commands(self) -> dict[str, Command]:
         opening: dict[str, Command] = {
-            panel.action or name: partial(self._open_by_key, name)
+            panel.action: partial(self._open_by_key, name)
             for name, panel in panels().by_name.items()
         }
         return {**opening, "panels": self._turn, "compare_side": self._change_side}

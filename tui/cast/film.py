@@ -17,7 +17,7 @@ from tui.cast.film_status import Status
 from tui.playback.frame_cache import Choice, Pictures
 from tui.playback.run_source import recorded
 from tui.playback.titles import title_of
-from tui.registration import layer_named, layers
+from tui.registration import failure, layer_named, layers
 from tui.render.depth import DEPTHS, Depth
 from tui.render.glyphs import ASCII, SHADED, UNICODE, Codes
 from tui.render.styles import Look
@@ -70,7 +70,10 @@ class Film:
         return tick
 
     def codes_at(self, ticks: Iterable[int]) -> Iterator[Codes]:
-        """(rows, columns) codes of each of these ticks, which ascend."""
+        """(rows, columns) codes of each of these ticks, which ascend.
+
+        Raises InputError if the layer of another distribution raises.
+        """
         from automaton.evidence.history.playback import Playback
         from automaton.evidence.history.snapshot import take_snapshot
         from tui.playback.laid_over import Overlays
@@ -81,7 +84,10 @@ class Film:
         for tick in ticks:
             playback.go_to(tick)
             bare = take_snapshot(playback.simulation, robot, layer)
-            yield self._codes(overlays.laid_over(bare, playback.simulation, layer, playing=False))
+            codes = self._codes(overlays.laid_over(bare, playback.simulation, layer, playing=False))
+            if failed := failure():
+                raise InputError(failed)
+            yield codes
 
     def _codes(self, snapshot: Snapshot) -> Codes:
         playback, camera = self._playback(snapshot), self._pictures.camera
@@ -119,10 +125,12 @@ class Film:
             raise InputError(
                 f"there is no robot {request.follow}: the last one is robot {robots - 1}"
             )
-        known, problems = layers()
+        known, problems = layers().by_name, layers().problems
         if request.layer and request.layer not in known:
             about = [
-                problem for problem in problems if problem.startswith(f"layer {request.layer!r}")
+                problem
+                for problem in problems
+                if not known or problem.startswith(f"layer {request.layer!r}")
             ]
             allowed = f"unknown layer '{request.layer}': allowed are {alternatives(list(known))}"
             raise InputError(about[0] if about else allowed)

@@ -33,7 +33,7 @@ class Layer:
     key: str = ""  # as Textual names keys, several separated by commas; "": only L goes there
     label: str = ""  # in the palette and the help
     meaning: str = ""  # in the help
-    action: str = ""  # of the table of bindings; layers with the same one take turns
+    action: str = ""  # "layer_..." in the table of bindings; layers that give the same take turns
     position: int = 1000  # where L comes to it: ours are below 100
     unit: str = ""  # of its numbers, in the legend
     counted: str = ""  # the same in the inspector: "ticks lost here"

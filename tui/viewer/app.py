@@ -155,11 +155,10 @@ class Viewer(App[None]):
         if not self.session.error:
             from tui.widgets.panel_column import PanelColumn, panel_widgets
 
-            widgets = panel_widgets()
-            column = PanelColumn(self.session.glyphs, widgets, id="panels")
+            column = PanelColumn(self.session.glyphs, panel_widgets(), id="panels")
             self.main_display.column = column
             await self.query_one("#side").mount(column)
-            problems = (*layers().problems, *panels().problems, *widgets.problems)
+            problems = (*layers().problems, *panels().problems, *column.problems)
             if problems:
                 self.notify("; ".join(problems), severity="warning", timeout=PROBLEMS_S)
             self.session.changed()

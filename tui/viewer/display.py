@@ -15,13 +15,14 @@ from textual.app import App
 
 from automaton.engine.state import NIL
 from automaton.units import unit
+from tui.registration import failure, layer_named
 from tui.render import styles
 from tui.render.describe import describe
 from tui.render.glyphs import Codes
 from tui.render.styles import Look
 from tui.terminal.frame_pacing import FrameClock, FramePacer
 from tui.terminal.presenter import Presenter
-from tui.viewer.notices import LINES_S, Notices
+from tui.viewer.notices import FAILURE_S, LINES_S, Notices
 from tui.viewer.session import Session
 from tui.widgets.map_view import MapView
 from tui.widgets.status import (
@@ -124,7 +125,21 @@ class Display:
         if session.playback is not before or self._stale:
             drawn = self._draw_maps()
         told = self._update_texts()
+        if failed := failure():
+            self._leave_failed_layer()
+            self.notices.say(failed, "warning", FAILURE_S)
         return drawn or told
+
+    def _leave_failed_layer(self) -> None:
+        """Show the plain floor, if the layer that is shown was switched off."""
+        session = self._session
+        layer = layer_named(session.choice.layer)
+        if not layer.is_there(session.scene()):
+            session.choice.layer = ""
+            if session.player is not None:
+                session.player.show_layer("")
+                self.ordered()
+            self.changed()
 
     def _follow_playback(self, before: PlaybackState | None) -> None:
         """Follow the selected robot, and go where a breakpoint stopped the run."""

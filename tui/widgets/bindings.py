@@ -128,29 +128,39 @@ _FIXED: Final = (
 )
 
 
-def _brought(one: Layer | Panel, action: str, place: int, taken: set[str]) -> Action:
-    """The action of a layer or a panel; a key that is taken stays where it is."""
-    keys = [key for key in one.key.split(",") if key and key not in taken]
-    label, shown = one.label or one.name, isinstance(one, Panel) and one.shown
-    return Action(one.action or action, ",".join(keys), label, one.meaning, shown, place)
+def _brought() -> tuple[dict[str, Action], dict[str, Action]]:
+    """The actions of panels and of layers by their ids; a key that is taken stays where it is.
+
+    Ours come first; of several layers with one action the first says its keys and its name.
+    """
+    taken = {key for topic in _FIXED for action in topic.actions for key in action.keys.split(",")}
+    of_panels: dict[str, Action] = {}
+    of_layers: dict[str, Action] = {}
+    brought: list[tuple[bool, Layer | Panel, dict[str, Action]]] = [
+        (name not in registered.own, one, actions)
+        for registered, actions in ((panels(), of_panels), (layers(), of_layers))
+        for name, one in registered.by_name.items()
+    ]
+    for _, one, actions in sorted(brought, key=lambda row: row[0]):
+        if one.action not in actions:
+            keys = [key for key in map(str.strip, one.key.split(",")) if key and key not in taken]
+            taken.update(keys)
+            place = one.listed if isinstance(one, Panel) else one.position
+            shown = isinstance(one, Panel) and one.shown
+            label = one.label or one.name
+            row = Action(one.action, ",".join(keys), label, one.meaning, shown, place)
+            actions[one.action] = row
+    return of_panels, of_layers
 
 
 def _topics() -> tuple[Topic, ...]:
     """All topics, with the actions that registered layers and panels bring."""
-    taken = {key for topic in _FIXED for action in topic.actions for key in action.keys.split(",")}
-    brought = {
-        "Looking closer": [
-            _brought(panel, name, panel.listed, taken) for name, panel in panels().by_name.items()
-        ],
-        "Layers": [
-            _brought(layer, f"layer_{name}", layer.position, taken)
-            for name, layer in layers().by_name.items()
-        ],
-    }
+    of_panels, of_layers = _brought()
+    brought = {"Looking closer": of_panels, "Layers": of_layers}
     topics = []
     for topic in _FIXED:
-        rows = sorted((*topic.actions, *brought.get(topic.name, ())), key=lambda one: one.place)
-        topics.append(Topic(topic.name, tuple({row.id: row for row in rows}.values())))
+        rows = (*topic.actions, *brought.get(topic.name, {}).values())
+        topics.append(Topic(topic.name, tuple(sorted(rows, key=lambda one: one.place))))
     return tuple(topics)
 
 

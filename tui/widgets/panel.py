@@ -27,7 +27,7 @@ class Panel:
     position: int = 1000  # where its tab stands: ours are below 100
     listed: int = 1000  # where its key stands in the help: ours are below 100
     shown: bool = False  # in the footer
-    action: str = ""  # in the table of bindings; "": the panel's name
+    action: str = ""  # of ours in the table of bindings; of others it is "panel_" and the name
     name: str = ""  # that of its entry point
 
 

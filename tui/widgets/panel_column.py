@@ -25,7 +25,7 @@ from textual.widgets import ContentSwitcher
 
 from automaton.engine.state import NIL, Array
 from tui.playback.panel_view import OrderChosen, View
-from tui.registration import left_out, load, panels
+from tui.registration import guard, left_out, load, panels
 from tui.render.glyphs import GlyphSet
 from tui.widgets.bindings import key_text
 from tui.widgets.metrics_panel import Figures
@@ -91,7 +91,8 @@ class TabStrip(Rows):
     def action_neighbour(self, step: int) -> None:
         """Open the next panel."""
         names = [panel.name for panel in self._panels]
-        self.post_message(self.Opened(names[(names.index(self.open) + step) % len(names)]))
+        if names:
+            self.post_message(self.Opened(names[(names.index(self.open) + step) % len(names)]))
 
 
 class Widgets(NamedTuple):
@@ -136,7 +137,14 @@ class PanelColumn(Container):
         super().__init__(id=id)
         signs = signs_of(glyphs)
         self.figures = Figures(signs, id="figures")
-        self.panels = {name: kind(signs, id=name) for name, kind in widgets.by_name.items()}
+        self.panels: dict[str, Any] = {}
+        problems = list(widgets.problems)
+        for name, kind in widgets.by_name.items():
+            try:
+                self.panels[name] = _built(name, kind, signs)
+            except Exception as error:  # whatever a user's widget does wrong
+                problems.append(left_out("panel", name, error))
+        self.problems = tuple(problems)  # of the widgets
         self.tabs = TabStrip(signs, list(self.panels))
         self._view: View | None = None
         self._key: tuple[object, ...] = ()  # of what is shown
@@ -200,6 +208,21 @@ class PanelColumn(Container):
         name = next(showing, self.tabs.open)
         if self.tabs.open != name:
             self.open(name)
+
+
+class _SwitchedOff(PanelWidget):
+    """What a panel that raised does from then on."""
+
+    def show(self, view: View) -> None:
+        """Nothing."""
+
+
+def _built(name: str, kind: type[Any], signs: Signs) -> Any:
+    """The widget of a panel; one of another distribution vanishes with the first error."""
+    widget = kind(signs, id=name)
+    if name not in panels().own:
+        guard(widget, "panel", name, _SwitchedOff, lambda _: setattr(widget, "visible", False))
+    return widget
 
 
 def _within(view: View) -> View:

@@ -3,11 +3,26 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
-from tui.registration import layers, panels
+import pytest
+from viewer_harness import record
+
+from automaton.errors import InputError
+from tui import registration
+from tui.actions import capture_actions
+from tui.cast import film
+from tui.cast.film_request import Request
+from tui.playback.frame_cache import Choice
+from tui.registration import LAYERS, PANELS, RESERVED, layers, panels
+from tui.render.layer import Layer
+from tui.widgets.bindings import ACTIONS
+from tui.widgets.panel import Panel
 
 MODULE = """
 import numpy as np
@@ -66,25 +81,238 @@ def test_ours_are_registered_and_all_of_them_load() -> None:
     assert not layers().problems and not panels().problems
 
 
-def test_another_package_adds_a_panel_and_a_layer_and_a_broken_one_is_left_out(
-    tmp_path: Path,
-) -> None:
-    (tmp_path / "my_viewer.py").write_text(MODULE)
-    folder = tmp_path / "my_viewer-1.0.dist-info"
-    folder.mkdir()
-    (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: my-viewer\nVersion: 1.0\n")
-    (folder / "entry_points.txt").write_text(ENTRY_POINTS)
+GREEDY = """
+from tui.render.layer import Layer
+from tui.widgets import panels
+from tui.widgets.panel import Panel
+
+
+class Zones(Layer):
+    key, label, action, position = "f12", "Mine", "layer_zones", 5
+
+
+class Loud(Layer):
+    action = "find"
+
+
+class Late(Layer):
+    position = "ten"
+
+
+class Plain(Layer):
+    pass
+
+
+class Same(Layer):
+    key = "f12,f7"
+
+
+GREEDY = Panel("greedy", "my_viewer:Notes", key="f3, u, slash", position=0, listed=0, action="find")
+NOTES = Panel("notes", "my_viewer:Notes", key="u")
+EVENTS = panels.EVENTS
+"""
+GREEDY_POINTS = """
+[automaton.layers]
+aaa = my_viewer:Zones
+loud = my_viewer:Loud
+late = my_viewer:Late
+none = my_viewer:Plain
+route = my_viewer:Plain
+zones = my_viewer:Plain
+visits = my_viewer:Plain
+same = my_viewer:Same
+
+[automaton.panels]
+find = my_viewer:GREEDY
+follow = my_viewer:NOTES
+events = my_viewer:NOTES
+again = my_viewer:EVENTS
+my.notes = my_viewer:NOTES
+"""
+TABLE = """
+from collections import Counter
+from tui.actions.find_actions import FindActions
+from tui.registration import layers, panels
+from tui.terminal.options import Options
+from tui.viewer.app import Viewer
+from tui.widgets.bindings import ACTIONS
+from viewer_harness import mini
+
+print(*layers().problems, *panels().problems, sep="\\n")
+for action in ACTIONS:
+    print(action.id, "has", action.keys or "no key", "and is", action.label)
+print("panels", *panels().by_name)
+assert max(Counter(action.id for action in ACTIONS).values()) == 1
+keys = Counter(key for action in ACTIONS for key in action.keys.split(",") if key)
+assert max(keys.values()) == 1, keys
+viewer = Viewer(mini(), Options())
+assert {action.id for action in ACTIONS} <= viewer._commands.keys()
+print("find is of", type(viewer._commands["find"].__self__).__name__)
+print("follow is of", type(viewer._commands["follow"].__self__).__name__)
+"""
+FAILING = """
+import numpy as np
+from tui.render.layer import Layer
+from tui.widgets.panel import Panel
+from tui.widgets.text_panel import TextPanel
+
+
+class Rust(Layer):
+    key = "f11"
+
+    def numbers(self, simulation, selected):
+        raise ValueError("no rust")
+
+
+class Smoke(Layer):
+    key = "f12"
+
+    def tints(self, scene):
+        raise ValueError("no smoke")
+
+
+class Unbuilt(TextPanel):
+    def __init__(self, signs, *, id=None):
+        raise ValueError("no ground")
+
+
+class Silent(TextPanel):
+    def panel_lines(self, view, width):
+        raise ValueError("no words")
+
+
+UNBUILT = Panel("unbuilt", "my_viewer:Unbuilt")
+SILENT = Panel("silent", "my_viewer:Silent", key="u")
+"""
+FAILING_POINTS = """
+[automaton.layers]
+rust = my_viewer:Rust
+smoke = my_viewer:Smoke
+
+[automaton.panels]
+silent = my_viewer:SILENT
+unbuilt = my_viewer:UNBUILT
+"""
+FAILURES = """
+import asyncio
+from viewer_harness import viewing
+
+
+async def story():
+    async with viewing(size=(140, 40)) as user:
+        print(*user.toasts(), sep="\\n")
+        for key, words in (("f11", "no rust"), ("f12", "no smoke"), ("u", "no words")):
+            await user.press(key)
+            await user.until(lambda: any(words in said for said in user.toasts()), words)
+            print(*user.toasts(), sep="\\n")
+            await user.until(lambda: user.session.choice.layer == "", "the plain floor")
+        await user.press("f11")
+        await user.at(20)
+        await user.shown()
+        print("switched off", user.session.choice.layer or "none", *user.toasts())
+        assert not user.display.column.panels["silent"].visible
+        await user.press("L")
+        await user.shown()
+        print("next is", user.session.choice.layer)
+
+
+asyncio.run(story())
+"""
+
+
+def said_with(folder: Path, module: str, points: str, story: str) -> str:
+    """What a story prints beside a distribution with this module and these entry points."""
+    (folder / "my_viewer.py").write_text(module)
+    about = folder / "my_viewer-1.0.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: my-viewer\nVersion: 1.0\n")
+    (about / "entry_points.txt").write_text(points)
     helpers = Path(__file__).parents[2] / "helpers"
-    path = os.pathsep.join((str(tmp_path), str(helpers), os.environ.get("PYTHONPATH", "")))
+    path = os.pathsep.join((str(folder), str(helpers), os.environ.get("PYTHONPATH", "")))
     done = subprocess.run(
-        [sys.executable, "-c", STORY],
+        [sys.executable, "-c", story],
         env={**os.environ, "PYTHONPATH": path},
         capture_output=True,
         text=True,
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    said = done.stdout
+    return done.stdout
+
+
+def test_another_package_adds_a_panel_and_a_layer_and_a_broken_one_is_left_out(
+    tmp_path: Path,
+) -> None:
+    said = said_with(tmp_path, MODULE, ENTRY_POINTS, STORY)
     assert "layer 'mud' is left out: AttributeError: module 'my_viewer' has no attribute" in said
     assert "panel 'wrong' is left out: AttributeError: module 'my_viewer' has no attribute" in said
     assert "dust" in said and "noted at tick 20" in said and "notes u" in said
+
+
+def test_another_package_takes_no_name_action_or_key_that_is_taken(tmp_path: Path) -> None:
+    said = said_with(tmp_path, GREEDY, GREEDY_POINTS, TABLE)
+    assert "layer_zones has f7 and is Zones\n" in said
+    assert "layer_visits has f3 and is Visits\n" in said
+    assert "layer_same has f12 and is same\n" in said
+    assert "panel_find has u and is find\n" in said and "panel_follow has no key" in said
+    assert "find is of FindActions" in said and "follow is of MapActions" in said
+    for name, why in {
+        "loud": "ValueError: its action 'find' does not begin with 'layer_'",
+        "late": "TypeError: position is 'ten', not of type int",
+        "none": "ValueError: the action 'layer_none' is taken",
+        "route": "ValueError: the action 'layer_route' is taken",
+        "zones": "ValueError: the action 'layer_zones' is taken",
+        "visits": "ValueError: the name is taken",
+    }.items():
+        assert f"layer '{name}' is left out: {why}\n" in said
+    assert "panel 'events' is left out: ValueError: the name is taken\n" in said
+    assert "panel 'my.notes' is left out: ValueError: a name has letters" in said
+    assert "panels find inspector why events again robots legend follow\n" in said
+
+
+def test_the_ids_that_no_layer_may_take_are_those_of_the_fixed_actions() -> None:
+    brought = {layer.action for layer in layers().by_name.values()}
+    fixed = {action.id for action in ACTIONS} - brought
+    assert {id for id in fixed if id.startswith(("layer_", "panel_"))} == set(RESERVED)
+
+
+def test_what_raises_in_a_frame_is_said_once_and_switched_off(tmp_path: Path) -> None:
+    said = said_with(tmp_path, FAILING, FAILING_POINTS, FAILURES)
+    assert "panel 'unbuilt' is left out: ValueError: no ground" in said
+    assert "layer 'rust' is left out: ValueError: no rust" in said
+    assert "layer 'smoke' is left out: ValueError: no smoke" in said
+    assert "panel 'silent' is left out: ValueError: no words" in said
+    assert "switched off none" in said and "next is visits" in said
+
+
+def test_an_installation_without_entry_points_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = record(tmp_path / "run.rec", until=10)
+    monkeypatch.setattr(registration, "entry_points", lambda group: ())
+    nothing = registration._registered(PANELS, "panel", Panel)
+    advice = "install the project again (pip install -e .)"
+    assert nothing.problems == (f"no panels are registered: {advice}",)
+    no_layers = registration._registered(LAYERS, "layer", Layer)
+    monkeypatch.setattr(film, "layers", lambda: no_layers)
+    with pytest.raises(InputError, match=re.escape(f"no layers are registered: {advice}")):
+        film.Film(path, Request(layer="visits"))
+
+
+def test_a_copied_text_says_the_zones_of_the_branch(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Telling(Layer):
+        def key_words(self, scene: Any, resolved: Any, glyphs: Any) -> list[str]:
+            return [resolved]
+
+    monkeypatch.setattr(capture_actions, "layer_named", lambda name: Telling())
+    session: Any = SimpleNamespace(
+        choice=Choice(),
+        opening=SimpleNamespace(resolved=["before"]),
+        runs=(),
+        scene=lambda side: None,
+        glyphs=None,
+    )
+    capture = capture_actions.CaptureActions(cast(Any, None), session, cast(Any, None))
+    assert capture._key(0) == "before\n"
+    session.runs = [SimpleNamespace(resolved="branched")]
+    assert capture._key(0) == "branched\n"

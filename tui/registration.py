@@ -17,45 +17,43 @@ from copy import copy
 from functools import cache, partial
 from importlib.metadata import Distribution, EntryPoint, entry_points
 from queue import Empty, SimpleQueue
-from typing import TYPE_CHECKING, Any, Final, Generic, NamedTuple, TypeVar
-
-from tui.render.layer import NO_LAYER, Layer
-from tui.widgets.panel import Panel
-
-if TYPE_CHECKING:  # it imports this module
-    from tui.render.scene import Scene
+from typing import Any, Final, NamedTuple
 
 LAYERS: Final = "automaton.layers"
 PANELS: Final = "automaton.panels"
+# By name, as entry points are: what they show asks this module for layers.
+LAYER_CLASS: Final = "tui.render.layer:Layer"
+SWITCHED_OFF: Final = "tui.render.layer:SwitchedOff"
+NO_LAYER: Final = "tui.render.layer:NO_LAYER"
+PANEL_CLASS: Final = "tui.widgets.panel:Panel"
 OURS: Final = "fleet-automaton"  # the distribution of this module
 RESERVED: Final = ("layer_none", "layer_route")  # actions of the viewer itself
 WIDGET_ID: Final = re.compile(r"[a-zA-Z_-][a-zA-Z0-9_-]*")  # what Textual takes
-T = TypeVar("T")
 
 
-class Registered(NamedTuple, Generic[T]):
+class Registered(NamedTuple):
     """What a group of entry points brings, in the order of the screen, and what it should have."""
 
-    by_name: dict[str, T]
+    by_name: dict[str, Any]
     problems: tuple[str, ...]
     own: frozenset[str]  # names of those that are ours
 
 
 @cache
-def layers() -> Registered[Layer]:
-    """The layers of the map by name."""
-    return _registered(LAYERS, "layer", Layer)
+def layers() -> Registered:
+    """The layers of the map (tui.render.layer.Layer) by name."""
+    return _registered(LAYERS, "layer", load(LAYER_CLASS))
 
 
 @cache
-def panels() -> Registered[Panel]:
-    """The panels by name; their widgets are not imported yet."""
-    return _registered(PANELS, "panel", Panel)
+def panels() -> Registered:
+    """The panels (tui.widgets.panel.Panel) by name; their widgets are not imported yet."""
+    return _registered(PANELS, "panel", load(PANEL_CLASS))
 
 
-def layer_named(name: str) -> Layer:
+def layer_named(name: str) -> Any:
     """A layer, or the one that shows nothing."""
-    return layers().by_name.get(name, NO_LAYER) if name else NO_LAYER
+    return (name and layers().by_name.get(name)) or load(NO_LAYER)
 
 
 _failures: Final[SimpleQueue[str]] = SimpleQueue()
@@ -104,8 +102,8 @@ def left_out(what: str, name: str, error: Exception) -> str:
     return f"{what} {name!r} is left out: {type(error).__name__}: {error}"
 
 
-def _registered(group: str, what: str, kind: type[T]) -> Registered[T]:
-    entries: dict[str, T] = {}
+def _registered(group: str, what: str, kind: type[Any]) -> Registered:
+    entries: dict[str, Any] = {}
     problems: list[str] = []
     points = sorted(entry_points(group=group), key=lambda one: (not _is_ours(one.dist), one.name))
     own = frozenset(point.name for point in points if _is_ours(point.dist))
@@ -117,21 +115,15 @@ def _registered(group: str, what: str, kind: type[T]) -> Registered[T]:
             if point.name in entries or (point.name in own and not ours):
                 raise ValueError("the name is taken")
             loaded = _loaded(point, kind)
-            _take_action(loaded, ours, entries)
-            if isinstance(loaded, Layer) and not ours:
-                guard(loaded, what, point.name, _SwitchedOff, partial(setattr, loaded, "absent"))
+            _take_action(loaded, what == "layer", ours, entries)
+            if what == "layer" and not ours:
+                off = load(SWITCHED_OFF)
+                guard(loaded, what, point.name, off, partial(setattr, loaded, "absent"))
             entries[point.name] = loaded
         except Exception as error:  # whatever a user's module does wrong while it is imported
             problems.append(left_out(what, point.name, error))
-    in_order = sorted(entries.items(), key=lambda item: item[1].position)  # type: ignore[attr-defined]
+    in_order = sorted(entries.items(), key=lambda item: item[1].position)
     return Registered(dict(in_order), tuple(problems), own)
-
-
-class _SwitchedOff(Layer):
-    """What a layer that raised does from then on."""
-
-    def is_there(self, scene: Scene) -> bool:
-        return False
 
 
 @cache
@@ -139,7 +131,7 @@ def _is_ours(distribution: Distribution | None) -> bool:
     return distribution is not None and distribution.name == OURS
 
 
-def _loaded(point: EntryPoint, kind: type[T]) -> T:
+def _loaded(point: EntryPoint, kind: type[Any]) -> Any:
     """A layer or a panel with its name; the attributes that `kind` gives are of the same types."""
     loaded = point.load()
     loaded = loaded() if isinstance(loaded, type) else copy(loaded)
@@ -155,20 +147,20 @@ def _loaded(point: EntryPoint, kind: type[T]) -> T:
             raise TypeError(f"{name} is {value!r}, not of type {type(default).__name__}")
     if not WIDGET_ID.fullmatch(point.name):
         raise ValueError("a name has letters, digits, - and _ only, and begins with no digit")
-    loaded.name = point.name  # type: ignore[attr-defined]
+    loaded.name = point.name
     return loaded
 
 
-def _take_action(one: Any, ours: bool, others: dict[str, Any]) -> None:
+def _take_action(one: Any, is_layer: bool, ours: bool, others: dict[str, Any]) -> None:
     """Give it its action in the table of bindings. Raises ValueError for one that is taken."""
-    turns = isinstance(one, Layer) and bool(one.action)  # layers may share an action
-    if isinstance(one, Layer):
+    turns = is_layer and bool(one.action)  # layers may share an action
+    if is_layer:
         one.action = one.action or f"layer_{one.name}"
     elif ours:
         one.action = one.action or one.name
     else:
         one.action = f"panel_{one.name}"
-    if isinstance(one, Layer) and not one.action.startswith("layer_"):
+    if is_layer and not one.action.startswith("layer_"):
         raise ValueError(f"its action {one.action!r} does not begin with 'layer_'")
     taken = {other.action for other in others.values()}
     if one.action in RESERVED or (one.action in taken and not turns):

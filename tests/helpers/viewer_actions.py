@@ -166,11 +166,11 @@ async def previous_robot(user: Watched) -> None:
 @check
 async def clear(user: Watched) -> None:
     user.session.choose(1)
-    user.session.choice.found = np.array([0, 1], np.int32)
+    user.session.choice.matches = np.array([0, 1], np.int32)
     user.session.choice.following = True
     await press(user, "clear")
     choice = user.session.choice
-    assert choice.robot == NIL and not len(choice.found) and not choice.following
+    assert choice.robot == NIL and not len(choice.matches) and not choice.following
 
 
 def opens(name: str, panel: str) -> None:

@@ -18,10 +18,10 @@ from automaton.evidence.recording.recorder import Recorder
 from automaton.evidence.recording.recording_reader import read_recording
 from automaton.runs.simulation import Simulation
 from tui.playback.run_source import Opening, live, recorded
+from tui.session.display import Display
+from tui.session.session import Session
 from tui.terminal.options import Options
 from tui.viewer.app import Viewer
-from tui.viewer.display import Display
-from tui.viewer.session import Session
 
 PATIENCE_S = 60.0
 

@@ -13,8 +13,8 @@ from automaton.engine.state import NIL
 from tui.actions import Command
 from tui.playback.recording_files import beside, comparing_command, short_path
 from tui.playback.titles import short, title_of
-from tui.viewer.display import Display
-from tui.viewer.session import Session
+from tui.session.display import Display
+from tui.session.session import Session
 from tui.widgets.signs import signs_of
 from tui.widgets.timeline import Mark
 

@@ -13,8 +13,8 @@ from tui.actions import Command
 from tui.playback.recording_files import capture_file, short_path
 from tui.registration import layer_named
 from tui.render.image_export import as_text
-from tui.viewer.display import Display
-from tui.viewer.session import Session
+from tui.session.display import Display
+from tui.session.session import Session
 
 FROM_THE_INTERNET = re.compile(r"@font-face\s*\{[^}]*\}|<!--.*?-->", re.DOTALL)
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 from textual.app import App
 
 from tui.actions import Command
+from tui.session.display import Display
+from tui.session.session import Session
 from tui.terminal.options import SPEEDS
-from tui.viewer.display import Display
-from tui.viewer.session import Session
 
 if TYPE_CHECKING:
     from tui.playback.player import Player

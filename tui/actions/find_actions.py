@@ -14,8 +14,8 @@ from tui.actions import Command
 from tui.actions.clock_actions import ClockActions
 from tui.actions.panel_actions import PanelActions
 from tui.render.scene import NO_CELLS
-from tui.viewer.display import Display
-from tui.viewer.session import Session
+from tui.session.display import Display
+from tui.session.session import Session
 
 if TYPE_CHECKING:
     from tui.screens.find_query import Found
@@ -62,7 +62,7 @@ class FindActions:
         if found is None:
             return
         self._found, self._stepping = found, "found"
-        self._session.choice.found = np.array(found.robots, np.int32)
+        self._session.choice.matches = np.array(found.robots, np.int32)
         self._panels.leave_full()
         self._show_found(found.first)
 
@@ -135,7 +135,7 @@ class FindActions:
     def _clear(self) -> None:
         self._session.choose()
         self._found, self._stepping = None, "events"
-        self._session.choice.found = NO_CELLS
+        self._session.choice.matches = NO_CELLS
         self._session.hovered = NIL
         self._app.screen.remove_class("-map-alone")
         self._panels.leave_full()

@@ -6,8 +6,8 @@ from functools import partial
 
 from tui.actions import Command
 from tui.registration import layer_named, layers
-from tui.viewer.notices import Notices
-from tui.viewer.session import Session
+from tui.session.notices import Notices
+from tui.session.session import Session
 
 
 class LayerActions:
@@ -64,4 +64,4 @@ class LayerActions:
         self.show(there[(there.index(shown) + 1) % len(there)] if shown in there else "")
 
     def _is_there(self, name: str) -> bool:
-        return layer_named(name).is_there(self._session.scene())
+        return bool(layer_named(name).is_there(self._session.scene()))

@@ -10,7 +10,7 @@ from textual.app import App
 from automaton.engine.state import NIL
 from tui.actions import Command
 from tui.playback.frame_cache import robot_cell
-from tui.viewer.session import Session
+from tui.session.session import Session
 
 STEP_COLUMNS: Final = 4
 STEP_ROWS: Final = 2

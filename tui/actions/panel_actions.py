@@ -13,8 +13,8 @@ from automaton.engine.observation import is_waiting
 from automaton.engine.state import NIL
 from tui.actions import Command
 from tui.registration import panels
-from tui.viewer.display import Display
-from tui.viewer.session import Session
+from tui.session.display import Display
+from tui.session.session import Session
 
 WIDE: Final = 100  # columns from which panels have room beside the map
 

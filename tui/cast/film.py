@@ -14,10 +14,11 @@ from automaton.units import unit
 from tui.cast.film_frame import aim, checked_size, size_for
 from tui.cast.film_request import Request
 from tui.cast.film_status import Status
-from tui.playback.frame_cache import Choice, Pictures
+from tui.playback.frame_cache import Pictures
 from tui.playback.run_source import recorded
 from tui.playback.titles import title_of
 from tui.registration import failure, layer_named, layers
+from tui.render.choice import Choice
 from tui.render.depth import DEPTHS, Depth
 from tui.render.glyphs import ASCII, SHADED, UNICODE, Codes
 from tui.render.styles import Look

@@ -16,7 +16,7 @@ from tui.render.layer import Entries, Layer
 if TYPE_CHECKING:  # it needs Numba
     from automaton.runs.simulation import Simulation
     from tui.layers.astar_paths import Paths
-    from tui.playback.frame_cache import Choice
+    from tui.render.choice import Choice
     from tui.render.glyphs import GlyphSet
     from tui.render.scene import Scene
 

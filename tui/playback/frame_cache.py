@@ -4,7 +4,6 @@ a corner.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
@@ -12,9 +11,9 @@ from numpy.typing import NDArray
 
 from automaton.engine.state import NIL
 from tui.playback.run_source import Opening, floor_of
-from tui.registration import layer_named
 from tui.render import styles
 from tui.render.camera import Camera
+from tui.render.choice import Choice
 from tui.render.compose import compose
 from tui.render.glyphs import Codes, GlyphSet, code
 from tui.render.minimap import Minimap
@@ -30,27 +29,6 @@ MINIMAP_ROWS: Final = 12
 MINIMAP_COLUMNS: Final = 40
 NARROW: Final = 100  # columns under which equal maps are put one below the other
 DEAD_ZONE: Final = 4  # a followed robot may be this part of the screen away from the edges
-
-
-@dataclass
-class Choice:
-    """What the user has chosen to see."""
-
-    robot: int = NIL
-    cell: int = NIL
-    zone: int = NIL
-    layer: str = ""
-    least: int = 2  # paths through a cell of the layer "predicted"
-    side: int = 0  # which of two runs the panels tell of
-    following: bool = False
-    route: bool = True
-    minimap: bool = True
-    found: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # robots
-
-    @property
-    def laid(self) -> str:
-        """The layer, as it is said."""
-        return layer_named(self.layer).title(self)
 
 
 class Corner(NamedTuple):
@@ -104,7 +82,9 @@ class Pictures:
             return Scene(self.floors[side], cursor=_cursor(choice), zone=choice.zone)
         snapshot = playback.snapshots[side]
         robot = choice.robot if choice.robot < len(snapshot.robots) else NIL
-        found = choice.found[choice.found < len(snapshot.robots)]  # the other fleet may be larger
+        found = choice.matches[
+            choice.matches < len(snapshot.robots)
+        ]  # the other fleet may be larger
         late = snapshot.heat is not None and snapshot.layer != choice.layer
         return Scene(
             self.floors[side],

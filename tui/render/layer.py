@@ -17,8 +17,8 @@ from tui.render.field import levels_of
 if TYPE_CHECKING:  # it needs Numba, pictures do not
     from automaton.build.resolve import Resolved
     from automaton.runs.simulation import Simulation
-    from tui.playback.frame_cache import Choice
     from tui.render.canvas import Canvas
+    from tui.render.choice import Choice
     from tui.render.glyphs import GlyphSet
     from tui.render.pixels import Pixels
     from tui.render.scene import Scene
@@ -100,6 +100,13 @@ class Layer:
     def zone_cells(self, scene: Scene, zone: int) -> NDArray[np.int32] | None:
         """(k,) the cells of a selected zone, if it is one of this layer's."""
         return None
+
+
+class SwitchedOff(Layer):
+    """What a layer of another package that raised does from then on."""
+
+    def is_there(self, scene: Scene) -> bool:
+        return False
 
 
 class NoLayer(Layer):

@@ -207,7 +207,7 @@ def draw_layer(canvas: Pixels, scene: Scene) -> bool:
         levels = scene.levels(canvas.reduced(scene.values, 0))
         hot = levels > 0
         canvas.pixels[hot] = styles.COLOUR_HEAT_0 + levels[hot]
-    return scene.map_layer.paint_pixels(canvas, scene)
+    return bool(scene.map_layer.paint_pixels(canvas, scene))
 
 
 def draw_robots(canvas: Pixels, scene: Scene) -> None:

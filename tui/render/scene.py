@@ -28,7 +28,6 @@ from automaton.floor.floor_plan import DRIVABLE, FloorPlan
 from automaton.floor.traffic_zones import TrafficZones
 from tui.registration import layer_named, layers
 from tui.render.field import Scale, scale_for
-from tui.render.layer import Layer
 
 if TYPE_CHECKING:  # it needs Numba, pictures do not
     from automaton.engine.service_zones import ServiceZones
@@ -138,8 +137,8 @@ class Scene:
         return replace(self, **changes)
 
     @property
-    def map_layer(self) -> Layer:
-        """The layer that is shown."""
+    def map_layer(self) -> Any:
+        """The tui.render.layer.Layer that is shown."""
         return layer_named(self.layer)
 
     @cached_property
@@ -168,7 +167,8 @@ class Scene:
 
     def levels(self, values: NDArray[np.int32]) -> NDArray[np.uint8]:
         """0 to 8 on the scale of the layer."""
-        return self.map_layer.levels(self, values)
+        levels: NDArray[np.uint8] = self.map_layer.levels(self, values)
+        return levels
 
     @property
     def goal_cell(self) -> int:
@@ -202,7 +202,8 @@ class Scene:
     @cached_property
     def tints(self) -> NDArray[np.int8] | None:
         """(C,) the tint of each cell, an index of tui.render.tints.TINTS, or NIL; None: no tints."""
-        return self.map_layer.tints(self)
+        tints: NDArray[np.int8] | None = self.map_layer.tints(self)
+        return tints
 
     @property
     def zone_name(self) -> str:

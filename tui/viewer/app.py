@@ -33,12 +33,12 @@ from tui.registration import layers, panels
 from tui.render.glyphs import ASCII
 from tui.render.styles import Look
 from tui.screens.help_screen import HelpScreen
+from tui.session.display import Display
+from tui.session.session import Session
 from tui.terminal.ascii_only import AsciiOnly, WholeCells
 from tui.terminal.frame_pacing import quiet_collector
 from tui.terminal.options import Options
 from tui.terminal.themes import themes
-from tui.viewer.display import Display
-from tui.viewer.session import Session
 from tui.widgets.bindings import ACTIONS, COMPARING, bindings, key_text
 from tui.widgets.key_line import Keys
 from tui.widgets.map_view import MapView

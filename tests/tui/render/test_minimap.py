@@ -8,10 +8,11 @@ from hypothesis import strategies as st
 from render_scenes import make_scene, open_floor, signs
 
 from automaton.build.resolve import resolve
-from tui.playback.frame_cache import Choice, Pictures
+from tui.playback.frame_cache import Pictures
 from tui.playback.run_source import live
 from tui.render import styles
 from tui.render.camera import Camera
+from tui.render.choice import Choice
 from tui.render.glyphs import UNICODE
 from tui.render.minimap import Minimap
 

@@ -36,7 +36,7 @@ def test_what_is_found_in_the_larger_fleet_is_not_looked_for_in_the_smaller(tmp_
             await user.press("slash")
             for key in ("x", "space", "greater_than_sign", "space", "minus", "5", "enter"):
                 await user.press(key)
-            await user.until(lambda: len(user.session.choice.found) == 3)
+            await user.until(lambda: len(user.session.choice.matches) == 3)
             await user.shown()
             assert user.app.is_running
 

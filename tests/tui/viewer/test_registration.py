@@ -18,8 +18,8 @@ from tui import registration
 from tui.actions import capture_actions
 from tui.cast import film
 from tui.cast.film_request import Request
-from tui.playback.frame_cache import Choice
 from tui.registration import LAYERS, PANELS, RESERVED, layers, panels
+from tui.render.choice import Choice
 from tui.render.layer import Layer
 from tui.widgets.bindings import ACTIONS
 from tui.widgets.panel import Panel

@@ -10,7 +10,7 @@ from textual.app import App
 from textual.notifications import SeverityLevel
 
 from tui.render import styles
-from tui.viewer.session import Session
+from tui.session.session import Session
 from tui.widgets.word_row import Word, word
 
 NOTICE_S: Final = 5.0

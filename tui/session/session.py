@@ -16,8 +16,9 @@ import numpy as np
 from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.evidence.history.divergence import Divergence, first_difference
-from tui.playback.frame_cache import Choice, Pictures, robot_cell
+from tui.playback.frame_cache import Pictures, robot_cell
 from tui.playback.run_source import Opening
+from tui.render.choice import Choice
 from tui.render.scene import Scene
 from tui.render.styles import Look
 from tui.terminal.options import Options
@@ -72,7 +73,7 @@ class Session:
     # Beginning and end; the runs come after the first picture, in a thread of their own.
 
     def open(self, published: Callable[[], None]) -> bool:
-        """Import Numba and begin the runs; whether somebody still waits for them.
+        """Import Numba and begin the runs; whether the viewer still waits for them.
 
         `published` is called in the player's thread for each new state.
         """
@@ -169,7 +170,7 @@ class Session:
             self.show_cell(cells[len(cells) // 2])
 
     def choose_at(self, cell: int) -> None:
-        """Select the robot in a cell, or the cell if there is none."""
+        """Select the robot in a cell, or the cell if it is empty."""
         if self.playback is None:
             self.choose(cell=cell)
             return

@@ -20,10 +20,10 @@ from tui.render import styles
 from tui.render.describe import describe
 from tui.render.glyphs import Codes
 from tui.render.styles import Look
+from tui.session.notices import FAILURE_S, LINES_S, Notices
+from tui.session.session import Session
 from tui.terminal.frame_pacing import FrameClock, FramePacer
 from tui.terminal.presenter import Presenter
-from tui.viewer.notices import FAILURE_S, LINES_S, Notices
-from tui.viewer.session import Session
 from tui.widgets.map_view import MapView
 from tui.widgets.status import (
     choice_words,
@@ -124,11 +124,11 @@ class Display:
         drawn = False
         if session.playback is not before or self._stale:
             drawn = self._draw_maps()
-        told = self._update_texts()
+        is_said = self._update_texts()
         if failed := failure():
             self._leave_failed_layer()
             self.notices.say(failed, "warning", FAILURE_S)
-        return drawn or told
+        return drawn or is_said
 
     def _leave_failed_layer(self) -> None:
         """Show the plain floor, if the layer that is shown was switched off."""
@@ -232,8 +232,8 @@ class Display:
         if session.live:
             return mode_word(playback, side, "live REC" if session.recordings else "live")
         name = "compare" if session.opening.comparing else "replay"
-        whole = session.opening.recordings[side].complete
-        return mode_word(playback, side, name, recorded=True, whole=whole)
+        complete = session.opening.recordings[side].complete
+        return mode_word(playback, side, name, recorded=True, whole=complete)
 
     def _past(self, playback: PlaybackState) -> Past:
         """What the timeline shows."""

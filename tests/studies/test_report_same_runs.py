@@ -8,7 +8,7 @@ import pytest
 from msgspec.structs import replace
 from synthetic_results import noise, study_of, synthetic_store
 
-from automaton.__main__ import main
+from automaton.commands import main
 from automaton.runs.report_document import Table, Text
 from automaton.studies.reports.comparisons import comparisons, left_out
 from automaton.studies.reports.metric_tables import metric_section

@@ -117,7 +117,11 @@ def record_exit_cell(world, i):
     charger = np.int64(chargers.charger_at[U(robots.cell[U(i)])])
     if charger == NIL or robots.goal_type[U(i)] == GOAL_CHARGE or robots.claim[U(i)] != NIL:
         return
-    if robots.route_index[U(i)] < robots.route_length[U(i)]:
+    if world.rules.steered[0]:
+        direction = np.int64(world.traffic.intent[U(i)])
+        if direction & LIVE:
+            chargers.exit_cell[charger] = robots.cell[U(i)] + world.grid.offset[U(direction & 3)]
+    elif robots.route_index[U(i)] < robots.route_length[U(i)]:
         direction = np.int64(robots.route[U(i), U(robots.route_index[U(i)])])
         chargers.exit_cell[charger] = robots.cell[U(i)] + world.grid.offset[U(direction)]
 

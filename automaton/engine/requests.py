@@ -62,8 +62,11 @@ def request_charging(world, i, reason):
 
 @kernel
 def request_route(world, i, reason):
+    """Routing is to be asked about robot i; where right of way steers, there is none to ask."""
     robots = world.robots
     drop_route(robots, i)
+    if world.rules.steered[0]:
+        return
     if robots.need[i] & NEED_ROUTE == 0:
         world.clock[CLOCK_NEEDING_ROUTE] += 1
     robots.need[i] |= np.uint8(NEED_ROUTE)

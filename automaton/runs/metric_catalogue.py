@@ -46,6 +46,7 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     "lost_leaving_bay": ("ticks", "in the parking bay because the home cell was held"),
     "lost_queueing": ("ticks", "in the queue before a charger"),
     "lost_illegal": ("ticks", "after illegal decisions of a strategy"),
+    "lost_held_back": ("ticks", "in which right of way that steers held robots back"),
     "slowdown_ticks": (
         "ticks",
         "reduced speed, not waiting: what moves take longer because of slow zones "

@@ -14,6 +14,7 @@ from automaton.strategy.entry import (
 from strategies.allocation.alley_parameters import Alleys
 from strategies.allocation.auction.auction_parameters import Auctions, ShortestJob
 from strategies.charging.charging_parameters import FillUp, Insertion, Opportunity, Threshold
+from strategies.right_of_way.epibt.epibt_parameters import EpibtParameters
 from strategies.right_of_way.right_of_way_parameters import (
     RetreatParameters,
     SteeringParameters,
@@ -139,6 +140,11 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
             "strategies.right_of_way.pibt.pibt:Pibt",
             SteeringParameters,
             "robots make way by inherited priority (PIBT); turns and moves of any length",
+        ),
+        "epibt": Entry(
+            "strategies.right_of_way.epibt.epibt:Epibt",
+            EpibtParameters,
+            "robots plan a few actions ahead and push each other (EPIBT); all actions of one tick",
         ),
         "retreat": Entry(
             "strategies.right_of_way.retreat:Retreat",

@@ -1,0 +1,1 @@
+"""Enhanced priority inheritance with backtracking: robots plan a few actions ahead."""

@@ -1,0 +1,135 @@
+"""Enhanced priority inheritance with backtracking, EPIBT (Yukhnevich & Andreychuk, AAAI-26).
+
+In each tick every robot has a plan of D actions, free of conflicts with all others, of which the first
+one is done. Robots go on with the rest of their plans; then they choose again, by turns: those nearest to
+their goals first, or those that have gone longest without finishing one. A robot may push another one
+out of its way, which has to choose another plan at once (module `chains`). What is gained by further
+pushes, whose turn it may be, is tried after that for some robots (repair, large neighbourhood search).
+Effort is counted in pushes and tries, never in time, so a run can be repeated.
+"""
+
+import numpy as np
+
+from automaton.engine.state import CLOCK_TICK, CMD_GO, CMD_HOLD, GOAL_NONE, NIL
+from automaton.strategy.kernels import STREAM_STRATEGY, kernel, random_between
+from automaton.strategy.layer import Strategy
+from strategies.right_of_way.epibt.candidates import (
+    CANDIDATE_MASK,
+    LAST_KEY,
+    nth_key,
+    rank_candidates,
+    sort_by_key,
+)
+from strategies.right_of_way.epibt.chains import build
+from strategies.right_of_way.epibt.epibt_parameters import EpibtParameters
+from strategies.right_of_way.epibt.epibt_state import NO_AIM, EpibtState, epibt_state
+from strategies.right_of_way.epibt.operations import FORWARD, LEFT, RIGHT, WAIT
+from strategies.right_of_way.epibt.plans import (
+    clear_paths,
+    enter_floor,
+    inherit_plans,
+    steer_robots,
+    waits_in_bay,
+)
+
+STREAM_REPAIRS = STREAM_STRATEGY + 40
+POWER_BITS = 10
+
+
+@kernel
+def choose_plans(state, count):
+    """Let robots choose by turns; those that were visited on the way have had theirs."""
+    state.stamp[0] += 1
+    for place in range(count):
+        i = np.int64(state.sequence[place])
+        if state.visit_stamp[i] != state.stamp[0]:
+            build(state, i, False)
+
+
+@kernel
+def repair_plans(view, state, count):
+    """Let random robots push others whatever their turns, where that is better on the whole.
+
+    The power of a robot falls from 1 to 0 by the square of its place among all turns.
+    """
+    for place in range(count):
+        i = np.int64(state.sequence[place])
+        power = ((count - place) << POWER_BITS) // count
+        state.power[i] = power * power if state.sequence_key[i] != LAST_KEY else 0
+    seed, tick = view.rules.seed, view.clock[CLOCK_TICK]
+    for number in range(count * state.repair_tries):
+        place = random_between(0, count - 1, seed, STREAM_REPAIRS, tick, number)
+        state.stamp[0] += 1
+        build(state, np.int64(state.steered[place]), True)
+
+
+@kernel
+def give_commands(view, batch, decisions, state):
+    """Answer with the first actions of all plans."""
+    out, robots = decisions.right_of_way, view.robots
+    for k in range(batch.count[0]):
+        i = np.int64(batch.robot[k])
+        if waits_in_bay(view, i):
+            out.command[k] = CMD_HOLD if state.pose[i] == NIL else CMD_GO
+            out.value[k] = NIL if state.pose[i] == NIL else 0
+        elif not state.is_fixed[i]:
+            out.value[k] = begin_action(view, state, i)
+            if state.action[state.plan[i]] != WAIT:
+                out.command[k] = CMD_GO
+            elif robots.goal_type[i] != GOAL_NONE:
+                out.command[k] = CMD_HOLD
+
+
+@kernel
+def begin_action(view, state, i):
+    """Return the direction in which robot i goes, or would go if it did not wait; NIL if none.
+
+    Notes the pose to which its action leads.
+    """
+    pose, plan = np.int64(state.pose[i]), np.int64(state.plan[i])
+    cell, heading = pose >> 2, pose & 3
+    action, aim = state.action[plan], np.int64(state.aim[plan])
+    if action == FORWARD:
+        cell += view.grid.offset[heading]
+    elif action == RIGHT:
+        heading = (heading + 1) & 3
+    elif action == LEFT:
+        heading = (heading + 3) & 3
+    elif state.key_count[i]:
+        best = nth_key(state, i, 0) & CANDIDATE_MASK
+        aim = np.int64(state.aim[state.candidate[best]])
+    state.expected_pose[i] = cell * 4 + heading + 1
+    return np.int64(NIL) if aim == NO_AIM else (pose + aim) & 3
+
+
+@kernel
+def decide(view, batch, decisions, memory, workspace):
+    state = EpibtState.of(memory)
+    count = steer_robots(view, batch, state)
+    inherit_plans(view, state)
+    for k in range(batch.count[0]):
+        i = np.int64(batch.robot[k])
+        if waits_in_bay(view, i):
+            enter_floor(view, state, i)
+    for k in range(count):
+        rank_candidates(view, workspace, state, np.int64(state.steered[k]))
+    sort_by_key(state, count)
+    choose_plans(state, count)
+    if state.repair_tries:
+        repair_plans(view, state, count)
+    give_commands(view, batch, decisions, state)
+    clear_paths(view, state)
+
+
+class Epibt(Strategy):
+    """Robots plan a few actions ahead and push each other by turns (EPIBT), with repairs if asked for."""
+
+    layer = "right_of_way"
+    Parameters = EpibtParameters
+    compiled = decide
+    steers = True
+    period = 1
+
+    def reset(self, view):
+        """The operations on this floor; no robot has planned anything."""
+        return epibt_state(view, self.parameters)

@@ -1,0 +1,80 @@
+"""The parameters of EPIBT. Imports no Numba."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from msgspec import Meta
+
+from automaton.floor.cells import CELL_KINDS
+from automaton.floor.floor_plan import FloorPlan
+from automaton.scenario.robot_types import types_of
+from automaton.scenario.schema import Scenario
+from strategies.right_of_way.right_of_way_parameters import SteeringParameters
+
+
+class EpibtParameters(SteeringParameters, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """How far robots plan, which of them come first, and how much effort a tick may take."""
+
+    depth: Annotated[int, Meta(ge=3, le=5, description="actions that robots plan ahead")] = 3
+    first: Annotated[
+        Literal["nearest", "oldest"],
+        Meta(
+            description="nearest: robots that are closest to their goals come first, for throughput; "
+            "oldest: robots whose last finished goal was longest ago, so that none starves"
+        ),
+    ] = "nearest"
+    guidance: Annotated[
+        Literal["none", "lattice"],
+        Meta(
+            description="lattice: rows and columns are one-way streets by turns, and a move against "
+            "its street counts as three"
+        ),
+    ] = "none"
+    repair_tries: Annotated[
+        int,
+        Meta(ge=0, le=100, description="tries in a tick, for each robot, to improve the plans"),
+    ] = 0
+    visits: Annotated[
+        int,
+        Meta(ge=1, le=100, description="how often a robot may be pushed in a tick"),
+    ] = 10
+    max_pushes: Annotated[
+        int, Meta(ge=1, le=1_000_000, description="pushes after which a robot keeps its plan")
+    ] = 100_000
+    table_mib: Annotated[
+        int,
+        Meta(ge=1, le=1_000_000, description="memory for tables of distances, in MiB"),
+    ] = 1024
+
+    def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
+        """Return what this scenario asks for that EPIBT does not plan, or None."""
+        durations = scenario.durations
+        factors = [robot_type.move_time_factor for robot_type in types_of(scenario)]
+        if scenario.fleet.kinematics != "differential":
+            return (
+                "it plans for robots with kinematics differential, found "
+                f"{scenario.fleet.kinematics}; use pibt"
+            )
+        if durations.move * max(factors) > 1 or durations.turn > 1:
+            return (
+                "it plans moves and turns of one tick, found durations.move "
+                f"{durations.move * max(factors)} and durations.turn {durations.turn}; use pibt"
+            )
+        if not scenario.world.following:
+            return "it plans with world.following true, found false; use pibt"
+        if scenario.information != "everything":
+            return "it plans for all robots at once, so information must be everything"
+        return capacity_objection(floor_plan) or super().check_scenario(scenario, floor_plan)
+
+
+def capacity_objection(floor_plan: FloorPlan) -> str | None:
+    """Return a sentence on the first cell that takes more than one robot, or None."""
+    drivable = [kind.code for kind in CELL_KINDS if kind.drivable]
+    for y in range(floor_plan.height):
+        for x in range(floor_plan.width):
+            capacity = int(floor_plan.capacity[y + 1, x + 1])
+            if int(floor_plan.kind[y + 1, x + 1]) in drivable and capacity != 1:
+                robots = f"{capacity} robots" if capacity else "any number of robots"
+                return f"it plans on cells for one robot, found room for {robots} in ({x}, {y}); use pibt"
+    return None

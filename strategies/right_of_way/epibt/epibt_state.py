@@ -1,0 +1,172 @@
+"""What EPIBT knows of its operations on a floor, what robots have planned, and scratch.
+
+n robots of K types, C cells with the border, P = 4 C poses (cell * 4 + heading). Of the operations of
+depth D: O classes, J candidates, W words of 64 bits with one bit for each candidate. An end is a
+cell and a heading in which candidates end. S: D, rounded up to a power of two.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from automaton.engine.jit.fields import CONSTANT, SCRATCH, field
+from automaton.engine.jit.structs import Struct
+from automaton.engine.state import NIL, Array
+from strategies.right_of_way.epibt.lattice_distances import DistanceTables, distance_tables
+from strategies.right_of_way.epibt.operations import FORWARD, RIGHT, WAIT, operations_of, trace
+
+NO_AIM = 4  # of an operation that never moves
+MIB = 1 << 20
+
+
+class EpibtState(Struct):
+    """Parameters, operations on this floor, plans, and scratch of a tick."""
+
+    depth: int = field("int64", "D, actions of a plan")
+    oldest_first: int = field("int64", "1: robots go by age, 0: by their distances to their goals")
+    cost_unit: int = field("int64", "what a cost of 1 in the tables counts")
+    repair_tries: int = field("int64", "tries to improve the plans, for each robot")
+    visits_allowed: int = field("int64", "how often a robot may be pushed in a tick")
+    max_pushes: int = field("int64", "pushes after which a chain is given up")
+    tables: DistanceTables
+
+    # Operations; h is the heading in which they begin.
+    following: Array = field("(O,) int16", "the class that is left after a tick", role=CONSTANT)
+    action: Array = field("(O,) uint8", "the first action", role=CONSTANT)
+    aim: Array = field(
+        "(O,) uint8", "heading of the first move, relative to h, or NO_AIM", role=CONSTANT
+    )
+    offset: Array = field("(4, O, D) int32", "[h]: cell after each action", role=CONSTANT)
+    turned: Array = field("(O,) uint8", "last heading, relative to h", role=CONSTANT)
+    candidate: Array = field("(J,) int16", "their classes, by end", role=CONSTANT)
+    candidate_end: Array = field("(J,) uint8", "number of the end of each", role=CONSTANT)
+    open: Array = field(
+        "(K, P, W) uint64", "candidates that the exits allow, by type and pose", role=CONSTANT
+    )
+
+    plan: Array = field("(n,) int16", "what each robot has planned: a class")
+    expected_pose: Array = field("(n,) int32", "pose to which its action leads, + 1; 0: none")
+    last_goal: Array = field("(n,) int32", "goal cell in the last tick, + 1; 0: none")
+    idle_since: Array = field("(n,) int64", "tick in which it last finished a goal")
+
+    # Of this tick. A robot that is fixed stays where it is: busy, at its goal, or not on the floor.
+    pose: Array = field("(n,) int32", "where it is, or NIL: not on the floor", role=SCRATCH)
+    is_fixed: Array = field("(n,) uint8", "1 = it makes no plan", default=1, role=SCRATCH)
+    occupied: Array = field(
+        "(C, S) int32",
+        "the robot that is in a cell after so many actions, or NIL",
+        default=NIL,
+        role=SCRATCH,
+    )
+    steered: Array = field("(n,) int32", "robots that plan, by identity", role=SCRATCH)
+    sequence: Array = field("(n,) int32", "the same, in the order of their turns", role=SCRATCH)
+    sequence_key: Array = field("(n,) int64", "which comes first: the lower one", role=SCRATCH)
+    sorting: Array = field("(n,) int32", role=SCRATCH)
+    sorting_count: Array = field("(2048,) int64", role=SCRATCH)
+    key: Array = field(
+        "(n, J) int32", "candidates of a robot: cost << 8 | number; sorted as far as", role=SCRATCH
+    )
+    key_count: Array = field("(n,) int32", "how many are open to it", role=SCRATCH)
+    sorted_count: Array = field("(n,) int32", "this", role=SCRATCH)
+    cost: Array = field("(n,) int64", "of its plan", role=SCRATCH)
+    power: Array = field("(n,) int64", "what its cost counts in repairs", role=SCRATCH)
+    stamp: Array = field("(1,) int64", "number of this round of plans", role=SCRATCH)
+    visit_stamp: Array = field("(n,) int64", "round in which it was last visited", role=SCRATCH)
+    visits: Array = field("(n,) int32", "how often in that round", role=SCRATCH)
+    settled: Array = field("(n,) int64", "round in which its plan was settled", role=SCRATCH)
+    chain_robot: Array = field("(n,) int32", "robots, each pushed by the one before", role=SCRATCH)
+    chain_tried: Array = field("(n,) int32", "candidates that each has tried", role=SCRATCH)
+    chain_plan: Array = field("(n,) int16", "the plan that each had before", role=SCRATCH)
+    chain_cost: Array = field("(n,) int64", "cost of the plan that each would have", role=SCRATCH)
+
+
+def epibt_state(view, parameters):
+    """Return the state for a run, where no robot has planned anything."""
+    grid, operations = view.grid, operations_of(parameters.depth)
+    guided = parameters.guidance == "lattice"
+    offset, turned = operations_on(grid, operations)
+    candidates, ends = candidates_by_end(operations)
+    return EpibtState.sized(
+        {"n": len(view.robots.cell), "C": len(grid.kind), "S": 4 if parameters.depth <= 4 else 8},
+        depth=parameters.depth,
+        oldest_first=int(parameters.first == "oldest"),
+        cost_unit=2 if guided else 1,
+        repair_tries=parameters.repair_tries,
+        visits_allowed=parameters.visits,
+        max_pushes=parameters.max_pushes,
+        tables=distance_tables(grid, guided, parameters.table_mib * MIB),
+        following=list(operations.following),
+        action=[actions[0] for actions in operations.actions],
+        aim=[first_aim(actions) for actions in operations.actions],
+        offset=offset,
+        turned=turned,
+        candidate=candidates,
+        candidate_end=ends,
+        open=open_candidates(grid, operations, candidates),
+    )
+
+
+def first_aim(actions):
+    """Return the heading of an operation's first move, relative to its first heading, or NO_AIM."""
+    heading = 0
+    for action in actions:
+        if action == FORWARD:
+            return heading
+        if action != WAIT:
+            heading = heading + (1 if action == RIGHT else 3) & 3
+    return NO_AIM
+
+
+def operations_on(grid, operations):
+    """Return (4, O, D) the cells of each class by first heading, as offsets, and (O,) its turn."""
+    depth, count = len(operations.actions[0]), len(operations.actions)
+    offset, turned = np.zeros((4, count, depth), np.int32), np.zeros(count, np.uint8)
+    for first in range(4):
+        for number, actions in enumerate(operations.actions):
+            cell, heading = 0, first
+            for tick, action in enumerate(actions):
+                if action == FORWARD:
+                    cell += int(grid.offset[heading])
+                elif action != WAIT:
+                    heading = heading + (1 if action == RIGHT else 3) & 3
+                offset[first, number, tick] = cell
+            turned[number] = heading - first & 3
+    return offset, turned
+
+
+def candidates_by_end(operations):
+    """Return (J,) the candidates, those with one end side by side, and (J,) the numbers of the ends."""
+    ends: dict[tuple[Any, ...], list[int]] = {}
+    for number in operations.candidates:
+        cells, heading = trace(operations.actions[number])
+        ends.setdefault((cells[-1], heading), []).append(number)
+    numbers = [number for group in ends.values() for number in group]
+    return numbers, [end for end, group in enumerate(ends.values()) for _ in group]
+
+
+def open_candidates(grid, operations, candidates):
+    """Return (K, P, W) the candidates that lead through exits alone, by type of robot and pose."""
+    types, cells = grid.type_cell_flags.shape
+    masks = np.zeros((types, 4 * cells, (len(candidates) + 63) // 64), np.uint64)
+    for robot_type, flags in enumerate(grid.type_cell_flags):
+        start = np.flatnonzero(flags & 15)
+        for bit, number in enumerate(candidates):
+            for first in range(4):
+                is_open = cells_open(grid, flags, start, first, operations.actions[number])
+                poses = start[is_open] * 4 + first
+                masks[robot_type, poses, bit >> 6] |= np.uint64(1 << (bit & 63))
+    return masks
+
+
+def cells_open(grid, flags, start, heading, actions):
+    """Return (starts,) bool: whether the exits allow all moves of an operation."""
+    cell, is_open = start.copy(), np.ones(len(start), bool)
+    for action in actions:
+        if action == FORWARD:
+            is_open &= (flags[cell] >> heading & 1).astype(bool)
+            cell[is_open] += int(grid.offset[heading])
+        elif action != WAIT:
+            heading = heading + (1 if action == RIGHT else 3) & 3
+    return is_open

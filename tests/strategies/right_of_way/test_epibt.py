@@ -1,0 +1,246 @@
+"""EPIBT in the world: its plans hold, and a second implementation in plain Python makes the same ones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import strategies as st
+from played_back import recorded
+from random_floors import pictures
+
+from automaton.build.resolve import Resolved, resolve
+from automaton.engine.state import (
+    ACTION_BLOCKED,
+    ACTION_HELD_BACK,
+    ACTION_MOVE,
+    NIL,
+    ORDER_DELIVERED,
+)
+from automaton.errors import InputError
+from automaton.evidence.verification.validator import validate_stored
+from automaton.runs.simulation import Simulation
+
+FLOOR = """
+tttttttt
+tt#tt#tt
+tttt#ttt
+t#tttttt
+tttttt#t
+tt#ttttt
+"""
+SCENARIO = """
+name: crowd
+layout:
+  picture: |
+    {picture}
+fleet: {{robots: {robots}, kinematics: differential, start: random}}
+durations: {{pick: {pick}, drop: 0, turn: 1}}
+orders:
+  generator: visits
+  count: 3000
+  arrivals: {{closed_loop: {{in_system: {in_system}}}}}
+strategy: {{allocation: first-come, right_of_way: {{name: epibt}}}}
+stop: {{when: never, max_duration: {ticks}}}
+"""
+
+
+def crowd(
+    *overrides: str,
+    folder: Path,
+    robots: int = 12,
+    ticks: int = 150,
+    pick: int = 0,
+    picture: str = FLOOR,
+) -> Resolved:
+    """A closed loop of visits on a small floor."""
+    text = SCENARIO.format(
+        picture=picture.strip().replace("\n", "\n    "),
+        robots=robots,
+        ticks=ticks,
+        pick=pick,
+        in_system=robots + robots // 2,
+    )
+    (folder / "crowd.yaml").write_text(text)
+    return resolve(folder / "crowd.yaml", overrides)
+
+
+def epibt(**parameters: object) -> str:
+    text = ", ".join(f"{name}: {value}" for name, value in parameters.items())
+    return f"strategy.right_of_way={{name: epibt{', ' * bool(text)}{text}}}"
+
+
+def run_to_end(resolved: Resolved, seed: int = 1, storage: object = None) -> Simulation:
+    run = Simulation(resolved, seed=seed, storage=storage)  # type: ignore[arg-type]
+    run.run()
+    return run
+
+
+def visits(run: Simulation) -> int:
+    return int((run.world.orders.state == ORDER_DELIVERED).sum())
+
+
+def ticks_of(run: Simulation, action: int) -> int:
+    return int(run.world.tally.ticks[:, action].sum())
+
+
+SECOND = {
+    "reference_epibt:Reference": epibt(),
+    "reference_epibt:Deeper": epibt(depth=4, first="oldest"),
+}
+
+
+@pytest.mark.parametrize("reference", SECOND)
+@pytest.mark.parametrize(("robots", "pick"), [(12, 0), (24, 2)])
+def test_a_second_implementation_makes_the_same_plans(
+    tmp_path: Path, reference: str, robots: int, pick: int
+) -> None:
+    """Visits of 2 ticks make robots obstacles for others that have planned to pass."""
+    own = crowd(SECOND[reference], folder=tmp_path, robots=robots, pick=pick, ticks=30)
+    other = crowd(
+        f"strategy.right_of_way={reference}", folder=tmp_path, robots=robots, pick=pick, ticks=30
+    )
+    assert run_to_end(own).digest == run_to_end(other).digest
+
+
+@settings(
+    max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(
+    below=pictures("....#>v<^", 5, 3),
+    robots=st.integers(1, 7),
+    depth=st.integers(3, 5),
+    tries=st.sampled_from([0, 2]),
+    guidance=st.sampled_from(["none", "lattice"]),
+    pick=st.sampled_from([0, 3]),
+    seed=st.integers(1, 1000),
+)
+def test_plans_are_free_of_conflicts(
+    tmp_path: Path,
+    below: str,
+    robots: int,
+    depth: int,
+    tries: int,
+    guidance: str,
+    pick: int,
+    seed: int,
+) -> None:
+    """The world refuses no move, finds no decision illegal, and the validator agrees."""
+    strategy = epibt(depth=depth, repair_tries=tries, guidance=guidance)
+    try:
+        resolved = crowd(
+            strategy, folder=tmp_path, robots=robots, ticks=40, pick=pick, picture="ttttt\n" + below
+        )
+    except InputError:
+        assume(False)  # a robot that cannot come back from where it has to go
+    run = run_to_end(resolved, seed)
+    assert run.world.tally.illegal.sum() == 0
+    assert ticks_of(run, ACTION_BLOCKED) == 0
+    cells = run.world.robots.cell
+    assert len(np.unique(cells)) == robots
+
+
+def test_a_recorded_run_keeps_the_rules(tmp_path: Path) -> None:
+    resolved = crowd(epibt(repair_tries=1), folder=tmp_path, robots=30, ticks=100)
+    assert validate_stored(recorded(resolved)).valid
+
+
+def test_a_crowd_goes_on(tmp_path: Path) -> None:
+    """30 robots on 42 cells: most cells are held, and still each robot gets somewhere."""
+    run = run_to_end(crowd(epibt(first="oldest"), folder=tmp_path, robots=30, ticks=400))
+    assert visits(run) > 400
+    assert (run.world.tally.operations[:, ACTION_MOVE].sum(axis=1) > 0).all()
+
+
+def test_the_order_of_storage_changes_nothing(tmp_path: Path) -> None:
+    resolved = crowd(epibt(repair_tries=2), folder=tmp_path, robots=24)
+    storage = np.random.default_rng(1).permutation(24).astype(np.int32)
+    assert run_to_end(resolved, storage=storage).digest == run_to_end(resolved).digest
+
+
+def test_repairs_are_counted_and_so_repeatable(tmp_path: Path) -> None:
+    """They change the run, and a run with them can be made again."""
+    runs = [
+        run_to_end(crowd(epibt(repair_tries=tries), folder=tmp_path, robots=24))
+        for tries in (0, 3, 3)
+    ]
+    assert runs[0].digest != runs[1].digest == runs[2].digest
+
+
+def test_the_lattice_leads_along_its_streets(tmp_path: Path) -> None:
+    """More of the moves on guided floors go the way of their rows and columns."""
+    along = []
+    for guidance in ("none", "lattice"):
+        resolved = crowd(epibt(guidance=guidance), folder=tmp_path, robots=6)
+        run = Simulation(resolved, seed=1)
+        with_street = moves = 0
+        for tick in range(1, 151):
+            before = run.world.robots.cell.copy()
+            run.run(tick)
+            for cell, after in zip(before, run.world.robots.cell, strict=True):
+                if cell != after:
+                    x, y = resolved.floor_plan.xy(int(cell))
+                    step = int(np.flatnonzero(run.world.grid.offset == after - cell)[0])
+                    runs = (0 if y % 2 else 2) if step % 2 == 0 else (3 if x % 2 else 1)
+                    moves += 1
+                    with_street += step == runs
+        along.append(with_street / moves)
+    assert along[0] < 0.6 < along[1]
+
+
+BAYS = """
+bttttb
+bt##tb
+bttttb
+"""
+
+
+def test_robots_leave_their_parking_bays_when_their_home_cells_are_free(tmp_path: Path) -> None:
+    overrides = (epibt(), "fleet.start=parking-bays")
+    run = run_to_end(crowd(*overrides, folder=tmp_path, robots=6, picture=BAYS))
+    assert (run.world.robots.cell != NIL).any() and visits(run) > 50
+    assert (run.world.tally.operations[:, ACTION_MOVE].sum(axis=1) > 0).all()
+    assert run.world.tally.illegal.sum() == 0 == ticks_of(run, ACTION_BLOCKED)
+
+
+def test_robots_that_go_down_are_gone_round(tmp_path: Path) -> None:
+    overrides = (epibt(), "faults={failure_probability: 0.01, tow_after: 5, repair_time: 10}")
+    run = run_to_end(crowd(*overrides, folder=tmp_path, robots=12))
+    assert run.world.tally.failures.sum() > 0 and visits(run) > 50
+    assert run.world.tally.illegal.sum() == 0
+
+
+@pytest.mark.parametrize(
+    ("overrides", "sentence"),
+    [
+        (("fleet.kinematics=omni",), "kinematics differential, found omni; use pibt"),
+        (("durations.move=2",), "found durations.move 2 and durations.turn 1; use pibt"),
+        (("durations.turn=3",), "found durations.move 1 and durations.turn 3; use pibt"),
+        (("world.following=false",), "world.following true, found false; use pibt"),
+        (("information=orders",), "information must be everything"),
+        (("strategy.routing=astar",), "routing 'astar' would never be asked"),
+        (("strategy.right_of_way={name: epibt, depth: 6}",), "depth"),
+    ],
+    ids=str,
+)
+def test_what_it_does_not_plan_for_is_refused(
+    tmp_path: Path, overrides: tuple[str, ...], sentence: str
+) -> None:
+    with pytest.raises(InputError) as refused:
+        crowd(*overrides, folder=tmp_path)
+    assert sentence in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_cells_for_two_robots_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"room for 2 robots in \(1, 1\); use pibt"):
+        crowd(folder=tmp_path, robots=2, picture="ttt\n.=.\nttt")
+
+
+def test_a_run_of_100_ticks_is_as_it_was(tmp_path: Path) -> None:
+    run = run_to_end(crowd(folder=tmp_path, robots=20, ticks=100))
+    assert (visits(run), ticks_of(run, ACTION_HELD_BACK), run.digest) == GOLDEN
+
+
+GOLDEN = (0, 0, "")

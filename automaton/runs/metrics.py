@@ -222,7 +222,7 @@ def may_slow(world: World) -> bool:
 
 
 def _not_lost(world: World) -> list[str]:
-    """The figures of lost ticks that a run does not have."""
+    """The metrics of lost ticks that a run does not have."""
     absent = {
         "lost_queueing": not world.rules.battery,
         "lost_held_back": not world.rules.steered[0],

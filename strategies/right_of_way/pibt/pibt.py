@@ -11,7 +11,7 @@ commit                  after a turn, the cell that it turned to comes first
 With limited sight each robot decides for all that it sees, and follows its own part of that; priorities
 are made known as those of the world (`robots.priority`), which every robot near it sees.
 
-One robot is let into a dead end at a time, if its goal is there; who leaves one goes before everybody.
+One robot is let into a dead end at a time, if its goal is there; who leaves one goes first.
 """
 
 import numpy as np
@@ -60,7 +60,7 @@ def look_at_robots(view, batch, state):
     state.callers[:] = 0
     for i in range(robots.cell.shape[0]):
         if limited and i != batch.robot[0]:
-            state.turning[i] = 0  # nobody sees what others have in mind
+            state.turning[i] = 0  # what others have in mind is out of sight
         cell, claim = np.int64(robots.cell[i]), np.int64(robots.claim[i])
         state.mode[i] = FIXED
         if cell == NIL:
@@ -113,7 +113,7 @@ def count_in_dead_ends(view, state, i):
 def update_queue(view, state):
     """Who has finished a visit goes to the end of the queue."""
     robots, queue = view.robots, state.queue
-    kept, moved = 0, 0
+    remaining, moved = 0, 0
     for place in range(queue.shape[0]):
         identity = queue[place]
         i = np.int64(robots.at_index[identity])
@@ -121,10 +121,10 @@ def update_queue(view, state):
             state.finished[moved] = identity
             moved += 1
         else:
-            queue[kept] = identity
-            kept += 1
+            queue[remaining] = identity
+            remaining += 1
     for place in range(moved):
-        queue[kept + place] = state.finished[place]
+        queue[remaining + place] = state.finished[place]
 
 
 @kernel
@@ -275,7 +275,7 @@ class Pibt(Strategy):
     period = 1
 
     def reset(self, view):
-        """Everybody has an equal claim at the start: the queue begins in an order by hash."""
+        """All robots have an equal claim at the start: the queue begins in an order by hash."""
         n, cells = len(view.robots.cell), len(view.grid.cell_flags)
         number, way_out, count = dead_ends(view.grid)
         with np.errstate(over="ignore"):

@@ -404,6 +404,9 @@ class Tally(Struct, role=MEASURED):
     slowdown_ticks: Array = field(
         "(n,) int64", "ticks that moves take beyond those of the robot's type"
     )
+    progress: Array = field(
+        "(n,) int64", "tick in which it last picked up, dropped, visited, charged, or was idle"
+    )
     energy_used: Array = field("(n,) int64", "units of charge used")
     charged: Array = field("(n,) int64", "units of charge taken in at chargers")
     repaired: Array = field("(n,) int64", "units of charge that repairs added")

@@ -20,22 +20,22 @@ MOST_NAMED: Final = 3
 
 def fleet_warnings(resolved: Resolved) -> list[str]:
     """Return a sentence for each warning about the size of a fleet and its right of way."""
-    found = dead_ends_of(resolved.floor_plan)
+    ends = dead_ends_of(resolved.floor_plan)
     if resolved.scenario.fleet.robots < 2:
         return []
     sentences = (
-        has_stations_in_dead_ends(resolved, found),
-        is_crowded(resolved, found),
+        has_stations_in_dead_ends(resolved, ends),
+        is_crowded(resolved, ends),
         jams_under_retreat(resolved),
-        is_a_tree(resolved, found),
+        is_a_tree(resolved, ends),
     )
     return [sentence for sentence in sentences if sentence]
 
 
-def has_stations_in_dead_ends(resolved: Resolved, found: DeadEnds) -> str:
+def has_stations_in_dead_ends(resolved: Resolved, ends: DeadEnds) -> str:
     """Warn about stations and chargers out of which a robot comes as it went in."""
     kinds = resolved.floor_plan.kind.reshape(-1)
-    inside = np.flatnonzero((found.number >= 0) & ((kinds == STATION) | (kinds == CHARGER)))
+    inside = np.flatnonzero((ends.number >= 0) & ((kinds == STATION) | (kinds == CHARGER)))
     if not len(inside) or resolved.scenario.fleet.robots <= FEW_ROBOTS:
         return ""
     named = ", ".join(str(list(resolved.floor_plan.xy(int(c)))) for c in inside[:MOST_NAMED])
@@ -46,13 +46,13 @@ def has_stations_in_dead_ends(resolved: Resolved, found: DeadEnds) -> str:
     )
 
 
-def is_crowded(resolved: Resolved, found: DeadEnds) -> str:
+def is_crowded(resolved: Resolved, ends: DeadEnds) -> str:
     """Warn about more robots than have room to move."""
     floor_plan, robots = resolved.floor_plan, resolved.scenario.fleet.robots
     drivable = floor_plan.drivable.reshape(-1)
     if (floor_plan.capacity.reshape(-1)[drivable] != 1).any():
         return ""
-    cells = int((drivable & (found.number < 0)).sum())
+    cells = int((drivable & (ends.number < 0)).sum())
     if robots <= CROWD_SHARE * cells or resolved.start == "parking-bays":
         return ""
     return (
@@ -80,9 +80,9 @@ def jams_under_retreat(resolved: Resolved) -> str:
     )
 
 
-def is_a_tree(resolved: Resolved, found: DeadEnds) -> str:
+def is_a_tree(resolved: Resolved, ends: DeadEnds) -> str:
     """Warn about priority inheritance on a floor without a ring."""
-    if not found.is_tree or resolved.strategies["right_of_way"].name != "pibt":
+    if not ends.is_tree or resolved.strategies["right_of_way"].name != "pibt":
         return ""
     return (
         "the floor has no ring of cells, so two robots that meet cannot pass each other, and "

@@ -278,12 +278,12 @@ class Pibt(Strategy):
         """All robots have an equal claim at the start: the queue begins in an order by hash."""
         n, cells = len(view.robots.cell), len(view.grid.cell_flags)
         flags = view.grid.cell_flags
-        found = dead_ends(flags & 15, flags >> 5 & 3 == 1, view.grid.offset)
+        ends = dead_ends(flags & 15, flags >> 5 & 3 == 1, view.grid.offset)
         with np.errstate(over="ignore"):
             draws = [int(splitmix64(np.uint64(view.rules.seed) ^ np.uint64(r))) for r in range(n)]
         return PibtState.sized(
-            {"n": n, "r": 2 * cells, "e": max(found.total, 1)},
+            {"n": n, "r": 2 * cells, "e": max(ends.total, 1)},
             queue=np.argsort(np.array(draws, np.uint64), kind="stable").astype(np.int32),
-            dead_end=found.number,
-            way_out=found.way_out,
+            dead_end=ends.number,
+            way_out=ends.way_out,
         )

@@ -311,7 +311,7 @@ def commit_steering(world, record, i, command, value):
     in_bay = robots.cell[i] == NIL
     waits_in_bay = in_bay and robots.goal_type[i] != GOAL_NONE and robots.goal_type[i] != GOAL_PARK
     if command == CMD_GO and waits_in_bay and 0 <= value < 4:
-        robots.step[i] = value  # out of its bay, wherever it goes then
+        robots.step[i] = value  # out of its parking bay, wherever it goes then
     elif command == CMD_GO and may_step(world, i, value):
         robots.step[i] = value
         if robots.parked[i]:

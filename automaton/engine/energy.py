@@ -20,6 +20,7 @@ from automaton.engine.state import (
     ACTION_MOVE,
     ACTION_PICK,
     ACTION_QUEUE,
+    CLOCK_TICK,
     CLOCK_TICKETS_ISSUED,
     GOAL_CHARGE,
     GOAL_NONE,
@@ -54,6 +55,7 @@ def charge_up(world, i):
     robots = world.robots
     first = robots.action[i] != ACTION_CHARGE
     robots.ticket[i] = 0
+    world.tally.progress[i] = world.clock[CLOCK_TICK]
     count_lost_tick(world, i, ACTION_CHARGE)
     robots.busy[i] = 1  # motion takes it away again in this tick
     world.tally.operations[i, ACTION_CHARGE, 0] -= 0 if first else 1

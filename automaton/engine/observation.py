@@ -151,7 +151,7 @@ CAUSES: Final = (
         "held back",
         "right of way lets {robot} stay where it is: others come first",
         "right of way steers the robots, and says in each tick who goes and who stays",
-        True,
+        False,
     ),
 )
 CAUSE_COUNT: Final = len(CAUSES)

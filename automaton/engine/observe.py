@@ -285,7 +285,7 @@ def note_held_back(world, observation, i, want):
         return CAUSE_HELD_BACK
     direction = want & 3
     cell = np.int64(world.robots.cell[U(i)]) + world.grid.offset[U(direction)]
-    return wait_for(world, observation, i, cell, direction, CAUSE_HELD_BACK)
+    return wait_for(world, observation, i, cell, direction, CAUSE_UNDECIDED)
 
 
 @kernel
@@ -349,9 +349,8 @@ def find_idleness(world, observation, i):
         robots.route_index[U(i)] >= robots.route_length[U(i)]
         and robots.goal_cell[U(i)] != robots.cell[U(i)]
     ):
+        if world.rules.steered[0] and np.int64(robots.executed[U(i)]) & LEFT_PARKING_BAY:
+            return CAUSE_NOT_WAITING
         observation.wanted[U(i)] = robots.goal_cell[U(i)]
-        if world.rules.steered[0] == 0:
-            return CAUSE_NO_ROUTE
-        left_bay = np.int64(robots.executed[U(i)]) & LEFT_PARKING_BAY
-        return CAUSE_NOT_WAITING if left_bay else CAUSE_HELD_BACK
+        return CAUSE_HELD_BACK if world.rules.steered[0] else CAUSE_NO_ROUTE
     return CAUSE_NOT_WAITING

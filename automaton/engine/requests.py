@@ -8,6 +8,7 @@ from automaton.engine.state import (
     CLOCK_NEEDING_CHARGING,
     CLOCK_NEEDING_RIGHT_OF_WAY,
     CLOCK_NEEDING_ROUTE,
+    CLOCK_TICK,
     CLOCK_UNQUEUED_ORDERS,
     NEED_ALLOCATION,
     NEED_CHARGING,
@@ -44,6 +45,8 @@ def clear_allocation_request(world, i):
     if robots.need[i] & NEED_ALLOCATION:
         if robots.seen_revision[i] == NIL:
             world.clock[CLOCK_FRESH_ALLOCATION] -= 1
+        else:
+            world.tally.progress[i] = world.clock[CLOCK_TICK]  # it had nothing to do up to now
         robots.need[i] &= np.uint8(255 - NEED_ALLOCATION)
     robots.seen_revision[i] = NIL
 

@@ -404,6 +404,9 @@ class Tally(Struct, role=MEASURED):
     slowdown_ticks: Array = field(
         "(n,) int64", "ticks that moves take beyond those of the robot's type"
     )
+    progress: Array = field(
+        "(n,) int64", "tick in which it last picked up, dropped, visited, charged, or was idle"
+    )
     energy_used: Array = field("(n,) int64", "units of charge used")
     charged: Array = field("(n,) int64", "units of charge taken in at chargers")
     repaired: Array = field("(n,) int64", "units of charge that repairs added")
@@ -523,7 +526,9 @@ CMD_STEP: Final = 1  # commands of right of way
 CMD_WAIT: Final = 2
 CMD_RETREAT: Final = 3
 CMD_HOLD: Final = 4  # of one that steers: stay for this tick
-CMD_GO: Final = 5  # of one that steers: turn towards a direction or move in it; out of its bay
+CMD_GO: Final = (
+    5  # of one that steers: turn towards a direction or move in it; out of a parking bay
+)
 
 
 class Memory(Struct):

@@ -42,6 +42,7 @@ from automaton.engine.state import (
 )
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE as METRIC_CATALOGUE
 from automaton.runs.metric_sums import LOST_TICK_SUMS, metric
+from automaton.runs.progress import oldest_order, robots_without_progress
 from automaton.runs.task_metrics import Measured, Tasks, quantile_95, summed, tasks_after
 
 OPERATIONS = [ACTION_MOVE, ACTION_TURN, ACTION_PICK, ACTION_DROP, ACTION_TRY_DROP, ACTION_WAIT]
@@ -166,6 +167,9 @@ def metrics_of(run: Measured, since: Counted | None = None) -> dict[str, float |
         orders = world.orders
         timed = (orders.state == ORDER_DELIVERED) & (orders.delivered > begin)
         figures["lead_time_p95"] = quantile_95((orders.delivered - orders.release_tick)[timed])
+    if (oldest := oldest_order(world)) is not None:
+        figures["oldest_order"] = oldest
+        figures["robots_without_progress"] = len(robots_without_progress(world))
     if world.rules.battery:
         figures["min_charge"] = float(world.robots.charge.min() / BATTERY_FULL)
     if len(world.stations.part):
@@ -222,7 +226,7 @@ def may_slow(world: World) -> bool:
 
 
 def _not_lost(world: World) -> list[str]:
-    """The figures of lost ticks that a run does not have."""
+    """The metrics of lost ticks that a run does not have."""
     absent = {
         "lost_queueing": not world.rules.battery,
         "lost_held_back": not world.rules.steered[0],

@@ -140,6 +140,7 @@ class _Conditions(_Frame):
     strategies: msgspec.Raw
     period: np.ndarray
     wait: np.ndarray
+    steered: np.ndarray
     files: _Named | UnsetType = UNSET
 
 

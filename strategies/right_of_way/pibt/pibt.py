@@ -8,13 +8,18 @@ reserve while turning   a robot that turns has reserved the cell that it turns t
 wait for the busy       the cell of one that works may be chosen: the ticks until it is done are added
 commit                  after a turn, the cell that it turned to comes first
 
-One robot is let into a dead end at a time, if its goal is there; who leaves one goes before everybody.
+With limited sight each robot decides for all that it sees, and follows its own part of that; priorities
+are made known as those of the world (`robots.priority`), which every robot near it sees.
+
+One robot is let into a dead end at a time, if its goal is there; who leaves one goes first.
 """
 
 import numpy as np
 
+from automaton.engine.robot_status import STATUS_UP
 from automaton.engine.state import (
     ACTION_TURN,
+    CLOCK_TICK,
     CMD_GO,
     CMD_HOLD,
     GOAL_DROP,
@@ -23,9 +28,9 @@ from automaton.engine.state import (
     GOAL_PICK,
     NIL,
 )
+from automaton.floor.dead_ends import dead_ends
 from automaton.strategy.kernels import kernel, splitmix64
 from automaton.strategy.layer import Strategy
-from strategies.right_of_way.pibt.dead_ends import dead_ends
 from strategies.right_of_way.pibt.options import is_at_goal, resource_in
 from strategies.right_of_way.pibt.pibt_state import (
     DECIDED,
@@ -50,10 +55,12 @@ def direction_to(view, cell, neighbour):
 @kernel
 def look_at_robots(view, batch, state):
     """Who takes part, who is on the way to which cell, and who is in which dead end or wants into it."""
-    robots = view.robots
+    robots, limited = view.robots, view.rules.radius != NIL
     state.tenants[:] = 0
     state.callers[:] = 0
     for i in range(robots.cell.shape[0]):
+        if limited and i != batch.robot[0]:
+            state.turning[i] = 0  # what others have in mind is out of sight
         cell, claim = np.int64(robots.cell[i]), np.int64(robots.claim[i])
         state.mode[i] = FIXED
         if cell == NIL:
@@ -70,13 +77,20 @@ def look_at_robots(view, batch, state):
             to = np.int64(state.next[i])
             reserve(view, state, resource_in(view, to, direction_to(view, cell, to)), i)
         count_in_dead_ends(view, state, i)
+        if limited and robots.busy[i] == 0 and robots.status[i] == STATUS_UP:
+            let_choose(view, state, i)
     for k in range(batch.count[0]):
-        i = np.int64(batch.robot[k])
-        if robots.cell[i] == NIL or not is_at_goal(view, i):
-            state.mode[i] = UNDECIDED
-        else:
-            state.turning[i] = 0
-            state.next[i] = robots.cell[i]
+        let_choose(view, state, np.int64(batch.robot[k]))
+
+
+@kernel
+def let_choose(view, state, i):
+    """Robot i is free: it chooses, unless it has come to do something where it is."""
+    if view.robots.cell[i] == NIL or not is_at_goal(view, i):
+        state.mode[i] = UNDECIDED
+    else:
+        state.turning[i] = 0
+        state.next[i] = view.robots.cell[i]
 
 
 @kernel
@@ -99,7 +113,7 @@ def count_in_dead_ends(view, state, i):
 def update_queue(view, state):
     """Who has finished a visit goes to the end of the queue."""
     robots, queue = view.robots, state.queue
-    kept, moved = 0, 0
+    remaining, moved = 0, 0
     for place in range(queue.shape[0]):
         identity = queue[place]
         i = np.int64(robots.at_index[identity])
@@ -107,10 +121,10 @@ def update_queue(view, state):
             state.finished[moved] = identity
             moved += 1
         else:
-            queue[kept] = identity
-            kept += 1
+            queue[remaining] = identity
+            remaining += 1
     for place in range(moved):
-        queue[kept + place] = state.finished[place]
+        queue[remaining + place] = state.finished[place]
 
 
 @kernel
@@ -124,6 +138,7 @@ def has_finished(view, state, i):
     return (before == GOAL_PICK or before == GOAL_DROP) and robots.cell[i] == cell
 
 
+MAX_PRIORITY = 32_767
 LEAVES = 0  # ranks of robots
 WORKS = 1
 HAS_NOTHING = 2
@@ -149,10 +164,35 @@ def rank_of(view, state, i):
 
 
 @kernel
-def decide_all(view, state, workspace):
-    """Let robots choose by rank, and in each rank by the queue."""
+def list_robots_in_sight(view, batch, decisions, state):
+    """Enter those who choose into the queue, by the priorities that all make known; how many they are.
+
+    The robot that is asked sees no times but its own, and makes them known as its priority.
+    """
+    robots, own = view.robots, np.int64(batch.robot[0])
+    if has_finished(view, state, own) or state.since[own] == 0:
+        state.since[own] = view.clock[CLOCK_TICK]
+    age = view.clock[CLOCK_TICK] - state.since[own]
+    decisions.right_of_way.priority[0] = min(age, MAX_PRIORITY)
+    count = 0
+    for identity in range(robots.cell.shape[0]):
+        i = np.int64(robots.at_index[identity])
+        if state.mode[i] != UNDECIDED:
+            continue
+        at = count
+        while at > 0 and robots.priority[robots.at_index[state.queue[at - 1]]] < robots.priority[i]:
+            state.queue[at] = state.queue[at - 1]
+            at -= 1
+        state.queue[at] = identity
+        count += 1
+    return count
+
+
+@kernel
+def decide_all(view, state, workspace, count):
+    """Let the first robots of the queue choose: by rank, and in each rank by their places."""
     for rank in range(RANKS):
-        for place in range(state.queue.shape[0]):
+        for place in range(count):
             i = np.int64(view.robots.at_index[state.queue[place]])
             if state.mode[i] != UNDECIDED or rank_of(view, state, i) != rank:
                 continue
@@ -215,8 +255,12 @@ def give_commands(view, batch, decisions, state):
 def decide(view, batch, decisions, memory, workspace):
     state = PibtState.of(memory)
     look_at_robots(view, batch, state)
-    update_queue(view, state)
-    decide_all(view, state, workspace)
+    if view.rules.radius == NIL:
+        update_queue(view, state)
+        count = state.queue.shape[0]
+    else:
+        count = list_robots_in_sight(view, batch, decisions, state)
+    decide_all(view, state, workspace, count)
     give_commands(view, batch, decisions, state)
 
 
@@ -231,14 +275,15 @@ class Pibt(Strategy):
     period = 1
 
     def reset(self, view):
-        """Everybody has an equal claim at the start: the queue begins in an order by hash."""
+        """All robots have an equal claim at the start: the queue begins in an order by hash."""
         n, cells = len(view.robots.cell), len(view.grid.cell_flags)
-        number, way_out, count = dead_ends(view.grid)
+        flags = view.grid.cell_flags
+        ends = dead_ends(flags & 15, flags >> 5 & 3 == 1, view.grid.offset)
         with np.errstate(over="ignore"):
             draws = [int(splitmix64(np.uint64(view.rules.seed) ^ np.uint64(r))) for r in range(n)]
         return PibtState.sized(
-            {"n": n, "r": 2 * cells, "e": max(count, 1)},
+            {"n": n, "r": 2 * cells, "e": max(ends.total, 1)},
             queue=np.argsort(np.array(draws, np.uint64), kind="stable").astype(np.int32),
-            dead_end=number,
-            way_out=way_out,
+            dead_end=ends.number,
+            way_out=ends.way_out,
         )

@@ -20,6 +20,9 @@ class PibtState(Struct):
     turning: Array = field("(n,) uint8", "1 = it has begun a turn towards `next`")
     aim_cell: Array = field("(n,) int32", "its goal cell when it was last looked at", default=NIL)
     aim_type: Array = field("(n,) uint8", "what it was to do there")
+    since: Array = field(
+        "(n,) int64", "with limited sight: the tick of the last visit that it has finished"
+    )
     queue: Array = field(
         "(q,) int32", "identities, by the time of the last visit that each has finished"
     )

@@ -146,7 +146,7 @@ def build(state, root, repairs):
                 state.cost[state.chain_robot[k]] = state.chain_cost[k]
             return True
         pushes += 1
-        if pushes > state.max_pushes:
+        if pushes > (state.repair_pushes if repairs else state.max_pushes):
             undo(state, top)
             return False
         enter_path(state, met, NIL)
@@ -157,7 +157,7 @@ def build(state, root, repairs):
 
 @kernel
 def is_better(state, top):
-    """Return whether the new plans of a chain are no worse on the whole, by the power of its robots."""
+    """Return whether the new plans of a chain cost no more on the whole, by the power of its robots."""
     gain = 0
     for k in range(top + 1):
         i = state.chain_robot[k]

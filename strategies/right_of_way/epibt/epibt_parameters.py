@@ -35,6 +35,9 @@ class EpibtParameters(SteeringParameters, forbid_unknown_fields=True, frozen=Tru
         int,
         Meta(ge=0, le=100, description="tries in a tick, for each robot, to improve the plans"),
     ] = 0
+    repair_pushes: Annotated[
+        int, Meta(ge=1, le=1_000_000, description="pushes after which such a try is given up")
+    ] = 100
     visits: Annotated[
         int,
         Meta(ge=1, le=100, description="how often a robot may be pushed in a tick"),

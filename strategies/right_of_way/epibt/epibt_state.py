@@ -30,6 +30,7 @@ class EpibtState(Struct):
     repair_tries: int = field("int64", "tries to improve the plans, for each robot")
     visits_allowed: int = field("int64", "how often a robot may be pushed in a tick")
     max_pushes: int = field("int64", "pushes after which a chain is given up")
+    repair_pushes: int = field("int64", "the same in repairs")
     tables: DistanceTables
 
     # Operations; h is the heading in which they begin.
@@ -96,6 +97,7 @@ def epibt_state(view, parameters):
         repair_tries=parameters.repair_tries,
         visits_allowed=parameters.visits,
         max_pushes=parameters.max_pushes,
+        repair_pushes=parameters.repair_pushes,
         tables=distance_tables(grid, guided, parameters.table_mib * MIB),
         following=list(operations.following),
         action=[actions[0] for actions in operations.actions],

@@ -215,7 +215,7 @@ class Reference(Strategy):
         self.turn = {r: self.turn_of(r) for r in self.movable}
         self.wishes = {r: self.candidates(r) for r in self.movable}
         for r in sorted(self.movable, key=lambda r: (self.turn[r], r)):
-            if not self.visited[r]:
+            if not self.visited[r] and self.turn[r] < NEVER:
                 self.build(r, r, {u for u in self.plan if u != r})
 
     def build(self, root: int, r: int, on_floor: set[int]) -> bool:

@@ -40,7 +40,7 @@ def rank_candidates(view, workspace, state, i):
         least = least_distance(state.tables, row, pose >> 2)
         is_near = least <= 3 * state.depth  # a move costs 3 at most
         way = distance_from(state.tables, row, pose >> 2, heading)
-        state.sequence_key[i] = min(way * state.cost_unit, LAST_KEY)
+        state.sequence_key[i] = min(way * state.cost_unit, LAST_KEY - 1)
     if state.oldest_first and goal != NIL:
         age = view.clock[CLOCK_TICK] - state.idle_since[i]
         state.sequence_key[i] = max(LAST_KEY - 1 - age, 0)

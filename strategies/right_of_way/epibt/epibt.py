@@ -38,10 +38,12 @@ POWER_BITS = 10
 
 @kernel
 def choose_plans(state, count):
-    """Let robots choose by turns; those that were visited on the way have had theirs."""
+    """Let robots with goals choose by turns; those that were visited on the way have had theirs."""
     state.stamp[0] += 1
     for place in range(count):
         i = np.int64(state.sequence[place])
+        if state.sequence_key[i] == LAST_KEY:
+            break  # robots without goals only make room
         if state.visit_stamp[i] != state.stamp[0]:
             build(state, i, False)
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from automaton.engine.distance_tables import least_table_bytes
 from automaton.engine.state import HEADING_COUNTS
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.document import Document
+from automaton.scenario.robot_types import types_of
 from automaton.scenario.schema import Scenario
 from automaton.units import bytes_of, memory
 
@@ -17,7 +20,9 @@ def check_table_memory(document: Document, scenario: Scenario, floor_plan: Floor
     text = scenario.world.distance_tables
     cells = int(np.count_nonzero(floor_plan.drivable))
     headings = HEADING_COUNTS[scenario.fleet.kinematics]
-    size = least_table_bytes(cells, headings, scenario.durations.turn)
+    move, turn = scenario.durations.move, scenario.durations.turn
+    unit = math.gcd(turn, *(move * one.move_time_factor for one in types_of(scenario)))
+    size = least_table_bytes(cells, headings, turn // unit)
     if size > bytes_of(text):
         raise document.error(
             ("world", "distance_tables"),

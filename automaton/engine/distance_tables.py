@@ -11,7 +11,8 @@ encodings that its costs and those of the tables beside it fit:
 
 The cost is the least of the four headings. Turning costs the same in each cell, so headings next to
 each other differ by a turn at most, and the whole cell is one of 19, 85 or 231 patterns of differences
-for turns of 1, 2 or 3 ticks: [0 0 1 1], say, where east and south are equally good.
+for turns of 1, 2 or 3 ticks: [0 0 1 1], say, where east and south are equally good. Ticks are counted
+in the largest unit that all steps and turns are a multiple of.
 """
 
 from typing import Any, Final
@@ -49,6 +50,7 @@ class DistanceTables(Struct, role=SCRATCH):
 
     headings: int = field("int64", "distinguished headings, as of the grid", role=STATIC)
     first_encoding: int = field("int64", "the narrowest that costs may fit", role=STATIC)
+    unit: int = field("int64", "what all costs are a multiple of; tables count in it", role=STATIC)
     is_narrow: int = field("int64", "1: JOINT, and SPLIT if costs are larger", role=STATIC)
     patterns: int = field("int64", "differences of four headings that occur", role=STATIC)
     reciprocal: int = field("int64", "2**32 / patterns, rounded up", role=STATIC)
@@ -60,7 +62,9 @@ class DistanceTables(Struct, role=SCRATCH):
         "bits 0-3: a step in this direction leads here from the cell before; 4: robots may turn",
         role=CONSTANT,
     )
-    cost: Array = field("(S, Q) int64", "the distinct costs of a step or a turn", role=CONSTANT)
+    cost: Array = field(
+        "(S, Q) int64", "the distinct costs of a step or a turn, in units", role=CONSTANT
+    )
     queue_count: Array = field("(S,) int64", "how many those are", role=CONSTANT)
     turn_queue: Array = field("(S,) int64", "the entry of cost that a turn has", role=CONSTANT)
     step_queue: Array = field(

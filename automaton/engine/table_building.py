@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -40,14 +41,15 @@ def build_tables(grid: Grid, costs: Costs, table_bytes: int, stop: Array) -> Dis
     """
     sets, cells = costs.flags.shape
     drivable = len(grid.drivable)
-    is_narrow = is_narrow_for(grid.headings, int(costs.turn.max()))
+    unit, cost, queue_count, turn_queue, step_queue = queues_of(costs, grid.headings > 1)
+    turn = int(costs.turn.max()) // unit
+    is_narrow = is_narrow_for(grid.headings, turn)
     is_narrow &= bool((costs.flags[:, grid.drivable] & MAY_TURN).all())
     words = drivable * (1 if is_narrow else grid.headings)
     goals = sets * drivable + 1  # the last row is never kept
     widest = 2 * drivable * grid.headings  # words of a table; one always fits
     pool = max(widest, min(table_bytes // BYTES_PER_WORD, goals * widest))
-    patterns = turn_patterns(int(costs.turn.max()) if is_narrow else 0)
-    cost, queue_count, turn_queue, step_queue = queues_of(costs)
+    patterns = turn_patterns(turn if is_narrow else 0)
     sizes = {"C": cells, "S C": sets * cells, "P": cells * grid.headings}
     sizes |= {"R": min(goals, pool // words), "L": ENTRIES_PER_CELL * drivable + 8}
     number = np.full(cells, NIL, np.int32)
@@ -56,6 +58,7 @@ def build_tables(grid: Grid, costs: Costs, table_bytes: int, stop: Array) -> Dis
         sizes,
         headings=grid.headings,
         first_encoding=JOINT if is_narrow else POSE16,
+        unit=unit,
         is_narrow=int(is_narrow),
         patterns=len(patterns),
         reciprocal=-(-(1 << 32) // len(patterns)),
@@ -124,8 +127,11 @@ def entries_of(flags: Array, offset: Array) -> Array:
     return entries
 
 
-def queues_of(costs: Costs) -> tuple[Array, Array, Array, Array]:
-    """The distinct costs (S, Q), how many (S,), that of a turn (S,), and of each step (W, 4C)."""
+def queues_of(costs: Costs, turns: bool) -> tuple[int, Array, Array, Array, Array]:
+    """The unit of all costs; the distinct ones in it (S, Q); how many (S,).
+
+    And which of them a turn has (S,), and each step (W, 4C). Without `turns` robots never turn.
+    """
     steps = costs.step.reshape(len(costs.flags), -1).astype(np.int64)
     is_weighted = costs.step.ndim > 1
     distinct: list[list[Any]] = []
@@ -134,17 +140,21 @@ def queues_of(costs: Costs) -> tuple[Array, Array, Array, Array]:
         used = np.unique(step[leaves.reshape(-1)] if is_weighted else step)
         if len(used) and (used[0] < 1 or turn < 0):
             raise ValueError("a step costs 1 or more, a turn 0 or more")
-        distinct.append([*used.tolist(), *([] if turn in used else [turn])])
-    most = max(map(len, distinct))
+        distinct.append([*used.tolist(), *([turn] if turns and turn not in used else [])])
+    most = max(1, *map(len, distinct))
     if most > MAX_QUEUES:
         raise ValueError(
             f"{most} distinct costs of steps and turns, at most {MAX_QUEUES} are allowed"
         )
+    unit = math.gcd(*(value for values in distinct for value in values)) or 1
     cost = np.array([one + [0] * (most - len(one)) for one in distinct], np.int64)
     step_queue = np.zeros((len(cost) if is_weighted else 0, 4 * costs.flags.shape[1]), np.uint8)
     for row, values in enumerate(distinct[: len(step_queue)]):
         for queue, value in enumerate(values):
             step_queue[row][steps[row] == value] = queue
-    turn_queue = [one.index(turn) for one, turn in zip(distinct, costs.turn.tolist(), strict=True)]
+    turn_queue = [
+        one.index(turn) if turns else 0
+        for one, turn in zip(distinct, costs.turn.tolist(), strict=True)
+    ]
     counts = np.array([len(one) for one in distinct], np.int64)
-    return cost, counts, np.array(turn_queue, np.int64), step_queue
+    return unit, cost // unit, counts, np.array(turn_queue, np.int64), step_queue

@@ -64,7 +64,7 @@ def cost_in(tables, row, cell, heading):
         return np.int64(UNREACHABLE)
     least = (word * tables.reciprocal) >> 32
     pattern = word - least * tables.patterns
-    return least + np.int64(tables.excess[np.uint64((pattern << 2) + heading)])
+    return (least + np.int64(tables.excess[np.uint64((pattern << 2) + heading)])) * tables.unit
 
 
 @kernel
@@ -78,14 +78,14 @@ def wide_cost_in(tables, row, number, heading):
             return np.int64(UNREACHABLE)
         pair = np.int64(tables.pool[np.uint64(begin + tables.drivable.shape[0] + (number >> 1))])
         pattern = (pair >> ((number & 1) << 3)) & 255
-        return least + np.int64(tables.excess[np.uint64((pattern << 2) + heading)])
+        return (least + np.int64(tables.excess[np.uint64((pattern << 2) + heading)])) * tables.unit
     pose = number * tables.headings + heading
     if encoding == POSE16:
         cost = np.int64(tables.pool[np.uint64(begin + pose)])
-        return np.int64(UNREACHABLE) if cost == FAR else cost
+        return np.int64(UNREACHABLE) if cost == FAR else cost * tables.unit
     low = np.int64(tables.pool[np.uint64(begin + 2 * pose)])
     cost = low | (np.int64(tables.pool[np.uint64(begin + 2 * pose + 1)]) << 16)
-    return np.int64(UNREACHABLE) if cost == FAR_PAIR else cost
+    return np.int64(UNREACHABLE) if cost == FAR_PAIR else cost * tables.unit
 
 
 @kernel

@@ -49,7 +49,8 @@ class Case:
     step: list[int]  # by set
     turn: list[int]
     closed: tuple[tuple[int, int, int, int], ...] = ()
-    weights: int | None = None  # the seed of costs by cell and direction: 1, 2 or 6 times `step`
+    weights: int | None = None  # the seed of costs by cell and direction: so many times `step`
+    factors: tuple[int, ...] = (1, 2, 6)
     room: int = LARGE
 
     @cached_property
@@ -64,7 +65,7 @@ class Case:
         if self.weights is None:
             return step
         shape = (len(step), self.floor_plan.kind.size, 4)
-        factors = np.random.default_rng(self.weights).choice([1, 2, 6], shape)
+        factors = np.random.default_rng(self.weights).choice(self.factors, shape)
         return np.asarray(step[:, None, None] * factors)
 
     def tables(self) -> DistanceTables:
@@ -112,6 +113,7 @@ def cases(draw: Any) -> Case:
         [draw(st.one_of(st.integers(0, 3), st.integers(0, 30))) for _ in range(sets)],
         (tuple(min(draw(corner), end) for end in (width - 1, len(lines) - 1) * 2),),  # type: ignore[arg-type]
         draw(st.one_of(st.none(), st.integers(0, 99))),
+        draw(st.sampled_from([(1, 2, 6), (1, 300), (2, 20_000, 3)])),
         draw(st.sampled_from([1, 300, LARGE])),
     )
 
@@ -152,13 +154,14 @@ CROSSING = """\
     [
         ("differential", 1, 1, JOINT, 2),
         ("differential", 400, 1, JOINT, 2),  # 19 patterns: costs below 3,449
+        ("differential", 9000, 9000, JOINT, 2),  # the same as 1 and 1
         ("differential", 500, 1, SPLIT, 3),
-        ("differential", 30, 2, JOINT, 2),  # 85 patterns: below 771
-        ("differential", 100, 2, SPLIT, 3),
-        ("differential", 10_000, 3, POSE32, 16),
+        ("differential", 31, 2, JOINT, 2),  # 85 patterns: below 771
+        ("differential", 101, 2, SPLIT, 3),
+        ("differential", 10_001, 3, POSE32, 16),
         ("differential", 1, 4, POSE16, 8),
-        ("omni", 8_000, 1, POSE16, 2),
-        ("omni", 9_000, 1, POSE32, 4),
+        ("omni", 1, 1, POSE16, 2),
+        ("omni", 9_001, 1, POSE16, 2),  # a step is the unit
         ("rail", 1, 22, POSE16, 4),
     ],
 )

@@ -156,5 +156,5 @@ def queues_of(costs: Costs, turns: bool) -> tuple[int, Array, Array, Array, Arra
         one.index(turn) if turns else 0
         for one, turn in zip(distinct, costs.turn.tolist(), strict=True)
     ]
-    counts = np.array([len(one) for one in distinct], np.int64)
+    counts = np.array([max(1, len(one)) for one in distinct], np.int64)
     return unit, cost // unit, counts, np.array(turn_queue, np.int64), step_queue

@@ -19,14 +19,17 @@ def compute(tables: DistanceTables, goals: Array) -> None:
 
 
 @kernel
-def rank_options(tables: DistanceTables, goals: Array, cells: Array, headings: Array) -> np.int64:
-    """For robots with a goal each: the costs of staying and of the four neighbours; their sum."""
+def rank_options(
+    tables: DistanceTables, goals: Array, cells: Array, headings: Array, rounds: int
+) -> np.int64:
+    """For robots with a goal each: what staying and each neighbour costs; the sum."""
     total = np.int64(0)
-    for k in range(goals.shape[0]):
-        row = row_to(tables, 0, goals[k], 0, True)
-        total += cost_in(tables, row, cells[k], headings[k])
-        for direction in range(4):
-            after = cells[k] + tables.offset[direction]
-            if tables.number[after] != NIL:
-                total += cost_in(tables, row, after, direction)
+    for _ in range(rounds):
+        for k in range(goals.shape[0]):
+            row = row_to(tables, 0, goals[k], 0, True)
+            total += cost_in(tables, row, cells[k], headings[k])
+            for direction in range(4):
+                after = cells[k] + tables.offset[direction]
+                if tables.number[after] != NIL:
+                    total += cost_in(tables, row, after, direction)
     return total

@@ -25,7 +25,7 @@ NS_PER_ROBOT = "ns per robot"
 SIZES = {(161, 63): 40, (500, 140): 10}  # columns, rows: tables of a sample
 SHELF, MARGIN = 10, 5  # cells in a row without a gap; free columns on both sides
 ROBOTS = 1000
-ROUNDS = 20
+ROUNDS = 100
 TABLE_BYTES = 256 * 2**20
 
 
@@ -87,9 +87,5 @@ def prepare_options(robots: int = ROBOTS) -> Sample:
     tables, random = tables_for(next(iter(SIZES)), 1), np.random.default_rng(1)
     goals, cells = (random.choice(tables.drivable, robots).astype(np.int64) for _ in range(2))
     headings = random.integers(0, 4, robots)
-
-    def rounds() -> None:
-        for _ in range(ROUNDS):
-            rank_options(tables, goals, cells, headings)
-
-    return lambda: 1e9 * cpu_seconds(rounds) / (ROUNDS * robots)
+    seconds = partial(cpu_seconds, partial(rank_options, tables, goals, cells, headings, ROUNDS))
+    return lambda: 1e9 * seconds() / (ROUNDS * robots)

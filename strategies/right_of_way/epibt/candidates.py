@@ -1,7 +1,7 @@
 """Which operations are open to a robot, what each costs it, and whose turn comes first.
 
-    cost = 1024 (cost from the pose at its end to the goal cell) + rank
-    cost = -1024 (D - d) + rank   where the goal cell is reached after d + 1 actions
+    cost = 1024 (way from the pose at its end - way from where it is) + rank
+    cost = 1024 (d - D - way from where it is) + rank   where it reaches the goal cell with action d + 1
 
 The rank is lower the earlier the robot goes forward. A robot without a goal would rather wait.
 """
@@ -9,15 +9,10 @@ The rank is lower the earlier the robot goes forward. A robot without a goal wou
 import numpy as np
 
 from automaton.engine.state import CLOCK_TICK, GOAL_NONE, NIL
-from automaton.strategy.kernels import kernel
-from strategies.right_of_way.epibt.lattice_distances import (
-    FAR,
-    distance_from,
-    least_distance,
-    row_to,
-)
+from automaton.strategy.kernels import UNREACHABLE, cost_in, kernel, table_of, weighted_table_of
 
 COST_SHIFT = 10
+MAX_EXCESS = 4000  # of a way over another one: keys have 32 bits
 CANDIDATE_BITS = 8  # below a cost in a key
 CANDIDATE_MASK = 255
 DIGIT_BITS = 11  # of keys that are sorted
@@ -30,21 +25,17 @@ def rank_candidates(view, workspace, state, i):
     """Enter the keys of all operations that are open to robot i, and the cost of its plan."""
     goal, row = goal_of(view, workspace, state, i)
     pose = np.int64(state.pose[i])
-    state.key_count[i] = 0
+    way = cost_from(workspace, state, row, pose) if goal != NIL else np.int64(0)
+    state.cost[i] = plan_cost(workspace, state, i, pose, goal, row, way)
+    enter_keys(workspace, state, i, np.int64(view.robots.type[i]), pose, goal, row, way)
     state.sorted_count[i] = 0
-    state.cost[i] = plan_cost(state, i, pose, goal, row)
-    state.sequence_key[i] = LAST_KEY
-    is_near = False
-    if goal != NIL:
-        heading = pose & 3
-        least = least_distance(state.tables, row, pose >> 2)
-        is_near = least <= 3 * state.depth  # a move costs 3 at most
-        way = distance_from(state.tables, row, pose >> 2, heading)
-        state.sequence_key[i] = min(way * state.cost_unit, LAST_KEY - 1)
-    if state.oldest_first and goal != NIL:
+    if goal == NIL:
+        state.sequence_key[i] = LAST_KEY
+    elif state.oldest_first:
         age = view.clock[CLOCK_TICK] - state.idle_since[i]
         state.sequence_key[i] = max(LAST_KEY - 1 - age, 0)
-    enter_keys(state, i, np.int64(view.robots.type[i]), pose, goal, row, is_near)
+    else:
+        state.sequence_key[i] = min(way, LAST_KEY - 1)
 
 
 @kernel
@@ -54,60 +45,79 @@ def goal_of(view, workspace, state, i):
     goal = np.int64(robots.goal_cell[i])
     if goal == NIL or robots.goal_type[i] == GOAL_NONE:
         return np.int64(NIL), np.int64(NIL)
-    tick = view.clock[CLOCK_TICK]
     robot_type = np.int64(robots.type[i])
-    row = row_to(view.grid, workspace.stop, state.tables, robot_type, goal, tick)
-    if row == NIL or least_distance(state.tables, row, np.int64(state.pose[i]) >> 2) >= FAR:
+    if state.guided:
+        row = weighted_table_of(view, state.tables, robot_type, goal)
+    else:
+        row = table_of(view, workspace, robot_type, goal)
+    if row == NIL or cost_from(workspace, state, row, np.int64(state.pose[i])) >= UNREACHABLE:
         return np.int64(NIL), np.int64(NIL)
     return goal, row
 
 
 @kernel
-def plan_cost(state, i, pose, goal, row):
-    """Return what the plan of robot i costs, whatever class it is."""
-    plan = np.int64(state.plan[i])
-    rank = state.following.shape[0] - 1 - plan
-    if goal == NIL:
-        return plan
-    cost = cost_if_reached(state, plan, pose, goal)
-    if cost >= 0:
-        end = (pose >> 2) + np.int64(state.offset[pose & 3, plan, state.depth - 1])
-        heading = (pose + np.int64(state.turned[plan])) & 3
-        cost = distance_from(state.tables, row, end, heading) * state.cost_unit
-    return (cost << COST_SHIFT) + rank
+def cost_from(workspace, state, row, pose):
+    """Return the cost from a pose to the goal cell of a table."""
+    if state.guided:
+        return cost_in(state.tables, row, pose >> 2, pose & 3)
+    return cost_in(workspace.tables, row, pose >> 2, pose & 3)
 
 
 @kernel
-def cost_if_reached(state, operation, pose, goal):
-    """Return -(D - d) for an operation that reaches the goal cell after d + 1 actions, else 0."""
+def end_of(state, pose, operation):
+    """Return the pose in which an operation ends."""
+    cell = (pose >> 2) + np.int64(state.offset[pose & 3, operation, state.depth - 1])
+    return cell * 4 + ((pose + np.int64(state.turned[operation])) & 3)
+
+
+@kernel
+def cost_beyond(workspace, state, row, pose, way):
+    """Return what the cost from a pose exceeds the way from where the robot is, within bounds."""
+    return min(max(cost_from(workspace, state, row, pose) - way, -MAX_EXCESS), MAX_EXCESS)
+
+
+@kernel
+def plan_cost(workspace, state, i, pose, goal, row, way):
+    """Return what the plan of robot i costs, whatever class it is."""
+    plan = np.int64(state.plan[i])
+    if goal == NIL:
+        return plan
+    ticks = ticks_to_goal(state, plan, pose, goal)
+    if ticks:
+        cost = ticks - state.depth - 1 - way
+    else:
+        cost = cost_beyond(workspace, state, row, end_of(state, pose, plan), way)
+    return (cost << COST_SHIFT) + state.following.shape[0] - 1 - plan
+
+
+@kernel
+def ticks_to_goal(state, operation, pose, goal):
+    """Return after how many actions an operation reaches the goal cell; 0: it does not."""
     to_goal = goal - (pose >> 2)
     for tick in range(state.depth):
         if state.offset[pose & 3, operation, tick] == to_goal:
-            return tick - state.depth
+            return tick + 1
     return np.int64(0)
 
 
 @kernel
-def enter_keys(state, i, robot_type, pose, goal, row, is_near):
+def enter_keys(workspace, state, i, robot_type, pose, goal, row, way):
     """Enter the keys of the operations that are open to robot i; those with one end share its cost."""
     keys, count = state.key[i], 0
     cost, end = np.int64(0), np.int64(NIL)
     last_class = state.following.shape[0] - 1
+    is_near = goal != NIL and way <= state.depth * state.dearest_move
     for number in range(state.candidate.shape[0]):
         if (state.open[robot_type, pose, number >> 6] >> np.uint64(number & 63)) & _1 == 0:
             continue
         operation = np.int64(state.candidate[number])
-        rank = last_class - operation
-        if goal == NIL:
-            rank = operation
-        elif state.candidate_end[number] != end:
+        rank = operation if goal == NIL else last_class - operation
+        if goal != NIL and state.candidate_end[number] != end:
             end = np.int64(state.candidate_end[number])
-            cell = (pose >> 2) + np.int64(state.offset[pose & 3, operation, state.depth - 1])
-            heading = (pose + np.int64(state.turned[operation])) & 3
-            cost = distance_from(state.tables, row, cell, heading) * state.cost_unit
-        reached = cost_if_reached(state, operation, pose, goal) if is_near else 0
-        total = ((reached if reached else cost) << COST_SHIFT) + rank
-        keys[count] = total << CANDIDATE_BITS | number
+            cost = cost_beyond(workspace, state, row, end_of(state, pose, operation), way)
+        ticks = ticks_to_goal(state, operation, pose, goal) if is_near else 0
+        excess = ticks - state.depth - 1 - way if ticks else cost
+        keys[count] = ((excess << COST_SHIFT) + rank) << CANDIDATE_BITS | number
         count += 1
     state.key_count[i] = count
 

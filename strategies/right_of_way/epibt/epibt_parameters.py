@@ -45,10 +45,6 @@ class EpibtParameters(SteeringParameters, forbid_unknown_fields=True, frozen=Tru
     max_pushes: Annotated[
         int, Meta(ge=1, le=1_000_000, description="pushes after which a robot keeps its plan")
     ] = 100_000
-    table_mib: Annotated[
-        int,
-        Meta(ge=1, le=1_000_000, description="memory for tables of distances, in MiB"),
-    ] = 1024
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         """Return what this scenario asks for that EPIBT does not plan, or None."""

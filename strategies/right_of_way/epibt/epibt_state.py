@@ -14,11 +14,11 @@ import numpy as np
 from automaton.engine.jit.fields import CONSTANT, SCRATCH, field
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import NIL, Array
-from strategies.right_of_way.epibt.lattice_distances import DistanceTables, distance_tables
+from automaton.strategy.weighted_tables import DistanceTables, weighted_tables
+from strategies.right_of_way.epibt.lattice import AGAINST_STREET, TURN, lattice_weights
 from strategies.right_of_way.epibt.operations import FORWARD, RIGHT, WAIT, operations_of, trace
 
 NO_AIM = 4  # of an operation that never moves
-MIB = 1 << 20
 
 
 class EpibtState(Struct):
@@ -26,7 +26,8 @@ class EpibtState(Struct):
 
     depth: int = field("int64", "D, actions of a plan")
     oldest_first: int = field("int64", "1: robots go by age, 0: by their distances to their goals")
-    cost_unit: int = field("int64", "what a cost of 1 in the tables counts")
+    guided: int = field("int64", "1: distances are those of `tables`, 0: ticks")
+    dearest_move: int = field("int64", "the largest cost of an action in them")
     repair_tries: int = field("int64", "tries to improve the plans, for each robot")
     visits_allowed: int = field("int64", "how often a robot may be pushed in a tick")
     max_pushes: int = field("int64", "pushes after which a chain is given up")
@@ -87,18 +88,20 @@ def epibt_state(view, parameters):
     """Return the state for a run, where no robot has planned anything."""
     grid, operations = view.grid, operations_of(parameters.depth)
     guided = parameters.guidance == "lattice"
+    weights = lattice_weights(grid)
     offset, turned = operations_on(grid, operations)
     candidates, ends = candidates_by_end(operations)
     return EpibtState.sized(
         {"n": len(view.robots.cell), "C": len(grid.kind), "S": 4 if parameters.depth <= 4 else 8},
         depth=parameters.depth,
         oldest_first=int(parameters.first == "oldest"),
-        cost_unit=2 if guided else 1,
+        guided=int(guided),
+        dearest_move=AGAINST_STREET if guided else 1,
         repair_tries=parameters.repair_tries,
         visits_allowed=parameters.visits,
         max_pushes=parameters.max_pushes,
         repair_pushes=parameters.repair_pushes,
-        tables=distance_tables(grid, guided, parameters.table_mib * MIB),
+        tables=weighted_tables(view, np.stack([weights] * len(grid.type_cell_flags)), TURN),
         following=list(operations.following),
         action=[actions[0] for actions in operations.actions],
         aim=[first_aim(actions) for actions in operations.actions],

@@ -3,9 +3,9 @@
     F go forward    R turn right    L turn left    W wait
 
 Two sequences are of one class if the robot stands in the same cell after each action and ends with the
-same heading: robots that meet others make no difference between them. A plan is a class. In the next tick its first
-action has been done and a wait follows its last one, which is a class, too, so what robots have planned
-stays free of conflicts. New plans are chosen from the candidates: the classes that do not end in a turn,
+same heading: they meet the same robots. A plan is a class. In the next tick its first action has been
+done and a wait follows its last one, which is a class, too, so what robots have planned stays free of
+conflicts. New plans are chosen from the candidates: the classes that do not end in a turn,
 the full wait left out. Yukhnevich & Andreychuk, AAAI-26.
 
     D            3    4    5

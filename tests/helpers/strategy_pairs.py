@@ -44,6 +44,7 @@ from automaton.scenario.schema import LAYER_NAMES
 from automaton.strategy.lookup import names
 
 TICKS = 8000
+MAX_ROBOTS = 150  # scenarios with more robots are tried with so many: some strategies are in Python
 MORE = 4 * DEADLOCK_TICKS  # ticks between two looks for a first delivery
 FAULTS = ("SILENT", "ILLEGAL", "RAISED")
 Pair = tuple[tuple[str, str], tuple[str, str]]  # (layer, strategy) twice
@@ -59,7 +60,10 @@ class Trial(NamedTuple):
     def settings(self) -> list[str]:
         """As on the command line; a strategy that is the scenario's own keeps its parameters."""
         own = dict(OWN[self.scenario])
-        return [f"strategy.{one}={name}" for one, name in self.strategies if own[one] != name]
+        fewer = [f"fleet.robots={MAX_ROBOTS}"] if self.scenario in LARGE else []
+        return fewer + [
+            f"strategy.{one}={name}" for one, name in self.strategies if own[one] != name
+        ]
 
     def with_one(self, layer: str, name: str) -> Trial:
         """The same with another strategy in a layer."""
@@ -93,6 +97,7 @@ def own_strategies(scenario: str) -> tuple[tuple[str, str], ...]:
 
 
 OWN = {scenario: own_strategies(scenario) for scenario in shipped()}
+LARGE = {scenario for scenario in OWN if resolve(scenario).scenario.fleet.robots > MAX_ROBOTS}
 
 
 def resolved(trial: Trial) -> Resolved | Verdict:

@@ -16,7 +16,7 @@ from automaton.engine.state import (
     GOAL_PICK,
     NIL,
 )
-from automaton.strategy.kernels import UNREACHABLE, distance, kernel, lane_of, splitmix64
+from automaton.strategy.kernels import UNREACHABLE, cost_at, kernel, lane_of, splitmix64, table_of
 from strategies.right_of_way.pibt.pibt_state import LEAVING, STAY
 
 KEY_SHIFT = 8  # ticks stand above the bits that settle ties
@@ -102,9 +102,8 @@ def rank_options(view, state, workspace, i):
     )
     leaves = goal == NIL and has_to_leave(state, cell)
     may_turn = flags & MAY_TURN != 0 and is_lane_free(view, state, i)
-    here = (
-        np.int64(0) if goal == NIL else distance(view, workspace, robot_type, cell, heading, goal)
-    )
+    table = np.int64(NIL) if goal == NIL else table_of(view, workspace, robot_type, goal)
+    here = np.int64(0) if table == NIL else cost_at(view, workspace, table, cell, heading)
     state.keys[0] = ((here + 1) << KEY_SHIFT) | STAY_BITS
     state.options[i, 0] = STAY
     count = 1
@@ -114,8 +113,8 @@ def rank_options(view, state, workspace, i):
             continue
         to = cell + grid.offset[direction]
         cost = turns * np.int64(duration[ACTION_TURN]) + np.int64(duration[ACTION_MOVE])
-        if goal != NIL:
-            cost += distance(view, workspace, robot_type, to, direction & mask, goal)
+        if table != NIL:
+            cost += cost_at(view, workspace, table, to, direction & mask)
         elif not (leaves and direction == state.way_out[cell]):
             cost += 1
         else:

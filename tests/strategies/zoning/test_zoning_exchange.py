@@ -118,7 +118,7 @@ def test_giving_keeps_a_partition(seed: int, zones: int, gifts: list[tuple[int, 
     _, _, roads = factory()
     workspace = scratch(roads, zones)
     design, tried = design_arrays(roads, zones), design_arrays(roads, zones)
-    assert random_design(roads, factory_rules(roads), design, workspace, seed, 0)
+    assert random_design(roads, factory_rules(roads), design, workspace, np.uint64(seed), 0)
     check_partition(roads, design)
     for station, through in gifts:
         if design.zone[station] == design.zone[through]:
@@ -134,7 +134,7 @@ def test_giving_keeps_a_partition(seed: int, zones: int, gifts: list[tuple[int, 
 def test_removing_keeps_the_rest_a_partition(seed: int, station: int) -> None:
     _, _, roads = factory()
     workspace, design = scratch(roads, 3), design_arrays(roads, 3)
-    assert random_design(roads, factory_rules(roads), design, workspace, seed, 0)
+    assert random_design(roads, factory_rules(roads), design, workspace, np.uint64(seed), 0)
     before, zone = stations(design), int(design.zone[station])
     if len(before[zone]) > 1 and remove(roads, design, workspace, station, (zone + 1) % 3):
         after = stations(design)

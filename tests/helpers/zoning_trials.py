@@ -82,7 +82,7 @@ def turn(scene: dict[str, Any], leader: int, mean: float, seed: int) -> float:
         negotiation.NEGOTIATION_STEPS,
         negotiation.DEFAULT_ACCEPTANCE_SCALE,
     )
-    known = (scene["design"], scene["workspace"], leader, scene["reach"], mean, seed, 0)
+    known = (scene["design"], scene["workspace"], leader, scene["reach"], mean, np.uint64(seed), 0)
     before = (
         scene["roads"],
         scene["rules"],

@@ -151,7 +151,7 @@ def test_exchanges_of_a_leader_keep_to_what_robots_serve_and_to_priority() -> No
             before = design.zone.copy()
             lead(
                 roads, rules, parts, 4.5, 0.3, 20, 10.0, 0, 10,
-                design, workspace, turn % 3, everyone(3), 10.0 * turn, seed, turn,
+                design, workspace, turn % 3, everyone(3), 10.0 * turn, np.uint64(seed), turn,
             )  # fmt: skip
             moved += int((design.zone != before).any())
             assert_served(design, workspace)

@@ -25,7 +25,10 @@ from zoning_scenes import (
 )
 from zoning_trials import ANNEALED, evolved, repaired, south, turn
 
+from automaton.build.resolve import resolve
+from automaton.engine.jit.kernel import jit_is_on
 from automaton.engine.service_zones import Design
+from automaton.runs.simulation import Simulation
 from strategies.zoning.annealing import annealing
 from strategies.zoning.decentralized import negotiation
 from strategies.zoning.design.design_files import design_arrays, read_design
@@ -271,3 +274,13 @@ def test_with_the_jit_off_everything_is_the_same() -> None:
         for jit in ("0", "1")
     )
     assert compiled == plain != ""
+
+
+@pytest.mark.skipif(not jit_is_on(), reason="compilation is off")
+def test_seeds_reach_kernels_from_python_as_they_do_from_kernels() -> None:
+    """With int64 besides uint64, all that zones are made by would be compiled twice."""
+    bred = "strategy.zoning={name: genetic, design: factory-logged, generations: 2}"
+    for settings in ((), (bred,)):
+        Simulation(resolve("factory", settings)).run(until=9000)
+    for kernel in (annealing.repair, genetic_zones.evolve):
+        assert {str(arguments[-2]) for arguments in kernel.signatures} == {"uint64"}

@@ -76,10 +76,11 @@ def find_costs(tables, cost_set, goal):
 @kernel
 def drain(tables, cost_set, source, now):
     """Settle the entries of a queue that cost as much as `now`, and enter what comes before them."""
-    headings, entries = tables.headings, tables.entries[cost_set]
-    queue, end, reached = tables.queue, tables.end, tables.reached
+    headings, entries, offset = tables.headings, tables.entries[cost_set], tables.offset
+    queue, end, reached, cost_of = tables.queue, tables.end, tables.reached, tables.cost[cost_set]
     turn_queue = np.int64(tables.turn_queue[cost_set])
-    turn_cost = (now + tables.cost[cost_set, turn_queue]) << ENTRY_COST
+    turn_cost = (now + cost_of[turn_queue]) << ENTRY_COST
+    step_cost = (now + cost_of[0]) << ENTRY_COST
     is_weighted = tables.step_queue.shape[0] > 0
     at = np.uint64(tables.head[source])
     while at < np.uint64(end[source]):
@@ -106,13 +107,15 @@ def drain(tables, cost_set, source, now):
         direction = 0
         while ways:
             if ways & 1:
-                before = cell - tables.offset[np.uint64(direction)]
+                before = cell - offset[np.uint64(direction)]
                 heading = 1 << (direction & (headings - 1))
                 if np.int64(reached[np.uint64(before)]) & heading == 0:
-                    q = np.int64(0)
+                    q, cost = np.uint64(0), step_cost
                     if is_weighted:
-                        q = np.int64(tables.step_queue[cost_set, np.uint64(4 * before + direction)])
-                    cost = (now + tables.cost[cost_set, q]) << ENTRY_COST
+                        q = np.uint64(
+                            tables.step_queue[cost_set, np.uint64(4 * before + direction)]
+                        )
+                        cost = (now + cost_of[q]) << ENTRY_COST
                     queue[q, np.uint64(end[q])] = cost | (before << ENTRY_CELL) | heading
                     end[q] += 1
             ways >>= 1
@@ -120,7 +123,7 @@ def drain(tables, cost_set, source, now):
     tables.head[source] = np.int64(at)
 
 
-@kernel
+@kernel(inline=True)
 def note_costs(tables, cell, known, new, now):
     """Note the cost of new headings of a cell, of which some are known."""
     if tables.is_narrow:
@@ -136,7 +139,7 @@ def note_costs(tables, cell, known, new, now):
                 tables.costs[np.uint64(cell * tables.headings + heading)] = now
 
 
-@kernel
+@kernel(inline=True)
 def turned_from(headings, chosen):
     """The set of headings a quarter turn from a set of them, to both sides."""
     if headings == 4:

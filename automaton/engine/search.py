@@ -11,10 +11,11 @@ turn, then the lowest direction (E, S, W, N).
 
 import numpy as np
 
-from automaton.engine.distance_tables import UNREACHABLE
+from automaton.engine.distance_tables import POSE16, TABLES_ENCODING, TABLES_WORDS, UNREACHABLE
 from automaton.engine.facilities import MAY_TURN
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import has_room
+from automaton.engine.prefetch import prefetch
 from automaton.engine.state import ACTION_MOVE, ACTION_TURN, CLOCK_TICK, NIL
 from automaton.engine.table_rows import cost_in, row_to
 
@@ -67,6 +68,16 @@ def table_of(view, workspace, robot_type, goal_cell):
 def cost_at(view, workspace, table, cell, heading):
     """Ticks from a pose to the goal cell of a table on the empty floor, UNREACHABLE: no way."""
     return cost_in(workspace.tables, table, cell, heading)
+
+
+@kernel
+def fetch_cost(view, workspace, table, cell):
+    """Ask the memory for what `cost_at` will read of a table for a cell."""
+    tables = workspace.tables
+    number = np.int64(tables.number[cell])
+    if number >= 0 and table >= 0:
+        per_cell = tables.headings if tables.status[TABLES_ENCODING] >= POSE16 else 1
+        prefetch(tables.pool, np.uint64(table * tables.status[TABLES_WORDS] + number * per_cell))
 
 
 @kernel

@@ -199,16 +199,16 @@ def write_row(tables, row):
 
 @kernel
 def write_joint(tables, begin):
+    fits = True
     for number in range(tables.drivable.shape[0]):
-        cell = np.uint64(tables.drivable[number])
+        cell = np.uint64(tables.drivable[np.uint64(number)])
         word = np.int64(FAR)
         if tables.reached[cell]:
             pattern = np.int64(tables.pattern_of[np.uint64(tables.turns[cell])])
             word = np.int64(tables.least[cell]) * tables.patterns + pattern
-            if word >= FAR:
-                return False
+            fits &= word < FAR
         tables.pool[np.uint64(begin + number)] = word
-    return True
+    return fits
 
 
 @kernel

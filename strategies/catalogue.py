@@ -97,7 +97,7 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
         "greedy": Entry(
             "strategies.allocation.greedy.greedy:Greedy",
             GreedyParameters,
-            "cheapest pair of robot and order first; what is not begun may be matched anew",
+            "cheapest pair of robot and order first; what is not begun may be matched again",
         ),
         "shortest-job": Entry(
             "strategies.allocation.shortest_job:ShortestJob",

@@ -69,15 +69,18 @@ def _dealt_out(scenario: Scenario, floor_plan: FloorPlan) -> int:
     begin, end = cells[first[:-1]], cells[first[1:] - 1]
     spent = np.zeros(robots, np.int64)
     here = np.full(robots, NIL)
-    rounds = idle = 0  # idle: rounds in which all passed over their tasks
-    while (spent <= ticks).any() and rounds * robots <= MAX_ORDERS and idle <= len(count):
+    idle = np.zeros(robots, np.int64)  # rounds in which a robot passed over its tasks
+    rounds = 0
+    while (spent <= ticks).any() and rounds * robots <= MAX_ORDERS:
         task = (rounds * robots + np.arange(robots)) % len(count)
         way = np.where(here == NIL, 0, _moves(here, begin[task], floor_plan))
         took = np.maximum(way * _move_ticks(scenario), 1) + within[task] - 1
         passed = scenario.orders.skip_reached & (way == 0)
         spent += np.where(passed, 0, took)
         here = np.where(passed & (here != NIL), here, end[task])
-        rounds, idle = rounds + 1, idle + 1 if passed.all() else 0
+        idle = np.where(passed, idle + 1, 0)
+        spent[idle > len(count)] = ticks + 1  # it will pass over all of them
+        rounds += 1
     return (rounds + 1) * robots
 
 

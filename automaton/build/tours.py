@@ -25,18 +25,18 @@ def build_stops(
     resolved: Resolved, service: Service, orders: int, seed: int
 ) -> tuple[Array, Stops]:
     """(orders + 1,) int32 where the stops of each order begin among all, and all stops."""
-    given = resolved.scenario.orders
+    demand = resolved.scenario.orders
     count = np.zeros(orders, np.int64)
     cells = np.zeros(0, np.int64)
-    if given.listed is not None:
-        listed = [line.stops or () for line in given.listed]
+    if demand.listed is not None:
+        listed = [line.stops or () for line in demand.listed]
         count = np.array([len(stops) for stops in listed], np.int64)
         cell = resolved.floor_plan.cell
         cells = np.array([cell(x, y) for stops in listed for x, y in stops], np.int64)
-    elif given.tasks is not None:
+    elif demand.tasks is not None:
         count, cells = stops_of_tasks(resolved, orders)
-    elif given.generator == "tours":
-        count = stop_counts(given, orders, seed)
+    elif demand.generator == "tours":
+        count = stop_counts(demand, orders, seed)
         cells = drawn_stops(cells_of_all(service), count, seed)
     first = np.concatenate([[0], np.cumsum(count)]).astype(np.int32)
     return first, Stops.sized({"v": len(cells)}, cell=cells.astype(np.int32))

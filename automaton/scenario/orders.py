@@ -298,13 +298,13 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
 
     def _check_tasks(self) -> None:
         if self.tasks is None:
-            for name, given in (
+            for name, is_set in (
                 ("repeat", self.repeat),
                 ("revealed", self.revealed is not None),
                 ("assign", self.assign != "pool"),
                 ("skip_reached", self.skip_reached),
             ):
-                if given:
+                if is_set:
                     raise ValueError(f"{name} belongs to tasks")
             return
         if not self.tasks:

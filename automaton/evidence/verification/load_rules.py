@@ -199,7 +199,7 @@ class Loads:
         self._check_acts(did, {}, handled)
 
     def visit(self, tick: int, rows: Rows) -> None:
-        """Carry out the stops that are done at the end of a tick; all that are must be told."""
+        """Carry out the stops that are done at the end of a tick; the recording has all of them."""
         standing = {r for r in self.touring if self.visits.is_at_stop(r, self.order[r])}
         visiting: set[int] = set()
         for _, code, subject, value in rows:
@@ -217,7 +217,7 @@ class Loads:
                 text = f"a change among stops: {code} {subject} {value}"
                 self.report_violation("record", [], NIL, text)
         for r in sorted(standing - visiting):
-            text = f"stands at a stop of order {self.order[r]}, which is not told as done"
+            text = f"stands at a stop of order {self.order[r]}, which is not recorded as done"
             self.report_violation("visit", [r], self.motion.cell[r], text)
 
     def _do_stop(self, tick: int, r: int, order: int) -> None:
@@ -225,6 +225,7 @@ class Loads:
             text = f"does a stop of order {order} that it has not"
             self.report_violation("visit", [r], self.motion.cell[r], text)
         self.visits.visit(tick, r, order)
+        self.motion.parked[r] = False  # it may have stood there, and did nothing else
         self.state[order] = ORDER_STARTED
         if self.visits.is_over(order):
             self.state[order] = ORDER_DELIVERED

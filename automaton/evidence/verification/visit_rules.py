@@ -19,16 +19,16 @@ class Visits:
     def __init__(self, header: dict[str, Any], motion: Motion, report_violation: Complaint) -> None:
         self.motion = motion
         self.report_violation = report_violation
-        given = header.get("stops")
-        self.cell: list[int] = [] if given is None else given["cell"].tolist()
+        stops = header.get("stops")
+        self.cell: list[int] = [] if stops is None else stops["cell"].tolist()
         orders = len(header["orders"]["source"])
         first = header["orders"].get("first_stop")
         self.first: list[int] = [0] * (orders + 1) if first is None else first.tolist()
         self.next: list[int] = self.first[:-1]  # stop that each order needs next
         self.done = [NIL] * len(self.cell)  # tick of each stop
-        given_orders = header["scenario"]["orders"]
-        self.dealt_out: bool = given_orders.get("assign") == "round-robin"
-        self.skips: bool = given_orders.get("skip_reached", False)
+        scenario_orders = header["scenario"]["orders"]
+        self.dealt_out: bool = scenario_orders.get("assign") == "round-robin"
+        self.skips: bool = scenario_orders.get("skip_reached", False)
         self.announced: list[int] = []  # orders that are known from the next tick on
         self.count = 0
 

@@ -85,7 +85,9 @@ def world_from(text: str, resolved: Resolved) -> Simulation:
     simulation = Simulation(resolved, said.seed)
     world, floor_plan = simulation.world, resolved.floor_plan
     if world.rules.assigned:
-        raise InputError("a picture does not tell which orders are known where robots have their own")
+        raise InputError(
+            "a picture does not show which orders are known where robots have their own"
+        )
     check_names(said, world)
     for identity, line in said.robots.items():
         set_robot(world, floor_plan, int(world.robots.at_index[identity]), line)
@@ -196,7 +198,7 @@ def set_order(world: World, floor_plan: FloorPlan, order: int, facts: Facts) -> 
 
 
 def set_stops(world: World, line: OrderLine) -> None:
-    """Let the first stops of an order be done in the ticks that its line tells."""
+    """Let the first stops of an order be done in the ticks of its line."""
     orders = world.orders
     first, end = orders.first_stop[line.number : line.number + 2].tolist()
     if len(line.stops) > end - first:

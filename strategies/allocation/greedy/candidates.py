@@ -72,7 +72,7 @@ class Seekers(Struct, role=SCRATCH):
 
 @kernel
 def update_open_orders(view, open_orders):
-    """Leave out what is done, and add what has become known; returns the first place of that."""
+    """Leave out what is done, and add what was released; returns the first place of that."""
     count = 0
     for place in range(open_orders.count[0]):
         order = open_orders.order[place]

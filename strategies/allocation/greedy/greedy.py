@@ -2,7 +2,7 @@
 
 Exact ticks on the empty floor count, from where the robot is free to drive on to where the order
 begins. Orders without a load that are not begun may be given to other robots again: every `reassign`
-ticks all robots and orders that are not under way are matched anew, and a robot keeps its order unless
+ticks all robots and orders that are not under way are matched again, and a robot keeps its order unless
 a cheaper pair parts them. A load that was picked up goes to its own target.
 """
 
@@ -110,7 +110,7 @@ class Greedy(Strategy):
         self.period = self.parameters.reassign or 0
 
     def reset(self, view):
-        given, robots = self.parameters, len(view.robots.cell)
+        parameters, robots = self.parameters, len(view.robots.cell)
         cells, headings = len(view.grid.kind), int(view.grid.headings)
         places = most_open_orders(view)
         with_loads = bool((view.orders.source != NIL).any())
@@ -118,11 +118,11 @@ class Greedy(Strategy):
         steps = view.rules.duration[:, [ACTION_MOVE, ACTION_TURN]]
         sizes = {"p": places, "C": cells, "P": poses, "robots": robots}
         sizes |= {"k": 4 * places if with_loads else places, "h": robots, "E": 4 * poses + 8}
-        sizes |= {"w": len(view.orders.state) if given.rest else 0, "b": int(steps.max()) + 1}
+        sizes |= {"w": len(view.orders.state) if parameters.rest else 0, "b": int(steps.max()) + 1}
         return GreedyState(
-            rest=round(1000 * given.rest),
-            active=NIL if given.active is None else given.active,
-            parks=int(given.idle == "park"),
+            rest=round(1000 * parameters.rest),
+            active=NIL if parameters.active is None else parameters.active,
+            parks=int(parameters.idle == "park"),
             open_orders=OpenOrders.sized(sizes),
             marks=Marks.sized(sizes),
             seekers=Seekers.sized(sizes),

@@ -26,7 +26,7 @@ class GreedyParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True, 
         Ticks | None,
         Meta(
             description="ticks after which robots and orders without a load that are not begun are "
-            "matched anew; null: a robot keeps what it has taken"
+            "matched again; null: a robot keeps what it has taken"
         ),
     ] = None
     active: Annotated[

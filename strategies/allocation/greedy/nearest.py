@@ -168,9 +168,9 @@ def find_robot(view, stop, search, open_orders, seekers, place):
     order = np.int64(open_orders.order[place])
     search.found[0] = NOTHING
     for robot_type in range(view.slots.reachable.shape[0]):
-        kept_cost, kept = search.found[0], search.found[1]
+        cost, robot = search.found[0], search.found[1]
         begin(search)
-        search.found[0], search.found[1] = kept_cost, kept
+        search.found[0], search.found[1] = cost, robot
         reach_begin(view, search, robot_type, order)
         search_back(view, stop, search, open_orders, seekers, robot_type, order, place)
         search.bucket[:] = NIL

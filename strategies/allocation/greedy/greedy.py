@@ -118,7 +118,10 @@ class Greedy(Strategy):
         steps = view.rules.duration[:, [ACTION_MOVE, ACTION_TURN]]
         sizes = {"p": places, "C": cells, "P": poses, "robots": robots}
         sizes |= {"k": 4 * places if with_loads else places, "h": robots, "E": 4 * poses + 8}
-        sizes |= {"w": len(view.orders.state) if parameters.rest else 0, "b": int(steps.max()) + 1}
+        sizes |= {
+            "w": len(view.orders.state) if parameters.rest else 0,
+            "power of two": 1 << int(steps.max()).bit_length(),
+        }
         return GreedyState(
             rest=round(1000 * parameters.rest),
             active=NIL if parameters.active is None else parameters.active,

@@ -18,6 +18,7 @@ from automaton.engine.state import ACTION_MOVE, ACTION_TURN, NIL, Array
 from automaton.strategy.kernels import can_do, has_stops, kernel, next_stop_cell, pickup_cell
 from strategies.allocation.greedy.candidates import TICK, rest_of
 
+U = np.uint64  # unsigned where it indexes: saves the test for a negative index
 NOTHING = 1 << 60  # the cost of no candidate
 COST_BITS = 32
 COST_MASK = (1 << COST_BITS) - 1
@@ -30,7 +31,9 @@ class Search(Struct, role=SCRATCH):
     number: Array = field("(1,) int64", "searches so far")
     poses: Array = field("(1,) int64", "poses expanded so far: what searches have cost")
     bucket: Array = field(
-        "(b,) int32", "the first entry of a cost, modulo b; NIL between searches", default=NIL
+        "(power of two,) int32",
+        "the first entry of a cost, modulo their number; NIL between searches",
+        default=NIL,
     )
     pose: Array = field("(E,) int32", "of an entry")
     following: Array = field("(E,) int32", "the next entry of its bucket, or NIL")
@@ -49,16 +52,16 @@ def begin(search):
 @kernel
 def reach(search, pose, cost):
     """Enter a pose into the bucket of a cost unless it was reached cheaper."""
-    before = search.reached[pose]
+    before = search.reached[U(pose)]
     number = search.number[0]
     if before >> COST_BITS == number and before & COST_MASK <= cost:
         return
-    search.reached[pose] = (number << COST_BITS) | cost
+    search.reached[U(pose)] = (number << COST_BITS) | cost
     entry = search.entries[0]
     search.entries[0] = entry + 1
-    at = cost % search.bucket.shape[0]
-    search.pose[entry] = pose
-    search.following[entry] = search.bucket[at]
+    at = U(cost & (search.bucket.shape[0] - 1))
+    search.pose[U(entry)] = pose
+    search.following[U(entry)] = search.bucket[at]
     search.bucket[at] = entry
 
 
@@ -67,7 +70,7 @@ def next_cost(search, cost):
     """The least cost from `cost` on of which poses wait; NIL if none does."""
     size = search.bucket.shape[0]
     for more in range(size):
-        if search.bucket[(cost + more) % size] != NIL:
+        if search.bucket[U((cost + more) & (size - 1))] != NIL:
             return cost + more
     return NIL
 
@@ -75,12 +78,12 @@ def next_cost(search, cost):
 @kernel
 def next_pose(search, cost):
     """The next pose that waits at a cost; NIL if none does."""
-    at = cost % search.bucket.shape[0]
+    at = U(cost & (search.bucket.shape[0] - 1))
     while search.bucket[at] != NIL:
-        entry = search.bucket[at]
+        entry = U(search.bucket[at])
         search.bucket[at] = search.following[entry]
         pose = np.int64(search.pose[entry])
-        if search.reached[pose] & COST_MASK == cost:
+        if search.reached[U(pose)] & COST_MASK == cost:
             return pose
     return np.int64(NIL)
 
@@ -91,6 +94,7 @@ def find_order(view, stop, search, open_orders, marks, seekers, i):
     begin(search)
     reach(search, np.int64(seekers.pose[i]), 0)
     robot_type, headings = np.int64(view.robots.type[i]), view.grid.headings
+    shift = headings >> 1  # 1, 2 or 4 headings
     delay = TICK * seekers.delay[i]
     cost = next_cost(search, 0)
     while cost != NIL and stop[0] == 0:
@@ -101,10 +105,10 @@ def find_order(view, stop, search, open_orders, marks, seekers, i):
             cost = next_cost(search, cost)
             continue
         search.poses[0] += 1
-        cell = pose // headings
-        if marks.head[cell] != NIL:
+        cell = pose >> shift
+        if marks.head[U(cell)] != NIL:
             look_at_marks(view, search, open_orders, marks, seekers, i, cell, TICK * cost + delay)
-        go_on(view, search, robot_type, cell, pose % headings, cost)
+        go_on(view, search, robot_type, cell, pose & (headings - 1), cost)
     search.bucket[:] = NIL
 
 
@@ -150,12 +154,13 @@ def offer(search, cost, candidate):
 def go_on(view, search, robot_type, cell, heading, cost):
     """Reach the poses that follow on a pose."""
     grid, duration = view.grid, view.rules.duration
-    flags = np.int64(grid.type_cell_flags[robot_type, cell])
+    flags = np.int64(grid.type_cell_flags[U(robot_type), U(cell)])
     headings = grid.headings
     for direction in range(heading, 4, headings):
         if (flags >> direction) & 1:
-            after = cell + grid.offset[direction]
-            reach(search, after * headings + heading, cost + duration[robot_type, ACTION_MOVE])
+            after = cell + grid.offset[U(direction)]
+            moved = cost + duration[U(robot_type), U(ACTION_MOVE)]
+            reach(search, after * headings + heading, moved)
     if headings > 1 and flags & MAY_TURN:
         turned = cost + duration[robot_type, ACTION_TURN]
         reach(search, cell * headings + ((heading + 1) & (headings - 1)), turned)
@@ -197,6 +202,7 @@ def reach_begin(view, search, robot_type, order):
 def search_back(view, stop, search, open_orders, seekers, robot_type, order, place):
     """Go back from what is reached until no robot can be cheaper than the one found."""
     headings, rest = view.grid.headings, rest_of(open_orders, order)
+    shift = headings >> 1
     cost = next_cost(search, 0)
     while cost != NIL and stop[0] == 0:
         if 2 * (TICK * cost + rest) > search.found[0]:
@@ -212,7 +218,7 @@ def search_back(view, stop, search, open_orders, seekers, robot_type, order, pla
                 ticks = TICK * (cost + seekers.delay[i]) + rest
                 offer_robot(view, search, 2 * ticks + (place != seekers.place[i]), i)
             i = np.int64(seekers.following[i])
-        go_back(view, search, robot_type, pose // headings, pose % headings, cost)
+        go_back(view, search, robot_type, pose >> shift, pose & (headings - 1), cost)
 
 
 @kernel

@@ -365,8 +365,9 @@ def check_service(document: Document, fleet: FleetOnFloor) -> None:
         cell = int(floor_plan.stations[number - 1])
         if not served[fleet.slot_of[cell]]:
             raise document.error(("layout",), f"station {number} cannot be served: {because(cell)}")
-    for number, task in enumerate(orders.tasks or ()):
-        if all(fleet.within[:, floor_plan.cell(*cell)].all() for cell in task):
+    tasks: Sequence[Any] = orders.tasks or ()
+    for number, task in enumerate(tasks):
+        if all(fleet.within[:, floor_plan.cell(x, y)].all() for x, y in task):
             continue
         check_reached(document, fleet, task, 1, ("orders", "tasks", number))
     for index, order in enumerate(orders.listed or ()):

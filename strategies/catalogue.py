@@ -14,7 +14,7 @@ from automaton.strategy.entry import (
 from strategies.allocation.alley_parameters import Alleys
 from strategies.allocation.auction.auction_parameters import Auctions, ShortestJob
 from strategies.allocation.greedy.greedy_parameters import GreedyParameters
-from strategies.allocation.load_parameters import LoadsAlone
+from strategies.allocation.load_parameters import AnyRobot, LoadsAlone
 from strategies.charging.charging_parameters import FillUp, Insertion, Opportunity, Threshold
 from strategies.right_of_way.right_of_way_parameters import RetreatParameters, Waits
 from strategies.routing.astar.astar_parameters import TieBreaking
@@ -91,7 +91,7 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
         ),
         "first-come": Entry(
             "strategies.allocation.first_come:FirstCome",
-            NoParameters,
+            AnyRobot,
             "oldest unreserved order, carried to its destination",
         ),
         "greedy": Entry(

@@ -1,4 +1,4 @@
-"""The parameters of allocations that know only orders with a load. Imports no Numba."""
+"""The parameters of allocations that do not know all kinds of orders. Imports no Numba."""
 
 from __future__ import annotations
 
@@ -14,6 +14,21 @@ def refusal_of_tours(scenario: Scenario) -> str | None:
     if not has_tours(scenario.orders):
         return None
     return "it knows only orders with a load, and some have stops; greedy and first-come do those"
+
+
+def refusal_of_own_orders(scenario: Scenario) -> str | None:
+    """Return why an allocation that gives any order to any robot does not fit, None if it does."""
+    if scenario.orders.assign != "round-robin":
+        return None
+    return "it gives any order to any robot, and orders.assign is round-robin; greedy does that"
+
+
+class AnyRobot(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """No parameters; but robots must not have orders of their own."""
+
+    def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
+        """One cursor goes over the orders for all robots of a type."""
+        return refusal_of_own_orders(scenario)
 
 
 class LoadsAlone(msgspec.Struct, forbid_unknown_fields=True, frozen=True):

@@ -101,6 +101,14 @@ def test_a_run_that_never_ends_says_how_it_could(tmp_path: Path) -> None:
         resolve(written(tmp_path, orders), ["stop.max_duration=20000000"])
 
 
+@pytest.mark.parametrize("name", ["first-come", "shortest-job"])
+def test_who_gives_any_order_to_any_robot_says_so(tmp_path: Path, name: str) -> None:
+    path = written(tmp_path, "{tasks: [[[0, 0]]], assign: round-robin}")
+    resolve(path)
+    with pytest.raises(InputError, match=r"orders\.assign is round-robin; greedy does"):
+        resolve(path, [f"strategy.allocation={name}"])
+
+
 @pytest.mark.parametrize(
     ("layer", "name"),
     [

@@ -20,7 +20,7 @@ from typing import Final, NamedTuple
 import msgspec
 
 from automaton.errors import InputError, nearest
-from automaton.scenario.document import Document
+from automaton.scenario.document import Document, ListFile
 from automaton.scenario.orders import OrderLine
 from automaton.scenario.reading import content_hash, read_text
 from automaton.scenario.schema import Scenario
@@ -55,7 +55,8 @@ def with_orders_of_file(
         raise document.error(("orders", "arrivals", "file"), text)
     found = read_orders(read_text(path), str(path))
     orders = msgspec.structs.replace(scenario.orders, arrivals=None, listed=found.orders)
-    document = replace(document, listed=(found.path, found.lines))
+    listed = ListFile(("orders", "list"), found.path, found.lines)
+    document = replace(document, listed=listed)
     absolute = found._replace(path=str(path.resolve()))
     return document, msgspec.structs.replace(scenario, orders=orders), absolute
 

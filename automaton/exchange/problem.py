@@ -59,7 +59,7 @@ class Problem:
     @property
     def open_tasks(self) -> int:
         """How many tasks are open at once, with a pool."""
-        return int(self.revealed * self.robots + 1e-9)
+        return max(1, int(self.revealed * self.robots + 1e-9))
 
 
 def checked(problem: Problem) -> Problem:

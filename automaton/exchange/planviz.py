@@ -23,6 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automaton.errors import InputError
+from automaton.exchange.planviz_2023 import as_of_2024, is_of_2023
 from automaton.scenario.document import Document
 from automaton.scenario.validation import shown, validated
 from automaton.units import count
@@ -63,7 +64,8 @@ class PlanvizOutput:
     file: str
     start: list[tuple[int, int, str]]
     actions: Actions
-    schedule: list[list[tuple[int, int]]]  # for each robot (tick, task) in the order of ticks
+    # For each robot (tick, task) in the order of ticks; None where outputs have none, in 2023.
+    schedule: list[list[tuple[int, int]]] | None
     events: list[tuple[int, int, int, int]]  # in the order of ticks
     tasks: dict[
         int, tuple[int, list[tuple[int, int]]]
@@ -85,6 +87,9 @@ def read_output(path: Path) -> PlanvizOutput:
     """Read an output. Raises InputError where a key is missing or parts do not fit each other."""
     file = str(path)
     data = _parsed(path)
+    dealt_out = is_of_2023(data)
+    if dealt_out:
+        data = as_of_2024(data, file)
     said = validated(Document(data={}, file=file), data, PlanvizFile)
     if said.action_model != ACTION_MODEL:
         raise InputError(
@@ -109,7 +114,7 @@ def read_output(path: Path) -> PlanvizOutput:
         file=file,
         start=said.start,
         actions=actions,
-        schedule=[_schedule(text, robot, file) for robot, text in enumerate(said.actual_schedule)],
+        schedule=None if dealt_out else _schedules(said.actual_schedule, file),
         events=sorted(said.events, key=lambda event: event[0]),
         tasks=tasks,
         finished=said.num_task_finished,
@@ -193,6 +198,10 @@ def _check_event(
         wrong = f"task {task}, which is not among the tasks"
     if wrong:
         raise InputError(f"events[{number}] is of {wrong}", file)
+
+
+def _schedules(texts: list[str], file: str) -> list[list[tuple[int, int]]]:
+    return [_schedule(text, robot, file) for robot, text in enumerate(texts)]
 
 
 def _schedule(text: str, robot: int, file: str) -> list[tuple[int, int]]:

@@ -91,7 +91,7 @@ def _broken_by(
     elif (row, column) != places[done]:
         where = f"row {places[done][0]}, column {places[done][1]}"
         text = f"is in row {row}, column {column}, not in {where} for task {task}"
-    elif not _is_scheduled(output.schedule[robot], tick, task):
+    elif not _is_scheduled(output, robot, tick, task):
         text = f"visits for task {task}, which is not scheduled for it then"
     elif done == 0 and not _is_next(problem, progress, robot, task):
         text = f"visits for task {task}, which is not its next one"
@@ -115,8 +115,11 @@ def _enter(progress: Progress, event: tuple[int, int, int, int], visits: int, ce
     progress.finished_at.append(tick)
 
 
-def _is_scheduled(schedule: list[tuple[int, int]], tick: int, task: int) -> bool:
+def _is_scheduled(output: PlanvizOutput, robot: int, tick: int, task: int) -> bool:
     """Whether a task is a robot's at the end of a tick; start kits count from this tick or the next."""
+    if output.schedule is None:
+        return True
+    schedule = output.schedule[robot]
     first = bisect_right(schedule, tick - 1, key=lambda entry: entry[0])
     now = bisect_right(schedule, tick, key=lambda entry: entry[0])
     return any(scheduled == task for _, scheduled in schedule[max(0, first - 1) : now])

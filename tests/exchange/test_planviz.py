@@ -42,13 +42,13 @@ VALID: dict[str, Any] = {
 }
 
 
-def problem_file(folder: Path, version: str = "2024 LoRR") -> Path:
+def problem_file(folder: Path, season: str = "2024 LoRR", tasks: list[str] = TASKS) -> Path:
     (folder / "a.map").write_text(MAP)
     (folder / "a.agents").write_text("2\n0\n3\n")
-    (folder / "a.tasks").write_text("\n".join([str(len(TASKS)), *TASKS]) + "\n")
+    (folder / "a.tasks").write_text("\n".join([str(len(tasks)), *tasks]) + "\n")
     data = {"mapFile": "a.map", "agentFile": "a.agents", "taskFile": "a.tasks", "teamSize": 2}
     path = folder / "problem.json"
-    path.write_text(json.dumps({**data, "numTasksReveal": 1.5, "version": version}))
+    path.write_text(json.dumps({**data, "numTasksReveal": 1.5, "version": season}))
     return path
 
 
@@ -60,9 +60,11 @@ def output_file(folder: Path, **changed: object) -> Path:
     return path
 
 
-def verdict(folder: Path, version: str = "2024 LoRR", **changed: object) -> Violation | None:
+def verdict(
+    folder: Path, season: str = "2024 LoRR", tasks_of: list[str] = TASKS, **changed: object
+) -> Violation | None:
     output = read_output(output_file(folder, **changed))
-    return verify_output(output, read_problem(problem_file(folder, version)))
+    return verify_output(output, read_problem(problem_file(folder, season, tasks_of)))
 
 
 def events(*changed: list[int]) -> list[list[int]]:
@@ -178,7 +180,7 @@ def test_robots_may_follow_each_other_in_one_tick(tmp_path: Path) -> None:
 def test_the_first_violation_of_tasks_is_named(
     changed: dict[str, object], sentence: str, tmp_path: Path
 ) -> None:
-    assert str(verdict(tmp_path, "2024 LoRR", **changed)).startswith(sentence)
+    assert str(verdict(tmp_path, "2024 LoRR", TASKS, **changed)).startswith(sentence)
 
 
 def test_a_begun_task_stays_with_its_robot(tmp_path: Path) -> None:
@@ -190,7 +192,7 @@ def test_a_begun_task_stays_with_its_robot(tmp_path: Path) -> None:
         "actualSchedule": ["0:0", "0:0"],
         "tasks": VALID["tasks"][:3],
     }
-    found = verdict(tmp_path, "2024 LoRR", **changed)
+    found = verdict(tmp_path, "2024 LoRR", TASKS, **changed)
     assert found is not None and (found.tick, found.robots) == (5, (1, 0))
 
 
@@ -202,7 +204,7 @@ def test_a_robot_finishes_what_it_has_begun_first(tmp_path: Path) -> None:
         "actualSchedule": ["0:0,2:1", ""],
         "tasks": VALID["tasks"][:3],
     }
-    assert str(verdict(tmp_path, "2024 LoRR", **changed)).startswith(
+    assert str(verdict(tmp_path, "2024 LoRR", TASKS, **changed)).startswith(
         "tick 3: robot 0 visits for task 1 before task 0, which it has begun"
     )
 
@@ -210,7 +212,7 @@ def test_a_robot_finishes_what_it_has_begun_first(tmp_path: Path) -> None:
 def test_one_visit_a_tick(tmp_path: Path) -> None:
     changed = {"events": events([1, 1, 4, 1]), "actualSchedule": ["0:0", "0:1,1:4"]}
     changed["tasks"] = [*VALID["tasks"][:4], [4, 0, [0, 1, 0, 2]]]
-    assert str(verdict(tmp_path, "2024 LoRR", **changed)) == (
+    assert str(verdict(tmp_path, "2024 LoRR", TASKS, **changed)) == (
         "tick 1: robot 1 does a second visit in the tick, for task 4"
     )
 
@@ -231,6 +233,46 @@ def test_tasks_of_2023_are_dealt_out_in_turn(tmp_path: Path) -> None:
     assert found is None
     swapped = verdict(tmp_path, "", tasks=tasks, events=[[1, 1, 0, 1]], actualSchedule=["", "0:0"])
     assert str(swapped).startswith("tick 1: robot 1 is in row 1, column 1, not in row 0, column 1")
+
+
+OF_2023: dict[str, Any] = {
+    "version": None,
+    "actualSchedule": None,
+    "actualPaths": ["F,F,W", "F,R,W"],
+    "numTaskFinished": 1,
+    # Tasks are numbered as they are given; robot 1 does line 1, and line 3 comes next.
+    "events": [[[0, 0, "assigned"]], [[1, 0, "assigned"], [1, 1, "finished"], [2, 1, "assigned"]]],
+    "tasks": [[0, 0, 1], [1, 1, 1], [2, 1, 0]],
+}
+
+
+def test_outputs_of_2023_are_read(tmp_path: Path) -> None:
+    output = read_output(output_file(tmp_path, **OF_2023))
+    assert output.events == [(1, 1, 1, 1)] and output.schedule is None
+    assert {task: released for task, (released, _) in output.tasks.items()} == {0: 0, 1: 0, 3: 1}
+    assert verdict(tmp_path, "2023 LoRR", ["1", "4", "0", "3"], **OF_2023) is None
+    late = {**OF_2023, "actualPaths": ["F,F,W", "W,R,W"]}
+    assert str(verdict(tmp_path, "2023 LoRR", ["1", "4", "0", "3"], **late)).startswith(
+        "tick 1: robot 1 is in row 1, column 0, not in row 1, column 1 for task 1"
+    )
+
+
+@pytest.mark.parametrize(
+    ("events", "sentence"),
+    [
+        ([[[0, 1, "finished"]], []], "events[0] has [0, 1, 'finished']: tasks are assigned once"),
+        ([[[0, 0, "done"]], []], "events[0] has [0, 0, 'done']"),
+        ([[[7, 0, "assigned"]], []], "events[0] has [7, 0, 'assigned']"),
+        ([[[0, 0, "assigned"]]], "events has 1 entries, teamSize is 2"),
+        ([[[0, 0]], []], "events[0][0]"),
+    ],
+)
+def test_strange_outputs_of_2023_are_refused(
+    events: list[Any], sentence: str, tmp_path: Path
+) -> None:
+    with pytest.raises(InputError) as caught:
+        read_output(output_file(tmp_path, **{**OF_2023, "events": events}))
+    assert sentence in str(caught.value)
 
 
 @pytest.mark.parametrize(

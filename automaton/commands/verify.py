@@ -38,7 +38,13 @@ def run(args: argparse.Namespace) -> int:
     """Verify and report."""
     if args.problem is not None:
         return verify_against_problem(args)
-    recording = read_recording(args.file)  # refuse other files before Numba is loaded
+    try:
+        recording = read_recording(args.file)  # refuse other files before Numba is loaded
+    except InputError as error:
+        if not args.file.endswith(".json"):
+            raise
+        text = f"{error.message}; to check an output, give its problem with --problem"
+        raise InputError(text, error.file) from None
     from automaton.evidence.verification.verification import verify_recording
 
     try:

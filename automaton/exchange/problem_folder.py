@@ -51,6 +51,11 @@ def read_problem_folder(path: Path, robots: int | None = None) -> Problem:
     )
 
 
+def fleets_of(path: Path) -> list[int]:
+    """Return for how many robots the folder has starts. Raises InputError."""
+    return sorted(len(_table(file, AGENT_COLUMNS)) for file in path.glob(AGENTS))
+
+
 def _starts(path: Path, robots: int | None, grid: GridMap) -> tuple[Cells, Listed]:
     """Read the starts of the file that has so many. Raises InputError."""
     tables = {file: _table(file, AGENT_COLUMNS) for file in sorted(path.glob(AGENTS))}

@@ -93,6 +93,13 @@ def test_a_violation_is_named_with_exit_code_1(
     assert found["violation"]["robots"] == [0] and found["violation"]["rule"] == "wall"
 
 
+def test_an_output_without_its_problem_is_not_a_recording(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["verify", str(output_file(tmp_path))]) == 2
+    assert "to check an output, give its problem with --problem" in capsys.readouterr().err
+
+
 def test_actions_may_be_written_without_commas(tmp_path: Path) -> None:
     assert verdict(tmp_path, actualPaths=["FFW", "FCF"]) is None
 

@@ -359,6 +359,8 @@ COMMAND_MEANINGS: Final = {
     "CMD_STEP": "right of way: one move, or the turn before it",
     "CMD_WAIT": "right of way: wait for some ticks",
     "CMD_RETREAT": "right of way: begin a retreat, and be asked for each of its moves",
+    "CMD_HOLD": "right of way that steers: stay for this tick, which is lost",
+    "CMD_GO": "right of way that steers: turn towards a direction, or move in it; out of the parking bay",
 }
 NAMED_VALUES: Final = {state.NIL: "NIL", state.KEEP: "KEEP", state.NEVER: "NEVER"}
 FULL_SHELF: Final = (

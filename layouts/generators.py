@@ -10,4 +10,7 @@ GENERATORS: Final[dict[str, str]] = {
     "racks": "layouts.racks:Racks",
     "depots": "layouts.depots:Depots",
     "factory": "layouts.factory:Factory",
+    "random": "layouts.random_floor:RandomFloor",
+    "rooms": "layouts.rooms:Rooms",
+    "aisles": "layouts.aisles:Aisles",
 }

@@ -14,7 +14,11 @@ from automaton.strategy.entry import (
 from strategies.allocation.alley_parameters import Alleys
 from strategies.allocation.auction.auction_parameters import Auctions, ShortestJob
 from strategies.charging.charging_parameters import FillUp, Insertion, Opportunity, Threshold
-from strategies.right_of_way.right_of_way_parameters import RetreatParameters, Waits
+from strategies.right_of_way.right_of_way_parameters import (
+    RetreatParameters,
+    SteeringParameters,
+    Waits,
+)
 from strategies.routing.astar.astar_parameters import TieBreaking
 from strategies.routing.congestion.congestion_parameters import SharedPlans
 from strategies.routing.traffic_avoidance.avoidance_parameters import Avoidance
@@ -131,6 +135,11 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
         ),
     },
     "right_of_way": {
+        "pibt": Entry(
+            "strategies.right_of_way.pibt.pibt:Pibt",
+            SteeringParameters,
+            "robots make way by inherited priority (PIBT); turns and moves of any length",
+        ),
         "retreat": Entry(
             "strategies.right_of_way.retreat:Retreat",
             RetreatParameters,

@@ -50,6 +50,7 @@ def rules_for(scenario: Scenario, seed: int) -> Rules:
         wait=np.ones(5, np.int32),
         period=np.zeros(5, np.int32),
         holders=np.zeros(5, np.uint8),
+        steered=np.zeros(1, np.uint8),
         slowdown=int(rules.slowdown == "zones"),
         extra_tick=round(rules.extra_tick_probability * 2**32),
         handling_jitter=scenario.durations.handling_jitter,

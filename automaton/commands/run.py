@@ -188,6 +188,7 @@ def as_json(resolved: Resolved, outcome: Outcome) -> dict[str, Any]:
         "orders": outcome.orders,
         "delivered": outcome.delivered,
         "wait_cycles": [list(circle) for circle in outcome.circles],
+        "jam": None if outcome.jam is None else outcome.jam._asdict(),
         "orders_exhausted": None if outcome.ran_out is None else outcome.ran_out._asdict(),
         "digest": outcome.digest,
         "wall_s": None if outcome.wall_s is None else round(outcome.wall_s, 6),

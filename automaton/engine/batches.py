@@ -159,7 +159,7 @@ def batch_routing(world, batch):
     """
     robots, clock = world.robots, world.clock
     batch.count[0] = 0
-    due = is_due(world, LAYER_ROUTING)
+    due = is_due(world, LAYER_ROUTING) and world.rules.steered[0] == 0
     if clock[CLOCK_NEEDING_ROUTE] == 0 and not due:
         return False
     for identity in range(robots.cell.shape[0]):

@@ -9,6 +9,7 @@ import numpy as np
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import (
     CAPACITY_SHIFT,
+    HELD,
     MOVED,
     REFUSED,
     U,
@@ -21,6 +22,7 @@ from automaton.engine.observation import (
     CAUSE_DRIVING_AHEAD,
     CAUSE_FOLLOWING_CONFLICT,
     CAUSE_HEAD_ON,
+    CAUSE_HELD_BACK,
     CAUSE_IDLE_AHEAD,
     CAUSE_LANE,
     CAUSE_NO_ORDER,
@@ -165,8 +167,10 @@ def cause_of_wait(world, observation, i):
     """Why robot i waits for its wanted cell: what its holder does."""
     robots = world.robots
     if observation.blocker[U(i)] == NIL:
-        refused = np.int64(world.traffic.intent[U(i)]) & REFUSED
-        return CAUSE_FOLLOWING_CONFLICT if refused else CAUSE_RANDOM_WAIT
+        intent = np.int64(world.traffic.intent[U(i)])
+        if intent & HELD:
+            return CAUSE_HELD_BACK
+        return CAUSE_FOLLOWING_CONFLICT if intent & REFUSED else CAUSE_RANDOM_WAIT
     q = np.int64(robots.at_index[U(observation.blocker[U(i)])])
     wanted = observation.wanted[U(i)]
     moved = np.int64(world.traffic.intent[U(q)]) & MOVED

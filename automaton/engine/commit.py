@@ -31,6 +31,8 @@ from automaton.engine.state import (
     CLOCK_TICK,
     CLOCK_UNPARKED,
     CMD_DROP_AT,
+    CMD_GO,
+    CMD_HOLD,
     CMD_PARK,
     CMD_RETREAT,
     CMD_STEP,
@@ -41,12 +43,14 @@ from automaton.engine.state import (
     GOAL_NONE,
     GOAL_PARK,
     GOAL_PICK,
+    HOLD,
     KEEP,
     LAYER_ALLOCATION,
     LAYER_RIGHT_OF_WAY,
     LAYER_ROUTING,
     NEED_ALLOCATION,
     NIL,
+    NO_STEP,
     ORDER_WAITING,
     REASON_NO_ORDER,
     REASON_ORDER_RETURNED,
@@ -275,6 +279,8 @@ def commit_right_of_way(world, record, batch, decisions):
     for k in range(batch.count[0]):
         i = np.int64(batch.robot[k])
         command, value = out.command[k], np.int64(out.value[k])
+        if world.rules.steered[0]:
+            robots.step[i] = NO_STEP
         if out.priority[k] != KEEP:
             if -32768 <= out.priority[k] <= 32767:
                 robots.priority[i] = out.priority[k]
@@ -284,6 +290,8 @@ def commit_right_of_way(world, record, batch, decisions):
             if robots.retry_state[i] == RETRY_EXHAUSTED:
                 robots.retry_state[i] = RETRY_NONE
                 clear_right_of_way(world, i)
+        elif world.rules.steered[0]:
+            commit_steering(world, record, i, command, value)
         elif robots.parked[i] and command != CMD_STEP:
             refuse(world, LAYER_RIGHT_OF_WAY, i)
         elif command == CMD_STEP and robots.cell[i] != NIL:
@@ -297,17 +305,48 @@ def commit_right_of_way(world, record, batch, decisions):
 
 
 @kernel
+def commit_steering(world, record, i, command, value):
+    """What a right of way that steers may ask of robot i, in its parking bay or on the floor."""
+    robots = world.robots
+    in_bay = robots.cell[i] == NIL
+    waits_in_bay = in_bay and robots.goal_type[i] != GOAL_NONE and robots.goal_type[i] != GOAL_PARK
+    if command == CMD_GO and waits_in_bay and 0 <= value < 4:
+        robots.step[i] = value  # out of its parking bay, wherever it goes then
+    elif command == CMD_GO and may_step(world, i, value):
+        robots.step[i] = value
+        if robots.parked[i]:
+            robots.parked[i] = 0
+            world.clock[CLOCK_UNPARKED] += 1
+            if robots.goal_type[i] == GOAL_NONE:  # pushed from its place: it comes back by itself
+                set_goal(world, i, GOAL_PARK, np.int64(robots.home[i]))
+    elif command == CMD_HOLD and -1 <= value < 4:
+        if waits_in_bay or robots.parked[i] == 0:
+            robots.step[i] = HOLD | (NO_STEP if value == NIL else value)
+    elif command == CMD_WAIT and 1 <= value <= MAX_COMMAND_TICKS and robots.parked[i] == 0:
+        pause(world, record, i, value)
+    else:
+        refuse(world, LAYER_RIGHT_OF_WAY, i)
+
+
+@kernel
+def may_step(world, i, direction):
+    """Whether robot i, on the floor, may move in a direction, or turn towards it."""
+    robots = world.robots
+    if robots.cell[i] == NIL or direction < 0 or direction > 3:
+        return False
+    flags = np.int64(world.grid.type_cell_flags[robots.type[i], robots.cell[i]])
+    turns = direction & (world.grid.headings - 1) != robots.heading[i]
+    return (flags >> direction) & 1 == 1 and (not turns or flags & MAY_TURN != 0)
+
+
+@kernel
 def step(world, i, direction):
     """One move, or the turn before it, now; outside a retreat the route is planned again after it.
 
     A robot that is parked on the floor leaves its place.
     """
-    grid, robots = world.grid, world.robots
-    flags = np.int64(grid.type_cell_flags[robots.type[i], robots.cell[i]])
-    legal = 0 <= direction < 4 and (flags >> direction) & 1 == 1
-    if not legal or (
-        direction & (grid.headings - 1) != robots.heading[i] and flags & MAY_TURN == 0
-    ):
+    robots = world.robots
+    if not may_step(world, i, direction):
         refuse(world, LAYER_RIGHT_OF_WAY, i)
         return
     if robots.retreat_moves[i] == 0:

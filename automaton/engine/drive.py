@@ -13,9 +13,11 @@ from automaton.engine.loads import pick_up, set_down
 from automaton.engine.motion import (
     ARRIVED,
     ENTERED,
+    HELD,
     LIVE,
     MOVED,
     NO_TURN,
+    TOWARDS,
     U,
     has_room,
     occupy,
@@ -53,6 +55,7 @@ from automaton.engine.state import (
     ACTION_BAY_BLOCKED,
     ACTION_BLOCKED,
     ACTION_DROP,
+    ACTION_HELD_BACK,
     ACTION_MOVE,
     ACTION_PICK,
     ACTION_TRY_DROP,
@@ -66,6 +69,7 @@ from automaton.engine.state import (
     GOAL_NONE,
     GOAL_PARK,
     GOAL_PICK,
+    HOLD,
     NEED_ALLOCATION,
     NEED_ROUTE,
     NIL,
@@ -94,11 +98,8 @@ def leave_parking_bays(world):
             and world.service_zones.halt[i] >= world.clock[CLOCK_TICK]
         ):
             continue
-        if (
-            robots.route_index[i] >= robots.route_length[i]
-            and robots.goal_cell[i] != robots.home[i]
-        ):
-            continue  # its route is still to come
+        if not may_leave_bay(world, i):
+            continue
         if robots.cell[i] == NIL:
             home = np.int64(robots.home[i])
             heading = entry_heading(world.grid, home)
@@ -113,6 +114,23 @@ def leave_parking_bays(world):
             robots.executed[i] = LEFT_PARKING_BAY
         robots.parked[i] = 0
         world.clock[CLOCK_UNPARKED] += 1
+
+
+@kernel
+def may_leave_bay(world, i):
+    """Whether robot i, parked with a goal, drives now: its route has come, or right of way says so."""
+    robots = world.robots
+    if world.rules.steered[0] == 0:
+        has_route = robots.route_index[i] < robots.route_length[i]
+        return has_route or robots.goal_cell[i] == robots.home[i]
+    if robots.cell[i] != NIL:
+        return robots.goal_cell[i] == robots.cell[i]
+    step = np.int64(robots.step[i])
+    robots.step[i] = NO_STEP
+    if step & HOLD:
+        count_lost_tick(world, i, ACTION_BAY_BLOCKED)
+        robots.executed[i] = EXECUTED_BAY_BLOCKED
+    return step < NO_STEP
 
 
 @kernel
@@ -165,14 +183,17 @@ def drive_without_route(world, record, i):
     """The rarer cases: a step of right of way, arrival at the goal cell, nothing to do."""
     robots = world.robots
     direction = np.int64(robots.step[i])
-    if direction != NO_STEP:
+    if direction & HOLD:
+        robots.step[i] = NO_STEP
+        hold_back(world, i, direction & ~HOLD)
+    elif direction != NO_STEP:
         robots.step[i] = NO_STEP
         if direction & (world.grid.headings - 1) == robots.heading[i]:
             world.traffic.move_ticks[i] = world.rules.duration[robots.type[i], ACTION_MOVE]
             world.traffic.intent[i] = LIVE | direction
         else:
             turn(world, i, direction)
-            if robots.retreat_moves[i] == 0:
+            if robots.retreat_moves[i] == 0 and world.rules.steered[0] == 0:
                 replan(world, i)
     elif robots.try_drop[i]:
         if not has_energy_for(world, i, ACTION_TRY_DROP):
@@ -185,6 +206,14 @@ def drive_without_route(world, record, i):
     elif robots.retreat_moves[i] == 0 and robots.goal_cell[i] != NIL:
         if robots.need[i] & NEED_ROUTE == 0:  # the route ended before: go on
             request_route(world, i, REASON_NEW_GOAL)
+
+
+@kernel
+def hold_back(world, i, direction):
+    """Right of way lets robot i stay where it is."""
+    count_lost_tick(world, i, ACTION_HELD_BACK)
+    world.robots.executed[i] = np.int64(world.robots.executed[i]) | EXECUTED_BLOCKED
+    world.traffic.intent[i] = HELD if direction == NO_STEP else HELD | TOWARDS | direction
 
 
 @kernel
@@ -306,7 +335,8 @@ def park_if_home(world, i):
     clear_route_request(world, i)
     robots.executed[i] = np.int64(robots.executed[i]) | ENTERED_PARKING_BAY
     world.clock[CLOCK_UNPARKED] -= 1
-    request_allocation(world, i, REASON_IDLE)
+    if world.rules.steered[0] == 0 or robots.need[i] & NEED_ALLOCATION == 0:
+        request_allocation(world, i, REASON_IDLE)  # who was pushed from its place waits as before
     if robots.bay[i] != NIL or world.rules.leave:
         vacate(world.traffic.occupancy, home, np.int64(robots.travel[i]))
         robots.cell[i] = NIL
@@ -344,6 +374,9 @@ def handle_at_once(world, record, i):
 def after_step(world, i):
     """A step that right of way asked for was made; after the last one of a retreat plan again."""
     robots = world.robots
+    if world.rules.steered[0]:
+        park_if_home(world, i)
+        return
     if robots.retreat_moves[i]:
         robots.retreat_moves[i] -= 1
         if robots.retreat_moves[i]:
@@ -371,7 +404,7 @@ def refused(world, record, i):
     if robots.route_index[i] >= robots.route_length[i]:
         count_lost_tick(world, i, ACTION_BLOCKED)  # a refused step costs the tick
         robots.executed[i] = np.int64(robots.executed[i]) | EXECUTED_BLOCKED
-        if robots.retreat_moves[i] == 0:
+        if robots.retreat_moves[i] == 0 and world.rules.steered[0] == 0:
             replan(world, i)
     elif robots.retry_state[i] == RETRY_WAITED:
         count_lost_tick(world, i, ACTION_BLOCKED)

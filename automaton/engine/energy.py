@@ -20,6 +20,7 @@ from automaton.engine.state import (
     ACTION_MOVE,
     ACTION_PICK,
     ACTION_QUEUE,
+    CLOCK_TICK,
     CLOCK_TICKETS_ISSUED,
     GOAL_CHARGE,
     GOAL_NONE,
@@ -54,6 +55,7 @@ def charge_up(world, i):
     robots = world.robots
     first = robots.action[i] != ACTION_CHARGE
     robots.ticket[i] = 0
+    world.tally.progress[i] = world.clock[CLOCK_TICK]
     count_lost_tick(world, i, ACTION_CHARGE)
     robots.busy[i] = 1  # motion takes it away again in this tick
     world.tally.operations[i, ACTION_CHARGE, 0] -= 0 if first else 1
@@ -117,7 +119,11 @@ def record_exit_cell(world, i):
     charger = np.int64(chargers.charger_at[U(robots.cell[U(i)])])
     if charger == NIL or robots.goal_type[U(i)] == GOAL_CHARGE or robots.claim[U(i)] != NIL:
         return
-    if robots.route_index[U(i)] < robots.route_length[U(i)]:
+    if world.rules.steered[0]:
+        direction = np.int64(world.traffic.intent[U(i)])
+        if direction & LIVE:
+            chargers.exit_cell[charger] = robots.cell[U(i)] + world.grid.offset[U(direction & 3)]
+    elif robots.route_index[U(i)] < robots.route_length[U(i)]:
         direction = np.int64(robots.route[U(i), U(robots.route_index[U(i)])])
         chargers.exit_cell[charger] = robots.cell[U(i)] + world.grid.offset[U(direction)]
 

@@ -50,6 +50,7 @@ def reserve_slot(world, record, slot, identity):
 @kernel
 def handle(world, i, action, ticks):
     """Count a pick or drop; one of 0 ticks is part of the move that it follows."""
+    world.tally.progress[i] = world.clock[CLOCK_TICK]
     if ticks:
         begin(world, i, action, ticks)
     else:

@@ -33,6 +33,8 @@ NO_TURN = 8  # without LIVE: a turn that found the other lane held
 MOVED = 16  # outcomes
 REFUSED = 32
 ARRIVED = 64  # a long move ended, or a robot stands at its goal already
+HELD = 128  # right of way holds it back; bits 0-1 are where it would like to go, if TOWARDS is set
+TOWARDS = 8
 
 CLAIMS = 31
 FLAGS_SHIFT = 8  # shift of the rule in a word

@@ -51,6 +51,7 @@ CAUSE_NO_ENERGY: Final = 17
 CAUSE_FAULT: Final = 18
 CAUSE_REDUCED_SPEED: Final = 19  # in observation.lost alone: who does is not waiting
 CAUSE_REDESIGN: Final = 20
+CAUSE_HELD_BACK: Final = 21
 CAUSE_UNDECIDED: Final = 255  # within a tick: waits for a cell; why depends on its holder
 
 _HELD = "rule of occupancy: a cell holds no more robots than its capacity"
@@ -144,6 +145,12 @@ CAUSES: Final = (
         "redesign",
         "{robot} stands still while the service zones are redesigned",
         "zoning halts robots while it decides who serves which stations",
+        False,
+    ),
+    Cause(
+        "held back",
+        "right of way lets {robot} stay where it is: others come first",
+        "right of way steers the robots, and says in each tick who goes and who stays",
         False,
     ),
 )

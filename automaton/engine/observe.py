@@ -13,17 +13,21 @@ from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import (
     AHEAD,
     CAPACITY_SHIFT,
+    HELD,
     LIVE,
     MOVED,
     NO_TURN,
     REFUSED,
+    TOWARDS,
     U,
+    direction_between,
     resource_of,
 )
 from automaton.engine.observation import (
     CAUSE_BAY_HELD,
     CAUSE_CHARGER_QUEUE,
     CAUSE_FAULT,
+    CAUSE_HELD_BACK,
     CAUSE_ILLEGAL_DECISION,
     CAUSE_LANE,
     CAUSE_NO_DROP_OFF_SLOT,
@@ -243,10 +247,11 @@ def find_wait(world, observation, i, want, did):
         if robots.action[U(i)] == ACTION_WAIT and robots.parked[U(i)] == 0:
             return CAUSE_REDESIGN
     if robots.action[U(i)] == ACTION_QUEUE and robots.ticket[U(i)] and did == EXECUTED_BLOCKED:
-        direction = np.int64(robots.route[U(i), U(robots.route_index[U(i)])])
-        return wait_for(
-            world, observation, i, np.int64(robots.goal_cell[U(i)]), direction, CAUSE_CHARGER_QUEUE
-        )
+        charger = np.int64(robots.goal_cell[U(i)])
+        direction = direction_between(world.grid, np.int64(robots.cell[U(i)]), charger)
+        return wait_for(world, observation, i, charger, direction, CAUSE_CHARGER_QUEUE)
+    if want & HELD:
+        return note_held_back(world, observation, i, want)
     if did == EXECUTED_RETREAT:
         return CAUSE_RETREAT
     if did == EXECUTED_ILLEGAL:
@@ -271,6 +276,16 @@ def find_wait(world, observation, i, want, did):
     if did == 0 and robots.parked[U(i)] == 0:
         return find_idleness(world, observation, i)
     return CAUSE_NOT_WAITING
+
+
+@kernel
+def note_held_back(world, observation, i, want):
+    """Right of way lets robot i stay; who is in the cell that it would like, if it likes one?"""
+    if want & TOWARDS == 0:
+        return CAUSE_HELD_BACK
+    direction = want & 3
+    cell = np.int64(world.robots.cell[U(i)]) + world.grid.offset[U(direction)]
+    return wait_for(world, observation, i, cell, direction, CAUSE_UNDECIDED)
 
 
 @kernel
@@ -334,6 +349,8 @@ def find_idleness(world, observation, i):
         robots.route_index[U(i)] >= robots.route_length[U(i)]
         and robots.goal_cell[U(i)] != robots.cell[U(i)]
     ):
+        if world.rules.steered[0] and np.int64(robots.executed[U(i)]) & LEFT_PARKING_BAY:
+            return CAUSE_NOT_WAITING
         observation.wanted[U(i)] = robots.goal_cell[U(i)]
-        return CAUSE_NO_ROUTE
+        return CAUSE_HELD_BACK if world.rules.steered[0] else CAUSE_NO_ROUTE
     return CAUSE_NOT_WAITING

@@ -8,6 +8,7 @@ from automaton.engine.state import (
     CLOCK_NEEDING_CHARGING,
     CLOCK_NEEDING_RIGHT_OF_WAY,
     CLOCK_NEEDING_ROUTE,
+    CLOCK_TICK,
     CLOCK_UNQUEUED_ORDERS,
     NEED_ALLOCATION,
     NEED_CHARGING,
@@ -44,6 +45,8 @@ def clear_allocation_request(world, i):
     if robots.need[i] & NEED_ALLOCATION:
         if robots.seen_revision[i] == NIL:
             world.clock[CLOCK_FRESH_ALLOCATION] -= 1
+        else:
+            world.tally.progress[i] = world.clock[CLOCK_TICK]  # it had nothing to do up to now
         robots.need[i] &= np.uint8(255 - NEED_ALLOCATION)
     robots.seen_revision[i] = NIL
 
@@ -62,8 +65,11 @@ def request_charging(world, i, reason):
 
 @kernel
 def request_route(world, i, reason):
+    """Routing is to be asked about robot i; where right of way steers, there is none to ask."""
     robots = world.robots
     drop_route(robots, i)
+    if world.rules.steered[0]:
+        return
     if robots.need[i] & NEED_ROUTE == 0:
         world.clock[CLOCK_NEEDING_ROUTE] += 1
     robots.need[i] |= np.uint8(NEED_ROUTE)

@@ -17,6 +17,7 @@ from automaton.engine.robot_status import STATUS_DEPLETED
 from automaton.engine.state import (
     ACTION_CHARGE,
     ACTION_DROP,
+    ACTION_HELD_BACK,
     ACTION_MOVE,
     ACTION_PICK,
     ACTION_TRY_DROP,
@@ -24,6 +25,7 @@ from automaton.engine.state import (
     ACTION_WAIT,
     GOAL_CHARGE,
     GOAL_DROP,
+    GOAL_NONE,
     GOAL_PARK,
     GOAL_PICK,
     NIL,
@@ -61,6 +63,7 @@ class Motion(IntEnum):
     STUCK = 3  # its retries are used up: right of way decides
     RETREATING = 4
     HALTED = 5  # zoning lets it stand still
+    HELD_BACK = 6  # a right of way that steers lets it stay on its way
 
 
 def is_charging(robots: Any) -> Array:
@@ -102,21 +105,24 @@ def tasks_of(robots: Any) -> Array:
     return out
 
 
-def motions_of(robots: Any, halted: Array) -> Array:
+def motions_of(robots: Any, halted: Array, steered: bool = False) -> Array:
     """Return (n,) int64: the Motion of each robot; `halted`: (n,) bool, zoning halts it.
 
-    The first condition that holds decides.
+    `steered`: right of way does, so robots on their way have no routes. The first condition that holds
+    decides.
     """
     waits = (robots.busy > 0) & (robots.action == ACTION_WAIT)
     moves = (robots.busy > 0) & ((robots.action == ACTION_MOVE) | (robots.action == ACTION_TURN))
     to_drive = (robots.route_index < robots.route_length) | (robots.step != NO_STEP)
+    steered_on = (robots.goal_type != GOAL_NONE) & (robots.cell != robots.goal_cell) & steered
     conditions = (
         ((robots.status >= STATUS_DEPLETED) | (robots.parked != 0), Motion.STANDING),
         (waits & halted, Motion.HALTED),
         (robots.retreat_moves > 0, Motion.RETREATING),
         (robots.retry_state == RETRY_EXHAUSTED, Motion.STUCK),
         (waits | (robots.retry_state == RETRY_WAITED), Motion.WAITING),
-        (moves | to_drive, Motion.DRIVING),
+        (steered_on & (robots.action == ACTION_HELD_BACK), Motion.HELD_BACK),
+        (moves | to_drive | steered_on, Motion.DRIVING),
     )
     out: Array = np.select(
         [holds for holds, _ in conditions], [motion for _, motion in conditions], Motion.STANDING

@@ -48,10 +48,11 @@ ACTION_BAY_BLOCKED: Final = 10  # a tick in the parking bay because the home cel
 ACTION_ILLEGAL: Final = 11  # a tick lost to an illegal decision
 ACTION_QUEUE: Final = 12  # a tick in the queue of a charger
 ACTION_DOWN: Final = 13  # a tick on the floor with an empty battery or a fault
-ACTION_COUNT: Final = 14
+ACTION_HELD_BACK: Final = 14  # a tick in which right of way holds it back
+ACTION_COUNT: Final = 15
 ACTION_NAMES: Final = (
     *("idle", "move", "turn", "pick", "drop", "try_drop", "wait", "charge"),
-    *("blocked", "retreat", "bay_blocked", "illegal", "queueing", "down"),
+    *("blocked", "retreat", "bay_blocked", "illegal", "queueing", "down", "held_back"),
 )
 
 # Goals: what a robot drives to its goal cell for.
@@ -115,6 +116,7 @@ NEED_RIGHT_OF_WAY: Final = 4
 NEED_CHARGING: Final = 8
 
 NO_STEP: Final = 4  # robots.step when right of way asked for none
+HOLD: Final = 8  # robots.step, beside a direction or NO_STEP: it is held back
 
 # Entries of world.clock.
 CLOCK_TICK: Final = 0  # ticks executed
@@ -179,6 +181,7 @@ class Rules(Struct, role=STATIC):
     )
     period: Array = field("(5,) int32", "a layer is asked every so many ticks; 0 never")
     holders: Array = field("(5,) uint8", "1 = a layer's strategy reads traffic.holder")
+    steered: Array = field("(1,) uint8", "1 = right of way steers the robots: they keep no routes")
     slowdown: int = field("int64", "1: a move takes as many times longer as its zone has robots")
     extra_tick: int = field("int64", "of 2**32 moves, how many take a tick more")
     handling_jitter: int = field("int64", "a pick or drop takes up to so many ticks more")
@@ -303,7 +306,7 @@ class Robots(Struct):
     )
     step: Array = field(
         "(n,) uint8",
-        "direction that right of way asks for this tick, or NO_STEP",
+        "what right of way asks for this tick: a direction or NO_STEP, HOLD",
         default=NO_STEP,
         role=DERIVED,
     )
@@ -401,6 +404,9 @@ class Tally(Struct, role=MEASURED):
     slowdown_ticks: Array = field(
         "(n,) int64", "ticks that moves take beyond those of the robot's type"
     )
+    progress: Array = field(
+        "(n,) int64", "tick in which it last picked up, dropped, visited, charged, or was idle"
+    )
     energy_used: Array = field("(n,) int64", "units of charge used")
     charged: Array = field("(n,) int64", "units of charge taken in at chargers")
     repaired: Array = field("(n,) int64", "units of charge that repairs added")
@@ -495,8 +501,10 @@ class RoutingDecisions(Struct):
 
 
 class RightOfWayDecisions(Struct):
-    command: Array = decided("KEEP, CMD_STEP, CMD_WAIT or CMD_RETREAT", KEEP)
-    value: Array = decided("direction, ticks, or moves")
+    command: Array = decided("KEEP, CMD_STEP, CMD_WAIT, CMD_RETREAT, CMD_HOLD or CMD_GO", KEEP)
+    value: Array = decided(
+        "direction, ticks, or moves; CMD_HOLD: the direction it would like, or NIL"
+    )
     return_order: Array = decided("1 = an empty robot returns its order")
     priority: Array = decided("KEEP or the robot's new priority", KEEP)
 
@@ -517,6 +525,10 @@ CMD_PARK: Final = 3
 CMD_STEP: Final = 1  # commands of right of way
 CMD_WAIT: Final = 2
 CMD_RETREAT: Final = 3
+CMD_HOLD: Final = 4  # of one that steers: stay for this tick
+CMD_GO: Final = (
+    5  # of one that steers: turn towards a direction or move in it; out of a parking bay
+)
 
 
 class Memory(Struct):

@@ -37,6 +37,7 @@ from automaton.runs.metrics import (
     sums_of_orders,
     sums_of_parts,
 )
+from automaton.runs.progress import Jam, largest_jam
 from automaton.runs.run_diagnosis import describe_unfinished_run, find_wait_cycles, stalled_robots
 from automaton.runs.simulation import RECORD_TICKS, Simulation
 from automaton.runs.strategy_failure import is_from_outside, strategy_failure
@@ -73,6 +74,7 @@ class Outcome(NamedTuple):
     diagnosis: str  # why it did not finish, one phrase; "" if it did
     stopped: bool  # at the tick that was asked for
     circles: list[tuple[int, ...]]  # the robots of each wait cycle at the end
+    jam: Jam | None  # most robots that stand together at the end and get nothing done
     ran_out: OrdersExhausted | None  # None: there were orders to the end, or it ends with them
     types: Sequence[dict[str, Any]] = ()  # metrics by type of robot, where there are several
 
@@ -173,6 +175,7 @@ def run_once(
         diagnosis="" if finished else describe_unfinished_run(simulation, last_worked),
         stopped=not finished and simulation.tick == until,
         circles=find_wait_cycles(simulation.world, stalled_robots(simulation, last_worked)),
+        jam=largest_jam(simulation.world, simulation.resolved.floor_plan),
         ran_out=orders_exhausted(simulation),
         types=metrics_by_type(simulation),
     )

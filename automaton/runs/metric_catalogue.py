@@ -46,6 +46,7 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     "lost_leaving_bay": ("ticks", "in the parking bay because the home cell was held"),
     "lost_queueing": ("ticks", "in the queue before a charger"),
     "lost_illegal": ("ticks", "after illegal decisions of a strategy"),
+    "lost_held_back": ("ticks", "in which right of way that steers held robots back"),
     "slowdown_ticks": (
         "ticks",
         "reduced speed, not waiting: what moves take longer because of slow zones "
@@ -54,6 +55,11 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     "retreats": ("times", "retreats begun"),
     "lead_time": ("ticks", "from the release of an order to its delivery"),
     "lead_time_p95": ("ticks", "95 % of the delivered orders have this lead time or less"),
+    "oldest_order": ("ticks", "since the release of the oldest order that is open at the end"),
+    "robots_without_progress": (
+        "robots",
+        "that have had something to do and finished nothing for the last 500 ticks",
+    ),
     "energy": ("batteries", "energy used, in full batteries"),
     "charging_share": ("share", "ticks at chargers / all robot ticks"),
     "min_charge": ("share", "lowest battery charge at the end"),

@@ -21,6 +21,7 @@ LOST_TICK_SUMS: Final = (
     "lost_leaving_bay",
     "lost_queueing",
     "lost_illegal",
+    "lost_held_back",
 )
 COUNTED_BY_STRATEGIES: Final = (
     *(

@@ -23,6 +23,7 @@ from automaton.engine.state import (
     ACTION_CHARGE,
     ACTION_DOWN,
     ACTION_DROP,
+    ACTION_HELD_BACK,
     ACTION_ILLEGAL,
     ACTION_MOVE,
     ACTION_NAMES,
@@ -41,6 +42,7 @@ from automaton.engine.state import (
 )
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE as METRIC_CATALOGUE
 from automaton.runs.metric_sums import LOST_TICK_SUMS, metric
+from automaton.runs.progress import oldest_order, robots_without_progress
 from automaton.runs.task_metrics import Measured, Tasks, quantile_95, summed, tasks_after
 
 OPERATIONS = [ACTION_MOVE, ACTION_TURN, ACTION_PICK, ACTION_DROP, ACTION_TRY_DROP, ACTION_WAIT]
@@ -55,6 +57,7 @@ LOST_IN = dict(
             ACTION_BAY_BLOCKED,
             ACTION_QUEUE,
             ACTION_ILLEGAL,
+            ACTION_HELD_BACK,
         ),
         strict=True,
     )
@@ -109,8 +112,8 @@ def counted(run: Measured) -> Counted:
     tally, rules, out = world.tally, world.rules, world.tally.failures.sum(0)
     times, ticks = tally.operations.sum(0), fleet_ticks(world)
     sums = _of_actions(times, ticks)
-    if not rules.battery:
-        del sums["lost_queueing"]
+    for name in _not_lost(world):
+        del sums[name]
     sums |= {
         "retreats": int(times[ACTION_RETREAT].sum()),
         "illegal_answers": int(tally.illegal.sum()),
@@ -164,6 +167,9 @@ def metrics_of(run: Measured, since: Counted | None = None) -> dict[str, float |
         orders = world.orders
         timed = (orders.state == ORDER_DELIVERED) & (orders.delivered > begin)
         figures["lead_time_p95"] = quantile_95((orders.delivered - orders.release_tick)[timed])
+    if (oldest := oldest_order(world)) is not None:
+        figures["oldest_order"] = oldest
+        figures["robots_without_progress"] = len(robots_without_progress(world))
     if world.rules.battery:
         figures["min_charge"] = float(world.robots.charge.min() / BATTERY_FULL)
     if len(world.stations.part):
@@ -219,10 +225,20 @@ def may_slow(world: World) -> bool:
     return bool(rules.slowdown or rules.extra_tick or world.tally.slowdown_ticks.any())
 
 
+def _not_lost(world: World) -> list[str]:
+    """The metrics of lost ticks that a run does not have."""
+    absent = {
+        "lost_queueing": not world.rules.battery,
+        "lost_held_back": not world.rules.steered[0],
+    }
+    return [name for name, is_absent in absent.items() if is_absent]
+
+
 def metrics_by_robot(run: Measured) -> list[dict[str, Any]]:
     """For each robot, in the order of identities: operations, lost ticks, utilization.
 
-    `slowdown_ticks` is there if moves may take longer, `lost_queueing` if robots run on batteries.
+    `slowdown_ticks` is there if moves may take longer, `lost_queueing` if robots run on batteries,
+    `lost_held_back` if right of way steers them.
     """
     world = run.world
     elapsed = int(world.clock[CLOCK_TICK])
@@ -232,8 +248,8 @@ def metrics_by_robot(run: Measured) -> list[dict[str, Any]]:
     for identity, i in enumerate(world.robots.at_index):
         figures = _shares(world.tally.operations[i], ticks[i])
         active = figures.pop("active")
-        if not world.rules.battery:
-            del figures["lost_queueing"]
+        for name in _not_lost(world):
+            del figures[name]
         actions = {
             ACTION_NAMES[a] + "s": int(world.tally.operations[i, a].sum()) for a in OPERATIONS
         }

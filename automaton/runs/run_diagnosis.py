@@ -9,6 +9,7 @@ from automaton.engine.observation import DEADLOCK_TICKS
 from automaton.engine.robot_status import STATUS_DEPLETED, STATUS_FAILED, STATUS_REMOVED
 from automaton.engine.state import GOAL_NONE, NIL, ORDER_DELIVERED, Array, World
 from automaton.runs.metrics import illegal_by_layer
+from automaton.runs.progress import STALLED_TICKS, Jam, largest_jam
 from automaton.runs.simulation import Simulation
 from automaton.units import count, listed
 
@@ -46,6 +47,7 @@ def describe_unfinished_run(simulation: Simulation, last_worked: Array) -> str:
         phrases = [f"all orders delivered, but {count(on_floor, 'robot')} not parked"]
     phrases += [f"{layer} gave {count(n, 'illegal answer')}" for layer, n in illegal.items()]
     phrases += describe_robots_down(simulation)
+    phrases += describe_jam(largest_jam(world, simulation.resolved.floor_plan))
     waiting = stalled_robots(simulation, last_worked)
     if len(waiting):
         since = int(last_worked[waiting].max())
@@ -58,6 +60,15 @@ def describe_unfinished_run(simulation: Simulation, last_worked: Array) -> str:
         last = int(world.orders.delivered.max(initial=0))
         phrases.append(f"last delivery at tick {last:,}" if last > 0 else "nothing was delivered")
     return ", ".join(phrases)
+
+
+def describe_jam(jam: Jam | None) -> list[str]:
+    """Return a phrase about robots that stand together and get nothing done, or none."""
+    if jam is None:
+        return []
+    (left, top), (right, bottom) = jam.first, jam.last
+    robots = f"{len(jam.robots)} robots between [{left}, {top}] and [{right}, {bottom}]"
+    return [f"jam: {robots} have finished nothing for the last {STALLED_TICKS} ticks"]
 
 
 def robot_names(simulation: Simulation, stored: Array) -> str:

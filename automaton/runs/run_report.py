@@ -10,7 +10,7 @@ from automaton.runs.headless import Outcome
 from automaton.runs.metric_catalogue import units_of
 from automaton.runs.metrics import METRIC_CATALOGUE
 from automaton.runs.report_document import Table
-from automaton.runs.run_diagnosis import describe_wait_cycles
+from automaton.runs.run_diagnosis import describe_jam, describe_wait_cycles
 from automaton.strategy.lookup import NO_STRATEGY
 from automaton.units import Unit, count, duration, number, percent
 
@@ -76,6 +76,7 @@ def heading(resolved: Resolved, outcome: Outcome, tick: Unit) -> list[str]:
         ", ".join(strategies),
         *out_of_orders(outcome),
         *(describe_wait_cycles(outcome.circles) if outcome.finished or outcome.stopped else []),
+        *(describe_jam(outcome.jam) if outcome.finished or outcome.stopped else []),
         f"1 tick = {scenario.units.tick}{cell}; digest {outcome.digest}"
         + ("" if outcome.wall_s is None else f"; computed in {1000 * outcome.wall_s:,.1f} ms"),
     ]

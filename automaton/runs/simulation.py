@@ -41,7 +41,7 @@ from automaton.engine.state_rows import NO_ROWS, state_rows
 from automaton.errors import InputError
 from automaton.runs.interruption import give_up, interruptible
 from automaton.runs.metric_sums import TASK_SUMS
-from automaton.runs.state_copy import take_over
+from automaton.runs.state_copy import plan_anew, take_over
 from automaton.strategy import lookup
 from automaton.strategy.contract import (
     check_counters,
@@ -121,6 +121,8 @@ class Simulation:
                 != after.resolved.strategies["allocation"].name
             ):
                 self.world.robots.order_queue_length[:] = 0  # nobody goes on with them
+            if self.world.rules.steered[0] != after.world.rules.steered[0]:
+                plan_anew(self.world)
             self.update_finished()
         with self._constants_kept():
             self._states = [self._state(strategy) for strategy in self._strategies]
@@ -175,6 +177,7 @@ class Simulation:
             self.world.rules.holders[layer] = bool(strategy.holders)
             if strategy.layer == "right_of_way":
                 self.world.rules.wait[:] = checked_wait_ranges(strategy)
+                self.world.rules.steered[0] = int(strategy.steers)
         return strategy
 
     def _state(self, strategy: Strategy | None) -> Struct:

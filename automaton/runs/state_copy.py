@@ -17,11 +17,18 @@ from automaton.engine.state import (
     CLOCK_CHANGE_ROWS,
     CLOCK_DECISION_WORDS,
     CLOCK_DIGEST_EVERY,
+    CLOCK_NEEDING_RIGHT_OF_WAY,
+    CLOCK_NEEDING_ROUTE,
     CLOCK_OBSERVING,
     CLOCK_RECORDED_TICKS,
     CLOCK_RECORDING,
     CLOCK_STOP_TICK,
+    NEED_RIGHT_OF_WAY,
+    NEED_ROUTE,
     NIL,
+    NO_STEP,
+    REASON_NEW_GOAL,
+    RETRY_NONE,
     Array,
     World,
 )
@@ -81,3 +88,21 @@ def take_over(
     ):
         np.copyto(rows, others)
     copy_clock(world.clock, other_world.clock)
+
+
+def plan_anew(world: World) -> None:
+    """Drop routes, retries and retreats: right of way begins or ends to steer.
+
+    Where it no longer does, routing is asked about all robots that have somewhere to go.
+    """
+    robots, clock = world.robots, world.clock
+    for array in (robots.route_length, robots.route_index, robots.route_hash):
+        array[:] = 0
+    robots.retreat_moves[:], robots.failed_retries[:], robots.retry_state[:] = 0, 0, RETRY_NONE
+    robots.step[:] = NO_STEP
+    robots.need[:] &= 255 - (NEED_ROUTE | NEED_RIGHT_OF_WAY)
+    clock[CLOCK_NEEDING_RIGHT_OF_WAY] = 0
+    asking = (robots.goal_cell != NIL) & (world.rules.steered[0] == 0)
+    robots.need[asking] |= NEED_ROUTE
+    robots.route_reason[asking] = REASON_NEW_GOAL
+    clock[CLOCK_NEEDING_ROUTE] = int(asking.sum())

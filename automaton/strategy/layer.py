@@ -53,6 +53,8 @@ class Strategy:
         if "decide" in cls.__dict__ and "compiled" not in cls.__dict__:
             cls.compiled = None
 
+    steers: bool = False  # right of way: robots go where it says in each tick, without routes
+
     other_layers: Mapping[str, Strategy] = {}  # of the run, by layer; known before reset
 
     def __init__(self, parameters: Any = None) -> None:

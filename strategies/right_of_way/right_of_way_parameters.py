@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import msgspec
 from msgspec import Meta
@@ -40,3 +40,18 @@ class RetreatParameters(Waits, forbid_unknown_fields=True, frozen=True, kw_only=
     idle_give_way: Annotated[
         bool, Meta(description="idle robots make room for robots that want their cell")
     ] = False
+
+
+class SteeringParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """Of a right of way that says in each tick where robots go: it goes with no routes."""
+
+    def check_scenario(self, scenario: Any, floor_plan: Any) -> str | None:
+        """What these do not go with, or None."""
+        routing = scenario.strategy.routing
+        name = routing if isinstance(routing, str) else routing.get("name")
+        if name == "shortest":
+            return None
+        return (
+            f"it steers the robots, which follow no routes, so routing '{name}' would never be asked;"
+            " leave strategy.routing out, or choose a right of way that follows routes: retreat, wait"
+        )

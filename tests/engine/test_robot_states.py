@@ -20,7 +20,7 @@ from automaton.runs.simulation import Simulation
 PAGE = page("docs/explanation/robot-states.md").text
 NAMES = {
     "Task": [task.name.lower().replace("_", " ") for task in Task],
-    "Motion": [motion.name.lower() for motion in Motion],
+    "Motion": [motion.name.lower().replace("_", " ") for motion in Motion],
     "Condition": list(STATUS_NAMES),
 }
 REPAIRED = (
@@ -52,6 +52,8 @@ RUNS = (
     ("depots-line", ("strategy.charging=insertion", *REPAIRED), 2, 340),
     ("warehouse-100-trial", REPAIRED, 6, 140),
     ("factory-single", (), 2, 220),
+    ("factory-single", ("strategy.right_of_way=pibt",), 2, 400),
+    ("tabletop-mini", ("strategy.right_of_way=pibt", "fleet.robots=5"), 1, 400),
     ("factory-ddz", (*REDESIGNS, *REPAIRED), 1, 1190),
     ("factory-ddz", (*REDESIGNS, *REPAIRED), 2, 640),
 )
@@ -82,7 +84,7 @@ def states(world: World) -> dict[str, list[int]]:
     halted = halt >= tick if len(halt) else np.zeros(len(robots.cell), bool)
     arrays = {
         "Task": tasks_of(robots),
-        "Motion": motions_of(robots, halted),
+        "Motion": motions_of(robots, halted, bool(world.rules.steered[0])),
         "Condition": robots.status,
     }
     return {kind: array[robots.at_index].tolist() for kind, array in arrays.items()}

@@ -5,11 +5,14 @@ from __future__ import annotations
 from automaton.runs.task_metrics import TASK_METRICS
 
 # Shown where tasks are measured, moves may take longer, a strategy counts them, orders come later,
-# robots run on batteries or may fail, stations work on parts, cells have a side.
+# robots run on batteries or may fail, right of way steers, stations work on parts, cells have a side.
 OF_OTHER_RUNS = (
     *(*TASK_METRICS, "slowdown_ticks", "alternative_routes", "lead_time", "lead_time_p95"),
     *(
         "lost_queueing",
+        "lost_held_back",
+        "oldest_order",
+        "robots_without_progress",
         "energy",
         "charging_share",
         "min_charge",

@@ -37,6 +37,7 @@ from automaton.scenario.schema import (
     WorldRules,
 )
 from automaton.strategy.entry import NoParameters
+from strategies.right_of_way.right_of_way_parameters import SteeringParameters
 
 TICKS = 24  # of a run
 
@@ -222,6 +223,14 @@ def cases(draw: Any, types: bool = False, ticks: int = TICKS) -> Case:
         )
     for layer, name in STRATEGIES.items():
         picks[layer] = StrategyChoice(f"random_strategies:{name}", draw(moods(layer, busy)))
+    if steers := draw(st.sampled_from([None, None, "random", "pibt"])):
+        picks["right_of_way"] = (
+            StrategyChoice("pibt", SteeringParameters())
+            if steers == "pibt"
+            else StrategyChoice(
+                "random_strategies:RandomSteering", draw(moods("right_of_way", busy))
+            )
+        )
     stations = reachable_stations(floor_plan, start)
     scenario = draw(scenarios(n, busy, start == "parking-bays", stations, ticks))
     if types:

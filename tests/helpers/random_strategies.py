@@ -15,6 +15,8 @@ from automaton.engine.robot_status import BATTERY_FULL
 from automaton.engine.state import (
     CLOCK_TICK,
     CMD_DROP_AT,
+    CMD_GO,
+    CMD_HOLD,
     CMD_PARK,
     CMD_RETREAT,
     CMD_STEP,
@@ -204,6 +206,37 @@ class RandomRouting(RandomStrategy):
         if route is not None and len(route) <= out.steps.shape[1]:
             out.route_length[k] = len(route)
             out.steps[k, : len(route)] = route
+
+
+class RandomSteering(RandomStrategy):
+    """Says in each tick who goes where, as it happens."""
+
+    layer = "right_of_way"
+    steers = True
+
+    def offend(self, view, dice, i, k, out):
+        out.command[k], out.value[k] = dice.among(
+            [(CMD_GO, 4), (CMD_GO, -1), (CMD_HOLD, 4), (CMD_STEP, 1), (CMD_RETREAT, 3), (9, 1)]
+        )
+
+    def act(self, view, dice, i, k, out, reason, workspace):
+        cell, goal = int(view.robots.cell[i]), int(view.robots.goal_cell[i])
+        if cell == goal and goal != NIL and dice.below(4):
+            return  # it does what it came for
+        out.command[k] = dice.among([CMD_GO] * 12 + [CMD_HOLD, CMD_WAIT])
+        out.value[k] = dice.below(4)
+        if cell != NIL and out.command[k] == CMD_GO:
+            ways = [d for d in range(4) if int(view.grid.cell_flags[cell]) >> d & 1]
+            out.value[k] = (
+                self.towards(view, workspace, i, goal, dice)
+                if dice.below(4)
+                else (dice.among(ways or [0]))
+            )
+
+    def towards(self, view, workspace, i, goal, dice):
+        """The first step to the goal, or any."""
+        route = paths.route(view, workspace, i, goal) if goal != NIL else None
+        return int(route[0]) if route is not None and len(route) else dice.below(4)
 
 
 class RandomRightOfWay(RandomStrategy):

@@ -86,3 +86,8 @@ class WildRouting(Wild):
 
 class WildRightOfWay(Wild):
     layer = "right_of_way"
+
+
+class WildSteering(Wild):
+    layer = "right_of_way"
+    steers = True

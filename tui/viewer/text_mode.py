@@ -14,6 +14,7 @@ from automaton.evidence.history.watched_run import Run
 from automaton.evidence.recording.header import changed, resolved_of
 from automaton.runs.headless import Outcome, operations, orders_exhausted, record_work
 from automaton.runs.metrics import metrics_by_robot, metrics_by_type, metrics_of
+from automaton.runs.progress import largest_jam
 from automaton.runs.run_diagnosis import describe_unfinished_run, find_wait_cycles, stalled_robots
 from automaton.runs.run_report import print_report
 from tui.playback.fleet_summary import summary_of
@@ -105,6 +106,7 @@ def _outcome(run: Run, last_worked: np.ndarray) -> Outcome:
         diagnosis="" if finished else describe_unfinished_run(front, last_worked),
         stopped=not finished and not run.live,
         circles=find_wait_cycles(front.world, stalled_robots(front, last_worked)),
+        jam=largest_jam(front.world, front.resolved.floor_plan),
         ran_out=orders_exhausted(front),
         types=metrics_by_type(front),
     )

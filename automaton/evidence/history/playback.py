@@ -34,6 +34,7 @@ class ReplayStrategy(Strategy):
         super().__init__()
         self.layer = layer  # type: ignore[misc]
         self.period = int(rules["period"][LAYER_NAMES.index(layer)])
+        self.steers = bool(rules["steered"][0])
         self._wait: WaitRanges = tuple(int(w) for w in rules["wait"])  # type: ignore[assignment]
         self._words = words
 

@@ -140,6 +140,7 @@ class _Conditions(_Frame):
     strategies: msgspec.Raw
     period: np.ndarray
     wait: np.ndarray
+    steered: np.ndarray
     files: _Named | UnsetType = UNSET
 
 
@@ -322,6 +323,7 @@ HEADER_ARRAYS: Final = {
 CONDITIONS_ARRAYS: Final = {
     "period": Range("i4", (5,), 0, MAX_NUMBER),
     "wait": Range("i4", (5,), 1, 10_001),
+    "steered": Range("u1", (1,), 0, 2),
 }
 # Only the validator reads states, as numbers; `verify` compares them with the run made again.
 STATE_SIZES: Final = {"robots": "robots", "orders": "orders", "slots": "slots"}

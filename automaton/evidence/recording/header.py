@@ -73,6 +73,7 @@ def rules_of(simulation: Any, settings: tuple[str, ...] = ()) -> Content:
         **file_hashes(resolved),
         "period": rules.period.copy(),
         "wait": rules.wait.copy(),
+        "steered": rules.steered.copy(),
     }
 
 

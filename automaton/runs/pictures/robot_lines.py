@@ -79,6 +79,7 @@ ACTION_PHRASES = {  # of each action: while it lasts, and when it is over
     "illegal": ("loses time to an illegal answer", "lost a tick to an illegal answer"),
     "queueing": ("queues", "queued"),
     "down": ("is down", "went down"),
+    "held_back": ("is held back", "was held back"),
 }
 
 TASK = (

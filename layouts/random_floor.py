@@ -1,0 +1,68 @@
+"""An open floor with obstacles at random, as the benchmarks of path finding for many robots have them.
+
+...#..   `obstacles` is the share of cells that are drawn as walls. What is cut off from the
+.#....   largest part of the floor by them is wall, too, so that all free cells are reached from
+....#.   each other.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+from msgspec import Meta
+
+from automaton.floor.cells import ALL_EXITS, FLOOR, WALL
+from automaton.floor.floor_plan import CellBytes, FloorPlan, bordered, make_floor_plan
+
+Side = Annotated[int, Meta(ge=2, le=4096)]
+
+
+class RandomFloor(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """An open floor for one robot in a cell, with obstacles at random."""
+
+    columns: Annotated[Side, Meta(description="Cells from left to right.")] = 32
+    rows: Annotated[Side, Meta(description="Cells from top to bottom.")] = 32
+    obstacles: Annotated[
+        float, Meta(ge=0, le=0.4, description="Share of the cells that are drawn as walls.")
+    ] = 0.2
+    floor_seed: Annotated[
+        int, Meta(ge=0, le=2**32, description="Where the walls are follows from it.")
+    ] = 1
+
+    def build(self) -> FloorPlan:
+        """The floor, `columns` wide and `rows` high."""
+        draws = np.random.default_rng(self.floor_seed)
+        kind = bordered(self.rows, self.columns)
+        walls = draws.random((self.rows, self.columns)) < self.obstacles
+        kind[1:-1, 1:-1] = np.where(walls, WALL, FLOOR)
+        return open_floor(kind)
+
+
+def open_floor(kind: CellBytes) -> FloorPlan:
+    """A floor of cells for one robot each, without what is cut off from its largest part."""
+    kind = np.where(largest_part(kind == FLOOR), kind, WALL).astype(np.uint8)
+    leave = np.where(kind == FLOOR, ALL_EXITS, 0).astype(np.uint8)
+    return make_floor_plan(kind, leave)
+
+
+def largest_part(free: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """(rows, columns) bool: the largest set of free cells that hang together; ties to the first."""
+    part = np.zeros(free.shape, np.int64)
+    sizes = [0]
+    for row, column in np.argwhere(free).tolist():
+        if part[row, column]:
+            continue
+        number, waiting = len(sizes), [(row, column)]
+        sizes.append(0)
+        part[row, column] = number
+        while waiting:
+            y, x = waiting.pop()
+            sizes[number] += 1
+            for beside in ((y, x + 1), (y + 1, x), (y, x - 1), (y - 1, x)):
+                if free[beside] and not part[beside]:
+                    part[beside] = number
+                    waiting.append(beside)
+    return part == int(np.argmax(sizes)) if len(sizes) > 1 else free

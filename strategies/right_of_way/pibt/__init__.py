@@ -1,0 +1,1 @@
+"""Priority inheritance with backtracking, for robots whose turns and moves take time."""

@@ -1,0 +1,288 @@
+"""Priority inheritance with backtracking (PIBT; Okumura et al.) for robots whose actions take time.
+
+In each tick robots choose where to go, those first that have gone longest without finishing a visit;
+who stands in the way of one is pushed, and chooses next. Robots turn, and turns, moves, picks and
+drops may take ticks, which the published method does not have. Only free robots choose, and:
+
+reserve while turning   a robot that turns has reserved the cell that it turns to, and is leaving its own
+wait for the busy       the cell of one that works may be chosen: the ticks until it is done are added
+commit                  after a turn, the cell that it turned to comes first
+
+With limited sight each robot decides for all that it sees, and follows its own part of that; priorities
+are made known as those of the world (`robots.priority`), which every robot near it sees.
+
+One robot is let into a dead end at a time, if its goal is there; who leaves one goes first.
+"""
+
+import numpy as np
+
+from automaton.engine.robot_status import STATUS_UP
+from automaton.engine.state import (
+    ACTION_TURN,
+    CLOCK_TICK,
+    CMD_GO,
+    CMD_HOLD,
+    GOAL_DROP,
+    GOAL_NONE,
+    GOAL_PARK,
+    GOAL_PICK,
+    NIL,
+)
+from automaton.strategy.kernels import kernel, splitmix64
+from automaton.strategy.layer import Strategy
+from strategies.right_of_way.pibt.dead_ends import dead_ends
+from strategies.right_of_way.pibt.options import is_at_goal, resource_in
+from strategies.right_of_way.pibt.pibt_state import (
+    DECIDED,
+    FIXED,
+    LEAVING,
+    STAY,
+    UNDECIDED,
+    PibtState,
+)
+from strategies.right_of_way.pibt.pushes import push, reserve, reserver_of
+from strategies.right_of_way.right_of_way_parameters import SteeringParameters
+
+
+@kernel
+def direction_to(view, cell, neighbour):
+    for direction in range(4):
+        if cell + view.grid.offset[direction] == neighbour:
+            return direction
+    return 0
+
+
+@kernel
+def look_at_robots(view, batch, state):
+    """Who takes part, who is on the way to which cell, and who is in which dead end or wants into it."""
+    robots, limited = view.robots, view.rules.radius != NIL
+    state.tenants[:] = 0
+    state.callers[:] = 0
+    for i in range(robots.cell.shape[0]):
+        if limited and i != batch.robot[0]:
+            state.turning[i] = 0  # what others have in mind is out of sight
+        cell, claim = np.int64(robots.cell[i]), np.int64(robots.claim[i])
+        state.mode[i] = FIXED
+        if cell == NIL:
+            continue
+        if claim != NIL and claim != cell:
+            state.next[i] = claim
+            state.mode[i] = LEAVING
+        elif robots.busy[i] and robots.action[i] == ACTION_TURN and state.turning[i]:
+            state.mode[i] = LEAVING
+        elif robots.busy[i] or not state.turning[i]:
+            state.turning[i] = 0
+            state.next[i] = cell
+        if state.mode[i] == LEAVING:
+            to = np.int64(state.next[i])
+            reserve(view, state, resource_in(view, to, direction_to(view, cell, to)), i)
+        count_in_dead_ends(view, state, i)
+        if limited and robots.busy[i] == 0 and robots.status[i] == STATUS_UP:
+            let_choose(view, state, i)
+    for k in range(batch.count[0]):
+        let_choose(view, state, np.int64(batch.robot[k]))
+
+
+@kernel
+def let_choose(view, state, i):
+    """Robot i is free: it chooses, unless it has come to do something where it is."""
+    if view.robots.cell[i] == NIL or not is_at_goal(view, i):
+        state.mode[i] = UNDECIDED
+    else:
+        state.turning[i] = 0
+        state.next[i] = view.robots.cell[i]
+
+
+@kernel
+def count_in_dead_ends(view, state, i):
+    """Count robot i in the dead end that it is in, enters, or wants into."""
+    here = state.dead_end[view.robots.cell[i]]
+    if here != NIL:
+        state.tenants[here] += 1
+    there = state.dead_end[state.next[i]] if state.mode[i] == LEAVING else here
+    if there != NIL and there != here:
+        state.tenants[there] += 1
+    if view.robots.goal_type[i] == GOAL_NONE:
+        return
+    wanted = state.dead_end[view.robots.goal_cell[i]]
+    if wanted != NIL and wanted != here:
+        state.callers[wanted] += 1
+
+
+@kernel
+def update_queue(view, state):
+    """Who has finished a visit goes to the end of the queue."""
+    robots, queue = view.robots, state.queue
+    remaining, moved = 0, 0
+    for place in range(queue.shape[0]):
+        identity = queue[place]
+        i = np.int64(robots.at_index[identity])
+        if has_finished(view, state, i):
+            state.finished[moved] = identity
+            moved += 1
+        else:
+            queue[remaining] = identity
+            remaining += 1
+    for place in range(moved):
+        queue[remaining + place] = state.finished[place]
+
+
+@kernel
+def has_finished(view, state, i):
+    """Whether robot i has done since the last look what it drove to its goal cell for."""
+    robots = view.robots
+    before, cell = np.int64(state.aim_type[i]), np.int64(state.aim_cell[i])
+    if before == robots.goal_type[i] and cell == robots.goal_cell[i]:
+        return False
+    state.aim_type[i], state.aim_cell[i] = robots.goal_type[i], robots.goal_cell[i]
+    return (before == GOAL_PICK or before == GOAL_DROP) and robots.cell[i] == cell
+
+
+MAX_PRIORITY = 32_767
+LEAVES = 0  # ranks of robots
+WORKS = 1
+HAS_NOTHING = 2
+RANKS = 3
+
+
+@kernel
+def rank_of(view, state, i):
+    """Who leaves a dead end goes first, who has nothing to do or cannot enter one yet, last."""
+    robots = view.robots
+    cell, goal = np.int64(robots.cell[i]), np.int64(robots.goal_cell[i])
+    here = np.int64(NIL) if cell == NIL else np.int64(state.dead_end[cell])
+    if robots.goal_type[i] == GOAL_NONE:
+        return LEAVES if here != NIL and state.callers[here] else HAS_NOTHING
+    there = np.int64(state.dead_end[goal])
+    if here != NIL and here != there:
+        return LEAVES
+    if robots.goal_type[i] == GOAL_PARK or (
+        there != NIL and there != here and state.tenants[there]
+    ):
+        return HAS_NOTHING
+    return WORKS
+
+
+@kernel
+def list_robots_in_sight(view, batch, decisions, state):
+    """Enter those who choose into the queue, by the priorities that all make known; how many they are.
+
+    The robot that is asked sees no times but its own, and makes them known as its priority.
+    """
+    robots, own = view.robots, np.int64(batch.robot[0])
+    if has_finished(view, state, own) or state.since[own] == 0:
+        state.since[own] = view.clock[CLOCK_TICK]
+    age = view.clock[CLOCK_TICK] - state.since[own]
+    decisions.right_of_way.priority[0] = min(age, MAX_PRIORITY)
+    count = 0
+    for identity in range(robots.cell.shape[0]):
+        i = np.int64(robots.at_index[identity])
+        if state.mode[i] != UNDECIDED:
+            continue
+        at = count
+        while at > 0 and robots.priority[robots.at_index[state.queue[at - 1]]] < robots.priority[i]:
+            state.queue[at] = state.queue[at - 1]
+            at -= 1
+        state.queue[at] = identity
+        count += 1
+    return count
+
+
+@kernel
+def decide_all(view, state, workspace, count):
+    """Let the first robots of the queue choose: by rank, and in each rank by their places."""
+    for rank in range(RANKS):
+        for place in range(count):
+            i = np.int64(view.robots.at_index[state.queue[place]])
+            if state.mode[i] != UNDECIDED or rank_of(view, state, i) != rank:
+                continue
+            if view.robots.cell[i] == NIL:
+                leave_bay(view, state, workspace, i)
+            else:
+                push(view, state, workspace, i)
+
+
+@kernel
+def leave_bay(view, state, workspace, i):
+    """Robot i, in its parking bay, reserves its home cell; whoever stands there is pushed."""
+    robots = view.robots
+    home = np.int64(robots.home[i])
+    state.mode[i] = DECIDED
+    state.next[i] = NIL
+    if robots.goal_type[i] == GOAL_NONE or robots.goal_type[i] == GOAL_PARK:
+        return
+    resource = resource_in(view, home, np.int64(robots.heading[i]))
+    if resource == NIL:
+        state.next[i] = home
+        return
+    if reserver_of(view, state, resource) != NIL:
+        return
+    identity = np.int64(view.traffic.holder[home, resource // view.grid.cell_flags.shape[0]])
+    if identity == NIL:
+        reserve(view, state, resource, i)
+        state.next[i] = home
+        return
+    holder = np.int64(robots.at_index[identity])
+    if state.mode[holder] == UNDECIDED:
+        reserve(view, state, resource, i)
+        push(view, state, workspace, holder)
+
+
+@kernel
+def give_commands(view, batch, decisions, state):
+    out, robots, mask = decisions.right_of_way, view.robots, view.grid.headings - 1
+    for k in range(batch.count[0]):
+        i = np.int64(batch.robot[k])
+        if state.mode[i] != DECIDED:
+            continue
+        cell, to = np.int64(robots.cell[i]), np.int64(state.next[i])
+        state.turning[i] = 0
+        if cell == NIL:
+            if robots.goal_type[i] != GOAL_NONE and robots.goal_type[i] != GOAL_PARK:
+                out.command[k] = CMD_HOLD if to == NIL else CMD_GO
+                out.value[k] = NIL if to == NIL else 0
+        elif to != cell:
+            direction = direction_to(view, cell, to)
+            state.turning[i] = 1 if direction & mask != robots.heading[i] else 0
+            out.command[k] = CMD_GO
+            out.value[k] = direction
+        elif robots.goal_type[i] != GOAL_NONE:
+            out.command[k] = CMD_HOLD
+            out.value[k] = NIL if state.options[i, 0] == STAY else np.int64(state.options[i, 0])
+
+
+@kernel
+def decide(view, batch, decisions, memory, workspace):
+    state = PibtState.of(memory)
+    look_at_robots(view, batch, state)
+    if view.rules.radius == NIL:
+        update_queue(view, state)
+        count = state.queue.shape[0]
+    else:
+        count = list_robots_in_sight(view, batch, decisions, state)
+    decide_all(view, state, workspace, count)
+    give_commands(view, batch, decisions, state)
+
+
+class Pibt(Strategy):
+    """Robots make way by inherited priority (PIBT), turns and moves of any length."""
+
+    layer = "right_of_way"
+    Parameters = SteeringParameters
+    compiled = decide
+    holders = True
+    steers = True
+    period = 1
+
+    def reset(self, view):
+        """All robots have an equal claim at the start: the queue begins in an order by hash."""
+        n, cells = len(view.robots.cell), len(view.grid.cell_flags)
+        number, way_out, count = dead_ends(view.grid)
+        with np.errstate(over="ignore"):
+            draws = [int(splitmix64(np.uint64(view.rules.seed) ^ np.uint64(r))) for r in range(n)]
+        return PibtState.sized(
+            {"n": n, "r": 2 * cells, "e": max(count, 1)},
+            queue=np.argsort(np.array(draws, np.uint64), kind="stable").astype(np.int32),
+            dead_end=number,
+            way_out=way_out,
+        )

@@ -1,0 +1,40 @@
+"""What PIBT keeps from tick to tick, and what it works with in one."""
+
+from automaton.engine.jit.fields import CONSTANT, SCRATCH, field
+from automaton.engine.jit.structs import Struct
+from automaton.engine.state import NIL, Array
+
+# Modes of a robot in a tick: state.mode.
+FIXED = 0  # it stays where it is, whatever is decided here
+LEAVING = 1  # it is on its way to `next`, and its cell will be free
+UNDECIDED = 2
+DECIDED = 3
+
+STAY = 4  # an option beside the four directions
+
+
+class PibtState(Struct):
+    """n robots by storage, c cells, r resources (a cell, or a lane of a cell for two)."""
+
+    next: Array = field("(n,) int32", "the cell that it turns to or enters, or its own")
+    turning: Array = field("(n,) uint8", "1 = it has begun a turn towards `next`")
+    aim_cell: Array = field("(n,) int32", "its goal cell when it was last looked at", default=NIL)
+    aim_type: Array = field("(n,) uint8", "what it was to do there")
+    since: Array = field(
+        "(n,) int64", "with limited sight: the tick of the last visit that it has finished"
+    )
+    queue: Array = field(
+        "(q,) int32", "identities, by the time of the last visit that each has finished"
+    )
+    dead_end: Array = field("(c,) int32", "the dead end that a cell belongs to", role=CONSTANT)
+    way_out: Array = field("(c,) uint8", "the direction out of it", role=CONSTANT)
+    tenants: Array = field("(e,) int32", "robots in a dead end, or on the way in", role=SCRATCH)
+    callers: Array = field("(e,) int32", "robots outside that want into it", role=SCRATCH)
+    reserved: Array = field("(r,) int64", "tick << 32 | who is in it after this move", role=SCRATCH)
+    mode: Array = field("(n,) uint8", "FIXED, LEAVING, UNDECIDED, DECIDED", role=SCRATCH)
+    options: Array = field("(n, 5) uint8", "directions and STAY, best first", role=SCRATCH)
+    option_count: Array = field("(n,) uint8", role=SCRATCH)
+    option_next: Array = field("(n,) uint8", "the option to be tried next", role=SCRATCH)
+    stack: Array = field("(n,) int32", "a chain of robots that push each other", role=SCRATCH)
+    finished: Array = field("(q,) int32", "who has finished a visit since", role=SCRATCH)
+    keys: Array = field("(5,) int64", role=SCRATCH)

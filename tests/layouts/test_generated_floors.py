@@ -1,0 +1,78 @@
+"""Floors made by generators: open floors with obstacles, rooms, narrow aisles."""
+
+from __future__ import annotations
+
+from textwrap import dedent
+
+import numpy as np
+import pytest
+
+from automaton.floor.cells import FLOOR
+from automaton.floor.floor_drawing import floor_picture
+from automaton.floor.reachability import around_home
+from layouts.aisles import Aisles
+from layouts.random_floor import RandomFloor, largest_part
+from layouts.rooms import Rooms
+
+
+@pytest.mark.parametrize(
+    ("floor", "picture"),
+    [
+        (
+            Aisles(aisles=3, sections=1, length=2, one_way=True),
+            """
+            .......
+            .......
+            #v#^#v#
+            #v#^#v#
+            .......
+            ..t...t
+            """,
+        ),
+        (
+            Aisles(aisles=2, sections=2, length=1, pockets=True),
+            """
+            .....
+            .....
+            #.#.#
+            .....
+            .....
+            #.#.#
+            .....
+            .....
+            ##t##
+            """,
+        ),
+    ],
+)
+def test_aisles_between_corridors(floor, picture):
+    drawn = floor_picture(floor.build()).replace(" ", "#")
+    assert drawn.strip("\n") == dedent(picture).strip("\n")
+
+
+def test_what_obstacles_cut_off_is_wall():
+    free = (
+        np.array([list(map(int, row)) for row in ("0000000", "0110100", "0010110", "0000000")]) == 1
+    )
+    assert largest_part(free).sum() == 3
+    assert largest_part(free)[1, 1] and not largest_part(free)[1, 4]
+
+
+@pytest.mark.parametrize("floor", [RandomFloor(obstacles=0.35), Rooms(across=3, down=3, side=5)])
+def test_all_free_cells_are_reached_from_each_other(floor):
+    built = floor.build()
+    free = np.flatnonzero(built.kind.reshape(-1) == FLOOR)
+    assert len(free) > 200
+    assert (np.flatnonzero(around_home(built, int(free[0]), False)) == free).all()
+
+
+def test_a_floor_follows_from_its_seed():
+    one, same, other = (floor_picture(RandomFloor(floor_seed=s).build()) for s in (1, 1, 2))
+    assert one == same != other
+
+
+def test_rooms_have_a_door_in_each_wall():
+    kind = Rooms(across=3, down=2, side=4, floor_seed=5).build().kind[1:-1, 1:-1]
+    for wall in (kind[:4, 4], kind[:4, 9], kind[5:, 4], kind[5:, 9]):
+        assert (wall == FLOOR).sum() == 1
+    assert (kind[4] == FLOOR).sum() == 3

@@ -1,0 +1,198 @@
+"""PIBT: who makes way for whom, and that everybody gets through."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from textwrap import dedent
+
+import numpy as np
+import pytest
+from small_runs import SmallRun
+
+from automaton.build.resolve import resolve
+from automaton.engine.state import (
+    ACTION_DROP,
+    ACTION_PICK,
+    GOAL_CHARGE,
+    GOAL_NONE,
+    LAYER_RIGHT_OF_WAY,
+)
+from automaton.errors import InputError
+from automaton.runs.simulation import Simulation
+from automaton.scenario.schema import Durations
+from strategies.right_of_way.pibt.dead_ends import NO_WAY_OUT, dead_ends
+from strategies.right_of_way.pibt.pibt import Pibt
+
+GOAL = GOAL_CHARGE  # where there is no charger, a robot simply stays there
+
+
+def drive(picture, ticks=40, **options):
+    """Robots with goals by name (A=(x, y)); returns the run and, by robot, the tick of its arrival."""
+    goals = {name: options.pop(name) for name in list(options) if name.isupper()}
+    run = SmallRun(picture, strategies={"right_of_way": Pibt()}, **options)
+    robots = run.world.robots
+    for name, cell in goals.items():
+        robots.goal_type[run.index(name)] = GOAL
+        robots.goal_cell[run.index(name)] = run.floor_plan.cell(*cell)
+    arrived = {}
+    for tick in range(1, ticks + 1):
+        run.tick()
+        for name in goals:
+            i = run.index(name)
+            if robots.cell[i] == robots.goal_cell[i]:
+                arrived.setdefault(name, tick)
+    assert run.world.tally.illegal[LAYER_RIGHT_OF_WAY] == 0
+    return run, arrived
+
+
+@pytest.mark.parametrize(
+    ("picture", "numbers"),
+    [
+        ("...\n.#.\n...", "...\n.#.\n..."),
+        ("...\n.#.\n...\n#.#\n#..", "...\n.#.\n...\n#0#\n#00"),
+        ("....\n.##.\n....\n.##.", "....\n.##.\n....\n0##1"),
+        ("......", "......"),
+        ("....\n.##.\n....\n~##=", "....\n.##.\n....\n~##="),
+    ],
+)
+def test_dead_ends_are_what_peels_away(picture, numbers):
+    run = SmallRun("A" + picture[1:])
+    number, way_out, count = dead_ends(run.world.grid)
+    rows = [
+        "".join(
+            str(number[run.floor_plan.cell(x, y)])
+            if number[run.floor_plan.cell(x, y)] >= 0
+            else one
+            for x, one in enumerate(row)
+        )
+        for y, row in enumerate(picture.split("\n"))
+    ]
+    assert "\n".join(rows) == numbers
+    assert count == number.max() + 1
+    assert ((way_out == NO_WAY_OUT) == (number < 0)).all()
+
+
+def test_two_robots_that_meet_head_on_pass_each_other():
+    _, arrived = drive("A...B\n.###.\n.....", A=(4, 0), B=(0, 0))
+    assert set(arrived) == {"A", "B"}
+
+
+def test_a_full_ring_rotates():
+    run, arrived = drive("AB\nDC", A=(1, 1), B=(0, 1), C=(0, 0), D=(1, 0), ticks=12)
+    assert set(arrived) == set("ABCD")
+    assert run.world.tally.operations[:, 1].sum() >= 8, "each moves twice at least"
+
+
+def test_who_has_nothing_to_do_makes_way():
+    run, arrived = drive("A.B.\n##.#", A=(3, 0), ticks=10)
+    assert arrived == {"A": 3}
+    assert run.world.robots.goal_type[run.index("B")] == GOAL_NONE
+
+
+def test_a_robot_that_turns_has_reserved_the_cell_that_it_turns_to():
+    """B comes straight to the cell that A, which is slow to turn, has chosen first."""
+    run, arrived = drive(
+        dedent("""
+        #.#
+        A..
+        #B#
+        """),
+        kinematics="differential",
+        durations=Durations(turn=4),
+        A=(2, 1),
+        B=(1, 0),
+        ticks=30,
+    )
+    assert set(arrived) == {"A", "B"}
+    assert run.run.world.tally.operations[:, 2].sum() <= 3, "nobody turns there and back"
+
+
+def test_one_robot_at_a_time_is_let_into_a_dead_end_and_out_again():
+    _, arrived = drive("A...\n.##.\nB...\n.###", A=(0, 3), ticks=20)
+    assert arrived
+    _, arrived = drive("....\n.##.\n....\nA###", A=(3, 0), ticks=20)
+    assert arrived["A"] <= 10
+
+
+def test_it_goes_with_no_routes():
+    with pytest.raises(InputError, match="routing 'congestion' would never be asked"):
+        resolve("crossing", ["strategy.right_of_way=pibt", "strategy.routing=congestion"])
+
+
+def aisles(tmp_path, kind, robots, ticks, **settings):
+    """A floor of aisles between corridors; each order leads from an aisle to a station at the bottom."""
+    rows = {
+        "two": ["." * 17] * 2 + ["#a" * 8 + "#"] * 5 + ["." * 17] * 2,
+        "one": ["." * 17] * 2 + ["#e#f" * 4 + "#"] * 5 + ["." * 17] * 2,
+        "dead": ["#a" * 8 + "#"] * 7 + ["." * 17] * 2,
+        "stub": ["." * 17] * 2 + ["#a" * 8 + "#"] * 5 + ["." * 17] * 2,
+    }[kind]
+    stations = "".join("t" if x % 4 == 2 else "#" if kind == "stub" else "." for x in range(17))
+    rows = [*rows, stations] if kind == "stub" else [*rows[:-1], stations]
+    draws = np.random.default_rng(7)
+    sources = [(x, y) for y, row in enumerate(rows) for x, one in enumerate(row) if one in "aef"]
+    ends = [(x, len(rows) - 1) for x in range(17) if stations[x] == "t"]
+    free = [(x, y) for y, row in enumerate(rows) for x, one in enumerate(row) if one not in "#t"]
+    lines = [
+        "0,{},{},{},{}".format(*draws.choice(sources), *draws.choice(ends))
+        for _ in range(2 * ticks)
+    ]
+    (tmp_path / "orders.csv").write_text("tick,from_x,from_y,to_x,to_y\n" + "\n".join(lines) + "\n")
+    start = [list(map(int, cell)) for cell in draws.permutation(free)[:robots]]
+    used = "".join(rows)
+    legend = (
+        "{"
+        + ", ".join(
+            entry
+            for entry in (
+                "a: {kind: station}",
+                "e: {kind: station, exits: [south]}",
+                "f: {kind: station, exits: [north]}",
+            )
+            if entry[0] in used
+        )
+        + "}"
+    )
+    text = "name: aisles\nlayout:\n  picture: |\n"
+    text += "".join(f"    {row}\n" for row in rows) + f"  legend: {legend}\n"
+    text += f"fleet: {{robots: {robots}, kinematics: differential, start: {start}}}\n"
+    text += "durations: {move: 1, turn: 2, pick: 8, drop: 8}\n"
+    text += "orders: {arrivals: {file: orders.csv}}\n"
+    text += "strategy: {allocation: first-come, right_of_way: pibt}\n"
+    text += f"stop: {{when: never, max_duration: {ticks}}}\nseed: 3\n"
+    text += "".join(f"{key}: {value}\n" for key, value in settings.items())
+    path = tmp_path / "aisles.yaml"
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("kind", "robots"), [("two", 24), ("two", 40), ("one", 40), ("stub", 40), ("dead", 16)]
+)
+def test_everybody_gets_through(tmp_path, kind, robots):
+    run = Simulation(resolve(aisles(tmp_path, kind, robots, 2400)))
+    done = []
+    for tick in (800, 1600, 2400):
+        run.run(until=tick)
+        done.append(run.world.tally.operations[:, [ACTION_PICK, ACTION_DROP]].sum((1, 2)).copy())
+    for before, after in pairwise(done):
+        assert (after > before).all(), "every robot finished a visit"
+    assert run.world.tally.illegal.sum() == 0
+
+
+def test_how_robots_are_stored_changes_nothing(tmp_path):
+    resolved = resolve(aisles(tmp_path, "stub", 20, 300))
+    digests = set()
+    for storage in (None, np.random.default_rng(1).permutation(20).astype(np.int32)):
+        run = Simulation(resolved, storage=storage)
+        run.run(until=300)
+        digests.add(run.digest)
+    assert len(digests) == 1
+
+
+@pytest.mark.parametrize("information", ["orders", "{radius: 3}"])
+def test_limited_sight_gives_no_illegal_answers(tmp_path, information):
+    run = Simulation(resolve(aisles(tmp_path, "two", 12, 300, information=information)))
+    run.run(until=300)
+    assert run.world.tally.illegal.sum() == 0
+    assert (run.world.orders.delivered >= 0).sum() > 5

@@ -3,8 +3,8 @@
 .........   Aisles are one cell wide, in `sections` one below another. Two-way, or alternately
 .........   down and up (`one_way`). Stations stand in the last row of the last corridor, every
 #v#^#v#^#   fourth cell, or below it in a pocket of their own (`pockets`), from which a robot
-#v#^#v#^#   comes out as it went in. What is stored stands in the walls beside the aisles.
-.........
+#v#^#v#^#   comes out as it went in. With `shelves` the walls beside the aisles are shelves, and
+.........   destinations stand below the last corridor in place of stations.
 ..t...t..
 """
 
@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from automaton.floor.cells import ALL_EXITS, FLOOR, NORTH, SOUTH, STATION, WALL
+from automaton.floor.cells import ALL_EXITS, DESTINATION, FLOOR, NORTH, SHELF, SOUTH, STATION, WALL
 from automaton.floor.floor_plan import FloorPlan, bordered, make_floor_plan
 
 CORRIDOR: Final = 2  # rows
@@ -33,20 +33,31 @@ class Aisles(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
     one_way: Annotated[bool, Meta(description="Aisles lead alternately down and up.")] = False
     pockets: Annotated[bool, Meta(description="Stations stand in pockets below the floor.")] = False
 
+    shelves: Annotated[
+        bool,
+        Meta(description="Shelves beside the aisles, and destinations below in place of stations."),
+    ] = False
+
+    def __post_init__(self) -> None:
+        if self.shelves and self.pockets:
+            raise ValueError("pockets are for stations: a floor with shelves has destinations")
+
     def build(self) -> FloorPlan:
         """The floor, `2 * aisles + 1` wide."""
         width, pitch = 2 * self.aisles + 1, self.length + CORRIDOR
-        height = self.sections * pitch + CORRIDOR + self.pockets
+        height = self.sections * pitch + CORRIDOR + (self.pockets or self.shelves)
         kind = bordered(height, width)
         floor = kind[1:-1, 1:-1]
-        floor[:] = WALL
+        floor[:] = SHELF if self.shelves else WALL
         floor[:, 1::2] = FLOOR
         corridors = np.arange(height) % pitch < CORRIDOR
         floor[corridors] = FLOOR
-        if self.pockets:
+        if self.pockets or self.shelves:
             floor[-1] = WALL
-        floor[-1, FIRST_STATION::STATION_EVERY] = STATION
-        leave = np.where(kind == WALL, 0, ALL_EXITS).astype(np.uint8)
+        end = DESTINATION if self.shelves else STATION
+        floor[-1, FIRST_STATION::STATION_EVERY] = end
+        drivable = (kind == FLOOR) | (kind == STATION)
+        leave = np.where(drivable, ALL_EXITS, 0).astype(np.uint8)
         if self.one_way:
             inside = leave[1:-1, 1:-1]
             rows = np.flatnonzero(~corridors)

@@ -13,4 +13,5 @@ GENERATORS: Final[dict[str, str]] = {
     "random": "layouts.random_floor:RandomFloor",
     "rooms": "layouts.rooms:Rooms",
     "aisles": "layouts.aisles:Aisles",
+    "sorting": "layouts.sorting:Sorting",
 }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from automaton.build.fleet_warnings import fleet_warnings
 from automaton.build.resolve import Resolved
 from automaton.errors import alternatives
 from automaton.floor.cells import CHARGER, STATION, UNLIMITED
@@ -30,7 +31,7 @@ def scenario_warnings(resolved: Resolved) -> list[str]:
         resolved.fleet.handed_over(),
         counts_as_seconds(resolved),
     )
-    return [sentence for sentence in found if sentence]
+    return [sentence for sentence in found if sentence] + fleet_warnings(resolved)
 
 
 def nothing_to_avoid(resolved: Resolved) -> str:

@@ -24,7 +24,7 @@ from automaton.engine.state import (
 from automaton.floor.floor_plan import FloorPlan
 
 STALLED_TICKS: Final = 500
-JAM_ROBOTS: Final = 2  # fewer that stand together are no jam
+JAM_ROBOTS: Final = 2  # fewer that stand together do not count
 REACH: Final = 2  # rows and columns between two robots of one jam
 
 
@@ -44,10 +44,10 @@ def robots_without_progress(world: World, ticks: int = STALLED_TICKS) -> Array:
     robots = world.robots
     at_work = (robots.goal_type != GOAL_NONE) & (robots.goal_type != GOAL_PARK)
     at_work &= (robots.status == STATUS_UP) & (robots.ticket == 0)
-    found: Array = np.flatnonzero(
+    stalled: Array = np.flatnonzero(
         at_work & (world.tally.progress <= int(world.clock[CLOCK_TICK]) - ticks)
     )
-    return found
+    return stalled
 
 
 def oldest_order(world: World) -> int | None:
@@ -79,12 +79,12 @@ def _groups(places: Array) -> list[list[int]]:
     at: dict[tuple[int, int], list[int]] = {}
     for k, (x, y) in enumerate(places.tolist()):
         at.setdefault((x, y), []).append(k)
-    groups, seen = [], set()
+    groups, reached = [], set()
     for start in range(len(places)):
-        if start in seen:
+        if start in reached:
             continue
         group, waiting = [], [start]
-        seen.add(start)
+        reached.add(start)
         while waiting:
             k = waiting.pop()
             group.append(k)
@@ -96,8 +96,8 @@ def _groups(places: Array) -> list[list[int]]:
                 for j in at.get((u, v), ())
             )
             for j in near:
-                if j not in seen:
-                    seen.add(j)
+                if j not in reached:
+                    reached.add(j)
                     waiting.append(j)
         groups.append(group)
     return groups

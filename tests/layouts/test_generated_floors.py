@@ -13,6 +13,7 @@ from automaton.floor.reachability import around_home
 from layouts.aisles import Aisles
 from layouts.random_floor import RandomFloor, largest_part
 from layouts.rooms import Rooms
+from layouts.sorting import Sorting
 
 
 @pytest.mark.parametrize(
@@ -27,6 +28,31 @@ from layouts.rooms import Rooms
             #v#^#v#
             .......
             ..t...t
+            """,
+        ),
+        (
+            Aisles(aisles=2, sections=1, length=2, shelves=True),
+            """
+            .....
+            .....
+            s.s.s
+            s.s.s
+            .....
+            .....
+            ##d##
+            """,
+        ),
+        (
+            Sorting(columns=10, rows=8),
+            """
+            i........i
+            #........#
+            i..r..r..i
+            #........#
+            i........i
+            #..r..r..#
+            i........i
+            #........#
             """,
         ),
         (
@@ -45,7 +71,7 @@ from layouts.rooms import Rooms
         ),
     ],
 )
-def test_aisles_between_corridors(floor, picture):
+def test_floors_for_large_fleets(floor, picture):
     drawn = floor_picture(floor.build()).replace(" ", "#")
     assert drawn.strip("\n") == dedent(picture).strip("\n")
 

@@ -28,9 +28,9 @@ from automaton.engine.state import (
     GOAL_PICK,
     NIL,
 )
+from automaton.floor.dead_ends import dead_ends
 from automaton.strategy.kernels import kernel, splitmix64
 from automaton.strategy.layer import Strategy
-from strategies.right_of_way.pibt.dead_ends import dead_ends
 from strategies.right_of_way.pibt.options import is_at_goal, resource_in
 from strategies.right_of_way.pibt.pibt_state import (
     DECIDED,
@@ -277,12 +277,13 @@ class Pibt(Strategy):
     def reset(self, view):
         """All robots have an equal claim at the start: the queue begins in an order by hash."""
         n, cells = len(view.robots.cell), len(view.grid.cell_flags)
-        number, way_out, count = dead_ends(view.grid)
+        flags = view.grid.cell_flags
+        ends = dead_ends(flags & 15, flags >> 5 & 3 == 1, view.grid.offset)
         with np.errstate(over="ignore"):
             draws = [int(splitmix64(np.uint64(view.rules.seed) ^ np.uint64(r))) for r in range(n)]
         return PibtState.sized(
-            {"n": n, "r": 2 * cells, "e": max(count, 1)},
+            {"n": n, "r": 2 * cells, "e": max(ends.total, 1)},
             queue=np.argsort(np.array(draws, np.uint64), kind="stable").astype(np.int32),
-            dead_end=number,
-            way_out=way_out,
+            dead_end=ends.number,
+            way_out=ends.way_out,
         )

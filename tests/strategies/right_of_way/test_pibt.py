@@ -20,7 +20,6 @@ from automaton.engine.state import (
 from automaton.errors import InputError
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Durations
-from strategies.right_of_way.pibt.dead_ends import NO_WAY_OUT, dead_ends
 from strategies.right_of_way.pibt.pibt import Pibt
 
 GOAL = GOAL_CHARGE  # where there is no charger, a robot simply stays there
@@ -43,33 +42,6 @@ def drive(picture, ticks=40, **options):
                 arrived.setdefault(name, tick)
     assert run.world.tally.illegal[LAYER_RIGHT_OF_WAY] == 0
     return run, arrived
-
-
-@pytest.mark.parametrize(
-    ("picture", "numbers"),
-    [
-        ("...\n.#.\n...", "...\n.#.\n..."),
-        ("...\n.#.\n...\n#.#\n#..", "...\n.#.\n...\n#0#\n#00"),
-        ("....\n.##.\n....\n.##.", "....\n.##.\n....\n0##1"),
-        ("......", "......"),
-        ("....\n.##.\n....\n~##=", "....\n.##.\n....\n~##="),
-    ],
-)
-def test_dead_ends_are_what_peels_away(picture, numbers):
-    run = SmallRun("A" + picture[1:])
-    number, way_out, count = dead_ends(run.world.grid)
-    rows = [
-        "".join(
-            str(number[run.floor_plan.cell(x, y)])
-            if number[run.floor_plan.cell(x, y)] >= 0
-            else one
-            for x, one in enumerate(row)
-        )
-        for y, row in enumerate(picture.split("\n"))
-    ]
-    assert "\n".join(rows) == numbers
-    assert count == number.max() + 1
-    assert ((way_out == NO_WAY_OUT) == (number < 0)).all()
 
 
 def test_two_robots_that_meet_head_on_pass_each_other():

@@ -1,0 +1,90 @@
+"""Warn about fleets that will not get through: dead ends, crowds, a right of way that jams there."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from automaton.build.resolve import Resolved
+from automaton.floor.cells import CHARGER, STATION
+from automaton.floor.dead_ends import DeadEnds, dead_ends_of
+from automaton.units import count
+
+ROUTE_FOLLOWERS: Final = ("retreat", "wait")  # rights of way under which robots follow routes
+JAM_SHARE: Final = 0.06  # of 819 cells for one robot each, from which fleets under retreat jam
+CROWD_SHARE: Final = 0.9  # of the cells, from which little moves whatever the right of way
+FEW_ROBOTS: Final = 10
+MOST_NAMED: Final = 3
+
+
+def fleet_warnings(resolved: Resolved) -> list[str]:
+    """Return a sentence for each warning about the size of a fleet and its right of way."""
+    ends = dead_ends_of(resolved.floor_plan)
+    if resolved.scenario.fleet.robots < 2:
+        return []
+    sentences = (
+        has_stations_in_dead_ends(resolved, ends),
+        is_crowded(resolved, ends),
+        jams_under_retreat(resolved),
+        is_a_tree(resolved, ends),
+    )
+    return [sentence for sentence in sentences if sentence]
+
+
+def has_stations_in_dead_ends(resolved: Resolved, ends: DeadEnds) -> str:
+    """Warn about stations and chargers out of which a robot comes as it went in."""
+    kinds = resolved.floor_plan.kind.reshape(-1)
+    inside = np.flatnonzero((ends.number >= 0) & ((kinds == STATION) | (kinds == CHARGER)))
+    if not len(inside) or resolved.scenario.fleet.robots <= FEW_ROBOTS:
+        return ""
+    named = ", ".join(str(list(resolved.floor_plan.xy(int(c)))) for c in inside[:MOST_NAMED])
+    more = f" and {len(inside) - MOST_NAMED} more" if len(inside) > MOST_NAMED else ""
+    return (
+        f"stations or chargers in dead ends ({named}{more}): one robot at a time goes in, and comes out "
+        "again before the next; a second way out lets robots pass through"
+    )
+
+
+def is_crowded(resolved: Resolved, ends: DeadEnds) -> str:
+    """Warn about more robots than have room to move."""
+    floor_plan, robots = resolved.floor_plan, resolved.scenario.fleet.robots
+    drivable = floor_plan.drivable.reshape(-1)
+    if (floor_plan.capacity.reshape(-1)[drivable] != 1).any():
+        return ""
+    cells = int((drivable & (ends.number < 0)).sum())
+    if robots <= CROWD_SHARE * cells or resolved.start == "parking-bays":
+        return ""
+    return (
+        f"{count(robots, 'robot')} on {count(cells, 'cell')} for one robot each (dead ends aside) have "
+        f"hardly room to move; at most {int(CROWD_SHARE * cells)} get through"
+    )
+
+
+def jams_under_retreat(resolved: Resolved) -> str:
+    """Warn about a right of way that follows routes where many robots share cells for one."""
+    floor_plan, robots = resolved.floor_plan, resolved.scenario.fleet.robots
+    name = resolved.strategies["right_of_way"].name
+    drivable = floor_plan.drivable
+    cells = int(drivable.sum())
+    single = int((floor_plan.capacity[drivable] == 1).sum())
+    if (
+        name not in ROUTE_FOLLOWERS
+        or 2 * single < cells
+        or robots <= max(FEW_ROBOTS, JAM_SHARE * cells)
+    ):
+        return ""
+    return (
+        f"right_of_way {name} jams with {count(robots, 'robot')} on {count(cells, 'cell')}, most of them "
+        "for one robot; right_of_way pibt gets such fleets through"
+    )
+
+
+def is_a_tree(resolved: Resolved, ends: DeadEnds) -> str:
+    """Warn about priority inheritance on a floor without a ring."""
+    if not ends.is_tree or resolved.strategies["right_of_way"].name != "pibt":
+        return ""
+    return (
+        "the floor has no ring of cells, so two robots that meet cannot pass each other, and "
+        "right_of_way pibt jams there; choose retreat, or join the ends of the tracks"
+    )

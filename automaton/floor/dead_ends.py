@@ -1,0 +1,94 @@
+"""Dead ends: parts of a floor in which two robots cannot pass each other, and that have one way out.
+
+Cells with at most one neighbour are peeled off until none is left; what was peeled off and hangs
+together is one dead end. A floor that peels away whole (a tree of tracks) has none: no rule about
+them would let robots through.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from automaton.floor.cells import NIL
+from automaton.floor.floor_plan import FloorPlan
+
+Numbers = npt.NDArray[Any]
+
+NO_WAY_OUT: Final = 4
+
+
+class DeadEnds(NamedTuple):
+    """The dead ends of a floor of C cells."""
+
+    number: Numbers  # (C,) int32: the dead end of a cell, or NIL
+    way_out: Numbers  # (C,) uint8: the direction out of it, or NO_WAY_OUT
+    total: int
+    is_tree: bool  # a part of the floor has no ring: robots that meet there cannot pass each other
+
+
+def dead_ends_of(floor_plan: FloorPlan) -> DeadEnds:
+    """The dead ends of a floor as drawn."""
+    single = floor_plan.capacity.reshape(-1) == 1
+    return dead_ends(floor_plan.exits.reshape(-1), single, floor_plan.offsets)
+
+
+def dead_ends(exits: Numbers, single: Numbers, offsets: Any) -> DeadEnds:
+    """Find dead ends; `exits`: (C,) uint8, bits by direction; `single`: (C,) bool, cells for one robot.
+
+    `offsets`: (4,) from a cell to its neighbours. Cells for several robots are in none: robots pass
+    each other there.
+    """
+    steps = [int(offset) for offset in offsets]
+    neighbours = _neighbours(exits, steps)
+    degree = (neighbours != NIL).sum(axis=1)
+    way_out = np.full(len(exits), NO_WAY_OUT, np.uint8)
+    peeled = np.zeros(len(exits), bool)
+    waiting = np.flatnonzero(single & (degree == 1)).tolist()
+    while waiting:
+        cell = waiting.pop()
+        if peeled[cell] or degree[cell] != 1:
+            continue
+        peeled[cell] = True
+        for direction, neighbour in enumerate(neighbours[cell].tolist()):
+            if neighbour != NIL and not peeled[neighbour]:
+                way_out[cell] = direction
+                degree[neighbour] -= 1
+                if single[neighbour] and degree[neighbour] == 1:
+                    waiting.append(neighbour)
+    number, total, is_tree = np.full(len(exits), NIL, np.int32), 0, False
+    for mouth in np.flatnonzero(peeled).tolist():
+        beyond = mouth + steps[way_out[mouth]]
+        if peeled[beyond]:
+            continue  # the way out leads on through the dead end
+        if degree[beyond] == 0 and single[beyond]:
+            is_tree = True
+            continue
+        _enter(number, mouth, total, peeled, neighbours)
+        total += 1
+    way_out[number == NIL] = NO_WAY_OUT
+    return DeadEnds(number, way_out, total, is_tree)
+
+
+def _neighbours(exits: Numbers, steps: list[int]) -> Numbers:
+    """(C, 4) int64: the cells beside each one to or from which robots drive, or NIL."""
+    out = np.full((len(exits), 4), NIL, np.int64)
+    for direction, step in enumerate(steps):
+        leaving = np.flatnonzero(exits >> direction & 1)
+        out[leaving, direction] = leaving + step
+        out[leaving + step, direction ^ 2] = leaving
+    return out
+
+
+def _enter(number: Numbers, first: int, value: int, peeled: Numbers, neighbours: Numbers) -> None:
+    """Enter a number in all peeled cells that hang together with a cell."""
+    reached, waiting = {first}, [first]
+    while waiting:
+        cell = waiting.pop()
+        number[cell] = value
+        for neighbour in neighbours[cell].tolist():
+            if neighbour != NIL and peeled[neighbour] and neighbour not in reached:
+                reached.add(neighbour)
+                waiting.append(neighbour)

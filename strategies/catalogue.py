@@ -13,6 +13,8 @@ from automaton.strategy.entry import (
 )
 from strategies.allocation.alley_parameters import Alleys
 from strategies.allocation.auction.auction_parameters import Auctions, ShortestJob
+from strategies.allocation.greedy.greedy_parameters import GreedyParameters
+from strategies.allocation.load_parameters import LoadsAlone
 from strategies.charging.charging_parameters import FillUp, Insertion, Opportunity, Threshold
 from strategies.right_of_way.right_of_way_parameters import (
     RetreatParameters,
@@ -96,6 +98,11 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
             NoParameters,
             "oldest unreserved order, carried to its destination",
         ),
+        "greedy": Entry(
+            "strategies.allocation.greedy.greedy:Greedy",
+            GreedyParameters,
+            "cheapest pair of robot and order first; what is not begun may be matched again",
+        ),
         "shortest-job": Entry(
             "strategies.allocation.shortest_job:ShortestJob",
             ShortestJob,
@@ -108,7 +115,7 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
         ),
         "independent-python": Entry(
             "strategies.allocation.independent_python:IndependentPython",
-            NoParameters,
+            LoadsAlone,
             "the tutorial: 'independent' in plain Python, equal digests",
         ),
     },

@@ -26,6 +26,7 @@ from automaton.engine.state import (
     CLOCK_NEXT_RELEASE,
     CLOCK_NEXT_WAKEUP,
     CLOCK_OPEN_JOBS,
+    CLOCK_SEQUENCED,
     CLOCK_SIZE,
     CLOCK_UNDELIVERED,
     CLOCK_UNPARKED,
@@ -80,7 +81,7 @@ def build_world(
     types = resolved.fleet.types
     floor = floor_for(resolved.floor_plan, kinematics, durations.move, durations.turn, zones, types)
     starts = homes(resolved, seed)
-    orders, slots = build_orders(resolved, floor, seed, starts[0])
+    orders, slots, stops = build_orders(resolved, floor, seed, starts[0])
     occupancy = floor.occupancy.copy()
     steps = floor.longest_route if longest_route is None else longest_route
     most = len(orders.state)
@@ -97,6 +98,7 @@ def build_world(
     clock[CLOCK_NEXT_WAKEUP] = NIL
     clock[CLOCK_HALTED_UNTIL] = NIL
     clock[CLOCK_NEXT_RELEASE] = int(np.count_nonzero(orders.release_tick == 0))
+    clock[CLOCK_SEQUENCED] = clock[CLOCK_NEXT_RELEASE]
     clock[CLOCK_UNPARKED] = n - int(robots.parked.sum())
     clock[CLOCK_FRESH_ALLOCATION] = n
     clock[CLOCK_ALLOCATION_REVISION] = NIL
@@ -107,6 +109,7 @@ def build_world(
         rules=rules_for(scenario, seed),
         robots=robots,
         orders=orders,
+        stops=stops,
         slots=slots,
         stations=stations,
         chargers=build_chargers(floor.grid.kind),

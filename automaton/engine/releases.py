@@ -17,7 +17,10 @@ from automaton.engine.state import (
 
 @kernel
 def release_orders(world):
-    """Orders whose tick has come are known from now on; in a closed loop one for each delivered."""
+    """Orders whose tick has come are known from now on; in a closed loop one for each delivered.
+
+    Where they are dealt out, each robot's next one is, once it has done the one before.
+    """
     orders, clock = world.orders, world.clock
     while clock[CLOCK_NEXT_RELEASE] < orders.release_sequence.shape[0]:
         order = np.int64(orders.release_sequence[clock[CLOCK_NEXT_RELEASE]])

@@ -47,7 +47,7 @@ from automaton.engine.state import (
 )
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
-from automaton.runs.pictures.order_lines import read_order
+from automaton.runs.pictures.order_lines import OrderLine, read_order
 from automaton.runs.pictures.phrases import Facts, Pair, Value
 from automaton.runs.pictures.picture_writing import picture_of
 from automaton.runs.pictures.robot_lines import NEEDS, RobotLine, name_of, numbers_of, read_robot
@@ -71,7 +71,7 @@ class Said(NamedTuple):
     seen: int
     tickets: int
     robots: dict[int, RobotLine]  # by identity
-    orders: dict[int, Facts]
+    orders: dict[int, OrderLine]
 
 
 def world_from(text: str, resolved: Resolved) -> Simulation:
@@ -84,11 +84,16 @@ def world_from(text: str, resolved: Resolved) -> Simulation:
     said = read_lines(lines)
     simulation = Simulation(resolved, said.seed)
     world, floor_plan = simulation.world, resolved.floor_plan
+    if world.rules.assigned:
+        raise InputError(
+            "a picture does not show which orders are known where robots have their own"
+        )
     check_names(said, world)
     for identity, line in said.robots.items():
         set_robot(world, floor_plan, int(world.robots.at_index[identity]), line)
-    for order, facts in said.orders.items():
-        set_order(world, floor_plan, order, facts)
+    for order in said.orders.values():
+        set_order(world, floor_plan, order.number, order.facts)
+        set_stops(world, order)
     set_reservations(world)
     set_occupancy(world, resolved)
     set_clock(world, said, resolved)
@@ -108,8 +113,8 @@ def read_lines(lines: list[str]) -> Said:
         line = lines[number]
         try:
             if line.startswith("order "):
-                order, facts = read_order(line)
-                said.orders[order] = facts
+                order = read_order(line)
+                said.orders[order.number] = order
             elif line and not LEGEND.fullmatch(line):
                 robot = read_robot(line, said.tick)
                 said.robots[robot.identity] = robot
@@ -190,6 +195,16 @@ def set_order(world: World, floor_plan: FloorPlan, order: int, facts: Facts) -> 
     if slot >= len(world.slots.cell) or not open_slot(world, slot, cell):
         raise InputError(f"{PLACE} has a load {spare} on the floor, which no robot can have left")
     orders.current_slot[order] = slot
+
+
+def set_stops(world: World, line: OrderLine) -> None:
+    """Let the first stops of an order be done in the ticks of its line."""
+    orders = world.orders
+    first, end = orders.first_stop[line.number : line.number + 2].tolist()
+    if len(line.stops) > end - first:
+        raise InputError(f"{PLACE} has {len(line.stops)} stops of order {line.number}, too many")
+    world.stops.done[first : first + len(line.stops)] = line.stops
+    orders.stops_done[line.number] = len(line.stops)
 
 
 def set_reservations(world: World) -> None:

@@ -40,6 +40,10 @@ COMMANDS = {  # name: (module with add_arguments(parser) and run(args) -> int, w
         "automaton.commands.import_command",
         "make a scenario of a problem of another program",
     ),
+    "export": (
+        "automaton.commands.export_command",
+        "write a recording in the format of another program",
+    ),
     "check": ("automaton.commands.check", "check scenario and study files"),
     "schema": (
         "automaton.commands.schema_command",

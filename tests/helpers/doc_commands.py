@@ -49,6 +49,7 @@ LEAVES: Final = (
     "--csv",
     "--parquet",
     "--matrix",
+    "--planviz",
     "cast",
 )
 UNFINISHED: Final = ("run", "branch", "watch", "replay", "size")

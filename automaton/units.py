@@ -1,6 +1,6 @@
 """Numbers in the reader's units: a scenario says what a tick stands for, reports translate.
 
-SECONDS_PER_UNIT is the one table of units of time.
+SECONDS_PER_UNIT is the one table of units of time, BYTES_PER_UNIT that of memory.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ SPELLED: Final = {  # other names of the same
     "min": ("minute", "minutes"),
     "h": ("hour", "hours"),
 }
+BYTES_PER_UNIT: Final = {"KiB": 2**10, "MiB": 2**20, "GiB": 2**30, "TiB": 2**40}
 NUMBER_AND_NAME = re.compile(r"\s*(\d+(?:\.\d+)?)\s*(\S.*)")
 
 
@@ -51,6 +52,18 @@ def unit(text: str) -> Unit:
 def symbol_of(name: str) -> str | None:
     """The symbol of a unit of time, in whichever way it is written; None: it is none."""
     return next((key for key, names in SPELLED.items() if name in (key, *names)), None)
+
+
+def bytes_of(text: str) -> int:
+    """Bytes that a scenario writes as "512 MiB"."""
+    number, name = text.split()
+    return int(float(number) * BYTES_PER_UNIT[name])
+
+
+def memory(size: int) -> str:
+    """Bytes as a scenario writes them, rounded up to a tenth: "1.5 MiB"."""
+    name = next((name for name, unit in reversed(BYTES_PER_UNIT.items()) if size >= unit), "KiB")
+    return f"{-(-10 * size // BYTES_PER_UNIT[name]) / 10:g} {name}"
 
 
 LONG_MINUTES = 2 * SECONDS_PER_UNIT["min"]  # seconds from which a duration is told in minutes

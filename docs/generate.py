@@ -31,7 +31,7 @@ from automaton.runs.metric_catalogue import METRIC_CATALOGUE
 from automaton.scenario.floor_section import generator_type, generators
 from automaton.scenario.scenario_schema import json_schema
 from automaton.scenario.schema import LAYER_NAMES
-from automaton.strategy import kernels, lookup, paths, per_robot
+from automaton.strategy import kernels, lookup, paths, per_robot, weighted_tables
 from automaton.studies.sweeps import result_columns, run_keys
 from automaton.studies.sweeps.study import study_schema
 from tui.widgets.bindings import COMPARING, TOPICS, key_text
@@ -451,6 +451,9 @@ def contract_page() -> str:
         table(("function", "meaning"), _functions(paths)),
         "In kernels, from `automaton.strategy.kernels`.\n",
         table(("kernel", "meaning"), _kernels()),
+        "Distance tables with weights of a strategy's own, in addition to those of the robot types, come "
+        "from `automaton.strategy.weighted_tables`; its state holds them, `reset` builds them.\n",
+        table(("function", "meaning"), _functions(weighted_tables)),
         "`workspace` is what they search in; `workspace.stop[0]` is not 0 once the run is given up.\n",
     )
 

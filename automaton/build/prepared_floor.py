@@ -1,4 +1,4 @@
-"""A floor plan made ready for kernels, with its cached distance fields; shared by all its runs."""
+"""A floor plan made ready for kernels, with its distance tables; shared by all its runs."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from typing import NamedTuple
 import numpy as np
 
 from automaton.engine.facilities import MAY_TURN
-from automaton.engine.state import NIL, Array, Grid, Workspace
+from automaton.engine.state import HEADING_COUNTS, NIL, Array, Grid, Workspace
+from automaton.engine.table_building import Costs, build_tables, bytes_taken, renew
 from automaton.floor.cells import CELL_KINDS
 from automaton.floor.floor_plan import CAN_TURN, DRIVABLE, FloorPlan
 from automaton.floor.reachability import slot_access
 from automaton.floor.traffic_zones import traffic_zones_of
 from automaton.scenario.robot_types import RobotType, floor_by_type
 
-HEADING_COUNTS = {"omni": 1, "rail": 2, "differential": 4}
 IS_UNBOUNDED = np.array([kind.is_sink or kind.is_source for kind in CELL_KINDS])  # (kinds,) bool
-FIELDS_BYTES = 64 * 1024 * 1024  # memory for distance fields; the oldest are overwritten
+KEPT_BYTES = 64 * 1024 * 1024  # of distance tables that stay for the next run
 
 
 class Floor(NamedTuple):
@@ -29,20 +29,28 @@ class Floor(NamedTuple):
     slot_endless: Array  # (s,) uint8
     slot_access: Array  # (s, 4) int32
     occupancy: Array  # (C,) uint16: the empty floor
-    spaces: list[Workspace]  # those that no simulation uses now
+    move: Array  # (K,) ticks of a move, by type of robot
+    turn: int  # ticks of a turn
+    spaces: dict[int, list[Workspace]]  # those that no simulation uses now, by table_bytes
     longest_route: int
 
-    def borrow_space(self, user: object) -> Workspace:
-        """A workspace of its own until `user` is gone; distance fields stay for the next one.
+    def borrow_space(self, user: object, table_bytes: int) -> Workspace:
+        """A workspace of its own until `user` is gone; distance tables stay for the next one.
 
-        Simulations may run in threads side by side, so no two share one.
+        `table_bytes`: memory for them. Simulations may run in threads side by side, so no two share one.
         """
-        workspace = (
-            self.spaces.pop() if self.spaces else make_workspace(self.grid, self.longest_route)
-        )
+        unused = self.spaces.setdefault(table_bytes, [])
+        workspace = unused.pop() if unused else make_workspace(self, table_bytes)
         workspace.stop[0] = 0
-        weakref.finalize(user, self.spaces.append, workspace)
+        renew(workspace.tables)
+        weakref.finalize(user, give_back, unused, workspace)
         return workspace
+
+
+def give_back(unused: list[Workspace], workspace: Workspace) -> None:
+    """Keep a workspace for the next run on this floor, unless its tables take much memory."""
+    if bytes_taken(workspace.tables) <= KEPT_BYTES:
+        unused.append(workspace)
 
 
 @lru_cache(maxsize=16)
@@ -70,21 +78,23 @@ def floor_for(
         type_cell_flags=frozen(
             np.stack([cell_flags_of(of_type, kinematics) for of_type in by_type.floor_plans])
         ),
+        drivable=frozen(np.flatnonzero(DRIVABLE[kind]).astype(np.int32)),
         offset=frozen(np.array(floor_plan.offsets, np.int64)),
         slot=frozen(slot),
         traffic_zone=traffic_zones.of,
         traffic_zone_count=traffic_zones.count,
     )
     room = np.where(DRIVABLE[kind], 96, 0).astype(np.uint16)
-    drivable = int(np.count_nonzero(DRIVABLE[kind]))
-    longest_route = min(drivable, 8 * (floor_plan.width + floor_plan.height)) + 8
+    longest_route = min(len(grid.drivable), 8 * (floor_plan.width + floor_plan.height)) + 8
     return Floor(
         grid=grid,
         slot_cell=frozen(cells.astype(np.int32)),
         slot_endless=frozen(IS_UNBOUNDED[kind[cells]].astype(np.uint8)),
         slot_access=slot_access(floor_plan),
         occupancy=frozen(room | (rule.astype(np.uint16) << np.uint16(8))),
-        spaces=[],
+        move=frozen(np.array([move * one.move_time_factor for one in types], np.int64)),
+        turn=turn,
+        spaces={},
         longest_route=longest_route,
     )
 
@@ -99,17 +109,16 @@ def cell_flags_of(floor_plan: FloorPlan, kinematics: str) -> Array:
     return rule
 
 
-def make_workspace(grid: Grid, longest_route: int) -> Workspace:
-    """Scratch for the searches, and room for as many distance fields as fit the budget."""
+def make_workspace(floor: Floor, table_bytes: int) -> Workspace:
+    """Scratch for the searches, and distance tables for each type of robots."""
+    grid = floor.grid
     cells = grid.kind.size
     poses = cells * grid.headings
-    types = len(grid.type_cell_flags)
-    fields = max(1, min(types * cells, FIELDS_BYTES // (4 * poses)))
-    sizes = {"P": poses, "C": cells, "H": 6 * poses + 16, "R": longest_route}
-    return Workspace.sized(
-        sizes | {"K C": types * cells, "F": fields},
-        distances=np.empty((fields, poses), np.int32),
-    )
+    stop = np.zeros(1, np.int64)
+    turn = np.full(len(floor.move), floor.turn, np.int64)
+    tables = build_tables(grid, Costs(grid.type_cell_flags, floor.move, turn), table_bytes, stop)
+    sizes = {"P": poses, "C": cells, "H": 6 * poses + 16, "R": floor.longest_route}
+    return Workspace.sized(sizes, stop=stop, tables=tables)
 
 
 def frozen(array: Array) -> Array:

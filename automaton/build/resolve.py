@@ -13,6 +13,7 @@ import msgspec
 
 from automaton.build.capabilities import FleetOnFloor, Start
 from automaton.build.feasibility import check_energy, check_feasible
+from automaton.build.table_memory import check_table_memory
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.document import Document, Keys, Override, override
@@ -86,6 +87,7 @@ def resolve(
     floor = floor_of(document, checked.layout)
     document, checked, task_file = with_tasks_of_file(document, checked, floor.floor_plan)
     fleet = check_feasible(document, checked, floor)
+    check_table_memory(document, checked, floor.floor_plan)
     strategies = choose_strategies(document, checked, floor.floor_plan)
     resolved = Resolved(
         scenario=naming_files(checked, strategies),
@@ -160,6 +162,7 @@ def branched(resolved: Resolved, settings: tuple[str, ...]) -> Resolved:
                 (name,), f"{name} cannot change while a run goes on; what can: {can}"
             )
     check_energy(document, scenario, resolved.floor_plan)
+    check_table_memory(document, scenario, resolved.floor_plan)
     strategies = choose_strategies(document, scenario, resolved.floor_plan)
     return replace(resolved, scenario=naming_files(scenario, strategies), strategies=strategies)
 

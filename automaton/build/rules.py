@@ -18,7 +18,7 @@ from automaton.engine.state import (
 )
 from automaton.scenario.robot_types import types_of
 from automaton.scenario.schema import Battery, Faults, Scenario
-from automaton.units import unit
+from automaton.units import bytes_of, unit
 
 STOPS = {"parked": 0, "delivered": 1, "never": 2}
 
@@ -53,6 +53,7 @@ def rules_for(scenario: Scenario, seed: int) -> Rules:
         period=np.zeros(5, np.int32),
         holders=np.zeros(5, np.uint8),
         steered=np.zeros(1, np.uint8),
+        table_bytes=bytes_of(rules.distance_tables),
         slowdown=int(rules.slowdown == "zones"),
         extra_tick=round(rules.extra_tick_probability * 2**32),
         handling_jitter=scenario.durations.handling_jitter,

@@ -30,6 +30,7 @@ class Grid(Struct, role=CONSTANT):
     type_cell_flags: Array = field(
         "(K, C) uint8", "the same for robots of type k, with their exits", role=CONSTANT
     )
+    drivable: Array = field("(F,) int32", "the cells that robots drive on, ascending")
     offset: Array = field("(4,) int64", "from a cell to its neighbour E, S, W, N")
     slot: Array = field("(C,) int32", "the slot in this cell, or NIL")
     traffic_zone: Array = field(

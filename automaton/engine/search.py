@@ -5,18 +5,20 @@
 Robots of a type share the ticks of their moves, and the exits that are open to them.
 A robot moves along its heading (a rail robot both ways along its axis) and turns by 90 degrees
 where the floor allows it. Ties are settled by rule, so every search gives the same path on every
-machine: poses leave the queue by (cost, pose); a path down a distance field prefers a move to a
+machine: poses leave the queue by (cost, pose); a path down a distance table prefers a move to a
 turn, then the lowest direction (E, S, W, N).
 """
 
 import numpy as np
 
+from automaton.engine.distance_tables import POSE16, TABLES_ENCODING, TABLES_WORDS, UNREACHABLE
 from automaton.engine.facilities import MAY_TURN
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import has_room
-from automaton.engine.state import ACTION_MOVE, ACTION_TURN, NIL
+from automaton.engine.prefetch import prefetch
+from automaton.engine.state import ACTION_MOVE, ACTION_TURN, CLOCK_TICK, NIL
+from automaton.engine.table_rows import cost_in, row_to
 
-UNREACHABLE = 1 << 30  # cost of what cannot be reached
 POSE_MASK = (1 << 32) - 1
 
 
@@ -54,101 +56,50 @@ def pop(heap, size):
 
 
 @kernel
-def fill_distance_field(grid, robot_type, duration, target, field, heap, stop):
-    """field[pose] = least cost from the pose to the target cell in any heading, or UNREACHABLE.
+def table_of(view, workspace, robot_type, goal_cell):
+    """The table with the costs of a robot type to a goal cell, for `cost_at`; NIL: the run is given up.
 
-    `duration`: (A,) ticks of each action of robots of the type `kind`. Dijkstra from the target
-    against the direction of travel. False if it was given up, since stop[0] is set.
+    It is good for the rest of the tick. One tick may have as many as fit world.distance_tables.
     """
-    field[:] = UNREACHABLE
-    type_cell_flags = grid.type_cell_flags[robot_type]
-    size = 0
-    for heading in range(grid.headings):
-        pose = target * grid.headings + heading
-        field[pose] = 0
-        push(heap, size, np.int64(pose))
-        size += 1
-    while size > 0 and stop[0] == 0:
-        key = pop(heap, size)
-        size -= 1
-        pose = key & POSE_MASK
-        cost = key >> 32
-        if cost > field[pose]:
-            continue
-        cell = pose // grid.headings
-        heading = pose % grid.headings
-        for direction in range(heading, 4, grid.headings):
-            before = cell - grid.offset[direction]
-            if (
-                0 <= before < type_cell_flags.shape[0]
-                and (np.int64(type_cell_flags[before]) >> direction) & 1
-            ):
-                size = relax(
-                    field,
-                    heap,
-                    size,
-                    before * grid.headings + heading,
-                    cost + duration[ACTION_MOVE],
-                )
-        if grid.headings > 1 and np.int64(type_cell_flags[cell]) & MAY_TURN:
-            ahead = (heading + 1) & (grid.headings - 1)
-            size = relax(
-                field, heap, size, cell * grid.headings + ahead, cost + duration[ACTION_TURN]
-            )
-            behind = (heading - 1) & (grid.headings - 1)
-            size = relax(
-                field, heap, size, cell * grid.headings + behind, cost + duration[ACTION_TURN]
-            )
-    return stop[0] == 0
+    return row_to(workspace.tables, robot_type, goal_cell, view.clock[CLOCK_TICK], True)
 
 
 @kernel
-def relax(field, heap, size, pose, cost):
-    if cost < field[pose]:
-        field[pose] = cost
-        push(heap, size, (np.int64(cost) << 32) | np.int64(pose))
-        return size + 1
-    return size
+def cost_at(view, workspace, table, cell, heading):
+    """Ticks from a pose to the goal cell of a table on the empty floor, UNREACHABLE: no way."""
+    return cost_in(workspace.tables, table, cell, heading)
 
 
 @kernel
-def distance_field_to(view, workspace, robot_type, target):
-    """The row of workspace.distances with a type's costs to a cell; NIL once workspace.stop is set.
+def fetch_cost(view, workspace, table, cell):
+    """Ask the memory for what `cost_at` will read of a table for a cell."""
+    tables = workspace.tables
+    number = np.int64(tables.number[cell])
+    if number >= 0 and table >= 0:
+        per_cell = tables.headings if tables.status[TABLES_ENCODING] >= POSE16 else 1
+        prefetch(tables.pool, np.uint64(table * tables.status[TABLES_WORDS] + number * per_cell))
 
-    It is computed if it is not there.
+
+@kernel
+def weighted_table_of(view, tables, cost_set, goal_cell):
+    """The table in tables of a strategy's own (automaton.strategy.weighted_tables), for `cost_in`.
+
+    NIL: the run is given up. It is good for the rest of the tick.
     """
-    entry = np.int64(robot_type) * view.grid.type_cell_flags.shape[1] + target
-    row = np.int64(workspace.field_of[entry])
-    if row != NIL or workspace.stop[0]:
-        return row
-    row = np.int64(workspace.field_next[0])
-    workspace.field_next[0] = (row + 1) % workspace.distances.shape[0]
-    if workspace.field_owner[row] != NIL:
-        workspace.field_of[workspace.field_owner[row]] = NIL
-    workspace.field_owner[row] = NIL
-    duration = view.rules.duration[robot_type]
-    if not fill_distance_field(
-        view.grid,
-        robot_type,
-        duration,
-        target,
-        workspace.distances[row],
-        workspace.heap,
-        workspace.stop,
-    ):
-        return np.int64(NIL)
-    workspace.field_owner[row] = entry
-    workspace.field_of[entry] = row
-    return row
+    return row_to(tables, cost_set, goal_cell, view.clock[CLOCK_TICK], True)
+
+
+@kernel
+def passing_table(view, workspace, robot_type, goal_cell):
+    """The same as table_of, good until the next table is asked for; there always is room for it."""
+    return row_to(workspace.tables, robot_type, goal_cell, view.clock[CLOCK_TICK], False)
 
 
 @kernel
 def distance(view, workspace, robot_type, cell, heading, target):
     """Ticks of a robot of a type from a pose to a target cell on the empty floor, UNREACHABLE: no way."""
-    row = distance_field_to(view, workspace, robot_type, target)
-    if row == NIL:
-        return np.int64(UNREACHABLE)
-    return np.int64(workspace.distances[row, cell * view.grid.headings + heading])
+    table = passing_table(view, workspace, robot_type, target)
+    return cost_in(workspace.tables, table, cell, heading)
 
 
 @kernel
@@ -159,19 +110,19 @@ def follow_gradient(view, workspace, robot_type, cell, heading, target, steps):
         view.rules.duration[robot_type],
         view.grid.type_cell_flags[robot_type],
     )
-    row = distance_field_to(view, workspace, robot_type, target)
-    field = workspace.distances[row]
+    tables = workspace.tables
+    table = passing_table(view, workspace, robot_type, target)
     length = 0
-    if row == NIL or field[cell * grid.headings + heading] >= UNREACHABLE:
+    if cost_in(tables, table, cell, heading) >= UNREACHABLE:
         return NIL
     while cell != target:
-        cost = np.int64(field[cell * grid.headings + heading])
+        cost = cost_in(tables, table, cell, heading)
         found = False
         for direction in range(heading, 4, grid.headings):
             if (np.int64(type_cell_flags[cell]) >> direction) & 1 == 0:
                 continue
             after = cell + grid.offset[direction]
-            if field[after * grid.headings + heading] == cost - duration[ACTION_MOVE]:
+            if cost_in(tables, table, after, heading) == cost - duration[ACTION_MOVE]:
                 if length == steps.shape[0]:
                     return length  # as much as fits; the robot asks again at its end
                 steps[length] = direction
@@ -181,7 +132,7 @@ def follow_gradient(view, workspace, robot_type, cell, heading, target, steps):
                 break
         if not found:
             ahead = (heading + 1) & (grid.headings - 1)
-            if field[cell * grid.headings + ahead] != cost - duration[ACTION_TURN]:
+            if cost_in(tables, table, cell, ahead) != cost - duration[ACTION_TURN]:
                 ahead = (heading - 1) & (grid.headings - 1)
             heading = ahead
     return length
@@ -223,31 +174,32 @@ def find_path(view, workspace, robot_type, cell, heading, target, around, steps)
     """A* from a pose to a target cell; writes directions into steps, returns the length or NIL.
 
     `around`: cells without room now, the target excepted, are removed from the floor. The estimate
-    is the exact cost on the empty floor (a cached distance field).
+    is the exact cost on the empty floor (a distance table).
     """
     grid, duration, type_cell_flags = (
         view.grid,
         view.rules.duration[robot_type],
         view.grid.type_cell_flags[robot_type],
     )
-    row = distance_field_to(view, workspace, robot_type, target)
-    if row == NIL or workspace.distances[row, cell * grid.headings + heading] >= UNREACHABLE:
+    tables = workspace.tables
+    table = passing_table(view, workspace, robot_type, target)
+    estimate = cost_in(tables, table, cell, heading)
+    if estimate >= UNREACHABLE:
         return NIL
     search = begin_search(workspace)
     start = cell * grid.headings + heading
-    size = reach(workspace, search, 0, start, 0, workspace.distances[row, start], STARTED)
+    size = reach(workspace, search, 0, start, 0, estimate, STARTED)
     while size > 0 and workspace.stop[0] == 0:
         key = pop(workspace.heap, size)
         size -= 1
         pose = key & POSE_MASK
         cost = np.int64(workspace.cost[pose])
-        if (key >> 32) != cost + workspace.distances[row, pose]:
+        here, h = pose // grid.headings, pose % grid.headings
+        if (key >> 32) != cost + cost_in(tables, table, here, h):
             continue  # a better way to this pose was found meanwhile
         workspace.generation[1] += 1
-        here = pose // grid.headings
         if here == target:
             return write_path(grid, workspace, pose, steps)
-        h = pose % grid.headings
         for direction in range(h, 4, grid.headings):
             if (np.int64(type_cell_flags[here]) >> direction) & 1:
                 after = here + grid.offset[direction]
@@ -259,30 +211,21 @@ def find_path(view, workspace, robot_type, cell, heading, target, around, steps)
                         size,
                         to,
                         cost + duration[ACTION_MOVE],
-                        workspace.distances[row, to],
+                        cost_in(tables, table, after, h),
                         direction,
                     )
         if grid.headings > 1 and np.int64(type_cell_flags[here]) & MAY_TURN:
-            to = here * grid.headings + ((h + 1) & (grid.headings - 1))
-            size = reach(
-                workspace,
-                search,
-                size,
-                to,
-                cost + duration[ACTION_TURN],
-                workspace.distances[row, to],
-                TURNED_AHEAD,
-            )
-            to = here * grid.headings + ((h - 1) & (grid.headings - 1))
-            size = reach(
-                workspace,
-                search,
-                size,
-                to,
-                cost + duration[ACTION_TURN],
-                workspace.distances[row, to],
-                TURNED_BEHIND,
-            )
+            for k in range(2):
+                turned = (h + 1 - 2 * k) & (grid.headings - 1)
+                size = reach(
+                    workspace,
+                    search,
+                    size,
+                    here * grid.headings + turned,
+                    cost + duration[ACTION_TURN],
+                    cost_in(tables, table, here, turned),
+                    TURNED_BEHIND if k else TURNED_AHEAD,
+                )
     return NIL
 
 

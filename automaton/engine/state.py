@@ -12,6 +12,7 @@ from typing import Any, Final
 
 from numpy.typing import NDArray
 
+from automaton.engine.distance_tables import DistanceTables
 from automaton.engine.facilities import Chargers, Slots, Stations
 from automaton.engine.facilities import Grid as Grid
 from automaton.engine.jit.fields import (
@@ -31,6 +32,8 @@ from automaton.engine.service_zones import MESSAGE_WORDS, Design, ServiceZones
 from automaton.engine.stops import Stops
 
 Array = NDArray[Any]
+
+HEADING_COUNTS: Final = {"omni": 1, "rail": 2, "differential": 4}  # by kinematics
 
 KEEP: Final = -(2**31)  # what every decision starts as: go on as before
 
@@ -190,6 +193,7 @@ class Rules(Struct, role=STATIC):
     period: Array = field("(5,) int32", "a layer is asked every so many ticks; 0 never")
     holders: Array = field("(5,) uint8", "1 = a layer's strategy reads traffic.holder")
     steered: Array = field("(1,) uint8", "1 = right of way steers the robots: they keep no routes")
+    table_bytes: int = field("int64", "memory for distance tables")
     slowdown: int = field("int64", "1: a move takes as many times longer as its zone has robots")
     extra_tick: int = field("int64", "of 2**32 moves, how many take a tick more")
     handling_jitter: int = field("int64", "a pick or drop takes up to so many ticks more")
@@ -567,7 +571,7 @@ class Memory(Struct):
 
 
 class Workspace(Struct):
-    """Scratch of the searches, and the cached distance fields; contents never decide anything."""
+    """Scratch of the searches, and the distance tables; contents never decide anything."""
 
     cost: Array = field("(P,) int32", "per pose = cell * headings + heading")
     stamp: Array = field("(P,) int64", "search in which `cost` was written")
@@ -580,14 +584,7 @@ class Workspace(Struct):
         "(1,) int64", "not 0 = the run is given up in mid-tick, what searches find is worthless"
     )
     steps: Array = field("(R,) uint8", "a route that only needs to exist")
-    distances: Array = field("(F, P) int32", "cost from a pose to the field's target")
-    field_of: Array = field(
-        "(K C,) int32", "the field of robots of type k to a cell, [k C + c], or NIL", default=NIL
-    )
-    field_owner: Array = field(
-        "(F,) int32", "which entry of field_of a field has, or NIL", default=NIL
-    )
-    field_next: Array = field("(1,) int64", "the field to overwrite next")
+    tables: DistanceTables
 
 
 class Record(Struct):

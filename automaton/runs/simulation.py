@@ -18,6 +18,7 @@ from automaton.build.world import (
 )
 from automaton.engine import loop as loop_kernels
 from automaton.engine.digest import DIGEST_NAMES, combine, digest_world
+from automaton.engine.distance_tables import STOP_NO_ROOM
 from automaton.engine.jit.kernel import first_compilation_announced, jit_is_on
 from automaton.engine.jit.structs import Struct, lent_address, window
 from automaton.engine.observation import COUNT_CURVE_ROWS, COUNT_EVENTS
@@ -42,6 +43,7 @@ from automaton.errors import InputError
 from automaton.runs.interruption import give_up, interruptible
 from automaton.runs.metric_sums import TASK_SUMS
 from automaton.runs.state_copy import plan_anew, take_over
+from automaton.runs.table_room import no_room
 from automaton.strategy import lookup
 from automaton.strategy.contract import (
     check_counters,
@@ -88,7 +90,7 @@ class Simulation:
         self._watchdog = None if patience is None else Watchdog(patience)
         self.seed = resolved.scenario.seed if seed is None else seed
         self.world, floor = build_world(resolved, self.seed, storage)
-        self.workspace = floor.borrow_space(self)
+        self.workspace = floor.borrow_space(self, self.world.rules.table_bytes)
         # (m,) int32: ticks that a delivered order takes to drive at least, NIL while not asked for.
         self.least = np.full(len(self.world.orders.state), NIL, np.int32)
         self.visible_world = build_sight(self.world, floor)
@@ -280,6 +282,8 @@ class Simulation:
         self.world.clock[CLOCK_STOP_TICK] = self._next_pause(limit)
         for event in self._ticks:
             if event == loop_kernels.LOOP_GIVEN_UP:
+                if self.workspace.stop[0] == STOP_NO_ROOM:
+                    raise no_room(self.world, [self.workspace, *self._states])
                 give_up()
             if event != loop_kernels.LOOP_PAUSED:
                 self._decide(event)

@@ -2,13 +2,13 @@
 
 import numpy as np
 
+from automaton.engine.distance_tables import UNREACHABLE
 from automaton.engine.facilities import MAY_TURN
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.search import (
     STARTED,
     TURNED_AHEAD,
     TURNED_BEHIND,
-    UNREACHABLE,
     begin_search,
     distance,
     pop,

@@ -37,6 +37,7 @@ KindName = Literal[
 StrategySpec = str | Parameters  # a strategy: its name, or {name: NAME, ...parameters}
 
 TICK_PATTERN = r"^(?=[^a-zA-Z]*[1-9])\d+(\.\d+)? [^\s\d]\S*$"
+MEMORY_PATTERN = r"^(?=[^a-zA-Z]*[1-9])\d{1,9}(\.\d+)? [KMGT]iB$"
 
 MAX_MOVE_TICKS = 65_535  # ticks
 
@@ -134,6 +135,14 @@ class WorldRules(ConfigSection, frozen=True, kw_only=True):
     extra_tick_probability: Annotated[
         float, Meta(ge=0, le=1, description="Probability that a move takes one tick more.")
     ] = 0.0
+    distance_tables: Annotated[
+        str,
+        Meta(
+            description='Memory for tables of distances, such as "512 MiB": a number and KiB, MiB, '
+            "GiB or TiB. It is taken as tables are needed, and decides nothing but the speed.",
+            pattern=MEMORY_PATTERN,
+        ),
+    ] = "1 GiB"
 
 
 Percent = Annotated[float, Meta(ge=0, le=100)]

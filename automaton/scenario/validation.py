@@ -9,7 +9,7 @@ import msgspec
 
 from automaton.errors import InputError, alternatives, nearest
 from automaton.scenario.document import Document, Keys
-from automaton.scenario.schema import TICK_PATTERN
+from automaton.scenario.schema import MEMORY_PATTERN, TICK_PATTERN
 
 T = TypeVar("T")
 
@@ -208,4 +208,6 @@ def _text(pattern: str | None) -> str:
     """What text may look like."""
     if pattern == TICK_PATTERN:
         return 'a number above 0 and a name, such as "0.5 s"'
+    if pattern == MEMORY_PATTERN:
+        return 'a number above 0 and KiB, MiB, GiB or TiB, such as "512 MiB"'
     return "text in one line" if pattern else "text"

@@ -6,6 +6,7 @@ Strategies import compiled code from here and nowhere else (an import contract h
 from __future__ import annotations
 
 from automaton.engine.charging_curve import CURVE_RATE, charging_ticks, level_after
+from automaton.engine.distance_tables import UNREACHABLE
 from automaton.engine.holders import lane_of
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import has_room
@@ -22,9 +23,10 @@ from automaton.engine.search import (
     STARTED,
     TURNED_AHEAD,
     TURNED_BEHIND,
-    UNREACHABLE,
     begin_search,
+    cost_at,
     distance,
+    fetch_cost,
     find_path,
     follow_gradient,
     is_closed,
@@ -33,8 +35,11 @@ from automaton.engine.search import (
     parent_of,
     pop,
     push,
+    table_of,
+    weighted_table_of,
     write_path,
 )
+from automaton.engine.table_rows import cost_in
 from automaton.engine.visits import has_stops, next_stop_cell
 from automaton.engine.zone_segments import copy_segment
 from automaton.strategy.access_cells import (
@@ -60,8 +65,11 @@ __all__ = [
     "can_do",
     "charging_ticks",
     "copy_segment",
+    "cost_at",
+    "cost_in",
     "distance",
     "dropoff_cell",
+    "fetch_cost",
     "find_path",
     "first_cell",
     "follow_gradient",
@@ -82,6 +90,8 @@ __all__ = [
     "random_between",
     "random_bits",
     "splitmix64",
+    "table_of",
+    "weighted_table_of",
     "write_path",
 ]
 

@@ -9,11 +9,11 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from automaton.engine import search
+from automaton.engine import distance_tables, search
 from automaton.engine.state import NIL, Workspace, World
 from automaton.strategy import access_cells as slot_access
 
-UNREACHABLE = search.UNREACHABLE
+UNREACHABLE = distance_tables.UNREACHABLE
 
 
 def position(view: World, robot: int) -> int:

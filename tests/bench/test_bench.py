@@ -16,6 +16,7 @@ from automaton.bench import (
     crowd_speed,
     loop_speed,
     route_speed,
+    table_speed,
     tabletop_speed,
     warehouse_speed,
 )
@@ -23,6 +24,7 @@ from automaton.bench.bench_floors import open_floor, scene
 from automaton.bench.measurement import Measurement, rounded, take
 from automaton.bench.random_walk import random_walk, random_walk_in_spans
 from automaton.bench.step_speed import OPEN, Case, prepare, storage_of, walking_fleet
+from automaton.bench.table_look_ups import compute
 from automaton.commands import main
 from automaton.commands.bench_command import chosen, measurements
 from automaton.engine.state import LAYER_ALLOCATION, LAYER_ZONING, NIL, World
@@ -195,6 +197,8 @@ def test_every_sampler_returns_a_figure() -> None:
     assert crowd_speed.prepare_crowd(50, 3)() > 0
     assert isinstance(route_speed.prepare_observing(60, 10, 30)(), float)
     assert isinstance(route_speed.prepare_observing(60, 10, 30, at_random=True)(), float)
+    assert table_speed.prepare_tables((17, 5), 2, True, 3)() > 0
+    assert table_speed.prepare_options(20)() > 0
     assert tabletop_speed.prepare([1])() > 0
     assert warehouse_speed.prepare_legs(30, LARGER_G, 10)() > 0
     assert warehouse_speed.prepare_avoidance(30, 10)() > 0
@@ -206,6 +210,19 @@ def test_every_sampler_returns_a_figure() -> None:
     assert loop_speed.prepare_digest(10)() > 0
     for strategy in (loop_speed.COMPILED, loop_speed.IN_PYTHON):
         assert isinstance(loop_speed.prepare_layer(strategy, 100)(), float)
+
+
+def test_tables_are_computed_in_each_sample_on_floors_of_shelves() -> None:
+    floor_plan = table_speed.shelves(21, 4)
+    assert floor_plan.drivable[1:-1, 1:-1].sum() == 4 * 21 - 10
+    assert not floor_plan.drivable[2, 6:16].any()
+    assert 0.5 < table_speed.shelves(161, 63).drivable.mean() < 0.6
+    tables, goals = table_speed.tables_for((21, 4), 1), np.array([24, 25], np.int64)
+    compute(tables, goals)
+    assert np.count_nonzero(tables.owner != NIL) == 2
+    tables.reached[:] = 0
+    compute(tables, goals)
+    assert tables.reached.any()
 
 
 def test_a_scene_has_no_orders_and_never_ends() -> None:

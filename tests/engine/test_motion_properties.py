@@ -170,7 +170,7 @@ def assert_equal_states(world: World, floor: Floor) -> None:
 
 
 def test_the_kernel_finds_the_greatest_set_of_moves() -> None:
-    """The contest of a crowded floor and the hash table, each with robots stored in two orders."""
+    """The contest of a crowded floor and the hash table, one of them with robots in another order."""
     reached: dict[bool, Counter[str]] = {True: Counter(), False: Counter()}
     met = 0
 
@@ -183,7 +183,8 @@ def test_the_kernel_finds_the_greatest_set_of_moves() -> None:
         for crowded in (True, False):
             with pytest.MonkeyPatch.context() as patch:
                 patch.setattr(build, "CROWDED", CROWDED if crowded else SPARSE)
-                worlds += [(crowded, built(case, None)), (crowded, built(case, case.storage))]
+                storage = case.storage if crowded == bool(case.first_tick % 2) else None
+                worlds.append((crowded, built(case, storage)))
         assert all((world.traffic.key.size == 0) == crowded for crowded, world in worlds)
         for number, wishes in enumerate(case.ticks, case.first_tick):
             moved, refused = expected = naive_tick(floor, number, wishes)
@@ -198,8 +199,8 @@ def test_the_kernel_finds_the_greatest_set_of_moves() -> None:
 
     check()
     assert met > 10
-    for counts in reached.values():  # of two worlds each
-        assert len(counts) == 3 and min(counts.values()) > 2 * 3000, reached
+    for counts in reached.values():
+        assert len(counts) == 3 and min(counts.values()) > 3000, reached
 
 
 @pytest.mark.parametrize("following", [True, False])

@@ -1,6 +1,6 @@
 """Every search finds the ticks that plain Bellman-Ford finds, on a path that can be driven.
 
-Kernels: distance fields, the descent along them, A* (find_path), and the nearest of many marks.
+Kernels: distance tables, the descent along them, A* (find_path), and the nearest of many marks.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Case:
         scenario = Scenario(name="paths", layout={}, fleet=fleet, durations=durations)
         start = tuple(self.robots) or (self.start[0],)
         world, floor = build_world(Resolved(scenario, self.ways.floor_plan, {}, start, ""), 1)
-        return world.read_only(), floor.borrow_space(world)
+        return world.read_only(), floor.borrow_space(world, world.rules.table_bytes)
 
     def closed(self) -> set[int]:
         """Cells of capacity 1 with a robot: they have no room from any side."""
@@ -77,7 +77,7 @@ def found(case: Case, target: int, around: bool, how: Any = search.find_path) ->
 
 @settings(max_examples=400)
 @given(cases())
-def test_a_field_holds_the_ticks_from_every_pose(case: Case) -> None:
+def test_a_table_holds_the_ticks_from_every_pose(case: Case) -> None:
     view, workspace = case.built()
     for target in case.targets:
         for cell in case.ways.cells():
@@ -137,7 +137,7 @@ def test_what_was_searched_before_decides_no_tie(case: Case) -> None:
     target = case.targets[0]
     first = found(case, target, False)
     view, workspace = case.built()
-    for cell in case.ways.cells():  # other fields, other stamps, other robots' searches
+    for cell in case.ways.cells():  # other tables, other stamps, other robots' searches
         search.find_path(
             view, workspace, 0, cell, case.start[1], case.targets[1], True, workspace.steps
         )

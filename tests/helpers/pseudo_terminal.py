@@ -35,6 +35,7 @@ class Replay:
     def __init__(self, host: TerminalHost) -> None:
         self._host = host
         self._next = 0
+        self._text = (-1, "")  # events that it is of, and the text
         self._decode = codecs.getincrementaldecoder("utf-8")("replace").decode
         self._wait_for_request = ""
         rows, columns = host.rows, host.columns
@@ -58,12 +59,17 @@ class Replay:
         return self.screen
 
     def text(self) -> str:
-        """The characters alone."""
+        """The characters alone; somebody who waits asks far more often than anything arrives."""
         screen = self.catch_up()
-        rows = (screen.buffer[row] for row in range(screen.lines))
-        return "\n".join(
-            "".join(row[column].data for column in range(screen.columns)) for row in rows
-        )  # not `display`, which fails while one half of a wide character is painted over
+        if self._text[0] != self._next:
+            rows = (screen.buffer[row] for row in range(screen.lines))
+            self._text = (
+                self._next,
+                "\n".join(
+                    "".join(row[column].data for column in range(screen.columns)) for row in rows
+                ),
+            )  # not `display`, which fails while one half of a wide character is painted over
+        return self._text[1]
 
 
 def wrong_cells(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from zoning_scenes import ddz_rules, everyone, factory, factory_rules, scratch, shipped
 
 from automaton.engine.service_zones import Design
@@ -28,7 +29,8 @@ def repaired(flow: Any, zones: int, seed: int) -> tuple[int, Design]:
     design, workspace = design_arrays(roads, zones), scratch(roads, zones)
     rules, reach = factory_rules(roads), everyone(zones)
     done = annealing.repair(
-        roads, rules, flow, *ANNEALED, annealing.MAX_REPAIRS, design, workspace, reach, seed, 0
+        *(roads, rules, flow, *ANNEALED, annealing.MAX_REPAIRS),
+        *(design, workspace, reach, np.uint64(seed), 0),
     )
     return done, design
 
@@ -43,7 +45,7 @@ def evolved(flow: Any, seed: int, generations: int = 12, individuals: int = 30) 
     rules, reach = factory_rules(roads), everyone(3)
     limits = (generations, genetic_zones.DEFAULT_PARENTS, genetic_zones.DEFAULT_MUTATION_RATE)
     assert genetic_zones.evolve(
-        roads, rules, flow, *limits, herd, design, workspace, reach, seed, 0
+        roads, rules, flow, *limits, herd, design, workspace, reach, np.uint64(seed), 0
     )
     assert connected(design, workspace)
     return design
@@ -80,7 +82,7 @@ def turn(scene: dict[str, Any], leader: int, mean: float, seed: int) -> float:
         negotiation.NEGOTIATION_STEPS,
         negotiation.DEFAULT_ACCEPTANCE_SCALE,
     )
-    known = (scene["design"], scene["workspace"], leader, scene["reach"], mean, seed, 0)
+    known = (scene["design"], scene["workspace"], leader, scene["reach"], mean, np.uint64(seed), 0)
     before = (
         scene["roads"],
         scene["rules"],

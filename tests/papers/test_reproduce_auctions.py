@@ -7,12 +7,13 @@ import dataclasses
 import io
 import json
 import re
+from statistics import mean
 from typing import Any
 
 import pytest
+from shared_fixture import shared_fixture
 
 from automaton.commands import main
-from automaton.papers.auctions.auction_charging import rolling
 from automaton.papers.auctions.auction_pictures import drawing, pictures, route
 from automaton.papers.auctions.auction_study import (
     CHARGING,
@@ -88,9 +89,21 @@ def made(table: Table, seeds: int) -> MadeTable:
     return MadeTable(table, cases, table.run(cases, range(1, seeds + 1), None, None))
 
 
-def test_claims_are_judged_by_what_was_run() -> None:
-    """Twenty seeds of the tables without the genetic algorithm: the verdicts that they decide."""
-    tables = [made(table, 20) for table in (EXAMPLE, CHARGING, HORIZON)]
+@pytest.fixture(scope="module")
+def horizon(tmp_path_factory: pytest.TempPathFactory) -> MadeTable:
+    """Five runs of 200 batches for each case, as the reference."""
+
+    def run() -> list[Any]:
+        return list(made(HORIZON, 5).results)
+
+    return MadeTable(
+        HORIZON, HORIZON.cases(()), shared_fixture(tmp_path_factory, "auctions horizon", run)
+    )
+
+
+def test_claims_are_judged_by_what_was_run(horizon: MadeTable) -> None:
+    """Twenty seeds of the tables without the genetic algorithm, five of batches back to back."""
+    tables = [made(EXAMPLE, 20), made(CHARGING, 20), horizon]
     reproduced = Reproduced(REPRODUCTION, 20, tables)
     judged = [judge(claim, reproduced.samples(), {}) for claim in REPRODUCTION.claims]
     verdicts = {one.claim.text: one.verdict for one in judged if one is not None}
@@ -105,13 +118,16 @@ def test_claims_are_judged_by_what_was_run() -> None:
     assert len(verdicts) == 3 + 7 + 6
 
 
-def test_batch_after_batch_just_enough_gets_stuck_and_filling_up_is_best() -> None:
-    """Five runs of 200 batches each, as the reference; its shares of stuck batches within 0.1."""
+def test_batch_after_batch_just_enough_gets_stuck_and_filling_up_is_best(
+    horizon: MadeTable,
+) -> None:
+    """The shares of stuck batches within 0.1 of the reference's."""
+    values = dict(horizon.samples())
     for size, stuck in ((2, 0.33), (4, 0.50), (8, 0.84)):
-        found = {}
-        for name in ROLLING:
-            runs = [rolling(seed, size, name, False) for seed in range(1, 6)]
-            found[name] = tuple(sum(column) / len(runs) for column in zip(*runs, strict=True))
+        found = {
+            name: tuple(mean(values[one, ("linear", size)]) for one in (name, f"stuck {name}"))
+            for name in ROLLING
+        }
         assert found["r0"][1] == pytest.approx(stuck, abs=0.1)
         assert all(found[name][1] == 0 for name in ROLLING if name != "r0")
         safe = {name: seconds for name, (seconds, _) in found.items() if name != "r0"}
@@ -120,9 +136,10 @@ def test_batch_after_batch_just_enough_gets_stuck_and_filling_up_is_best() -> No
             assert safe["r0 reach"] > safe["thr20 safe"]
 
 
-def test_a_taper_makes_filling_up_dearer() -> None:
+def test_a_taper_makes_filling_up_dearer(horizon: MadeTable) -> None:
+    values = dict(horizon.samples())
     for size in (2, 4):
-        costs = [rolling(1, size, "fill-up", taper)[0] for taper in (False, True)]
+        costs = [values["fill-up", (curve, size)][0] for curve in ("linear", "taper")]
         assert costs[0] < costs[1]
 
 

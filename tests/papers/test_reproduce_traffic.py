@@ -181,11 +181,22 @@ def test_json_has_the_agreed_keys(capsys: pytest.CaptureFixture[str]) -> None:
     assert len(stored) == 3 * 57 + 4 * 6
 
 
+@pytest.fixture(scope="module")
+def one_seed() -> Reproduced:
+    return reproduce(REPRODUCTION, seeds=1)
+
+
 @pytest.mark.parametrize("columns", [80, 200])
 def test_the_report_fits_the_terminal(
-    columns: int, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    columns: int,
+    one_seed: Reproduced,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setenv("COLUMNS", str(columns))
+    # `test_json_has_the_agreed_keys` sees that the command makes the trials.
+    study = "automaton.papers.reproduction_study.reproduce"
+    monkeypatch.setattr(study, lambda *how, **more: one_seed)
     assert main(["reproduce", "traffic", "--seeds", "1"]) == 0
     text = capsys.readouterr().out
     assert max(map(len, text.splitlines())) <= columns and "…" not in text

@@ -166,7 +166,8 @@ def test_a_signal_that_is_heard_late_ends_no_later_run(watcher: WatchersLock) ->
 
 def test_searches_find_nothing_once_a_run_is_given_up(given_up: Simulation) -> None:
     view, workspace = given_up.view, given_up.workspace
-    workspace.field_of[:] = workspace.field_owner[:] = NIL  # runs before may have left distances
+    tables = workspace.tables
+    tables.row_of[:] = tables.owner[:] = NIL  # runs before may have left distances
     here, there = int(view.robots.home[0]), int(view.robots.home[1])
     steps = np.zeros(100, np.uint8)
     assert distance(view, workspace, 0, here, 0, there) == UNREACHABLE

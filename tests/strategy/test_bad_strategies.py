@@ -207,7 +207,7 @@ def rewires_table(view: Any, decisions: Any, memory: Any, workspace: Any) -> Non
 
 
 def writes_space(view: Any, decisions: Any, memory: Any, workspace: Any) -> None:
-    workspace.field_of[:] = 10**9
+    workspace.tables.row_of[:] = 10**9
 
 
 def replaces_answers(view: Any, decisions: Any, memory: Any, workspace: Any) -> None:

@@ -216,7 +216,7 @@ class Auction(Strategy):
             value = exact(*market_parts, state.bundles, item, count, epsilon)
         else:
             turns, number = generations(len(view.robots.cell), count), int(state.auctions.sum())
-            draws = (turns, 0, view.rules.seed, number)
+            draws = (turns, 0, np.uint64(view.rules.seed), number)
             with np.errstate(over="ignore"):
                 value = genetic(*market_parts, state.population, item, count, epsilon, *draws)
         if value < INF_COST:

@@ -16,12 +16,21 @@ from automaton.engine.state import (
     GOAL_PICK,
     NIL,
 )
-from automaton.strategy.kernels import UNREACHABLE, distance, kernel, lane_of, splitmix64
-from strategies.right_of_way.pibt.pibt_state import LEAVING, STAY
+from automaton.strategy.kernels import (
+    UNREACHABLE,
+    cost_at,
+    fetch_cost,
+    kernel,
+    lane_of,
+    splitmix64,
+    table_of,
+)
+from strategies.right_of_way.pibt.pibt_state import LEAVING, STAY, UNDECIDED
 
 KEY_SHIFT = 8  # ticks stand above the bits that settle ties
 TURN_BIT = 128
 STAY_BITS = 192
+AHEAD = 8  # robots
 LONG = 100_000  # ticks: of a robot that stands for longer than one waits
 
 
@@ -88,6 +97,36 @@ def is_lane_free(view, state, i):
 
 
 @kernel
+def rank_all_options(view, state, workspace):
+    """Enter the options of all robots that choose; tables are looked for a little ahead of their use."""
+    n = view.robots.cell.shape[0]
+    for i in range(min(AHEAD, n)):
+        find_table(view, state, workspace, i)
+    for i in range(n):
+        if i + AHEAD < n:
+            find_table(view, state, workspace, i + AHEAD)
+        if state.mode[i] == UNDECIDED and view.robots.cell[i] != NIL:
+            rank_options(view, state, workspace, i)
+
+
+@kernel
+def find_table(view, state, workspace, i):
+    """Enter the table to the goal of robot i, if it chooses, and ask for what will be read of it."""
+    robots = view.robots
+    if state.mode[i] != UNDECIDED or robots.cell[i] == NIL:
+        return
+    state.table[i] = NIL
+    if robots.goal_type[i] == GOAL_NONE:
+        return
+    cell, goal = np.int64(robots.cell[i]), np.int64(robots.goal_cell[i])
+    table = table_of(view, workspace, np.int64(robots.type[i]), goal)
+    state.table[i] = table
+    for direction in range(1, 4, 2):  # those to the east and west lie beside its own
+        fetch_cost(view, workspace, table, cell + view.grid.offset[direction])
+    fetch_cost(view, workspace, table, cell)
+
+
+@kernel
 def rank_options(view, state, workspace, i):
     """Enter the options of robot i, best first; the one that it has turned to is the first of all."""
     robots, grid = view.robots, view.grid
@@ -101,10 +140,9 @@ def rank_options(view, state, workspace, i):
         ^ (np.uint64(view.clock[CLOCK_TICK]) << np.uint64(32) | np.uint64(robots.identity[i]))
     )
     leaves = goal == NIL and has_to_leave(state, cell)
-    may_turn = flags & MAY_TURN != 0 and is_lane_free(view, state, i)
-    here = (
-        np.int64(0) if goal == NIL else distance(view, workspace, robot_type, cell, heading, goal)
-    )
+    may_turn = flags & MAY_TURN != 0
+    table = np.int64(state.table[i])
+    here = np.int64(0) if table == NIL else cost_at(view, workspace, table, cell, heading)
     state.keys[0] = ((here + 1) << KEY_SHIFT) | STAY_BITS
     state.options[i, 0] = STAY
     count = 1
@@ -114,8 +152,8 @@ def rank_options(view, state, workspace, i):
             continue
         to = cell + grid.offset[direction]
         cost = turns * np.int64(duration[ACTION_TURN]) + np.int64(duration[ACTION_MOVE])
-        if goal != NIL:
-            cost += distance(view, workspace, robot_type, to, direction & mask, goal)
+        if table != NIL:
+            cost += cost_at(view, workspace, table, to, direction & mask)
         elif not (leaves and direction == state.way_out[cell]):
             cost += 1
         else:

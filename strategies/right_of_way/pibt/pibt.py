@@ -31,7 +31,7 @@ from automaton.engine.state import (
 from automaton.floor.dead_ends import dead_ends
 from automaton.strategy.kernels import kernel, splitmix64
 from automaton.strategy.layer import Strategy
-from strategies.right_of_way.pibt.options import is_at_goal, resource_in
+from strategies.right_of_way.pibt.options import is_at_goal, rank_all_options, resource_in
 from strategies.right_of_way.pibt.pibt_state import (
     DECIDED,
     FIXED,
@@ -191,19 +191,29 @@ def list_robots_in_sight(view, batch, decisions, state):
 @kernel
 def decide_all(view, state, workspace, count):
     """Let the first robots of the queue choose: by rank, and in each rank by their places."""
+    rank_all_options(view, state, workspace)
+    for place in range(count):
+        i = np.int64(view.robots.at_index[state.queue[place]])
+        state.rank[place] = rank_of(view, state, i) if state.mode[i] == UNDECIDED else RANKS
     for rank in range(RANKS):
         for place in range(count):
-            i = np.int64(view.robots.at_index[state.queue[place]])
-            if state.mode[i] != UNDECIDED or rank_of(view, state, i) != rank:
+            if state.rank[place] != rank:
                 continue
-            if view.robots.cell[i] == NIL:
-                leave_bay(view, state, workspace, i)
-            else:
-                push(view, state, workspace, i)
+            i = np.int64(view.robots.at_index[state.queue[place]])
+            if state.mode[i] == UNDECIDED:
+                choose(view, state, i)
 
 
 @kernel
-def leave_bay(view, state, workspace, i):
+def choose(view, state, i):
+    if view.robots.cell[i] == NIL:
+        leave_bay(view, state, i)
+    else:
+        push(view, state, i)
+
+
+@kernel
+def leave_bay(view, state, i):
     """Robot i, in its parking bay, reserves its home cell; whoever stands there is pushed."""
     robots = view.robots
     home = np.int64(robots.home[i])
@@ -225,7 +235,7 @@ def leave_bay(view, state, workspace, i):
     holder = np.int64(robots.at_index[identity])
     if state.mode[holder] == UNDECIDED:
         reserve(view, state, resource, i)
-        push(view, state, workspace, holder)
+        push(view, state, holder)
 
 
 @kernel

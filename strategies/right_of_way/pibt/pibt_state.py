@@ -33,6 +33,8 @@ class PibtState(Struct):
     reserved: Array = field("(r,) int64", "tick << 32 | who is in it after this move", role=SCRATCH)
     mode: Array = field("(n,) uint8", "FIXED, LEAVING, UNDECIDED, DECIDED", role=SCRATCH)
     options: Array = field("(n, 5) uint8", "directions and STAY, best first", role=SCRATCH)
+    table: Array = field("(n,) int32", "the distance table to its goal, or NIL", role=SCRATCH)
+    rank: Array = field("(q,) uint8", "by place in the queue: who chooses first", role=SCRATCH)
     option_count: Array = field("(n,) uint8", role=SCRATCH)
     option_next: Array = field("(n,) uint8", "the option to be tried next", role=SCRATCH)
     stack: Array = field("(n,) int32", "a chain of robots that push each other", role=SCRATCH)

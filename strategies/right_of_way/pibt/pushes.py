@@ -4,7 +4,7 @@ import numpy as np
 
 from automaton.engine.state import CLOCK_TICK, NIL
 from automaton.strategy.kernels import kernel
-from strategies.right_of_way.pibt.options import holder_of, rank_options, resource_in
+from strategies.right_of_way.pibt.options import holder_of, is_lane_free, resource_in, turns_to
 from strategies.right_of_way.pibt.pibt_state import DECIDED, STAY, UNDECIDED
 
 
@@ -49,12 +49,11 @@ def would_swap(view, state, i, to, holder):
 
 
 @kernel
-def push(view, state, workspace, first):
+def push(view, state, first):
     """Decide robot `first`, and those whom it pushes; returns whether it got an option of its own.
 
     A chain of pushes is as long as the fleet, so the stack is explicit.
     """
-    rank_options(view, state, workspace, first)
     state.stack[0] = first
     state.mode[first] = DECIDED
     depth = 1
@@ -67,7 +66,6 @@ def push(view, state, workspace, first):
             stay(view, state, i)
             depth -= 1
         else:
-            rank_options(view, state, workspace, pushed)
             state.mode[pushed] = DECIDED
             state.stack[depth] = pushed
             depth += 1
@@ -87,7 +85,7 @@ def stay(view, state, i):
 @kernel
 def take_option(view, state, i):
     """Reserve the next option of robot i that is left; returns the robot to push, SETTLED or FAILED."""
-    cell = np.int64(view.robots.cell[i])
+    cell, heading = np.int64(view.robots.cell[i]), np.int64(view.robots.heading[i])
     while state.option_next[i] < state.option_count[i]:
         option = np.int64(state.options[i, state.option_next[i]])
         state.option_next[i] += 1
@@ -96,6 +94,8 @@ def take_option(view, state, i):
             if comer == NIL or comer == i:
                 stay(view, state, i)
                 return SETTLED
+            continue
+        if turns_to(view.grid.headings, heading, option) and not is_lane_free(view, state, i):
             continue
         to = cell + view.grid.offset[option]
         resource = resource_in(view, to, option)

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from typing import Any, ClassVar, Final
 
+import numpy as np
+
 from automaton.engine.jit.fields import SCRATCH, field
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import (
@@ -162,7 +164,7 @@ class MonitoredZones(Strategy):
                 design,
                 state.zones,
                 state.zones.reach,
-                view.rules.seed,
+                np.uint64(view.rules.seed),
                 int(view.clock[CLOCK_TICK]),
             )
         )

@@ -108,7 +108,7 @@ class AnnealedZones(RedesignedZones):
                 design,
                 state.zones,
                 state.zones.reach,
-                view.rules.seed,
+                np.uint64(view.rules.seed),
                 int(view.clock[CLOCK_TICK]),
             )
         )
@@ -150,7 +150,7 @@ class GeneticZones(RedesignedZones):
             design,
             state.zones,
             state.zones.reach,
-            view.rules.seed,
+            np.uint64(view.rules.seed),
             int(view.clock[CLOCK_TICK]),
         )
         if found and given.matched:

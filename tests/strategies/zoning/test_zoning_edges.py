@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from zoning_scenes import ddz_rules, drawn, everyone, scratch
 
@@ -99,6 +100,12 @@ def test_there_is_no_design_with_more_zones_than_stations() -> None:
     flow = roads.between.astype(float)
     design, workspace, reach = empty_design(len(roads.cell), 4, 5), scratch(roads, 5), everyone(5)
     rules = ddz_rules()
-    assert repair(roads, rules, flow, 4.5, 0.35, 9, 9, 3, design, workspace, reach, 1, 1) == 0
+    assert (
+        repair(roads, rules, flow, 4.5, 0.35, 9, 9, 3, design, workspace, reach, np.uint64(1), 1)
+        == 0
+    )
     population = population_for(roads, 4)
-    assert evolve(roads, rules, flow, 2, 2, 0.4, population, design, workspace, reach, 1, 1) == 0
+    assert (
+        evolve(roads, rules, flow, 2, 2, 0.4, population, design, workspace, reach, np.uint64(1), 1)
+        == 0
+    )

@@ -25,7 +25,7 @@ from strategies.zoning.design.first_designs import random_design
 from strategies.zoning.design.tip_stations import find_tips
 from strategies.zoning.design.transfer_stations import find_transfers
 from strategies.zoning.design.zone_paths import copy_design
-from strategies.zoning.design.zone_workspace import INF_COST, zone_rules
+from strategies.zoning.design.zone_workspace import zone_rules
 
 # Figure 2: zone 1 has WS2 at H, WS4 at O and WS5 at R (here 1, 2, 3); zone 2 has WS6 (here 4).
 FIGURE_2 = """
@@ -35,6 +35,7 @@ FIGURE_2 = """
     ####.####
     ####....3
 """
+NO_LIMIT = float("inf")  # limits are floats, as in the rules of zones
 H, INNER, N, WS4, S, R = (0, 0), (4, 0), (4, 2), (7, 2), (4, 4), (8, 4)
 
 
@@ -64,7 +65,7 @@ def test_removing_ws4_of_figure_2_merges_its_segments() -> None:
 
 def test_the_receiver_fetches_ws4_by_its_own_path() -> None:
     floor_plan, roads, design = figure_2()
-    assert give(roads, design, scratch(roads, 2), 1, 3, INF_COST, 2)
+    assert give(roads, design, scratch(roads, 2), 1, 3, NO_LIMIT, 2)
     check_partition(roads, design)
     assert stations(design) == [{1, 3}, {2, 4}]
     assert segments(floor_plan, roads, design, 1) == [[(9, 2), WS4]]
@@ -82,12 +83,12 @@ def test_the_busier_zone_has_the_transfer_station_of_figure_2() -> None:
 def test_a_zone_keeps_its_last_two_stations() -> None:
     _, roads, design = figure_2()
     workspace = scratch(roads, 2)
-    assert give(roads, design, workspace, 1, 3, INF_COST, 2)
-    assert not give(roads, design, workspace, 0, 3, INF_COST, 2)
+    assert give(roads, design, workspace, 1, 3, NO_LIMIT, 2)
+    assert not give(roads, design, workspace, 0, 3, NO_LIMIT, 2)
 
 
 def test_a_path_that_is_too_long_is_refused() -> None:
-    for limit, done in ((2, 1), (1, 0)):
+    for limit, done in ((2.0, 1), (1.0, 0)):
         _, roads, design = figure_2()
         assert give(roads, design, scratch(roads, 2), 1, 3, limit, 2) == done
 
@@ -95,7 +96,7 @@ def test_a_path_that_is_too_long_is_refused() -> None:
 def test_what_cannot_be_joined_anew_is_refused() -> None:
     floor_plan, roads = drawn("1..2..3\n###.###\n###4###")
     design = read_design(floor_plan, roads, {"zones": [{"stations": [1, 2, 3]}, {"stations": [4]}]})
-    assert not give(roads, design, scratch(roads, 2), 1, 3, INF_COST, 1)
+    assert not give(roads, design, scratch(roads, 2), 1, 3, NO_LIMIT, 1)
 
 
 def test_the_station_of_a_zone_of_one_is_in_the_way() -> None:
@@ -118,7 +119,7 @@ def test_giving_keeps_a_partition(seed: int, zones: int, gifts: list[tuple[int, 
     _, _, roads = factory()
     workspace = scratch(roads, zones)
     design, tried = design_arrays(roads, zones), design_arrays(roads, zones)
-    assert random_design(roads, factory_rules(roads), design, workspace, seed, 0)
+    assert random_design(roads, factory_rules(roads), design, workspace, np.uint64(seed), 0)
     check_partition(roads, design)
     for station, through in gifts:
         if design.zone[station] == design.zone[through]:
@@ -134,7 +135,7 @@ def test_giving_keeps_a_partition(seed: int, zones: int, gifts: list[tuple[int, 
 def test_removing_keeps_the_rest_a_partition(seed: int, station: int) -> None:
     _, _, roads = factory()
     workspace, design = scratch(roads, 3), design_arrays(roads, 3)
-    assert random_design(roads, factory_rules(roads), design, workspace, seed, 0)
+    assert random_design(roads, factory_rules(roads), design, workspace, np.uint64(seed), 0)
     before, zone = stations(design), int(design.zone[station])
     if len(before[zone]) > 1 and remove(roads, design, workspace, station, (zone + 1) % 3):
         after = stations(design)

@@ -25,7 +25,10 @@ from zoning_scenes import (
 )
 from zoning_trials import ANNEALED, evolved, repaired, south, turn
 
+from automaton.build.resolve import resolve
+from automaton.engine.jit.kernel import jit_is_on
 from automaton.engine.service_zones import Design
+from automaton.runs.simulation import Simulation
 from strategies.zoning.annealing import annealing
 from strategies.zoning.decentralized import negotiation
 from strategies.zoning.design.design_files import design_arrays, read_design
@@ -49,7 +52,7 @@ def test_phase_1_gives_every_station_a_zone() -> None:
 def improved(design: Design, seed: int) -> float:
     _, _, roads = factory()
     workspace, rules, flow = scratch(roads, 3), factory_rules(roads), training_flow()
-    svp = annealing.improve(roads, rules, flow, *ANNEALED, design, workspace, seed, 0)
+    svp = annealing.improve(roads, rules, flow, *ANNEALED, design, workspace, np.uint64(seed), 0)
     assert find_loads(roads, rules, flow, 0, design, workspace) == svp
     check_partition(roads, design)
     return float(svp)
@@ -70,7 +73,9 @@ def test_phase_2_balances_most_random_designs() -> None:
     found = []
     for seed in range(40):
         design = design_arrays(roads, 3)
-        assert random_design(roads, factory_rules(roads), design, scratch(roads, 3), seed, 0)
+        assert random_design(
+            roads, factory_rules(roads), design, scratch(roads, 3), np.uint64(seed), 0
+        )
         found.append(improved(design, seed))
     assert min(found) > 0.0067 and np.median(found) < 0.04
     assert np.mean(np.array(found) < 0.04) > 0.7
@@ -108,7 +113,8 @@ def test_zones_too_far_apart_to_be_adjacent_are_joined() -> None:
     flow = 1.0 - np.eye(8)
     for seed in range(6):
         assert annealing.repair(
-            roads, rules, flow, *ANNEALED, annealing.MAX_REPAIRS, design, workspace, reach, seed, 0
+            *(roads, rules, flow, *ANNEALED, annealing.MAX_REPAIRS),
+            *(design, workspace, reach, np.uint64(seed), 0),
         )
         check_partition(roads, design)
         assert connected(design, workspace)
@@ -123,7 +129,7 @@ def test_first_zones_of_a_station_each() -> None:
         annealing.DEFAULT_FINAL_TEMPERATURE,
         annealing.ANNEALING_STEPS,
     )
-    assert annealing.first_zones(roads, rules, *how, 0, design, workspace, reach, 1, 0)
+    assert annealing.first_zones(roads, rules, *how, 0, design, workspace, reach, np.uint64(1), 0)
     check_partition(roads, design)
     assert sorted(design.zone) == list(range(8)) and connected(design, workspace)
 
@@ -132,7 +138,9 @@ def test_annealing_ends_when_nothing_can_be_given() -> None:
     floor_plan, roads = drawn("1...2")
     design = read_design(floor_plan, roads, {"zones": [{"stations": [1]}, {"stations": [2]}]})
     rules, workspace = zone_rules(4, adjacent=9), scratch(roads, 2)
-    svp = annealing.improve(roads, rules, np.zeros((2, 2)), *ANNEALED, design, workspace, 1, 0)
+    svp = annealing.improve(
+        roads, rules, np.zeros((2, 2)), *ANNEALED, design, workspace, np.uint64(1), 0
+    )
     assert svp == 0 and design.zone.tolist() == [0, 1]
 
 
@@ -143,7 +151,9 @@ def test_breeding_ends_where_no_zone_has_a_station_to_give() -> None:
     design, workspace, herd = design_arrays(roads, 8), scratch(roads, 8), population_for(roads, 12)
     limits = (20, genetic_zones.DEFAULT_PARENTS, genetic_zones.DEFAULT_MUTATION_RATE)
     flow = 1.0 - np.eye(8)
-    genetic_zones.evolve(roads, rules, flow, *limits, herd, design, workspace, everyone(8), 1, 0)
+    genetic_zones.evolve(
+        roads, rules, flow, *limits, herd, design, workspace, everyone(8), np.uint64(1), 0
+    )
     assert workspace.drawn[0] - DRAWS_GENETIC < 4_000_000, (
         "500 tries to mutate each child are 36 million"
     )
@@ -157,7 +167,7 @@ def test_a_dozen_generations_find_a_balanced_design(seed: int) -> None:
     limits = (12, genetic_zones.DEFAULT_PARENTS, genetic_zones.DEFAULT_MUTATION_RATE)
     flow = training_flow()
     assert genetic_zones.evolve(
-        roads, rules, flow, *limits, herd, design, workspace, everyone(3), seed, 0
+        roads, rules, flow, *limits, herd, design, workspace, everyone(3), np.uint64(seed), 0
     )
     assert herd.now.value[-1] < 0.05  # with what drives past tips
     check_partition(roads, design)
@@ -264,3 +274,13 @@ def test_with_the_jit_off_everything_is_the_same() -> None:
         for jit in ("0", "1")
     )
     assert compiled == plain != ""
+
+
+@pytest.mark.skipif(not jit_is_on(), reason="compilation is off")
+def test_seeds_reach_kernels_from_python_as_they_do_from_kernels() -> None:
+    """With int64 besides uint64, all that zones are made by would be compiled twice."""
+    bred = "strategy.zoning={name: genetic, design: factory-logged, generations: 2}"
+    for settings in ((), (bred,)):
+        Simulation(resolve("factory", settings)).run(until=9000)
+    for kernel in (annealing.repair, genetic_zones.evolve):
+        assert {str(arguments[-2]) for arguments in kernel.signatures} == {"uint64"}

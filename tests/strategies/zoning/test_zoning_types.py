@@ -72,13 +72,13 @@ def made(method: str, seed: int) -> tuple[Design, ZoneSpace]:
     design, rules = design_arrays(roads, 3), factory_rules(roads)
     if method == "annealing":
         assert annealing.repair(
-            roads, rules, flow, *ANNEALED, 3, design, workspace, everyone(3), seed, 0
+            roads, rules, flow, *ANNEALED, 3, design, workspace, everyone(3), np.uint64(seed), 0
         )
     else:
         limits = (8, genetic_zones.DEFAULT_PARENTS, genetic_zones.DEFAULT_MUTATION_RATE)
         herd = population_for(roads, 20)
         assert genetic_zones.evolve(
-            roads, rules, flow, *limits, herd, design, workspace, everyone(3), seed, 0
+            roads, rules, flow, *limits, herd, design, workspace, everyone(3), np.uint64(seed), 0
         )
     return design, workspace
 
@@ -117,7 +117,7 @@ def test_a_slow_robot_gets_a_smaller_zone() -> None:
                 design,
                 workspace,
                 everyone(3),
-                seed,
+                np.uint64(seed),
                 0,
             )
             find_loads(roads, factory_rules(roads), flow, 0, design, scratch(roads, 3))
@@ -151,7 +151,7 @@ def test_exchanges_of_a_leader_keep_to_what_robots_serve_and_to_priority() -> No
             before = design.zone.copy()
             lead(
                 roads, rules, parts, 4.5, 0.3, 20, 10.0, 0, 10,
-                design, workspace, turn % 3, everyone(3), 10.0 * turn, seed, turn,
+                design, workspace, turn % 3, everyone(3), 10.0 * turn, np.uint64(seed), turn,
             )  # fmt: skip
             moved += int((design.zone != before).any())
             assert_served(design, workspace)

@@ -1,0 +1,91 @@
+"""What distance tables cost: to compute, and to look up; on floors of shelves like large warehouses.
+
+........    Rows of shelves, ten by one, with aisles one cell wide between them and around them.
+.##########.##########.
+........
+"""
+
+from __future__ import annotations
+
+from functools import cache, partial
+
+import numpy as np
+
+from automaton.bench.measurement import Measurement, Sample, cpu_seconds
+from automaton.bench.table_look_ups import compute, rank_options
+from automaton.build.prepared_floor import cell_flags_of, floor_for
+from automaton.engine.distance_tables import DistanceTables
+from automaton.engine.state import Array, Grid
+from automaton.engine.table_building import Costs, build_tables
+from automaton.floor.cells import ALL_EXITS, FLOOR
+from automaton.floor.floor_plan import FloorPlan, bordered, make_floor_plan
+
+NS_PER_CELL = "ns per drivable cell"
+NS_PER_ROBOT = "ns per robot"
+SIZES = {(161, 63): 40, (500, 140): 10}  # columns, rows: tables of a sample
+SHELF, MARGIN = 10, 5  # cells in a row without a gap; free columns on both sides
+ROBOTS = 1000
+ROUNDS = 100
+TABLE_BYTES = 256 * 2**20
+
+
+def measurements() -> list[Measurement]:
+    """A table with each set of costs, on each floor; and five options looked up in many tables."""
+    parts = []
+    for size, tables in SIZES.items():
+        floor = "x".join(map(str, size))
+        for name, turn, weighted in (
+            ("moves and turns of 1 tick", 1, False),
+            ("turns of 2 ticks", 2, False),
+            ("lattice weights", 2, True),
+        ):
+            prepare = partial(prepare_tables, size, turn, weighted, tables)
+            parts.append(Measurement(f"table on {floor}, {name}", NS_PER_CELL, prepare))
+    columns, rows = next(iter(SIZES))
+    name = f"five options of {ROBOTS:,} robots on {columns}x{rows}, a goal each"
+    return [*parts, Measurement(name, NS_PER_ROBOT, prepare_options)]
+
+
+@cache
+def shelves(columns: int, rows: int) -> FloorPlan:
+    """A floor of shelves, drawn above; without slots, since nothing is handled here."""
+    kind, leave = bordered(rows, columns), bordered(rows, columns)
+    y, x = np.mgrid[:rows, :columns]
+    inside = (x >= MARGIN) & (x < columns - MARGIN) & (y % 2 == 1) & (y < rows - 1)
+    free = ~(inside & ((x - MARGIN) % (SHELF + 1) < SHELF))
+    kind[1:-1, 1:-1][free] = FLOOR
+    leave[1:-1, 1:-1][free] = ALL_EXITS
+    return make_floor_plan(kind, leave)
+
+
+def tables_for(size: tuple[int, int], turn: int, weighted: bool = False) -> DistanceTables:
+    """Empty tables for robots with four headings."""
+    floor_plan = shelves(*size)
+    grid = floor_for(floor_plan, "differential", 1, turn, "undirected").grid
+    step = lattice(grid)[None] if weighted else np.ones(1, np.int64)
+    costs = Costs(cell_flags_of(floor_plan, "differential")[None], step, np.array([turn]))
+    return build_tables(grid, costs, TABLE_BYTES, np.zeros(1, np.int64))
+
+
+def lattice(grid: Grid) -> Array:
+    """(C, 4) 6 for a step against the direction of its row or column, which alternate, else 2."""
+    y, x = np.divmod(np.arange(len(grid.kind)), grid.width)
+    against = np.stack([y % 2 == 0, x % 2 == 1, y % 2 == 1, x % 2 == 0], axis=1)
+    return np.where(against, 6, 2)
+
+
+def prepare_tables(size: tuple[int, int], turn: int, weighted: bool, many: int) -> Sample:
+    """A sampler: ns to compute a table, per cell that robots drive on."""
+    tables = tables_for(size, turn, weighted)
+    goals = np.random.default_rng(1).choice(tables.drivable, many, replace=False).astype(np.int64)
+    seconds = partial(cpu_seconds, partial(compute, tables, goals))
+    return lambda: 1e9 * seconds() / (many * len(tables.drivable))
+
+
+def prepare_options(robots: int = ROBOTS) -> Sample:
+    """A sampler: ns to look up what five options of a robot cost, its table included."""
+    tables, random = tables_for(next(iter(SIZES)), 1), np.random.default_rng(1)
+    goals, cells = (random.choice(tables.drivable, robots).astype(np.int64) for _ in range(2))
+    headings = random.integers(0, 4, robots)
+    seconds = partial(cpu_seconds, partial(rank_options, tables, goals, cells, headings, ROUNDS))
+    return lambda: 1e9 * seconds() / (ROUNDS * robots)

@@ -1,0 +1,31 @@
+"""Whether there is memory for distance tables at all."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from automaton.engine.distance_tables import least_table_bytes
+from automaton.engine.state import HEADING_COUNTS
+from automaton.floor.floor_plan import FloorPlan
+from automaton.scenario.document import Document
+from automaton.scenario.robot_types import types_of
+from automaton.scenario.schema import Scenario
+from automaton.units import bytes_of, memory
+
+
+def check_table_memory(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
+    """A table of this floor fits world.distance_tables. Raises InputError."""
+    text = scenario.world.distance_tables
+    cells = int(np.count_nonzero(floor_plan.drivable))
+    headings = HEADING_COUNTS[scenario.fleet.kinematics]
+    move, turn = scenario.durations.move, scenario.durations.turn
+    unit = math.gcd(turn, *(move * one.move_time_factor for one in types_of(scenario)))
+    size = least_table_bytes(cells, headings, turn // unit)
+    if size > bytes_of(text):
+        raise document.error(
+            ("world", "distance_tables"),
+            f"world.distance_tables is {text}, but a table of the {cells:,} cells of this floor takes "
+            f"{memory(size)}; set it to at least that",
+        )

@@ -1,0 +1,160 @@
+"""Build empty distance tables for the costs of robot types, or for weights of a strategy."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from automaton.engine.cost_search import DELTA_BITS, ENTRIES_PER_CELL, MAX_QUEUES
+from automaton.engine.distance_tables import (
+    BYTES_PER_WORD,
+    JOINT,
+    MAX_PATTERNS,
+    POSE16,
+    TABLES_ENCODING,
+    TABLES_TAKEN,
+    TABLES_WORDS,
+    Array,
+    DistanceTables,
+    is_narrow_for,
+)
+from automaton.engine.facilities import MAY_TURN, Grid
+from automaton.engine.jit.fields import NIL
+
+
+class Costs(NamedTuple):
+    """S sets of costs, all from 1 on; a turn may cost nothing."""
+
+    flags: Array  # (S, C) uint8: bits 0-3 exits E S W N, 4 may turn
+    step: Array  # (S,) cost of a step; or (S, C, 4): from cell c in direction d
+    turn: Array  # (S,) cost of a turn by 90 degrees
+
+
+def build_tables(grid: Grid, costs: Costs, table_bytes: int, stop: Array) -> DistanceTables:
+    """Tables in at most so many bytes, or room for one; it is taken from the machine as they are filled.
+
+    `stop`: (1,) int64, not 0 when the run is given up. Raises ValueError for costs that are too many
+    or too small.
+    """
+    sets, cells = costs.flags.shape
+    drivable = len(grid.drivable)
+    unit, cost, queue_count, turn_queue, step_queue = queues_of(costs, grid.headings > 1)
+    turn = int(costs.turn.max()) // unit
+    is_narrow = is_narrow_for(grid.headings, turn)
+    is_narrow &= bool((costs.flags[:, grid.drivable] & MAY_TURN).all())
+    words = drivable * (1 if is_narrow else grid.headings)
+    goals = sets * drivable + 1  # the last row is never kept
+    widest = 2 * drivable * grid.headings  # words of a table; one always fits
+    pool = max(widest, min(table_bytes // BYTES_PER_WORD, goals * widest))
+    patterns = turn_patterns(turn if is_narrow else 0)
+    sizes = {"C": cells, "S C": sets * cells, "P": cells * grid.headings}
+    sizes |= {"R": min(goals, pool // words), "L": ENTRIES_PER_CELL * drivable + 8}
+    number = np.full(cells, NIL, np.int32)
+    number[grid.drivable] = np.arange(drivable, dtype=np.int32)
+    return DistanceTables.sized(
+        sizes,
+        headings=grid.headings,
+        first_encoding=JOINT if is_narrow else POSE16,
+        unit=unit,
+        is_narrow=int(is_narrow),
+        patterns=len(patterns),
+        reciprocal=-(-(1 << 32) // len(patterns)),
+        offset=grid.offset.copy(),
+        drivable=grid.drivable.copy(),
+        number=number,
+        entries=entries_of(costs.flags, grid.offset),
+        cost=cost,
+        queue_count=queue_count,
+        turn_queue=turn_queue,
+        step_queue=step_queue,
+        excess=excess_of(patterns),
+        pattern_of=numbers_of(patterns),
+        pool=np.empty(pool, np.uint16),
+        stop=stop,
+    )
+
+
+def renew(tables: DistanceTables) -> None:
+    """Make tables that an earlier run has used ready for another run, which finds what they hold.
+
+    Whether a run has enough room must not depend on the runs before it.
+    """
+    tables.kept_in[:] = NIL
+    if tables.status[TABLES_ENCODING] != tables.first_encoding:
+        tables.status[:] = 0
+        tables.row_of[:] = NIL
+        tables.owner[:] = NIL
+
+
+def bytes_taken(tables: DistanceTables) -> int:
+    """Bytes of the rows that were in use at some time."""
+    return int(BYTES_PER_WORD * tables.status[TABLES_TAKEN] * tables.status[TABLES_WORDS])
+
+
+def turn_patterns(turn: int) -> list[tuple[int, ...]]:
+    """What each of four headings may cost more than the best one, where a turn costs so much."""
+    return [
+        pattern
+        for pattern in itertools.product(range(2 * turn + 1), repeat=4)
+        if min(pattern) == 0 and all(abs(pattern[h] - pattern[h - 1]) <= turn for h in range(4))
+    ]
+
+
+def excess_of(patterns: list[tuple[int, ...]]) -> Array:
+    """[4 pattern + h]: what heading h costs more."""
+    table = np.zeros((MAX_PATTERNS, 4), np.uint8)
+    table[: len(patterns)] = patterns
+    return table.reshape(-1)
+
+
+def numbers_of(patterns: list[tuple[int, ...]]) -> Array:
+    """The number of a pattern by its differences, DELTA_BITS each."""
+    table = np.zeros(1 << (4 * DELTA_BITS), np.uint8)
+    for number, pattern in enumerate(patterns):
+        table[sum(more << (DELTA_BITS * h) for h, more in enumerate(pattern))] = number
+    return table
+
+
+def entries_of(flags: Array, offset: Array) -> Array:
+    """(S, C) uint8: steps that lead to a cell, by direction; and whether robots may turn there."""
+    entries = flags & np.uint8(MAY_TURN)
+    for direction, step in enumerate(offset.tolist()):
+        leaves = (flags >> np.uint8(direction)) & np.uint8(1)
+        entries |= np.roll(leaves, step, axis=1) << np.uint8(direction)
+    return entries
+
+
+def queues_of(costs: Costs, turns: bool) -> tuple[int, Array, Array, Array, Array]:
+    """The unit of all costs; the distinct ones in it (S, Q); how many (S,).
+
+    And which of them a turn has (S,), and each step (W, 4C). Without `turns` robots never turn.
+    """
+    steps = costs.step.reshape(len(costs.flags), -1).astype(np.int64)
+    is_weighted = costs.step.ndim > 1
+    distinct: list[list[Any]] = []
+    for flags, step, turn in zip(costs.flags, steps, costs.turn.tolist(), strict=True):
+        leaves = (flags[:, None] >> np.arange(4, dtype=np.uint8)) & 1 > 0
+        used = np.unique(step[leaves.reshape(-1)] if is_weighted else step)
+        if len(used) and (used[0] < 1 or turn < 0):
+            raise ValueError("a step costs 1 or more, a turn 0 or more")
+        distinct.append([*used.tolist(), *([turn] if turns and turn not in used else [])])
+    most = max(1, *map(len, distinct))
+    if most > MAX_QUEUES:
+        raise ValueError(
+            f"{most} distinct costs of steps and turns, at most {MAX_QUEUES} are allowed"
+        )
+    unit = math.gcd(*(value for values in distinct for value in values)) or 1
+    cost = np.array([one + [0] * (most - len(one)) for one in distinct], np.int64)
+    step_queue = np.zeros((len(cost) if is_weighted else 0, 4 * costs.flags.shape[1]), np.uint8)
+    for row, values in enumerate(distinct[: len(step_queue)]):
+        for queue, value in enumerate(values):
+            step_queue[row][steps[row] == value] = queue
+    turn_queue = [
+        one.index(turn) if turns else 0
+        for one, turn in zip(distinct, costs.turn.tolist(), strict=True)
+    ]
+    counts = np.array([max(1, len(one)) for one in distinct], np.int64)
+    return unit, cost // unit, counts, np.array(turn_queue, np.int64), step_queue

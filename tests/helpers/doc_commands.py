@@ -40,6 +40,7 @@ ONLY_READ: Final = {
     "reproduce auctions": "test_reproduce_auctions",
     "reproduce auctions-floor": "test_reproduce_auctions_floor",
     "reproduce zoning": "test_reproduce_zoning",
+    "reproduce fleets": "test_reproduce_fleets",
 }
 LEAVES: Final = (
     "--out",

@@ -163,7 +163,9 @@ def rank_options(view, state, workspace, i):
         u = holder_of(view, to, direction)
         if u != NIL and u != i and state.mode[u] <= LEAVING:
             cost += remaining_ticks(view, state, u)
-        tie = np.int64((draws >> np.uint64(8 * direction)) & np.uint64(63))
+        tie = np.int64(direction)  # where there is room for all, as routes do
+        if resource_in(view, to, direction) != NIL:
+            tie = np.int64((draws >> np.uint64(8 * direction)) & np.uint64(63))
         key = (cost << KEY_SHIFT) | tie | (TURN_BIT if turns else 0)
         if state.turning[i] and to == state.next[i]:
             key = np.int64(NIL)

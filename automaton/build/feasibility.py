@@ -31,6 +31,7 @@ from automaton.floor.reachability import (
     slots_beside,
 )
 from automaton.scenario.document import Document, Keys
+from automaton.scenario.fleet import StartFile
 from automaton.scenario.floor_section import Floor
 from automaton.scenario.orders import OrderLine
 from automaton.scenario.robot_types import RobotType
@@ -92,6 +93,7 @@ def check_areas(document: Document, scenario: Scenario, floor_plan: FloorPlan) -
 def start_of(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> Start:
     """Where robots begin, defaults filled in and checked. Raises InputError."""
     fleet = scenario.fleet
+    assert not isinstance(fleet.start, StartFile), "its file has been read"
     if isinstance(fleet.start, tuple):
         return _listed_start(document, fleet.start, fleet.robots, floor_plan)
     if fleet.start is None and floor_plan.starts:

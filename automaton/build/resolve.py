@@ -21,6 +21,7 @@ from automaton.scenario.floor_section import floor_of
 from automaton.scenario.order_file import with_orders_of_file
 from automaton.scenario.reading import SHIPPED_FOLDER, STUDIES_ARE_SWEPT, is_study, read
 from automaton.scenario.schema import LAYER_NAMES, Scenario
+from automaton.scenario.start_file import with_starts_of_file
 from automaton.scenario.task_file import with_tasks_of_file
 from automaton.scenario.validation import validated
 from automaton.strategy.entry import NoParameters, files_of, resolve_paths
@@ -82,6 +83,7 @@ def resolve(
         document = replace(document, data=data, overrides=(*document.overrides, seeded))
     checked = validated(document, document.data, Scenario)
     document, checked, order_file = with_orders_of_file(document, checked)
+    document, checked, start_file = with_starts_of_file(document, checked)
     floor = floor_of(document, checked.layout)
     document, checked, task_file = with_tasks_of_file(document, checked, floor.floor_plan)
     fleet = check_feasible(document, checked, floor)
@@ -97,7 +99,9 @@ def resolve(
             setting if isinstance(setting, str) else setting.argument for setting in settings
         ),
         files=tuple(
-            (file.path, file.content_hash) for file in (order_file, task_file) if file is not None
+            (file.path, file.content_hash)
+            for file in (order_file, start_file, task_file)
+            if file is not None
         ),
     )
     vars(resolved)["fleet"] = fleet  # with the facts that the checks have found

@@ -11,7 +11,7 @@ from automaton.build.initial_service_zones import build_service_zones
 from automaton.build.prepared_floor import Floor, floor_for
 from automaton.build.resolve import Resolved
 from automaton.build.rules import rules_for
-from automaton.build.starts import first_charges, first_headings, homes, occupy_starts
+from automaton.build.starts import first_charges, homes, occupy_starts, start_headings
 from automaton.engine.decision_stream import max_words
 from automaton.engine.events import max_events
 from automaton.engine.facilities import Chargers
@@ -156,8 +156,8 @@ def build_robots(
     identity = np.arange(n, dtype=np.int32) if storage is None else storage.astype(np.int32)
     at_index = np.zeros(n, np.int32)
     at_index[identity] = np.arange(n, dtype=np.int32)
+    heading = start_headings(resolved.scenario.fleet, floor.grid, home)[identity]
     home, bay = home[identity], bay[identity]
-    heading = first_headings(floor.grid, home)
     cell = np.where(bay == NIL, home, NIL).astype(np.int32)
     occupy_starts(floor.grid, occupancy, cell[bay == NIL], heading[bay == NIL])
     return Robots.sized(

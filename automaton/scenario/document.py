@@ -59,13 +59,13 @@ class Document:
     text: str = ""
     root: yaml.Node | None = None
     overrides: tuple[Override, ...] = ()
-    listed: ListFile | None = None  # that a list of orders comes from
+    listed: tuple[ListFile, ...] = ()  # files that lists of it come from
 
     def error(self, keys: Keys, message: str) -> InputError:
         """An error about the value at `keys`: placed at its line, or at the --set that gave it."""
-        listed = self.listed
-        if listed is not None and keys[: len(listed.keys)] == listed.keys < keys:
-            return InputError(message, listed.file, listed.lines[int(keys[len(listed.keys)])])
+        for listed in self.listed:
+            if keys[: len(listed.keys)] == listed.keys < keys:
+                return InputError(message, listed.file, listed.lines[int(keys[len(listed.keys)])])
         for override in reversed(self.overrides):
             shared = min(len(keys), len(override.keys))
             new = len(keys) == shared and self.node(keys) is None

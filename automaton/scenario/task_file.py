@@ -52,7 +52,8 @@ def with_tasks_of_file(
         raise document.error(TASKS, f"there is no file of tasks '{name}'")
     found = read_tasks(path, floor_plan)
     orders = msgspec.structs.replace(scenario.orders, tasks=found.tasks)
-    document = replace(document, listed=ListFile(TASKS, found.path, found.lines))
+    listed = ListFile(TASKS, found.path, found.lines)
+    document = replace(document, listed=(*document.listed, listed))
     absolute = found._replace(path=str(path.resolve()))
     return document, msgspec.structs.replace(scenario, orders=orders), absolute
 

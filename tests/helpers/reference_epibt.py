@@ -213,6 +213,10 @@ class Reference(Strategy):
         self.visited = dict.fromkeys(self.movable, 0)
         self.settled: set[int] = set()
         self.turn = {r: self.turn_of(r) for r in self.movable}
+        if self.oldest:
+            by_age = sorted(self.turn, key=lambda r: (self.turn[r], r))
+            places = {r: place for place, r in enumerate(by_age)}
+            self.turn |= {r: places[r] for r in by_age if self.turn[r] < NEVER}
         self.wishes = {r: self.candidates(r) for r in self.movable}
         for r in sorted(self.movable, key=lambda r: (self.turn[r], r)):
             if not self.visited[r] and self.turn[r] < NEVER:

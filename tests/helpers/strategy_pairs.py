@@ -44,7 +44,7 @@ from automaton.scenario.schema import LAYER_NAMES
 from automaton.strategy.lookup import names
 
 TICKS = 8000
-MAX_ROBOTS = 150  # scenarios with more robots are tried with so many: some strategies are in Python
+MAX_ROBOTS = 40  # scenarios with more robots are tried with so many: some strategies are in Python
 MORE = 4 * DEADLOCK_TICKS  # ticks between two looks for a first delivery
 FAULTS = ("SILENT", "ILLEGAL", "RAISED")
 Pair = tuple[tuple[str, str], tuple[str, str]]  # (layer, strategy) twice

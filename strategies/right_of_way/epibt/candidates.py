@@ -146,6 +146,15 @@ def sort_by_key(state, count):
 
 
 @kernel
+def settle_ties(state, count):
+    """Make the places of robots with goals their keys, so that no two are alike."""
+    for place in range(count):
+        i = np.int64(state.sequence[place])
+        if state.sequence_key[i] != LAST_KEY:
+            state.sequence_key[i] = place
+
+
+@kernel
 def sort_by_digit(state, count, unsorted, out, shift):
     """Sort robots by one digit of their keys; equal ones stay in their order."""
     counts, digits = state.sorting_count, (1 << DIGIT_BITS) - 1

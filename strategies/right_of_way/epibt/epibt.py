@@ -18,6 +18,7 @@ from strategies.right_of_way.epibt.candidates import (
     LAST_KEY,
     nth_key,
     rank_candidates,
+    settle_ties,
     sort_by_key,
 )
 from strategies.right_of_way.epibt.chains import build
@@ -116,6 +117,8 @@ def decide(view, batch, decisions, memory, workspace):
     for k in range(count):
         rank_candidates(view, workspace, state, np.int64(state.steered[k]))
     sort_by_key(state, count)
+    if state.oldest_first:  # robots of one age could not push each other
+        settle_ties(state, count)
     choose_plans(state, count)
     if state.repair_tries:
         repair_plans(view, state, count)

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from automaton.commands import COMMANDS
-from automaton.engine import facilities, robot_status, service_zones, state, visibility
+from automaton.engine import facilities, robot_status, service_zones, state, stops, visibility
 from automaton.engine.jit.field_kernels import hidden_fields
 from automaton.engine.jit.fields import SCRATCH
 from automaton.engine.jit.structs import Struct
@@ -327,6 +327,7 @@ def _strategy_section(layer: str, name: str, definitions: Schema) -> str:
 SEEN: Final = {
     "robots": state.Robots,
     "orders": state.Orders,
+    "stops": stops.Stops,
     "slots": facilities.Slots,
     "grid": facilities.Grid,
     "rules": state.Rules,
@@ -344,7 +345,7 @@ DECIDED: Final = {
     "routing": state.RoutingDecisions,
     "right_of_way": state.RightOfWayDecisions,
 }
-PUBLIC_SCRATCH: Final = ("holder",)
+PUBLIC_SCRATCH: Final = ("holder", "order_taken")
 HIDDEN_EXTENTS: Final = {  # along which limited sight hides rows (automaton.engine.visibility)
     state.Robots: ("n",),
     state.Orders: ("m",),

@@ -23,6 +23,7 @@ from automaton.engine.state import (
     CLOCK_DIGEST_EVERY,
     CLOCK_FRESH_ALLOCATION,
     CLOCK_HALTED_UNTIL,
+    CLOCK_KNOWN_ORDERS,
     CLOCK_NEXT_RELEASE,
     CLOCK_NEXT_WAKEUP,
     CLOCK_OPEN_JOBS,
@@ -98,6 +99,8 @@ def build_world(
     clock[CLOCK_NEXT_WAKEUP] = NIL
     clock[CLOCK_HALTED_UNTIL] = NIL
     clock[CLOCK_NEXT_RELEASE] = int(np.count_nonzero(orders.release_tick == 0))
+    known = np.flatnonzero(orders.release_tick == 0)
+    clock[CLOCK_KNOWN_ORDERS] = int(known[-1]) + 1 if len(known) else 0
     clock[CLOCK_SEQUENCED] = clock[CLOCK_NEXT_RELEASE]
     clock[CLOCK_UNPARKED] = n - int(robots.parked.sum())
     clock[CLOCK_FRESH_ALLOCATION] = n

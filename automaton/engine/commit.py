@@ -118,15 +118,6 @@ def commit_allocation(world, record, batch, decisions):
             stay_idle(world, i, out.ask_again[k])
         else:
             refuse(world, LAYER_ALLOCATION, i)
-    clear_marks(batch, out)
-
-
-@kernel
-def clear_marks(batch, out):
-    """Wipe what decisions marked as taken; of millions of orders a batch names few."""
-    for k in range(batch.count[0]):
-        if 0 <= out.order[k] < out.order_taken.shape[0]:
-            out.order_taken[out.order[k]] = 0
 
 
 @kernel

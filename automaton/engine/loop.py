@@ -40,6 +40,7 @@ from automaton.engine.state import (
     CLOCK_DIGEST_EVERY,
     CLOCK_FINISHED,
     CLOCK_HALTED_UNTIL,
+    CLOCK_KNOWN_ORDERS,
     CLOCK_OBSERVING,
     CLOCK_OPEN_JOBS,
     CLOCK_PHASE,
@@ -115,7 +116,7 @@ def ticks(
                 continue
             for call in range(call_count(world, full_batch)):
                 begin_call(world, visible_world, full_batch, batch, memories[layer], call)
-                clear_decisions(batch, decisions, layer)
+                clear_decisions(batch, decisions, layer, clock[CLOCK_KNOWN_ORDERS])
                 if world.rules.holders[layer]:
                     enter_holders(visible_world)
                 if layer_mode[layer] == MODE_COMPILED:

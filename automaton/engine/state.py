@@ -154,7 +154,8 @@ CLOCK_HALTED_UNTIL: Final = 25  # the last tick for which zoning made a robot st
 CLOCK_NEXT_WAKEUP: Final = 26  # the first tick in which zoning asked to be woken, or NIL
 CLOCK_ZONES_REDESIGNED: Final = 27  # the last tick in which the design of the zones changed
 CLOCK_SEQUENCED: Final = 28  # entries of orders.release_sequence in use, where orders are assigned
-CLOCK_SIZE: Final = 29
+CLOCK_KNOWN_ORDERS: Final = 29  # all orders that were released have lower numbers
+CLOCK_SIZE: Final = 30
 
 STOP_PARKED: Final = 0
 STOP_DELIVERED: Final = 1
@@ -516,8 +517,8 @@ class AllocationDecisions(Struct):
     order_queue: Array = field("(n, L) int32", "by storage index: orders that a robot is to do")
     order_taken: Array = field(
         "(m,) uint8",
-        "reserved by an earlier decision of this batch; each call begins with zeros for the orders "
-        "that the decisions before it named",
+        "reserved by an earlier decision of this batch; of orders that were released, each call "
+        "begins with zeros",
         role=SCRATCH,
     )
     slot_taken: Array = field("(s,) uint8", "likewise", role=CALL)

@@ -22,6 +22,7 @@ from automaton.engine.state import (
     CLOCK_ALLOCATION_REVISION,
     CLOCK_FINISHED,
     CLOCK_FRESH_ALLOCATION,
+    CLOCK_KNOWN_ORDERS,
     CLOCK_NEEDING_CHARGING,
     CLOCK_NEEDING_RIGHT_OF_WAY,
     CLOCK_NEEDING_ROUTE,
@@ -258,6 +259,7 @@ def set_clock(world: World, said: Said, resolved: Resolved) -> None:
     known = orders.release_tick <= said.tick
     orders.state[known & (orders.state == ORDER_UNRELEASED)] = ORDER_WAITING
     clock[CLOCK_NEXT_RELEASE] = np.count_nonzero(known)
+    clock[CLOCK_KNOWN_ORDERS] = len(known)
     clock[CLOCK_NEXT_FAULT] = np.count_nonzero(world.rules.faults[:, 0] <= said.tick)
     clock[CLOCK_TICKETS_ISSUED] = said.tickets
     clock[CLOCK_ROBOTS_DOWN] = np.count_nonzero(

@@ -30,6 +30,11 @@ PARTS: Final[dict[str, Part]] = {
     "observing": Part(
         "automaton.bench.route_speed:observing_measurements", True, "what watching adds to a tick"
     ),
+    "steering": Part(
+        "automaton.bench.steering_speed",
+        False,
+        "a tick of 10,000 robots under each right of way that steers; a minute",
+    ),
     "tables": Part("automaton.bench.table_speed", True, "distance tables: computed and looked up"),
     "plans": Part(
         "automaton.bench.warehouse_speed", True, "A* and traffic avoidance on three warehouses"

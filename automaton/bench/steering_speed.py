@@ -1,0 +1,69 @@
+"""What a tick costs where right of way steers a large fleet: 10,000 robots in one-way aisles."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import msgspec
+
+from automaton.bench.measurement import NS_PER_ROBOT_AND_TICK, Measurement, Sample, cpu_seconds
+from automaton.build.resolve import resolve
+from automaton.runs.simulation import Simulation
+from automaton.scenario.schema import Fleet, Orders, Scenario, Stop, Strategies, WorldRules
+
+ROBOTS = 10_000
+STARTED = 200  # ticks until the fleet has spread and most distance tables are there
+TICKS = 20  # of a sample
+# 499 x 134 cells, 39,366 of them free.
+FLOOR = {"generator": "aisles", "aisles": 249, "sections": 11, "length": 10, "one_way": True}
+
+
+def measurements() -> list[Measurement]:
+    """Whole ticks under both strategies that steer."""
+    return [
+        Measurement(
+            f"whole tick, {name}, 10,000 robots",
+            NS_PER_ROBOT_AND_TICK,
+            partial(prepare_fleet, name),
+        )
+        for name in ("pibt", "epibt")
+    ]
+
+
+def prepare_fleet(
+    right_of_way: str,
+    robots: int = ROBOTS,
+    floor: dict[str, object] = FLOOR,
+    started: int = STARTED,
+) -> Sample:
+    """A sampler: ns per robot and tick of the next ticks, orders and allocation included."""
+    scenario = Scenario(
+        name="bench",
+        layout=floor,
+        fleet=Fleet(robots=robots, kinematics="differential", start="random"),
+        orders=tours(robots),
+        world=WorldRules(distance_tables="2 GiB"),
+        strategy=Strategies(allocation="greedy", right_of_way=right_of_way),
+        stop=Stop(when="never", max_duration=1_000_000),
+    )
+    simulation = Simulation(resolve(scenario))
+    simulation.run(started)
+
+    def sample() -> float:
+        until = simulation.tick + TICKS
+        return 1e9 * cpu_seconds(lambda: simulation.run(until)) / (robots * TICKS)
+
+    return sample
+
+
+def tours(robots: int) -> Orders:
+    """Orders of two stops each, one and a half times as many open as there are robots."""
+    return msgspec.convert(
+        {
+            "generator": "tours",
+            "count": 100 * robots,
+            "stops": {"from": 2, "to": 2},
+            "arrivals": {"closed_loop": {"in_system": robots + robots // 2}},
+        },
+        Orders,
+    )

@@ -173,7 +173,7 @@ def test_repairs_are_counted_and_so_repeatable(tmp_path: Path) -> None:
 OPEN = "\n".join(["tttttttt"] * 8)
 
 
-@pytest.mark.parametrize("tries", [0, 3])
+@pytest.mark.parametrize("tries", [0, 1])
 def test_robots_without_work_stay_where_they_are(tmp_path: Path, tries: int) -> None:
     """One visit among three robots on an open floor: two of them never move."""
     overrides = (epibt(repair_tries=tries), "orders={generator: visits, count: 1}")

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from automaton.commands import COMMANDS
-from automaton.engine import facilities, robot_status, service_zones, state, visibility
+from automaton.engine import facilities, robot_status, service_zones, state, stops, visibility
 from automaton.engine.jit.field_kernels import hidden_fields
 from automaton.engine.jit.fields import SCRATCH
 from automaton.engine.jit.structs import Struct
@@ -327,6 +327,7 @@ def _strategy_section(layer: str, name: str, definitions: Schema) -> str:
 SEEN: Final = {
     "robots": state.Robots,
     "orders": state.Orders,
+    "stops": stops.Stops,
     "slots": facilities.Slots,
     "grid": facilities.Grid,
     "rules": state.Rules,
@@ -344,7 +345,7 @@ DECIDED: Final = {
     "routing": state.RoutingDecisions,
     "right_of_way": state.RightOfWayDecisions,
 }
-PUBLIC_SCRATCH: Final = ("holder",)
+PUBLIC_SCRATCH: Final = ("holder", "order_taken")
 HIDDEN_EXTENTS: Final = {  # along which limited sight hides rows (automaton.engine.visibility)
     state.Robots: ("n",),
     state.Orders: ("m",),
@@ -353,7 +354,8 @@ HIDDEN_EXTENTS: Final = {  # along which limited sight hides rows (automaton.eng
     service_zones.Design: ("S", "Z", "M"),
 }
 COMMAND_MEANINGS: Final = {
-    "CMD_TAKE_ORDER": "allocation: reserve an order and drive to pick it up",
+    "CMD_TAKE_ORDER": "allocation: reserve an order and drive to where it begins: where its load is "
+    "picked up, or to its next stop",
     "CMD_DROP_AT": "allocation: reserve a slot and drive to drop the load there",
     "CMD_PARK": "allocation: drive home; illegal for a robot that has an order or a load",
     "CMD_STEP": "right of way: one move, or the turn before it",
@@ -365,9 +367,11 @@ COMMAND_MEANINGS: Final = {
 NAMED_VALUES: Final = {state.NIL: "NIL", state.KEEP: "KEEP", state.NEVER: "NEVER"}
 FULL_SHELF: Final = (
     "A shelf holds one load. To drop a load at a full shelf, or at one that another robot has reserved, "
-    "is illegal, as is to take an order that another robot has reserved. The view has the reservations "
-    "that were made before this batch: `order_taken` and `slot_taken` are there to mark what was given "
-    "to the robots before in the batch, and the engine does not read them. A robot that gets nothing "
+    "is illegal, as is to take an order that another robot has reserved, unless it has no load and "
+    "none of its stops is done: then that robot loses it, and is asked again. A batch gives an order "
+    "to one robot at most. The view has the reservations that were made before this batch: "
+    "`order_taken` and `slot_taken` are there to mark what was given to the robots before in the "
+    "batch, and the engine does not read what strategies write there. A robot that gets nothing "
     "is asked again once an order or a reservation has changed; with `ask_again` it is asked in the "
     "next tick, as where the target of its load is full.\n"
 )

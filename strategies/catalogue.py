@@ -13,6 +13,8 @@ from automaton.strategy.entry import (
 )
 from strategies.allocation.alley_parameters import Alleys
 from strategies.allocation.auction.auction_parameters import Auctions, ShortestJob
+from strategies.allocation.greedy.greedy_parameters import GreedyParameters
+from strategies.allocation.load_parameters import AnyRobot, LoadsAlone
 from strategies.charging.charging_parameters import FillUp, Insertion, Opportunity, Threshold
 from strategies.right_of_way.epibt.epibt_parameters import EpibtParameters
 from strategies.right_of_way.right_of_way_parameters import (
@@ -94,8 +96,13 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
         ),
         "first-come": Entry(
             "strategies.allocation.first_come:FirstCome",
-            NoParameters,
+            AnyRobot,
             "oldest unreserved order, carried to its destination",
+        ),
+        "greedy": Entry(
+            "strategies.allocation.greedy.greedy:Greedy",
+            GreedyParameters,
+            "cheapest pair of robot and order first; what is not begun may be matched again",
         ),
         "shortest-job": Entry(
             "strategies.allocation.shortest_job:ShortestJob",
@@ -109,7 +116,7 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
         ),
         "independent-python": Entry(
             "strategies.allocation.independent_python:IndependentPython",
-            NoParameters,
+            LoadsAlone,
             "the tutorial: 'independent' in plain Python, equal digests",
         ),
     },

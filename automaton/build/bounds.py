@@ -35,6 +35,7 @@ from automaton.scenario.schema import Battery, ChargeRange
 
 MOST_TARGETS: Final = 200  # of a list, each with a search of its own; beyond: the nearest of all
 LEAST_DRAWN: Final = 1  # ticks of work
+LOADLESS: Final = ("visits", "tours")  # generators of orders that drive no load
 
 
 class Bounds(NamedTuple):
@@ -71,7 +72,7 @@ def bounds(resolved: Resolved) -> Bounds:
         resolved, Price(resolved.fleet.least_move, turn, handling)
     )
     ticks = handling + drives
-    if scenario.orders.generator == "visits" or _visits(resolved):
+    if scenario.orders.generator in LOADLESS or _visits(resolved):
         ticks = np.zeros(len(drives))  # a visit may take no operation at all
     stations = int(np.count_nonzero(resolved.floor_plan.kind == STATION))
     busy = picks * durations.pick + drops * durations.drop
@@ -131,15 +132,21 @@ def min_drive_cost(resolved: Resolved, price: Price) -> tuple[Array, int, int]:
     orders, kinds = scenario.orders, floor_plan.kind.reshape(-1)
     if orders.listed is not None:
         pairs = [
-            (floor_plan.cell(*line.source), floor_plan.cell(*line.target)) for line in orders.listed
+            (floor_plan.cell(*line.ends[0]), floor_plan.cell(*line.ends[1]))
+            for line in orders.listed
+            if line.stops is None
         ]
+        if len(pairs) < len(orders.listed):  # what is between stops counts as nothing
+            return np.zeros(len(orders.listed)), 0, 0
         picks, drops = (sum(kinds[pair[end]] == STATION for pair in pairs) for end in (0, 1))
         return _listed_drives(resolved, pairs, price), int(picks), int(drops)
     if orders.parts is not None:
         cells = floor_plan.stations.tolist()
         pairs = [(cells[here - 1], cells[then - 1]) for here, then in ways(orders)]
         return _listed_drives(resolved, pairs, price), len(pairs), len(pairs)
-    if orders.generator not in ENDS or orders.generator == "visits":  # visits drive no load
+    if orders.tasks is not None:
+        return np.zeros(len(orders.tasks)), 0, 0
+    if orders.generator not in ENDS or orders.generator in LOADLESS:
         return np.zeros(orders.count or 0), 0, 0
     begin, end = ENDS[orders.generator]
     slots = floor_plan.slots
@@ -219,7 +226,7 @@ def _costs(
 
 def _visits(resolved: Resolved) -> bool:
     listed = resolved.scenario.orders.listed
-    return listed is not None and any(line.source == line.target for line in listed)
+    return listed is not None and any(line.source == line.target for line in listed)  # or has stops
 
 
 def _held(battery: Battery | None) -> float:

@@ -123,12 +123,12 @@ class FleetOnFloor:
         return {cell: slot for slot, cell in enumerate(self.floor_plan.slots.tolist())}
 
     def orders(self) -> Iterator[Way]:
-        """All orders of the scenario."""
+        """All orders of the scenario that have a load."""
         orders, floor_plan = self.scenario.orders, self.floor_plan
         for index, line in enumerate(orders.listed or ()):
-            source, target = (
-                np.array([floor_plan.cell(*end)]) for end in (line.source, line.target)
-            )
+            if line.stops is not None:
+                continue
+            source, target = (np.array([floor_plan.cell(*end)]) for end in line.ends)
             yield Way(("orders", "list", index), f"order {index}", source, target, line.weight)
         stations = floor_plan.stations.astype(np.int64)
         for row, parts in enumerate(orders.parts or ()):
@@ -137,7 +137,7 @@ class FleetOnFloor:
                 what = f"the way of {name} from station {here} to {then}"
                 source, target = stations[[here - 1]], stations[[then - 1]]
                 yield Way(("orders", "parts", row), what, source, target, parts.weight)
-        if orders.generator is not None:
+        if orders.generator in ENDS:
             slots = floor_plan.slots.astype(np.int64)
             kinds, served = floor_plan.kind.reshape(-1)[slots], self.served.any(axis=0)
             begin, end = (slots[(kinds == kind) & served] for kind in ENDS[orders.generator])

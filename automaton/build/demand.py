@@ -18,10 +18,13 @@ from automaton.build.capabilities import Service, service_for
 from automaton.build.prepared_floor import Floor
 from automaton.build.resolve import Resolved
 from automaton.build.rules import may_fail
+from automaton.build.task_lists import assign_in_turn, order_count
+from automaton.build.tours import build_stops
 from automaton.engine import random_numbers
 from automaton.engine.facilities import Slots, Stations
 from automaton.engine.releases import draw_releases
 from automaton.engine.state import NEVER, NIL, ORDER_UNRELEASED, ORDER_WAITING, Array, Orders
+from automaton.engine.stops import Stops
 from automaton.floor.cells import DESTINATION, DOCK, RACK, STATION
 from automaton.scenario.orders import DRAWN, Bursts, Mean
 from automaton.scenario.orders import Orders as OrdersGiven
@@ -32,8 +35,10 @@ FINEST = 2.0**-60  # no u is below 2^-54
 SIZES, GAPS, PARTS = 1, 2, 3  # what is drawn of a burst; PARTS + k: gaps between parts of type k
 
 
-def build_orders(resolved: Resolved, floor: Floor, seed: int, homes: Array) -> tuple[Orders, Slots]:
-    """Orders by slot (table order), as listed, or as drawn, and the slots.
+def build_orders(
+    resolved: Resolved, floor: Floor, seed: int, homes: Array
+) -> tuple[Orders, Slots, Stops]:
+    """Orders by slot (table order), as listed, or as drawn, the slots, and the stops of orders.
 
     Slots are served from the cells that robots can reach, and come back from. `homes`: (n,) where
     each robot begins, by identity.
@@ -51,7 +56,11 @@ def build_orders(resolved: Resolved, floor: Floor, seed: int, homes: Array) -> t
         released, coming = releases(resolved.scenario, len(source), seed)
     weight = weights(resolved.scenario.orders, len(source), seed)
     slots = slots_of(resolved, floor, service, source)
-    return orders_of(source, target, released, coming, weight), slots
+    first_stop, stops = build_stops(resolved, service, len(source), seed)
+    orders = orders_of(source, target, released, coming, weight, first_stop)
+    if resolved.scenario.orders.assign == "round-robin":
+        assign_in_turn(orders, stops, homes, resolved.scenario.orders.skip_reached)
+    return orders, slots, stops
 
 
 def weights(orders: OrdersGiven, count: int, seed: int) -> Array:
@@ -74,11 +83,16 @@ def weights(orders: OrdersGiven, count: int, seed: int) -> Array:
 
 
 def orders_of(
-    source: Array, target: Array, released: Array, coming: Array, weight: Array
+    source: Array,
+    target: Array,
+    released: Array,
+    coming: Array,
+    weight: Array,
+    first_stop: Array,
 ) -> Orders:
     """Orders of which nothing is done yet; from, to, known from, in which sequence, how heavy.
 
-    All of them are (m,).
+    All of them are (m,), and (m + 1,) where their stops begin.
     """
     return Orders.sized(
         state=np.where(released > 0, ORDER_UNRELEASED, ORDER_WAITING).astype(np.uint8),
@@ -88,6 +102,7 @@ def orders_of(
         release_tick=released.astype(np.int32),
         weight=weight.astype(np.int32),
         release_sequence=coming.astype(np.int32),
+        first_stop=first_stop,
     )
 
 
@@ -96,8 +111,9 @@ def slots_of(resolved: Resolved, floor: Floor, service: Service, source: Array) 
     spare = len(floor.slot_cell)
     more = resolved.scenario.fleet.robots if may_fail(resolved.scenario) else 0
     content = np.full(spare + more, NIL, np.int32)
-    on_shelf = floor.slot_endless[source] == 0
-    content[source[on_shelf]] = np.flatnonzero(on_shelf)
+    with_load = np.flatnonzero(source != NIL)
+    on_shelf = with_load[floor.slot_endless[source[with_load]] == 0]
+    content[source[on_shelf]] = on_shelf
     nobody = np.zeros((len(service.reachable), more), np.uint8)
     cell = np.concatenate([floor.slot_cell, np.full(more, NIL, np.int32)])
     return Slots.sized(
@@ -114,13 +130,20 @@ def slots_of(resolved: Resolved, floor: Floor, service: Service, source: Array) 
 def sources_and_targets(
     resolved: Resolved, floor: Floor, access: Array, seed: int
 ) -> tuple[Array, Array]:
-    """(m,) slots where the orders begin and end."""
+    """(m,) slots where the orders begin and end; NIL for those without a load."""
     orders = resolved.scenario.orders
     kinds = floor.grid.kind[floor.slot_cell]
     if orders.listed is not None:
         cell, slot_of = resolved.floor_plan.cell, floor.grid.slot
-        source = slot_of[[cell(*line.source) for line in orders.listed]]
-        return source, slot_of[[cell(*line.target) for line in orders.listed]]
+        ends = [
+            (NIL, NIL) if line.stops is not None else [slot_of[cell(*end)] for end in line.ends]
+            for line in orders.listed
+        ]
+        source, target = np.array(ends, np.int32).T
+        return source, target
+    if orders.generator == "tours" or orders.tasks is not None:
+        count = order_count(resolved.scenario, resolved.floor_plan)
+        return np.full(count, NIL, np.int32), np.full(count, NIL, np.int32)
     if orders.generator in DRAWN:
         served = (access != NIL).any(axis=1)
         count = orders.count or 0
@@ -246,16 +269,21 @@ def releases(scenario: Scenario, count: int, seed: int) -> tuple[Array, Array]:
     if orders.listed is not None:
         released = np.array([line.release for line in orders.listed], np.int64)
         return released, np.argsort(released, kind="stable")
-    ticks = np.minimum(ticks_by_rank(orders, count, seed, scenario.stop.max_duration + 1), NEVER)
+    last, in_system = scenario.stop.max_duration + 1, orders.in_system(scenario.fleet.robots)
+    ticks = np.minimum(ticks_by_rank(orders, count, seed, last, in_system), NEVER)
     sequence = np.arange(count)
-    if orders.generator not in DRAWN and ticks.any():  # not one row of shelves after the other
+    if (
+        orders.generator not in (*DRAWN, None) and ticks.any()
+    ):  # not one row of shelves after the other
         sequence = drawn_sequence(count, seed)
     released = np.zeros(count, np.int64)
     released[sequence] = ticks
-    return released, sequence if orders.in_system else np.argsort(released, kind="stable")
+    return released, sequence if in_system else np.argsort(released, kind="stable")
 
 
-def ticks_by_rank(orders: OrdersGiven, count: int, seed: int, last: int) -> Array:
+def ticks_by_rank(
+    orders: OrdersGiven, count: int, seed: int, last: int, in_system: int = 0
+) -> Array:
     """(count,) int64: the tick of the first order, of the second, ...; those after `last` at it.
 
     With a mean_interarrival_time, the first at once and then one in each tick with probability
@@ -269,8 +297,8 @@ def ticks_by_rank(orders: OrdersGiven, count: int, seed: int, last: int) -> Arra
             draw_releases(ticks, chance, np.uint64(seed), last)
     elif arrivals is not None and arrivals.bursts is not None:
         ticks = np.minimum(burst_ticks(arrivals.bursts, count, seed), last)
-    elif orders.in_system:
-        ticks[orders.in_system :] = NEVER
+    elif in_system:
+        ticks[in_system:] = NEVER
     return ticks
 
 

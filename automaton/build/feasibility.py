@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+from typing import Any
+
 import numpy as np
 
 from automaton.build.capabilities import FleetOnFloor, Start
+from automaton.build.task_lists import MAX_ORDERS, order_count
 from automaton.engine.state import NIL
 from automaton.errors import alternatives, nearest
 from automaton.floor.cells import (
@@ -27,6 +31,7 @@ from automaton.floor.reachability import (
     slots_beside,
 )
 from automaton.scenario.document import Document, Keys
+from automaton.scenario.fleet import StartFile
 from automaton.scenario.floor_section import Floor
 from automaton.scenario.orders import OrderLine
 from automaton.scenario.robot_types import RobotType
@@ -88,6 +93,7 @@ def check_areas(document: Document, scenario: Scenario, floor_plan: FloorPlan) -
 def start_of(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> Start:
     """Where robots begin, defaults filled in and checked. Raises InputError."""
     fleet = scenario.fleet
+    assert not isinstance(fleet.start, StartFile), "its file has been read"
     if isinstance(fleet.start, tuple):
         return _listed_start(document, fleet.start, fleet.robots, floor_plan)
     if fleet.start is None and floor_plan.starts:
@@ -216,6 +222,11 @@ def check_orders(document: Document, scenario: Scenario, floor: Floor) -> None:
     if scenario.orders.parts is not None:
         check_parts(document, scenario, floor.floor_plan)
         return
+    if scenario.orders.tasks is not None:
+        check_tasks(document, scenario, floor.floor_plan)
+        return
+    if generator == "tours":
+        return
     if scenario.orders.listed is None:
         for kind in REQUIRED_KINDS.get(generator or "", (SHELF, DESTINATION)):
             if not np.any(floor.floor_plan.kind == kind):
@@ -231,21 +242,55 @@ def check_orders(document: Document, scenario: Scenario, floor: Floor) -> None:
     taken: dict[tuple[int, int], int] = {}
     for index, order in enumerate(scenario.orders.listed):
         keys: Keys = ("orders", "list", index)
-        _check_order(document, order, keys, floor.floor_plan)
-        if CELL_KINDS[floor.floor_plan.kind.flat[floor.floor_plan.cell(*order.source)]].is_source:
+        if order.stops is not None:
+            check_stops(document, order.stops, (*keys, "stops"), floor.floor_plan)
             continue
-        if order.source in taken:
-            x, y = order.source
+        _check_order(document, order, keys, floor.floor_plan)
+        source = order.ends[0]
+        if CELL_KINDS[floor.floor_plan.kind.flat[floor.floor_plan.cell(*source)]].is_source:
+            continue
+        if source in taken:
+            x, y = source
             raise document.error(
                 (*keys, "from"),
-                f"order {index} takes the load of [{x}, {y}], as order {taken[order.source]} does; "
+                f"order {index} takes the load of [{x}, {y}], as order {taken[source]} does; "
                 "a shelf holds one load",
             )
-        taken[order.source] = index
+        taken[source] = index
+
+
+def check_tasks(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
+    """The cells of tasks are drivable, and the list does not become too long. Raises InputError."""
+    keys: Keys = ("orders", "tasks")
+    tasks = scenario.orders.tasks or ()
+    for number, task in enumerate(tasks):
+        check_stops(document, task, (*keys, number), floor_plan)
+    count = order_count(scenario, floor_plan)
+    if count > MAX_ORDERS:
+        text = (
+            f"in {scenario.stop.max_duration:,} ticks the robots could do {count:,} tasks, more than "
+            f"a run holds ({MAX_ORDERS:,}); set a lower stop.max_duration"
+        )
+        raise document.error(("stop", "max_duration"), text)
+
+
+def check_stops(
+    document: Document, stops: Iterable[Any], keys: Keys, floor_plan: FloorPlan
+) -> None:
+    """The stops of an order without a load are cells that robots drive on. Raises InputError."""
+    for number, (x, y) in enumerate(stops):
+        if not floor_plan.holds(x, y):
+            text = f"the stop [{x}, {y}] lies outside the floor {_extent(floor_plan)}"
+            raise document.error((*keys, number), text)
+        kind = floor_plan.kind.flat[floor_plan.cell(x, y)]
+        if not DRIVABLE[kind]:
+            text = f"the stop [{x}, {y}] is a {CELL_KINDS[kind].name}: robots do not drive there"
+            raise document.error((*keys, number), text)
 
 
 def _check_order(document: Document, order: OrderLine, keys: Keys, floor_plan: FloorPlan) -> None:
-    for name, (x, y) in (("from", order.source), ("to", order.target)):
+    source, target = order.ends
+    for name, (x, y) in (("from", source), ("to", target)):
         if not floor_plan.holds(x, y):
             raise document.error(
                 (*keys, name), f"[{x}, {y}] lies outside the floor {_extent(floor_plan)}"
@@ -258,8 +303,8 @@ def _check_order(document: Document, order: OrderLine, keys: Keys, floor_plan: F
             raise document.error(
                 (*keys, name), f"an order {verb} at {names}; [{x}, {y}] is a {kind.name}"
             )
-    visit = CELL_KINDS[floor_plan.kind.flat[floor_plan.cell(*order.source)]].code == STATION
-    if order.source == order.target and not visit:
+    visit = CELL_KINDS[floor_plan.kind.flat[floor_plan.cell(*source)]].code == STATION
+    if source == target and not visit:
         raise document.error((*keys, "to"), "an order ends where it begins")
 
 
@@ -310,6 +355,11 @@ def check_service(document: Document, fleet: FleetOnFloor) -> None:
             found = f"no {name}" if few == 1 else f"fewer than two {name}s"
             raise document.error(("layout",), f"{found} can be served: {why}")
 
+    if orders.generator == "tours" and np.count_nonzero(fleet.within.all(axis=0)) < 2:
+        raise document.error(
+            ("layout",), "the orders tours lead from cell to cell, and robots reach only one"
+        )
+
     def because(cell: int) -> str:
         return why + closed_way(fleet, cell)
 
@@ -317,8 +367,17 @@ def check_service(document: Document, fleet: FleetOnFloor) -> None:
         cell = int(floor_plan.stations[number - 1])
         if not served[fleet.slot_of[cell]]:
             raise document.error(("layout",), f"station {number} cannot be served: {because(cell)}")
+    tasks: Sequence[Any] = orders.tasks or ()
+    for number, task in enumerate(tasks):
+        if all(fleet.within[:, floor_plan.cell(x, y)].all() for x, y in task):
+            continue
+        check_reached(document, fleet, task, 1, ("orders", "tasks", number))
     for index, order in enumerate(orders.listed or ()):
-        for name, (x, y) in (("from", order.source), ("to", order.target)):
+        if order.stops is not None:
+            keys: Keys = ("orders", "list", index)
+            check_reached(document, fleet, order.stops, order.weight, keys)
+            continue
+        for name, (x, y) in zip(("from", "to"), order.ends, strict=True):
             cell = floor_plan.cell(x, y)
             if not served[fleet.slot_of[cell]]:
                 kind_name = CELL_KINDS[floor_plan.kind.flat[cell]].name
@@ -326,6 +385,31 @@ def check_service(document: Document, fleet: FleetOnFloor) -> None:
                     ("orders", "list", index, name),
                     f"the {kind_name} at [{x}, {y}] cannot be served: {because(cell)}",
                 )
+
+
+def check_reached(
+    document: Document,
+    fleet: FleetOnFloor,
+    stops: Sequence[Any],
+    weight: int,
+    keys: Keys,
+) -> None:
+    """Some type of robots gets to all stops of an order, and carries its weight. Raises InputError."""
+    floor_plan = fleet.floor_plan
+    carries = np.array([robot_type.payload >= weight for robot_type in fleet.types])
+    if not carries.any():
+        text = f"the order weighs {weight:,}, but no robot carries more than {fleet.payload:,}"
+        raise document.error(keys, text)
+    cells = [floor_plan.cell(x, y) for x, y in stops]
+    reached_by = fleet.within[carries][:, cells]
+    if reached_by.all(axis=1).any():
+        return
+    lost = int(np.argmin(reached_by.any(axis=0)))
+    x, y = stops[lost]
+    text = f"no robot that can do the order gets to its stop [{x}, {y}] from its start, and back"
+    if reached_by.any(axis=0).all():
+        text = "no type of robots gets to all stops of the order"
+    raise document.error((*keys, lost) if keys[1] == "tasks" else (*keys, "stops", lost), text)
 
 
 def check_abilities(document: Document, fleet: FleetOnFloor) -> None:

@@ -11,11 +11,13 @@ import numpy as np
 from automaton.engine.facilities import MAY_TURN
 from automaton.engine.state import HEADING_COUNTS, NIL, Array, Grid, Workspace
 from automaton.engine.table_building import Costs, build_tables, bytes_taken, renew
+from automaton.errors import InputError
 from automaton.floor.cells import CELL_KINDS
 from automaton.floor.floor_plan import CAN_TURN, DRIVABLE, FloorPlan
 from automaton.floor.reachability import slot_access
 from automaton.floor.traffic_zones import traffic_zones_of
 from automaton.scenario.robot_types import RobotType, floor_by_type
+from automaton.units import memory
 
 IS_UNBOUNDED = np.array([kind.is_sink or kind.is_source for kind in CELL_KINDS])  # (kinds,) bool
 KEPT_BYTES = 64 * 1024 * 1024  # of distance tables that stay for the next run
@@ -110,13 +112,20 @@ def cell_flags_of(floor_plan: FloorPlan, kinematics: str) -> Array:
 
 
 def make_workspace(floor: Floor, table_bytes: int) -> Workspace:
-    """Scratch for the searches, and distance tables for each type of robots."""
+    """Scratch for the searches, and distance tables for each type of robots. Raises InputError."""
     grid = floor.grid
     cells = grid.kind.size
     poses = cells * grid.headings
     stop = np.zeros(1, np.int64)
     turn = np.full(len(floor.move), floor.turn, np.int64)
-    tables = build_tables(grid, Costs(grid.type_cell_flags, floor.move, turn), table_bytes, stop)
+    costs = Costs(grid.type_cell_flags, floor.move, turn)
+    try:
+        tables = build_tables(grid, costs, table_bytes, stop)
+    except MemoryError:
+        raise InputError(
+            f"world.distance_tables is {memory(table_bytes)}, more than this machine can give; "
+            "set it lower"
+        ) from None
     sizes = {"P": poses, "C": cells, "H": 6 * poses + 16, "R": floor.longest_route}
     return Workspace.sized(sizes, stop=stop, tables=tables)
 

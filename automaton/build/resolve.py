@@ -21,6 +21,8 @@ from automaton.scenario.floor_section import floor_of
 from automaton.scenario.order_file import with_orders_of_file
 from automaton.scenario.reading import SHIPPED_FOLDER, STUDIES_ARE_SWEPT, is_study, read
 from automaton.scenario.schema import LAYER_NAMES, Scenario
+from automaton.scenario.start_file import with_starts_of_file
+from automaton.scenario.task_file import with_tasks_of_file
 from automaton.scenario.validation import validated
 from automaton.strategy.entry import NoParameters, files_of, resolve_paths
 from automaton.strategy.zone_parameters import ZoningParameters, zoning_parameters_of
@@ -81,7 +83,9 @@ def resolve(
         document = replace(document, data=data, overrides=(*document.overrides, seeded))
     checked = validated(document, document.data, Scenario)
     document, checked, order_file = with_orders_of_file(document, checked)
+    document, checked, start_file = with_starts_of_file(document, checked)
     floor = floor_of(document, checked.layout)
+    document, checked, task_file = with_tasks_of_file(document, checked, floor.floor_plan)
     fleet = check_feasible(document, checked, floor)
     check_table_memory(document, checked, floor.floor_plan)
     strategies = choose_strategies(document, checked, floor.floor_plan)
@@ -94,7 +98,11 @@ def resolve(
         overrides=tuple(
             setting if isinstance(setting, str) else setting.argument for setting in settings
         ),
-        files=() if order_file is None else ((order_file.path, order_file.content_hash),),
+        files=tuple(
+            (file.path, file.content_hash)
+            for file in (order_file, start_file, task_file)
+            if file is not None
+        ),
     )
     vars(resolved)["fleet"] = fleet  # with the facts that the checks have found
     return resolved

@@ -34,7 +34,9 @@ def rules_for(scenario: Scenario, seed: int) -> Rules:
         leave=int(scenario.fleet.when_idle == "leave"),
         radius=radius_of(scenario.information),
         circle=int(getattr(scenario.information, "shape", "square") == "circle"),
-        in_system=scenario.orders.in_system,
+        in_system=scenario.orders.in_system(scenario.fleet.robots),
+        assigned=int(scenario.orders.assign == "round-robin"),
+        skip_reached=int(scenario.orders.skip_reached),
         own_zones=int(getattr(scenario.information, "orders", "all") == "zones"),
         tick_us=tick_length(scenario.units.tick),
         cell_milli=0

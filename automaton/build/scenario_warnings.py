@@ -168,7 +168,9 @@ def served_stations(resolved: Resolved) -> set[int]:
         return {stations[number - 1] for kind in orders.parts for number in kind.route}
     if orders.listed is not None:
         ends = {
-            floor_plan.cell(*end) for line in orders.listed for end in (line.source, line.target)
+            floor_plan.cell(*cell)
+            for line in orders.listed
+            for cell in (line.stops if line.stops is not None else line.ends)
         }
         return ends & set(stations)
     return set(stations) if orders.generator in ("stations", "visits") else set()
@@ -180,7 +182,9 @@ def station_pairs(resolved: Resolved) -> list[tuple[int, int]]:
     stations = np.flatnonzero(floor_plan.kind == STATION).tolist()
     if orders.listed is not None:
         ends = [
-            (floor_plan.cell(*line.source), floor_plan.cell(*line.target)) for line in orders.listed
+            (floor_plan.cell(*line.ends[0]), floor_plan.cell(*line.ends[1]))
+            for line in orders.listed
+            if line.stops is None
         ]
         return [pair for pair in ends[:MOST_STATIONS] if set(pair) <= set(stations)]
     if len(stations) > MOST_STATIONS:

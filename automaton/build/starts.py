@@ -10,10 +10,10 @@ from automaton.build.rules import units
 from automaton.engine import random_numbers
 from automaton.engine.robot_status import BATTERY_FULL
 from automaton.engine.state import NIL, Array, Grid
-from automaton.floor.cells import UNLIMITED
+from automaton.floor.cells import DIRECTIONS, UNLIMITED
 from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.reachability import rack_stands
-from automaton.scenario.schema import Scenario
+from automaton.scenario.schema import Fleet, Scenario
 
 
 def homes(resolved: Resolved, seed: int) -> tuple[Array, Array]:
@@ -81,6 +81,14 @@ def random_stands(floor_plan: FloorPlan, n: int, seed: int, closed: Array | None
         )
     chosen: Array = stands[np.argsort(keys, kind="stable")[:n]]
     return chosen
+
+
+def start_headings(fleet: Fleet, grid: Grid, cells: Array) -> Array:
+    """(n,) uint8 by identity: as the scenario says, or along a way out of the start cell."""
+    if fleet.heading is None:
+        return first_headings(grid, cells)
+    names = fleet.heading if isinstance(fleet.heading, tuple) else (fleet.heading,) * len(cells)
+    return np.array([DIRECTIONS.index(name) for name in names], np.uint8)
 
 
 def first_headings(grid: Grid, cells: Array) -> Array:

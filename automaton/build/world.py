@@ -11,7 +11,7 @@ from automaton.build.initial_service_zones import build_service_zones
 from automaton.build.prepared_floor import Floor, floor_for
 from automaton.build.resolve import Resolved
 from automaton.build.rules import rules_for
-from automaton.build.starts import first_charges, first_headings, homes, occupy_starts
+from automaton.build.starts import first_charges, homes, occupy_starts, start_headings
 from automaton.engine.decision_stream import max_words
 from automaton.engine.events import max_events
 from automaton.engine.facilities import Chargers
@@ -23,9 +23,11 @@ from automaton.engine.state import (
     CLOCK_DIGEST_EVERY,
     CLOCK_FRESH_ALLOCATION,
     CLOCK_HALTED_UNTIL,
+    CLOCK_KNOWN_ORDERS,
     CLOCK_NEXT_RELEASE,
     CLOCK_NEXT_WAKEUP,
     CLOCK_OPEN_JOBS,
+    CLOCK_SEQUENCED,
     CLOCK_SIZE,
     CLOCK_UNDELIVERED,
     CLOCK_UNPARKED,
@@ -80,7 +82,7 @@ def build_world(
     types = resolved.fleet.types
     floor = floor_for(resolved.floor_plan, kinematics, durations.move, durations.turn, zones, types)
     starts = homes(resolved, seed)
-    orders, slots = build_orders(resolved, floor, seed, starts[0])
+    orders, slots, stops = build_orders(resolved, floor, seed, starts[0])
     occupancy = floor.occupancy.copy()
     steps = floor.longest_route if longest_route is None else longest_route
     most = len(orders.state)
@@ -97,6 +99,9 @@ def build_world(
     clock[CLOCK_NEXT_WAKEUP] = NIL
     clock[CLOCK_HALTED_UNTIL] = NIL
     clock[CLOCK_NEXT_RELEASE] = int(np.count_nonzero(orders.release_tick == 0))
+    known = np.flatnonzero(orders.release_tick == 0)
+    clock[CLOCK_KNOWN_ORDERS] = int(known[-1]) + 1 if len(known) else 0
+    clock[CLOCK_SEQUENCED] = clock[CLOCK_NEXT_RELEASE]
     clock[CLOCK_UNPARKED] = n - int(robots.parked.sum())
     clock[CLOCK_FRESH_ALLOCATION] = n
     clock[CLOCK_ALLOCATION_REVISION] = NIL
@@ -107,6 +112,7 @@ def build_world(
         rules=rules_for(scenario, seed),
         robots=robots,
         orders=orders,
+        stops=stops,
         slots=slots,
         stations=stations,
         chargers=build_chargers(floor.grid.kind),
@@ -153,8 +159,8 @@ def build_robots(
     identity = np.arange(n, dtype=np.int32) if storage is None else storage.astype(np.int32)
     at_index = np.zeros(n, np.int32)
     at_index[identity] = np.arange(n, dtype=np.int32)
+    heading = start_headings(resolved.scenario.fleet, floor.grid, home)[identity]
     home, bay = home[identity], bay[identity]
-    heading = first_headings(floor.grid, home)
     cell = np.where(bay == NIL, home, NIL).astype(np.int32)
     occupy_starts(floor.grid, occupancy, cell[bay == NIL], heading[bay == NIL])
     return Robots.sized(

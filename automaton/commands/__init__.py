@@ -36,6 +36,14 @@ COMMANDS = {  # name: (module with add_arguments(parser) and run(args) -> int, w
     "reproduce": ("automaton.commands.reproduce", "print a published table beside ours"),
     "train": ("automaton.commands.train", "train a predictor of traffic (extra learn)"),
     "verify": ("automaton.commands.verify", "re-run a recording and name the first difference"),
+    "import": (
+        "automaton.commands.import_command",
+        "make a scenario of a problem of another program",
+    ),
+    "export": (
+        "automaton.commands.export_command",
+        "write a recording in the format of another program",
+    ),
     "check": ("automaton.commands.check", "check scenario and study files"),
     "schema": (
         "automaton.commands.schema_command",

@@ -10,6 +10,7 @@ import contextlib
 import math
 import sys
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from automaton.commands.arguments import add_json_argument, note, print_json, progress_bar, whole
@@ -50,6 +51,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--workers", type=int, metavar="N", help="processes, default one for each core"
     )
+    parser.add_argument(
+        "--data",
+        type=Path,
+        metavar="FOLDER",
+        help="run the published problems of this folder, for tables whose problems are not ours",
+    )
     add_json_argument(parser)
 
 
@@ -63,6 +70,10 @@ def run(args: argparse.Namespace) -> int:
         if value is not None and value < 1:
             raise InputError(f"{option} must be at least 1, not {value}")
     reproduction = find(args.name)
+    if args.data is not None:
+        if reproduction.from_data is None:
+            raise InputError(f"{args.name} needs no data of others: leave out --data")
+        reproduction = reproduction.from_data(args.data)
     strategies, tables = listed(args.strategies), listed(args.tables)
     with progress() as (on_start, on_done):
         listeners = on_start, on_done

@@ -1,5 +1,6 @@
 """Verify a recorded run: check it by the rules, run it again, name the first tick that differs.
 
+With --problem, check the output of another program for a problem of the League of Robot Runners.
 Exit code 0: what is there keeps the rules and comes out equal again, even if it was cut short;
 1: it breaks a rule or differs; 2: it is damaged, or no recording.
 """
@@ -7,11 +8,13 @@ Exit code 0: what is there keeps the rules and comes out equal again, even if it
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from automaton.commands.arguments import add_json_argument, print_json
 from automaton.errors import InputError
 from automaton.evidence.recording.recording_reader import read_recording
+from automaton.units import count
 
 if TYPE_CHECKING:
     from automaton.evidence.verification.verification import Verification
@@ -21,13 +24,27 @@ MAX_PRINTED_VIOLATIONS = 10  # violations in the text
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton verify`."""
-    parser.add_argument("file", metavar="FILE", help="a recording")
+    parser.add_argument("file", metavar="FILE", help="a recording; with --problem, an output")
+    parser.add_argument(
+        "--problem",
+        type=Path,
+        metavar="PROBLEM",
+        help="check the output of another program (JSON, as PlanViz reads it) for this problem",
+    )
     add_json_argument(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Verify and report."""
-    recording = read_recording(args.file)  # refuse other files before Numba is loaded
+    if args.problem is not None:
+        return verify_against_problem(args)
+    try:
+        recording = read_recording(args.file)  # refuse other files before Numba is loaded
+    except InputError as error:
+        if not args.file.endswith(".json"):
+            raise
+        text = f"{error.message}; to check an output, give its problem with --problem"
+        raise InputError(text, error.file) from None
     from automaton.evidence.verification.verification import verify_recording
 
     try:
@@ -39,6 +56,38 @@ def run(args: argparse.Namespace) -> int:
     else:
         print("\n".join(as_text(args.file, found)))
     return 0 if found.passed else 1
+
+
+def verify_against_problem(args: argparse.Namespace) -> int:
+    """Check an output of another program; the first violation decides."""
+    from automaton.exchange.planviz import read_output
+    from automaton.exchange.planviz_rules import verify_output
+    from automaton.exchange.problem_files import read_problem
+
+    output = read_output(Path(args.file))
+    # A folder of a problem has starts for fleets of several sizes.
+    robots = output.robots if args.problem.is_dir() else None
+    violation = verify_output(output, read_problem(args.problem, robots))
+    if args.json:
+        print_json(
+            {
+                "file": args.file,
+                "problem": str(args.problem),
+                "robots": output.robots,
+                "ticks": output.ticks,
+                "tasks_finished": output.finished,
+                "verified": violation is None,
+                "violation": None
+                if violation is None
+                else {**violation._asdict(), "sentence": str(violation)},
+            }
+        )
+    else:
+        verdict = "verified" if violation is None else "not verified"
+        size = f"{count(output.robots, 'robot')}, {count(output.ticks, 'tick')}"
+        print(f"{args.file}: {verdict}: {size}, {count(output.finished, 'task')} finished")
+        print("rules: all kept" if violation is None else f"rules: broken in {violation}")
+    return 0 if violation is None else 1
 
 
 def as_text(file: str, found: Verification) -> list[str]:

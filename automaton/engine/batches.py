@@ -215,11 +215,15 @@ clear_right_of_way = clearing(RightOfWayDecisions)
 
 
 @kernel
-def clear_decisions(batch, decisions, layer):
-    """Every decision starts as declared: KEEP."""
+def clear_decisions(batch, decisions, layer, known):
+    """Every decision starts as declared: KEEP; `known`: numbers of orders that may be marked.
+
+    A list of tasks that repeats has millions of orders of which few are released.
+    """
     count = batch.count[0]
     if layer == LAYER_ALLOCATION:
         clear_allocation(decisions.allocation, count)
+        decisions.allocation.order_taken[:known] = 0
     elif layer == LAYER_ROUTING:
         clear_routing(decisions.routing, count)
     elif layer == LAYER_RIGHT_OF_WAY:

@@ -4,7 +4,6 @@ import numpy as np
 
 from automaton.engine.energy import end_charging
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.loads import reserve_order
 from automaton.engine.operations import refuse
 from automaton.engine.requests import (
     clear_allocation_request,
@@ -22,11 +21,12 @@ from automaton.engine.state import (
     REASON_IDLE,
     REASON_REPLAN,
 )
+from automaton.engine.visits import has_started, return_order
 
 
 @kernel
 def commit_charging(world, record, batch, decisions):
-    """A robot without a load may be sent to a charger, or away from it."""
+    """A robot that has neither a load nor begun an order may be sent to a charger, or away from it."""
     robots, out = world.robots, decisions.charging
     for k in range(batch.count[0]):
         goal_cell, charge_target = np.int64(out.goal_cell[k]), np.int64(out.charge_target[k])
@@ -41,6 +41,7 @@ def commit_charging(world, record, batch, decisions):
         elif (
             is_charger(world, i, goal_cell)
             and robots.load[i] == NIL
+            and not has_started(world, i)
             and 0 < charge_target <= BATTERY_FULL
         ):
             send_to_charger(
@@ -64,8 +65,7 @@ def send_to_charger(world, record, i, goal_cell, charge_target, charging_interru
     """Robot i gives back what it has not begun, and goes to charge up to a level."""
     robots = world.robots
     if robots.order[i] != NIL:
-        reserve_order(world, record, np.int64(robots.order[i]), NIL)
-        robots.order[i] = NIL
+        return_order(world, record, i)
     robots.charge_target[i] = charge_target
     robots.charging_interruptible[i] = 1 if charging_interruptible else 0
     if charging_interruptible:

@@ -43,6 +43,7 @@ from automaton.engine.state import (
     GOAL_NONE,
     GOAL_PARK,
     GOAL_PICK,
+    GOAL_STOP,
     HOLD,
     KEEP,
     LAYER_ALLOCATION,
@@ -58,8 +59,17 @@ from automaton.engine.state import (
     RETRY_EXHAUSTED,
     RETRY_NONE,
 )
+from automaton.engine.visits import (
+    has_started,
+    has_stops,
+    is_assigned,
+    lose_order,
+    next_stop_cell,
+    return_order,
+)
 
 MAX_COMMAND_TICKS = 10_000  # of one wait or retreat
+GIVEN = 255  # in out.order_taken: a robot got the order in this batch
 
 
 @kernel
@@ -89,7 +99,7 @@ def commit_allocation(world, record, batch, decisions):
         if robots.status[i] > STATUS_EXHAUSTED:
             continue  # it went down in this tick
         if command == CMD_TAKE_ORDER:
-            take(world, record, i, np.int64(out.order[k]), np.int64(out.goal_cell[k]))
+            take(world, record, i, np.int64(out.order[k]), np.int64(out.goal_cell[k]), out)
         elif command == CMD_DROP_AT:
             slot, goal_cell = np.int64(out.slot[k]), np.int64(out.goal_cell[k])
             choose_slot(world, record, i, slot, goal_cell, np.int64(out.try_drop[k]))
@@ -179,20 +189,50 @@ def may_have(reserved_by, identity):
 
 
 @kernel
-def take(world, record, i, order, goal_cell):
-    """Reserve a waiting order for robot i and send it to the goal cell."""
+def may_take(world, i, order, out):
+    """Whether robot i may get an order: it waits, and is free, or another robot may lose it.
+
+    One without a load is its robot's only when its first stop is done; but what a batch has given
+    to a robot it does not give to another one.
+    """
     robots, orders = world.robots, world.orders
-    legal = robots.load[i] == NIL and 0 <= order < orders.state.shape[0]
-    legal = legal and orders.state[order] == ORDER_WAITING
-    legal = legal and may_have(orders.reserved_by[order], robots.identity[i])
-    legal = legal and orders.weight[order] <= world.rules.payload[robots.type[i]]
-    if not legal or not serves(world, i, goal_cell, np.int64(orders.current_slot[order])):
+    if robots.load[i] != NIL or order < 0 or order >= orders.state.shape[0]:
+        return False
+    if orders.state[order] != ORDER_WAITING or has_started(world, i):
+        return False
+    if orders.weight[order] > world.rules.payload[robots.type[i]]:
+        return False
+    if not is_assigned(world, i, order):
+        return False
+    if may_have(orders.reserved_by[order], robots.identity[i]):
+        return True
+    return has_stops(orders, order) and out.order_taken[order] != GIVEN
+
+
+@kernel
+def begins_at(world, i, order, goal_cell):
+    """Whether robot i begins an order in `goal_cell`: its next stop, or where its load is picked up."""
+    if not has_stops(world.orders, order):
+        return serves(world, i, goal_cell, np.int64(world.orders.current_slot[order]))
+    if goal_cell != next_stop_cell(world, order):
+        return False
+    return world.slots.reachable[world.robots.type[i], goal_cell] != 0
+
+
+@kernel
+def take(world, record, i, order, goal_cell, out):
+    """Reserve a waiting order for robot i and send it to the goal cell; who had it has it no longer."""
+    robots, orders = world.robots, world.orders
+    if not may_take(world, i, order, out) or not begins_at(world, i, order, goal_cell):
         refuse(world, LAYER_ALLOCATION, i)
         return
+    out.order_taken[order] = GIVEN
     clear_allocation_request(world, i)
     if robots.order[i] != order:
         if robots.order[i] != NIL:
             reserve_order(world, record, np.int64(robots.order[i]), NIL)
+        if orders.reserved_by[order] != NIL:
+            lose_order(world, record, np.int64(robots.at_index[orders.reserved_by[order]]))
         robots.order[i] = order
         orders.dispatched[order] = world.clock[CLOCK_TICK]
         in_bay = robots.cell[i] == NIL
@@ -202,7 +242,7 @@ def take(world, record, i, order, goal_cell):
         reserve_order(world, record, order, np.int64(robots.identity[i]))
     if robots.goal_type[i] == GOAL_CHARGE:
         end_charging(robots, i)
-    set_goal(world, i, GOAL_PICK, goal_cell)
+    set_goal(world, i, GOAL_STOP if has_stops(orders, order) else GOAL_PICK, goal_cell)
     request_charging(world, i, REASON_ORDER_TAKEN)
 
 
@@ -374,7 +414,7 @@ def pause(world, record, i, ticks):
 
 
 @kernel
-def retreat(world, record, i, moves, return_order):
+def retreat(world, record, i, moves, returns):
     """Begin a retreat; the tick of the decision executes nothing."""
     robots = world.robots
     count_lost_tick(world, i, ACTION_RETREAT)
@@ -385,10 +425,10 @@ def retreat(world, record, i, moves, return_order):
     robots.retry_state[i] = RETRY_NONE
     drop_route(robots, i)
     request_right_of_way(world, i)
-    if return_order and robots.load[i] == NIL and robots.goal_type[i] != GOAL_CHARGE:
+    may_return = robots.load[i] == NIL and not has_started(world, i)
+    if returns and may_return and robots.goal_type[i] != GOAL_CHARGE:
         if robots.order[i] != NIL:
-            reserve_order(world, record, np.int64(robots.order[i]), NIL)
-            robots.order[i] = NIL
+            return_order(world, record, i)
         robots.goal_type[i] = GOAL_NONE
         robots.goal_cell[i] = NIL
         clear_route_request(world, i)

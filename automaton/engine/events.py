@@ -25,6 +25,7 @@ from automaton.engine.observation import (
     EVENT_PICKED,
     EVENT_RETREATED,
     EVENT_TOWED,
+    EVENT_VISITED,
     EVENT_WAIT_CYCLE,
     EVENT_ZONES_REDESIGNED,
     EVENTFUL,
@@ -75,11 +76,17 @@ def note_events(world, observation):
         action = action_of(executed)
         if executed & LEFT_PARKING_BAY:
             event(world, observation, EVENT_LEFT_BAY, identity, NIL, NIL)
-        visited = action == EXECUTED_PICK and robots.load[i] == NIL  # it had only to come
-        if order != before and before != NIL and action != EXECUTED_DROP and not visited:
+        visited = world.tally.visits[i] != observation.visits_before[i]
+        had = np.int64(world.tally.visited[i]) if visited and order == NIL else order
+        done = action == EXECUTED_DROP or (
+            action == EXECUTED_PICK and robots.load[i] == NIL
+        )  # it had only to come
+        if had != before and before != NIL and not done:
             event(world, observation, EVENT_ORDER_RETURNED, identity, before, NIL)
-        if order != before and order != NIL:
-            event(world, observation, EVENT_ORDER_TAKEN, identity, order, NIL)
+        if had != before and had != NIL:
+            event(world, observation, EVENT_ORDER_TAKEN, identity, had, NIL)
+        if visited:
+            note_visit(world, observation, i, identity)
         if action:
             note_action(world, observation, i, identity, action)
         if robots.status[i] != observation.status_before[i]:
@@ -174,6 +181,16 @@ def note_action(world, observation, i, identity, action):
             NIL,
             np.int64(world.robots.retreat_moves[i]),
         )
+
+
+@kernel
+def note_visit(world, observation, i, identity):
+    """The events of a stop that robot i has done, after the last one the delivery of its order."""
+    observation.visits_before[i] = world.tally.visits[i]
+    order, cell = np.int64(world.tally.visited[i]), np.int64(world.robots.cell[i])
+    event(world, observation, EVENT_VISITED, identity, order, cell)
+    if world.orders.state[order] == ORDER_DELIVERED:
+        event(world, observation, EVENT_DELIVERED, identity, order, cell)
 
 
 @kernel

@@ -52,6 +52,7 @@ from automaton.engine.state import (
     REASON_PICKED,
     RETRY_NONE,
 )
+from automaton.engine.visits import return_order
 
 
 @kernel
@@ -159,8 +160,7 @@ def return_orders(world, record, i):
     """Orders and slots of robot i go back; it has no goal, no route and no plan."""
     robots = world.robots
     if robots.order[i] != NIL and robots.load[i] == NIL:
-        reserve_order(world, record, np.int64(robots.order[i]), NIL)
-        robots.order[i] = NIL
+        return_order(world, record, i)
     if robots.slot[i] != NIL:
         reserve_slot(world, record, np.int64(robots.slot[i]), NIL)
         robots.slot[i] = NIL

@@ -40,6 +40,7 @@ from automaton.engine.state import (
     CLOCK_DIGEST_EVERY,
     CLOCK_FINISHED,
     CLOCK_HALTED_UNTIL,
+    CLOCK_KNOWN_ORDERS,
     CLOCK_OBSERVING,
     CLOCK_OPEN_JOBS,
     CLOCK_PHASE,
@@ -60,6 +61,7 @@ from automaton.engine.state import (
 )
 from automaton.engine.stations import work_at_stations
 from automaton.engine.visibility import begin_call, call_count, end_call, name_robots
+from automaton.engine.visits import complete_visits
 from automaton.engine.zoning_commit import commit_zoning, judge_zoning
 from automaton.engine.zoning_decision_stream import max_zoning_words
 
@@ -114,7 +116,7 @@ def ticks(
                 continue
             for call in range(call_count(world, full_batch)):
                 begin_call(world, visible_world, full_batch, batch, memories[layer], call)
-                clear_decisions(batch, decisions, layer)
+                clear_decisions(batch, decisions, layer, clock[CLOCK_KNOWN_ORDERS])
                 if world.rules.holders[layer]:
                     enter_holders(visible_world)
                 if layer_mode[layer] == MODE_COMPILED:
@@ -179,7 +181,7 @@ def no_op(view, batch, decisions, memory, workspace):
 
 @kernel
 def motion(world, record):
-    """Bays, intents and operations, the occupancy rules, and what comes of them."""
+    """Bays, intents and operations, the occupancy rules, and what comes of them; stops that are done."""
     if world.rules.slowdown:
         count_robots(world.grid, world.robots, world.traffic.zone_occupancy)
     if world.clock[CLOCK_UNPARKED] < world.robots.cell.shape[0]:
@@ -193,6 +195,8 @@ def motion(world, record):
         cancel_infeasible_moves(world)
     move_all(world.grid, world.rules, world.robots, world.traffic, world.clock[CLOCK_TICK])
     apply_move_outcomes(world, record)
+    if world.stops.cell.shape[0]:
+        complete_visits(world, record)
 
 
 @kernel

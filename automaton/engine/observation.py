@@ -176,6 +176,7 @@ EVENT_BACK: Final = 16  # robot
 EVENT_JOB_DONE: Final = 17  # none, part, station: the part goes on to its next station
 EVENT_PART_FINISHED: Final = 18  # none, part, its last station
 EVENT_ZONES_REDESIGNED: Final = 19  # none, none, stations that are in another zone now
+EVENT_VISITED: Final = 20  # robot, order, the robot's cell: a stop is done
 EVENT_NAMES: Final = (
     *(
         "",
@@ -189,7 +190,7 @@ EVENT_NAMES: Final = (
     ),
     *("order returned", "charges", "illegal decision", "wait cycle", "deadlock"),
     *("battery empty", "broken down", "towed", "back"),
-    *("job done", "part finished", "zones redesigned"),
+    *("job done", "part finished", "zones redesigned", "visited"),
 )
 DEADLOCK_TICKS: Final = 64  # most wait cycles are two robots head-on that soon retreat
 
@@ -275,6 +276,7 @@ class Observation(Struct, role=MEASURED):
     dropped: Array = field("(n,) int32", "the load that it drop in this tick, or NIL", default=NIL)
     load_before: Array = field("(n,) int32", default=NIL)
     order_before: Array = field("(n,) int32", default=NIL)
+    visits_before: Array = field("(n,) int64", "tally.visits after the tick before")
     stays: Array = field("(n,) int64", "stays at chargers that events have told of")
     status_before: Array = field("(n,) uint8")
     working: Array = field("(k,) int32", "stations.in_service after the tick before", default=NIL)

@@ -114,6 +114,8 @@ def scan_robots(world, observation):
     busy, busy_before = robots.busy, observation.busy_before
     order, order_before = robots.order, observation.order_before
     load, load_before = robots.load, observation.load_before
+    tours = world.stops.cell.shape[0] > 0
+    visits, visits_before = world.tally.visits, observation.visits_before
     waiting = 0
     working = 0
     marked = 0
@@ -126,8 +128,11 @@ def scan_robots(world, observation):
         told = np.int64(executed[U(i)])
         mark = 0
         now = CAUSE_NOT_WAITING
+        visited = tours and visits[U(i)] != visits_before[U(i)]
         if w & MOVED:
             count_move(world, observation, i, w & 3)
+        elif visited:
+            pass  # it stood where it had to
         elif w or told or busy_before[U(i)] or robots.parked[U(i)] == 0:
             now = find_wait(world, observation, i, w, told & ACTION_MASK)
         if now == CAUSE_NOT_WAITING:
@@ -142,7 +147,8 @@ def scan_robots(world, observation):
                 mark = IS_WAITING
         busy_before[U(i)] = busy[U(i)]
         if (
-            told & EVENT_FLAGS
+            visited
+            or told & EVENT_FLAGS
             or (EVENT_ACTIONS >> (told & ACTION_MASK)) & 1
             or order[U(i)] != order_before[U(i)]
             or load[U(i)] != load_before[U(i)]

@@ -6,6 +6,7 @@ from automaton.engine.jit.kernel import kernel
 from automaton.engine.random_numbers import STREAM_RELEASES, random_bits
 from automaton.engine.requests import request_zoning
 from automaton.engine.state import (
+    CLOCK_KNOWN_ORDERS,
     CLOCK_NEXT_RELEASE,
     CLOCK_REVISION,
     CLOCK_TICK,
@@ -17,7 +18,10 @@ from automaton.engine.state import (
 
 @kernel
 def release_orders(world):
-    """Orders whose tick has come are known from now on; in a closed loop one for each delivered."""
+    """Orders whose tick has come are known from now on; in a closed loop one for each delivered.
+
+    Where they are dealt out, each robot's next one is, once it has done the one before.
+    """
     orders, clock = world.orders, world.clock
     while clock[CLOCK_NEXT_RELEASE] < orders.release_sequence.shape[0]:
         order = np.int64(orders.release_sequence[clock[CLOCK_NEXT_RELEASE]])
@@ -31,6 +35,7 @@ def release_orders(world):
         elif orders.release_tick[order] > clock[CLOCK_TICK]:
             return
         orders.state[order] = ORDER_WAITING
+        clock[CLOCK_KNOWN_ORDERS] = max(clock[CLOCK_KNOWN_ORDERS], order + 1)
         clock[CLOCK_NEXT_RELEASE] += 1
         clock[CLOCK_REVISION] += 1
         request_zoning(world)

@@ -28,6 +28,7 @@ from automaton.engine.state import (
     GOAL_NONE,
     GOAL_PARK,
     GOAL_PICK,
+    GOAL_STOP,
     NIL,
     NO_STEP,
     RETRY_EXHAUSTED,
@@ -52,6 +53,7 @@ class Task(IntEnum):
     CHARGING = 10
     TO_PARK = 11  # it drives home
     OUT = 12  # down on the floor, or off it: condition says which
+    TO_STOP = 13  # it drives to the next stop of an order without a load
 
 
 class Motion(IntEnum):
@@ -86,12 +88,14 @@ def tasks_of(robots: Any) -> Array:
     conditions = (
         (robots.status >= STATUS_DEPLETED, Task.OUT),
         ((robots.parked != 0) & (goal == GOAL_PICK), Task.TO_PICK),
+        ((robots.parked != 0) & (goal == GOAL_STOP), Task.TO_STOP),
         ((robots.parked != 0) & (goal == GOAL_CHARGE), Task.TO_CHARGER),
         (robots.parked != 0, Task.PARKED),
         (busy & (action == ACTION_PICK), Task.PICKING),
         (busy & (action == ACTION_TRY_DROP), Task.TRYING),
         (busy & (action == ACTION_DROP), Task.DROPPING),
         (goal == GOAL_PICK, Task.TO_PICK),
+        (goal == GOAL_STOP, Task.TO_STOP),
         (goal == GOAL_DROP, Task.TO_DROP),
         (robots.load != NIL, Task.HOLDING),
         (is_charging(robots), Task.CHARGING),

@@ -29,6 +29,7 @@ from automaton.engine.jit.fields import (
 from automaton.engine.jit.fields import NIL as NIL
 from automaton.engine.jit.structs import Struct
 from automaton.engine.service_zones import MESSAGE_WORDS, Design, ServiceZones
+from automaton.engine.stops import Stops
 
 Array = NDArray[Any]
 
@@ -64,12 +65,14 @@ GOAL_PICK: Final = 1
 GOAL_DROP: Final = 2
 GOAL_PARK: Final = 3
 GOAL_CHARGE: Final = 4
+GOAL_STOP: Final = 5  # the next stop of an order without a load
 
 # States of an order.
-ORDER_WAITING: Final = 0  # on a slot, to be picked up
+ORDER_WAITING: Final = 0  # on a slot, to be picked up; without a load, to be begun
 ORDER_CARRIED: Final = 1
 ORDER_DELIVERED: Final = 2
 ORDER_UNRELEASED: Final = 3  # it will be known in a later tick
+ORDER_STARTED: Final = 4  # without a load: a stop is done, and its robot does the others
 NEVER: Final = 2**31 - 1  # released: not before a station is done with its part
 
 ORDER_LIST: Final = -2  # rules.radius: strategies see the order list and neighbouring cells
@@ -150,7 +153,9 @@ CLOCK_UNQUEUED_ORDERS: Final = 24  # orders released or dropped since zoning was
 CLOCK_HALTED_UNTIL: Final = 25  # the last tick for which zoning made a robot stand still
 CLOCK_NEXT_WAKEUP: Final = 26  # the first tick in which zoning asked to be woken, or NIL
 CLOCK_ZONES_REDESIGNED: Final = 27  # the last tick in which the design of the zones changed
-CLOCK_SIZE: Final = 28
+CLOCK_SEQUENCED: Final = 28  # entries of orders.release_sequence in use, where orders are assigned
+CLOCK_KNOWN_ORDERS: Final = 29  # all orders that were released have lower numbers
+CLOCK_SIZE: Final = 30
 
 STOP_PARKED: Final = 0
 STOP_DELIVERED: Final = 1
@@ -172,6 +177,10 @@ class Rules(Struct, role=STATIC):
     radius: int = field("int64", "how far strategies see, cells; NIL everything, or ORDER_LIST")
     circle: int = field("int64", "1: the radius is Euclid's, 0: Chebyshev's")
     in_system: int = field("int64", "orders that a closed loop keeps open; 0: it is none")
+    assigned: int = field("int64", "1: order k is for robot k mod n alone, one after another")
+    skip_reached: int = field(
+        "int64", "1: such a robot passes over an order at whose first stop it stands"
+    )
     own_zones: int = field("int64", "1: only orders and stations in zones of robots that are seen")
     tick_us: int = field("int64", "a tick in millionths of a second; 0: the scenario does not say")
     cell_milli: int = field(
@@ -320,11 +329,14 @@ class Robots(Struct):
 
 
 class Orders(Struct):
-    """Transport orders; the load of an order has the order's number."""
+    """Orders. A transport has a load with the order's number; without one an order is its stops.
+
+    An order without a load has neither source nor target: NIL.
+    """
 
     state: Array = field(
         "(m,) uint8",
-        "ORDER_WAITING, ORDER_CARRIED, ORDER_DELIVERED, ORDER_UNRELEASED",
+        "ORDER_WAITING, ORDER_CARRIED, ORDER_DELIVERED, ORDER_UNRELEASED, ORDER_STARTED",
         hidden=ORDER_UNRELEASED,
         digest=33,
     )
@@ -364,7 +376,14 @@ class Orders(Struct):
     dispatched_heading: Array = field("(m,) uint8", "its heading then", role=MEASURED)
     dispatched_type: Array = field("(m,) uint8", "its type", role=MEASURED)
     delivered: Array = field("(m,) int32", "tick of delivery, or NIL", default=NIL, digest=39)
-    legs: Array = field("(m,) int32", "times it was picked up", digest=40)
+    legs: Array = field("(m,) int32", "times it was picked up, or begun", digest=40)
+    first_stop: Array = field(
+        "(m + 1,) int32",
+        "stops[first_stop[k]: first_stop[k + 1]] are the stops of order k",
+        role=STATIC,
+        header=True,
+    )
+    stops_done: Array = field("(m,) int32", "how many of its stops are done", role=DERIVED)
 
 
 class Traffic(Struct, role=SCRATCH):
@@ -417,6 +436,8 @@ class Tally(Struct, role=MEASURED):
     failures: Array = field("(n, 3) int64", "times that it ran empty, broke down, was towed")
     illegal: Array = field("(5,) int64", "illegal decisions by layer")
     batches: Array = field("(5,) int64", "batches that each layer was asked about")
+    visits: Array = field("(n,) int64", "stops that it has done")
+    visited: Array = field("(n,) int32", "the order of the last of them, or NIL", default=NIL)
 
 
 class World(Struct):
@@ -426,6 +447,7 @@ class World(Struct):
     rules: Rules
     robots: Robots
     orders: Orders
+    stops: Stops
     slots: Slots
     stations: Stations
     chargers: Chargers
@@ -494,7 +516,10 @@ class AllocationDecisions(Struct):
     )
     order_queue: Array = field("(n, L) int32", "by storage index: orders that a robot is to do")
     order_taken: Array = field(
-        "(m,) uint8", "reserved by an earlier decision of this batch", role=CALL
+        "(m,) uint8",
+        "reserved by an earlier decision of this batch; of orders that were released, each call "
+        "begins with zeros",
+        role=SCRATCH,
     )
     slot_taken: Array = field("(s,) uint8", "likewise", role=CALL)
 

@@ -9,6 +9,7 @@ import numpy as np
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.requests import request_zoning
 from automaton.engine.state import (
+    CLOCK_KNOWN_ORDERS,
     CLOCK_NEXT_PART,
     CLOCK_NEXT_RELEASE,
     CLOCK_OPEN_JOBS,
@@ -77,6 +78,7 @@ def make_known(world, order):
     orders, clock = world.orders, world.clock
     orders.state[order] = ORDER_WAITING
     orders.release_tick[order] = clock[CLOCK_TICK]
+    clock[CLOCK_KNOWN_ORDERS] = max(clock[CLOCK_KNOWN_ORDERS], order + 1)
     orders.release_sequence[clock[CLOCK_NEXT_RELEASE]] = order
     clock[CLOCK_NEXT_RELEASE] += 1
     clock[CLOCK_REVISION] += 1

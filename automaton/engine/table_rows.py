@@ -36,6 +36,7 @@ def row_to(tables, cost_set, goal, tick, keeps):
     else it may be gone with the next row that is asked for. If the tick keeps more than there is room
     for, tables.stop is set to STOP_NO_ROOM.
     """
+    cost_set, goal = np.int64(cost_set), np.int64(goal)
     row = np.int64(tables.row_of[cost_set * tables.number.shape[0] + goal])
     if row != NIL and keeps and row == tables.status[TABLES_ROWS] - 1:
         forget(tables, row)  # the last row is never kept

@@ -28,6 +28,10 @@ REPRODUCTIONS = {  # name: (module with REPRODUCTION, what it holds)
         "automaton.papers.auctions.living_auctions",
         "auctions, batteries, lines and failures in the living world: beyond the paper",
     ),
+    "fleets": (
+        "automaton.papers.fleets.fleet_study",
+        "hundreds of robots on grids, pibt and epibt (Yukhnevich & Andreychuk; Robot Runners)",
+    ),
     "zoning": (
         "automaton.papers.zoning.zoning_study",
         "zones of a factory that are redesigned (Keith & La, Table 5 and Figure 5)",

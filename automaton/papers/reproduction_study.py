@@ -10,6 +10,7 @@ import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, Final, Literal, Protocol
 
 from automaton.build.resolve import Resolved, resolve
@@ -211,6 +212,7 @@ class Reproduction:
     seeds: int = 60  # unless another number is asked for
     texts: Callable[[], Sequence[tuple[str, str]]] | None = None  # (title, text), shown at the end
     further: Callable[[Reproduced], Sequence[Further]] | None = None
+    from_data: Callable[[Path], Reproduction] | None = None  # with problems of a folder of others
     claims_title: str = "The publication's claims"
     remarks_title: str = "Where the publication contradicts itself or leaves things open"
 

@@ -1,4 +1,4 @@
-"""The least time that a task takes: both legs driven on the empty floor."""
+"""The least time that a task takes: its legs driven on the empty floor."""
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from automaton.engine.search import (
     reach,
 )
 from automaton.engine.state import ACTION_MOVE, ACTION_TURN
+from automaton.engine.visits import has_stops
 from automaton.strategy.access_cells import dropoff_cell, pickup_cell
 
 POSE_MASK = (1 << 32) - 1  # a key of the queue: estimated ticks << 32 | pose
@@ -23,6 +24,8 @@ POSE_MASK = (1 << 32) - 1  # a key of the queue: estimated ticks << 32 | pose
 @kernel
 def min_drive_ticks(view, workspace, which, out):
     """out[order] = least ticks of driving for each order in `which`: to its source, then to its target.
+
+    Of an order without a load: from stop to stop.
 
     The first leg begins where and with the heading in which the order was taken, the second one
     with the heading in which the first one ends; of several that take the least ticks, the best
@@ -35,10 +38,34 @@ def min_drive_ticks(view, workspace, which, out):
         start = orders.dispatched_from[order] * view.grid.headings
         start += orders.dispatched_heading[order]
         robot_type = orders.dispatched_type[order]
+        if has_stops(orders, order):
+            out[order] = least_of_tour(view, workspace, robot_type, start, order)
+            continue
         origin = np.int64(orders.dispatched_from[order])
         access_cell = pickup_cell(view, robot_type, orders.source[order], origin)
         end = dropoff_cell(view, robot_type, orders.target[order], access_cell)
         out[order] = least_by(view, workspace, robot_type, start, access_cell, end)
+
+
+@kernel
+def least_of_tour(view, workspace, robot_type, start, order):
+    """Least ticks from a pose to the stops of an order, each a tick at least; UNREACHABLE if no way.
+
+    A bound: each leg but the first one begins with the heading that is best for it.
+    """
+    orders, headings = view.orders, view.grid.headings
+    first, end = np.int64(orders.first_stop[order]), np.int64(orders.first_stop[order + 1])
+    here, begin = start // headings, start % headings
+    ticks = np.int64(0)
+    for stop in range(first, end):
+        to = np.int64(view.stops.cell[stop])
+        best = np.int64(UNREACHABLE)
+        for heading in range(headings):
+            if stop > first or heading == begin:
+                best = min(best, distance(view, workspace, robot_type, here, heading, to))
+        ticks = min(ticks + max(best, 1), UNREACHABLE)
+        here = to
+    return ticks
 
 
 @kernel

@@ -3,7 +3,9 @@
 A task is an order carried by one robot all the way. It begins in the tick in which the robot takes
 the order and ends in the tick of its delivery, both included. Its delay is what it takes beyond the
 least time: each leg driven as fast as the empty floor allows, with the turns that it needs from the
-heading in which it begins, the pick, and the tick in which the load is dropped.
+heading in which it begins, the pick, and the tick in which the load is dropped. Of an order without a
+load it is the legs between its stops, each in at least a tick and from the best heading but for the
+first one.
 """
 
 from __future__ import annotations
@@ -105,7 +107,7 @@ def least_times(run: Measured, tasks: Array) -> Array:
         with interruptible(run.workspace.stop):
             min_drive_ticks(run.view, run.workspace, unknown, run.least)
     duration = run.world.rules.duration[0]  # types differ in their moves alone
-    times: Array = (
-        run.least[tasks] + int(duration[ACTION_PICK]) + min(1, int(duration[ACTION_DROP]))
-    )
+    handling = int(duration[ACTION_PICK]) + min(1, int(duration[ACTION_DROP]))
+    has_load = run.world.orders.source[tasks] != NIL
+    times: Array = run.least[tasks] + handling * has_load
     return times

@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import yaml
 
@@ -41,6 +41,14 @@ class Override:
     value: Any
 
 
+class ListFile(NamedTuple):
+    """A file whose lines became the entries of a list of a scenario."""
+
+    keys: Keys  # the way to that list
+    file: str  # as errors name it
+    lines: tuple[int, ...]  # where each entry stands, from 1
+
+
 @dataclass(frozen=True)
 class Document:
     """The data of a scenario with the text that it comes from."""
@@ -51,13 +59,13 @@ class Document:
     text: str = ""
     root: yaml.Node | None = None
     overrides: tuple[Override, ...] = ()
-    listed: tuple[str, tuple[int, ...]] | None = None  # a file with orders.list, and their lines
+    listed: tuple[ListFile, ...] = ()  # files that lists of it come from
 
     def error(self, keys: Keys, message: str) -> InputError:
         """An error about the value at `keys`: placed at its line, or at the --set that gave it."""
-        if self.listed is not None and keys[:2] == ("orders", "list") and len(keys) > 2:
-            file, lines = self.listed
-            return InputError(message, file, lines[int(keys[2])])
+        for listed in self.listed:
+            if keys[: len(listed.keys)] == listed.keys < keys:
+                return InputError(message, listed.file, listed.lines[int(keys[len(listed.keys)])])
         for override in reversed(self.overrides):
             shared = min(len(keys), len(override.keys))
             new = len(keys) == shared and self.node(keys) is None

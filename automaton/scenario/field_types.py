@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 from msgspec import Meta
 
+Direction = Literal["east", "south", "west", "north"]
 Ticks = Annotated[int, Meta(ge=1, le=10_000, description="A duration in ticks.")]
 TicksOrNone = Annotated[int, Meta(ge=0, le=10_000, description="A duration in ticks, or 0.")]
 Tick = Annotated[int, Meta(ge=0, le=2_000_000_000, description="A tick.")]

@@ -7,7 +7,14 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from automaton.scenario.field_types import ConfigSection, Pair, SingleLine, Weight
+from automaton.scenario.field_types import (
+    ConfigSection,
+    Direction,
+    NonEmptyText,
+    Pair,
+    SingleLine,
+    Weight,
+)
 
 
 class FleetType(ConfigSection, frozen=True, kw_only=True):
@@ -26,6 +33,18 @@ class FleetType(ConfigSection, frozen=True, kw_only=True):
     ] = None
 
 
+class StartFile(ConfigSection, frozen=True, kw_only=True):
+    """The cells where robots begin, as a file."""
+
+    file: Annotated[
+        NonEmptyText,
+        Meta(
+            description="A CSV file with the columns x, y and, where robots face different ways, "
+            "heading (east, south, west, north); path relative to the scenario."
+        ),
+    ]
+
+
 class Fleet(ConfigSection, frozen=True, kw_only=True):
     """The robots."""
 
@@ -38,12 +57,18 @@ class Fleet(ConfigSection, frozen=True, kw_only=True):
         ),
     ] = "differential"
     start: Annotated[
-        Literal["parking-bays", "random", "racks"] | tuple[Pair, ...] | None,
+        Literal["parking-bays", "random", "racks"] | tuple[Pair, ...] | StartFile | None,
         Meta(
             description="Where robots begin: parking-bays, random, racks (in front of random "
-            "racks), or "
-            "a list of cells. Left out: where the picture draws robots, else in parking bays if "
-            "the floor has any, else random."
+            "racks), a list of cells, or a file of them. Left out: where the picture draws "
+            "robots, else in parking bays if the floor has any, else random."
+        ),
+    ] = None
+    heading: Annotated[
+        Direction | tuple[Direction, ...] | None,
+        Meta(
+            description="Which way differential robots face at the start: all the same way, or one "
+            "by one. Left out: along a way out of their cell, south before north, east and west."
         ),
     ] = None
     when_idle: Annotated[
@@ -59,6 +84,12 @@ class Fleet(ConfigSection, frozen=True, kw_only=True):
     ] = ()
 
     def __post_init__(self) -> None:
+        if self.heading is not None and self.kinematics != "differential":
+            raise ValueError(f"heading belongs to differential robots, not to {self.kinematics}")
+        if isinstance(self.heading, tuple) and len(self.heading) != self.robots:
+            raise ValueError(
+                f"heading lists {len(self.heading)} directions, but fleet.robots is {self.robots}"
+            )
         names = [kind.name for kind in self.types]
         for name in names:
             if names.count(name) > 1:

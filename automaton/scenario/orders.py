@@ -19,7 +19,8 @@ from automaton.scenario.field_types import (
     Weight,
 )
 
-DRAWN = ("dock-to-rack", "stations", "visits")  # generators that draw so many orders
+DRAWN = ("dock-to-rack", "stations", "visits", "tours")  # generators that draw so many orders
+MAX_STOPS: Final = 64  # of an order
 ENDS: Final = {  # generator: kinds of slots where its orders begin and end
     "full-shelves": (SHELF, DESTINATION),
     "picture-loads": (SHELF, DESTINATION),
@@ -85,15 +86,56 @@ class WeightRange(ConfigSection, frozen=True, kw_only=True):
             raise ValueError(f"from ({self.least}) must not be above to ({self.most})")
 
 
-class OrderLine(ConfigSection, frozen=True, kw_only=True):
-    """One order: bring a load from one slot to another."""
+Cells = Annotated[tuple[Pair, ...], Meta(min_length=1, max_length=MAX_STOPS)]
+StopCount = Annotated[int, Meta(ge=1, le=MAX_STOPS)]
 
-    source: Annotated[Pair, Meta(description="The slot with the load.")] = field(name="from")
-    target: Annotated[Pair, Meta(description="Where to bring it; a station itself: a visit.")] = (
-        field(name="to")
+
+class StopRange(ConfigSection, frozen=True, kw_only=True):
+    """Numbers of stops drawn evenly for each order."""
+
+    least: Annotated[StopCount, Meta(description="The fewest.")] = field(name="from")
+    most: Annotated[StopCount, Meta(description="The most.")] = field(name="to")
+
+    def __post_init__(self) -> None:
+        if self.least > self.most:
+            raise ValueError(f"from ({self.least}) must not be above to ({self.most})")
+
+
+class OrderLine(ConfigSection, frozen=True, kw_only=True):
+    """One order: bring a load from one slot to another, or, without a load, visit cells in turn."""
+
+    source: Annotated[Pair | None, Meta(description="The slot with the load.")] = field(
+        name="from", default=None
     )
+    target: Annotated[
+        Pair | None, Meta(description="Where to bring it; a station itself: a visit.")
+    ] = field(name="to", default=None)
+    stops: Annotated[
+        Cells | None,
+        Meta(
+            description="Instead of from and to: cells in which a robot has to stand, in this order."
+        ),
+    ] = None
     release: Annotated[Tick, Meta(description="The tick in which it is released.")] = 0
     weight: Weight = 1
+
+    def __post_init__(self) -> None:
+        if self.stops is not None:
+            if self.source is not None or self.target is not None:
+                raise ValueError("stops belong to an order without from and to")
+            return
+        if self.source is None and self.target is None:
+            raise ValueError("an order needs from and to, or stops")
+        for name, end in (("from", self.source), ("to", self.target)):
+            if end is None:
+                raise ValueError(f"the key '{name}' is missing")
+
+    @property
+    def ends(self) -> tuple[tuple[int, int], tuple[int, int]]:
+        """Where an order with a load begins and ends."""
+        if self.source is None or self.target is None:
+            raise ValueError("an order without a load has no ends")
+        return self.source, self.target
 
 
 StationNumber = Annotated[int, Meta(ge=1, le=100_000, description="A station, from 1.")]
@@ -142,15 +184,22 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
     """What is to be carried: a generator of orders, a list or a file of them, or parts."""
 
     generator: Annotated[
-        Literal["full-shelves", "picture-loads", "dock-to-rack", "stations", "visits"] | None,
+        Literal["full-shelves", "picture-loads", "dock-to-rack", "stations", "visits", "tours"]
+        | None,
         Meta(
             description="full-shelves: every shelf holds a load at the start; picture-loads: the "
             "shelves drawn as $ do. Each is brought to a destination drawn at random. "
             "dock-to-rack: so many loads wait at docks drawn at random, each for a rack drawn at "
             "random. stations: each load goes from a station to another one, both drawn at "
-            "random. visits: stations drawn at random, where a robot has to come."
+            "random. visits: stations drawn at random, where a robot has to come. tours: robots "
+            "have to come to `stops` cells in turn, drawn from all that they reach; no cell twice "
+            "in succession."
         ),
     ] = None
+    stops: Annotated[
+        StopCount | StopRange,
+        Meta(description="Stops of each order of the generator tours: so many, or {from, to}."),
+    ] = 1
     count: Annotated[
         Annotated[int, Meta(ge=1, le=1_000_000)] | None,
         Meta(description="How many orders there are, for generators that draw them."),
@@ -191,12 +240,48 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
         ),
     ] = 1
 
+    tasks: Annotated[
+        NonEmptyText | tuple[Cells, ...] | None,
+        Meta(
+            description="Orders without a load, each a list of cells in which a robot has to stand in "
+            "turn: a file, relative to the scenario, or the lists themselves. In the file lines with # "
+            "are skipped, the first line is the number of tasks, and each further one has cells "
+            "row * width + column with commas between them."
+        ),
+    ] = None
+    repeat: Annotated[
+        bool, Meta(description="After the last of the tasks comes the first one again.")
+    ] = False
+    revealed: Annotated[
+        Annotated[float, Meta(gt=0, le=1000)] | None,
+        Meta(
+            description="So many times the robots, tasks are known and not done, in the order of the "
+            "list; null: all are known from the start."
+        ),
+    ] = None
+    assign: Annotated[
+        Literal["pool", "round-robin"],
+        Meta(
+            description="pool: any robot may do a task. round-robin: the j-th task of robot r of n is "
+            "j n + r, one after another, and no other robot ever does it."
+        ),
+    ] = "pool"
+    skip_reached: Annotated[
+        bool,
+        Meta(
+            description="round-robin, repeated: a robot passes over a task in whose first cell it stands."
+        ),
+    ] = False
+
     def __post_init__(self) -> None:
-        given = [self.generator, self.listed, self.parts, self.file]
+        if self.generator != "tours" and self.stops != 1:
+            raise ValueError("stops belong to the generator tours, or to each order of a list")
+        given = [self.generator, self.listed, self.parts, self.tasks, self.file]
         if sum(form is not None for form in given) != 1:
             raise ValueError(
-                "orders must have either a generator, a list, parts or arrivals from a file"
+                "orders must have either a generator, a list, parts, tasks or arrivals from a file"
             )
+        self._check_tasks()
         if self.parts is not None and not self.parts:
             raise ValueError("parts must hold at least one type of parts")
         if self.parts is None and self.processing_time != 1:
@@ -210,6 +295,28 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
         if self.generator not in DRAWN and self.count is not None:
             raise ValueError(f"count belongs to the generators {', '.join(DRAWN)}")
         self._check_arrivals()
+
+    def _check_tasks(self) -> None:
+        if self.tasks is None:
+            for name, is_set in (
+                ("repeat", self.repeat),
+                ("revealed", self.revealed is not None),
+                ("assign", self.assign != "pool"),
+                ("skip_reached", self.skip_reached),
+            ):
+                if is_set:
+                    raise ValueError(f"{name} belongs to tasks")
+            return
+        if not self.tasks:
+            raise ValueError("tasks must hold at least one task")
+        if self.assign == "round-robin" and self.revealed is not None:
+            raise ValueError(
+                "revealed belongs to assign: pool; round-robin shows each robot one task"
+            )
+        if self.repeat and self.assign == "pool" and self.revealed is None:
+            raise ValueError("repeat needs revealed, how many times the robots are open at once")
+        if self.skip_reached and not (self.repeat and self.assign == "round-robin"):
+            raise ValueError("skip_reached needs assign: round-robin and repeat: true")
 
     def _check_arrivals(self) -> None:
         if self.generator is None and self.mean_interarrival_time:
@@ -228,18 +335,29 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
         """The file of orders, as the scenario names it."""
         return None if self.arrivals is None else self.arrivals.file
 
-    @property
-    def in_system(self) -> int:
-        """Orders that a closed loop keeps open; 0: it is none."""
+    def in_system(self, robots: int) -> int:
+        """Return how many orders a closed loop of so many robots keeps open; 0: it is none."""
+        if self.revealed is not None:
+            return max(1, int(self.revealed * robots + 1e-9))
         loop = None if self.arrivals is None else self.arrivals.closed_loop
         return 0 if loop is None else loop.in_system
+
+
+def has_tours(orders: Orders) -> bool:
+    """Return whether any of the orders is one without a load."""
+    listed = orders.listed or ()
+    if orders.generator == "tours" or orders.tasks is not None:
+        return True
+    return any(line.stops is not None for line in listed)
 
 
 def kinds_of_sources(orders: Orders, floor_plan: FloorPlan) -> set[int]:
     """Return the kinds of slots where orders begin."""
     found = {
-        int(floor_plan.kind.flat[floor_plan.cell(*line.source)]) for line in orders.listed or ()
+        int(floor_plan.kind.flat[floor_plan.cell(*line.ends[0])])
+        for line in orders.listed or ()
+        if line.stops is None
     }
-    if orders.generator is not None:
+    if orders.generator in ENDS:
         found.add(ENDS[orders.generator][0])
     return found | ({STATION} if orders.parts is not None else set())

@@ -12,6 +12,7 @@ import msgspec
 from msgspec import Meta
 
 from automaton.scenario.field_types import ConfigSection as ConfigSection
+from automaton.scenario.field_types import Direction as Direction
 from automaton.scenario.field_types import NonEmptyText as NonEmptyText
 from automaton.scenario.field_types import SingleLine as SingleLine
 from automaton.scenario.field_types import Ticks, TicksOrNone
@@ -19,7 +20,6 @@ from automaton.scenario.fleet import Area as Area
 from automaton.scenario.fleet import Fleet as Fleet
 from automaton.scenario.orders import Orders as Orders
 
-Direction = Literal["east", "south", "west", "north"]
 Parameters = dict[str, Any]
 KindName = Literal[
     "wall",

@@ -40,6 +40,8 @@ def not_measured(scenario: Scenario) -> dict[str, str]:
         or orders.mean_interarrival_time > 0
         or orders.arrivals is not None
         or orders.parts is not None
+        or orders.revealed is not None
+        or orders.assign == "round-robin"
     )
     rules = (
         (TASK_METRICS, scenario.measure is not None, "measure: {warm_up: N}"),

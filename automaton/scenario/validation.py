@@ -84,7 +84,8 @@ def _explained(
     first = what.split(" ", 1)[0]
     if isinstance(found, dict) and first in found:
         return document.error((*keys, first), f"{_dotted((*keys, first))}{what[len(first) :]}")
-    return document.error(keys, what)
+    missing = what.startswith("the key '") and what.endswith("is missing")
+    return document.error(keys, what + (_inside(keys) if missing else ""))
 
 
 def described(expected: Any) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import NIL
+from automaton.engine.visits import has_stops, is_assigned, next_stop_cell
 
 PICK_DIRECTIONS = (0, 2, 1, 3)  # neighbours E, W, S, N of the slot; to drop, each turned around
 
@@ -44,6 +45,17 @@ def pickup_cell(view, robot_type, slot, origin):
 
 
 @kernel
+def begin_cell(view, robot_type, order, origin):
+    """The cell where robots of a type that come from `origin` begin an order that waits, or NIL.
+
+    There they pick its load up; of an order without a load it is the next stop.
+    """
+    if has_stops(view.orders, order):
+        return next_stop_cell(view, order)
+    return pickup_cell(view, robot_type, np.int64(view.orders.current_slot[order]), origin)
+
+
+@kernel
 def dropoff_cell(view, robot_type, slot, origin):
     """The cell from which robots of a type that come from `origin` drop a load, or NIL."""
     return access_cell(view, robot_type, slot, 2, origin)
@@ -51,9 +63,14 @@ def dropoff_cell(view, robot_type, slot, origin):
 
 @kernel
 def can_bring(view, robot_type, order, slot):
-    """Whether robots of a type carry an order, and get to where it lies and to a slot with it."""
+    """Whether robots of a type carry an order, and get to where it lies and to a slot with it.
+
+    Of an order without a load: whether they get to all its stops.
+    """
     if view.orders.weight[order] > view.rules.payload[robot_type]:
         return False
+    if has_stops(view.orders, order):
+        return reaches_stops(view, robot_type, order)
     accessible = view.slots.accessible
     if accessible.shape[0] == 1:
         return True  # there are no orders but for slots that a robot serves
@@ -64,7 +81,23 @@ def can_bring(view, robot_type, order, slot):
 
 
 @kernel
+def reaches_stops(view, robot_type, order):
+    """Whether robots of a type get to all stops of an order that are left, and back."""
+    orders, reachable = view.orders, view.slots.reachable
+    if reachable.shape[0] > 1:
+        first = np.int64(orders.first_stop[order]) + np.int64(orders.stops_done[order])
+        for stop in range(first, orders.first_stop[order + 1]):
+            if reachable[robot_type, view.stops.cell[stop]] == 0:
+                return False
+    return True
+
+
+@kernel
 def can_do(view, i, order):
-    """Whether robot i carries an order, and gets to where it lies and to its target."""
+    """Whether robot i carries an order, and gets to where it lies and to its target, or its stops.
+
+    Of orders that are dealt out, robots do their own alone.
+    """
     robot_type = np.int64(view.robots.type[i])
-    return can_bring(view, robot_type, order, np.int64(view.orders.target[order]))
+    target = np.int64(view.orders.target[order])
+    return is_assigned(view, i, order) and can_bring(view, robot_type, order, target)

@@ -40,8 +40,15 @@ from automaton.engine.search import (
     write_path,
 )
 from automaton.engine.table_rows import cost_in
+from automaton.engine.visits import has_stops, next_stop_cell
 from automaton.engine.zone_segments import copy_segment
-from automaton.strategy.access_cells import can_bring, can_do, dropoff_cell, pickup_cell
+from automaton.strategy.access_cells import (
+    begin_cell,
+    can_bring,
+    can_do,
+    dropoff_cell,
+    pickup_cell,
+)
 
 __all__ = [
     "CURVE_RATE",
@@ -52,6 +59,7 @@ __all__ = [
     "TURNED_AHEAD",
     "TURNED_BEHIND",
     "UNREACHABLE",
+    "begin_cell",
     "begin_search",
     "can_bring",
     "can_do",
@@ -66,12 +74,14 @@ __all__ = [
     "first_cell",
     "follow_gradient",
     "has_room",
+    "has_stops",
     "is_closed",
     "kernel",
     "lane_of",
     "level_after",
     "mark_goal",
     "nearest_mark",
+    "next_stop_cell",
     "parent_of",
     "pickup_cell",
     "pop",

@@ -28,11 +28,12 @@ from automaton.strategy.layer import Strategy
 
 @dataclass(frozen=True)
 class Order:
-    """An order that waits to be picked up."""
+    """An order that waits."""
 
     index: int  # its number
-    slot: int  # where it lies
-    target: int  # slot to which it must go
+    slot: int  # where its load lies; NIL: it has none
+    target: int  # slot to which it must go, or NIL
+    stop: int = NIL  # flat cell of its next stop, if it has no load
 
 
 @dataclass(frozen=True)
@@ -79,6 +80,13 @@ def drive(directions: Sequence[int]) -> Decision:
     return Decision(state.CMD_STEP, list(directions))
 
 
+def next_stop(view: World, order: int) -> int:
+    """Return the flat cell of the next stop of an order, NIL if it has none."""
+    orders = view.orders
+    stop = int(orders.first_stop[order]) + int(orders.stops_done[order])
+    return int(view.stops.cell[stop]) if stop < orders.first_stop[order + 1] else NIL
+
+
 class LocalView:
     """What one robot knows: the order list, and the robots in its sight."""
 
@@ -99,7 +107,12 @@ class LocalView:
             (orders.state == state.ORDER_WAITING) & (orders.reserved_by == NIL) & (self._taken == 0)
         )
         return [
-            Order(int(index), int(orders.current_slot[index]), int(orders.target[index]))
+            Order(
+                int(index),
+                int(orders.current_slot[index]),
+                int(orders.target[index]),
+                next_stop(self.view, int(index)),
+            )
             for index in is_open.nonzero()[0]
             if paths.can_do(self.view, self._robot, index)
         ]
@@ -163,6 +176,8 @@ class Me:
 
     def ticks_to(self, slot: int) -> int:
         """Ticks to the cell from which it serves a slot, on the empty floor."""
+        if slot == NIL:
+            return paths.UNREACHABLE
         access_cell = self.access_cell_for(slot)
         if access_cell == NIL:
             return paths.UNREACHABLE
@@ -215,11 +230,11 @@ def _enter_allocation(decisions: Any, k: int, decision: Decision, me: Me, view: 
     out.command[k] = decision.command
     if decision.command == state.CMD_TAKE_ORDER:
         out.order[k] = decision.value
-        if (
-            0 <= decision.value < len(view.orders.current_slot)
-            and view.orders.current_slot[decision.value] != NIL
-        ):
-            out.goal_cell[k] = me.access_cell_for(view.orders.current_slot[decision.value])
+        if not 0 <= decision.value < len(view.orders.current_slot):
+            return
+        slot, stop = view.orders.current_slot[decision.value], next_stop(view, decision.value)
+        if slot != NIL or stop != NIL:
+            out.goal_cell[k] = stop if slot == NIL else me.access_cell_for(slot)
             out.order_taken[decision.value] = 1
     elif decision.command == state.CMD_DROP_AT:
         out.slot[k] = decision.value

@@ -20,13 +20,13 @@ from automaton.engine.state import (
     REASON_PICKED,
 )
 from automaton.strategy.kernels import (
+    begin_cell,
     begin_search,
     can_do,
     dropoff_cell,
     kernel,
     mark_goal,
     nearest_mark,
-    pickup_cell,
     position,
 )
 from automaton.strategy.layer import Strategy
@@ -44,7 +44,7 @@ def nearest_order(view, out, workspace, i, around):
             mark_goal(
                 workspace,
                 search,
-                pickup_cell(view, robot_type, view.orders.current_slot[order], here),
+                begin_cell(view, robot_type, order, here),
                 order,
             )
             found = True
@@ -56,11 +56,10 @@ def nearest_order(view, out, workspace, i, around):
 
 @kernel
 def take_order(view, out, k, i, order):
-    """Decision k of the batch: robot i picks up this order."""
+    """Decision k of the batch: robot i takes this order and drives to where it begins."""
     out.command[k] = CMD_TAKE_ORDER
     out.order[k] = order
-    slot = view.orders.current_slot[order]
-    out.goal_cell[k] = pickup_cell(view, view.robots.type[i], slot, position(view, i))
+    out.goal_cell[k] = begin_cell(view, view.robots.type[i], order, position(view, i))
     out.order_taken[order] = 1
 
 

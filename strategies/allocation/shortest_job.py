@@ -14,11 +14,12 @@ from automaton.engine.jit.structs import Struct
 from automaton.engine.state import CLOCK_TICK, CMD_PARK, NIL, REASON_PERIODIC, REASON_PICKED
 from automaton.strategy.kernels import (
     UNREACHABLE,
+    begin_cell,
     can_bring,
     distance,
     dropoff_cell,
+    has_stops,
     kernel,
-    pickup_cell,
     position,
 )
 from automaton.strategy.layer import Strategy
@@ -55,16 +56,33 @@ def next_stop(view, order):
 
 
 @kernel
+def tour_ticks(view, workspace, robot_type, order, heading):
+    """Ticks from the next stop of an order to its last one; UNREACHABLE or more: there is no way."""
+    orders, cell = view.orders, view.stops.cell
+    ticks = 0
+    first = np.int64(orders.first_stop[order]) + np.int64(orders.stops_done[order])
+    for stop in range(first + 1, orders.first_stop[order + 1]):
+        here, to = np.int64(cell[stop - 1]), np.int64(cell[stop])
+        ticks = min(
+            ticks + distance(view, workspace, robot_type, here, heading, to), 2 * UNREACHABLE
+        )
+    return ticks
+
+
+@kernel
 def score(view, workspace, state, i, order):
     """The score of an order for robot i, in thousandths of ticks; WORST if it cannot do it."""
     slot, robot_type = next_stop(view, order), view.robots.type[i]
     if not can_bring(view, robot_type, order, slot):
         return WORST
     here, heading = position(view, i), np.int64(view.robots.heading[i])
-    pick = pickup_cell(view, robot_type, np.int64(view.orders.current_slot[order]), here)
-    drop = dropoff_cell(view, robot_type, slot, pick)
-    job = distance(view, workspace, robot_type, here, heading, pick)
-    job += distance(view, workspace, robot_type, pick, heading, drop)
+    begin = begin_cell(view, robot_type, order, here)
+    job = distance(view, workspace, robot_type, here, heading, begin)
+    if has_stops(view.orders, order):
+        job += tour_ticks(view, workspace, robot_type, order, heading)
+    else:
+        drop = dropoff_cell(view, robot_type, slot, begin)
+        job += distance(view, workspace, robot_type, begin, heading, drop)
     if job >= UNREACHABLE:
         return WORST
     age = view.clock[CLOCK_TICK] - view.orders.release_tick[order]

@@ -7,15 +7,23 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
+from automaton.floor.floor_plan import FloorPlan
+from automaton.scenario.schema import Scenario
+from strategies.allocation.load_parameters import refusal_of_tours
+
 Percent = Annotated[float, Meta(ge=0, le=100)]
 
 
 class Quotes(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """What estimates of charging take into account."""
+    """What estimates of charging take into account: the ways and the loads of orders."""
 
     count_queues: Annotated[
         bool, Meta(description="robots that were sent to a charger earlier make it cost more")
     ] = True
+
+    def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
+        """Orders without a load are not priced."""
+        return refusal_of_tours(scenario)
 
 
 class Insertion(Quotes, forbid_unknown_fields=True, frozen=True, kw_only=True):

@@ -23,6 +23,7 @@ from automaton.scenario.floor_section import point_names
 from automaton.scenario.schema import Scenario
 from automaton.strategy.zone_parameters import ZoningParameters
 from automaton.units import count
+from strategies.allocation.load_parameters import refusal_of_tours
 
 SHIPPED = Path(__file__).parent.parent.parent / "layouts" / "zones"
 
@@ -92,7 +93,8 @@ class Zones(ZoningParameters, forbid_unknown_fields=True, frozen=True, kw_only=T
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         """Each robot has a zone with a station in it; a design says how many robots there are, and
         priority names types and stations."""
-        if wrong := self._wrong_priority(scenario, floor_plan):
+        wrong = refusal_of_tours(scenario) or self._wrong_priority(scenario, floor_plan)
+        if wrong:
             return wrong
         zones = self.design.get("zones") if isinstance(self.design, dict) else None
         robots, stations = scenario.fleet.robots, self.stations(floor_plan)

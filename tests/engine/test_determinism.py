@@ -159,6 +159,8 @@ def test_the_digest_changes_with_every_field(name: str) -> None:
     part, _, field = name.partition(".")
     if part in ("stations", "service_zones"):
         run = simulation("factory")
+    elif part == "stops":
+        run = simulation("crossing", "orders={generator: tours, count: 100}")
     else:
         run = simulation("tabletop-mini", *SETTINGS)
     run.run(until=300)

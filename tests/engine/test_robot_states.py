@@ -31,6 +31,10 @@ LOST = (*REPAIRED[:2], "faults.repair_time=null")
 REDESIGNS = tuple(
     f"strategy.zoning.{key}" for key in ("patience=1", "hysteresis=0.5", "tolerance=2", "pause=30")
 )
+TOURS = (
+    "orders={generator: tours, count: 60, stops: {from: 1, to: 3}, mean_interarrival_time: 8}",
+    "strategy.allocation={name: greedy, reassign: 3}",
+)
 # Runs in which every change of state occurs: scenario, settings, seed, ticks.
 RUNS = (
     ("tabletop-mini", (), 1, 400),
@@ -51,6 +55,8 @@ RUNS = (
     ("depots-line", ("strategy.charging=none", *LOST[1:], "battery.initial_charge=20"), 1, 200),
     ("depots-line", ("strategy.charging=insertion", *REPAIRED), 2, 340),
     ("warehouse-100-trial", REPAIRED, 6, 140),
+    ("tabletop-mini", (*TOURS, *REPAIRED), 3, 140),
+    ("tabletop-mini", (*TOURS, *REPAIRED), 2, 206),
     ("factory-single", (), 2, 220),
     ("factory-single", ("strategy.right_of_way=pibt",), 2, 400),
     ("tabletop-mini", ("strategy.right_of_way=pibt", "fleet.robots=5"), 1, 400),

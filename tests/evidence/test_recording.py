@@ -445,7 +445,8 @@ def test_a_state_of_another_number_of_stations_is_found(count: int, tmp_path: Pa
 # Who has recordings can read them only as long as this stays: a change of it is a new format.
 OF_THE_STATE = """
 header    robots         cell heading home bay charge
-header    orders         source target release_tick weight release_sequence
+header    orders         source target release_tick weight release_sequence first_stop
+header    stops          cell
 header    stations       processing_time arrival_tick
 header    slots          cell
 keyframe  robots         cell claim heading travel action busy priority load order slot goal_type
@@ -454,6 +455,7 @@ keyframe  robots         parked service_zone charge status need reason
 keyframe  orders         state current_slot reserved_by release_tick delivered legs
 keyframe  slots          cell content reserved_by
 keyframe  stations       in_service job_done_tick arrival_tick completion_tick
+keyframe  stops          done
 keyframe  service_zones  server queue next_slot skips_transfer halt
 """
 

@@ -40,6 +40,7 @@ ONLY_READ: Final = {
     "reproduce auctions": "test_reproduce_auctions",
     "reproduce auctions-floor": "test_reproduce_auctions_floor",
     "reproduce zoning": "test_reproduce_zoning",
+    "reproduce fleets": "test_reproduce_fleets",
 }
 LEAVES: Final = (
     "--out",
@@ -49,6 +50,7 @@ LEAVES: Final = (
     "--csv",
     "--parquet",
     "--matrix",
+    "--planviz",
     "cast",
 )
 UNFINISHED: Final = ("run", "branch", "watch", "replay", "size")

@@ -64,6 +64,15 @@ def test_memory_is_written_as_it_is_read() -> None:
     assert memory(bytes_of("3 MiB") + 1) == "3.1 MiB"
 
 
+def test_more_memory_than_the_machine_has_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    def build_tables(*_: Any) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr("automaton.build.prepared_floor.build_tables", build_tables)
+    with pytest.raises(InputError, match="is 3 TiB, more than this machine can give; set it lower"):
+        Simulation(resolve("tabletop-mini", ["world.distance_tables=3 TiB"]))
+
+
 class KeepsAll(Strategy):
     """Allocation that wants the tables to all cells of the floor in one tick."""
 

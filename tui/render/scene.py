@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.engine.state import NIL
+from automaton.engine.state import GOAL_STOP, NIL
 from automaton.floor.cells import (
     ALL_EXITS,
     DIRECTION_VECTORS,
@@ -172,10 +172,12 @@ class Scene:
 
     @property
     def goal_cell(self) -> int:
-        """The shelf or destination that the selected robot works for, or NIL."""
+        """The shelf, destination or stop that the selected robot works for, or NIL."""
         if self.snapshot is None or self.selected == NIL:
             return NIL
         robots, orders = self.snapshot.robots, self.snapshot.orders
+        if robots.goal_type[self.selected] == GOAL_STOP:
+            return int(robots.goal_cell[self.selected])
         order, slot = int(robots.order[self.selected]), int(robots.slot[self.selected])
         if int(robots.load[self.selected]) == NIL and order != NIL:
             slot = int(orders.current_slot[order])

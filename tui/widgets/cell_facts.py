@@ -10,6 +10,7 @@ from automaton.engine.state import (
     NIL,
     ORDER_CARRIED,
     ORDER_DELIVERED,
+    ORDER_STARTED,
     ORDER_UNRELEASED,
     ORDER_WAITING,
 )
@@ -41,6 +42,7 @@ ORDER_STATE_WORDS: Final = {
     ORDER_CARRIED: "under way",
     ORDER_DELIVERED: "delivered",
     ORDER_UNRELEASED: "will come; no strategy knows it yet",
+    ORDER_STARTED: "under way",
 }
 
 
@@ -165,7 +167,9 @@ def order_lines(view: View, order: int, width: int) -> list[Line]:
     """Everything about one order and its load."""
     orders = view.snapshot.orders
     state, reserved_by = int(orders.state[order]), int(orders.reserved_by[order])
-    lines = [line(title(f"order {order} "), ORDER_STATE_WORDS[state])]
+    stops = int(orders.first_stop[order + 1] - orders.first_stop[order])
+    words = "waits" if stops and state == ORDER_WAITING else ORDER_STATE_WORDS[state]
+    lines = [line(title(f"order {order} "), words)]
     done = state == ORDER_DELIVERED
     facts: list[tuple[str, Parts]] = [
         ("from", _place(view, int(orders.source[order]))),
@@ -175,7 +179,8 @@ def order_lines(view: View, order: int, width: int) -> list[Line]:
             "carried by" if state == ORDER_CARRIED else "taken by",
             [] if reserved_by == NIL else [robot_link(reserved_by)],
         ),
-        ("picked up", [count(int(orders.legs[order]), "time")]),
+        ("stops", [f"{int(orders.stops_done[order])} of {stops} done"] if stops else []),
+        ("picked up", [] if stops else [count(int(orders.legs[order]), "time")]),
         ("known", ["from ", *_tick(int(orders.release_tick[order]))]),
         ("delivered", _tick(int(orders.delivered[order])) if done else []),
         ("lead time", _lead_time(view, order)),

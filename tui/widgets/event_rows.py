@@ -18,7 +18,7 @@ EVENT_GROUPS: Final = {  # what can be picked in the list of events: name and co
     "deliveries": (codes.EVENT_DELIVERED,),
     "deadlocks": (codes.EVENT_WAIT_CYCLE, codes.EVENT_DEADLOCK),
     "retreats": (codes.EVENT_RETREATED,),
-    "picks": (codes.EVENT_PICKED, codes.EVENT_DROPPED),
+    "picks": (codes.EVENT_PICKED, codes.EVENT_DROPPED, codes.EVENT_VISITED),
     "orders": (codes.EVENT_ORDER_TAKEN, codes.EVENT_ORDER_RETURNED),
     "parking bays": (codes.EVENT_LEFT_BAY, codes.EVENT_PARKED),
     "charging": (codes.EVENT_CHARGING,),
@@ -47,6 +47,7 @@ TEXTS: Final = {
     codes.EVENT_JOB_DONE: "station {station} is done with part {subject}",
     codes.EVENT_PART_FINISHED: "part {subject} is finished",
     codes.EVENT_ZONES_REDESIGNED: "zones redesigned: {value} station{s}",
+    codes.EVENT_VISITED: "does a stop of order {subject}",
 }
 ROBOT_COLUMN_WIDTH: Final = 6  # columns for the number of a robot
 EVENT_LOOKS: Final = {
@@ -66,6 +67,7 @@ SUBJECTS: Final = (
     codes.EVENT_DROPPED,
     codes.EVENT_DELIVERED,
     codes.EVENT_ORDER_RETURNED,
+    codes.EVENT_VISITED,
 )
 
 

@@ -14,6 +14,7 @@ from automaton.engine.state import (
     GOAL_NONE,
     GOAL_PARK,
     GOAL_PICK,
+    GOAL_STOP,
     NIL,
     Array,
 )
@@ -185,6 +186,8 @@ def _goal(view: View, robot: int) -> list[str | Span]:
         return ["to park"]
     if goal == GOAL_CHARGE:
         return ["to charge at ", cell_link(view.floor_plan, int(fleet.goal_cell[robot]))]
+    if goal == GOAL_STOP:
+        return ["to a stop at ", cell_link(view.floor_plan, int(fleet.goal_cell[robot]))]
     if goal == GOAL_PICK:
         slot = NIL if order == NIL else int(orders.current_slot[order])
     parts: list[str | Span] = ["to drop" if goal == GOAL_DROP else "to pick up"]

@@ -11,6 +11,7 @@ import numpy as np
 
 from automaton.build.feasibility import check_energy, check_feasible
 from automaton.build.resolve import CHANGEABLE, choose_strategies
+from automaton.build.task_lists import order_count
 from automaton.errors import InputError
 from automaton.evidence.recording.contents import (
     CONDITIONS_ARRAYS,
@@ -29,10 +30,11 @@ from automaton.evidence.recording.contents import (
 )
 from automaton.evidence.recording.frames import Payload, decode, tick_of
 from automaton.evidence.recording.header import floor_plan_of
-from automaton.floor.cells import CELL_KINDS, DIRECTION_VECTORS, SHELF, STATION
+from automaton.floor.cells import CELL_KINDS, DIRECTION_VECTORS, NIL, SHELF, STATION
 from automaton.floor.floor_plan import FloorPlan, bays_of
 from automaton.scenario.document import Document
 from automaton.scenario.floor_section import Floor, generator_type, is_shipped
+from automaton.scenario.orders import MAX_STOPS
 from automaton.scenario.schema import LAYER_NAMES, Scenario
 from automaton.scenario.validation import validated
 from automaton.strategy import lookup
@@ -100,6 +102,7 @@ class Admission:
         check_layout(self.scenario.layout)
         sizes["robots"] = self.scenario.fleet.robots
         check_arrays(header, HEADER_ARRAYS, sizes)
+        self._check_stops(header)
         self.floor_plan = floor_plan_of(floor)
         check_plan(self.floor_plan)
         self._check_slots(header)
@@ -118,6 +121,24 @@ class Admission:
         if not 0 <= spare <= len(cells) or not np.array_equal(cells[:spare], self.floor_plan.slots):
             raise InvalidFrameError("its slots are not those of its floor")
 
+    def _check_stops(self, header: Content) -> None:
+        """Each order has a load or stops, and the stops are the orders' one after another."""
+        orders, sizes = header["orders"], self.sizes
+        sizes.setdefault("stops", 0)
+        first = orders.get("first_stop")
+        if first is None:
+            first = np.zeros(sizes["orders"] + 1, np.int32)
+        ends = len(first) == sizes["orders"] + 1 and (first[0], first[-1]) == (0, sizes["stops"])
+        count = np.diff(first)
+        if not ends or (count < 0).any() or (count > MAX_STOPS).any():
+            raise InvalidFrameError("its stops are not those of its orders")
+        without = count > 0
+        for end in (orders["source"], orders["target"]):
+            if not np.array_equal(end == NIL, without):
+                raise InvalidFrameError(
+                    "it has an order with neither a load nor stops, or with both"
+                )
+
     def _check_counts(self, header: Content) -> None:
         """As many orders and jobs as the scenario has, before a world is built for them."""
         orders, jobs = counted(self.scenario, self.floor_plan)
@@ -127,11 +148,8 @@ class Admission:
                     f"it has {self.sizes[name]:,} {name}, its scenario {wanted:,}"
                 )
         coming = header["orders"].get("release_sequence")
-        arrivals = self.scenario.orders.arrivals
-        if (
-            arrivals is not None
-            and arrivals.closed_loop is not None
-            and (coming is None or not np.array_equal(np.sort(coming), np.arange(len(coming))))
+        if self.scenario.orders.in_system(self.scenario.fleet.robots) and (
+            coming is None or not np.array_equal(np.sort(coming), np.arange(len(coming)))
         ):
             raise InvalidFrameError("its orders do not come one after another")
 
@@ -205,8 +223,8 @@ def counted(scenario: Scenario, floor_plan: FloorPlan) -> tuple[int, int]:
         return jobs - sum(kind.count for kind in orders.parts), jobs
     if orders.listed is not None:
         return len(orders.listed), 0
-    if orders.count is not None:
-        return orders.count, 0
+    if orders.count is not None or orders.tasks is not None:
+        return order_count(scenario, floor_plan), 0
     shelves = floor_plan.kind == SHELF
     drawn = shelves & (floor_plan.loads == 1) if orders.generator == "picture-loads" else shelves
     return int(np.count_nonzero(drawn)), 0

@@ -24,9 +24,11 @@ from automaton.engine.record_codes import (
     CHANGE_PICKED,
     CHANGE_SLOT_RESERVED,
     CHANGE_STATUS,
+    CHANGE_VISITED,
     CHANGE_ZONE,
 )
 from automaton.engine.state import Orders, Robots, World
+from automaton.engine.stops import Stops
 from automaton.errors import InputError
 from automaton.floor.cells import ALL_EXITS, CELL_KINDS
 from automaton.printable import cleaned
@@ -102,7 +104,8 @@ _FLOOR = _part(
     ("starts", _Places),
     ("numbered", _Places),
 )
-_OPTIONAL: Final = ("release_sequence", "weight")  # arrays of orders that a header may leave out
+# Arrays of orders that a header may leave out.
+_OPTIONAL: Final = ("release_sequence", "weight", "first_stop")
 _ORDERS = _part(
     "Orders",
     tuple(name for name in Orders.fields_where(IN_HEADER) if name not in _OPTIONAL),
@@ -131,6 +134,7 @@ class _Header(_Frame):
     jobs: _part("Jobs", Stations.fields_where(IN_HEADER))  # type: ignore[valid-type]
     slots: _part("Slots", Slots.fields_where(IN_HEADER), ("first_spare", int))  # type: ignore[valid-type]
     files: _Named | UnsetType = UNSET
+    stops: _part("Stops", Stops.fields_where(IN_HEADER)) | UnsetType = UNSET  # type: ignore[valid-type]
 
 
 class _Conditions(_Frame):
@@ -312,11 +316,13 @@ HEADER_ARRAYS: Final = {
     "robots.heading": Range("u1", ("robots",), 0, 4),
     "robots.charge": Range("i4", ("robots",), 0, 1_000_001),
     "slots.cell": Range("i4", ("slots",), -1, "cells"),
-    "orders.source": Range("i4", ("orders",), 0, "spare"),
-    "orders.target": Range("i4", ("orders",), 0, "spare"),
+    "orders.source": Range("i4", ("orders",), -1, "spare"),
+    "orders.target": Range("i4", ("orders",), -1, "spare"),
     "orders.release_tick": Range("i4", ("orders",), 0, MAX_NUMBER),
     "orders.release_sequence": Range("i4", ("orders",), -1, "orders"),
     "orders.weight": Range("i4", ("orders",), 0, MAX_NUMBER),
+    "orders.first_stop": Range("i4", ("orders and one",), 0, MAX_NUMBER),
+    "stops.cell": Range("i4", ("stops",), 0, "cells"),
     "jobs.processing_time": Range("i4", ("jobs",), 0, MAX_NUMBER),
     "jobs.arrival_tick": Range("i4", ("jobs",), -1, MAX_NUMBER),
 }
@@ -326,7 +332,7 @@ CONDITIONS_ARRAYS: Final = {
     "steered": Range("u1", (1,), 0, 2),
 }
 # Only the validator reads states, as numbers; `verify` compares them with the run made again.
-STATE_SIZES: Final = {"robots": "robots", "orders": "orders", "slots": "slots"}
+STATE_SIZES: Final = {"robots": "robots", "orders": "orders", "slots": "slots", "stops": "stops"}
 
 
 def check_arrays(content: Content, wanted: Mapping[str, Range], sizes: dict[str, int]) -> None:
@@ -335,7 +341,7 @@ def check_arrays(content: Content, wanted: Mapping[str, Range], sizes: dict[str,
         *path, last = name.split(".")
         part = content
         for key in path:
-            part = part[key]
+            part = part.get(key, {})
         if last not in part:
             continue
         array = part[last]
@@ -434,6 +440,7 @@ def check_changes(changes: Array, sizes: Mapping[str, int]) -> None:
         CHANGE_ZONE: (robots, -1, MAX_NUMBER),
         CHANGE_LOAD_LEFT: (robots, 0, slots),
         CHANGE_STATUS: (robots, 0, 7),
+        CHANGE_VISITED: (robots, 0, orders),
     }
     table = np.array([limits.get(code, (0, 0, 0)) for code in range(max(limits) + 1)], np.int64)
     code, subject, value = changes[:, 1:].T

@@ -27,9 +27,12 @@ FLOOR_ARRAYS = ("kind", "exits", "capacity", "bays", "loads")
 def header_of(resolved: Resolved, seed: int, world: Any, digest_names: tuple[str, ...]) -> Content:
     """The header of a run; `world` is its state at tick 0 with robots stored by identity."""
     floor_plan = resolved.floor_plan
-    left_out = set() if resolved.scenario.orders.in_system else {"release_sequence"}
+    left_out = set() if world.rules.in_system else {"release_sequence"}
     if not (world.orders.weight != 1).any():
         left_out.add("weight")
+    tours = len(world.stops.cell) > 0
+    if not tours:
+        left_out.add("first_stop")
     plugins = tuple(choice.name for choice in resolved.strategies.values() if ":" in choice.name)
     return {
         "scenario": msgspec.to_builtins(resolved.scenario),
@@ -51,6 +54,7 @@ def header_of(resolved: Resolved, seed: int, world: Any, digest_names: tuple[str
         },
         "robots": _copies(world.robots),
         "orders": _copies(world.orders, left_out),
+        **({"stops": _copies(world.stops)} if tours else {}),
         "jobs": _copies(world.stations),
         "slots": {**_copies(world.slots), "first_spare": world.slots.first_spare},
     }

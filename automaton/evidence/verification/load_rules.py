@@ -18,6 +18,7 @@ from automaton.engine.record_codes import (
     CHANGE_PICKED,
     CHANGE_SLOT_RESERVED,
     CHANGE_STATUS,
+    CHANGE_VISITED,
     CHANGE_ZONE,
     DROPPED_ON_ARRIVAL,
     ENTERED_PARKING_BAY,
@@ -31,12 +32,15 @@ from automaton.engine.record_codes import (
 from automaton.evidence.verification.motion_rules import Acts, Complaint, Motion
 from automaton.evidence.verification.move_time_rules import NIL
 from automaton.evidence.verification.station_rules import Work
+from automaton.evidence.verification.visit_rules import Visits
 from automaton.floor.cells import CELL_KINDS, RACK, STATION
 
 ORDER_WAITING: Final = 0  # states of an order
 ORDER_CARRIED: Final = 1
 ORDER_DELIVERED: Final = 2
 ORDER_UNRELEASED: Final = 3
+ORDER_STARTED: Final = 4
+STATUS_DEPLETED: Final = 3  # from here on a robot is down
 STATUS_REMOVED: Final = 6  # the last status of a robot
 
 Rows = list[list[int]]  # (tick, code, subject, value)
@@ -56,6 +60,14 @@ def parted(rows: Rows, acts: Acts) -> tuple[Rows, Rows]:
             # How long moves and waits take is told in between.
             lengths = [row for row in rows[at:] if row[1] == CHANGE_DURATION]
             return rows[:at] + lengths, [row for row in rows[at:] if row[1] != CHANGE_DURATION]
+    return rows, []
+
+
+def parted_visits(rows: Rows) -> tuple[Rows, Rows]:
+    """The changes of a tick before stops are done, at its very end, and those from then on."""
+    for at, row in enumerate(rows):
+        if row[1] == CHANGE_VISITED:
+            return rows[:at], rows[at:]
     return rows, []
 
 
@@ -83,11 +95,16 @@ class Loads:
         released = header["orders"]["release_tick"].tolist()
         self.state = [ORDER_UNRELEASED if tick else ORDER_WAITING for tick in released]
         self.work = Work(header)
+        self.visits = Visits(header, motion, report_violation)
+        self.touring: set[int] = set()  # robots with an order that has stops
+        self.status = [0] * len(motion.home)  # of each robot, as the rules of energy know it
         coming = sorted(range(len(released)), key=released.__getitem__, reverse=True)
         timed = [order for order in coming if released[order] and order not in self.work.ends]
         self._coming = [(released[order], order) for order in timed]
         arrivals = header["scenario"]["orders"].get("arrivals") or {}
         self._in_system: int = (arrivals.get("closed_loop") or {}).get("in_system", 0)
+        if revealed := header["scenario"]["orders"].get("revealed"):
+            self._in_system = max(1, int(revealed * len(motion.home) + 1e-9))
         if self._in_system:
             later = header["orders"]["release_sequence"].tolist()[self._in_system :]
             self._coming = [(0, order) for order in reversed(later)]
@@ -107,7 +124,7 @@ class Loads:
             if ends != (start, end):
                 report_violation("part", [], start, f"order {order} is not the way of its part")
         for order, slot in enumerate(self.place):
-            if self.dock[slot] or self.station[slot]:
+            if slot == NIL or self.dock[slot] or self.station[slot]:
                 continue
             if not kinds[slot].slot or self.endless[slot]:
                 report_violation(
@@ -124,8 +141,9 @@ class Loads:
             if self._in_system and self.undelivered - len(self._coming) >= self._in_system:
                 break
             self.state[self._coming.pop()[1]] = ORDER_WAITING
-        for order in self.work.begin(tick):
+        for order in (*self.work.begin(tick), *self.visits.announced):
             self.state[order] = ORDER_WAITING
+        self.visits.announced.clear()
 
     def leave(self, r: int, slot: int) -> None:
         """A robot that goes down leaves its load in a spare slot in its cell."""
@@ -180,6 +198,41 @@ class Loads:
                 )
         self._check_acts(did, {}, handled)
 
+    def visit(self, tick: int, rows: Rows) -> None:
+        """Carry out the stops that are done at the end of a tick; the recording has all of them."""
+        standing = {r for r in self.touring if self.visits.is_at_stop(r, self.order[r])}
+        visiting: set[int] = set()
+        for _, code, subject, value in rows:
+            if code == CHANGE_VISITED and self.exists(code, subject, value):
+                if subject in visiting:
+                    text = "does two stops in one tick"
+                    self.report_violation("visit", [subject], self.motion.cell[subject], text)
+                self._do_stop(tick, subject, value)
+                visiting.add(subject)
+            elif (
+                code == CHANGE_ORDER_RESERVED and value == NIL and self.exists(code, subject, value)
+            ):
+                self._reserve_order(subject, value)
+            else:
+                text = f"a change among stops: {code} {subject} {value}"
+                self.report_violation("record", [], NIL, text)
+        for r in sorted(standing - visiting):
+            text = f"stands at a stop of order {self.order[r]}, which is not recorded as done"
+            self.report_violation("visit", [r], self.motion.cell[r], text)
+
+    def _do_stop(self, tick: int, r: int, order: int) -> None:
+        if self.by[order] != r or self.order[r] != order:
+            text = f"does a stop of order {order} that it has not"
+            self.report_violation("visit", [r], self.motion.cell[r], text)
+        self.visits.visit(tick, r, order)
+        self.motion.parked[r] = False  # it may have stood there, and did nothing else
+        self.state[order] = ORDER_STARTED
+        if self.visits.is_over(order):
+            self.state[order] = ORDER_DELIVERED
+            self.undelivered -= 1
+            if self.visits.dealt_out:
+                self.visits.announce_next(r, order)
+
     def _change(self, tick: int, code: int, subject: int, value: int, did: dict[int, int]) -> None:
         if code == CHANGE_ORDER_RESERVED:
             self._reserve_order(subject, value)
@@ -213,6 +266,7 @@ class Loads:
             CHANGE_LOAD_LEFT: (robots, slots),
             CHANGE_STATUS: (robots, STATUS_REMOVED + 1),
             CHANGE_ZONE: (robots, 1 << 31),
+            CHANGE_VISITED: (robots, orders),
         }
         subjects, values = limits.get(code, (0, 0))
         least = NIL if code in (CHANGE_ORDER_RESERVED, CHANGE_SLOT_RESERVED, CHANGE_ZONE) else 0
@@ -247,16 +301,29 @@ class Loads:
             if had == NIL or self.state[order] in (ORDER_CARRIED, ORDER_UNRELEASED):
                 text = f"order {order} is given back, but is carried or was not reserved"
                 self.report_violation("order", [had] if had != NIL else [], NIL, text)
+            if self.state[order] == ORDER_STARTED:
+                if had != NIL and self.status[had] < STATUS_DEPLETED:
+                    text = f"order {order} is given back, but one of its stops is done"
+                    self.report_violation("order", [had], NIL, text)
+                self.state[order] = ORDER_WAITING
             if had != NIL and self.order[had] == order:
                 self.order[had] = NIL
+                self.touring.discard(had)
         else:
             if had != NIL or self.state[order] != ORDER_WAITING:
                 robots = [r] if had == NIL else [r, had]
                 text = f"order {order} is given out although it is not free"
                 self.report_violation("order", robots, NIL, text)
+            elif not self.visits.is_for(r, order):
+                self.report_violation("order", [r], NIL, f"gets order {order} of another robot")
             elif self.order[r] != NIL or self.load[r] != NIL:
                 self.report_violation("order", [r], NIL, f"gets order {order} beside another")
+            elif self.visits.belong_to(order) and self.weight[order] > self.motion.types.payload[r]:
+                text = f"gets order {order} of weight {self.weight[order]}, which it cannot carry"
+                self.report_violation("payload", [r], NIL, text)
             self.order[r] = order
+            if self.visits.belong_to(order):
+                self.touring.add(r)
         self.by[order] = r
 
     def _reserve_slot(self, slot: int, r: int) -> None:

@@ -32,7 +32,7 @@ from automaton.evidence.recording.contents import (
     Frame,
 )
 from automaton.evidence.verification.energy_rules import Energy, parted_faults
-from automaton.evidence.verification.load_rules import Loads, parted
+from automaton.evidence.verification.load_rules import Loads, parted, parted_visits
 from automaton.evidence.verification.motion_rules import Acts, Motion
 from automaton.evidence.verification.move_time_rules import NIL
 
@@ -57,6 +57,8 @@ RULE_TEXTS: Final = {
     "duration": "waits say how long they take",
     "energy": "batteries pay for what begins; robots that are down stand still until they are "
     "towed",
+    "visit": "a robot does the next stop of its order when it stands there at the end of a tick, one "
+    "in a tick",
     "record": "the recording agrees with itself",
 }
 ACTS: Final = (  # by code of recorded action
@@ -154,6 +156,7 @@ class Validator:
         self.motion = Motion(self.header, self._report_violation)
         self.loads = Loads(self.header, self.motion, self._report_violation)
         self.energy = Energy(self.header, self.motion, self._report_violation)
+        self.loads.status = self.energy.status
 
     def ticks(self, content: dict[str, Any]) -> None:
         """Replay the ticks of a frame."""
@@ -186,11 +189,13 @@ class Validator:
         self.motion.look(acts)
         placed = self.motion.open_bays(tick, acts) if leaves else set()
         self.energy.spend(tick, acts, rows, self.loads.load)
+        rows, stops = parted_visits(rows)
         before, after = parted(rows, acts)
         lengths = self.loads.apply(tick, before, acts)
         self.motion.execute(tick, acts, lengths, placed)
         self.loads.arrive(tick, after, acts)
         self.loads.check_parked(acts)
+        self.loads.visit(tick, stops)
         self.report.ticks = tick
 
     def _change_status(self, tick: int, rows: list[list[int]]) -> None:
@@ -236,6 +241,7 @@ class Validator:
                 "status": self._statuses(content),
             },
             "orders": {"state": loads.state, "current_slot": loads.place, "reserved_by": loads.by},
+            "stops": {"done": loads.visits.done},
             "stations": {"in_service": loads.work.first(), "completion_tick": loads.work.done},
             "slots": {
                 "content": loads.content,
@@ -310,6 +316,7 @@ class Validator:
             counts["parked"] += times * bool(did & ENTERED_PARKING_BAY)
             counts["pick"] += times * bool(did & PICKED_ON_ARRIVAL)
             counts["drop"] += times * bool(did & DROPPED_ON_ARRIVAL)
+        counts["visit"] = self.loads.visits.count if hasattr(self, "loads") else 0
         self.report.counts = {name: number for name, number in counts.items() if number}
         return self.report
 

@@ -1,16 +1,25 @@
 """An order's line in a picture, needed once it is not where it was at the start.
 
     order 7 delivered to (11, 4) in tick 123, picked up 3 times
+    order 8 under way; stops in ticks 12 31
 
 Which robot has an order stands in that robot's line; a carried order has a line only if it was set
-down on its way before.
+down on its way before. An order without a load has one as soon as a stop is done.
 """
 
 from __future__ import annotations
 
 import re
+from typing import NamedTuple
 
-from automaton.engine.state import NIL, ORDER_CARRIED, ORDER_DELIVERED, ORDER_WAITING, World
+from automaton.engine.state import (
+    NIL,
+    ORDER_CARRIED,
+    ORDER_DELIVERED,
+    ORDER_STARTED,
+    ORDER_WAITING,
+    World,
+)
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
 from automaton.runs.pictures.phrases import Facts, Phrase, Value, read_facts, write_facts
@@ -22,9 +31,14 @@ STATE_PHRASES = (
     Phrase("lies at {current_slot} as load {spare} for {target}", state=ORDER_WAITING),
     Phrase("waits on {current_slot} for {target}", state=ORDER_WAITING),
     Phrase("on its way to {target}", state=ORDER_CARRIED),
+    Phrase("done in tick {delivered}", state=ORDER_DELIVERED),
+    Phrase("waits again", state=ORDER_WAITING),
+    Phrase("under way", state=ORDER_STARTED),
 )
 PHRASE_GROUPS = (STATE_PHRASES, (Phrase("picked up {legs} time(s)"),))
-ORDER_LINE = re.compile(r"order (?P<number>\d+) (?P<facts>[^;]+)")
+ORDER_LINE = re.compile(
+    r"order (?P<number>\d+) (?P<facts>[^;]+)(?:; stops in ticks (?P<stops>[\d ]+))?"
+)
 
 
 def order_line(world: World, floor_plan: FloorPlan, order: int) -> str | None:
@@ -34,7 +48,10 @@ def order_line(world: World, floor_plan: FloorPlan, order: int) -> str | None:
         return None  # where it was at the start
     if facts["state"] == ORDER_CARRIED and facts["legs"] == 1:
         return None  # the robot's line says it
-    return f"order {order} {', '.join(write_facts(PHRASE_GROUPS, facts, default_facts(facts)))}"
+    line = f"order {order} {', '.join(write_facts(PHRASE_GROUPS, facts, default_facts(facts)))}"
+    first = int(world.orders.first_stop[order])
+    ticks = world.stops.done[first : first + int(world.orders.stops_done[order])].tolist()
+    return line + (f"; stops in ticks {' '.join(map(str, ticks))}" if ticks else "")
 
 
 def order_facts(world: World, floor_plan: FloorPlan, order: int) -> Facts:
@@ -60,12 +77,21 @@ def default_facts(facts: Facts) -> Facts:
     return numbers | {"current_slot": None, "target": None}
 
 
-def read_order(text: str) -> tuple[int, Facts]:
-    """Number and values that an order's line gives. Raises InputError."""
+class OrderLine(NamedTuple):
+    """What an order's line says."""
+
+    number: int
+    facts: Facts
+    stops: list[int]  # the ticks in which its stops were done
+
+
+def read_order(text: str) -> OrderLine:
+    """What an order's line gives. Raises InputError."""
     match = ORDER_LINE.fullmatch(text)
     if match is None:
         raise InputError(f"'{text}' is not a line about an order, such as order 7 waits on (3, 4)")
     facts = read_facts(PHRASE_GROUPS, match["facts"], f"order {match['number']}")
     if "state" not in facts:
         raise InputError(f"order {match['number']}: is it delivered, waiting, or on its way?")
-    return int(match["number"]), default_facts(facts) | facts
+    stops = [int(tick) for tick in (match["stops"] or "").split()]
+    return OrderLine(int(match["number"]), default_facts(facts) | facts, stops)

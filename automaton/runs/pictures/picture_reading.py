@@ -22,6 +22,7 @@ from automaton.engine.state import (
     CLOCK_ALLOCATION_REVISION,
     CLOCK_FINISHED,
     CLOCK_FRESH_ALLOCATION,
+    CLOCK_KNOWN_ORDERS,
     CLOCK_NEEDING_CHARGING,
     CLOCK_NEEDING_RIGHT_OF_WAY,
     CLOCK_NEEDING_ROUTE,
@@ -47,7 +48,7 @@ from automaton.engine.state import (
 )
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
-from automaton.runs.pictures.order_lines import read_order
+from automaton.runs.pictures.order_lines import OrderLine, read_order
 from automaton.runs.pictures.phrases import Facts, Pair, Value
 from automaton.runs.pictures.picture_writing import picture_of
 from automaton.runs.pictures.robot_lines import NEEDS, RobotLine, name_of, numbers_of, read_robot
@@ -71,7 +72,7 @@ class Said(NamedTuple):
     seen: int
     tickets: int
     robots: dict[int, RobotLine]  # by identity
-    orders: dict[int, Facts]
+    orders: dict[int, OrderLine]
 
 
 def world_from(text: str, resolved: Resolved) -> Simulation:
@@ -84,11 +85,16 @@ def world_from(text: str, resolved: Resolved) -> Simulation:
     said = read_lines(lines)
     simulation = Simulation(resolved, said.seed)
     world, floor_plan = simulation.world, resolved.floor_plan
+    if world.rules.assigned:
+        raise InputError(
+            "a picture does not show which orders are known where robots have their own"
+        )
     check_names(said, world)
     for identity, line in said.robots.items():
         set_robot(world, floor_plan, int(world.robots.at_index[identity]), line)
-    for order, facts in said.orders.items():
-        set_order(world, floor_plan, order, facts)
+    for order in said.orders.values():
+        set_order(world, floor_plan, order.number, order.facts)
+        set_stops(world, order)
     set_reservations(world)
     set_occupancy(world, resolved)
     set_clock(world, said, resolved)
@@ -108,8 +114,8 @@ def read_lines(lines: list[str]) -> Said:
         line = lines[number]
         try:
             if line.startswith("order "):
-                order, facts = read_order(line)
-                said.orders[order] = facts
+                order = read_order(line)
+                said.orders[order.number] = order
             elif line and not LEGEND.fullmatch(line):
                 robot = read_robot(line, said.tick)
                 said.robots[robot.identity] = robot
@@ -192,6 +198,16 @@ def set_order(world: World, floor_plan: FloorPlan, order: int, facts: Facts) -> 
     orders.current_slot[order] = slot
 
 
+def set_stops(world: World, line: OrderLine) -> None:
+    """Let the first stops of an order be done in the ticks of its line."""
+    orders = world.orders
+    first, end = orders.first_stop[line.number : line.number + 2].tolist()
+    if len(line.stops) > end - first:
+        raise InputError(f"{PLACE} has {len(line.stops)} stops of order {line.number}, too many")
+    world.stops.done[first : first + len(line.stops)] = line.stops
+    orders.stops_done[line.number] = len(line.stops)
+
+
 def set_reservations(world: World) -> None:
     """What follows from the robots and orders: who has an order, what a slot holds and awaits."""
     robots, orders, slots = world.robots, world.orders, world.slots
@@ -243,6 +259,7 @@ def set_clock(world: World, said: Said, resolved: Resolved) -> None:
     known = orders.release_tick <= said.tick
     orders.state[known & (orders.state == ORDER_UNRELEASED)] = ORDER_WAITING
     clock[CLOCK_NEXT_RELEASE] = np.count_nonzero(known)
+    clock[CLOCK_KNOWN_ORDERS] = len(known)
     clock[CLOCK_NEXT_FAULT] = np.count_nonzero(world.rules.faults[:, 0] <= said.tick)
     clock[CLOCK_TICKETS_ISSUED] = said.tickets
     clock[CLOCK_ROBOTS_DOWN] = np.count_nonzero(

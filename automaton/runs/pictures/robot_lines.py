@@ -19,6 +19,7 @@ from automaton.engine.state import (
     GOAL_NONE,
     GOAL_PARK,
     GOAL_PICK,
+    GOAL_STOP,
     LAYER_CHARGING,
     NEED_ALLOCATION,
     NEED_CHARGING,
@@ -86,6 +87,7 @@ TASK = (
     Phrase("carries {load} to {slot} via {goal_cell}", goal_type=GOAL_DROP),
     Phrase("carries {load}", goal_type=GOAL_NONE),
     Phrase("fetches {order} from {place} via {goal_cell}", goal_type=GOAL_PICK),
+    Phrase("does a stop of {order} at {goal_cell}", goal_type=GOAL_STOP),
     Phrase("goes home", goal_type=GOAL_PARK),
     Phrase("goes to {goal_cell} to charge up to {charge_target} %", goal_type=GOAL_CHARGE),
 )

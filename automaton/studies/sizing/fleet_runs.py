@@ -198,6 +198,8 @@ def for_any_fleet(resolved: Resolved) -> list[str]:
     settings = []
     if isinstance(resolved.scenario.fleet.start, tuple):
         settings.append("fleet.start=random")
+    if isinstance(resolved.scenario.fleet.heading, tuple):
+        settings.append("fleet.heading=null")
     if resolved.zoning.design is not None:
         settings.append("strategy.zoning.design=null")
     return settings

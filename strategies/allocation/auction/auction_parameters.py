@@ -9,6 +9,7 @@ from msgspec import Meta
 
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.schema import Scenario
+from strategies.allocation.load_parameters import refusal_of_own_orders, refusal_of_tours
 
 Tick = Annotated[int, Meta(ge=1, le=2_000_000_000)]
 Fraction = Annotated[float, Meta(ge=0, le=1)]
@@ -34,6 +35,10 @@ class ShortestJob(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
     idle: Annotated[
         Literal["park", "stay"], Meta(description="what robots without an order do")
     ] = "park"
+
+    def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
+        """The score of an order is the same rule for all robots."""
+        return refusal_of_own_orders(scenario)
 
 
 class Auctions(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -134,6 +139,8 @@ class Auctions(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         """The optimum is known for small fleets alone, and without charging."""
+        if refusal := refusal_of_tours(scenario):
+            return refusal
         robots = scenario.fleet.robots
         if scenario.information != "everything":
             return (

@@ -26,6 +26,7 @@ from automaton.engine.state import (
     GOAL_NONE,
     GOAL_PARK,
     GOAL_PICK,
+    GOAL_STOP,
     NIL,
 )
 from automaton.floor.dead_ends import dead_ends
@@ -135,7 +136,8 @@ def has_finished(view, state, i):
     if before == robots.goal_type[i] and cell == robots.goal_cell[i]:
         return False
     state.aim_type[i], state.aim_cell[i] = robots.goal_type[i], robots.goal_cell[i]
-    return (before == GOAL_PICK or before == GOAL_DROP) and robots.cell[i] == cell
+    was_visit = before == GOAL_PICK or before == GOAL_DROP or before == GOAL_STOP
+    return was_visit and robots.cell[i] == cell
 
 
 MAX_PRIORITY = 32_767

@@ -55,6 +55,8 @@ def plan_task(view, workspace, state, i):
         return
     state.task[i] = task
     state.step_count[i] = 0
+    if orders.source[order] == NIL:
+        return  # without a load: its stops are planned one by one
     robot_type, origin = view.robots.type[i], np.int64(orders.dispatched_from[order])
     access_cell = pickup_cell(view, robot_type, np.int64(orders.source[order]), origin)
     end = dropoff_cell(view, robot_type, np.int64(orders.target[order]), access_cell)

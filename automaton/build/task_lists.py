@@ -1,0 +1,128 @@
+"""Lists of tasks: how many orders they become, and which robot does them where they are dealt out.
+
+A list that repeats has no end, and a world has as many orders as its arrays: so many as the robots
+could at most do until the run ends. A robot does one stop in a tick at most, and between two cells it
+makes a move for each row and column at least.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from automaton.engine.state import NEVER, NIL, ORDER_UNRELEASED, ORDER_WAITING, Array
+from automaton.engine.state import Orders as OrderArrays
+from automaton.engine.stops import Stops
+from automaton.floor.floor_plan import FloorPlan
+from automaton.scenario.orders import Orders
+from automaton.scenario.robot_types import types_of
+from automaton.scenario.schema import Scenario
+
+MAX_ORDERS: Final = 10_000_000  # of a list that repeats: half a gigabyte
+
+
+def cells_of_tasks(orders: Orders, floor_plan: FloorPlan) -> tuple[Array, Array]:
+    """How many cells each task has, and the flat cells of them all, one task after another."""
+    tasks = orders.tasks
+    if tasks is None or isinstance(tasks, str):
+        raise ValueError("the file of tasks has not been read")
+    count = np.array([len(task) for task in tasks], np.int64)
+    x, y = np.array([cell for task in tasks for cell in task], np.int64).T
+    cells: Array = (y + 1) * (floor_plan.width + 2) + x + 1
+    return count, cells
+
+
+def order_count(scenario: Scenario, floor_plan: FloorPlan) -> int:
+    """Return how many orders the tours or tasks of a scenario are."""
+    orders = scenario.orders
+    if orders.tasks is None:
+        return orders.count or 0
+    if not orders.repeat:
+        return len(orders.tasks)
+    if orders.assign == "round-robin":
+        return _dealt_out(scenario, floor_plan)
+    return _from_a_pool(scenario, floor_plan)
+
+
+def _from_a_pool(scenario: Scenario, floor_plan: FloorPlan) -> int:
+    """Open tasks, and those before them that all robots together could have done.
+
+    What is done lies among the first of the list but for as many as are open: their work, at least,
+    must fit into the ticks of all robots.
+    """
+    robots, ticks = scenario.fleet.robots, scenario.stop.max_duration
+    in_system = scenario.orders.in_system(robots)
+    work = _ticks_within(scenario, floor_plan)
+    room = robots * ticks + in_system * int(work.max())
+    whole, rest = divmod(room, int(work.sum()))
+    done = whole * len(work) + int(np.searchsorted(np.cumsum(work), rest, side="right"))
+    return done + in_system
+
+
+def _dealt_out(scenario: Scenario, floor_plan: FloorPlan) -> int:
+    """As many tasks for each robot as the fastest of them could do, and one more."""
+    robots, ticks = scenario.fleet.robots, scenario.stop.max_duration
+    count, cells = cells_of_tasks(scenario.orders, floor_plan)
+    within = _ticks_within(scenario, floor_plan)
+    first = np.concatenate([[0], np.cumsum(count)])
+    begin, end = cells[first[:-1]], cells[first[1:] - 1]
+    spent = np.zeros(robots, np.int64)
+    here = np.full(robots, NIL)
+    idle = np.zeros(robots, np.int64)  # rounds in which a robot passed over its tasks
+    rounds = 0
+    while (spent <= ticks).any() and rounds * robots <= MAX_ORDERS:
+        task = (rounds * robots + np.arange(robots)) % len(count)
+        way = np.where(here == NIL, 0, _moves(here, begin[task], floor_plan))
+        took = np.maximum(way * _move_ticks(scenario), 1) + within[task] - 1
+        passed = scenario.orders.skip_reached & (way == 0)
+        spent += np.where(passed, 0, took)
+        here = np.where(passed & (here != NIL), here, end[task])
+        idle = np.where(passed, idle + 1, 0)
+        spent[idle > len(count)] = ticks + 1  # it will pass over all of them
+        rounds += 1
+    return (rounds + 1) * robots
+
+
+def _ticks_within(scenario: Scenario, floor_plan: FloorPlan) -> Array:
+    """(tasks,) int64: ticks from the one in which the first stop is done to the last one's, at least."""
+    count, cells = cells_of_tasks(scenario.orders, floor_plan)
+    moves = _moves(cells[:-1], cells[1:], floor_plan) * _move_ticks(scenario)
+    legs = np.concatenate([[1], np.maximum(moves, 1)])
+    first = np.cumsum(count) - count
+    legs[first] = 1
+    ticks: Array = np.add.reduceat(legs, first)
+    return ticks
+
+
+def _moves(here: Array, there: Array, floor_plan: FloorPlan) -> Array:
+    width = floor_plan.width + 2
+    moves: Array = np.abs(here // width - there // width) + np.abs(here % width - there % width)
+    return moves
+
+
+def _move_ticks(scenario: Scenario) -> int:
+    least: int = min(one.move_time_factor for one in types_of(scenario))
+    return scenario.durations.move * least
+
+
+def assign_in_turn(orders: OrderArrays, stops: Stops, homes: Array, skip_reached: bool) -> None:
+    """Show each robot its first task; the others are known when the one before them is done.
+
+    `homes`: (n,) where each robot begins. Modifies the state, the releases and their sequence.
+    """
+    robots = len(homes)
+    orders.state[:] = ORDER_UNRELEASED
+    orders.release_tick[:] = NEVER
+    orders.release_sequence[:] = NIL
+    shown = 0
+    for robot, home in enumerate(homes.tolist()):
+        order = robot
+        while skip_reached and order < len(orders.state):
+            if stops.cell[orders.first_stop[order]] != home:
+                break
+            order += robots
+        if order < len(orders.state):
+            orders.state[order], orders.release_tick[order] = ORDER_WAITING, 0
+            orders.release_sequence[shown] = order
+            shown += 1

@@ -1,0 +1,77 @@
+"""The rules of stops: a robot does the next one of its order when a tick leaves it standing there.
+
+One stop by a robot in a tick; what is recorded must be all of them, and no others. Positions are those
+of the validator's own replay.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from automaton.evidence.verification.motion_rules import Complaint, Motion
+
+NIL: Final = -1
+
+
+class Visits:
+    """The stops of all orders, and which of them are done."""
+
+    def __init__(self, header: dict[str, Any], motion: Motion, report_violation: Complaint) -> None:
+        self.motion = motion
+        self.report_violation = report_violation
+        stops = header.get("stops")
+        self.cell: list[int] = [] if stops is None else stops["cell"].tolist()
+        orders = len(header["orders"]["source"])
+        first = header["orders"].get("first_stop")
+        self.first: list[int] = [0] * (orders + 1) if first is None else first.tolist()
+        self.next: list[int] = self.first[:-1]  # stop that each order needs next
+        self.done = [NIL] * len(self.cell)  # tick of each stop
+        scenario_orders = header["scenario"]["orders"]
+        self.dealt_out: bool = scenario_orders.get("assign") == "round-robin"
+        self.skips: bool = scenario_orders.get("skip_reached", False)
+        self.announced: list[int] = []  # orders that are known from the next tick on
+        self.count = 0
+
+    def belong_to(self, order: int) -> bool:
+        """Whether an order is one without a load."""
+        return self.first[order] < self.first[order + 1]
+
+    def has_begun(self, order: int) -> bool:
+        """Whether a stop of an order is done."""
+        return self.next[order] > self.first[order]
+
+    def is_over(self, order: int) -> bool:
+        """Whether all stops of an order are done."""
+        return self.next[order] >= self.first[order + 1]
+
+    def is_at_stop(self, r: int, order: int) -> bool:
+        """Whether a robot stands in the next stop of an order; one in a long move does not."""
+        if order == NIL or not self.belong_to(order) or self.is_over(order):
+            return False
+        cell = self.motion.cell[r]
+        entering = self.motion.claim.get(r, (cell, 0))[0]
+        return self.cell[self.next[order]] == cell == entering
+
+    def is_for(self, r: int, order: int) -> bool:
+        """Whether a robot may have an order; where orders are dealt out, each has its robot."""
+        return not self.dealt_out or order % len(self.motion.home) == r
+
+    def announce_next(self, r: int, order: int) -> None:
+        """A robot has done its order; its next one is not one at whose first stop it stands."""
+        robots = len(self.motion.home)
+        for following in range(order + robots, len(self.next), robots):
+            first = self.cell[self.first[following]]
+            if not (self.skips and first == self.motion.cell[r]):
+                self.announced.append(following)
+                return
+
+    def visit(self, tick: int, r: int, order: int) -> None:
+        """A stop of an order is said to be done."""
+        if not self.is_at_stop(r, order):
+            text = f"does a stop of order {order} without standing there"
+            self.report_violation("visit", [r], self.motion.cell[r], text)
+            if not self.belong_to(order) or self.is_over(order):
+                return
+        self.done[self.next[order]] = tick
+        self.next[order] += 1
+        self.count += 1

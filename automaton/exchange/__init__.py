@@ -1,0 +1,1 @@
+"""Files of other programs: problems that become scenarios, and outputs that are checked."""

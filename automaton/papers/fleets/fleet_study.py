@@ -1,0 +1,245 @@
+"""Tasks that large fleets finish on grids of 32 x 32 cells: pibt and epibt beside printed results.
+
+A. Yukhnevich, A. Andreychuk: Enhancing PIBT via Multi-Action Operations, AAAI-26. The project ships no
+problem of others: `--data FOLDER` reads those of the authors and of the League of Robot Runners where
+they lie, in FOLDER or in a folder of it. Without, floors of the same sizes are generated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Final
+
+from automaton.build.resolve import Resolved, resolve
+from automaton.errors import InputError
+from automaton.exchange.bare_maps import random_problem
+from automaton.exchange.imported_scenario import imported_files
+from automaton.exchange.moving_ai import GridMap
+from automaton.exchange.problem import Problem
+from automaton.exchange.problem_folder import MAP, fleets_of, read_problem_folder
+from automaton.exchange.robot_runners import read_league_problem
+from automaton.papers.claims import Claim, Figure, above, claim, mean_of
+from automaton.papers.reproduction_study import Case, Cases, Key, Reproduction, Runner, Table
+from automaton.runs.process_pool import OnDone, Result, run_all
+from automaton.strategy import lookup
+from layouts.random_floor import RandomFloor
+
+EPIBT: Final = "epibt"
+PIBT: Final = "pibt"
+STRATEGIES: Final = (EPIBT, PIBT)
+TICKS: Final = 1000
+
+# Tasks in 1,000 ticks by robots, EPIBT with operations of three actions.
+PRINTED: Final = {
+    100: 2788,
+    200: 3823,
+    300: 3655,
+    400: 3349,
+    500: 3379,
+    600: 2632,
+    700: 2416,
+    800: 1658,
+}
+BEST_KNOWN: Final = {"random_32_32_20_100": 1186}  # with 32 cores and a second for each tick
+LEAGUE_TICKS: Final = {"random_32_32_20_100": 500}
+
+GENERATED: Final = "generated"
+GENERATED_ROBOTS: Final = (100, 200, 400, 800)
+SIDE: Final = 32  # cells
+BLOCKED_SHARE: Final = 0.2
+
+WHERE: Final = (
+    "The problems are those of others and not part of the project: the authors of EPIBT publish theirs "
+    "on GitHub (user Straple), the League of Robot Runners in the examples of its start kit of 2024 "
+    "(github.com/MAPF-Competition/Start-Kit). `automaton reproduce fleets --data FOLDER` reads them."
+)
+
+MAP_KEY: Final = b'"mapFile"'  # what problems of the league have, and outputs do not
+
+ProblemOf = Callable[[Key], Problem]
+
+
+def tasks_in(problem_of: ProblemOf) -> Runner:
+    """A table's runner: the tasks that each case finishes; a case is strategy, problem and robots."""
+
+    def run(
+        cases: Sequence[Case],
+        seeds: Sequence[int],
+        workers: int | None = None,
+        on_done: OnDone | None = None,
+    ) -> list[list[Result]]:
+        with TemporaryDirectory() as folder:
+            scenarios = [scenario_of(case, problem_of(case.key), Path(folder)) for case in cases]
+        results = run_all(scenarios, seeds, workers, on_done)
+        return [[with_tasks(result) for result in batch] for batch in results]
+
+    return run
+
+
+def scenario_of(case: Case, problem: Problem, folder: Path) -> Resolved:
+    """The scenario of a case, by way of the files that `automaton import` would write."""
+    ticks = LEAGUE_TICKS.get(problem.name, TICKS)
+    for name, text in imported_files(problem, "floor", ticks).items():
+        (folder / name).write_text(text, encoding="utf-8")
+    return resolve(folder / "floor.yaml", (f"strategy.right_of_way={case.labels['strategy']}",))
+
+
+def with_tasks(result: Result) -> Result:
+    """The result of a run with the number of finished tasks alone."""
+    return result._replace(metrics={"tasks": result.metrics["delivered"]})
+
+
+def crossed_with(problems: Sequence[tuple[str, int]]) -> Cases:
+    """Cases for each strategy with each problem, by name and robots."""
+
+    def cases(strategies: Sequence[str]) -> list[Case]:
+        for strategy in strategies:
+            try:
+                lookup.parameters_type("right_of_way", strategy)
+            except InputError as error:
+                raise InputError(f"--strategies: {error}") from error
+        return [
+            Case({"strategy": strategy, "problem": name, "robots": robots})
+            for strategy in strategies
+            for name, robots in problems
+        ]
+
+    return cases
+
+
+def generated_map() -> GridMap:
+    """The map of the generator `random`: 32 x 32 cells, a fifth of them blocked."""
+    floor_plan = RandomFloor(columns=SIDE, rows=SIDE, obstacles=BLOCKED_SHARE).build()
+    return GridMap(GENERATED, floor_plan.drivable[1:-1, 1:-1])
+
+
+@lru_cache(maxsize=8)
+def generated_problem(robots: int) -> Problem:
+    """Random starts and tasks on the generated map."""
+    return random_problem(GENERATED, generated_map(), robots)
+
+
+def printed(key: Key, metric: str) -> float | None:
+    """What EPIBT's authors print; they ran no other strategy."""
+    strategy, _, robots = key
+    return PRINTED.get(int(robots)) if strategy == EPIBT else None
+
+
+def best_known(key: Key, metric: str) -> float | None:
+    """The best result of the league that is known, with whatever strategy."""
+    return BEST_KNOWN.get(str(key[1]))
+
+
+def table_of(title: str, problems: Mapping[tuple[str, int], ProblemOf], **others: object) -> Table:
+    """A table of the tasks that strategies finish on problems."""
+    return Table(
+        title=title,
+        cases=crossed_with(list(problems)),
+        panels=(("tasks",),),
+        run=tasks_in(lambda key: problems[str(key[1]), int(key[2])](key)),
+        **others,  # type: ignore[arg-type]
+    )
+
+
+def more_tasks(name: str, fleets: Sequence[int]) -> Claim:
+    """The publication's claim, for the fleets of a problem."""
+    return claim(
+        "Operations of several actions finish more tasks than single steps",
+        *(
+            above(
+                f"tasks of epibt beyond pibt, N = {robots}",
+                mean_of("tasks", EPIBT, name, robots) - mean_of("tasks", PIBT, name, robots),
+            )
+            for robots in fleets
+        ),
+    )
+
+
+def as_printed(name: str, fleets: Sequence[int]) -> Claim:
+    """The printed numbers come out again."""
+    return claim(
+        "EPIBT finishes as many tasks as its authors print",
+        *(
+            Figure(
+                f"tasks / printed, N = {robots}",
+                mean_of("tasks", EPIBT, name, robots) / PRINTED[robots],
+                at_least=0.97,
+                at_most=1.03,
+                digits=3,
+                certain=True,  # EPIBT draws nothing
+                why="a bound of ours",
+            )
+            for robots in fleets
+            if robots in PRINTED
+        ),
+    )
+
+
+def from_data(folder: Path) -> Reproduction:
+    """The reproduction with the problems of a folder, and of the folders in it. Raises InputError."""
+    if not folder.is_dir():
+        raise InputError("is not a folder", str(folder))
+    places = [folder, *sorted(path for path in folder.iterdir() if path.is_dir())]
+    tables: list[Table] = []
+    claims: list[Claim] = []
+    for place in places:
+        if (place / MAP).is_file():
+            fleets = fleets_of(place)
+            problems = {(place.name, robots): fleet_reader(place) for robots in fleets}
+            claims += [as_printed(place.name, fleets), more_tasks(place.name, fleets)]
+            title = f"{place.name}: tasks in {TICKS:,} ticks, dealt out in turn"
+            tables.append(table_of(title, problems, published=printed, name=place.name))
+        files = [path for path in sorted(place.glob("*.json")) if MAP_KEY in path.read_bytes()]
+        league = [read_league_problem(path) for path in files]
+        if league:
+            pool = {(one.name, one.robots): (lambda _, one=one: one) for one in league}
+            title = "Problems of the League of Robot Runners: tasks from a pool"
+            tables.append(table_of(title, pool, published=best_known, name="league"))
+    if not tables:
+        raise InputError("holds no problem: neither map.txt nor a problem's .json", str(folder))
+    return replace(REPRODUCTION, tables=tuple(tables), claims=tuple(claims), remarks=REMARKS[1:])
+
+
+def fleet_reader(folder: Path) -> ProblemOf:
+    """Reads the problem of a folder for the robots of a case."""
+    return lambda key: _read(folder, int(key[2]))
+
+
+@lru_cache(maxsize=8)
+def _read(folder: Path, robots: int) -> Problem:
+    return read_problem_folder(folder, robots)
+
+
+REMARKS: Final = (
+    f"The floors are generated: nothing printed can stand beside them. {WHERE}",
+    "The printed numbers are the authors' own, by their code and with its order of robots and of "
+    "operations; a robot that begins on the cell of its task passes over it.",
+    "The best known result of the league took 32 cores and up to a second for each tick.",
+)
+
+REPRODUCTION: Final = Reproduction(
+    name="fleets",
+    title="Large fleets on grids of 32 x 32 cells, one robot in a cell",
+    source="Yukhnevich & Andreychuk, Enhancing PIBT via Multi-Action Operations, AAAI-26; the League of "
+    "Robot Runners 2024",
+    strategies=STRATEGIES,
+    tables=(
+        table_of(
+            f"Generated floors of the published sizes: tasks in {TICKS:,} ticks, from a pool",
+            {
+                (GENERATED, robots): lambda key: generated_problem(int(key[2]))
+                for robots in GENERATED_ROBOTS
+            },
+        ),
+    ),
+    averaged=("tasks",),
+    seeds=3,
+    claims=(more_tasks(GENERATED, GENERATED_ROBOTS),),
+    remarks=REMARKS,
+    remarks_title="Where the problems come from",
+    from_data=from_data,
+)

@@ -1,0 +1,1 @@
+"""Cheapest pair first: of all free robots and open orders the two that are nearest to each other."""

@@ -1,0 +1,143 @@
+"""Cheapest pair first: the robot and the order that are nearest to each other, then those of the others.
+
+Exact ticks on the empty floor count, from where the robot is free to drive on to where the order
+begins. Orders without a load that are not begun may be given to other robots again: every `reassign`
+ticks all robots and orders that are not under way are matched again, and a robot keeps its order unless
+a cheaper pair parts them. A load that was picked up goes to its own target.
+"""
+
+import numpy as np
+
+from automaton.engine.jit.fields import field
+from automaton.engine.jit.structs import Struct
+from automaton.engine.state import (
+    ACTION_MOVE,
+    ACTION_TURN,
+    CLOCK_TICK,
+    CMD_PARK,
+    LAYER_ALLOCATION,
+    NIL,
+    REASON_PERIODIC,
+    REASON_PICKED,
+)
+from automaton.strategy.kernels import kernel
+from automaton.strategy.layer import Strategy
+from strategies.allocation.greedy.candidates import (
+    Marks,
+    OpenOrders,
+    Seekers,
+    clear_candidates,
+    collect_seekers,
+    mark_orders,
+    update_open_orders,
+    weigh_rest,
+)
+from strategies.allocation.greedy.greedy_parameters import GreedyParameters
+from strategies.allocation.greedy.matching import Pairs, match
+from strategies.allocation.greedy.nearest import Search
+from strategies.allocation.greedy.pair_heap import PairHeap
+from strategies.allocation.independent import deliver, take_order
+
+
+class GreedyState(Struct):
+    """Parameters, the open orders, and room for matching."""
+
+    rest: int = field("int64", "weight of what follows on a first stop, in thousandths")
+    active: int = field("int64", "robots that may have an order at once; NIL: all")
+    parks: int = field("int64", "1: robots without an order drive home")
+    open_orders: OpenOrders
+    marks: Marks
+    seekers: Seekers
+    search: Search
+    heap: PairHeap
+    pairs: Pairs
+
+
+@kernel
+def decide(view, batch, decisions, memory, workspace):
+    out, state = decisions.allocation, GreedyState.of(memory)
+    period = view.rules.period[LAYER_ALLOCATION]
+    again = period > 0 and view.clock[CLOCK_TICK] % period == 0
+    collect_seekers(view, batch, state.seekers, again)
+    if state.seekers.count[0] > 0:
+        first = update_open_orders(view, state.open_orders)
+        if state.rest > 0:
+            weigh_rest(view, workspace, state.open_orders, first, state.rest)
+        mark_orders(view, out, state.open_orders, state.marks, state.seekers)
+        match(view, workspace.stop, state, robots_allowed(view, state))
+    for k in range(batch.count[0]):
+        i = np.int64(batch.robot[k])
+        if batch.reason[k] == REASON_PICKED:
+            deliver(view, out, k, i)
+    for k in range(state.seekers.count[0]):
+        enter_decision(view, out, state, batch, np.int64(state.seekers.robot[k]))
+    clear_candidates(state.marks, state.seekers)
+
+
+@kernel
+def robots_allowed(view, state):
+    """How many robots that have no order may get one; NIL: all."""
+    if state.active == NIL:
+        return np.int64(NIL)
+    have = 0
+    for i in range(view.robots.order.shape[0]):
+        have += view.robots.order[i] != NIL
+    return max(np.int64(state.active) - have, np.int64(0))
+
+
+@kernel
+def enter_decision(view, out, state, batch, i):
+    """What robot i, which seeks, does: its new order, or nothing."""
+    k, place = np.int64(state.seekers.entry[i]), np.int64(state.pairs.place[i])
+    if place != NIL:
+        order = np.int64(state.open_orders.order[place])
+        if order != view.robots.order[i]:
+            take_order(view, out, k, i, order)
+    elif view.robots.order[i] == NIL and state.parks and state.active == NIL:
+        if batch.reason[k] != REASON_PERIODIC:
+            out.command[k] = CMD_PARK
+
+
+class Greedy(Strategy):
+    """The cheapest pair of a free robot and an open order first; `reassign` parts pairs again."""
+
+    layer = "allocation"
+    Parameters = GreedyParameters
+    compiled = decide
+
+    def __init__(self, parameters=None):
+        super().__init__(parameters)
+        self.period = self.parameters.reassign or 0
+
+    def reset(self, view):
+        parameters, robots = self.parameters, len(view.robots.cell)
+        cells, headings = len(view.grid.kind), int(view.grid.headings)
+        places = most_open_orders(view)
+        with_loads = bool((view.orders.source != NIL).any())
+        poses = cells * headings
+        steps = view.rules.duration[:, [ACTION_MOVE, ACTION_TURN]]
+        sizes = {"p": places, "C": cells, "P": poses, "robots": robots}
+        sizes |= {"k": 4 * places if with_loads else places, "h": robots, "E": 4 * poses + 8}
+        sizes |= {
+            "w": len(view.orders.state) if parameters.rest else 0,
+            "power of two": 1 << int(steps.max()).bit_length(),
+        }
+        return GreedyState(
+            rest=round(1000 * parameters.rest),
+            active=NIL if parameters.active is None else parameters.active,
+            parks=int(parameters.idle == "park"),
+            open_orders=OpenOrders.sized(sizes),
+            marks=Marks.sized(sizes),
+            seekers=Seekers.sized(sizes),
+            search=Search.sized(sizes),
+            heap=PairHeap.sized(sizes),
+            pairs=Pairs.sized(sizes),
+        )
+
+
+def most_open_orders(view):
+    """How many orders can be known and not done at once."""
+    if view.rules.in_system:
+        return int(view.rules.in_system)
+    orders = len(view.orders.state)
+    return min(orders, len(view.robots.cell)) if view.rules.assigned else orders

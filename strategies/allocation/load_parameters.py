@@ -1,0 +1,39 @@
+"""The parameters of allocations that do not know all kinds of orders. Imports no Numba."""
+
+from __future__ import annotations
+
+import msgspec
+
+from automaton.floor.floor_plan import FloorPlan
+from automaton.scenario.orders import has_tours
+from automaton.scenario.schema import Scenario
+
+
+def refusal_of_tours(scenario: Scenario) -> str | None:
+    """Return why an allocation that prices loads alone does not fit, None if it does."""
+    if not has_tours(scenario.orders):
+        return None
+    return "it knows only orders with a load, and some have stops; greedy and first-come do those"
+
+
+def refusal_of_own_orders(scenario: Scenario) -> str | None:
+    """Return why an allocation that gives any order to any robot does not fit, None if it does."""
+    if scenario.orders.assign != "round-robin":
+        return None
+    return "it gives any order to any robot, and orders.assign is round-robin; greedy does that"
+
+
+class AnyRobot(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """No parameters; but robots must not have orders of their own."""
+
+    def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
+        """One cursor goes over the orders for all robots of a type."""
+        return refusal_of_own_orders(scenario)
+
+
+class LoadsAlone(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """No parameters; but every order must have a load."""
+
+    def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
+        """Orders without a load lie nowhere, and are brought nowhere."""
+        return refusal_of_tours(scenario)

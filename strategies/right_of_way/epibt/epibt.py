@@ -62,8 +62,10 @@ def repair_plans(view, state, count):
     seed, tick = view.rules.seed, view.clock[CLOCK_TICK]
     for number in range(count * state.repair_tries):
         place = random_between(0, count - 1, seed, STREAM_REPAIRS, tick, number)
-        state.stamp[0] += 1
-        build(state, np.int64(state.steered[place]), True)
+        i = np.int64(state.steered[place])
+        if state.sequence_key[i] != LAST_KEY:
+            state.stamp[0] += 1
+            build(state, i, True)
 
 
 @kernel

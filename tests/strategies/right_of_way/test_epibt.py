@@ -173,6 +173,15 @@ def test_repairs_are_counted_and_so_repeatable(tmp_path: Path) -> None:
 OPEN = "\n".join(["tttttttt"] * 8)
 
 
+@pytest.mark.parametrize("tries", [0, 1])
+def test_robots_without_work_stay_where_they_are(tmp_path: Path, tries: int) -> None:
+    """One visit among three robots on an open floor: two of them never move."""
+    overrides = (epibt(repair_tries=tries), "orders={generator: visits, count: 1}")
+    run = run_to_end(crowd(*overrides, folder=tmp_path, robots=3, ticks=40, picture=OPEN))
+    assert visits(run) == 1
+    assert np.count_nonzero(run.world.tally.operations[:, ACTION_MOVE].sum(axis=1)) == 1
+
+
 def test_the_lattice_leads_along_its_streets(tmp_path: Path) -> None:
     """More of the moves on guided floors go the way of their rows and columns."""
     along = []

@@ -19,7 +19,7 @@ from automaton.engine.batches import (
     clear_decisions,
 )
 from automaton.engine.charging_commit import commit_charging
-from automaton.engine.commit import commit_allocation, commit_right_of_way, commit_routing
+from automaton.engine.commit import commit_allocation, commit_routing
 from automaton.engine.decision_stream import keep_decisions, max_words
 from automaton.engine.digest import digest_world
 from automaton.engine.drive import apply_move_outcomes, drive, halt_robots, leave_parking_bays
@@ -33,6 +33,7 @@ from automaton.engine.observation import COUNT_CURVE_ROWS, COUNT_EVENTS
 from automaton.engine.observe import observe
 from automaton.engine.record_changes import MAX_CHANGES
 from automaton.engine.releases import release_orders
+from automaton.engine.right_of_way_commit import commit_right_of_way
 from automaton.engine.slow_zones import count_robots, set_move_ticks
 from automaton.engine.state import (
     CLOCK_CHANGE_ROWS,

@@ -1,0 +1,168 @@
+"""How decisions of right of way enter the world: steps, waits, retreats, and where robots are steered."""
+
+import numpy as np
+
+from automaton.engine.drive import replan
+from automaton.engine.facilities import MAY_TURN
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.operations import begin, count_lost_tick, refuse
+from automaton.engine.record_changes import record_change
+from automaton.engine.record_codes import CHANGE_DURATION, EXECUTED_RETREAT, EXECUTED_WAIT
+from automaton.engine.requests import (
+    clear_right_of_way,
+    clear_route_request,
+    drop_route,
+    request_allocation,
+    request_right_of_way,
+    set_goal,
+)
+from automaton.engine.state import (
+    ACTION_RETREAT,
+    ACTION_WAIT,
+    CLOCK_UNPARKED,
+    CMD_GO,
+    CMD_HOLD,
+    CMD_RETREAT,
+    CMD_STEP,
+    CMD_WAIT,
+    GOAL_CHARGE,
+    GOAL_NONE,
+    GOAL_PARK,
+    HOLD,
+    KEEP,
+    LAYER_RIGHT_OF_WAY,
+    NIL,
+    NO_STEP,
+    REASON_ORDER_RETURNED,
+    RETRY_EXHAUSTED,
+    RETRY_NONE,
+)
+from automaton.engine.visits import (
+    has_started,
+    return_order,
+)
+
+MAX_COMMAND_TICKS = 10_000  # of one wait or retreat
+
+
+@kernel
+def commit_right_of_way(world, record, batch, decisions):
+    robots = world.robots
+    out = decisions.right_of_way
+    for k in range(batch.count[0]):
+        i = np.int64(batch.robot[k])
+        command, value = out.command[k], np.int64(out.value[k])
+        if world.rules.steered[0]:
+            robots.step[i] = NO_STEP
+        if out.priority[k] != KEEP:
+            if -32768 <= out.priority[k] <= 32767:
+                robots.priority[i] = out.priority[k]
+            else:
+                world.tally.illegal[LAYER_RIGHT_OF_WAY] += 1
+        if command == KEEP:
+            if robots.retry_state[i] == RETRY_EXHAUSTED:
+                robots.retry_state[i] = RETRY_NONE
+                clear_right_of_way(world, i)
+        elif world.rules.steered[0]:
+            commit_steering(world, record, i, command, value)
+        elif robots.parked[i] and command != CMD_STEP:
+            refuse(world, LAYER_RIGHT_OF_WAY, i)
+        elif command == CMD_STEP and robots.cell[i] != NIL:
+            step(world, i, value)
+        elif command == CMD_WAIT and 1 <= value <= MAX_COMMAND_TICKS:
+            pause(world, record, i, value)
+        elif command == CMD_RETREAT and 1 <= value <= MAX_COMMAND_TICKS:
+            retreat(world, record, i, value, out.return_order[k])
+        else:
+            refuse(world, LAYER_RIGHT_OF_WAY, i)
+
+
+@kernel
+def commit_steering(world, record, i, command, value):
+    """What a right of way that steers may ask of robot i, in its parking bay or on the floor."""
+    robots = world.robots
+    in_bay = robots.cell[i] == NIL
+    waits_in_bay = in_bay and robots.goal_type[i] != GOAL_NONE and robots.goal_type[i] != GOAL_PARK
+    if command == CMD_GO and waits_in_bay and 0 <= value < 4:
+        robots.step[i] = value  # out of its parking bay, wherever it goes then
+    elif command == CMD_GO and may_step(world, i, value):
+        robots.step[i] = value
+        if robots.parked[i]:
+            robots.parked[i] = 0
+            world.clock[CLOCK_UNPARKED] += 1
+            if robots.goal_type[i] == GOAL_NONE:  # pushed from its place: it comes back by itself
+                set_goal(world, i, GOAL_PARK, np.int64(robots.home[i]))
+    elif command == CMD_HOLD and -1 <= value < 4:
+        if waits_in_bay or robots.parked[i] == 0:
+            robots.step[i] = HOLD | (NO_STEP if value == NIL else value)
+    elif command == CMD_WAIT and 1 <= value <= MAX_COMMAND_TICKS and robots.parked[i] == 0:
+        pause(world, record, i, value)
+    else:
+        refuse(world, LAYER_RIGHT_OF_WAY, i)
+
+
+@kernel
+def may_step(world, i, direction):
+    """Whether robot i, on the floor, may move in a direction, or turn towards it."""
+    robots = world.robots
+    if robots.cell[i] == NIL or direction < 0 or direction > 3:
+        return False
+    flags = np.int64(world.grid.type_cell_flags[robots.type[i], robots.cell[i]])
+    turns = direction & (world.grid.headings - 1) != robots.heading[i]
+    return (flags >> direction) & 1 == 1 and (not turns or flags & MAY_TURN != 0)
+
+
+@kernel
+def step(world, i, direction):
+    """One move, or the turn before it, now; outside a retreat the route is planned again after it.
+
+    A robot that is parked on the floor leaves its place.
+    """
+    robots = world.robots
+    if not may_step(world, i, direction):
+        refuse(world, LAYER_RIGHT_OF_WAY, i)
+        return
+    if robots.retreat_moves[i] == 0:
+        drop_route(robots, i)
+        robots.retry_state[i] = RETRY_NONE
+        clear_right_of_way(world, i)
+    if robots.parked[i]:
+        robots.parked[i] = 0
+        world.clock[CLOCK_UNPARKED] += 1
+    robots.step[i] = direction
+
+
+@kernel
+def pause(world, record, i, ticks):
+    """Wait; during a retreat this gives it up, and the plan is made again around the robots."""
+    robots = world.robots
+    begin(world, i, ACTION_WAIT, ticks)
+    robots.executed[i] = EXECUTED_WAIT
+    record_change(world.clock, record, CHANGE_DURATION, robots.identity[i], ticks)
+    clear_right_of_way(world, i)
+    robots.retry_state[i] = RETRY_NONE
+    if robots.retreat_moves[i]:
+        robots.retreat_moves[i] = 0
+        replan(world, i)
+
+
+@kernel
+def retreat(world, record, i, moves, returns):
+    """Begin a retreat; the tick of the decision executes nothing."""
+    robots = world.robots
+    count_lost_tick(world, i, ACTION_RETREAT)
+    robots.busy[i] = 1
+    robots.executed[i] = EXECUTED_RETREAT
+    robots.retreat_moves[i] = moves
+    robots.failed_retries[i] = 0
+    robots.retry_state[i] = RETRY_NONE
+    drop_route(robots, i)
+    request_right_of_way(world, i)
+    may_return = robots.load[i] == NIL and not has_started(world, i)
+    if returns and may_return and robots.goal_type[i] != GOAL_CHARGE:
+        if robots.order[i] != NIL:
+            return_order(world, record, i)
+        robots.goal_type[i] = GOAL_NONE
+        robots.goal_cell[i] = NIL
+        clear_route_request(world, i)
+        request_allocation(world, i, REASON_ORDER_RETURNED)

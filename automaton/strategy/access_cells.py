@@ -45,6 +45,12 @@ def pickup_cell(view, robot_type, slot, origin):
 
 
 @kernel
+def cell_beside(view, slot, direction):
+    """The neighbour of a slot in a direction, of those from which any robots serve it, or NIL."""
+    return np.int64(view.slots.access[slot, direction])
+
+
+@kernel
 def begin_cell(view, robot_type, order, origin):
     """The cell where robots of a type that come from `origin` begin an order that waits, or NIL.
 

@@ -46,6 +46,7 @@ from automaton.strategy.access_cells import (
     begin_cell,
     can_bring,
     can_do,
+    cell_beside,
     dropoff_cell,
     pickup_cell,
 )
@@ -63,6 +64,7 @@ __all__ = [
     "begin_search",
     "can_bring",
     "can_do",
+    "cell_beside",
     "charging_ticks",
     "copy_segment",
     "cost_at",

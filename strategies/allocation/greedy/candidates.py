@@ -18,6 +18,7 @@ from automaton.engine.state import (
 )
 from automaton.strategy.kernels import (
     UNREACHABLE,
+    cell_beside,
     distance,
     first_cell,
     has_stops,
@@ -180,8 +181,9 @@ def mark_load(view, marks, order, place):
     slot = np.int64(view.orders.current_slot[order])
     if view.rules.nearest_access:
         for direction in range(4):
-            if view.slots.access[slot, direction] != NIL:
-                mark(marks, np.int64(view.slots.access[slot, direction]), place)
+            cell = cell_beside(view, slot, direction)
+            if cell != NIL:
+                mark(marks, cell, place)
         return
     for robot_type in range(view.slots.reachable.shape[0]):
         cell = pickup_cell(view, robot_type, slot, NIL)

@@ -15,7 +15,14 @@ from automaton.engine.facilities import MAY_TURN
 from automaton.engine.jit.fields import SCRATCH, field
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import ACTION_MOVE, ACTION_TURN, NIL, Array
-from automaton.strategy.kernels import can_do, has_stops, kernel, next_stop_cell, pickup_cell
+from automaton.strategy.kernels import (
+    can_do,
+    cell_beside,
+    has_stops,
+    kernel,
+    next_stop_cell,
+    pickup_cell,
+)
 from strategies.allocation.greedy.candidates import TICK, rest_of
 
 U = np.uint64  # unsigned where it indexes: saves the test for a negative index
@@ -189,7 +196,7 @@ def reach_begin(view, search, robot_type, order):
         if has_stops(view.orders, order):
             cell = next_stop_cell(view, order)
         elif view.rules.nearest_access:
-            cell = np.int64(view.slots.access[view.orders.current_slot[order], direction])
+            cell = cell_beside(view, np.int64(view.orders.current_slot[order]), direction)
         else:
             slot = np.int64(view.orders.current_slot[order])
             cell = pickup_cell(view, robot_type, slot, NIL)

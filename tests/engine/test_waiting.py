@@ -25,6 +25,7 @@ from automaton.engine.observation import (
 from automaton.engine.robot_status import BATTERY_FULL
 from automaton.engine.state import (
     CLOCK_HALTED_UNTIL,
+    CMD_HOLD,
     CMD_RETREAT,
     CMD_STEP,
     CMD_WAIT,
@@ -250,6 +251,24 @@ def test_redesign() -> None:
         run.observation.cause[i] == CAUSE_NOT_WAITING
         and run.observation.lost[i, CAUSE_REDESIGN] == 10
     )
+
+
+class HoldsBack(Strategy):
+    """Lets robots stay, though they would like to go east."""
+
+    layer = "right_of_way"
+    steers = True
+    period = 1
+
+    def decide(self, view, batch, decisions, memory, workspace):
+        out, count = decisions.right_of_way, batch.count[0]
+        out.command[:count], out.value[:count] = CMD_HOLD, 0
+
+
+def test_held_back() -> None:
+    floor = SmallRun("A.BC", strategies={"right_of_way": HoldsBack()}).tick()
+    assert floor.why("A") == ("held back", "", (1, 0))
+    assert floor.why("B") == ("queue", "C", (3, 0))
 
 
 def test_every_cause_has_a_floor_here() -> None:

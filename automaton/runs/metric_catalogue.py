@@ -56,7 +56,7 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     "lead_time": ("ticks", "from the release of an order to its delivery"),
     "lead_time_p95": ("ticks", "95 % of the delivered orders have this lead time or less"),
     "oldest_order": ("ticks", "since the release of the oldest order that is open at the end"),
-    "robots_without_progress": (
+    "starved_robots": (
         "robots",
         "that have had something to do and finished nothing for the last 500 ticks",
     ),

@@ -167,9 +167,8 @@ def metrics_of(run: Measured, since: Counted | None = None) -> dict[str, float |
         orders = world.orders
         timed = (orders.state == ORDER_DELIVERED) & (orders.delivered > begin)
         figures["lead_time_p95"] = quantile_95((orders.delivered - orders.release_tick)[timed])
-    if (oldest := oldest_order(world)) is not None:
-        figures["oldest_order"] = oldest
-        figures["robots_without_progress"] = len(robots_without_progress(world))
+    figures["oldest_order"] = oldest_order(world)
+    figures["starved_robots"] = len(robots_without_progress(world))
     if world.rules.battery:
         figures["min_charge"] = float(world.robots.charge.min() / BATTERY_FULL)
     if len(world.stations.part):

@@ -50,12 +50,12 @@ def robots_without_progress(world: World, ticks: int = STALLED_TICKS) -> Array:
     return stalled
 
 
-def oldest_order(world: World) -> int | None:
-    """Ticks since the release of the order that has been open for longest; None if none is."""
+def oldest_order(world: World) -> int:
+    """Ticks since the release of the order that has been open for longest; 0 if none is."""
     orders = world.orders
     is_open = (orders.state != ORDER_DELIVERED) & (orders.state != ORDER_UNRELEASED)
     if not is_open.any():
-        return None
+        return 0
     return int(world.clock[CLOCK_TICK]) - int(orders.release_tick[is_open].min())
 
 

@@ -5,7 +5,7 @@ Metrics that strategies count themselves are not told of here. Importing this ne
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 from automaton.scenario.schema import Scenario
 
@@ -22,12 +22,18 @@ OF_BATTERIES: Final = (
     ),
 )
 OF_FAULTS: Final = ("breakdowns", "towed", "downtime")
+ROUTE_FOLLOWERS: Final = ("retreat", "wait")  # of right of way: they do not steer
 OF_STATIONS: Final = (
     "parts_finished",
     "part_flow_time",
     "busiest_station",
     "busiest_station_utilization",
 )
+
+
+def name_of(choice: Any) -> str:
+    """The name of a strategy as a scenario gives it, alone or with parameters."""
+    return str(choice if isinstance(choice, str) else choice.get("name"))
 
 
 def not_measured(scenario: Scenario) -> dict[str, str]:
@@ -58,6 +64,11 @@ def not_measured(scenario: Scenario) -> dict[str, str]:
             "faults, or a battery",
         ),
         (OF_STATIONS, orders.parts is not None, "orders.parts"),
+        (
+            ("lost_held_back",),
+            name_of(scenario.strategy.right_of_way) not in ROUTE_FOLLOWERS,
+            "a right of way that steers",
+        ),
         (("distance",), scenario.units.cell is not None, "units.cell"),
         (
             ("slowdown_ticks",),

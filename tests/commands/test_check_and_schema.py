@@ -202,7 +202,7 @@ def test_schema_and_reader_accept_the_same(setting: str) -> None:
         "strategy.right_of_way={name: retreat, max_retries: 0}",
         "strategy.right_of_way={max_retries: 2}",
         "information={radius: 0}",
-        "orders={list: [{from: [1, 1]}]}",
+        "orders={list: [{from: [1], to: [3, 1]}]}",
         "layout.tables=0",
         "layout.table=3",
         "layout={picture: '.', legend: {x: {kind: wal}}}",

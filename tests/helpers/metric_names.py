@@ -11,8 +11,6 @@ OF_OTHER_RUNS = (
     *(
         "lost_queueing",
         "lost_held_back",
-        "oldest_order",
-        "robots_without_progress",
         "energy",
         "charging_share",
         "min_charge",

@@ -162,6 +162,7 @@ NOT_HERE = (  # no slow zones, no avoidance, no batteries, no faults, no orders 
         "slowdown_ticks",
         "alternative_routes",
         "lost_queueing",
+        "lost_held_back",
         "energy",
         "charging_share",
         "min_charge",

@@ -278,6 +278,8 @@ def test_the_sums_of_stretches_are_those_of_the_run(scenario: str, settings: lis
         "lead_time_p95",
         "delay_p95",
         "min_charge",
+        "oldest_order",
+        "starved_robots",
         "busiest_station",
         "busiest_station_utilization",
     )

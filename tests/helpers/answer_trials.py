@@ -34,7 +34,10 @@ FLOORS = {  # settings, and ticks to run
 }
 WILD = {layer: f"wild_answers:Wild{layer.title().replace('_', '')}" for layer in LAYER_NAMES}
 POWERED = "depots"  # elsewhere there is nothing to charge
-MIXES = (*((layer,) for layer in LAYER_NAMES), LAYER_NAMES, LAYER_NAMES[1:])
+STEERING = "steering"  # in a mix: a right of way that steers
+WILD[STEERING] = "wild_answers:WildSteering"
+LAYER_OF = {**dict(zip(LAYER_NAMES, LAYER_NAMES, strict=True)), STEERING: "right_of_way"}
+MIXES = (*((layer,) for layer in LAYER_NAMES), LAYER_NAMES, LAYER_NAMES[1:], (STEERING,))
 
 
 class Trial(NamedTuple):
@@ -61,7 +64,8 @@ def trial(floor: str, mix: tuple[str, ...], seed: int) -> Trial:
     if not floor.startswith(POWERED):
         mix = tuple(layer for layer in mix if layer != "charging")
     wild = [
-        f"strategy.{layer}={{name: '{WILD[layer]}', seed: {seed}, share: {0.1 + seed % 9 / 10}}}"
+        f"strategy.{LAYER_OF[layer]}={{name: '{WILD[layer]}', seed: {seed}, "
+        f"share: {0.1 + seed % 9 / 10}}}"
         for layer in mix
     ]
     resolved = resolve(floor, [*settings, *wild], seed)

@@ -60,7 +60,7 @@ class Aisles(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
         leave = np.where(drivable, ALL_EXITS, 0).astype(np.uint8)
         if self.one_way:
             inside = leave[1:-1, 1:-1]
-            rows = np.flatnonzero(~corridors)
+            rows = np.flatnonzero(~corridors[: self.sections * pitch])
             inside[np.ix_(rows, np.arange(1, width, 4))] = 1 << SOUTH
             inside[np.ix_(rows, np.arange(3, width, 4))] = 1 << NORTH
         return make_floor_plan(kind, leave)

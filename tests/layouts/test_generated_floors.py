@@ -76,6 +76,17 @@ def test_floors_for_large_fleets(floor, picture):
     assert drawn.strip("\n") == dedent(picture).strip("\n")
 
 
+@pytest.mark.parametrize(
+    "floor", [Aisles(one_way=True, pockets=True), Aisles(one_way=True, shelves=True)]
+)
+def test_exits_lead_from_and_to_where_robots_drive(floor):
+    built = floor.build()
+    exits, drivable = built.exits.reshape(-1), built.drivable.reshape(-1)
+    assert not exits[~drivable].any()
+    for direction, offset in enumerate(built.offsets):
+        assert drivable[np.flatnonzero(exits >> direction & 1) + offset].all()
+
+
 def test_what_obstacles_cut_off_is_wall():
     free = (
         np.array([list(map(int, row)) for row in ("0000000", "0110100", "0010110", "0000000")]) == 1

@@ -9,9 +9,9 @@ import numpy as np
 from automaton.build.resolve import Resolved
 from automaton.floor.cells import CHARGER, STATION
 from automaton.floor.dead_ends import DeadEnds, dead_ends_of
+from automaton.scenario.schema import ROUTE_FOLLOWERS
 from automaton.units import count
 
-ROUTE_FOLLOWERS: Final = ("retreat", "wait")  # rights of way under which robots follow routes
 JAM_SHARE: Final = 0.06  # of 819 cells for one robot each, from which fleets under retreat jam
 CROWD_SHARE: Final = 0.9  # of the cells, from which little moves whatever the right of way
 FEW_ROBOTS: Final = 10
@@ -81,10 +81,11 @@ def jams_under_retreat(resolved: Resolved) -> str:
 
 
 def is_a_tree(resolved: Resolved, ends: DeadEnds) -> str:
-    """Warn about priority inheritance on a floor without a ring."""
-    if not ends.is_tree or resolved.strategies["right_of_way"].name != "pibt":
+    """Warn about a right of way that steers on a floor without a ring."""
+    name = resolved.strategies["right_of_way"].name
+    if not ends.is_tree or name in ROUTE_FOLLOWERS:
         return ""
     return (
         "the floor has no ring of cells, so two robots that meet cannot pass each other, and "
-        "right_of_way pibt jams there; choose retreat, or join the ends of the tracks"
+        f"right_of_way {name} jams there; choose retreat, or join the ends of the tracks"
     )

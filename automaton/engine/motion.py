@@ -106,6 +106,7 @@ def tie_break_hash(tick, identity):
 
 @kernel
 def direction_between(grid, cell, neighbour):
+    """Return the direction from a cell to its neighbour."""
     for d in range(4):
         if cell + grid.offset[d] == neighbour:
             return d

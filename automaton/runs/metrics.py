@@ -42,7 +42,7 @@ from automaton.engine.state import (
 )
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE as METRIC_CATALOGUE
 from automaton.runs.metric_sums import LOST_TICK_SUMS, metric
-from automaton.runs.progress import oldest_order, robots_without_progress
+from automaton.runs.progress import oldest_order, starved_robots
 from automaton.runs.task_metrics import Measured, Tasks, quantile_95, summed, tasks_after
 
 OPERATIONS = [ACTION_MOVE, ACTION_TURN, ACTION_PICK, ACTION_DROP, ACTION_TRY_DROP, ACTION_WAIT]
@@ -168,7 +168,7 @@ def metrics_of(run: Measured, since: Counted | None = None) -> dict[str, float |
         timed = (orders.state == ORDER_DELIVERED) & (orders.delivered > begin)
         figures["lead_time_p95"] = quantile_95((orders.delivered - orders.release_tick)[timed])
     figures["oldest_order"] = oldest_order(world)
-    figures["starved_robots"] = len(robots_without_progress(world))
+    figures["starved_robots"] = len(starved_robots(world))
     if world.rules.battery:
         figures["min_charge"] = float(world.robots.charge.min() / BATTERY_FULL)
     if len(world.stations.part):

@@ -23,7 +23,7 @@ from automaton.engine.state import (
 )
 from automaton.floor.floor_plan import FloorPlan
 
-STALLED_TICKS: Final = 500
+STARVED_TICKS: Final = 500
 JAM_ROBOTS: Final = 2  # fewer that stand together do not count
 REACH: Final = 2  # rows and columns between two robots of one jam
 
@@ -36,7 +36,7 @@ class Jam(NamedTuple):
     last: tuple[int, int]
 
 
-def robots_without_progress(world: World, ticks: int = STALLED_TICKS) -> Array:
+def starved_robots(world: World, ticks: int = STARVED_TICKS) -> Array:
     """Storage indices of robots with something to do that have finished nothing for so many ticks.
 
     Robots that are down, or queue for a charger, are not among them.
@@ -61,7 +61,7 @@ def oldest_order(world: World) -> int:
 
 def largest_jam(world: World, floor_plan: FloorPlan) -> Jam | None:
     """Return the most robots without progress that stand near each other, ties to the first robot."""
-    stalled = robots_without_progress(world)
+    stalled = starved_robots(world)
     stalled = stalled[world.robots.cell[stalled] != NIL]
     stalled = stalled[np.argsort(world.robots.identity[stalled])]
     places = np.array([floor_plan.xy(int(cell)) for cell in world.robots.cell[stalled]])

@@ -42,6 +42,7 @@ MEMORY_PATTERN = r"^(?=[^a-zA-Z]*[1-9])\d{1,9}(\.\d+)? [KMGT]iB$"
 MAX_MOVE_TICKS = 65_535  # ticks
 
 LAYER_NAMES = ("zoning", "charging", "allocation", "routing", "right_of_way")
+ROUTE_FOLLOWERS = ("retreat", "wait")  # rights of way under which robots follow routes
 
 
 class Units(ConfigSection, frozen=True, kw_only=True):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from automaton.scenario.schema import Scenario
+from automaton.scenario.schema import ROUTE_FOLLOWERS, Scenario
 
 TASK_METRICS: Final = ("task_time", "delay", "delay_p95", "throughput_per_robot")
 OF_TIMES: Final = ("lead_time", "lead_time_p95")
@@ -22,7 +22,6 @@ OF_BATTERIES: Final = (
     ),
 )
 OF_FAULTS: Final = ("breakdowns", "towed", "downtime")
-ROUTE_FOLLOWERS: Final = ("retreat", "wait")  # of right of way: they do not steer
 OF_STATIONS: Final = (
     "parts_finished",
     "part_flow_time",

@@ -9,7 +9,7 @@ from automaton.engine.charging_curve import CURVE_RATE, charging_ticks, level_af
 from automaton.engine.distance_tables import UNREACHABLE
 from automaton.engine.holders import lane_of
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.motion import has_room
+from automaton.engine.motion import direction_between, has_room
 from automaton.engine.random_numbers import (
     STREAM_ABORTS,
     STREAM_RETREATS,
@@ -69,6 +69,7 @@ __all__ = [
     "copy_segment",
     "cost_at",
     "cost_in",
+    "direction_between",
     "distance",
     "dropoff_cell",
     "fetch_cost",

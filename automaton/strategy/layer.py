@@ -15,6 +15,10 @@ that their drive does not end in now, no route being asked for, and no retreat o
 first. They may turn, wait or be in the middle of a long move: a new route replaces the rest of the
 old one when that is over. It begins in `position(view, robot)`, in a long move the cell that it
 enters.
+
+A right of way that steers (`steers` = True) is asked in every tick (`period` = 1) about all robots
+that are free. It answers CMD_GO with a direction, CMD_HOLD, or KEEP for what a robot came for at its
+goal cell. Then robots keep no routes, and routing is not asked.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ from __future__ import annotations
 from small_runs import SmallRun
 
 from automaton.engine.state import GOAL_PICK, ORDER_WAITING
-from automaton.runs.progress import largest_jam, oldest_order, robots_without_progress
+from automaton.runs.progress import largest_jam, oldest_order, starved_robots
 
 
 def head_on(ticks):
@@ -18,14 +18,14 @@ def head_on(ticks):
 
 def test_robots_that_finish_nothing_are_a_jam_where_they_stand():
     run = head_on(520)
-    stalled = run.world.robots.identity[robots_without_progress(run.world)]
+    stalled = run.world.robots.identity[starved_robots(run.world)]
     assert sorted(stalled.tolist()) == [0, 1]
     assert largest_jam(run.world, run.floor_plan) == ((0, 1), (1, 0), (2, 0))
 
 
 def test_before_that_there_is_none():
     run = head_on(499)
-    assert not len(robots_without_progress(run.world))
+    assert not len(starved_robots(run.world))
     assert largest_jam(run.world, run.floor_plan) is None
 
 

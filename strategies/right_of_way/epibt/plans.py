@@ -8,6 +8,7 @@ import numpy as np
 
 from automaton.engine.state import CLOCK_TICK, GOAL_NONE, GOAL_PARK, NIL
 from automaton.strategy.kernels import has_room, kernel
+from strategies.right_of_way.arrivals import is_at_goal
 from strategies.right_of_way.epibt.chains import enter_path
 from strategies.right_of_way.epibt.operations import FULL_WAIT
 
@@ -33,15 +34,6 @@ def steer_robots(view, batch, state):
             state.steered[count] = i
             count += 1
     return count
-
-
-@kernel
-def is_at_goal(view, i):
-    """Return whether robot i begins in this tick what it came for."""
-    robots = view.robots
-    if robots.try_drop[i]:
-        return True
-    return robots.goal_type[i] != GOAL_NONE and robots.cell[i] == robots.goal_cell[i]
 
 
 @kernel

@@ -35,15 +35,6 @@ LONG = 100_000  # ticks: of a robot that stands for longer than one waits
 
 
 @kernel
-def is_at_goal(view, i):
-    """Whether robot i, which is free, begins in this tick what it came for."""
-    robots = view.robots
-    if robots.try_drop[i]:
-        return True
-    return robots.goal_type[i] != GOAL_NONE and robots.cell[i] == robots.goal_cell[i]
-
-
-@kernel
 def turns_to(headings, heading, direction):
     """Turns of 90 degrees from a heading to a direction."""
     difference = (direction - heading) & (headings - 1)

@@ -30,9 +30,10 @@ from automaton.engine.state import (
     NIL,
 )
 from automaton.floor.dead_ends import dead_ends
-from automaton.strategy.kernels import kernel, splitmix64
+from automaton.strategy.kernels import direction_between, kernel, splitmix64
 from automaton.strategy.layer import Strategy
-from strategies.right_of_way.pibt.options import is_at_goal, rank_all_options, resource_in
+from strategies.right_of_way.arrivals import is_at_goal
+from strategies.right_of_way.pibt.options import rank_all_options, resource_in
 from strategies.right_of_way.pibt.pibt_state import (
     DECIDED,
     FIXED,
@@ -43,14 +44,6 @@ from strategies.right_of_way.pibt.pibt_state import (
 )
 from strategies.right_of_way.pibt.pushes import push, reserve, reserver_of
 from strategies.right_of_way.right_of_way_parameters import SteeringParameters
-
-
-@kernel
-def direction_to(view, cell, neighbour):
-    for direction in range(4):
-        if cell + view.grid.offset[direction] == neighbour:
-            return direction
-    return 0
 
 
 @kernel
@@ -76,7 +69,7 @@ def look_at_robots(view, batch, state):
             state.next[i] = cell
         if state.mode[i] == LEAVING:
             to = np.int64(state.next[i])
-            reserve(view, state, resource_in(view, to, direction_to(view, cell, to)), i)
+            reserve(view, state, resource_in(view, to, direction_between(view.grid, cell, to)), i)
         count_in_dead_ends(view, state, i)
         if limited and robots.busy[i] == 0 and robots.status[i] == STATUS_UP:
             let_choose(view, state, i)
@@ -254,7 +247,7 @@ def give_commands(view, batch, decisions, state):
                 out.command[k] = CMD_HOLD if to == NIL else CMD_GO
                 out.value[k] = NIL if to == NIL else 0
         elif to != cell:
-            direction = direction_to(view, cell, to)
+            direction = direction_between(view.grid, cell, to)
             state.turning[i] = 1 if direction & mask != robots.heading[i] else 0
             out.command[k] = CMD_GO
             out.value[k] = direction

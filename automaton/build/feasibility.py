@@ -12,6 +12,7 @@ from automaton.build.task_lists import MAX_ORDERS, order_count
 from automaton.engine.state import NIL
 from automaton.errors import alternatives, nearest
 from automaton.floor.cells import (
+    ANY,
     CELL_KINDS,
     CHARGER,
     DESTINATION,
@@ -45,8 +46,7 @@ REQUIRED_KINDS = {  # kinds of cells without which a generator has nothing to dr
 NO_STRATEGY = "none"
 ROBOTS: Keys = ("fleet", "robots")
 START: Keys = ("fleet", "start")
-SOURCES = (SHELF, DOCK, STATION)  # kinds of slots where an order may begin, and end
-TARGETS = (SHELF, DESTINATION, RACK, STATION)
+REMOTE = np.array([kind.remote for kind in CELL_KINDS])  # (kinds,) bool
 
 
 START_DESCRIPTIONS = {
@@ -157,7 +157,7 @@ def _listed_start(
             raise document.error(keys, f"{where}, outside the floor {_extent(floor_plan)}")
         cell = floor_plan.cell(x, y)
         if not DRIVABLE[floor_plan.kind.flat[cell]]:
-            name = CELL_KINDS[floor_plan.kind.flat[cell]].name
+            name = floor_plan.kind_of(cell).name
             raise document.error(keys, f"{where}, a {name}: robots do not drive there")
         if cell in taken and floor_plan.capacity.flat[cell] != UNLIMITED:
             raise document.error(keys, f"{where}, where robot {taken[cell]} starts already")
@@ -247,14 +247,15 @@ def check_orders(document: Document, scenario: Scenario, floor: Floor) -> None:
             continue
         _check_order(document, order, keys, floor.floor_plan)
         source = order.ends[0]
-        if CELL_KINDS[floor.floor_plan.kind.flat[floor.floor_plan.cell(*source)]].is_source:
+        begins = floor.floor_plan.kind_of(floor.floor_plan.cell(*source))
+        if begins.holds == ANY:
             continue
         if source in taken:
             x, y = source
             raise document.error(
                 (*keys, "from"),
                 f"order {index} takes the load of [{x}, {y}], as order {taken[source]} does; "
-                "a shelf holds one load",
+                f"a {begins.name} holds one load",
             )
         taken[source] = index
 
@@ -295,15 +296,15 @@ def _check_order(document: Document, order: OrderLine, keys: Keys, floor_plan: F
             raise document.error(
                 (*keys, name), f"[{x}, {y}] lies outside the floor {_extent(floor_plan)}"
             )
-        kind = CELL_KINDS[floor_plan.kind.flat[floor_plan.cell(x, y)]]
-        allowed = SOURCES if name == "from" else TARGETS
-        if kind.code not in allowed:
-            names = alternatives(f"a {CELL_KINDS[code].name}" for code in allowed)
-            verb = "begins" if name == "from" else "ends"
+        kind = floor_plan.kind_of(floor_plan.cell(x, y))
+        verb, allowed = ("begins", kind.gives) if name == "from" else ("ends", kind.takes)
+        if not allowed:
+            others = (k for k in CELL_KINDS if (k.gives if name == "from" else k.takes))
+            names = alternatives(f"a {other.name}" for other in others)
             raise document.error(
                 (*keys, name), f"an order {verb} at {names}; [{x}, {y}] is a {kind.name}"
             )
-    visit = CELL_KINDS[floor_plan.kind.flat[floor_plan.cell(*source)]].code == STATION
+    visit = floor_plan.kind_of(floor_plan.cell(*source)).code == STATION
     if source == target and not visit:
         raise document.error((*keys, "to"), "an order ends where it begins")
 
@@ -311,7 +312,7 @@ def _check_order(document: Document, order: OrderLine, keys: Keys, floor_plan: F
 def check_floor(floor: Floor, fleet: FleetOnFloor) -> None:
     """Every robot can serve every shelf and destination and come home again. Raises InputError.
 
-    Racks, docks and stations may be out of reach: orders are given to the others alone.
+    Slots of remote kinds may be out of reach: orders are given to the others alone.
     """
     floor_plan, kind = floor.floor_plan, floor.floor_plan.kind.reshape(-1)
     for slots, why in (
@@ -324,7 +325,7 @@ def check_floor(floor: Floor, fleet: FleetOnFloor) -> None:
             "cannot be served: a robot must get beside it from its start, and back",
         ),
     ):
-        unserved = slots[~np.isin(kind[slots], (RACK, DOCK, STATION))].tolist()
+        unserved = slots[~REMOTE[kind[slots]]].tolist()
         if unserved:
             x, y = floor_plan.xy(unserved[0])
             name = CELL_KINDS[kind[unserved[0]]].name
@@ -380,7 +381,7 @@ def check_service(document: Document, fleet: FleetOnFloor) -> None:
         for name, (x, y) in zip(("from", "to"), order.ends, strict=True):
             cell = floor_plan.cell(x, y)
             if not served[fleet.slot_of[cell]]:
-                kind_name = CELL_KINDS[floor_plan.kind.flat[cell]].name
+                kind_name = floor_plan.kind_of(cell).name
                 raise document.error(
                     ("orders", "list", index, name),
                     f"the {kind_name} at [{x}, {y}] cannot be served: {because(cell)}",
@@ -423,7 +424,7 @@ def check_abilities(document: Document, fleet: FleetOnFloor) -> None:
         raise document.error(way.keys, text)
     x, y = floor_plan.xy(cell)
     weight = f", of weight {way.weight:,}," if most < RobotType().payload else ""
-    name = CELL_KINDS[floor_plan.kind.flat[cell]].name
+    name = floor_plan.kind_of(cell).name
     text = f"{way.what}{weight} {verb} at the {name} [{x}, {y}]"
     raise document.error(way.keys, f"{text}, where no robot that carries it may go")
 

@@ -12,14 +12,12 @@ from automaton.engine.facilities import MAY_TURN
 from automaton.engine.state import HEADING_COUNTS, NIL, Array, Grid, Workspace
 from automaton.engine.table_building import Costs, build_tables, bytes_taken, renew
 from automaton.errors import InputError
-from automaton.floor.cells import CELL_KINDS
-from automaton.floor.floor_plan import CAN_TURN, DRIVABLE, FloorPlan
+from automaton.floor.floor_plan import CAN_TURN, DRIVABLE, UNBOUNDED, FloorPlan
 from automaton.floor.reachability import slot_access
 from automaton.floor.traffic_zones import traffic_zones_of
 from automaton.scenario.robot_types import RobotType, floor_by_type
 from automaton.units import memory
 
-IS_UNBOUNDED = np.array([kind.is_sink or kind.is_source for kind in CELL_KINDS])  # (kinds,) bool
 KEPT_BYTES = 64 * 1024 * 1024  # of distance tables that stay for the next run
 
 
@@ -91,7 +89,7 @@ def floor_for(
     return Floor(
         grid=grid,
         slot_cell=frozen(cells.astype(np.int32)),
-        slot_endless=frozen(IS_UNBOUNDED[kind[cells]].astype(np.uint8)),
+        slot_endless=frozen(UNBOUNDED[kind[cells]].astype(np.uint8)),
         slot_access=slot_access(floor_plan),
         occupancy=frozen(room | (rule.astype(np.uint16) << np.uint16(8))),
         move=frozen(np.array([move * one.move_time_factor for one in types], np.int64)),

@@ -1,4 +1,4 @@
-"""What a recording says of a robot in a tick (a byte), and of orders and slots (rows)."""
+"""What a recording says of a robot in a tick (two bytes), and of orders and slots (rows)."""
 
 from typing import Final
 
@@ -19,11 +19,12 @@ EXECUTED_RETREAT: Final = 12  # a retreat was decided; nothing else happens
 EXECUTED_BAY_BLOCKED: Final = 13  # the home cell was held
 EXECUTED_ILLEGAL: Final = 14  # an illegal answer lost this tick
 EXECUTED_CHARGE: Final = 15  # a tick at a charger
-ACTION_MASK: Final = 15
-LEFT_PARKING_BAY: Final = 16  # flag: it was placed on its home cell before the motion of this tick
-ENTERED_PARKING_BAY: Final = 32  # flag: at the end of this tick it is parked
-PICKED_ON_ARRIVAL: Final = 64  # flag: as it arrived, at the end of this tick, it took its load
-DROPPED_ON_ARRIVAL: Final = 128  # flag: likewise, it dropped its load
+EXECUTED_CODES: Final = 16  # how many of these there are
+ACTION_MASK: Final = 63
+LEFT_PARKING_BAY: Final = 256  # flag: it was placed on its home cell before the motion of this tick
+ENTERED_PARKING_BAY: Final = 512  # flag: at the end of this tick it is parked
+PICKED_ON_ARRIVAL: Final = 1024  # flag: as it arrived, at the end of this tick, it took its load
+DROPPED_ON_ARRIVAL: Final = 2048  # flag: likewise, it dropped its load
 
 # record.changes: rows (tick, code, subject, value).
 CHANGE_ORDER_RESERVED: Final = 1  # order, identity of the robot that has it now or NIL

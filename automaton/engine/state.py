@@ -324,7 +324,7 @@ class Robots(Struct):
         role=DERIVED,
     )
     executed: Array = field(
-        "(n,) uint8", "what was committed this tick (automaton.engine.record_codes)", role=DERIVED
+        "(n,) uint16", "what was committed this tick (automaton.engine.record_codes)", role=DERIVED
     )
 
 
@@ -591,7 +591,7 @@ class Workspace(Struct):
 class Record(Struct):
     """Buffers that a recorder empties when the loop pauses."""
 
-    executed: Array = field("(T, n) uint8", "by identity")
+    executed: Array = field("(T, n) uint16", "by identity")
     decisions: Array = field(
         "(Y,) int64", "what strategies decided (automaton.engine.decision_stream)"
     )

@@ -75,12 +75,12 @@ def planviz_output(recording: Recording) -> dict[str, Any]:
     }
 
 
-def _ticks_of(recording: Recording) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.int64]]:
+def _ticks_of(recording: Recording) -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.int64]]:
     """Return (T, n) what robots did, and rows (tick, code, subject, value) of changes.
 
     Raises InputError for a run that PlanViz does not show.
     """
-    executed = [np.zeros((0, len(recording.header["robots"]["cell"])), np.uint8)]
+    executed = [np.zeros((0, len(recording.header["robots"]["cell"])), np.uint16)]
     changes = [np.zeros((0, 4), np.int64)]
     for kind, content in recording.frames:
         if kind == FRAME_KIND_CONDITIONS:

@@ -44,6 +44,14 @@ DOCK: Final = 9
 STATION: Final = 10
 
 
+BESIDE: Final = "beside"  # where a robot stands that picks a load up or sets it down: next to it,
+ABOVE_OR_BELOW: Final = "above or below"
+ON_IT: Final = "on it"
+
+ONE: Final = "one"  # how many loads lie there
+ANY: Final = "any"
+
+
 class Kind(NamedTuple):
     """One kind of cell."""
 
@@ -52,9 +60,16 @@ class Kind(NamedTuple):
     meaning: str
     drivable: bool = False  # robots stand on it and drive over it
     turns: bool = False  # rail robots may turn here
-    slot: bool = False  # loads are handled here: from a drivable cell beside it, or on it
-    is_sink: bool = False  # a slot that takes any number of loads, for good
-    is_source: bool = False  # a slot where any number of loads wait to be picked up
+    stand: str = ""  # of a slot, which holds loads: BESIDE, ABOVE_OR_BELOW or ON_IT
+    holds: str = ""  # of a slot: ONE load or ANY number
+    gives: bool = False  # orders may begin here
+    takes: bool = False  # orders may end here
+    remote: bool = False  # it may be out of reach: then it gets no order
+
+    @property
+    def is_slot(self) -> bool:
+        """Whether loads are handled here."""
+        return self.stand != ""
 
 
 CELL_KINDS: Final = (
@@ -62,26 +77,45 @@ CELL_KINDS: Final = (
     Kind(FLOOR, "floor", "free floor", drivable=True),
     Kind(TRACK, "track", "a rail along one axis", drivable=True),
     Kind(TURNTABLE, "turntable", "crossing where rail robots turn", drivable=True, turns=True),
-    Kind(SHELF, "shelf", "holds one load", slot=True),
-    Kind(DESTINATION, "destination", "where loads leave the floor", slot=True, is_sink=True),
+    Kind(SHELF, "shelf", "holds one load", stand=BESIDE, holds=ONE, gives=True, takes=True),
+    Kind(
+        DESTINATION,
+        "destination",
+        "where loads leave the floor",
+        stand=BESIDE,
+        holds=ANY,
+        takes=True,
+    ),
     Kind(CHARGER, "charger", "floor where a robot charges", drivable=True),
     Kind(BAY, "parking-bay", "parks one robot beside its home cell"),
     Kind(
         RACK,
         "rack",
         "stores any number of loads, reached from above or below",
-        slot=True,
-        is_sink=True,
+        stand=ABOVE_OR_BELOW,
+        holds=ANY,
+        takes=True,
+        remote=True,
     ),
-    Kind(DOCK, "dock", "where loads arrive, any number", slot=True, is_source=True),
+    Kind(
+        DOCK,
+        "dock",
+        "where loads arrive, any number",
+        stand=BESIDE,
+        holds=ANY,
+        gives=True,
+        remote=True,
+    ),
     Kind(
         STATION,
         "station",
         "floor where robots take loads and set them down, any number",
         drivable=True,
-        slot=True,
-        is_sink=True,
-        is_source=True,
+        stand=ON_IT,
+        holds=ANY,
+        gives=True,
+        takes=True,
+        remote=True,
     ),
 )
 

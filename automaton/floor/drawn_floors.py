@@ -22,7 +22,7 @@ from automaton.floor.cells import (
     FLOOR,
     KIND_BY_NAME,
     NO_EXITS,
-    SHELF,
+    ONE,
     SYMBOLS,
     TRACK,
     Symbol,
@@ -53,8 +53,9 @@ def symbol_of(
     kind = KIND_BY_NAME[kind_name]
     if not kind.drivable and (capacity is not None or exits is not None):
         raise InputError(f"a {kind_name} has neither capacity nor exits: robots do not drive on it")
-    if loaded and kind.code != SHELF:
-        raise InputError(f"a {kind_name} cannot be loaded; only a shelf can")
+    if loaded and kind.holds != ONE:
+        able = alternatives(f"a {other.name}" for other in CELL_KINDS if other.holds == ONE)
+        raise InputError(f"a {kind_name} cannot be loaded; only {able} can")
     bits = sum(1 << DIRECTIONS.index(name) for name in set(exits)) if exits is not None else None
     if kind.code == TRACK and (not bits or (bits & ~ALONG_X and bits & ~ALONG_Y)):
         raise InputError("a track needs exits along one axis: [east, west] or [north, south]")

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from automaton.errors import InputError
 from automaton.floor.cells import (
     ALL_EXITS,
+    ANY,
     BAY,
     CELL_KINDS,
     EAST,
@@ -25,6 +26,7 @@ from automaton.floor.cells import (
     SOUTH,
     STATION,
     WEST,
+    Kind,
     entries,
 )
 
@@ -33,7 +35,8 @@ Cells = npt.NDArray[np.int32]  # flat indices
 
 DRIVABLE = np.array([kind.drivable for kind in CELL_KINDS])  # (kinds,) bool
 CAN_TURN = np.array([kind.turns for kind in CELL_KINDS])  # (kinds,) bool
-SLOT = np.array([kind.slot for kind in CELL_KINDS])  # (kinds,) bool
+SLOT = np.array([kind.is_slot for kind in CELL_KINDS])  # (kinds,) bool
+UNBOUNDED = np.array([kind.holds == ANY for kind in CELL_KINDS])  # (kinds,) bool
 ENTRIES = np.array(  # (kinds, 16) uint8: directions of travel that enter a cell with these exits
     [[entries(kind.code, exits) for exits in range(ALL_EXITS + 1)] for kind in CELL_KINDS], np.uint8
 )
@@ -75,6 +78,10 @@ class FloorPlan:
     def holds(self, x: int, y: int) -> bool:
         """Whether (x, y) lies on the floor, border excluded."""
         return 0 <= x < self.width and 0 <= y < self.height
+
+    def kind_of(self, cell: int) -> Kind:
+        """Return what a flat cell is."""
+        return CELL_KINDS[self.kind.flat[cell]]
 
     def neighbours(self, cell: int) -> tuple[int, int, int, int]:
         """Flat neighbours in the order of directions: east, south, west, north."""

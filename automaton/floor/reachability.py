@@ -5,11 +5,22 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable
 from functools import lru_cache
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
-from automaton.floor.cells import EAST, NIL, NORTH, RACK, SOUTH, STATION, WEST
+from automaton.floor.cells import (
+    ABOVE_OR_BELOW,
+    CELL_KINDS,
+    EAST,
+    NIL,
+    NORTH,
+    ON_IT,
+    RACK,
+    SOUTH,
+    WEST,
+)
 from automaton.floor.floor_plan import CAN_TURN, Cells, FloorPlan
 
 Mask = npt.NDArray[np.bool_]  # (cells,) flat
@@ -115,22 +126,25 @@ def steps_from(
     return found
 
 
+STANDS: Final = np.array([kind.stand for kind in CELL_KINDS])  # (kinds,) str
+
+
 @lru_cache(maxsize=16)
 def slot_access(floor_plan: FloorPlan) -> npt.NDArray[np.int32]:
     """(s, 4) the cells east, south, west and north from which each slot is served, or NIL.
 
-    Racks open upwards and downwards only; a robot drives onto a station: its only cell is itself.
+    A slot that robots drive onto has itself as its only cell.
     """
     cells, drivable = floor_plan.slots.astype(np.int64), floor_plan.drivable.reshape(-1)
     around = cells[:, None] + np.array(floor_plan.offsets)
     inside = (around >= 0) & (around < drivable.size)
     around = np.where(inside, around, 0)
     access = np.where(inside & drivable[around], around, NIL).astype(np.int32)
-    kind = floor_plan.kind.reshape(-1)[cells]
-    access[np.ix_(kind == RACK, [EAST, WEST])] = NIL
-    stations = kind == STATION
-    access[stations] = NIL
-    access[stations, EAST] = cells[stations]
+    stand = STANDS[floor_plan.kind.reshape(-1)[cells]]
+    access[np.ix_(stand == ABOVE_OR_BELOW, [EAST, WEST])] = NIL
+    entered = stand == ON_IT
+    access[entered] = NIL
+    access[entered, EAST] = cells[entered]
     access.setflags(write=False)
     return access
 
@@ -147,8 +161,8 @@ def slots_beside(floor_plan: FloorPlan, mask: Mask) -> Cells:
     """Flat cells of the slots that are served from cells of the mask alone, in table order."""
     slots = floor_plan.slots
     around = [mask[slots + offset] for offset in floor_plan.offsets]
-    station = floor_plan.kind.reshape(-1)[slots] == STATION
-    beside: Cells = slots[np.where(station, mask[slots], np.logical_and.reduce(around))]
+    entered = STANDS[floor_plan.kind.reshape(-1)[slots]] == ON_IT
+    beside: Cells = slots[np.where(entered, mask[slots], np.logical_and.reduce(around))]
     return beside
 
 

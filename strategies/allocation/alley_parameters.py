@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
-from automaton.floor.cells import CELL_KINDS
+from automaton.floor.cells import ANY, CELL_KINDS
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.orders import kinds_of_sources
 from automaton.scenario.schema import Scenario
@@ -24,11 +24,7 @@ class Alleys(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
         if refusal := refusal_of_tours(scenario):
             return refusal
         begun = kinds_of_sources(scenario.orders, floor_plan)
-        names = [
-            f"{robot_type.name}s"
-            for robot_type in CELL_KINDS
-            if robot_type.is_source and robot_type.code in begun
-        ]
+        names = [f"{kind.name}s" for kind in CELL_KINDS if kind.holds == ANY and kind.code in begun]
         if not names:
             return None
         places = " and ".join(names)

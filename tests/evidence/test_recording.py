@@ -217,7 +217,7 @@ def test_a_flipped_byte_is_noticed_wherever_it_is(whole: bytes, tmp_path: Path) 
         (stored.preamble() + b"\x01\x02", "cut short before its first frame ends"),
         (
             struct.pack("<12sH", stored.MAGIC, 9),
-            "has format 9, this version of automaton reads format 4",
+            "has format 9, this version of automaton reads format 5",
         ),
     ],
 )
@@ -325,7 +325,7 @@ def test_recordings_are_small(tmp_path: Path) -> None:
 def test_frames_of_no_changes_survive(tmp_path: Path) -> None:
     content = {
         "first": 9,
-        "executed": np.zeros((2, 3), np.uint8),
+        "executed": np.zeros((2, 3), np.uint16),
         "changes": np.zeros((0, 4), np.int64),
         "decisions": np.zeros(0, np.int64),
         "digests": np.array([[1, 2**64 - 1], [1, 0]], np.uint64),
@@ -429,7 +429,7 @@ def test_changes_of_a_frame_have_a_bound(
         ticks = first(parts, FRAME_KIND_TICKS)
         ticks["changes"] = np.full((4, rows), [[0], [CHANGE_DURATION], [0], [0]], np.int32)
         if rows > MAX_CHANGES:
-            ticks["executed"] = np.zeros((1000, 256), np.uint8)
+            ticks["executed"] = np.zeros((1000, 256), np.uint16)
         assert f"{told}\n" in refused(tmp_path, capsys, parts[:4])
 
 

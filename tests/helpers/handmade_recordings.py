@@ -55,7 +55,7 @@ def played(
 
     `finished`: what its end says, if it has one.
     """
-    did = np.zeros((len(ticks), len(head["robots"]["home"])), np.uint8)
+    did = np.zeros((len(ticks), len(head["robots"]["home"])), np.uint16)
     for row, acts in enumerate(ticks):
         for robot, code in acts.items():
             did[row, robot] = code

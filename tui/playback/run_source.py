@@ -14,7 +14,7 @@ from automaton.errors import InputError
 from automaton.evidence.recording.frames import Recording
 from automaton.evidence.recording.header import resolved_of
 from automaton.evidence.recording.recording_reader import read_recording
-from automaton.floor.cells import SHELF
+from automaton.floor.floor_plan import UNBOUNDED
 from automaton.floor.traffic_zones import traffic_zones_of
 from tui.playback.titles import Head, heads_of, title_of
 from tui.render.scene import Floor
@@ -88,7 +88,7 @@ def recorded(*paths: Path) -> Opening:
 def floor_of(resolved: Resolved) -> Floor:
     """The floor for the pictures."""
     cells = resolved.floor_plan.slots
-    endless = (resolved.floor_plan.kind.reshape(-1)[cells] != SHELF).astype(np.uint8)
+    endless = UNBOUNDED[resolved.floor_plan.kind.reshape(-1)[cells]].astype(np.uint8)
     traffic_zones = traffic_zones_of(resolved.floor_plan, resolved.scenario.world.traffic_zones)
     scenario = resolved.scenario
     return Floor(

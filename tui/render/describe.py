@@ -11,7 +11,7 @@ import numpy as np
 from automaton.engine.observation import CAUSES
 from automaton.engine.robot_status import BATTERY_PERCENT, STATUS_TOWED
 from automaton.engine.state import ACTION_IDLE, ACTION_NAMES, NIL, ORDER_DELIVERED, ORDER_WAITING
-from automaton.floor.cells import CELL_KINDS, DIRECTIONS, EXIT_EAST, EXIT_WEST, FLOOR, SHELF, TRACK
+from automaton.floor.cells import ANY, CELL_KINDS, DIRECTIONS, EXIT_EAST, EXIT_WEST, FLOOR, TRACK
 from tui.registration import layers
 from tui.render.scene import (
     DETAIL_ONE_WAY,
@@ -64,14 +64,14 @@ def _content(scene: Scene, cell: int) -> str:
         return _left(scene, cell)
     orders, slots = snapshot.orders, snapshot.slots
     text = ""
-    kind = CELL_KINDS[scene.floor.floor_plan.kind.reshape(-1)[cell]]
+    kind = scene.floor.floor_plan.kind_of(cell)
     waiting = np.count_nonzero((orders.state == ORDER_WAITING) & (orders.current_slot == slot))
-    if kind.is_source and kind.is_sink:
+    if kind.holds == ANY and kind.gives and kind.takes:
         arrived = np.count_nonzero((orders.state == ORDER_DELIVERED) & (orders.target == slot))
         text = f" with {waiting} loads to fetch, {arrived} brought"
-    elif kind.is_source:
+    elif kind.holds == ANY and kind.gives:
         text = f" with {waiting} loads"
-    elif kind.is_sink:
+    elif kind.holds == ANY:
         arrived = (orders.state == ORDER_DELIVERED) & (orders.target == slot)
         text = f" with {np.count_nonzero(arrived)} loads"
     elif (order := int(slots.content[slot])) != NIL:
@@ -80,7 +80,7 @@ def _content(scene: Scene, cell: int) -> str:
             text += f" for {place(scene, int(slots.cell[orders.target[order]]))}"
         if orders.reserved_by[order] != NIL:
             text += f", to be fetched by robot {orders.reserved_by[order]}"
-    elif kind.code == SHELF:
+    else:
         text = ", empty"
     text += _left(scene, cell)
     return text + (

@@ -12,7 +12,6 @@ from textual.widgets import Input, Static
 
 from automaton.engine.state import NIL
 from automaton.errors import InputError
-from automaton.floor.cells import CELL_KINDS
 from automaton.units import count
 from tui.playback.panel_view import View
 from tui.screens.dialog import Dialog
@@ -64,7 +63,7 @@ class MatchList(Rows, can_focus=False):
             return line(f"zone {zone}  ", dim(count(len(robots_in(view, zone)), "robot")))
         if not self.found.robots:
             cell = self.found.cells[index]
-            name = CELL_KINDS[int(view.floor_plan.kind.reshape(-1)[cell])].name
+            name = view.floor_plan.kind_of(cell).name
             return line(cell_link(view.floor_plan, cell).text, dim(f"  {name}"))
         robot, fleet = self.found.robots[index], view.snapshot.robots
         off = fleet.home[robot] if fleet.bay[robot] == NIL else fleet.bay[robot]

@@ -14,7 +14,7 @@ from automaton.engine.state import (
     ORDER_UNRELEASED,
     ORDER_WAITING,
 )
-from automaton.floor.cells import BAY, CELL_KINDS, CHARGER, DIRECTIONS, UNLIMITED
+from automaton.floor.cells import ANY, BAY, CHARGER, DIRECTIONS, UNLIMITED
 from automaton.floor.floor_plan import DRIVABLE
 from automaton.units import count
 from tui.playback.panel_view import View
@@ -48,7 +48,7 @@ ORDER_STATE_WORDS: Final = {
 
 def cell_lines(view: View, cell: int, width: int) -> list[Line]:
     """Everything about one cell."""
-    kind = CELL_KINDS[int(view.floor_plan.kind.reshape(-1)[cell])]
+    kind = view.floor_plan.kind_of(cell)
     x, y = view.floor_plan.xy(cell)
     lines = [line(title(f"cell ({x}, {y}) "), kind.name.replace("-", " ")), line(dim(kind.meaning))]
     facts = [
@@ -114,7 +114,7 @@ def _robots(robots: list[int]) -> Parts:
 def _stored(view: View, cell: int) -> list[tuple[str, Parts]]:
     """What a slot holds."""
     slots, orders = view.snapshot.slots, view.snapshot.orders
-    kind = CELL_KINDS[int(view.floor_plan.kind.reshape(-1)[cell])]
+    kind = view.floor_plan.kind_of(cell)
     found = np.flatnonzero(slots.cell == cell)
     if not len(found):
         return []
@@ -123,7 +123,7 @@ def _stored(view: View, cell: int) -> list[tuple[str, Parts]]:
         [] if slots.reserved_by[slot] == NIL else [robot_link(int(slots.reserved_by[slot]))]
     )
     facts: list[tuple[str, Parts]] = []
-    if kind.is_source:
+    if kind.holds == ANY and kind.gives:
         waiting = np.flatnonzero(
             (orders.current_slot == slot) & (orders.state == ORDER_WAITING)
         ).tolist()
@@ -134,7 +134,7 @@ def _stored(view: View, cell: int) -> list[tuple[str, Parts]]:
             ("fetched", [count(taken, "load")]),
             ("the next", several([order_link(order, "load") for order in waiting])),
         ]
-    if kind.is_sink:
+    if kind.holds == ANY and kind.takes:
         arrived = np.flatnonzero((orders.target == slot) & (orders.state == ORDER_DELIVERED))
         coming = (orders.state == ORDER_WAITING) | (orders.state == ORDER_CARRIED)
         expected = int(np.count_nonzero((orders.target == slot) & coming))

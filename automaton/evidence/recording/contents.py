@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from automaton.engine.facilities import Slots, Stations
 from automaton.engine.record_codes import (
+    ACTION_MASK,
     CHANGE_DROPPED,
     CHANGE_DURATION,
     CHANGE_LOAD_LEFT,
@@ -26,6 +27,7 @@ from automaton.engine.record_codes import (
     CHANGE_STATUS,
     CHANGE_VISITED,
     CHANGE_ZONE,
+    EXECUTED_CODES,
 )
 from automaton.engine.state import Orders, Robots, World
 from automaton.engine.stops import Stops
@@ -399,7 +401,7 @@ def unpacked_ticks(content: Content, known: Mapping[str, int]) -> Content:
     check_arrays(
         content,
         {
-            "executed": Range("u1", ("robots", "ticks"), 0, 256),
+            "executed": Range("u2", ("robots", "ticks"), 0, 1 << 12),
             "decisions": Range("i8", ("words",), -(1 << 63), 1 << 63),
             "changes": Range("i4", (4, "changes"), -MAX_NUMBER, MAX_NUMBER),
             "due": Range("i4", ("due",), 0, "ticks"),
@@ -407,6 +409,8 @@ def unpacked_ticks(content: Content, known: Mapping[str, int]) -> Content:
         },
         sizes,
     )
+    if (content["executed"] & ACTION_MASK >= EXECUTED_CODES).any():
+        raise InvalidFrameError("it tells of an action that there is not")
     due, changes = content["due"], content["changes"].T.astype(np.int64)
     if (np.diff(due) <= 0).any():
         raise InvalidFrameError("digests are not in the sequence of their ticks")

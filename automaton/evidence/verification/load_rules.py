@@ -33,7 +33,7 @@ from automaton.evidence.verification.motion_rules import Acts, Complaint, Motion
 from automaton.evidence.verification.move_time_rules import NIL
 from automaton.evidence.verification.station_rules import Work
 from automaton.evidence.verification.visit_rules import Visits
-from automaton.floor.cells import CELL_KINDS, RACK, STATION
+from automaton.floor.cells import ABOVE_OR_BELOW, ANY, BESIDE, CELL_KINDS, ON_IT, STATION
 
 ORDER_WAITING: Final = 0  # states of an order
 ORDER_CARRIED: Final = 1
@@ -84,10 +84,11 @@ class Loads:
         spares = len(self.slot_cell) - self.spare
         kinds = [CELL_KINDS[motion.kind[cell]] for cell in self.slot_cell[: self.spare]]
         none = [False] * spares
-        self.rack = [kind.code == RACK for kind in kinds] + none
-        self.dock = [kind.is_source and not kind.is_sink for kind in kinds] + none
+        self.stand = [kind.stand for kind in kinds] + [BESIDE] * spares
+        self.kind_name = [kind.name for kind in kinds] + ["load"] * spares
+        self.dock = [kind.gives and not kind.takes for kind in kinds] + none
         self.station = [kind.code == STATION for kind in kinds] + none
-        self.endless = [kind.is_sink or kind.is_source for kind in kinds] + [True] * spares
+        self.endless = [kind.holds == ANY for kind in kinds] + [True] * spares
         self.target: list[int] = header["orders"]["target"].tolist()
         weights = header["orders"].get("weight")
         self.weight = [1] * len(self.target) if weights is None else weights.tolist()
@@ -126,7 +127,7 @@ class Loads:
         for order, slot in enumerate(self.place):
             if slot == NIL or self.dock[slot] or self.station[slot]:
                 continue
-            if not kinds[slot].slot or self.endless[slot]:
+            if not kinds[slot].is_slot or self.endless[slot]:
                 report_violation(
                     "load", [], self.slot_cell[slot], f"order {order} starts on no shelf"
                 )
@@ -347,14 +348,15 @@ class Loads:
 
     def _beside(self, r: int, slot: int) -> None:
         offset = self.slot_cell[slot] - self.motion.cell[r]
-        if self.station[slot]:
+        if self.stand[slot] == ON_IT:
             if offset:
-                text = "handles a load of a station that it is not on"
+                text = f"handles a load of a {self.kind_name[slot]} that it is not on"
                 self.report_violation("load", [r], self.slot_cell[slot], text)
         elif self.motion.cell[r] == NIL or offset not in self.motion.step:
             self.report_violation("load", [r], self.slot_cell[slot], "handles a slot not beside it")
-        elif self.rack[slot] and abs(offset) == 1:
-            self.report_violation("load", [r], self.slot_cell[slot], "handles a rack from its side")
+        elif self.stand[slot] == ABOVE_OR_BELOW and abs(offset) == 1:
+            text = f"handles a {self.kind_name[slot]} from its side"
+            self.report_violation("load", [r], self.slot_cell[slot], text)
 
     def _pick(self, tick: int, r: int, order: int, code: int) -> None:
         slot = self.place[order]

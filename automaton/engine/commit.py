@@ -6,6 +6,7 @@ from automaton.engine.energy import end_charging
 from automaton.engine.facilities import MAY_TURN
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.loads import reserve_order, reserve_slot
+from automaton.engine.next_stop import has_load, next_stop, next_stop_cell
 from automaton.engine.operations import refuse
 from automaton.engine.random_numbers import splitmix64
 from automaton.engine.requests import (
@@ -39,13 +40,7 @@ from automaton.engine.state import (
     REASON_NO_ORDER,
     REASON_ORDER_TAKEN,
 )
-from automaton.engine.visits import (
-    has_started,
-    has_stops,
-    is_assigned,
-    lose_order,
-    next_stop_cell,
-)
+from automaton.engine.visits import has_started, is_assigned, lose_order
 
 GIVEN = 255  # in out.order_taken: a robot got the order in this batch
 
@@ -184,13 +179,13 @@ def may_take(world, i, order, out):
         return False
     if may_have(orders.reserved_by[order], robots.identity[i]):
         return True
-    return has_stops(orders, order) and out.order_taken[order] != GIVEN
+    return not has_load(orders, order) and out.order_taken[order] != GIVEN
 
 
 @kernel
 def begins_at(world, i, order, goal_cell):
     """Whether robot i begins an order in `goal_cell`: its next stop, or where its load is picked up."""
-    if not has_stops(world.orders, order):
+    if has_load(world.orders, order):
         return serves(world, i, goal_cell, np.int64(world.orders.current_slot[order]))
     if goal_cell != next_stop_cell(world, order):
         return False
@@ -220,15 +215,16 @@ def take(world, record, i, order, goal_cell, out):
         reserve_order(world, record, order, np.int64(robots.identity[i]))
     if robots.goal_type[i] == GOAL_CHARGE:
         end_charging(robots, i)
-    set_goal(world, i, GOAL_STOP if has_stops(orders, order) else GOAL_PICK, goal_cell)
+    set_goal(world, i, GOAL_PICK if has_load(orders, order) else GOAL_STOP, goal_cell)
     request_charging(world, i, REASON_ORDER_TAKEN)
 
 
 @kernel
 def choose_slot(world, record, i, slot, goal_cell, try_drop):
-    """Reserve the slot where robot i will drop its load."""
+    """Reserve the slot where robot i will drop its load, once no stop is left."""
     robots, slots = world.robots, world.slots
     legal = robots.load[i] != NIL and serves(world, i, goal_cell, slot)
+    legal = legal and next_stop(world.orders, np.int64(robots.load[i])) == NIL
     if legal and slots.unbounded[slot]:  # at a station a load may lie on its way
         legal = slot == world.orders.target[robots.load[i]] or world.stations.at[slot] != NIL
     elif legal:

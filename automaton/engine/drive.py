@@ -69,6 +69,7 @@ from automaton.engine.state import (
     GOAL_NONE,
     GOAL_PARK,
     GOAL_PICK,
+    GOAL_STOP,
     HOLD,
     NEED_ALLOCATION,
     NEED_ROUTE,
@@ -83,6 +84,7 @@ from automaton.engine.state import (
     RETRY_NONE,
     RETRY_WAITED,
 )
+from automaton.engine.visits import serve
 
 
 @kernel
@@ -230,6 +232,8 @@ def do_goal(world, record, i):
         robots.failed_retries[i] = 0
         set_down(world, record, i, handling_time(world, record, i, ACTION_DROP))
         robots.executed[i] = flags | EXECUTED_DROP
+    elif goal_type == GOAL_STOP:
+        serve(world, record, i)
     elif goal_type == GOAL_PARK:
         world.traffic.intent[i] = ARRIVED
     elif goal_type == GOAL_CHARGE:

@@ -12,6 +12,7 @@ from automaton.engine.energy import end_charging
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.loads import leave_queue, reserve_order, reserve_slot
 from automaton.engine.motion import vacate
+from automaton.engine.next_stop import drive_on_with_load
 from automaton.engine.random_numbers import STREAM_BREAKDOWNS, random_bits
 from automaton.engine.record_changes import record_change
 from automaton.engine.record_codes import CHANGE_LOAD_LEFT, CHANGE_STATUS
@@ -291,4 +292,7 @@ def come_back(world, record, i):
     robots.status_until[i] = 0
     become(world, record, i, STATUS_UP)
     world.clock[CLOCK_ROBOTS_DOWN] -= 1
-    request_allocation(world, i, REASON_PICKED if robots.load[i] != NIL else REASON_IDLE)
+    if robots.load[i] == NIL:
+        request_allocation(world, i, REASON_IDLE)
+    else:
+        drive_on_with_load(world, i, REASON_PICKED)

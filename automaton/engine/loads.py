@@ -3,6 +3,7 @@
 import numpy as np
 
 from automaton.engine.jit.kernel import kernel
+from automaton.engine.next_stop import drive_on_with_load
 from automaton.engine.operations import begin
 from automaton.engine.record_changes import record_change
 from automaton.engine.record_codes import (
@@ -60,7 +61,7 @@ def handle(world, i, action, ticks):
 
 @kernel
 def pick_up(world, record, i, ticks):
-    """The shelf empties in the first tick of the pick; allocation says next tick where to go."""
+    """The shelf empties in the first tick of the pick; where to go is known in the next tick."""
     robots, orders = world.robots, world.orders
     order = np.int64(robots.order[i])
     handle(world, i, ACTION_PICK, ticks)
@@ -80,7 +81,7 @@ def pick_up(world, record, i, ticks):
     orders.state[order] = ORDER_CARRIED
     robots.load[i] = order
     world.clock[CLOCK_REVISION] += 1
-    request_allocation(world, i, REASON_PICKED)
+    drive_on_with_load(world, i, REASON_PICKED)
 
 
 @kernel

@@ -53,10 +53,14 @@ ACTION_ILLEGAL: Final = 11  # a tick lost to an illegal decision
 ACTION_QUEUE: Final = 12  # a tick in the queue of a charger
 ACTION_DOWN: Final = 13  # a tick on the floor with an empty battery or a fault
 ACTION_HELD_BACK: Final = 14  # a tick in which right of way holds it back
-ACTION_COUNT: Final = 15
+ACTION_SERVE: Final = (
+    15  # a tick in which it stands at a stop of its order for as long as that takes
+)
+ACTION_COUNT: Final = 16
 ACTION_NAMES: Final = (
     *("idle", "move", "turn", "pick", "drop", "try_drop", "wait", "charge"),
     *("blocked", "retreat", "bay_blocked", "illegal", "queueing", "down", "held_back"),
+    "serve",
 )
 
 # Goals: what a robot drives to its goal cell for.
@@ -65,14 +69,14 @@ GOAL_PICK: Final = 1
 GOAL_DROP: Final = 2
 GOAL_PARK: Final = 3
 GOAL_CHARGE: Final = 4
-GOAL_STOP: Final = 5  # the next stop of an order without a load
+GOAL_STOP: Final = 5  # the next stop of its order
 
 # States of an order.
 ORDER_WAITING: Final = 0  # on a slot, to be picked up; without a load, to be begun
 ORDER_CARRIED: Final = 1
 ORDER_DELIVERED: Final = 2
 ORDER_UNRELEASED: Final = 3  # it will be known in a later tick
-ORDER_STARTED: Final = 4  # without a load: a stop is done, and its robot does the others
+ORDER_STARTED: Final = 4  # without a load: a stop is begun, and its robot does the others
 NEVER: Final = 2**31 - 1  # released: not before a station is done with its part
 
 ORDER_LIST: Final = -2  # rules.radius: strategies see the order list and neighbouring cells
@@ -98,7 +102,7 @@ PHASE_CHARGING_AGAIN: Final = 3  # its entry
 
 # Why a robot is in a batch.
 REASON_IDLE: Final = 0  # it has nothing to do
-REASON_PICKED: Final = 1  # its pick has begun: where does the load go?
+REASON_PICKED: Final = 1  # its pick has begun, and there are no stops: where does the load go?
 REASON_ORDER_RETURNED: Final = 2  # it returned its order before a retreat: plan around robots
 REASON_REPLAN: Final = 3  # it drives home or nowhere, and its plan is made again
 REASON_PERIODIC: Final = 4  # the strategy asked for every k-th tick
@@ -107,6 +111,7 @@ REASON_AROUND_ROBOTS: Final = 6  # routing: plan around the robots, a retreat is
 REASON_RETRIES_EXHAUSTED: Final = 7  # right of way: the retries are used up
 REASON_RETREATING: Final = 8  # right of way: the next step of a retreat
 REASON_ORDER_TAKEN: Final = 9  # charging: it has taken an order
+REASON_SERVED: Final = 12  # the last stop of its order is done: where does the load go?
 REASON_ZONE_EVENT: Final = 11  # zoning: an order has no queue yet, or a robot went down or is back
 REASON_NO_ORDER: Final = 10  # charging: allocation has nothing for it
 
@@ -331,7 +336,8 @@ class Robots(Struct):
 class Orders(Struct):
     """Orders. A transport has a load with the order's number; without one an order is its stops.
 
-    An order without a load has neither source nor target: NIL.
+    An order without a load has neither source nor target: NIL. One with a load may have stops, too:
+    its robot comes there between pick and drop.
     """
 
     state: Array = field(

@@ -1,4 +1,4 @@
-"""The stops of orders without a load: cells in which a robot has to stand, one after another."""
+"""The stops of orders: cells in which a robot has to stand, one after another."""
 
 from __future__ import annotations
 
@@ -19,6 +19,9 @@ class Stops(Struct, role=STATIC):
     """
 
     cell: Array = field("(v,) int32", "where a robot has to stand", header=True)
+    ticks: Array = field(
+        "(v,) int32", "for how long; 0: it is enough that it stands there", header=True
+    )
     done: Array = field(
         "(v,) int32",
         "tick at whose end a robot stood there for its order, or NIL",

@@ -1,10 +1,13 @@
-"""Orders without a load: their stops are done one after another, by a robot that stands there.
+"""The stops of orders: they are done one after another, by the robot of the order, which stands there.
 
-A stop is done in the tick at whose end the robot of the order stands in its cell, however it came
-there, and at most one by a robot in a tick. The world itself sets the next one as the robot's goal and
-asks routing; after the last one the order is delivered, and allocation is asked what the robot does
-next. Until its first stop is done an order may be given to another robot; from then on it is its
-robot's until it ends. If that robot goes down, the order waits again with the stops that are left.
+A stop that takes no time is done in the tick at whose end that robot stands in its cell, however it
+came there; at most one is done by a robot in a tick. At another one the robot does SERVE for as many
+ticks, and the stop is done in the last of them. The world itself sets the next stop as the robot's goal
+and asks routing. After the last one an order without a load is delivered, and allocation is asked what
+the robot does next; of one with a load it is asked where that goes.
+
+Until its first stop is begun an order without a load may be given to another robot; from then on it is
+its robot's until it ends. If that robot goes down, the order waits again with the stops that are left.
 """
 
 import numpy as np
@@ -12,8 +15,10 @@ import numpy as np
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.loads import reserve_order
 from automaton.engine.motion import U
+from automaton.engine.next_stop import next_stop, next_stop_cell
+from automaton.engine.operations import begin
 from automaton.engine.record_changes import record_change
-from automaton.engine.record_codes import CHANGE_VISITED
+from automaton.engine.record_codes import CHANGE_DURATION, CHANGE_VISITED, EXECUTED_SERVE
 from automaton.engine.requests import (
     clear_right_of_way,
     clear_route_request,
@@ -22,6 +27,9 @@ from automaton.engine.requests import (
     set_goal,
 )
 from automaton.engine.state import (
+    ACTION_IDLE,
+    ACTION_PICK,
+    ACTION_SERVE,
     CLOCK_SEQUENCED,
     CLOCK_TICK,
     CLOCK_UNDELIVERED,
@@ -32,24 +40,9 @@ from automaton.engine.state import (
     ORDER_STARTED,
     ORDER_WAITING,
     REASON_IDLE,
+    REASON_SERVED,
     RETRY_NONE,
 )
-
-
-@kernel
-def has_stops(orders, order):
-    """Whether an order is one without a load."""
-    return orders.first_stop[order] < orders.first_stop[order + 1]
-
-
-@kernel
-def next_stop_cell(world, order):
-    """The cell of the next stop of an order, NIL if there is none."""
-    orders = world.orders
-    stop = np.int64(orders.first_stop[order]) + np.int64(orders.stops_done[order])
-    if stop >= orders.first_stop[order + 1]:
-        return np.int64(NIL)
-    return np.int64(world.stops.cell[stop])
 
 
 @kernel
@@ -114,6 +107,29 @@ def announce_next(world, i, order):
 
 
 @kernel
+def serve(world, record, i):
+    """Robot i, which stands at the next stop of its order, begins what it does there."""
+    robots, orders = world.robots, world.orders
+    order = np.int64(robots.order[i])
+    ticks = np.int64(world.stops.ticks[next_stop(orders, order)])
+    if ticks == 0:
+        return
+    start(orders, order)
+    robots.failed_retries[i] = 0
+    begin(world, i, ACTION_SERVE, ticks)
+    robots.executed[i] = np.int64(robots.executed[i]) | EXECUTED_SERVE
+    record_change(world.clock, record, CHANGE_DURATION, robots.identity[i], ticks)
+
+
+@kernel
+def start(orders, order):
+    """The first stop of an order is begun: one without a load is its robot's from now on."""
+    if orders.state[order] == ORDER_WAITING:
+        orders.state[order] = ORDER_STARTED
+        orders.legs[order] += 1
+
+
+@kernel
 def complete_visits(world, record):
     """At the end of a tick: robots that stand at the next stop of their orders have done it."""
     robots = world.robots
@@ -121,8 +137,18 @@ def complete_visits(world, record):
         if robots.goal_type[U(i)] != GOAL_STOP or robots.cell[U(i)] != robots.goal_cell[U(i)]:
             continue
         entering = robots.claim[U(i)]  # one that turns in a passing aisle claims its own cell
-        if entering == NIL or entering == robots.cell[U(i)]:
+        if (entering == NIL or entering == robots.cell[U(i)]) and has_served(world, i):
             complete_visit(world, record, i)
+
+
+@kernel
+def has_served(world, i):
+    """Whether robot i, at the next stop of its order, has done there what it came for."""
+    robots = world.robots
+    stop = next_stop(world.orders, np.int64(robots.order[i]))
+    if world.stops.ticks[stop]:
+        return robots.action[i] == ACTION_SERVE and robots.busy[i] == 0
+    return robots.busy[i] == 0 or robots.action[i] != ACTION_PICK
 
 
 @kernel
@@ -130,21 +156,23 @@ def complete_visit(world, record, i):
     """Robot i has done the next stop of its order."""
     robots, orders = world.robots, world.orders
     order = np.int64(robots.order[i])
-    world.stops.done[orders.first_stop[order] + orders.stops_done[order]] = world.clock[CLOCK_TICK]
+    world.stops.done[next_stop(orders, order)] = world.clock[CLOCK_TICK]
     orders.stops_done[order] += 1
     world.tally.visits[i] += 1
     world.tally.progress[i] = world.clock[CLOCK_TICK]
     world.tally.visited[i] = order
     record_change(world.clock, record, CHANGE_VISITED, robots.identity[i], order)
-    if orders.state[order] == ORDER_WAITING:
-        orders.state[order] = ORDER_STARTED
-        orders.legs[order] += 1
-    cell = next_stop_cell(world, order)
-    if cell != NIL:
-        set_goal(world, i, GOAL_STOP, cell)
+    if robots.action[i] == ACTION_SERVE:
+        robots.action[i] = ACTION_IDLE  # the next stop may be in the same cell
+    start(orders, order)
+    if next_stop(orders, order) != NIL:
+        set_goal(world, i, GOAL_STOP, next_stop_cell(world, order))
+        return
+    end_goal(world, i)
+    if robots.load[i] != NIL:
+        request_allocation(world, i, REASON_SERVED)
         return
     robots.order[i] = NIL
-    end_goal(world, i)
     orders.state[order] = ORDER_DELIVERED
     orders.delivered[order] = world.clock[CLOCK_TICK]
     world.clock[CLOCK_UNDELIVERED] -= 1

@@ -15,7 +15,7 @@ from automaton.engine.search import (
     reach,
 )
 from automaton.engine.state import ACTION_MOVE, ACTION_TURN
-from automaton.engine.visits import has_stops
+from automaton.engine.next_stop import has_load
 from automaton.strategy.access_cells import dropoff_cell, pickup_cell
 
 POSE_MASK = (1 << 32) - 1  # a key of the queue: estimated ticks << 32 | pose
@@ -25,7 +25,7 @@ POSE_MASK = (1 << 32) - 1  # a key of the queue: estimated ticks << 32 | pose
 def min_drive_ticks(view, workspace, which, out):
     """out[order] = least ticks of driving for each order in `which`: to its source, then to its target.
 
-    Of an order without a load: from stop to stop.
+    With stops: from stop to stop.
 
     The first leg begins where and with the heading in which the order was taken, the second one
     with the heading in which the first one ends; of several that take the least ticks, the best
@@ -38,34 +38,53 @@ def min_drive_ticks(view, workspace, which, out):
         start = orders.dispatched_from[order] * view.grid.headings
         start += orders.dispatched_heading[order]
         robot_type = orders.dispatched_type[order]
-        if has_stops(orders, order):
-            out[order] = least_of_tour(view, workspace, robot_type, start, order)
-            continue
         origin = np.int64(orders.dispatched_from[order])
+        if not has_load(orders, order):
+            heading = np.int64(orders.dispatched_heading[order])
+            out[order] = least_over_stops(view, workspace, robot_type, origin, heading, order)
+            continue
         access_cell = pickup_cell(view, robot_type, orders.source[order], origin)
+        if orders.first_stop[order] < orders.first_stop[order + 1]:
+            heading = np.int64(orders.dispatched_heading[order])
+            ticks = distance(view, workspace, robot_type, origin, heading, access_cell)
+            ticks += least_over_stops(view, workspace, robot_type, access_cell, NIL, order)
+            out[order] = min(ticks, UNREACHABLE)
+            continue
         end = dropoff_cell(view, robot_type, orders.target[order], access_cell)
         out[order] = least_by(view, workspace, robot_type, start, access_cell, end)
 
 
 @kernel
-def least_of_tour(view, workspace, robot_type, start, order):
-    """Least ticks from a pose to the stops of an order, each a tick at least; UNREACHABLE if no way.
+def least_leg(view, workspace, robot_type, here, heading, to):
+    """Least ticks from a cell to another one; heading NIL: from that which is best."""
+    best = np.int64(UNREACHABLE)
+    for begin in range(view.grid.headings):
+        if heading == NIL or heading == begin:
+            best = min(best, distance(view, workspace, robot_type, here, begin, to))
+    return best
 
-    A bound: each leg but the first one begins with the heading that is best for it.
+
+@kernel
+def least_over_stops(view, workspace, robot_type, here, heading, order):
+    """Least ticks from a cell over the stops of an order, and to its target; UNREACHABLE if no way.
+
+    A bound: each leg but the first one begins with the heading that is best for it. Only the stops
+    that were done since the order was last taken count. A stop takes its SERVE, and a tick at least
+    but for the first one of a load.
     """
-    orders, headings = view.orders, view.grid.headings
-    first, end = np.int64(orders.first_stop[order]), np.int64(orders.first_stop[order + 1])
-    here, begin = start // headings, start % headings
-    ticks = np.int64(0)
-    for stop in range(first, end):
-        to = np.int64(view.stops.cell[stop])
-        best = np.int64(UNREACHABLE)
-        for heading in range(headings):
-            if stop > first or heading == begin:
-                best = min(best, distance(view, workspace, robot_type, here, heading, to))
-        ticks = min(ticks + max(best, 1), UNREACHABLE)
-        here = to
-    return ticks
+    orders, stops = view.orders, view.stops
+    ticks, least = np.int64(0), np.int64(0 if has_load(orders, order) else 1)
+    for stop in range(orders.first_stop[order], orders.first_stop[order + 1]):
+        if stops.done[stop] < orders.dispatched[order]:
+            continue
+        to = np.int64(stops.cell[stop])
+        leg = least_leg(view, workspace, robot_type, here, heading, to)
+        ticks = min(ticks + max(leg + stops.ticks[stop], least), UNREACHABLE)
+        here, heading, least = to, np.int64(NIL), np.int64(1)
+    if has_load(orders, order):
+        end = dropoff_cell(view, robot_type, np.int64(orders.target[order]), here)
+        ticks += least_leg(view, workspace, robot_type, here, heading, end)
+    return min(ticks, UNREACHABLE)
 
 
 @kernel

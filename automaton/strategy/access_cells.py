@@ -10,8 +10,9 @@ nearest           The cell with the least rows and columns to the cell from whic
 import numpy as np
 
 from automaton.engine.jit.kernel import kernel
+from automaton.engine.next_stop import has_load, next_stop_cell
 from automaton.engine.state import NIL
-from automaton.engine.visits import has_stops, is_assigned, next_stop_cell
+from automaton.engine.visits import is_assigned
 
 PICK_DIRECTIONS = (0, 2, 1, 3)  # neighbours E, W, S, N of the slot; to drop, each turned around
 
@@ -56,7 +57,7 @@ def begin_cell(view, robot_type, order, origin):
 
     There they pick its load up; of an order without a load it is the next stop.
     """
-    if has_stops(view.orders, order):
+    if not has_load(view.orders, order):
         return next_stop_cell(view, order)
     return pickup_cell(view, robot_type, np.int64(view.orders.current_slot[order]), origin)
 
@@ -69,14 +70,13 @@ def dropoff_cell(view, robot_type, slot, origin):
 
 @kernel
 def can_bring(view, robot_type, order, slot):
-    """Whether robots of a type carry an order, and get to where it lies and to a slot with it.
-
-    Of an order without a load: whether they get to all its stops.
-    """
+    """Whether robots of a type carry an order, and get to where it lies, to its stops and to a slot."""
     if view.orders.weight[order] > view.rules.payload[robot_type]:
         return False
-    if has_stops(view.orders, order):
-        return reaches_stops(view, robot_type, order)
+    if not reaches_stops(view, robot_type, order):
+        return False
+    if not has_load(view.orders, order):
+        return True
     accessible = view.slots.accessible
     if accessible.shape[0] == 1:
         return True  # there are no orders but for slots that a robot serves

@@ -40,7 +40,7 @@ from automaton.engine.search import (
     write_path,
 )
 from automaton.engine.table_rows import cost_in
-from automaton.engine.visits import has_stops, next_stop_cell
+from automaton.engine.next_stop import has_load, next_stop_cell
 from automaton.engine.zone_segments import copy_segment
 from automaton.strategy.access_cells import (
     begin_cell,
@@ -77,7 +77,7 @@ __all__ = [
     "first_cell",
     "follow_gradient",
     "has_room",
-    "has_stops",
+    "has_load",
     "is_closed",
     "kernel",
     "lane_of",

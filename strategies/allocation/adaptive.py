@@ -34,7 +34,6 @@ from automaton.engine.state import (
     NIL,
     REASON_ORDER_RETURNED,
     REASON_PERIODIC,
-    REASON_PICKED,
 )
 from automaton.strategy.kernels import distance, dropoff_cell, kernel, position
 from automaton.strategy.layer import Strategy
@@ -98,9 +97,9 @@ def decide(view, batch, decisions, memory, workspace):
             return
         i = np.int64(batch.robot[k])
         reason = batch.reason[k]
-        if reason == REASON_PICKED and is_carrying_cheaper(view, workspace, i):
+        if places_load(reason) and is_carrying_cheaper(view, workspace, i):
             deliver(view, out, k, i)
-        elif reason == REASON_PICKED:
+        elif places_load(reason):
             pass_right(view, out, state, k, i)
         elif reason != REASON_PERIODIC:
             take_in_alley(view, out, state, workspace, k, i, reason == REASON_ORDER_RETURNED)

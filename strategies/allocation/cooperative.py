@@ -15,7 +15,6 @@ from automaton.engine.state import (
     NIL,
     REASON_ORDER_RETURNED,
     REASON_PERIODIC,
-    REASON_PICKED,
     Array,
 )
 from automaton.strategy.kernels import (
@@ -181,7 +180,7 @@ def decide(view, batch, decisions, memory, workspace):
             return
         i = np.int64(batch.robot[k])
         reason = batch.reason[k]
-        if reason == REASON_PICKED:
+        if places_load(reason):
             pass_right(view, out, state, k, i)
         elif reason != REASON_PERIODIC:
             take_in_alley(view, out, state, workspace, k, i, reason == REASON_ORDER_RETURNED)

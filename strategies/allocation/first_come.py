@@ -15,7 +15,6 @@ from automaton.engine.state import (
     CMD_PARK,
     NIL,
     REASON_PERIODIC,
-    REASON_PICKED,
     Array,
 )
 from automaton.strategy.kernels import can_do, kernel
@@ -83,7 +82,7 @@ def decide(view, batch, decisions, memory, workspace):
         if workspace.stop[0]:
             return
         i = np.int64(batch.robot[k])
-        if batch.reason[k] == REASON_PICKED:
+        if places_load(batch.reason[k]):
             deliver(view, out, k, i)
         elif batch.reason[k] == REASON_PERIODIC:
             continue

@@ -17,7 +17,6 @@ from automaton.engine.state import (
     NIL,
     REASON_ORDER_RETURNED,
     REASON_PERIODIC,
-    REASON_PICKED,
 )
 from automaton.strategy.kernels import (
     begin_cell,
@@ -115,7 +114,7 @@ def decide(view, batch, decisions, memory, workspace):
             return
         i = np.int64(batch.robot[k])
         reason = batch.reason[k]
-        if reason == REASON_PICKED:
+        if places_load(reason):
             deliver(view, out, k, i)
         elif reason != REASON_PERIODIC:
             take_nearest(view, out, workspace, k, i, reason == REASON_ORDER_RETURNED)

@@ -14,6 +14,7 @@ from automaton.engine.state import (
     REASON_ORDER_RETURNED,
     REASON_PERIODIC,
     REASON_PICKED,
+    REASON_SERVED,
 )
 from automaton.strategy import paths
 from automaton.strategy.layer import Strategy
@@ -29,7 +30,7 @@ class IndependentPython(Strategy):
         taken = set()  # orders that earlier robots of this batch took
         for k in range(batch.count[0]):
             robot, reason = batch.robot[k], batch.reason[k]
-            if reason == REASON_PICKED:  # the pick has begun: where does the load go?
+            if reason in (REASON_PICKED, REASON_SERVED):  # where does the load go?
                 slot = view.orders.target[view.robots.load[robot]]
                 out.command[k] = CMD_DROP_AT
                 out.slot[k] = slot

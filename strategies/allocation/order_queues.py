@@ -8,7 +8,6 @@ from automaton.engine.state import (
     NIL,
     ORDER_WAITING,
     REASON_PERIODIC,
-    REASON_PICKED,
 )
 from automaton.strategy.kernels import can_do, kernel
 from strategies.allocation.independent import deliver, take_order
@@ -60,7 +59,7 @@ def serve(view, batch, out, due):
     """
     for k in range(batch.count[0]):
         i = np.int64(batch.robot[k])
-        if batch.reason[k] == REASON_PICKED:
+        if places_load(batch.reason[k]):
             deliver(view, out, k, i)
         elif batch.reason[k] != REASON_PERIODIC and not take_next(view, out, k, i):
             out.command[k] = CMD_PARK
@@ -72,7 +71,7 @@ def has_empty_list(view, batch, out):
     """Whether a robot that is asked what to do next has nothing ahead of it."""
     for k in range(batch.count[0]):
         i = np.int64(batch.robot[k])
-        if batch.reason[k] != REASON_PICKED and batch.reason[k] != REASON_PERIODIC:
+        if not places_load(batch.reason[k]) and batch.reason[k] != REASON_PERIODIC:
             if planned_count(view, out, i) == 0:
                 return True
     return False

@@ -18,7 +18,7 @@ from automaton.strategy.kernels import (
     can_bring,
     distance,
     dropoff_cell,
-    has_stops,
+    has_load,
     kernel,
     position,
 )
@@ -56,16 +56,22 @@ def next_stop(view, order):
 
 
 @kernel
-def tour_ticks(view, workspace, robot_type, order, heading):
-    """Ticks from the next stop of an order to its last one; UNREACHABLE or more: there is no way."""
-    orders, cell = view.orders, view.stops.cell
-    ticks = 0
+def job_ticks(view, workspace, robot_type, order, slot, begin, heading):
+    """Ticks from where an order begins over its stops to a slot; UNREACHABLE or more: no way.
+
+    Each leg from its first heading; without a load the last stop is the end.
+    """
+    orders, stops = view.orders, view.stops
+    ticks, here = np.int64(0), begin
     first = np.int64(orders.first_stop[order]) + np.int64(orders.stops_done[order])
-    for stop in range(first + 1, orders.first_stop[order + 1]):
-        here, to = np.int64(cell[stop - 1]), np.int64(cell[stop])
-        ticks = min(
-            ticks + distance(view, workspace, robot_type, here, heading, to), 2 * UNREACHABLE
-        )
+    for stop in range(first, orders.first_stop[order + 1]):
+        to = np.int64(stops.cell[stop])
+        way = distance(view, workspace, robot_type, here, heading, to)
+        ticks = min(ticks + way + stops.ticks[stop], 2 * UNREACHABLE)
+        here = to
+    if has_load(orders, order):
+        drop = dropoff_cell(view, robot_type, slot, here)
+        ticks += distance(view, workspace, robot_type, here, heading, drop)
     return ticks
 
 
@@ -78,11 +84,7 @@ def score(view, workspace, state, i, order):
     here, heading = position(view, i), np.int64(view.robots.heading[i])
     begin = begin_cell(view, robot_type, order, here)
     job = distance(view, workspace, robot_type, here, heading, begin)
-    if has_stops(view.orders, order):
-        job += tour_ticks(view, workspace, robot_type, order, heading)
-    else:
-        drop = dropoff_cell(view, robot_type, slot, begin)
-        job += distance(view, workspace, robot_type, begin, heading, drop)
+    job += job_ticks(view, workspace, robot_type, order, slot, begin, heading)
     if job >= UNREACHABLE:
         return WORST
     age = view.clock[CLOCK_TICK] - view.orders.release_tick[order]
@@ -120,7 +122,7 @@ def decide(view, batch, decisions, memory, workspace):
         if workspace.stop[0]:
             return
         i = np.int64(batch.robot[k])
-        if batch.reason[k] == REASON_PICKED:
+        if places_load(batch.reason[k]):
             bring(view, out, k, i)
         elif batch.reason[k] != REASON_PERIODIC:
             order = best_order(view, out, state, workspace, i)

@@ -21,7 +21,7 @@ from automaton.strategy.kernels import (
     cell_beside,
     distance,
     first_cell,
-    has_stops,
+    has_load,
     kernel,
     next_stop_cell,
     pickup_cell,
@@ -106,7 +106,8 @@ def weigh_rest(view, workspace, open_orders, first, weight):
             leg = np.int64(UNREACHABLE)
             for heading in range(headings):
                 leg = min(leg, distance(view, workspace, 0, here, heading, to))
-            ticks += max(leg, 1) if leg < UNREACHABLE else 0
+            served = np.int64(view.stops.ticks[stop])
+            ticks += max(leg + served, 1) if leg < UNREACHABLE else 0
         open_orders.rest[order] = weight * ticks
 
 
@@ -141,7 +142,7 @@ def may_seek(view, i, reason, again):
     if robots.load[i] != NIL:
         return False
     if order != NIL:
-        return again and view.orders.state[order] == ORDER_WAITING and has_stops(view.orders, order)
+        return again and view.orders.state[order] == ORDER_WAITING and not has_load(view.orders, order)
     if robots.goal_type[i] == GOAL_CHARGE and robots.charging_interruptible[i] == 0:
         return False
     return again or reason != REASON_PERIODIC
@@ -169,7 +170,7 @@ def mark_orders(view, out, open_orders, marks, seekers):
         marks.taken[place] = 0
         marks.count[1] += 1
         marks.least_rest[0] = min(marks.least_rest[0], rest_of(open_orders, order))
-        if has_stops(view.orders, order):
+        if not has_load(view.orders, order):
             mark(marks, next_stop_cell(view, order), place)
         else:
             mark_load(view, marks, order, place)

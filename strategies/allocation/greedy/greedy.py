@@ -18,7 +18,6 @@ from automaton.engine.state import (
     LAYER_ALLOCATION,
     NIL,
     REASON_PERIODIC,
-    REASON_PICKED,
 )
 from automaton.strategy.kernels import kernel
 from automaton.strategy.layer import Strategy
@@ -67,7 +66,7 @@ def decide(view, batch, decisions, memory, workspace):
         match(view, workspace.stop, state, robots_allowed(view, state))
     for k in range(batch.count[0]):
         i = np.int64(batch.robot[k])
-        if batch.reason[k] == REASON_PICKED:
+        if places_load(batch.reason[k]):
             deliver(view, out, k, i)
     for k in range(state.seekers.count[0]):
         enter_decision(view, out, state, batch, np.int64(state.seekers.robot[k]))

@@ -18,7 +18,7 @@ from automaton.engine.state import ACTION_MOVE, ACTION_TURN, NIL, Array
 from automaton.strategy.kernels import (
     can_do,
     cell_beside,
-    has_stops,
+    has_load,
     kernel,
     next_stop_cell,
     pickup_cell,
@@ -143,7 +143,7 @@ def begins_here(view, i, order, cell):
     """Whether robot i does an order, and begins it in this cell."""
     if not can_do(view, i, order):
         return False
-    if has_stops(view.orders, order) or view.rules.nearest_access:
+    if not has_load(view.orders, order) or view.rules.nearest_access:
         return True
     slot = np.int64(view.orders.current_slot[order])
     return pickup_cell(view, np.int64(view.robots.type[i]), slot, NIL) == cell
@@ -193,7 +193,7 @@ def reach_begin(view, search, robot_type, order):
     """Reach the cells where robots of a type begin an order, with any heading."""
     headings = view.grid.headings
     for direction in range(4):
-        if has_stops(view.orders, order):
+        if not has_load(view.orders, order):
             cell = next_stop_cell(view, order)
         elif view.rules.nearest_access:
             cell = cell_beside(view, np.int64(view.orders.current_slot[order]), direction)

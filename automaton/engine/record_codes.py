@@ -26,6 +26,7 @@ LEFT_PARKING_BAY: Final = 256  # flag: it was placed on its home cell before the
 ENTERED_PARKING_BAY: Final = 512  # flag: at the end of this tick it is parked
 PICKED_ON_ARRIVAL: Final = 1024  # flag: as it arrived, at the end of this tick, it took its load
 DROPPED_ON_ARRIVAL: Final = 2048  # flag: likewise, it dropped its load
+EXECUTED_VALUES: Final = 4096  # all values are below
 
 # record.changes: rows (tick, code, subject, value).
 CHANGE_ORDER_RESERVED: Final = 1  # order, identity of the robot that has it now or NIL

@@ -28,6 +28,7 @@ from automaton.engine.record_codes import (
     CHANGE_VISITED,
     CHANGE_ZONE,
     EXECUTED_CODES,
+    EXECUTED_VALUES,
 )
 from automaton.engine.state import Orders, Robots, World
 from automaton.engine.stops import Stops
@@ -401,7 +402,7 @@ def unpacked_ticks(content: Content, known: Mapping[str, int]) -> Content:
     check_arrays(
         content,
         {
-            "executed": Range("u2", ("robots", "ticks"), 0, 1 << 12),
+            "executed": Range("u2", ("robots", "ticks"), 0, EXECUTED_VALUES),
             "decisions": Range("i8", ("words",), -(1 << 63), 1 << 63),
             "changes": Range("i4", (4, "changes"), -MAX_NUMBER, MAX_NUMBER),
             "due": Range("i4", ("due",), 0, "ticks"),

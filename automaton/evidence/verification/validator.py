@@ -21,6 +21,7 @@ from automaton.engine.record_codes import (
     CHANGE_STATUS,
     DROPPED_ON_ARRIVAL,
     ENTERED_PARKING_BAY,
+    EXECUTED_VALUES,
     LEFT_PARKING_BAY,
     PICKED_ON_ARRIVAL,
 )
@@ -149,7 +150,7 @@ class Validator:
         self.report = Report()
         self._now = 0  # the tick that is replayed
         self._stride = header["floor"]["width"] + 2
-        self._acts: Any = np.zeros(256, np.int64)  # recorded bytes by value
+        self._acts: Any = np.zeros(EXECUTED_VALUES, np.int64)  # by recorded value
 
     def begin(self) -> None:
         """The state at tick 0, checked."""
@@ -165,7 +166,7 @@ class Validator:
             text = f"tick {content['first']} follows tick {self.report.ticks}"
             self._report_violation("record", [], NIL, text)
             raise _TooManyViolationsError
-        self._acts += np.bincount(did.ravel(), minlength=256)
+        self._acts += np.bincount(did.ravel(), minlength=EXECUTED_VALUES)
         when, who = np.nonzero(did)
         acts: list[Acts] = [[] for _ in did]
         for row, r, code in zip(when.tolist(), who.tolist(), did[when, who].tolist(), strict=True):

@@ -134,7 +134,7 @@ def min_drive_cost(resolved: Resolved, price: Price) -> tuple[Array, int, int]:
         pairs = [
             (floor_plan.cell(*line.ends[0]), floor_plan.cell(*line.ends[1]))
             for line in orders.listed
-            if line.stops is None
+            if line.has_load
         ]
         if len(pairs) < len(orders.listed):  # what is between stops counts as nothing
             return np.zeros(len(orders.listed)), 0, 0

@@ -126,7 +126,7 @@ class FleetOnFloor:
         """All orders of the scenario that have a load."""
         orders, floor_plan = self.scenario.orders, self.floor_plan
         for index, line in enumerate(orders.listed or ()):
-            if line.stops is not None:
+            if not line.has_load:
                 continue
             source, target = (np.array([floor_plan.cell(*end)]) for end in line.ends)
             yield Way(("orders", "list", index), f"order {index}", source, target, line.weight)

@@ -136,7 +136,7 @@ def sources_and_targets(
     if orders.listed is not None:
         cell, slot_of = resolved.floor_plan.cell, floor.grid.slot
         ends = [
-            (NIL, NIL) if line.stops is not None else [slot_of[cell(*end)] for end in line.ends]
+            [slot_of[cell(*end)] for end in line.ends] if line.has_load else (NIL, NIL)
             for line in orders.listed
         ]
         source, target = np.array(ends, np.int32).T

@@ -242,8 +242,8 @@ def check_orders(document: Document, scenario: Scenario, floor: Floor) -> None:
     taken: dict[tuple[int, int], int] = {}
     for index, order in enumerate(scenario.orders.listed):
         keys: Keys = ("orders", "list", index)
-        if order.stops is not None:
-            check_stops(document, order.stops, (*keys, "stops"), floor.floor_plan)
+        check_stops(document, order.stop_cells, (*keys, "stops"), floor.floor_plan)
+        if not order.has_load:
             continue
         _check_order(document, order, keys, floor.floor_plan)
         source = order.ends[0]
@@ -278,7 +278,7 @@ def check_tasks(document: Document, scenario: Scenario, floor_plan: FloorPlan) -
 def check_stops(
     document: Document, stops: Iterable[Any], keys: Keys, floor_plan: FloorPlan
 ) -> None:
-    """The stops of an order without a load are cells that robots drive on. Raises InputError."""
+    """The stops of an order are cells that robots drive on. Raises InputError."""
     for number, (x, y) in enumerate(stops):
         if not floor_plan.holds(x, y):
             text = f"the stop [{x}, {y}] lies outside the floor {_extent(floor_plan)}"
@@ -376,7 +376,8 @@ def check_service(document: Document, fleet: FleetOnFloor) -> None:
     for index, order in enumerate(orders.listed or ()):
         if order.stops is not None:
             keys: Keys = ("orders", "list", index)
-            check_reached(document, fleet, order.stops, order.weight, keys)
+            check_reached(document, fleet, order.stop_cells, order.weight, keys)
+        if not order.has_load:
             continue
         for name, (x, y) in zip(("from", "to"), order.ends, strict=True):
             cell = floor_plan.cell(x, y)

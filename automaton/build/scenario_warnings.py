@@ -170,7 +170,7 @@ def served_stations(resolved: Resolved) -> set[int]:
         ends = {
             floor_plan.cell(*cell)
             for line in orders.listed
-            for cell in (line.stops if line.stops is not None else line.ends)
+            for cell in (*line.stop_cells, *(line.ends if line.has_load else ()))
         }
         return ends & set(stations)
     return set(stations) if orders.generator in ("stations", "visits") else set()
@@ -184,7 +184,7 @@ def station_pairs(resolved: Resolved) -> list[tuple[int, int]]:
         ends = [
             (floor_plan.cell(*line.ends[0]), floor_plan.cell(*line.ends[1]))
             for line in orders.listed
-            if line.stops is None
+            if line.has_load
         ]
         return [pair for pair in ends[:MOST_STATIONS] if set(pair) <= set(stations)]
     if len(stations) > MOST_STATIONS:

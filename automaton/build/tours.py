@@ -1,4 +1,4 @@
-"""The stops of orders without a load: as listed, of tasks, or drawn for the generator tours.
+"""The stops of orders: as listed, of tasks, or drawn for the generator tours.
 
 Draws are addressed by the seed, the number of the order and the place of the stop in it.
 """
@@ -28,18 +28,22 @@ def build_stops(
     demand = resolved.scenario.orders
     count = np.zeros(orders, np.int64)
     cells = np.zeros(0, np.int64)
+    ticks = None
     if demand.listed is not None:
-        listed = [line.stops or () for line in demand.listed]
+        listed = [line.stop_cells for line in demand.listed]
         count = np.array([len(stops) for stops in listed], np.int64)
         cell = resolved.floor_plan.cell
         cells = np.array([cell(x, y) for stops in listed for x, y in stops], np.int64)
+        ticks = np.array([one for line in demand.listed for one in line.stop_ticks], np.int32)
     elif demand.tasks is not None:
         count, cells = stops_of_tasks(resolved, orders)
     elif demand.generator == "tours":
         count = stop_counts(demand, orders, seed)
         cells = drawn_stops(cells_of_all(service), count, seed)
     first = np.concatenate([[0], np.cumsum(count)]).astype(np.int32)
-    return first, Stops.sized({"v": len(cells)}, cell=cells.astype(np.int32))
+    if ticks is None:
+        ticks = np.zeros(len(cells), np.int32)
+    return first, Stops.sized({"v": len(cells)}, cell=cells.astype(np.int32), ticks=ticks)
 
 
 def stops_of_tasks(resolved: Resolved, orders: int) -> tuple[Array, Array]:

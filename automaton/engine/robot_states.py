@@ -20,6 +20,7 @@ from automaton.engine.state import (
     ACTION_HELD_BACK,
     ACTION_MOVE,
     ACTION_PICK,
+    ACTION_SERVE,
     ACTION_TRY_DROP,
     ACTION_TURN,
     ACTION_WAIT,
@@ -53,7 +54,8 @@ class Task(IntEnum):
     CHARGING = 10
     TO_PARK = 11  # it drives home
     OUT = 12  # down on the floor, or off it: condition says which
-    TO_STOP = 13  # it drives to the next stop of an order without a load
+    TO_STOP = 13  # it drives to the next stop of its order
+    AT_STOP = 14  # it stands there for as long as the stop takes
 
 
 class Motion(IntEnum):
@@ -94,6 +96,7 @@ def tasks_of(robots: Any) -> Array:
         (busy & (action == ACTION_PICK), Task.PICKING),
         (busy & (action == ACTION_TRY_DROP), Task.TRYING),
         (busy & (action == ACTION_DROP), Task.DROPPING),
+        (busy & (action == ACTION_SERVE), Task.AT_STOP),
         (goal == GOAL_PICK, Task.TO_PICK),
         (goal == GOAL_STOP, Task.TO_STOP),
         (goal == GOAL_DROP, Task.TO_DROP),

@@ -117,8 +117,10 @@ def _unfit(header: Content, data: dict[str, Any]) -> Iterator[str]:
     if (floor["capacity"][DRIVABLE[floor["kind"]]] != 1).any():
         yield "the floor has cells for more than one robot"
     first = header["orders"].get("first_stop")
-    if first is None or not (np.diff(first) > 0).all():
+    if first is None or (header["orders"]["source"] != NIL).any():
         yield "its orders have loads"
+    elif header["stops"]["ticks"].any():
+        yield "its stops take time"
 
 
 def _place(header: Content, cell: int) -> tuple[int, int]:

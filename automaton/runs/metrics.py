@@ -30,6 +30,7 @@ from automaton.engine.state import (
     ACTION_PICK,
     ACTION_QUEUE,
     ACTION_RETREAT,
+    ACTION_SERVE,
     ACTION_TRY_DROP,
     ACTION_TURN,
     ACTION_WAIT,
@@ -45,7 +46,10 @@ from automaton.runs.metric_sums import LOST_TICK_SUMS, metric
 from automaton.runs.progress import oldest_order, starved_robots
 from automaton.runs.task_metrics import Measured, Tasks, quantile_95, summed, tasks_after
 
-OPERATIONS = [ACTION_MOVE, ACTION_TURN, ACTION_PICK, ACTION_DROP, ACTION_TRY_DROP, ACTION_WAIT]
+OPERATIONS = [
+    *(ACTION_MOVE, ACTION_TURN, ACTION_PICK, ACTION_DROP, ACTION_TRY_DROP, ACTION_WAIT),
+    ACTION_SERVE,
+]
 DRIVING = [ACTION_MOVE, ACTION_TURN, ACTION_WAIT]  # what can be an empty run
 LOST_IN = dict(
     zip(
@@ -250,7 +254,9 @@ def metrics_by_robot(run: Measured) -> list[dict[str, Any]]:
         for name in _not_lost(world):
             del figures[name]
         actions = {
-            ACTION_NAMES[a] + "s": int(world.tally.operations[i, a].sum()) for a in OPERATIONS
+            ACTION_NAMES[a] + "s": int(world.tally.operations[i, a].sum())
+            for a in OPERATIONS
+            if a != ACTION_SERVE or world.stops.ticks.any()
         }
         row: dict[str, Any] = {"robot": identity}
         if names:

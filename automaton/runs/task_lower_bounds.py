@@ -5,6 +5,7 @@ import numpy as np
 from automaton.engine.distance_tables import UNREACHABLE
 from automaton.engine.facilities import MAY_TURN
 from automaton.engine.jit.kernel import kernel
+from automaton.engine.next_stop import has_load
 from automaton.engine.search import (
     STARTED,
     TURNED_AHEAD,
@@ -14,8 +15,7 @@ from automaton.engine.search import (
     pop,
     reach,
 )
-from automaton.engine.state import ACTION_MOVE, ACTION_TURN
-from automaton.engine.next_stop import has_load
+from automaton.engine.state import ACTION_MOVE, ACTION_TURN, NIL
 from automaton.strategy.access_cells import dropoff_cell, pickup_cell
 
 POSE_MASK = (1 << 32) - 1  # a key of the queue: estimated ticks << 32 | pose
@@ -59,7 +59,7 @@ def least_leg(view, workspace, robot_type, here, heading, to):
     """Least ticks from a cell to another one; heading NIL: from that which is best."""
     best = np.int64(UNREACHABLE)
     for begin in range(view.grid.headings):
-        if heading == NIL or heading == begin:
+        if heading in (NIL, begin):
             best = min(best, distance(view, workspace, robot_type, here, begin, to))
     return best
 

@@ -101,8 +101,18 @@ class StopRange(ConfigSection, frozen=True, kw_only=True):
             raise ValueError(f"from ({self.least}) must not be above to ({self.most})")
 
 
+class Stop(ConfigSection, frozen=True, kw_only=True):
+    """A stop at which a robot stands for some time."""
+
+    at: Annotated[Pair, Meta(description="The cell in which the robot stands.")]
+    ticks: Annotated[
+        Annotated[int, Meta(ge=0, le=1_000_000)],
+        Meta(description="Ticks that it stands there; 0: it is enough that it comes."),
+    ] = field(name="for", default=0)
+
+
 class OrderLine(ConfigSection, frozen=True, kw_only=True):
-    """One order: bring a load from one slot to another, or, without a load, visit cells in turn."""
+    """One order: bring a load from one slot to another, come to cells in turn, or both."""
 
     source: Annotated[Pair | None, Meta(description="The slot with the load.")] = field(
         name="from", default=None
@@ -111,24 +121,43 @@ class OrderLine(ConfigSection, frozen=True, kw_only=True):
         Pair | None, Meta(description="Where to bring it; a station itself: a visit.")
     ] = field(name="to", default=None)
     stops: Annotated[
-        Cells | None,
+        Annotated[tuple[Pair | Stop, ...], Meta(min_length=1, max_length=MAX_STOPS)] | None,
         Meta(
-            description="Instead of from and to: cells in which a robot has to stand, in this order."
+            description="Cells in which a robot has to stand, in this order: with from and to, the "
+            "robot that carries the load comes there on its way."
         ),
     ] = None
     release: Annotated[Tick, Meta(description="The tick in which it is released.")] = 0
     weight: Weight = 1
 
     def __post_init__(self) -> None:
-        if self.stops is not None:
-            if self.source is not None or self.target is not None:
-                raise ValueError("stops belong to an order without from and to")
-            return
         if self.source is None and self.target is None:
-            raise ValueError("an order needs from and to, or stops")
+            if self.stops is None:
+                raise ValueError("an order needs from and to, or stops")
+            return
         for name, end in (("from", self.source), ("to", self.target)):
             if end is None:
                 raise ValueError(f"the key '{name}' is missing")
+        if self.stops is not None and self.source == self.target:
+            raise ValueError(
+                "an order with from and to brings a load from one to the other; leave both out if "
+                "a robot has only to come to its stops"
+            )
+
+    @property
+    def has_load(self) -> bool:
+        """Whether a load is to be brought somewhere."""
+        return self.source is not None
+
+    @property
+    def stop_cells(self) -> tuple[tuple[int, int], ...]:
+        """The cells of the stops."""
+        return tuple(stop.at if isinstance(stop, Stop) else stop for stop in self.stops or ())
+
+    @property
+    def stop_ticks(self) -> tuple[int, ...]:
+        """For how long a robot stands at each stop."""
+        return tuple(stop.ticks if isinstance(stop, Stop) else 0 for stop in self.stops or ())
 
     @property
     def ends(self) -> tuple[tuple[int, int], tuple[int, int]]:
@@ -356,7 +385,7 @@ def kinds_of_sources(orders: Orders, floor_plan: FloorPlan) -> set[int]:
     found = {
         int(floor_plan.kind.flat[floor_plan.cell(*line.ends[0])])
         for line in orders.listed or ()
-        if line.stops is None
+        if line.has_load
     }
     if orders.generator in ENDS:
         found.add(ENDS[orders.generator][0])

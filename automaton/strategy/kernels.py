@@ -10,6 +10,7 @@ from automaton.engine.distance_tables import UNREACHABLE
 from automaton.engine.holders import lane_of
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import direction_between, has_room
+from automaton.engine.next_stop import has_load, next_stop_cell
 from automaton.engine.random_numbers import (
     STREAM_ABORTS,
     STREAM_RETREATS,
@@ -40,7 +41,6 @@ from automaton.engine.search import (
     write_path,
 )
 from automaton.engine.table_rows import cost_in
-from automaton.engine.next_stop import has_load, next_stop_cell
 from automaton.engine.zone_segments import copy_segment
 from automaton.strategy.access_cells import (
     begin_cell,
@@ -76,8 +76,8 @@ __all__ = [
     "find_path",
     "first_cell",
     "follow_gradient",
-    "has_room",
     "has_load",
+    "has_room",
     "is_closed",
     "kernel",
     "lane_of",

@@ -26,7 +26,7 @@ from automaton.strategy.kernels import (
     position,
 )
 from automaton.strategy.layer import Strategy
-from strategies.allocation.independent import deliver, set_down, take_order, takes_load
+from strategies.allocation.independent import deliver, places_load, set_down, take_order, takes_load
 from strategies.allocation.open_orders import is_open
 
 

@@ -19,7 +19,7 @@ from automaton.engine.state import (
 )
 from automaton.strategy.kernels import can_do, kernel
 from automaton.strategy.layer import Strategy
-from strategies.allocation.independent import deliver, take_order
+from strategies.allocation.independent import deliver, places_load, take_order
 from strategies.allocation.open_orders import is_open
 
 

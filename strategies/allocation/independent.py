@@ -17,6 +17,8 @@ from automaton.engine.state import (
     NIL,
     REASON_ORDER_RETURNED,
     REASON_PERIODIC,
+    REASON_PICKED,
+    REASON_SERVED,
 )
 from automaton.strategy.kernels import (
     begin_cell,
@@ -84,6 +86,12 @@ def takes_load(view, out, slot):
         return True
     empty = view.slots.content[slot] == NIL and view.slots.reserved_by[slot] == NIL
     return empty and out.slot_taken[slot] == 0
+
+
+@kernel
+def places_load(reason):
+    """Whether allocation is asked where the load of a robot goes."""
+    return reason == REASON_PICKED or reason == REASON_SERVED
 
 
 @kernel

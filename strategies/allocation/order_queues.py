@@ -10,7 +10,7 @@ from automaton.engine.state import (
     REASON_PERIODIC,
 )
 from automaton.strategy.kernels import can_do, kernel
-from strategies.allocation.independent import deliver, take_order
+from strategies.allocation.independent import deliver, places_load, take_order
 
 
 @kernel

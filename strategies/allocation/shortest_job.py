@@ -11,7 +11,7 @@ import numpy as np
 
 from automaton.engine.jit.fields import field
 from automaton.engine.jit.structs import Struct
-from automaton.engine.state import CLOCK_TICK, CMD_PARK, NIL, REASON_PERIODIC, REASON_PICKED
+from automaton.engine.state import CLOCK_TICK, CMD_PARK, NIL, REASON_PERIODIC
 from automaton.strategy.kernels import (
     UNREACHABLE,
     begin_cell,
@@ -23,7 +23,7 @@ from automaton.strategy.kernels import (
     position,
 )
 from automaton.strategy.layer import Strategy
-from strategies.allocation.independent import deliver, set_down, take_order, takes_load
+from strategies.allocation.independent import deliver, places_load, set_down, take_order, takes_load
 from strategies.allocation.open_orders import is_open
 
 WORST = -(1 << 62)

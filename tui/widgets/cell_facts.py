@@ -168,7 +168,8 @@ def order_lines(view: View, order: int, width: int) -> list[Line]:
     orders = view.snapshot.orders
     state, reserved_by = int(orders.state[order]), int(orders.reserved_by[order])
     stops = int(orders.first_stop[order + 1] - orders.first_stop[order])
-    words = "waits" if stops and state == ORDER_WAITING else ORDER_STATE_WORDS[state]
+    no_load = int(orders.source[order]) == NIL
+    words = "waits" if no_load and state == ORDER_WAITING else ORDER_STATE_WORDS[state]
     lines = [line(title(f"order {order} "), words)]
     done = state == ORDER_DELIVERED
     facts: list[tuple[str, Parts]] = [
@@ -180,7 +181,7 @@ def order_lines(view: View, order: int, width: int) -> list[Line]:
             [] if reserved_by == NIL else [robot_link(reserved_by)],
         ),
         ("stops", [f"{int(orders.stops_done[order])} of {stops} done"] if stops else []),
-        ("picked up", [] if stops else [count(int(orders.legs[order]), "time")]),
+        ("picked up", [] if no_load else [count(int(orders.legs[order]), "time")]),
         ("known", ["from ", *_tick(int(orders.release_tick[order]))]),
         ("delivered", _tick(int(orders.delivered[order])) if done else []),
         ("lead time", _lead_time(view, order)),

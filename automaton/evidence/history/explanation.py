@@ -128,6 +128,7 @@ def doing(snapshot: Snapshot, robot: int) -> str:
         "drop": "drops its load",
         "try_drop": "tries to drop its load",
         "charge": "has charged",
+        "serve": "stands at its stop",
     }
     if charging(fleet)[robot]:
         return f"charges {up_to(snapshot, robot)}"

@@ -122,7 +122,7 @@ class Admission:
             raise InvalidFrameError("its slots are not those of its floor")
 
     def _check_stops(self, header: Content) -> None:
-        """Each order has a load or stops, and the stops are the orders' one after another."""
+        """Each order has a load or stops, or both; the stops are the orders' one after another."""
         orders, sizes = header["orders"], self.sizes
         sizes.setdefault("stops", 0)
         first = orders.get("first_stop")
@@ -132,12 +132,9 @@ class Admission:
         count = np.diff(first)
         if not ends or (count < 0).any() or (count > MAX_STOPS).any():
             raise InvalidFrameError("its stops are not those of its orders")
-        without = count > 0
-        for end in (orders["source"], orders["target"]):
-            if not np.array_equal(end == NIL, without):
-                raise InvalidFrameError(
-                    "it has an order with neither a load nor stops, or with both"
-                )
+        without = orders["source"] == NIL
+        if not np.array_equal(orders["target"] == NIL, without) or (count[without] == 0).any():
+            raise InvalidFrameError("it has an order with neither a load nor stops")
 
     def _check_counts(self, header: Content) -> None:
         """As many orders and jobs as the scenario has, before a world is built for them."""

@@ -21,6 +21,7 @@ from automaton.engine.record_codes import (
     EXECUTED_ILLEGAL,
     EXECUTED_PICK,
     EXECUTED_RETREAT,
+    EXECUTED_SERVE,
     EXECUTED_TRY_DROP,
     EXECUTED_WAIT,
     MOVE_EAST,
@@ -43,7 +44,13 @@ OPERATION_BY_CODE: Final = {
     EXECUTED_DROP: "drop",
     EXECUTED_TRY_DROP: "try_drop",
 }
-WAIT_CODES: Final = (EXECUTED_WAIT, EXECUTED_BLOCKED, EXECUTED_RETREAT, EXECUTED_ILLEGAL)
+WAIT_CODES: Final = (
+    EXECUTED_WAIT,
+    EXECUTED_SERVE,
+    EXECUTED_BLOCKED,
+    EXECUTED_RETREAT,
+    EXECUTED_ILLEGAL,
+)
 
 Rows = list[list[int]]  # (tick, code, subject, value)
 

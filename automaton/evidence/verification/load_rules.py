@@ -24,6 +24,7 @@ from automaton.engine.record_codes import (
     ENTERED_PARKING_BAY,
     EXECUTED_DROP,
     EXECUTED_PICK,
+    EXECUTED_SERVE,
     EXECUTED_TRY_DROP,
     EXECUTED_WAIT,
     MOVE_NORTH,
@@ -44,6 +45,8 @@ STATUS_DEPLETED: Final = 3  # from here on a robot is down
 STATUS_REMOVED: Final = 6  # the last status of a robot
 
 Rows = list[list[int]]  # (tick, code, subject, value)
+
+LASTING: Final = (EXECUTED_WAIT, EXECUTED_SERVE)  # their length stands beside them
 
 # Handling on arrival: the flag, what it is like, and the duration that has to be 0.
 ON_ARRIVAL: Final = (
@@ -98,6 +101,7 @@ class Loads:
         self.work = Work(header)
         self.visits = Visits(header, motion, report_violation)
         self.touring: set[int] = set()  # robots with an order that has stops
+        self._picking: dict[int, int] = {}  # robots that picked up: the last tick of that
         self.status = [0] * len(motion.home)  # of each robot, as the rules of energy know it
         coming = sorted(range(len(released)), key=released.__getitem__, reverse=True)
         timed = [order for order in coming if released[order] and order not in self.work.ends]
@@ -154,6 +158,7 @@ class Loads:
                 "load", [r], cell, "leaves no load, or in a slot that is not a spare one"
             )
             return
+        self.visits.served.pop(r, None)
         self.load[r], self.place[order], self.state[order] = NIL, slot, ORDER_WAITING
         self.slot_cell[slot], self.content[slot], self.endless[slot] = cell, order, False
 
@@ -177,7 +182,32 @@ class Loads:
                 self._change(tick, code, subject, value, did)
                 handled |= {subject} if code in (CHANGE_PICKED, CHANGE_DROPPED) else set()
         self._check_acts(did, lengths, handled)
+        for r, code in did.items():
+            if code == EXECUTED_SERVE:
+                self._serve(tick, r, lengths.get(r, 0))
         return lengths
+
+    def _serve(self, tick: int, r: int, ticks: int) -> None:
+        """A robot begins what it does at the next stop of its order."""
+        order = self.order[r]
+        if not self._is_at_stop(r) or ticks < 1 or ticks != self.visits.lasts(order):
+            text = f"is said to be served for {ticks} ticks at a stop where it is not for so long"
+            self.report_violation("visit", [r], self.motion.cell[r], text)
+            return
+        self.visits.served[r] = tick + ticks - 1
+        if not self.visits.has_load[order]:
+            self.state[order] = ORDER_STARTED
+
+    def _is_at_stop(self, r: int) -> bool:
+        """Whether a robot stands at the next stop of its order, with the load if there is one."""
+        order = self.order[r]
+        if not self.visits.is_at_stop(r, order):
+            return False
+        return not self.visits.has_load[order] or self.load[r] == order
+
+    def _has_done_stop(self, tick: int, r: int) -> bool:
+        picks = self._picking.get(r, NIL) > tick
+        return self._is_at_stop(r) and self.visits.is_done_by(tick, r, self.order[r], picks)
 
     def arrive(self, tick: int, rows: Rows, acts: Acts) -> None:
         """Carry out what robots do with their loads as they arrive, at the end of a tick."""
@@ -201,7 +231,7 @@ class Loads:
 
     def visit(self, tick: int, rows: Rows) -> None:
         """Carry out the stops that are done at the end of a tick; the recording has all of them."""
-        standing = {r for r in self.touring if self.visits.is_at_stop(r, self.order[r])}
+        standing = {r for r in self.touring if self._has_done_stop(tick, r)}
         visiting: set[int] = set()
         for _, code, subject, value in rows:
             if code == CHANGE_VISITED and self.exists(code, subject, value):
@@ -225,8 +255,11 @@ class Loads:
         if self.by[order] != r or self.order[r] != order:
             text = f"does a stop of order {order} that it has not"
             self.report_violation("visit", [r], self.motion.cell[r], text)
-        self.visits.visit(tick, r, order)
+        self.visits.visit(tick, r, order, self._has_done_stop(tick, r))
+        self.visits.served.pop(r, None)
         self.motion.parked[r] = False  # it may have stood there, and did nothing else
+        if self.visits.has_load[order]:
+            return
         self.state[order] = ORDER_STARTED
         if self.visits.is_over(order):
             self.state[order] = ORDER_DELIVERED
@@ -279,7 +312,7 @@ class Loads:
             if not least <= ticks <= least + self.motion.given["handling_jitter"]:
                 text = f"handles its load for {ticks} ticks, which no rule gives"
                 self.report_violation("duration", [r], self.motion.cell[r], text)
-        elif ticks < 1 or not (code == EXECUTED_WAIT or 1 <= code <= MOVE_NORTH):
+        elif ticks < 1 or not (code in LASTING or 1 <= code <= MOVE_NORTH):
             text = f"a duration of {ticks} belongs to nothing that it does"
             self.report_violation("duration", [r], self.motion.cell[r], text)
 
@@ -289,10 +322,12 @@ class Loads:
             if code in (EXECUTED_PICK, EXECUTED_DROP) and r not in handled:
                 self.report_violation("load", [r], cell, "handles a load that is not named")
             elif (
-                code == EXECUTED_WAIT
+                code in LASTING
                 or (code in (EXECUTED_PICK, EXECUTED_DROP) and self.motion.given["handling_jitter"])
             ) and (r not in lengths):
-                self.report_violation("duration", [r], cell, "waits without a duration")
+                self.report_violation(
+                    "duration", [r], cell, "waits, or stands at a stop, without a duration"
+                )
             elif code == EXECUTED_TRY_DROP and self.load[r] == NIL:
                 self.report_violation("load", [r], cell, "tries to drop without a load")
 
@@ -310,6 +345,7 @@ class Loads:
             if had != NIL and self.order[had] == order:
                 self.order[had] = NIL
                 self.touring.discard(had)
+                self.visits.served.pop(had, None)
         else:
             if had != NIL or self.state[order] != ORDER_WAITING:
                 robots = [r] if had == NIL else [r, had]
@@ -319,7 +355,10 @@ class Loads:
                 self.report_violation("order", [r], NIL, f"gets order {order} of another robot")
             elif self.order[r] != NIL or self.load[r] != NIL:
                 self.report_violation("order", [r], NIL, f"gets order {order} beside another")
-            elif self.visits.belong_to(order) and self.weight[order] > self.motion.types.payload[r]:
+            elif (
+                not self.visits.has_load[order]
+                and self.weight[order] > self.motion.types.payload[r]
+            ):
                 text = f"gets order {order} of weight {self.weight[order]}, which it cannot carry"
                 self.report_violation("payload", [r], NIL, text)
             self.order[r] = order
@@ -385,6 +424,7 @@ class Loads:
             self.work.deliver(tick + self._handling(r, EXECUTED_PICK), order)
             return
         self.place[order], self.state[order], self.load[r] = NIL, ORDER_CARRIED, order
+        self._picking[r] = tick + self._handling(r, EXECUTED_PICK) - 1
         if slot >= self.spare:
             self.slot_cell[slot], self.endless[slot] = NIL, True
 
@@ -396,6 +436,8 @@ class Loads:
             self.report_violation("load", [r], cell, "drops without a load")
             return
         self._beside(r, slot)
+        if not self.visits.is_over(order):
+            self.report_violation("visit", [r], cell, f"drops order {order}, which has stops left")
         if self.endless[slot]:
             on_its_way = self.station[slot]
             if (self.target[order] != slot and not on_its_way) or self.dock[slot]:

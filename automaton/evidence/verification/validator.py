@@ -65,7 +65,7 @@ RULE_TEXTS: Final = {
 ACTS: Final = (  # by code of recorded action
     *("nothing", "move_east", "move_south", "move_west", "move_north", "turn_left", "turn_right"),
     *("pick", "drop", "try_drop", "wait", "blocked", "retreat", "bay_blocked", "illegal"),
-    "charge",
+    *("charge", "serve"),
 )
 STATUS_EXHAUSTED: Final = 2  # a recorded status
 STATUSES_GOING_DOWN: Final = (1, STATUS_EXHAUSTED)  # recorded statuses: it fails, or lacks energy

@@ -46,11 +46,12 @@ def order_line(world: World, floor_plan: FloorPlan, order: int) -> str | None:
     facts = order_facts(world, floor_plan, order)
     if facts["current_slot"] == facts["source"] and facts["legs"] == 0:
         return None  # where it was at the start
-    if facts["state"] == ORDER_CARRIED and facts["legs"] == 1:
+    stops_done = int(world.orders.stops_done[order])
+    if facts["state"] == ORDER_CARRIED and facts["legs"] == 1 and not stops_done:
         return None  # the robot's line says it
     line = f"order {order} {', '.join(write_facts(PHRASE_GROUPS, facts, default_facts(facts)))}"
     first = int(world.orders.first_stop[order])
-    ticks = world.stops.done[first : first + int(world.orders.stops_done[order])].tolist()
+    ticks = world.stops.done[first : first + stops_done].tolist()
     return line + (f"; stops in ticks {' '.join(map(str, ticks))}" if ticks else "")
 
 

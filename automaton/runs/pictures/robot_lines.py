@@ -34,6 +34,7 @@ from automaton.engine.state import (
     REASON_ORDER_TAKEN,
     REASON_PICKED,
     REASON_REPLAN,
+    REASON_SERVED,
     RETRY_EXHAUSTED,
     RETRY_WAITED,
     Robots,
@@ -81,12 +82,14 @@ ACTION_PHRASES = {  # of each action: while it lasts, and when it is over
     "queueing": ("queues", "queued"),
     "down": ("is down", "went down"),
     "held_back": ("is held back", "was held back"),
+    "serve": ("stands at its stop", "stood at its stop"),
 }
 
 TASK = (
     Phrase("carries {load} to {slot} via {goal_cell}", goal_type=GOAL_DROP),
     Phrase("carries {load}", goal_type=GOAL_NONE),
     Phrase("fetches {order} from {place} via {goal_cell}", goal_type=GOAL_PICK),
+    Phrase("carries {load} to a stop at {goal_cell}", goal_type=GOAL_STOP),
     Phrase("does a stop of {order} at {goal_cell}", goal_type=GOAL_STOP),
     Phrase("goes home", goal_type=GOAL_PARK),
     Phrase("goes to {goal_cell} to charge up to {charge_target} %", goal_type=GOAL_CHARGE),
@@ -99,6 +102,7 @@ ACTION = tuple(
 REASON = (
     Phrase("last asked as free", reason=REASON_IDLE),
     Phrase("last asked after a pick", reason=REASON_PICKED),
+    Phrase("last asked after a stop", reason=REASON_SERVED),
     Phrase("last asked after giving its order back", reason=REASON_ORDER_RETURNED),
     Phrase("last asked for a new plan", reason=REASON_REPLAN),
 )

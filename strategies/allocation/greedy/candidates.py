@@ -142,7 +142,9 @@ def may_seek(view, i, reason, again):
     if robots.load[i] != NIL:
         return False
     if order != NIL:
-        return again and view.orders.state[order] == ORDER_WAITING and not has_load(view.orders, order)
+        return (
+            again and view.orders.state[order] == ORDER_WAITING and not has_load(view.orders, order)
+        )
     if robots.goal_type[i] == GOAL_CHARGE and robots.charging_interruptible[i] == 0:
         return False
     return again or reason != REASON_PERIODIC

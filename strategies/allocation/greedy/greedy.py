@@ -35,7 +35,7 @@ from strategies.allocation.greedy.greedy_parameters import GreedyParameters
 from strategies.allocation.greedy.matching import Pairs, match
 from strategies.allocation.greedy.nearest import Search
 from strategies.allocation.greedy.pair_heap import PairHeap
-from strategies.allocation.independent import deliver, take_order
+from strategies.allocation.independent import deliver, places_load, take_order
 
 
 class GreedyState(Struct):

@@ -24,6 +24,7 @@ ROBOT_COLUMNS = {  # head: what of the robot's metrics
     "picks": "picks",
     "drops": "drops",
     "tries": "try_drops",
+    "serves": "serves",
     "waits": "waits",
     "used": "utilization",
     "empty": "empty_ticks_share",
@@ -160,7 +161,9 @@ def types_table(outcome: Outcome, tick: Unit) -> Table:
 def robots_table(outcome: Outcome, tick: Unit, cell: Unit | None) -> Table:
     """One line for each robot, at most ROBOTS_SHOWN; how far it drove where cells have a side."""
     slows = SLOWDOWN in outcome.metrics
-    absent = {name for name, there in ((SLOWDOWN, slows), ("type", outcome.types)) if not there}
+    serves = any("serves" in row for row in outcome.robots)
+    optional = ((SLOWDOWN, slows), ("type", outcome.types), ("serves", serves))
+    absent = {name for name, there in optional if not there}
     columns = {head: name for head, name in ROBOT_COLUMNS.items() if name not in absent}
     if cell is not None:
         columns = {head: name for head, name in columns.items() if name not in NEVER_WITH_CELLS}

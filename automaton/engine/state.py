@@ -53,9 +53,7 @@ ACTION_ILLEGAL: Final = 11  # a tick lost to an illegal decision
 ACTION_QUEUE: Final = 12  # a tick in the queue of a charger
 ACTION_DOWN: Final = 13  # a tick on the floor with an empty battery or a fault
 ACTION_HELD_BACK: Final = 14  # a tick in which right of way holds it back
-ACTION_SERVE: Final = (
-    15  # a tick in which it stands at a stop of its order for as long as that takes
-)
+ACTION_SERVE: Final = 15  # a tick at a stop of its order that takes time
 ACTION_COUNT: Final = 16
 ACTION_NAMES: Final = (
     *("idle", "move", "turn", "pick", "drop", "try_drop", "wait", "charge"),
@@ -111,9 +109,9 @@ REASON_AROUND_ROBOTS: Final = 6  # routing: plan around the robots, a retreat is
 REASON_RETRIES_EXHAUSTED: Final = 7  # right of way: the retries are used up
 REASON_RETREATING: Final = 8  # right of way: the next step of a retreat
 REASON_ORDER_TAKEN: Final = 9  # charging: it has taken an order
-REASON_SERVED: Final = 12  # the last stop of its order is done: where does the load go?
-REASON_ZONE_EVENT: Final = 11  # zoning: an order has no queue yet, or a robot went down or is back
 REASON_NO_ORDER: Final = 10  # charging: allocation has nothing for it
+REASON_ZONE_EVENT: Final = 11  # zoning: an order has no queue yet, or a robot went down or is back
+REASON_SERVED: Final = 12  # the last stop of its order is done: where does the load go?
 
 # The machine that runs waits and retries: robots.retry_state.
 RETRY_NONE: Final = 0

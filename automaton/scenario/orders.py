@@ -21,6 +21,7 @@ from automaton.scenario.field_types import (
 
 DRAWN = ("dock-to-rack", "stations", "visits", "tours")  # generators that draw so many orders
 MAX_STOPS: Final = 64  # of an order
+MAX_STOP_TICKS: Final = 65_535
 ENDS: Final = {  # generator: kinds of slots where its orders begin and end
     "full-shelves": (SHELF, DESTINATION),
     "picture-loads": (SHELF, DESTINATION),
@@ -106,7 +107,7 @@ class Stop(ConfigSection, frozen=True, kw_only=True):
 
     at: Annotated[Pair, Meta(description="The cell in which the robot stands.")]
     ticks: Annotated[
-        Annotated[int, Meta(ge=0, le=1_000_000)],
+        Annotated[int, Meta(ge=0, le=MAX_STOP_TICKS)],
         Meta(description="Ticks that it stands there; 0: it is enough that it comes."),
     ] = field(name="for", default=0)
 

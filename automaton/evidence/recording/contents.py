@@ -326,7 +326,7 @@ HEADER_ARRAYS: Final = {
     "orders.weight": Range("i4", ("orders",), 0, MAX_NUMBER),
     "orders.first_stop": Range("i4", ("orders and one",), 0, MAX_NUMBER),
     "stops.cell": Range("i4", ("stops",), 0, "cells"),
-    "stops.ticks": Range("i4", ("stops",), 0, MAX_NUMBER),
+    "stops.ticks": Range("i4", ("stops",), 0, 65_536),
     "jobs.processing_time": Range("i4", ("jobs",), 0, MAX_NUMBER),
     "jobs.arrival_tick": Range("i4", ("jobs",), -1, MAX_NUMBER),
 }

@@ -58,6 +58,8 @@ def build_orders(
     slots = slots_of(resolved, floor, service, source)
     first_stop, stops = build_stops(resolved, service, len(source), seed)
     orders = orders_of(source, target, released, coming, weight, first_stop)
+    if resolved.scenario.orders.listed is not None:
+        orders.priority[:] = [line.priority for line in resolved.scenario.orders.listed]
     if resolved.scenario.orders.assign == "round-robin":
         assign_in_turn(orders, stops, homes, resolved.scenario.orders.skip_reached)
     return orders, slots, stops

@@ -16,6 +16,7 @@ from automaton.engine.state import (
     Array,
     Rules,
 )
+from automaton.scenario.orders import priorities_of
 from automaton.scenario.robot_types import types_of
 from automaton.scenario.schema import Battery, Faults, Scenario
 from automaton.units import bytes_of, unit
@@ -37,6 +38,7 @@ def rules_for(scenario: Scenario, seed: int) -> Rules:
         in_system=scenario.orders.in_system(scenario.fleet.robots),
         assigned=int(scenario.orders.assign == "round-robin"),
         skip_reached=int(scenario.orders.skip_reached),
+        priorities=np.array(priorities_of(scenario.orders), np.int16),
         own_zones=int(getattr(scenario.information, "orders", "all") == "zones"),
         tick_us=tick_length(scenario.units.tick),
         cell_milli=0

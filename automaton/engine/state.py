@@ -184,6 +184,7 @@ class Rules(Struct, role=STATIC):
     skip_reached: int = field(
         "int64", "1: such a robot passes over an order at whose first stop it stands"
     )
+    priorities: Array = field("(p,) int16", "those that orders have, the highest first")
     own_zones: int = field("int64", "1: only orders and stations in zones of robots that are seen")
     tick_us: int = field("int64", "a tick in millionths of a second; 0: the scenario does not say")
     cell_milli: int = field(
@@ -364,6 +365,9 @@ class Orders(Struct):
     )
     weight: Array = field(
         "(m,) int32", "what a robot must be able to carry", role=STATIC, hidden=0, header=True
+    )
+    priority: Array = field(
+        "(m,) int16", "the larger one comes first", role=STATIC, hidden=0, header=True
     )
     release_sequence: Array = field(
         "(releases,) int32",

@@ -4,9 +4,9 @@
     0,0,0,4,0                         from, to: cells, counted from 0 at the upper left
     12,4,0,0,0
 
-A column `weight` may say how heavy they are; without it all weigh 1. Columns stand between commas,
-semicolons or tabs. Lines need not be sorted; empty ones are left out. The content becomes the
-scenario's own list of orders, so that recordings stand alone.
+Columns `weight` and `priority` may say how heavy they are, without which all weigh 1, and which come
+first. Columns stand between commas, semicolons or tabs. Lines need not be sorted; empty ones are left
+out. The content becomes the scenario's own list of orders, so that recordings stand alone.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from automaton.scenario.reading import content_hash, read_text
 from automaton.scenario.schema import Scenario
 
 REQUIRED_COLUMNS: Final = ("tick", "from_x", "from_y", "to_x", "to_y")
-OPTIONAL_COLUMNS: Final = ("weight",)
+OPTIONAL_COLUMNS: Final = ("weight", "priority")
 LATEST: Final = 2_000_000_000
-BOUNDS: Final = {"tick": (0, LATEST), "weight": (1, 1_000_000_000)}
+BOUNDS: Final = {"tick": (0, LATEST), "weight": (1, 1_000_000_000), "priority": (-100, 100)}
 
 
 class OrderFile(NamedTuple):
@@ -64,8 +64,14 @@ def read_orders(text: str, path: str) -> OrderFile:
     for row in read_table(text, path, REQUIRED_COLUMNS, OPTIONAL_COLUMNS, "order"):
         value = {name: _number(row, name, path) for name in row.cells}
         source, target = (value["from_x"], value["from_y"]), (value["to_x"], value["to_y"])
-        weight = value.get("weight", 1)
-        orders.append(OrderLine(source=source, target=target, release=value["tick"], weight=weight))
+        line = OrderLine(
+            source=source,
+            target=target,
+            release=value["tick"],
+            weight=value.get("weight", 1),
+            priority=value.get("priority", 0),
+        )
+        orders.append(line)
         lines.append(row.line)
     return OrderFile(path, content_hash(Path(path)), tuple(orders), tuple(lines))
 

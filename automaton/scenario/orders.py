@@ -130,6 +130,12 @@ class OrderLine(ConfigSection, frozen=True, kw_only=True):
     ] = None
     release: Annotated[Tick, Meta(description="The tick in which it is released.")] = 0
     weight: Weight = 1
+    priority: Annotated[
+        Annotated[int, Meta(ge=-100, le=100)],
+        Meta(
+            description="Of the orders that it could do, a robot gets one of the highest priority."
+        ),
+    ] = 0
 
     def __post_init__(self) -> None:
         if self.source is None and self.target is None:
@@ -379,6 +385,12 @@ def has_tours(orders: Orders) -> bool:
     if orders.generator == "tours" or orders.tasks is not None:
         return True
     return any(line.stops is not None for line in listed)
+
+
+def priorities_of(orders: Orders) -> list[int]:
+    """Return the priorities that orders have, the highest first."""
+    found = {line.priority for line in orders.listed or ()}
+    return sorted(found or {0}, reverse=True)
 
 
 def kinds_of_sources(orders: Orders, floor_plan: FloorPlan) -> set[int]:

@@ -8,7 +8,7 @@ from automaton.floor.cells import ANY, CELL_KINDS
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.orders import kinds_of_sources
 from automaton.scenario.schema import Scenario
-from strategies.allocation.load_parameters import refusal_of_tours
+from strategies.allocation.load_parameters import refusal_of_priorities, refusal_of_tours
 
 
 class Alleys(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
@@ -21,7 +21,7 @@ class Alleys(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
         """
         if scenario.world.access_cell != "fixed":
             return "its alleys are where loads are picked up; it needs world.access_cell: fixed"
-        if refusal := refusal_of_tours(scenario):
+        if refusal := refusal_of_tours(scenario) or refusal_of_priorities(scenario):
             return refusal
         begun = kinds_of_sources(scenario.orders, floor_plan)
         names = [f"{kind.name}s" for kind in CELL_KINDS if kind.holds == ANY and kind.code in begun]

@@ -28,7 +28,8 @@ class FirstComeState(Struct):
 
     took: Array = field("(n,) int32", "1 + the order that a robot took last, or 0")
     cursor: Array = field(
-        "(K,) int64", "by type: orders.release_sequence before it was taken, or is not for the type"
+        "(K, p) int64",
+        "by type and priority: orders.release_sequence before it was taken, or is not for the type",
     )
     looked: Array = field("(1,) int64", "orders looked at so far: what the search has cost")
 
@@ -44,33 +45,60 @@ def has_returned_order(view, out, state):
 
 
 @kernel
-def robot_that_returned_order(view, out, state, i):
-    """The robot whose order below the cursor is open again for robot i, that of the lowest one; NIL."""
+def robot_that_returned_order(view, out, state, i, rank):
+    """The robot whose order below the cursor is open again for robot i, that of the lowest one; NIL.
+
+    Of orders of one priority: `rank` is its place among those that there are.
+    """
     robot = NIL
-    if state.cursor[view.robots.type[i]] == 0:
+    if state.cursor[view.robots.type[i], rank] == 0:
         return robot  # what robots took is forgotten, with the cursor
     lowest = view.orders.state.shape[0]
     for j in range(state.took.shape[0]):
         order = state.took[j] - 1
-        if 0 <= order < lowest and is_open(view, out, order) and can_do(view, i, order):
+        if (
+            order < 0
+            or order >= lowest
+            or view.orders.priority[order] != view.rules.priorities[rank]
+        ):
+            continue
+        if is_open(view, out, order) and can_do(view, i, order):
             lowest = order
             robot = j
     return robot
 
 
 @kernel
-def next_order(view, out, state, i):
-    """The first open order for robot i from the cursor on, NIL if there is none; the cursor stops."""
+def next_order(view, out, state, i, rank):
+    """The first open order of a priority for robot i from the cursor on, NIL if there is none.
+
+    The cursor stops there.
+    """
     robot_type = view.robots.type[i]
-    for k in range(state.cursor[robot_type], view.clock[CLOCK_NEXT_RELEASE]):
+    for k in range(state.cursor[robot_type, rank], view.clock[CLOCK_NEXT_RELEASE]):
         order = np.int64(view.orders.release_sequence[k])
         state.looked[0] += 1
-        state.cursor[robot_type] = k + 1
-        if order == NIL:
+        state.cursor[robot_type, rank] = k + 1
+        if order == NIL or view.orders.priority[order] != view.rules.priorities[rank]:
             continue  # another zone's, out of sight
         if is_open(view, out, order) and can_do(view, i, order):
             return order
     return NIL
+
+
+@kernel
+def order_for(view, out, state, i, again):
+    """The oldest open order of the highest priority for robot i; `again`: also one that came back."""
+    for rank in range(view.rules.priorities.shape[0]):
+        giver = robot_that_returned_order(view, out, state, i, rank) if again else NIL
+        if giver != NIL:
+            order = np.int64(state.took[giver]) - 1
+            state.took[giver] = state.took[i]  # that one may be open again, too
+            return order
+        order = next_order(view, out, state, i, rank)
+        if order != NIL:
+            return order
+    return np.int64(NIL)
 
 
 @kernel
@@ -87,11 +115,7 @@ def decide(view, batch, decisions, memory, workspace):
         elif batch.reason[k] == REASON_PERIODIC:
             continue
         else:
-            giver = robot_that_returned_order(view, out, state, i) if again else NIL
-            order = next_order(view, out, state, i) if giver == NIL else NIL
-            if giver != NIL:
-                order = state.took[giver] - 1
-                state.took[giver] = state.took[i]  # that one may be open again, too
+            order = order_for(view, out, state, i, again)
             if order == NIL:
                 out.command[k] = CMD_PARK
             else:
@@ -106,5 +130,9 @@ class FirstCome(Strategy):
     compiled = decide
 
     def reset(self, view):
-        sizes = {"n": len(view.robots.cell), "K": len(view.grid.type_cell_flags)}
+        sizes = {
+            "n": len(view.robots.cell),
+            "K": len(view.grid.type_cell_flags),
+            "p": len(view.rules.priorities),
+        }
         return FirstComeState.sized(sizes)

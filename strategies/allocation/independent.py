@@ -31,17 +31,22 @@ from automaton.strategy.kernels import (
     position,
 )
 from automaton.strategy.layer import Strategy
-from strategies.allocation.open_orders import is_open
+from strategies.allocation.open_orders import highest_priority, is_open
 
 
 @kernel
 def nearest_order(view, out, workspace, i, around):
-    """The open order of least path cost for robot i, NIL if there is none."""
+    """The open order of least path cost, of those of the highest priority, for robot i; NIL: none."""
+    least = highest_priority(view, out, i)
     search = begin_search(workspace)
     found = False
     here, robot_type = position(view, i), view.robots.type[i]
     for order in range(view.orders.state.shape[0]):
-        if is_open(view, out, order) and can_do(view, i, order):
+        if (
+            view.orders.priority[order] >= least
+            and is_open(view, out, order)
+            and can_do(view, i, order)
+        ):
             mark_goal(
                 workspace,
                 search,

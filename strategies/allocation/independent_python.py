@@ -55,6 +55,8 @@ class IndependentPython(Strategy):
             and order not in taken
             and paths.can_do(view, robot, order)
         ]
+        highest = max((view.orders.priority[order] for order in orders), default=0)
+        orders = [order for order in orders if view.orders.priority[order] == highest]
         access_cells = [
             paths.pickup_cell(view, robot, view.orders.current_slot[order]) for order in orders
         ]

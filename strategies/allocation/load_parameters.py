@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 
 from automaton.floor.floor_plan import FloorPlan
-from automaton.scenario.orders import has_tours
+from automaton.scenario.orders import has_tours, priorities_of
 from automaton.scenario.schema import Scenario
 
 
@@ -21,6 +21,13 @@ def refusal_of_own_orders(scenario: Scenario) -> str | None:
     if scenario.orders.assign != "round-robin":
         return None
     return "it gives any order to any robot, and orders.assign is round-robin; greedy does that"
+
+
+def refusal_of_priorities(scenario: Scenario) -> str | None:
+    """Return why an allocation that does not look at priorities does not fit, None if it does."""
+    if len(priorities_of(scenario.orders)) == 1:
+        return None
+    return "it knows no priorities, and orders have some; greedy and first-come do those"
 
 
 class AnyRobot(msgspec.Struct, forbid_unknown_fields=True, frozen=True):

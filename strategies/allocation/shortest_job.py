@@ -24,7 +24,7 @@ from automaton.strategy.kernels import (
 )
 from automaton.strategy.layer import Strategy
 from strategies.allocation.independent import deliver, places_load, set_down, take_order, takes_load
-from strategies.allocation.open_orders import is_open
+from strategies.allocation.open_orders import LEAST_PRIORITY, is_open
 
 WORST = -(1 << 62)
 
@@ -93,14 +93,17 @@ def score(view, workspace, state, i, order):
 
 @kernel
 def best_order(view, out, state, workspace, i):
-    """The open order of highest score for robot i, NIL if there is none."""
-    found, highest = NIL, WORST
+    """The open order of highest score, of those of the highest priority, for robot i; NIL: none."""
+    found, highest, first = NIL, WORST, LEAST_PRIORITY
     identity = view.robots.identity[i]
     for order in range(view.orders.state.shape[0]):
-        if is_open(view, out, order) and is_mine(view, order, identity):
+        priority = np.int64(view.orders.priority[order])
+        if priority < first or not is_open(view, out, order):
+            continue
+        if is_mine(view, order, identity):
             worth = score(view, workspace, state, i, order)
-            if worth > highest:
-                found, highest = order, worth
+            if worth > WORST and (priority > first or worth > highest):
+                found, highest, first = order, worth, priority
     return found
 
 

@@ -30,6 +30,8 @@ def header_of(resolved: Resolved, seed: int, world: Any, digest_names: tuple[str
     left_out = set() if world.rules.in_system else {"release_sequence"}
     if not (world.orders.weight != 1).any():
         left_out.add("weight")
+    if not world.orders.priority.any():
+        left_out.add("priority")
     tours = len(world.stops.cell) > 0
     if not tours:
         left_out.add("first_stop")

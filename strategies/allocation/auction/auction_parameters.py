@@ -9,7 +9,11 @@ from msgspec import Meta
 
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.schema import Scenario
-from strategies.allocation.load_parameters import refusal_of_own_orders, refusal_of_tours
+from strategies.allocation.load_parameters import (
+    refusal_of_own_orders,
+    refusal_of_priorities,
+    refusal_of_tours,
+)
 
 Tick = Annotated[int, Meta(ge=1, le=2_000_000_000)]
 Fraction = Annotated[float, Meta(ge=0, le=1)]
@@ -139,7 +143,7 @@ class Auctions(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         """The optimum is known for small fleets alone, and without charging."""
-        if refusal := refusal_of_tours(scenario):
+        if refusal := refusal_of_tours(scenario) or refusal_of_priorities(scenario):
             return refusal
         robots = scenario.fleet.robots
         if scenario.information != "everything":

@@ -28,6 +28,8 @@ from automaton.strategy.kernels import (
 )
 
 TICK = 1000  # the cost of a tick on the way to an order
+PRIORITY = 1 << 34  # what a priority of 1 more is worth: more than any way
+MOST_PRIORITY = 100
 
 
 class OpenOrders(Struct):
@@ -37,7 +39,8 @@ class OpenOrders(Struct):
     count: Array = field("(1,) int64", "how many they are")
     cursor: Array = field("(1,) int64", "entries of orders.release_sequence that were looked at")
     rest: Array = field(
-        "(w,) int64", "by order: the cost of what follows on its first stop, or (0,): nothing"
+        "(w,) int64",
+        "by order: the cost of what follows on its first stop, and of its priority; (0,): none",
     )
 
 
@@ -93,9 +96,10 @@ def update_open_orders(view, open_orders):
 
 @kernel
 def weigh_rest(view, workspace, open_orders, first, weight):
-    """Enter what follows on the first stops of the orders from place `first` on, in thousandths.
+    """Enter what the orders from place `first` on cost beside the way to their first stop.
 
-    From stop to stop as the first type of robots drives it, with the heading that is best each time.
+    What follows on it, in thousandths: from stop to stop as the first type of robots drives it, with
+    the heading that is best each time. And more for each priority that is higher than theirs.
     """
     orders, headings = view.orders, view.grid.headings
     for place in range(first, open_orders.count[0]):
@@ -108,7 +112,8 @@ def weigh_rest(view, workspace, open_orders, first, weight):
                 leg = min(leg, distance(view, workspace, 0, here, heading, to))
             served = np.int64(view.stops.ticks[stop])
             ticks += max(leg + served, 1) if leg < UNREACHABLE else 0
-        open_orders.rest[order] = weight * ticks
+        priority = np.int64(view.orders.priority[order])
+        open_orders.rest[order] = weight * ticks + (MOST_PRIORITY - priority) * PRIORITY
 
 
 @kernel
@@ -154,7 +159,7 @@ def may_seek(view, i, reason, again):
 def mark_orders(view, out, open_orders, marks, seekers):
     """Mark the orders that wait and are free, or are those of robots that seek."""
     marks.count[:] = 0
-    marks.least_rest[0] = 1 << 40
+    marks.least_rest[0] = 1 << 50
     for back in range(open_orders.count[0]):
         place = (
             open_orders.count[0] - 1 - back

@@ -60,7 +60,7 @@ def decide(view, batch, decisions, memory, workspace):
     collect_seekers(view, batch, state.seekers, again)
     if state.seekers.count[0] > 0:
         first = update_open_orders(view, state.open_orders)
-        if state.rest > 0:
+        if state.open_orders.rest.shape[0]:
             weigh_rest(view, workspace, state.open_orders, first, state.rest)
         mark_orders(view, out, state.open_orders, state.marks, state.seekers)
         match(view, workspace.stop, state, robots_allowed(view, state))
@@ -118,7 +118,7 @@ class Greedy(Strategy):
         sizes = {"p": places, "C": cells, "P": poses, "robots": robots}
         sizes |= {"k": 4 * places if with_loads else places, "h": robots, "E": 4 * poses + 8}
         sizes |= {
-            "w": len(view.orders.state) if parameters.rest else 0,
+            "w": len(view.orders.state) if parameters.rest or len(view.rules.priorities) > 1 else 0,
             "power of two": 1 << int(steps.max()).bit_length(),
         }
         return GreedyState(

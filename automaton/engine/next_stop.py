@@ -9,7 +9,7 @@ from automaton.engine.state import GOAL_STOP, NIL
 
 @kernel
 def has_load(orders, order):
-    """Whether an order has a load, which is picked up before its stops and set down after them."""
+    """Whether an order has a load, which is picked up before its stops and dropped after them."""
     return orders.source[order] != NIL
 
 

@@ -389,8 +389,8 @@ def has_tours(orders: Orders) -> bool:
 
 def priorities_of(orders: Orders) -> list[int]:
     """Return the priorities that orders have, the highest first."""
-    found = {line.priority for line in orders.listed or ()}
-    return sorted(found or {0}, reverse=True)
+    priorities = {line.priority for line in orders.listed or ()}
+    return sorted(priorities or {0}, reverse=True)
 
 
 def kinds_of_sources(orders: Orders, floor_plan: FloorPlan) -> set[int]:

@@ -413,7 +413,7 @@ def unpacked_ticks(content: Content, known: Mapping[str, int]) -> Content:
         sizes,
     )
     if (content["executed"] & ACTION_MASK >= EXECUTED_CODES).any():
-        raise InvalidFrameError("it tells of an action that there is not")
+        raise InvalidFrameError("it has an action that there is not")
     due, changes = content["due"], content["changes"].T.astype(np.int64)
     if (np.diff(due) <= 0).any():
         raise InvalidFrameError("digests are not in the sequence of their ticks")

@@ -5,7 +5,9 @@ from __future__ import annotations
 from fractions import Fraction
 from pathlib import Path
 
+import jsonschema
 import pytest
+import yaml
 
 from automaton.build.resolve import Resolved, resolve
 from automaton.errors import InputError
@@ -24,6 +26,7 @@ from automaton.scenario.quantities import (
     Quantity,
     Scale,
 )
+from automaton.scenario.scenario_schema import json_schema
 
 HALF_SECONDS = Scale(tick="0.5 s", cell="0.8 m")
 WIDE = Bounds(is_whole=False)
@@ -316,3 +319,19 @@ def test_the_reader_of_a_file_of_orders_takes_times_and_clock_times(tmp_path: Pa
     assert "orders.csv:4: tick: '06:30' is a clock time" in str(caught.value)
     run = resolved(tmp_path, "generator: full-shelves", setting, *settings)
     assert [line.release for line in run.scenario.orders.listed or ()] == [12, 40, 3600]
+
+
+def test_editors_know_the_texts_from_the_schema(tmp_path: Path) -> None:
+    validator = jsonschema.Draft202012Validator(json_schema())
+    data = yaml.safe_load(SCENARIO)
+    validator.validate(data)
+    for setting in (
+        {"durations": {"move": "1.5 m/s", "pick": 3}},
+        {"information": {"radius": "3 m"}},
+        {"orders": {"list": [{"from": [0, 0], "to": [1, 0], "release": "06:30"}]}},
+        {"strategy": {"right_of_way": {"name": "wait", "wait_empty": ["1 s", 5]}}},
+        {"battery": {"drain": {"move": "9 %/h"}, "charge_rate": [[0, "2 %/min"]]}},
+    ):
+        validator.validate(data | setting)
+    assert not validator.is_valid(data | {"durations": {"pick": "soon"}})
+    assert not validator.is_valid(data | {"fleet": {"robots": "5 s"}})

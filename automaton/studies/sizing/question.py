@@ -207,10 +207,10 @@ def _value(given: str, text: str) -> tuple[float, str]:
     return value, found[2] or ""
 
 
-def _time_of_parts(given: str, text: str) -> tuple[float, str]:
+def _time_of_parts(value: str, text: str) -> tuple[float, str]:
     """Seconds of H:MM:SS, and their unit. Raises InputError."""
     try:
-        return float(read_amount(given, (Dimension.TIME,)).value), "s"
+        return float(read_amount(value, (Dimension.TIME,)).value), "s"
     except InputError as error:
         raise InputError(f"--target '{text}': {error.message}") from None
 

@@ -84,6 +84,12 @@ def exact_length(text: str) -> Fraction | None:
     return _exact(text, LENGTH_UNITS)
 
 
+def length_unit(text: str) -> Fraction | None:
+    """Metres of the unit in which a length such as "2.5 ft" is given; None: it is not one."""
+    symbol = _symbol(unit(text).name, LENGTH_UNITS)
+    return None if symbol is None else LENGTH_UNITS[symbol]
+
+
 def _exact(text: str, table: dict[str, Fraction]) -> Fraction | None:
     match = NUMBER_AND_NAME.fullmatch(text)
     symbol = None if match is None else _symbol(match[2].strip(), table)

@@ -95,9 +95,6 @@ class Plan:
         return _MAY_BE_A_NUMBER.match(text) is not None
 
 
-NO_PLAN: Final = Plan()
-
-
 @lru_cache(maxsize=256)
 def plan_of(wanted: Any) -> Plan:
     """Where a struct holds quantities."""
@@ -170,9 +167,10 @@ class _Reader:
         if isinstance(value, str):
             return self.number(value, plan.place, keys) if plan.takes(value) else value
         if isinstance(value, dict) and (plan.fields or plan.values):
+            inner = ((name, plan.fields.get(name, plan.values)) for name in value)
             return {
-                name: self.read(one, plan.fields.get(name, plan.values or NO_PLAN), (*keys, name))
-                for name, one in value.items()
+                name: value[name] if one is None else self.read(value[name], one, (*keys, name))
+                for name, one in inner
             }
         if isinstance(value, list | tuple) and plan.items:
             last = len(plan.items) - 1

@@ -18,7 +18,15 @@ from msgspec import Meta
 from automaton.errors import InputError, alternatives
 from automaton.scenario.amounts import Amount, Dimension
 from automaton.scenario.clock_times import Moment
-from automaton.units import LENGTH_UNITS, TIME_UNITS, Unit, exact_length, exact_time, unit
+from automaton.units import (
+    LENGTH_UNITS,
+    TIME_UNITS,
+    Unit,
+    exact_length,
+    exact_time,
+    length_unit,
+    unit,
+)
 
 KEY: Final = "quantity"  # of what fields say beside their types
 SCHEMA_KEY: Final = "x-quantity"  # the same in a JSON Schema
@@ -65,8 +73,8 @@ class Scale:
     @property
     def cell_unit_metres(self) -> Fraction:
         """Metres of the unit in which the side of a cell is given. Raises InputError."""
-        metres = self.cell_metres
-        return metres / Fraction(str(unit(self.cell or "").size))
+        metres = length_unit(self.cell or "")
+        return self.cell_metres if metres is None else metres  # the former says what is wrong
 
 
 Rule = Callable[[Fraction, Scale], Fraction]  # an amount as the number that a field counts

@@ -45,7 +45,7 @@ KindName = Literal[
 ]
 StrategySpec = str | Parameters  # a strategy: its name, or {name: NAME, ...parameters}
 
-TICK_PATTERN = r"^(?=[^a-zA-Z]*[1-9])\d+(\.\d+)? ?(?![eE][-+]?\d)[^\s\d.]\S*$"
+TICK_PATTERN = r"^(?=[^a-zA-Z]*[1-9])\d{1,9}(\.\d{1,12})? ?(?![eE][-+]?\d)[^\s\d.]\S*$"
 MEMORY_PATTERN = r"^(?=[^a-zA-Z]*[1-9])\d{1,9}(\.\d+)? [KMGT]iB$"
 
 MAX_DURATION = 10_000  # ticks of an operation

@@ -237,6 +237,17 @@ def test_a_speed_needs_to_know_what_a_cell_is(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.parametrize("tick", ["0.5s", "0.5 s", "500ms", "0.5 seconds"])
+def test_a_tick_may_be_written_in_several_ways(tmp_path: Path, tick: str) -> None:
+    assert resolved(tmp_path, "tick: 0.5 s", f"tick: {tick}").scenario.durations.pick == 40
+
+
+@pytest.mark.parametrize("tick", ["0 s", "-1 s", "1e3ms", "0.5", f"0.{'0' * 400}1 s", "0,5 s"])
+def test_what_is_not_a_tick_is_refused(tmp_path: Path, tick: str) -> None:
+    said = complaint(tmp_path, "tick: 0.5 s", f'tick: "{tick}"')
+    assert said.startswith("FILE:4: units.tick must be a number above 0 and a name"), said
+
+
 def test_a_clock_time_needs_a_clock(tmp_path: Path) -> None:
     clock = ', clock: "2026-03-02 06:00"'
     said = complaint(tmp_path, clock, "", "faults.list.0.at=06:30")

@@ -326,6 +326,9 @@ quoted: `"10:00"`.
 
 `--set`, the levels of a study and the column `tick` of a file of orders take the same texts, and
 `--target` of `size` takes times: `'lead_time_p95<=15min'`.
+
+A parameter of your own strategy takes such texts if it is declared as one, for example as
+`Annotated[int, quantity(TIME, ge=1)]`; both names come from `automaton.scenario.quantities`.
 """
 
 

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from fractions import Fraction
 from pathlib import Path
+from typing import Annotated
 
 import jsonschema
+import msgspec
 import pytest
 import yaml
 
 from automaton.build.resolve import Resolved, resolve
 from automaton.errors import InputError
-from automaton.scenario.conversions import Bounds, Place, convert
+from automaton.scenario.conversions import Bounds, Place, convert, with_numbers
+from automaton.scenario.document import Document
 from automaton.scenario.quantities import (
     CELLS,
     CHARGE_RATE,
@@ -25,6 +28,7 @@ from automaton.scenario.quantities import (
     TURN,
     Quantity,
     Scale,
+    quantity,
 )
 from automaton.scenario.scenario_schema import json_schema
 
@@ -330,6 +334,20 @@ def test_the_reader_of_a_file_of_orders_takes_times_and_clock_times(tmp_path: Pa
     assert "orders.csv:4: tick: '06:30' is a clock time" in str(caught.value)
     run = resolved(tmp_path, "generator: full-shelves", setting, *settings)
     assert [line.release for line in run.scenario.orders.listed or ()] == [12, 40, 3600]
+
+
+class OwnParameters(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
+    """Parameters of a plug-in."""
+
+    patience: Annotated[int, quantity(TIME, ge=1)] = 5
+    limits: dict[str, Annotated[float, quantity(SECONDS)]] = {}
+
+
+def test_parameters_of_a_plug_in_take_texts_too() -> None:
+    given = {"patience": "10 s", "limits": {"east": "2 min", "west": 3.5}}
+    numbers, conversions = with_numbers(Document({}), given, OwnParameters, HALF_SECONDS)
+    assert numbers == {"patience": 20, "limits": {"east": 120.0, "west": 3.5}}
+    assert [one.key for one in conversions] == ["patience", "limits.east"]
 
 
 def test_editors_know_the_texts_from_the_schema(tmp_path: Path) -> None:

@@ -1,20 +1,40 @@
-"""Numbers in the reader's units: a scenario says what a tick stands for, reports translate.
+"""The one table of units, and numbers in the reader's units: a scenario says what a tick stands for.
 
-SECONDS_PER_UNIT is the one table of units of time, BYTES_PER_UNIT that of memory.
+TIME_UNITS, LENGTH_UNITS and BYTES_PER_UNIT are all the units there are; the former two are exact.
 """
 
 from __future__ import annotations
 
 import re
+from fractions import Fraction
 from typing import Final, NamedTuple
 
-SECONDS_PER_UNIT: Final = {"ms": 0.001, "s": 1.0, "min": 60.0, "h": 3600.0}  # in a unit of time
+TIME_UNITS: Final = {  # seconds in a unit of time
+    "ms": Fraction(1, 1000),
+    "s": Fraction(1),
+    "min": Fraction(60),
+    "h": Fraction(3600),
+    "d": Fraction(86_400),
+}
+LENGTH_UNITS: Final = {  # metres in a unit of length
+    "m": Fraction(1),
+    "cm": Fraction(1, 100),
+    "mm": Fraction(1, 1000),
+    "km": Fraction(1000),
+    "ft": Fraction(3048, 10_000),
+    "in": Fraction(254, 10_000),
+}
 SPELLED: Final = {  # other names of the same
     "ms": ("millisecond", "milliseconds"),
     "s": ("sec", "second", "seconds"),
     "min": ("minute", "minutes"),
     "h": ("hour", "hours"),
+    "d": ("day", "days"),
+    "m": ("metre", "metres", "meter", "meters"),
+    "ft": ("foot", "feet"),
+    "in": ("inch", "inches"),
 }
+SECONDS_PER_UNIT: Final = {name: float(seconds) for name, seconds in TIME_UNITS.items()}
 BYTES_PER_UNIT: Final = {"KiB": 2**10, "MiB": 2**20, "GiB": 2**30, "TiB": 2**40}
 NUMBER_AND_NAME = re.compile(r"\s*(\d+(?:\.\d+)?)\s*(\S.*)")
 
@@ -51,7 +71,33 @@ def unit(text: str) -> Unit:
 
 def symbol_of(name: str) -> str | None:
     """The symbol of a unit of time, in whichever way it is written; None: it is none."""
-    return next((key for key, names in SPELLED.items() if name in (key, *names)), None)
+    return _symbol(name, TIME_UNITS)
+
+
+def exact_time(text: str) -> Fraction | None:
+    """Seconds in a time such as "0.635055 s", exactly; None: its name is not a unit of time."""
+    return _exact(text, TIME_UNITS)
+
+
+def exact_length(text: str) -> Fraction | None:
+    """Metres in a length such as "2.5 ft", exactly; None: its name is not a unit of length."""
+    return _exact(text, LENGTH_UNITS)
+
+
+def length_unit(text: str) -> Fraction | None:
+    """Metres of the unit in which a length such as "2.5 ft" is given; None: it is not one."""
+    symbol = _symbol(unit(text).name, LENGTH_UNITS)
+    return None if symbol is None else LENGTH_UNITS[symbol]
+
+
+def _exact(text: str, table: dict[str, Fraction]) -> Fraction | None:
+    match = NUMBER_AND_NAME.fullmatch(text)
+    symbol = None if match is None else _symbol(match[2].strip(), table)
+    return None if match is None or symbol is None else Fraction(match[1]) * table[symbol]
+
+
+def _symbol(name: str, table: dict[str, Fraction]) -> str | None:
+    return next((key for key in table if name in (key, *SPELLED.get(key, ()))), None)
 
 
 def bytes_of(text: str) -> int:
@@ -77,6 +123,15 @@ def duration(ticks: float, tick: Unit) -> tuple[float, str]:
         return value, tick.plural
     symbol = "h" if value >= LONG_HOURS else "min"
     return value / SECONDS_PER_UNIT[symbol], symbol
+
+
+def ticks_and_time(ticks: float, tick: Unit) -> str:
+    """Ticks as text and, where a tick is a time, beside them what they are: "28,800 ticks (8 h)"."""
+    text = count(int(ticks), "tick") if float(ticks).is_integer() else f"{number(ticks)} ticks"
+    if tick.seconds is None:
+        return text
+    value, name = duration(ticks, tick)
+    return f"{text} ({number(value)} {name})"
 
 
 def number(value: float) -> str:

@@ -14,6 +14,7 @@ import json
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator
+from fractions import Fraction
 from pathlib import Path
 from typing import Any, Final
 
@@ -28,12 +29,16 @@ from automaton.evidence.history.breakpoints import FIELDS
 from automaton.evidence.recording import contents, frames
 from automaton.floor.cells import CELL_KINDS, SYMBOLS, Symbol
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
+from automaton.scenario import quantities
+from automaton.scenario.conversions import Plan, plan_of
 from automaton.scenario.floor_section import generator_type, generators
+from automaton.scenario.quantities import SCHEMA_KEY, Quantity
 from automaton.scenario.scenario_schema import json_schema
-from automaton.scenario.schema import LAYER_NAMES
+from automaton.scenario.schema import LAYER_NAMES, Scenario
 from automaton.strategy import kernels, lookup, paths, per_robot, weighted_tables
 from automaton.studies.sweeps import result_columns, run_keys
 from automaton.studies.sweeps.study import study_schema
+from automaton.units import LENGTH_UNITS, SPELLED, TIME_UNITS
 from tui.widgets.bindings import COMPARING, TOPICS, key_text
 
 EVENTS: Final = {
@@ -57,6 +62,7 @@ def pages() -> dict[str, str]:
         "commands.md": commands_page(),
         "scenario.md": scenario_page(),
         "study.md": study_page(),
+        "quantities.md": quantities_page(),
         "strategies.md": strategies_page(),
         "strategy-contract.md": contract_page(),
         "floors.md": floors_page(),
@@ -242,6 +248,8 @@ def type_text(schema: Schema, definitions: Schema, here: set[str]) -> str:
         return _array(schema, definitions, here)
     if kind == "object":
         return _object(schema, definitions, here)
+    if SCHEMA_KEY in schema:
+        return f"[{schema[SCHEMA_KEY]}](quantities.md)"
     words = {
         "string": "text",
         "integer": "whole number",
@@ -273,6 +281,103 @@ def _range(schema: Schema) -> str:
     bounds += [("maximum", "to {}"), ("exclusiveMaximum", "below {}")]
     said = [form.format(f"{schema[key]:,}") for key, form in bounds if key in schema]
     return f" {' '.join(said)}" if said else ""
+
+
+# Units and quantities
+
+
+READ_AS: Final = {  # quantity: what its texts become
+    "TIME": "ticks, rounded; where a mean is meant, not rounded",
+    "MOMENT": "the tick, rounded",
+    "STEP": "ticks of a move: `units.cell` / speed, rounded",
+    "TURN": "ticks of a turn by 90 degrees, rounded",
+    "GAP": "ticks from one to the next: 1 / rate; rounded, but for means",
+    "PROBABILITY": "the probability in a tick, not rounded",
+    "CHARGE_RATE": "percent of a full battery in a tick, not rounded",
+    "CELLS": "cells, rounded",
+    "LENGTH": "the unit of `units.cell`, not rounded",
+    "SECONDS": "seconds, not rounded",
+    "MINUTES": "minutes, not rounded",
+}
+QUANTITY_RULES: Final = """
+A number is what it always was: ticks, cells, a probability or percent in a tick. Text with a unit
+says the same in the units of the warehouse, wherever the table below names the key: `20 s` and
+`20s`, `1.5min`, `1e3 ms`, `00:10:00` (hours, minutes, seconds). It takes `units.tick` to be a time,
+speeds and lengths in metres or feet also `units.cell`:
+
+```yaml
+units: {tick: 0.5 s, cell: 1.2 m, clock: "2026-03-02 06:00"}
+durations: {move: 1.5 m/s, turn: 90 deg/s, pick: 8 s, drop: 00:00:08}
+stop: {max_duration: 8 h}
+faults: {mtbf: 400 h, repair_time: 2 h}
+```
+
+Texts are read as exact fractions. A duration becomes floor(wanted / tick + 1/2) ticks; means, rates
+and probabilities are not rounded. `automaton check` lists every conversion that is not exact
+(`durations.move 1.5 m/s: 1.6 ticks -> 2, 25 % slower`) and warns above 2 %, with the largest of the
+ticks 1, 0.5, 0.25, 0.2, 0.1, 0.05, 0.02 and 0.01 s with which all are within 2 %. A time above 0
+that would be 0 ticks is an error.
+
+A **clock time** is a date with a time, `2026-03-02 06:30`, or a time, `"06:30"`, on the day of
+`units.clock`, which is the time of tick 0. It has two parts; a duration has three, so `00:10` is
+refused where a duration is wanted. Where both are possible and there is a clock, three parts
+without a date are refused. What YAML itself would read as a number to base 60 (`10:00`) has to be
+quoted: `"10:00"`.
+
+`--set`, the levels of a study and the column `tick` of a file of orders take the same texts, and
+`--target` of `size` takes times: `'lead_time_p95<=15min'`.
+
+A parameter of your own strategy takes such texts if it is declared as one, for example as
+`Annotated[int, quantity(TIME, ge=1)]`; both names come from `automaton.scenario.quantities`.
+"""
+
+
+def quantities_page() -> str:
+    """Units, what may be written with them, and the keys that take it."""
+    units = [
+        (code(symbol), ", ".join(map(code, SPELLED.get(symbol, ()))), f"{decimal(size)} {base}")
+        for table_of_units, base in ((TIME_UNITS, "s"), (LENGTH_UNITS, "m"))
+        for symbol, size in table_of_units.items()
+    ]
+    units += [("`cells`", "`cell`", "`units.cell`"), ("`deg`", "`°`", ""), ("`%`", "", "")]
+    kinds = {getattr(quantities, name): name for name in READ_AS}
+    places: dict[str, list[str]] = {name: [] for name in READ_AS}
+    for key, quantity in quantity_keys():
+        places[kinds[quantity]].append(code(key))
+    rows = [
+        (getattr(quantities, name).described, read_as, ", ".join(dict.fromkeys(places[name])))
+        for name, read_as in READ_AS.items()
+    ]
+    return page(
+        "Units and quantities",
+        QUANTITY_RULES,
+        "## What may be written\n\n" + table(("text", "read as", "keys"), rows),
+        "## Units\n\nA speed is a length, `cells` or `deg` in a time (`m/s`, `km/h`, `cells/s`, "
+        "`deg/s`), a rate is `/` and a time (`/h`) or percent in it (`%/h`).\n\n"
+        + table(("unit", "also", "is"), units),
+    )
+
+
+def decimal(size: Fraction) -> str:
+    """Return a fraction as a decimal number."""
+    return f"{float(size):g}" if size < 1000 else f"{int(size):,}"
+
+
+def quantity_keys() -> Iterator[tuple[str, Quantity]]:
+    """Yield each key of a scenario that is a quantity."""
+    yield from _keys_of(plan_of(Scenario), "")
+    for layer in LAYER_NAMES:
+        for name in _shipped(layer):
+            yield from _keys_of(plan_of(lookup.parameters_type(layer, name)), f"strategy.{layer}.")
+
+
+def _keys_of(plan: Plan, key: str) -> Iterator[tuple[str, Quantity]]:
+    if plan.place is not None:
+        yield key.rstrip("."), plan.place.quantity
+    for name, inner in plan.fields.items():
+        yield from _keys_of(inner, f"{key}{name}.")
+    for inner in (*plan.items, *([plan.values] if plan.values else [])):
+        yield from _keys_of(inner, key)
 
 
 # Strategies

@@ -26,7 +26,7 @@ from automaton.engine.releases import draw_releases
 from automaton.engine.state import NEVER, NIL, ORDER_UNRELEASED, ORDER_WAITING, Array, Orders
 from automaton.engine.stops import Stops
 from automaton.floor.cells import DESTINATION, DOCK, RACK, STATION
-from automaton.scenario.orders import DRAWN, Bursts, Mean
+from automaton.scenario.orders import DRAWN, Bursts, Mean, MeanTime
 from automaton.scenario.orders import Orders as OrdersGiven
 from automaton.scenario.schema import Scenario
 
@@ -312,7 +312,7 @@ def burst_ticks(bursts: Bursts, count: int, seed: int) -> Array:
     return by_order
 
 
-def gaps(value: int | Mean, count: int, seed: int, what: int) -> Array:
+def gaps(value: int | Mean | MeanTime, count: int, seed: int, what: int) -> Array:
     """(count,) int64: a number given, or drawn for each."""
     if isinstance(value, int):
         return np.full(count, value, np.int64)

@@ -37,6 +37,7 @@ from automaton.scenario.floor_section import Floor
 from automaton.scenario.orders import OrderLine
 from automaton.scenario.robot_types import RobotType
 from automaton.scenario.schema import Scenario
+from automaton.units import ticks_and_time, unit
 
 REQUIRED_KINDS = {  # kinds of cells without which a generator has nothing to draw
     "dock-to-rack": (DOCK, RACK),
@@ -269,8 +270,9 @@ def check_tasks(document: Document, scenario: Scenario, floor_plan: FloorPlan) -
     count = order_count(scenario, floor_plan)
     if count > MAX_ORDERS:
         text = (
-            f"in {scenario.stop.max_duration:,} ticks the robots could do {count:,} tasks, more than "
-            f"a run holds ({MAX_ORDERS:,}); set a lower stop.max_duration"
+            f"in {ticks_and_time(scenario.stop.max_duration, unit(scenario.units.tick))} the robots "
+            f"could do {count:,} tasks, more than a run holds ({MAX_ORDERS:,}); set a lower "
+            "stop.max_duration"
         )
         raise document.error(("stop", "max_duration"), text)
 

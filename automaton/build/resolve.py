@@ -16,11 +16,12 @@ from automaton.build.feasibility import check_energy, check_feasible
 from automaton.build.table_memory import check_table_memory
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
+from automaton.scenario.conversions import Conversion, with_numbers
 from automaton.scenario.document import Document, Keys, Override, override
 from automaton.scenario.floor_section import floor_of
 from automaton.scenario.order_file import with_orders_of_file
 from automaton.scenario.reading import SHIPPED_FOLDER, STUDIES_ARE_SWEPT, is_study, read
-from automaton.scenario.schema import LAYER_NAMES, Scenario
+from automaton.scenario.schema import LAYER_NAMES, Scenario, Units
 from automaton.scenario.start_file import with_starts_of_file
 from automaton.scenario.task_file import with_tasks_of_file
 from automaton.scenario.validation import validated
@@ -35,6 +36,7 @@ class StrategyChoice(NamedTuple):
 
     name: str  # of the table of built-ins, of a plug-in, or "module:Class"
     parameters: msgspec.Struct
+    conversions: tuple[Conversion, ...] = ()  # of texts in them
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,7 @@ class Resolved:
     source: str  # text of the scenario file; "" for a Scenario built in Python
     overrides: tuple[str, ...] = ()  # the --set arguments as typed
     files: tuple[tuple[str, str], ...] = ()  # read for the scenario: path, 16 hex digits of content
+    conversions: tuple[Conversion, ...] = ()  # of texts with units, but for those of strategies
 
     @cached_property
     def fleet(self) -> FleetOnFloor:
@@ -81,7 +84,7 @@ def resolve(
         seeded = Override(f"--seed {seed}", ("seed",), seed)
         data = {**document.data, "seed": seed}
         document = replace(document, data=data, overrides=(*document.overrides, seeded))
-    checked = validated(document, document.data, Scenario)
+    document, checked, conversions = checked_scenario(document)
     document, checked, order_file = with_orders_of_file(document, checked)
     document, checked, start_file = with_starts_of_file(document, checked)
     floor = floor_of(document, checked.layout)
@@ -103,9 +106,18 @@ def resolve(
             for file in (order_file, start_file, task_file)
             if file is not None
         ),
+        conversions=conversions + (() if order_file is None else order_file.conversions),
     )
     vars(resolved)["fleet"] = fleet  # with the facts that the checks have found
     return resolved
+
+
+def checked_scenario(document: Document) -> tuple[Document, Scenario, tuple[Conversion, ...]]:
+    """What a document says, with numbers for its texts with units. Raises InputError."""
+    units = validated(document, document.data.get("units", {}), Units, ("units",))
+    data, conversions = with_numbers(document, document.data, Scenario, units.scale)
+    document = replace(document, data=data)
+    return document, validated(document, data, Scenario), conversions
 
 
 def choose_strategies(
@@ -153,8 +165,7 @@ def branched(resolved: Resolved, settings: tuple[str, ...]) -> Resolved:
 
     Floor, fleet, orders and seed are what the run began with. Raises InputError.
     """
-    document = document_of(resolved.scenario, settings)
-    scenario = validated(document, document.data, Scenario)
+    document, scenario, _ = checked_scenario(document_of(resolved.scenario, settings))
     for name in Scenario.__struct_fields__:
         if name not in CHANGEABLE and getattr(scenario, name) != getattr(resolved.scenario, name):
             can = ", ".join(CHANGEABLE)
@@ -195,10 +206,13 @@ def _choose_strategy(document: Document, scenario: Scenario, layer: str) -> Stra
         wanted = lookup.parameters_type(layer, choice)
     except InputError as error:
         raise document.error(keys, error.message) from None
-    given = validated(document, parameters, wanted, ("strategy", layer))
+    at = ("strategy", layer)
+    numbers, conversions = with_numbers(document, parameters, wanted, scenario.units.scale, at)
+    given = validated(document, numbers, wanted, at)
     # Nobody keeps files beside the shipped scenarios.
     own = document.folder.resolve() != SHIPPED_FOLDER
     try:
-        return StrategyChoice(choice, resolve_paths(given, document.folder if own else Path()))
+        parameters_with_files = resolve_paths(given, document.folder if own else Path())
+        return StrategyChoice(choice, parameters_with_files, conversions)
     except InputError as error:
         raise document.error(("strategy", layer), error.message) from None

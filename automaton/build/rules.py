@@ -62,13 +62,13 @@ def rules_for(scenario: Scenario, seed: int) -> Rules:
         battery=int(scenario.battery is not None),
         drain=drain_table(scenario.battery),
         curve=charging_curve(scenario.battery),
-        reserve=0 if scenario.battery is None else units(scenario.battery.reserve),
+        reserve=0 if scenario.battery is None else charge_units(scenario.battery.reserve),
         tow_after=ticks_or_never(scenario.faults.tow_after),
         repair=ticks_or_never(scenario.faults.repair_time),
-        repaired=NIL if scenario.faults.charge == "kept" else units(scenario.faults.charge),
+        repaired=NIL if scenario.faults.charge == "kept" else charge_units(scenario.faults.charge),
         may_fail=int(may_fail(scenario)),
         faults=fault_table(scenario.faults),
-        breakdown=round(scenario.faults.failure_probability * 2**32),
+        breakdown=round(scenario.faults.probability * 2**32),
     )
 
 
@@ -91,7 +91,7 @@ def duration_table(durations: Any, factor: int = 1) -> Array:
     return table
 
 
-def units(percent: float) -> int:
+def charge_units(percent: float) -> int:
     """Units of charge in so many percent of a battery."""
     return round(percent * BATTERY_PERCENT)
 
@@ -104,7 +104,7 @@ def drain_table(battery: Battery | None) -> Array:
     drain = battery.drain
     for action, name in enumerate(ACTION_NAMES):
         percent = getattr(drain, name, drain.wait)
-        table[action] = units(percent), units(percent * drain.loaded_factor)
+        table[action] = charge_units(percent), charge_units(percent * drain.loaded_factor)
     for name in ("charge", "bay_blocked", "down"):
         table[ACTION_NAMES.index(name)] = 0
     return table
@@ -119,7 +119,7 @@ def charging_curve(battery: Battery | None) -> Array:
         if isinstance(battery.charge_rate, tuple)
         else ((0.0, battery.charge_rate),)
     )
-    return np.array([(units(since), units(rate)) for since, rate in steps], np.int32)
+    return np.array([(charge_units(since), charge_units(rate)) for since, rate in steps], np.int32)
 
 
 def fault_table(faults: Faults) -> Array:
@@ -135,4 +135,4 @@ def ticks_or_never(ticks: int | None) -> int:
 def may_fail(scenario: Scenario) -> bool:
     """Whether robots of this scenario may go down."""
     faults = scenario.faults
-    return scenario.battery is not None or bool(faults.listed) or faults.failure_probability > 0
+    return scenario.battery is not None or bool(faults.listed) or faults.probability > 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from automaton.build.conversion_table import coarse_conversions
 from automaton.build.fleet_warnings import fleet_warnings
 from automaton.build.resolve import Resolved
 from automaton.errors import alternatives
@@ -31,7 +32,8 @@ def scenario_warnings(resolved: Resolved) -> list[str]:
         resolved.fleet.handed_over(),
         counts_as_seconds(resolved),
     )
-    return [sentence for sentence in found if sentence] + fleet_warnings(resolved)
+    sentences = [sentence for sentence in found if sentence]
+    return sentences + coarse_conversions(resolved) + fleet_warnings(resolved)
 
 
 def nothing_to_avoid(resolved: Resolved) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 
 from automaton.build.capabilities import FleetOnFloor
 from automaton.build.resolve import Resolved
-from automaton.build.rules import units
+from automaton.build.rules import charge_units
 from automaton.engine import random_numbers
 from automaton.engine.robot_status import BATTERY_FULL
 from automaton.engine.state import NIL, Array, Grid
@@ -115,11 +115,11 @@ def first_charges(scenario: Scenario, seed: int) -> Array:
         return charges
     start = scenario.battery.initial_charge
     if isinstance(start, tuple):
-        return np.array([units(percent) for percent in start], np.int32)
+        return np.array([charge_units(percent) for percent in start], np.int32)
     if isinstance(start, float):
-        charges[:] = units(start)
+        charges[:] = charge_units(start)
         return charges
-    low, high = units(start.least), units(start.most)
+    low, high = charge_units(start.least), charge_units(start.most)
     with np.errstate(over="ignore"):
         random_numbers.random_integers(
             charges, high - low + 1, np.uint64(seed), random_numbers.STREAM_CHARGES, 0

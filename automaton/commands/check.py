@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from automaton.atomic_write import atomic_writer, cannot_write_error
+from automaton.build.conversion_table import conversion_lines
 from automaton.build.resolve import Resolved, document_of, resolve
 from automaton.commands.arguments import add_settings_argument, print_warnings
 from automaton.errors import InputError
@@ -58,6 +59,8 @@ def run(args: argparse.Namespace) -> int:
                 export_matrix(resolved, args.matrix)
             check_files(resolved, document_of(file, args.settings))
             print(described(resolved))
+            for line in conversion_lines(resolved):
+                print(f"  {line}")
             print_warnings(resolved)
         except InputError as error:
             if args.debug:

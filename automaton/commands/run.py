@@ -25,6 +25,7 @@ from automaton.commands.arguments import (
     whole,
 )
 from automaton.errors import InputError
+from automaton.units import ticks_and_time, unit
 
 if TYPE_CHECKING:
     from automaton.runs.headless import Outcome
@@ -69,8 +70,9 @@ def run(args: argparse.Namespace) -> int:
         print_report(resolved, outcome)
     if outcome.finished or outcome.stopped:
         return 0
-    name, limit = resolved.scenario.name, resolved.scenario.stop.max_duration
-    note(f"{name} did not finish within {limit:,} ticks: {outcome.diagnosis}")
+    scenario = resolved.scenario
+    limit = ticks_and_time(scenario.stop.max_duration, unit(scenario.units.tick))
+    note(f"{scenario.name} did not finish within {limit}: {outcome.diagnosis}")
     return 1
 
 

@@ -21,6 +21,7 @@ from automaton.commands.arguments import (
     whole,
 )
 from automaton.errors import WorkerDiedError
+from automaton.units import ticks_and_time, unit
 
 if TYPE_CHECKING:
     from automaton.studies.sizing.fleet_runs import Fleets
@@ -157,10 +158,10 @@ def show(args: argparse.Namespace, session: SizingSession, fleets: Fleets) -> No
     from automaton.runs.console_output import console
     from automaton.studies.sizing.sizing_report import print_answer
 
-    limit = scenario.stop.max_duration
-    ends = f"A run that does not finish within {limit:,} ticks fails."
+    limit = ticks_and_time(scenario.stop.max_duration, unit(scenario.units.tick))
+    ends = f"A run that does not finish within {limit} fails."
     if not fleets.ends_with_orders:
-        ends = f"Every run lasts {limit:,} ticks."
+        ends = f"Every run lasts {limit}."
     if scenario.units.tick != "1 tick":
         ends += f" 1 tick = {scenario.units.tick}."
     print_answer(console(), session, scenario.name, ends, args.price)

@@ -111,7 +111,7 @@ def _unfit(header: Content, data: dict[str, Any]) -> Iterator[str]:
     if fleet.when_idle != "park" or (header["robots"]["cell"] == NIL).any():
         yield "robots leave the floor"
     faults = scenario.faults
-    if scenario.battery is not None or faults.listed or faults.failure_probability:
+    if scenario.battery is not None or faults.listed or faults.probability:
         yield "robots may break down and be towed"
     floor = header["floor"]
     if (floor["capacity"][DRIVABLE[floor["kind"]]] != 1).any():

@@ -59,9 +59,12 @@ def heading(resolved: Resolved, outcome: Outcome, tick: Unit) -> list[str]:
     """What ran, how it ended, and what one tick is."""
     scenario = resolved.scenario
     time = f"{number(tick.of(outcome.ticks))} {tick.plural}"
-    value, told = duration(outcome.ticks, tick)
-    if told != tick.plural:
-        time += f" ({number(value)} {told})"
+    value, longer_unit = duration(outcome.ticks, tick)
+    also = [f"{number(value)} {longer_unit}"] if longer_unit != tick.plural else []
+    if tick.seconds is not None:
+        also.append(count(outcome.ticks, "tick"))
+    if also:
+        time += f" ({', '.join(also)})"
     finished = "finished after" if scenario.stop.when != "never" else "ran for"
     unfinished = "stopped after" if outcome.stopped else "NOT FINISHED after"
     end = f"{finished if outcome.finished else unfinished} {time}"
@@ -98,17 +101,17 @@ def out_of_orders(outcome: Outcome) -> list[str]:
 def metrics_table(outcome: Outcome, tick: Unit, cell: Unit | None) -> Table:
     """The metrics of the fleet with their units and meanings.
 
-    Where the scenario says what a cell is, ticks and cells stand beside the translated values.
+    Where the scenario says what a tick or a cell is, ticks and cells stand beside the translated values.
     """
-    rows = []
+    rows, in_both = [], cell is not None or tick.seconds is not None
     for name in outcome.metrics:
         if name.startswith(LOST_METRIC_PREFIX) or name == SLOWDOWN:
             continue
         kind, meaning = METRIC_CATALOGUE.get(name, ("times", "counted by a strategy"))
         value, in_unit = in_units(outcome.metrics[name], kind, tick, cell)
         raw = f"{number(outcome.metrics[name])} {kind}" if kind in ("ticks", "cells") else ""
-        rows.append([name, value, in_unit, *([raw] if cell else []), meaning])
-    heads = ("metric", "value", "unit", *(["of the grid"] if cell else []), "meaning")
+        rows.append([name, value, in_unit, *([raw] if in_both else []), meaning])
+    heads = ("metric", "value", "unit", *(["of the grid"] if in_both else []), "meaning")
     return Table(heads, rows, also_left=(2,), folded=True)
 
 

@@ -240,7 +240,7 @@ def _scalar(node: yaml.ScalarNode, file: str | None) -> Any:
         shown = text if len(text) <= 40 else text[:37] + "..."
         raise InputError(
             f"YAML reads {shown} as a number in a special notation; "
-            "write a plain decimal number, or quote it",
+            f'write a plain decimal number, or quote it: "{shown}"',
             file,
             line,
         )

@@ -7,10 +7,15 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
+from automaton.scenario.quantities import MOMENT, TIME, quantity
+
 Direction = Literal["east", "south", "west", "north"]
-Ticks = Annotated[int, Meta(ge=1, le=10_000, description="A duration in ticks.")]
-TicksOrNone = Annotated[int, Meta(ge=0, le=10_000, description="A duration in ticks, or 0.")]
-Tick = Annotated[int, Meta(ge=0, le=2_000_000_000, description="A tick.")]
+Ticks = Annotated[int, quantity(TIME, ge=1, le=10_000, description="A duration in ticks.")]
+TicksOrNone = Annotated[
+    int, quantity(TIME, ge=0, le=10_000, description="A duration in ticks, or 0.")
+]
+LongTicks = Annotated[int, quantity(TIME, ge=1, le=10_000_000, description="A duration in ticks.")]
+Tick = Annotated[int, quantity(MOMENT, ge=0, le=2_000_000_000, description="A tick.")]
 Weight = Annotated[
     int, Meta(ge=1, le=1_000_000_000, description="In whatever unit payloads are given.")
 ]

@@ -4,9 +4,10 @@
     0,0,0,4,0                         from, to: cells, counted from 0 at the upper left
     12,4,0,0,0
 
-Columns `weight` and `priority` may say how heavy they are, without which all weigh 1, and which come
-first. Columns stand between commas, semicolons or tabs. Lines need not be sorted; empty ones are left
-out. The content becomes the scenario's own list of orders, so that recordings stand alone.
+A tick may be a time such as 20 s or, with units.clock, a clock time. Columns `weight` and `priority`
+may say how heavy they are, without which all weigh 1, and which come first. Columns stand between
+commas, semicolons or tabs. Lines need not be sorted; empty ones are left out. The content becomes the
+scenario's own list of orders, so that recordings stand alone.
 """
 
 from __future__ import annotations
@@ -18,15 +19,19 @@ from typing import Final, NamedTuple
 
 import msgspec
 
-from automaton.scenario.csv_table import Row, number_in, read_table
+from automaton.errors import InputError
+from automaton.scenario.conversions import Bounds, Conversion, Place, convert
+from automaton.scenario.csv_table import NUMBER, Row, number_in, read_table
 from automaton.scenario.document import Document, ListFile
 from automaton.scenario.orders import OrderLine
+from automaton.scenario.quantities import MOMENT, Scale
 from automaton.scenario.reading import content_hash, read_text
 from automaton.scenario.schema import Scenario
 
 REQUIRED_COLUMNS: Final = ("tick", "from_x", "from_y", "to_x", "to_y")
 OPTIONAL_COLUMNS: Final = ("weight", "priority")
 LATEST: Final = 2_000_000_000
+RELEASE: Final = Place(MOMENT, Bounds(is_whole=True, ge=0, le=LATEST))
 BOUNDS: Final = {"tick": (0, LATEST), "weight": (1, 1_000_000_000), "priority": (-100, 100)}
 
 
@@ -37,6 +42,7 @@ class OrderFile(NamedTuple):
     content_hash: str  # 16 hex digits
     orders: tuple[OrderLine, ...]
     lines: tuple[int, ...]  # where each of them stands, from 1
+    conversions: tuple[Conversion, ...]  # of times with units
 
 
 def with_orders_of_file(
@@ -50,7 +56,7 @@ def with_orders_of_file(
     if not os.path.isfile(path):
         text = f"there is no file of orders '{name}'"
         raise document.error(("orders", "arrivals", "file"), text)
-    found = read_orders(read_text(path), str(path))
+    found = read_orders(read_text(path), str(path), scenario.units.scale)
     orders = msgspec.structs.replace(scenario.orders, arrivals=None, listed=found.orders)
     listed = ListFile(("orders", "list"), found.path, found.lines)
     document = replace(document, listed=(*document.listed, listed))
@@ -58,10 +64,13 @@ def with_orders_of_file(
     return document, msgspec.structs.replace(scenario, orders=orders), absolute
 
 
-def read_orders(text: str, path: str) -> OrderFile:
+def read_orders(text: str, path: str, scale: Scale) -> OrderFile:
     """The orders of a CSV text. Raises InputError with the line."""
-    orders, lines = [], []
+    orders, lines, conversions = [], [], []
     for row in read_table(text, path, REQUIRED_COLUMNS, OPTIONAL_COLUMNS, "order"):
+        if row.cells["tick"][:1].isdigit() and not NUMBER.fullmatch(row.cells["tick"]):
+            conversions.append(_time(row, path, scale))
+            row.cells["tick"] = str(conversions[-1].value)
         value = {name: _number(row, name, path) for name in row.cells}
         source, target = (value["from_x"], value["from_y"]), (value["to_x"], value["to_y"])
         line = OrderLine(
@@ -73,7 +82,16 @@ def read_orders(text: str, path: str) -> OrderFile:
         )
         orders.append(line)
         lines.append(row.line)
-    return OrderFile(path, content_hash(Path(path)), tuple(orders), tuple(lines))
+    return OrderFile(
+        path, content_hash(Path(path)), tuple(orders), tuple(lines), tuple(conversions)
+    )
+
+
+def _time(row: Row, path: str, scale: Scale) -> Conversion:
+    try:
+        return convert("tick", row.cells["tick"], RELEASE, scale)
+    except InputError as error:
+        raise InputError(error.message, path, row.line) from None
 
 
 def _number(row: Row, name: str, path: str) -> int:

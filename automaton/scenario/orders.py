@@ -18,6 +18,7 @@ from automaton.scenario.field_types import (
     Ticks,
     Weight,
 )
+from automaton.scenario.quantities import GAP, TIME, quantity
 
 DRAWN = ("dock-to-rack", "stations", "visits", "tours")  # generators that draw so many orders
 MAX_STOPS: Final = 64  # of an order
@@ -37,6 +38,12 @@ class Mean(ConfigSection, frozen=True, kw_only=True):
     mean: Annotated[float, Meta(ge=1, le=1_000_000, description="Its mean.")]
 
 
+class MeanTime(ConfigSection, frozen=True, kw_only=True):
+    """A number of ticks from 1 on, drawn geometrically: what is memoryless in ticks."""
+
+    mean: Annotated[float, quantity(GAP, ge=1, le=1_000_000, description="Its mean.")]
+
+
 class Bursts(ConfigSection, frozen=True, kw_only=True):
     """Orders are released several at a time, the first of them at once."""
 
@@ -45,7 +52,7 @@ class Bursts(ConfigSection, frozen=True, kw_only=True):
         Meta(description="Orders of a burst: so many, or drawn with this mean."),
     ]
     every: Annotated[
-        Annotated[int, Meta(ge=1, le=1_000_000)] | Mean,
+        Annotated[int, quantity(GAP, ge=1, le=1_000_000)] | MeanTime,
         Meta(description="Ticks from a burst to the next: so many, or drawn with this mean."),
     ]
 
@@ -107,7 +114,7 @@ class Stop(ConfigSection, frozen=True, kw_only=True):
 
     at: Annotated[Pair, Meta(description="The cell in which the robot stands.")]
     ticks: Annotated[
-        Annotated[int, Meta(ge=0, le=MAX_STOP_TICKS)],
+        Annotated[int, quantity(TIME, ge=0, le=MAX_STOP_TICKS)],
         Meta(description="Ticks that it stands there; 0: it is enough that it comes."),
     ] = field(name="for", default=0)
 
@@ -190,7 +197,7 @@ class Parts(ConfigSection, frozen=True, kw_only=True):
         Tick, Meta(description="The tick in which the first part arrives at its first station.")
     ] = 0
     interarrival_time: Annotated[
-        Annotated[int, Meta(ge=0, le=1_000_000)] | Mean,
+        Annotated[int, quantity(GAP, ge=0, le=1_000_000)] | MeanTime,
         Meta(description="Ticks from a part to the next: so many, or drawn with this mean."),
     ] = 0
     weight: Weight = 1
@@ -206,7 +213,7 @@ class Parts(ConfigSection, frozen=True, kw_only=True):
 class RandomProcessingTime(ConfigSection, frozen=True, kw_only=True):
     """A processing time that is random for each part and each station of its route."""
 
-    mean: Annotated[float, Meta(ge=1, le=10_000, description="Mean ticks.")]
+    mean: Annotated[float, quantity(TIME, ge=1, le=10_000, description="Mean ticks.")]
     distribution: Annotated[
         Literal["exponential"],
         Meta(description="Memoryless, in whole ticks from 1 on: the geometric distribution."),
@@ -242,7 +249,8 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
     ] = None
     mean_interarrival_time: Annotated[
         float,
-        Meta(
+        quantity(
+            GAP,
             ge=0,
             le=1_000_000,
             description="Mean ticks between two orders: from the second tick on, one arrives in a "

@@ -7,6 +7,7 @@ from typing import Any
 import msgspec
 
 from automaton.scenario.floor_section import generator_type, generators
+from automaton.scenario.quantities import with_texts
 from automaton.scenario.schema import (
     LAYER_NAMES,
     FileLayout,
@@ -36,7 +37,7 @@ def json_schema() -> Schema:
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "automaton scenario",
         **reference,
-        "$defs": definitions,
+        "$defs": with_texts(definitions),
     }
 
 

@@ -11,6 +11,13 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
+from automaton.errors import InputError
+from automaton.scenario.clock_times import read_moment
+from automaton.scenario.energy_and_faults import Battery as Battery
+from automaton.scenario.energy_and_faults import ChargeRange as ChargeRange
+from automaton.scenario.energy_and_faults import Drain as Drain
+from automaton.scenario.energy_and_faults import Fault as Fault
+from automaton.scenario.energy_and_faults import Faults as Faults
 from automaton.scenario.field_types import ConfigSection as ConfigSection
 from automaton.scenario.field_types import Direction as Direction
 from automaton.scenario.field_types import NonEmptyText as NonEmptyText
@@ -19,6 +26,8 @@ from automaton.scenario.field_types import Ticks, TicksOrNone
 from automaton.scenario.fleet import Area as Area
 from automaton.scenario.fleet import Fleet as Fleet
 from automaton.scenario.orders import Orders as Orders
+from automaton.scenario.quantities import CELLS, STEP, TIME, TURN, Scale, quantity
+from automaton.units import ticks_and_time, unit
 
 Parameters = dict[str, Any]
 KindName = Literal[
@@ -36,9 +45,10 @@ KindName = Literal[
 ]
 StrategySpec = str | Parameters  # a strategy: its name, or {name: NAME, ...parameters}
 
-TICK_PATTERN = r"^(?=[^a-zA-Z]*[1-9])\d+(\.\d+)? [^\s\d]\S*$"
+TICK_PATTERN = r"^(?=[^a-zA-Z]*[1-9])\d{1,9}(\.\d{1,12})? ?(?![eE][-+]?\d)[^\s\d.]\S*$"
 MEMORY_PATTERN = r"^(?=[^a-zA-Z]*[1-9])\d{1,9}(\.\d+)? [KMGT]iB$"
 
+MAX_DURATION = 10_000  # ticks of an operation
 MAX_MOVE_TICKS = 65_535  # ticks
 
 LAYER_NAMES = ("zoning", "charging", "allocation", "routing", "right_of_way")
@@ -60,13 +70,32 @@ class Units(ConfigSection, frozen=True, kw_only=True):
         Annotated[str, Meta(pattern=TICK_PATTERN)] | None,
         Meta(description='The side of a cell, such as "2.5 ft": a number above 0 and a name.'),
     ] = None
+    clock: Annotated[
+        SingleLine | None,
+        Meta(
+            description='The time of tick 0, such as "2026-03-02 06:00" or "06:00": clock times that '
+            "the scenario names are counted from it."
+        ),
+    ] = None
+
+    def __post_init__(self) -> None:
+        if self.clock is not None:
+            try:
+                read_moment(self.clock)
+            except InputError as error:
+                raise ValueError(f"clock {error.message}") from None
+
+    @property
+    def scale(self) -> Scale:
+        """What texts with units are measured by."""
+        return Scale(self.tick, self.cell, read_moment(self.clock) if self.clock else None)
 
 
 class Durations(ConfigSection, frozen=True, kw_only=True):
     """How many ticks each operation takes."""
 
-    move: Annotated[Ticks, Meta(description="To the next cell.")] = 1
-    turn: Annotated[Ticks, Meta(description="By 90 degrees.")] = 1
+    move: Annotated[int, quantity(STEP, ge=1, le=MAX_DURATION, description="To the next cell.")] = 1
+    turn: Annotated[int, quantity(TURN, ge=1, le=MAX_DURATION, description="By 90 degrees.")] = 1
     pick: Annotated[
         TicksOrNone, Meta(description="Take a load from a slot; 0: on arrival, within the move.")
     ] = 1
@@ -76,9 +105,10 @@ class Durations(ConfigSection, frozen=True, kw_only=True):
     try_drop: Annotated[Ticks, Meta(description="Look whether a load can be dropped.")] = 1
     handling_jitter: Annotated[
         int,
-        Meta(
+        quantity(
+            TIME,
             ge=0,
-            le=10_000,
+            le=MAX_DURATION,
             description="Each pick and each drop takes up to this many ticks more, uniformly "
             "random.",
         ),
@@ -146,102 +176,10 @@ class WorldRules(ConfigSection, frozen=True, kw_only=True):
     ] = "1 GiB"
 
 
-Percent = Annotated[float, Meta(ge=0, le=100)]
-Rate = Annotated[float, Meta(ge=0, le=100, description="Percent of a full battery in a tick.")]
-GivingRate = Annotated[float, Meta(ge=0.0001, le=100, description="Percent of it in a tick.")]
-
-
-class Drain(ConfigSection, frozen=True, kw_only=True):
-    """What a tick of each operation takes from the battery, percent of a full one."""
-
-    move: Rate
-    turn: Rate = 0.0
-    pick: Rate = 0.0
-    drop: Rate = 0.0
-    try_drop: Rate = 0.0
-    wait: Annotated[
-        float, Meta(ge=0, le=100, description="Standing on the floor, whatever the reason.")
-    ] = 0.0
-    loaded_factor: Annotated[
-        float, Meta(ge=0, le=10, description="How many times as much it takes with a load.")
-    ] = 1.0
-
-
-class ChargeRange(ConfigSection, frozen=True, kw_only=True):
-    """Charges drawn for each robot."""
-
-    least: Annotated[Percent, Meta(description="Percent.")] = msgspec.field(name="from")
-    most: Annotated[Percent, Meta(description="Percent.")] = msgspec.field(name="to")
-
-    def __post_init__(self) -> None:
-        if self.least > self.most:
-            raise ValueError(f"from ({self.least:g}) must not be above to ({self.most:g})")
-
-
-class Battery(ConfigSection, frozen=True, kw_only=True):
-    """The batteries of the robots; the same for all."""
-
-    drain: Drain
-    charge_rate: Annotated[
-        GivingRate | tuple[tuple[Percent, GivingRate], ...],
-        Meta(
-            description="What a tick at a charger gives, in percent; or a curve: [from, rate] "
-            "pairs, the first from 0."
-        ),
-    ]
-    initial_charge: Annotated[
-        Percent | tuple[Percent, ...] | ChargeRange,
-        Meta(description="Percent at the start: for all, one by one, or drawn {from, to}."),
-    ] = 100.0
-    reserve: Annotated[
-        Percent, Meta(description="Percent that plans of charging strategies never go below.")
-    ] = 0.0
-
-    def __post_init__(self) -> None:
-        if isinstance(self.charge_rate, tuple):
-            since = [step[0] for step in self.charge_rate]
-            if not since or since[0] != 0 or since != sorted(set(since)):
-                raise ValueError("charge_rate must rise from 0, such as [[0, 1], [80, 0.5]]")
-
-
-class Fault(ConfigSection, frozen=True, kw_only=True):
-    """One robot breaks down."""
-
-    robot: Annotated[int, Meta(ge=0, le=999_999, description="Its number, from 0.")]
-    at: Annotated[int, Meta(ge=1, le=2_000_000_000, description="In this tick.")]
-
-
-class Faults(ConfigSection, frozen=True, kw_only=True):
-    """Robots that go down, and what becomes of them."""
-
-    listed: Annotated[tuple[Fault, ...], Meta(description="Breakdowns, one by one.")] = (
-        msgspec.field(name="list", default=())
-    )
-    failure_probability: Annotated[
-        float,
-        Meta(ge=0, le=1, description="Probability that a robot on the floor fails in a tick."),
-    ] = 0.0
-    tow_after: Annotated[
-        Ticks | None,
-        Meta(description="A robot that is down is towed after so many ticks; null: it stays."),
-    ] = 300
-    repair_time: Annotated[
-        Ticks | None,
-        Meta(description="It is back after so many ticks more; null: never."),
-    ] = 600
-    charge: Annotated[
-        Percent | Literal["kept"],
-        Meta(
-            description="Percent with which it comes back. kept: what its battery held when it was "
-            "towed, but battery.reserve at least if it ran empty."
-        ),
-    ] = "kept"
-
-
 class Radius(ConfigSection, frozen=True, kw_only=True):
     """A robot knows what lies within this many cells of it."""
 
-    radius: Annotated[int, Meta(ge=1, le=10_000, description="In cells.")]
+    radius: Annotated[int, quantity(CELLS, ge=1, le=10_000, description="In cells.")]
     shape: Annotated[
         Literal["square", "circle"],
         Meta(description="Along rows and columns (Chebyshev), or as the crow flies."),
@@ -263,7 +201,13 @@ class Stop(ConfigSection, frozen=True, kw_only=True):
         Meta(description="parked: all is delivered and every robot is home again."),
     ] = "parked"
     max_duration: Annotated[
-        int, Meta(ge=1, le=2_000_000_000, description="Ticks after which a run ends in any case.")
+        int,
+        quantity(
+            TIME,
+            ge=1,
+            le=2_000_000_000,
+            description="Ticks after which a run ends in any case.",
+        ),
     ] = 50_000
 
 
@@ -272,7 +216,8 @@ class Measure(ConfigSection, frozen=True, kw_only=True):
 
     warm_up: Annotated[
         int,
-        Meta(
+        quantity(
+            TIME,
             ge=0,
             le=2_000_000_000,
             description="Ticks at the beginning of a run that they leave out.",
@@ -316,20 +261,21 @@ class Scenario(ConfigSection, frozen=True, kw_only=True):
     ] = 1
 
     def __post_init__(self) -> None:
+        tick = unit(self.units.tick)
         slowest = (
             max((kind.move_time_factor for kind in self.fleet.types), default=1)
             * self.durations.move
         )
         if slowest > MAX_MOVE_TICKS:
             raise ValueError(
-                f"fleet has robots whose moves take {slowest:,} ticks (move_time_factor x "
-                "durations.move), "
-                f"at most {MAX_MOVE_TICKS:,} are allowed"
+                f"fleet has robots whose moves take {ticks_and_time(slowest, tick)} (move_time_factor x "
+                f"durations.move), at most {ticks_and_time(MAX_MOVE_TICKS, tick)} are allowed"
             )
         if self.measure is not None and self.measure.warm_up >= self.stop.max_duration:
             raise ValueError(
-                f"measure begins after tick {self.measure.warm_up} (warm_up), "
-                f"but the run stops at tick {self.stop.max_duration} (stop.max_duration)"
+                f"measure begins after {ticks_and_time(self.measure.warm_up, tick)} (warm_up), "
+                f"but the run stops after {ticks_and_time(self.stop.max_duration, tick)} "
+                "(stop.max_duration)"
             )
 
 

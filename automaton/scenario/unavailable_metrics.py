@@ -59,7 +59,7 @@ def not_measured(scenario: Scenario) -> dict[str, str]:
         (OF_BATTERIES, powered, "a battery"),
         (
             OF_FAULTS,
-            powered or bool(faults.listed) or faults.failure_probability > 0,
+            powered or bool(faults.listed) or faults.probability > 0,
             "faults, or a battery",
         ),
         (OF_STATIONS, orders.parts is not None, "orders.parts"),

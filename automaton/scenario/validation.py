@@ -9,9 +9,13 @@ import msgspec
 
 from automaton.errors import InputError, alternatives, nearest
 from automaton.scenario.document import Document, Keys
+from automaton.scenario.quantities import KEY, TIME
 from automaton.scenario.schema import MEMORY_PATTERN, TICK_PATTERN
 
 T = TypeVar("T")
+
+TIME_PATTERN: Final = r"^\s*[-+]?[0-9.]"  # what is read as a quantity later, when the tick is known
+MSER_OR_TIME: Final = rf"^mser-5$|{TIME_PATTERN}"
 
 AT: Final = re.compile(r"^(?P<what>.*?)(?: - at `\$(?P<path>[^`]*)`)?$", re.DOTALL)
 PART: Final = re.compile(r"\.(\w+)|\[(\d+)\]|\[\.\.\.\]")
@@ -78,12 +82,12 @@ def _explained(
         return document.error(keys, f"the key '{field[1]}' is missing{_inside(keys)}")
     if what.startswith(("Expected", "Invalid", "Integer value")):
         hint = nearest(found, _words(expected)) if isinstance(found, str) else ""
-        sentence = f"{_dotted(keys) or 'it'} must be {described(expected)}, found {shown(found)}"
+        sentence = f"{dotted(keys) or 'it'} must be {described(expected)}, found {shown(found)}"
         return document.error(keys, sentence + hint)
     # A struct's own check; it begins with the key that is wrong, if it is one key.
     first = what.split(" ", 1)[0]
     if isinstance(found, dict) and first in found:
-        return document.error((*keys, first), f"{_dotted((*keys, first))}{what[len(first) :]}")
+        return document.error((*keys, first), f"{dotted((*keys, first))}{what[len(first) :]}")
     missing = what.startswith("the key '") and what.endswith("is missing")
     return document.error(keys, what + (_inside(keys) if missing else ""))
 
@@ -93,7 +97,8 @@ def described(expected: Any) -> str:
     from msgspec import inspect
 
     if isinstance(expected, inspect.Metadata):
-        return described(expected.type)
+        quantity = (expected.extra or {}).get(KEY)
+        return described(expected.type) + ("" if quantity is None else f", or {quantity.described}")
     if isinstance(expected, inspect.UnionType):
         kinds = [kind for kind in expected.types if not isinstance(kind, inspect.NoneType)]
         return ", or ".join(described(kind) for kind in kinds)
@@ -193,7 +198,8 @@ def _words(expected: Any) -> list[str]:
     return [str(value) for option in options for value in getattr(option, "values", ())]
 
 
-def _dotted(keys: Keys) -> str:
+def dotted(keys: Keys) -> str:
+    """The keys that lead to a value as text: "orders.list[3].release"."""
     text = ""
     for key in keys:
         text += f"[{key}]" if isinstance(key, int) else f".{key}"
@@ -201,7 +207,7 @@ def _dotted(keys: Keys) -> str:
 
 
 def _inside(keys: Keys) -> str:
-    return f" in {_dotted(keys)}" if keys else ""
+    return f" in {dotted(keys)}" if keys else ""
 
 
 def _text(pattern: str | None) -> str:
@@ -210,4 +216,8 @@ def _text(pattern: str | None) -> str:
         return 'a number above 0 and a name, such as "0.5 s"'
     if pattern == MEMORY_PATTERN:
         return 'a number above 0 and KiB, MiB, GiB or TiB, such as "512 MiB"'
+    if pattern == TIME_PATTERN:
+        return TIME.described
+    if pattern == MSER_OR_TIME:
+        return f"mser-5, or {TIME.described}"
     return "text in one line" if pattern else "text"

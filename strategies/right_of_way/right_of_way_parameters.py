@@ -7,10 +7,12 @@ from typing import Annotated, Any
 import msgspec
 from msgspec import Meta
 
-Span = Annotated[
-    tuple[Annotated[int, Meta(ge=1, le=10_000)], Annotated[int, Meta(ge=1, le=10_000)]],
-    Meta(description="[from, to], both included"),
-]
+from automaton.scenario.quantities import TIME, quantity
+
+Moves = Annotated[int, Meta(ge=1, le=10_000)]
+Wait = Annotated[int, quantity(TIME, ge=1, le=10_000)]
+BOTH_INCLUDED = Meta(description="[from, to], both included")
+Span = Annotated[tuple[Wait, Wait], BOTH_INCLUDED]
 
 
 class Waits(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -35,7 +37,7 @@ class RetreatParameters(Waits, forbid_unknown_fields=True, frozen=True, kw_only=
     max_retries: Annotated[
         int, Meta(ge=1, le=254, description="failed retries after which it retreats in any case")
     ] = 2
-    retreat_moves: Span = (1, 12)
+    retreat_moves: Annotated[tuple[Moves, Moves], BOTH_INCLUDED] = (1, 12)
     abort_wait: Span = (1, 5)  # ticks, when every way is closed
     idle_give_way: Annotated[
         bool, Meta(description="idle robots make room for robots that want their cell")

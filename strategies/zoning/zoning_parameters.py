@@ -20,6 +20,7 @@ from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.reachability import grouped, slot_access
 from automaton.floor.roads import road_network
 from automaton.scenario.floor_section import point_names
+from automaton.scenario.quantities import LENGTH, MINUTES, SECONDS, quantity
 from automaton.scenario.schema import Scenario
 from automaton.strategy.zone_parameters import ZoningParameters
 from automaton.units import count
@@ -27,9 +28,9 @@ from strategies.allocation.load_parameters import refusal_of_tours
 
 SHIPPED = Path(__file__).parent.parent.parent / "layouts" / "zones"
 
-Seconds = Annotated[float, Meta(ge=0, le=1_000_000)]
-Minutes = Annotated[float, Meta(ge=0, le=100_000)]
-Length = Annotated[float, Meta(gt=0, le=1_000_000)]
+Seconds = Annotated[float, quantity(SECONDS, ge=0, le=1_000_000)]
+Minutes = Annotated[float, quantity(MINUTES, ge=0, le=100_000)]
+Length = Annotated[float, quantity(LENGTH, gt=0, le=1_000_000)]
 
 
 class Zones(ZoningParameters, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -208,7 +209,8 @@ class Decentralized(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True
     cold: Annotated[float, Meta(gt=0, le=1000, description="T_f: last temperature")] = 0.3
     scale: Annotated[
         float,
-        Meta(
+        quantity(
+            MINUTES,
             gt=0,
             le=1000,
             description="k, minutes",
@@ -225,7 +227,7 @@ class Decentralized(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True
         ),
     ] = False
     drop_near: Annotated[
-        Annotated[float, Meta(ge=0, le=1_000_000)],
+        Annotated[float, quantity(LENGTH, ge=0, le=1_000_000)],
         Meta(
             description="length: an order whose next station is that near a transfer station is "
             "brought there directly"

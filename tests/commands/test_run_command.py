@@ -143,8 +143,11 @@ def test_times_are_told_in_the_units_of_the_scenario(capsys: pytest.CaptureFixtu
     assert main(["run", "tabletop-mini", *settings]) == 0
     text = capsys.readouterr().out
     run = as_json(capsys, "tabletop-mini", *settings)
-    assert f"finished after {number(run['ticks'] / 2)} s" in text
+    also = f"({number(run['ticks'] / 120)} min, {run['ticks']:,} ticks)"
+    assert f"finished after {number(run['ticks'] / 2)} s {also}" in text
     assert "orders/1000 s" in text
+    makespan = next(line for line in text.splitlines() if line.startswith("makespan"))
+    assert f"{run['ticks']:,} ticks" in makespan
 
 
 @pytest.mark.parametrize(
@@ -195,6 +198,15 @@ def test_a_run_that_reaches_its_limit_exits_with_1(capsys: pytest.CaptureFixture
     assert "NOT FINISHED after 1,500 cycles" in text
     assert errors.startswith("automaton: tabletop-1 did not finish within 1,500 ticks: ")
     assert "orders undelivered" in errors and errors.count("\n") == 1
+
+
+def test_a_limit_is_named_in_ticks_and_in_the_unit_of_the_scenario(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    settings = ["--set", "units.tick=0.5 s", "--set", "stop.max_duration=12.5 min"]
+    assert main(["run", "tabletop-1", *settings]) == 1
+    _, errors = capsys.readouterr()
+    assert "tabletop-1 did not finish within 1,500 ticks (12.5 min): " in errors
 
 
 def test_driving_slowly_is_told_beside_lost_time(capsys: pytest.CaptureFixture[str]) -> None:

@@ -39,6 +39,21 @@ OF_PARTS = OF_STREAMS.replace(
     "[{mean: 20}, 5]",
 )
 FROM_FILE = re.sub("orders: .*", "orders: {arrivals: {file: orders.csv}}", OF_STREAMS)
+WITH_UNITS = """name: units
+layout:
+  picture: |
+    t...t
+    ..#..
+fleet: {robots: 1, kinematics: omni, start: [[2, 0]]}
+units: {tick: 0.5 s, cell: 0.8 m, clock: "2026-03-02 06:00"}
+orders: {list: [{from: [0, 0], to: [4, 0], release: "06:01"}, {from: [4, 0], to: [0, 0], release: 20 s}]}
+strategy: {allocation: first-come, right_of_way: {name: wait, wait_empty: [1 s, 3 s]}}
+durations: {move: 1.5 m/s, turn: 90 deg/s, pick: 00:00:03, drop: 2500 ms}
+battery: {drain: {move: 90 %/h, wait: 9 %/h}, charge_rate: [[0, 2 %/min], [80, 1 %/min]]}
+faults: {mtbf: 400 h, repair_time: 2 h, list: [{robot: 0, at: "06:10"}]}
+information: {radius: 3 m}
+stop: {when: delivered, max_duration: 1 h}
+"""
 CSV = "tick,from_x,from_y,to_x,to_y\n30,0,0,4,0\n3,4,0,0,0\n"
 HOSTILE = (
     *(0, -1, 1, 2**31, 2**63, 2**64, 1.5, -0.0, 1e308, True, None, "", " ", "none", "..", "a: b"),
@@ -53,6 +68,18 @@ HOSTILE = (
         "os:system",
         "ü\u200b",
         "9" * 400,
+        *(
+            "-3 s",
+            "1,5 s",
+            "1e99 h",
+            "1e-99 s",
+            "00:10",
+            "9:99:99",
+            "0 m/s",
+            "5 /0",
+            "31.2.26",
+            "1e9 d",
+        ),
     ),
 )
 JUNK = b"\x00\t{}[]:#&*!|>'\"%@`,-\xff\xc3 \n0e"
@@ -60,7 +87,7 @@ JUNK = b"\x00\t{}[]:#&*!|>'\"%@`,-\xff\xc3 \n0e"
 
 def originals() -> list[str]:
     files = [shipped()[name] for name in SCENARIOS] + [shipped_studies()[name] for name in STUDIES]
-    return [*(path.read_text() for path in files), OF_STREAMS, OF_PARTS, FROM_FILE]
+    return [*(path.read_text() for path in files), OF_STREAMS, OF_PARTS, FROM_FILE, WITH_UNITS]
 
 
 def broken_bytes(text: str, chance: random.Random) -> bytes:

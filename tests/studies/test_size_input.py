@@ -91,9 +91,12 @@ def test_a_floor_made_for_so_many_robots_says_what_frees_it(capsys: Any) -> None
         excluded = fleets.excluded(question)
     assert list(excluded) == [1, 2, 3, 4, 5]
     assert (
-        excluded[1] == "makespan is at least 36,620 ticks: work of 36,620 robot ticks shared by 1"
+        excluded[1]
+        == "makespan is at least 36,620 ticks (6.46 h): work of 36,620 robot ticks shared by 1"
     )
-    assert excluded[5].startswith("makespan is at least 18,880 ticks: the busiest station works on")
+    assert excluded[5].startswith(
+        "makespan is at least 18,880 ticks (3.331 h): the busiest station works on"
+    )
 
 
 def test_targets_and_fleets_as_typed() -> None:
@@ -101,6 +104,8 @@ def test_targets_and_fleets_as_typed() -> None:
     assert read_target("utilization>=60%") == Target("utilization", False, 0.6)
     assert read_target("makespan<=2 h", HALF) == Target("makespan", True, 14_400.0, "h", 7200.0)
     assert read_target("lead_time <= 90s", HALF).value == 180
+    assert read_target("lead_time_p95<=00:15:00", HALF).value == 1800
+    assert read_target("lead_time_p95<=0.5 d", HALF).value == 86_400
     assert read_robots("3..7") == (3, 7)
     assert read_robots("4") == (4, 4)
     assert strategies_named("adaptive, routing=astar") == (
@@ -130,6 +135,13 @@ def test_shares_are_typed_as_shares_and_nothing_else_is(text: str, told: str) ->
     assert str(refused.value).startswith(f"--target '{text}': {told}")
 
 
+def test_a_throughput_may_be_typed_as_a_rate() -> None:
+    target = read_target("throughput>=120/h", HALF)  # 2 a minute, of 120 ticks
+    assert target.value == pytest.approx(1000 / 60)
+    assert target.in_unit(target.value) == "orders/1000 ticks (120 /h)"
+    assert read_target("throughput>=2 / min", HALF).value == target.value
+
+
 def test_a_share_may_be_typed_either_way() -> None:
     for text in (
         "blocked_share<=10%",
@@ -147,6 +159,11 @@ def test_a_share_may_be_typed_either_way() -> None:
         ("makespan<=8 hors", "'hors' is not understood; makespan is in ticks, or a time in ms, s"),
         ("makespan<=8parsec", "'parsec' is not understood; makespan is in ticks, or a time in"),
         ("distance<=700m", "'m' is not understood; distance is in cells"),
+        ("lead_time<=00:15", "has two parts, which may be hours and minutes or minutes and seconds"),
+        ("lead_time<=1,5 min", "write '1,5 min' with a decimal point, such as 1.5"),
+        ("lead_time<=120/h", "lead_time is in ticks, not a rate"),
+        ("throughput>=3 h", "throughput is in orders/1000 ticks, not a time"),
+        ("throughput>=3 parts", "orders/1000 ticks, or a rate such as 120/h"),
     ],
 )  # fmt: skip
 def test_units_that_are_not_known_name_those_that_are(text: str, told: str) -> None:

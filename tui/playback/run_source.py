@@ -98,5 +98,5 @@ def floor_of(resolved: Resolved) -> Floor:
         HEADING_COUNTS[scenario.fleet.kinematics],
         traffic_zones,
         battery=scenario.battery is not None,
-        faults=bool(scenario.faults.listed or scenario.faults.failure_probability),
+        faults=bool(scenario.faults.listed or scenario.faults.probability),
     )

@@ -35,7 +35,7 @@ def has_batteries(view: View) -> bool:
 def may_fail(view: View) -> bool:
     """Whether robots may go down."""
     faults = view.run.resolved.scenario.faults
-    return has_batteries(view) or bool(faults.listed or faults.failure_probability)
+    return has_batteries(view) or bool(faults.listed or faults.probability)
 
 
 def battery(view: View, robot: int, signs: Signs) -> Parts:

@@ -175,7 +175,7 @@ class Energy:
             if self.charge[r] and self.charge[r] >= self._dearest():
                 text = f"is out of energy with {self.charge[r]} units of charge"
                 self.report_violation("energy", [r], cell, text)
-        elif not self.faults["failure_probability"]:
+        elif not (self.faults["failure_probability"] or self.faults.get("mtbf")):
             due = [f["at"] for f in self.faults["list"] if f["robot"] == r and f["at"] <= tick]
             if not due:
                 self.report_violation("energy", [r], cell, "breaks down although nothing says so")

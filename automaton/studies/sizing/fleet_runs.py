@@ -30,7 +30,7 @@ from automaton.studies.sizing.fleet_search import FleetConfig, InfeasibleFleetEr
 from automaton.studies.sizing.question import Question, Target
 from automaton.studies.sizing.sizing_session import MOVES_LATE, PERCENTS_OFF, SizingSession
 from automaton.studies.sweeps.run_keys import seed_of
-from automaton.units import Unit, unit
+from automaton.units import Unit, ticks_and_time, unit
 
 ORDER_METRICS = ("lead_time", "lead_time_p95", "legs_per_order")  # once an order is delivered
 STATION_USE = "station_use"  # share of the time of all stations in which a robot works there
@@ -119,7 +119,9 @@ class Fleets:
             if target.metric == "makespan" and target.at_most and self.ends_with_orders:
                 least, reason = least_ticks(found, robots)
                 if least > target.value:
-                    many = f"at least {least:,.0f} ticks" if math.isfinite(least) else "without end"
+                    many = "without end"
+                    if math.isfinite(least):
+                        many = f"at least {ticks_and_time(math.ceil(least), self.tick)}"
                     why = f"makespan is {many}: {reason}"
             if target.metric == "throughput" and not target.at_most:
                 most, reason = most_throughput(found, robots, self.measured or math.inf)

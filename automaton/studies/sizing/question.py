@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 
 from automaton.errors import InputError, alternatives, nearest
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
+from automaton.scenario.amounts import Dimension, read_amount
 from automaton.scenario.schema import LAYER_NAMES
 from automaton.strategy import lookup
 from automaton.studies.inference.proportions import ShareTest, share_test
@@ -24,8 +25,10 @@ DEFAULT_SUCCESS_SHARE, DEFAULT_INDIFFERENCE, DEFAULT_ALPHA, DEFAULT_MAX_RUNS = (
 DEFAULT_MEAN_INDIFFERENCE: Final = 0.01  # of the target, where a mean is asked for without a zone
 MAX_FLEET_SIZE: Final = 1_000_000
 
+PER_1000_TICKS: Final = "orders/1000 ticks"  # units of metrics that a rate says, too
 _TARGET: Final = re.compile(r"\s*([^\s<>=]+)\s*(<=|>=|<|>|==?)\s*(\S.*?)\s*")
 _VALUE: Final = re.compile(r"([-+]?[\d.,_]+(?:[eE][-+]?\d+)?)\s*(\D.*)?")
+_DECIMAL_COMMA: Final = re.compile(r",(?!\d{3}(?!\d))")  # no separator of thousands
 _RANGE: Final = re.compile(r"\s*(\d{1,9})\s*(?:\.\.|-)\s*(\d{1,9})\s*|\s*(\d{1,9})\s*")
 
 
@@ -35,8 +38,8 @@ class Target(NamedTuple):
     metric: str
     at_most: bool  # else at least
     value: float  # in the metric's unit
-    time: str = ""  # "h", where the value was given as a time
-    ticks: float = 1.0  # of that time
+    time: str = ""  # "h" or "/h", where the value was given as a time or a rate
+    ticks: float = 1.0  # how much of the metric's unit one of these is
 
     def met(self, value: float) -> bool:
         """Whether a run with this value meets it."""
@@ -168,7 +171,7 @@ def read_target(text: str, tick: Unit | None = None) -> Target:
     if metric not in METRIC_CATALOGUE:
         hint = nearest(metric, METRIC_CATALOGUE) or f"; there are {', '.join(METRIC_CATALOGUE)}"
         raise InputError(f"--target: no metric is called '{metric}'{hint}")
-    value, unit = _value(given, text)
+    value, unit = _time_of_parts(given, text) if ":" in given else _value(given, text)
     if value < 0:
         raise InputError(f"--target '{text}': {metric} is never below 0")
     target = Target(metric, sign == "<=", value)
@@ -176,10 +179,14 @@ def read_target(text: str, tick: Unit | None = None) -> Target:
         return target._replace(value=_share(target, unit, text))
     if symbol := symbol_of(unit):
         return _in_ticks(target, symbol, tick, text)
+    if unit.startswith("/") and (symbol := symbol_of(unit[1:].strip())):
+        return _in_thousand_ticks(target, symbol, tick, text)
     if unit:
         allowed = (
             f", or a time in {alternatives(SECONDS_PER_UNIT)}" if target.unit == "ticks" else ""
         )
+        if target.unit.startswith(PER_1000_TICKS):
+            allowed = ", or a rate such as 120/h"
         raise InputError(
             f"--target '{text}': '{unit}' is not understood; {metric} is in {target.unit}{allowed}"
         )
@@ -193,9 +200,19 @@ def _value(given: str, text: str) -> tuple[float, str]:
         value = float(found[1].replace(",", "").replace("_", "")) if found else math.nan
     except ValueError:
         value = math.nan
+    if found is not None and _DECIMAL_COMMA.search(found[1]):
+        raise InputError(f"--target '{text}': write '{given}' with a decimal point, such as 1.5")
     if found is None or not math.isfinite(value):
         raise InputError(f"--target '{text}': '{given}' is not a number")
     return value, found[2] or ""
+
+
+def _time_of_parts(value: str, text: str) -> tuple[float, str]:
+    """Seconds of H:MM:SS, and their unit. Raises InputError."""
+    try:
+        return float(read_amount(value, (Dimension.TIME,)).value), "s"
+    except InputError as error:
+        raise InputError(f"--target '{text}': {error.message}") from None
 
 
 def _share(target: Target, unit: str, text: str) -> float:
@@ -212,11 +229,24 @@ def _in_ticks(target: Target, time: str, tick: Unit | None, text: str) -> Target
     """A target whose value is a time: in ticks. Raises InputError."""
     if target.unit != "ticks":
         raise InputError(f"--target '{text}': {target.metric} is in {target.unit}, not a time")
+    ticks = SECONDS_PER_UNIT[time] / _tick_seconds(tick, text)
+    return target._replace(value=target.value * ticks, time=time, ticks=ticks)
+
+
+def _in_thousand_ticks(target: Target, time: str, tick: Unit | None, text: str) -> Target:
+    """A target whose value is a rate: how often in 1,000 ticks. Raises InputError."""
+    if not target.unit.startswith(PER_1000_TICKS):
+        raise InputError(f"--target '{text}': {target.metric} is in {target.unit}, not a rate")
+    once = 1000 * _tick_seconds(tick, text) / SECONDS_PER_UNIT[time]
+    return target._replace(value=target.value * once, time=f"/{time}", ticks=once)
+
+
+def _tick_seconds(tick: Unit | None, text: str) -> float:
+    """Seconds of a tick. Raises InputError where it is not a time."""
     if tick is None or tick.seconds is None:
         name = "unknown" if tick is None else tick.name
         raise InputError(f"--target '{text}': units.tick of the scenario is {name}; use ticks")
-    ticks = SECONDS_PER_UNIT[time] / tick.seconds
-    return target._replace(value=target.value * ticks, time=time, ticks=ticks)
+    return tick.seconds
 
 
 def read_robots(text: str) -> tuple[int, int]:

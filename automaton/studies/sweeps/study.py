@@ -20,7 +20,7 @@ from automaton.scenario.document import Document, parse
 from automaton.scenario.reading import SHIPPED_FOLDER, STUDY_KEYS, read_text, shipped
 from automaton.scenario.scenario_schema import REFERENCE
 from automaton.scenario.schema import ConfigSection, NonEmptyText, SingleLine
-from automaton.scenario.validation import shown, validated
+from automaton.scenario.validation import MSER_OR_TIME, TIME_PATTERN, shown, validated
 from automaton.studies.sweeps.result_columns import check_factor, column_type
 
 STUDY_WANTED: Final = (
@@ -28,6 +28,7 @@ STUDY_WANTED: Final = (
     "factors: {fleet.robots: [2, 3]}, replications: 60}"
 )
 SHIPPED_STUDIES: Final = SHIPPED_FOLDER / "studies"
+MAX_WINDOW: Final = 1_000_000  # ticks
 MAX_POINTS: Final = 10_000
 MAX_RUNS: Final = 10_000_000
 SCENARIO: Final = "scenario"  # as a column, and as a factor where a study has several
@@ -139,14 +140,21 @@ class Study(ConfigSection, frozen=True, kw_only=True):
         Meta(description="Whether runs end by themselves, or show a stretch of something endless."),
     ] = "terminating"
     warm_up: Annotated[
-        Literal["mser-5"] | Annotated[int, Meta(ge=0, le=2_000_000_000)] | None,
-        Meta(description="Of a steady state: what to leave out, in ticks, or found by MSER-5."),
+        Annotated[int, Meta(ge=0, le=2_000_000_000)]
+        | Annotated[str, Meta(pattern=MSER_OR_TIME)]
+        | None,
+        Meta(
+            description="Of a steady state: what to leave out, in ticks or as a time such as 30 min, or "
+            "mser-5: found by MSER-5."
+        ),
     ] = None
     window: Annotated[
-        Annotated[int, Meta(ge=1, le=1_000_000)] | None,
+        Annotated[int, Meta(ge=1, le=MAX_WINDOW)]
+        | Annotated[str, Meta(pattern=TIME_PATTERN)]
+        | None,
         Meta(
-            description="Of a steady state: rows hold the deliveries in each so many ticks "
-            "(`series`); default a 200th of the run, at least 1."
+            description="Of a steady state: rows hold the deliveries in each so many ticks, or in a time "
+            "such as 10 min (`series`); default a 200th of the run, at least 1."
         ),
     ] = None
     analysis: Analysis | None = None

@@ -15,13 +15,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+import msgspec
 import yaml
 
 from automaton.build.resolve import Resolved, resolve
 from automaton.errors import InputError, nearest
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
 from automaton.runs.provenance import versions
+from automaton.scenario.conversions import Bounds, Place, convert
 from automaton.scenario.document import Document, Override, keys_of
+from automaton.scenario.quantities import TIME
 from automaton.scenario.reading import SHIPPED_FOLDER, find
 from automaton.scenario.unavailable_metrics import not_measured, warm_up_of
 from automaton.strategy import lookup
@@ -38,9 +41,10 @@ from automaton.studies.sweeps.run_keys import (
     fingerprint,
     manifest_of,
 )
-from automaton.studies.sweeps.study import Point, Study, checked_study, study_document
+from automaton.studies.sweeps.study import MAX_WINDOW, Point, Study, checked_study, study_document
 
 DEFAULT_WINDOWS = 200  # of a run, if a study does not say how long they are
+MSER = "mser-5"  # as a warm-up
 WARM_UP_KEYS = ("measure", "warm_up")
 
 
@@ -84,6 +88,7 @@ def resolved_study(
         if first is not point:
             text = f"points {first.number} and {point.number} are the same runs: {describe_point(point)}"
             raise document.error(_where(declared, point), text)
+    declared = with_window_in_ticks(document, declared, scenarios)
     check_windows(document, declared, scenarios)
     return declared, document, scenarios
 
@@ -93,8 +98,6 @@ def _document(study: str | Path | Study) -> Document:
 
 
 def _plain(study: Study) -> dict[str, Any]:
-    import msgspec
-
     data: dict[str, Any] = msgspec.to_builtins(study)
     return {key: value for key, value in data.items() if value is not None}
 
@@ -104,7 +107,7 @@ def _resolved(document: Document, study: Study, point: Point) -> Resolved:
         Override(_place(document, study, point, key), keys_of(key), value)
         for key, value in point.levels.items()
     ]
-    if isinstance(study.warm_up, int):
+    if study.warm_up is not None and study.warm_up != MSER:
         argument = _at(document, ("warm_up",))
         settings.append(Override(argument, WARM_UP_KEYS, study.warm_up))
     file = scenario_file(document, point.scenario)
@@ -168,12 +171,34 @@ def _at(document: Document, keys: tuple[str | int, ...]) -> str:
     return f"{document.file}:{document.line(keys)}"
 
 
+def with_window_in_ticks(
+    document: Document, study: Study, scenarios: tuple[Resolved, ...]
+) -> Study:
+    """The study with its window in ticks, if it is given as a time. Raises InputError."""
+    if not isinstance(study.window, str):
+        return study
+    place = Place(TIME, Bounds(is_whole=True, ge=1, le=MAX_WINDOW))
+    try:
+        ticks = {
+            convert("window", study.window, place, resolved.scenario.units.scale).value
+            for resolved in scenarios
+        }
+    except InputError as error:
+        raise document.error(("window",), error.message) from None
+    if len(ticks) > 1:
+        text = (
+            f"window {study.window} is not the same number of ticks at all points; give it in ticks"
+        )
+        raise document.error(("window",), text)
+    return msgspec.structs.replace(study, window=int(ticks.pop()))
+
+
 def windows_of(study: Study, scenarios: tuple[Resolved, ...]) -> Windows:
     """The windows of a study's rows, the same for all points so that one cut fits all."""
     if study.design != "steady-state":
         return WHOLE_RUNS
     ticks = shortest(scenarios)
-    window = study.window or math.ceil(ticks / DEFAULT_WINDOWS)
+    window = int(study.window or 0) or math.ceil(ticks / DEFAULT_WINDOWS)
     groups = math.ceil(ticks / (window * DEFAULT_WINDOWS))
     return Windows(window, window * MSER_BATCH * groups)
 
@@ -222,7 +247,7 @@ def check_windows(document: Document, study: Study, scenarios: tuple[Resolved, .
     """
     if study.design == "steady-state":
         check_cut(document, study, scenarios)
-    if study.warm_up != "mser-5":
+    if study.warm_up != MSER:
         return
     if study.replications < MIN_REPLICATIONS:
         text = f"warm_up: mser-5 needs {MIN_REPLICATIONS} replications, there are"

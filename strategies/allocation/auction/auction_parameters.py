@@ -8,6 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from automaton.floor.floor_plan import FloorPlan
+from automaton.scenario.quantities import CELLS, MOMENT, TIME, quantity
 from automaton.scenario.schema import Scenario
 from strategies.allocation.load_parameters import (
     refusal_of_own_orders,
@@ -15,7 +16,7 @@ from strategies.allocation.load_parameters import (
     refusal_of_tours,
 )
 
-Tick = Annotated[int, Meta(ge=1, le=2_000_000_000)]
+Tick = Annotated[int, quantity(MOMENT, ge=1, le=2_000_000_000)]
 Fraction = Annotated[float, Meta(ge=0, le=1)]
 
 
@@ -98,7 +99,9 @@ class Auctions(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=
         ),
     ] = "central"
     auctioneers: Annotated[int, Meta(ge=1, le=1000, description="fixed: how many")] = 2
-    auctioneer_term: Annotated[int, Meta(ge=1, le=1_000_000, description="time: ticks")] = 100
+    auctioneer_term: Annotated[
+        int, quantity(TIME, ge=1, le=1_000_000, description="time: ticks")
+    ] = 100
     region: Annotated[
         Literal["auctioneer", "order"],
         Meta(
@@ -107,11 +110,11 @@ class Auctions(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=
         ),
     ] = "auctioneer"
     announcement_radius: Annotated[
-        Annotated[int, Meta(ge=1, le=100_000)] | None,
+        Annotated[int, quantity(CELLS, ge=1, le=100_000)] | None,
         Meta(description="in cells; doubled while no robot bids; null: announced to all robots"),
     ] = None
     reauction_after: Annotated[
-        Annotated[int, Meta(ge=0, le=1_000_000)] | None,
+        Annotated[int, quantity(TIME, ge=0, le=1_000_000)] | None,
         Meta(description="a robot this many ticks late returns its list; null: never"),
     ] = None
     while_charging: Annotated[

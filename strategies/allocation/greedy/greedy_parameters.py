@@ -7,7 +7,9 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-Ticks = Annotated[int, Meta(ge=1, le=1_000_000)]
+from automaton.scenario.quantities import TIME, quantity
+
+Ticks = Annotated[int, quantity(TIME, ge=1, le=1_000_000)]
 
 
 class GreedyParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):

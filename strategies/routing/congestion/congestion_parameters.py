@@ -8,6 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from automaton.floor.floor_plan import FloorPlan
+from automaton.scenario.quantities import TIME, quantity
 from automaton.scenario.schema import Scenario
 
 MOST_PLANNED = 100_000_000  # robots x ticks of the plans that `congestion` keeps: 0.9 GB
@@ -26,10 +27,12 @@ class SharedPlans(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
     ] = 2.0
     replan_period: Annotated[
         int,
-        Meta(ge=0, le=1_000_000, description="ticks after which all robots plan again; 0 never"),
+        quantity(
+            TIME, ge=0, le=1_000_000, description="ticks after which all robots plan again; 0 never"
+        ),
     ] = 20
     horizon: Annotated[
-        int, Meta(ge=1, le=10_000, description="ticks for which traffic is predicted")
+        int, quantity(TIME, ge=1, le=10_000, description="ticks for which traffic is predicted")
     ] = 500
 
     forecast: Annotated[

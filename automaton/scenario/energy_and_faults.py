@@ -1,0 +1,125 @@
+"""Define the batteries of robots in a scenario file, and the robots that go down."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+
+from automaton.scenario.field_types import ConfigSection, LongTicks
+from automaton.scenario.quantities import CHARGE_RATE, MOMENT, PROBABILITY, TIME, quantity
+
+Percent = Annotated[float, Meta(ge=0, le=100)]
+Rate = Annotated[
+    float, quantity(CHARGE_RATE, ge=0, le=100, description="Percent of a full battery in a tick.")
+]
+GivingRate = Annotated[
+    float, quantity(CHARGE_RATE, ge=0.0001, le=100, description="Percent of it in a tick.")
+]
+
+
+class Drain(ConfigSection, frozen=True, kw_only=True):
+    """What a tick of each operation takes from the battery, percent of a full one."""
+
+    move: Rate
+    turn: Rate = 0.0
+    pick: Rate = 0.0
+    drop: Rate = 0.0
+    try_drop: Rate = 0.0
+    wait: Annotated[Rate, Meta(description="Standing on the floor, whatever the reason.")] = 0.0
+    loaded_factor: Annotated[
+        float, Meta(ge=0, le=10, description="How many times as much it takes with a load.")
+    ] = 1.0
+
+
+class ChargeRange(ConfigSection, frozen=True, kw_only=True):
+    """Charges drawn for each robot."""
+
+    least: Annotated[Percent, Meta(description="Percent.")] = msgspec.field(name="from")
+    most: Annotated[Percent, Meta(description="Percent.")] = msgspec.field(name="to")
+
+    def __post_init__(self) -> None:
+        if self.least > self.most:
+            raise ValueError(f"from ({self.least:g}) must not be above to ({self.most:g})")
+
+
+class Battery(ConfigSection, frozen=True, kw_only=True):
+    """The batteries of the robots; the same for all."""
+
+    drain: Drain
+    charge_rate: Annotated[
+        GivingRate | tuple[tuple[Percent, GivingRate], ...],
+        Meta(
+            description="What a tick at a charger gives, in percent; or a curve: [from, rate] "
+            "pairs, the first from 0."
+        ),
+    ]
+    initial_charge: Annotated[
+        Percent | tuple[Percent, ...] | ChargeRange,
+        Meta(description="Percent at the start: for all, one by one, or drawn {from, to}."),
+    ] = 100.0
+    reserve: Annotated[
+        Percent, Meta(description="Percent that plans of charging strategies never go below.")
+    ] = 0.0
+
+    def __post_init__(self) -> None:
+        if isinstance(self.charge_rate, tuple):
+            since = [step[0] for step in self.charge_rate]
+            if not since or since[0] != 0 or since != sorted(set(since)):
+                raise ValueError("charge_rate must rise from 0, such as [[0, 1], [80, 0.5]]")
+
+
+class Fault(ConfigSection, frozen=True, kw_only=True):
+    """One robot breaks down."""
+
+    robot: Annotated[int, Meta(ge=0, le=999_999, description="Its number, from 0.")]
+    at: Annotated[int, quantity(MOMENT, ge=1, le=2_000_000_000, description="In this tick.")]
+
+
+class Faults(ConfigSection, frozen=True, kw_only=True):
+    """Robots that go down, and what becomes of them."""
+
+    listed: Annotated[tuple[Fault, ...], Meta(description="Breakdowns, one by one.")] = (
+        msgspec.field(name="list", default=())
+    )
+    failure_probability: Annotated[
+        float,
+        quantity(
+            PROBABILITY,
+            ge=0,
+            le=1,
+            description="Probability that a robot on the floor fails in a tick.",
+        ),
+    ] = 0.0
+    mtbf: Annotated[
+        Annotated[float, quantity(TIME, ge=1, le=1e9)] | None,
+        Meta(
+            description="The mean time between failures of a robot on the floor, in ticks; instead of "
+            "failure_probability, which is 1 / this."
+        ),
+    ] = None
+    tow_after: Annotated[
+        LongTicks | None,
+        Meta(description="A robot that is down is towed after so many ticks; null: it stays."),
+    ] = 300
+    repair_time: Annotated[
+        LongTicks | None,
+        Meta(description="It is back after so many ticks more; null: never."),
+    ] = 600
+    charge: Annotated[
+        Percent | Literal["kept"],
+        Meta(
+            description="Percent with which it comes back. kept: what its battery held when it was "
+            "towed, but battery.reserve at least if it ran empty."
+        ),
+    ] = "kept"
+
+    def __post_init__(self) -> None:
+        if self.mtbf is not None and self.failure_probability:
+            raise ValueError("mtbf and failure_probability say the same; set one of them")
+
+    @property
+    def probability(self) -> float:
+        """With which a robot on the floor fails in a tick."""
+        return self.failure_probability if self.mtbf is None else 1 / self.mtbf

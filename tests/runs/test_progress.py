@@ -56,7 +56,7 @@ def test_robots_within_two_rows_and_columns_are_one_group_and_so_are_theirs(pict
     }
     names = sorted(places)
     group = _groups(*(np.array([places[name][k] for name in names]) for k in (0, 1)))
-    found: dict[int, str] = {}
+    members: dict[int, str] = {}
     for name, number in zip(names, group.tolist(), strict=True):
-        found[number] = found.get(number, "") + name
-    assert list(found.values()) == groups
+        members[number] = members.get(number, "") + name
+    assert list(members.values()) == groups

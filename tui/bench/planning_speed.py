@@ -32,7 +32,7 @@ class Watched(NamedTuple):
 
 
 def measurements() -> list[Measurement]:
-    """All figures of one session; some minutes."""
+    """All that one session gives; some minutes."""
     sessions = Together(watch_planners)
     rows = (
         ("ticks per second", "1/s"),

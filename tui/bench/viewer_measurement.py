@@ -1,4 +1,4 @@
-"""Measurements of the viewer: several figures come of one session, which takes half a minute."""
+"""Measurements of the viewer: several of one session, which takes half a minute."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def measured(name: str, unit: str, sample: Sample, most: int = LONG) -> Measurem
 
 
 class Together(Generic[T]):
-    """Several figures of the same sessions, each of which takes half a minute."""
+    """Several measurements of the same sessions, each of which takes half a minute."""
 
     def __init__(self, take: Callable[[], T]) -> None:
         self._take = take

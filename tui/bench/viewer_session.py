@@ -111,15 +111,15 @@ class Session:
         if both came between two frames, nothing would be seen of either.
         """
         cursor, wall = cursor_colour(), wall_style()
-        found = []
+        latencies = []
         for number in range(presses):
             time.sleep(0.15)
             if number % 2 == 0:
-                found.append(self._latency("i", lambda frame: cursor in frame))
+                latencies.append(self._latency("i", lambda frame: cursor in frame))
             else:
                 gone = lambda frame: wall in frame and cursor not in frame  # noqa: E731
-                found.append(self._latency(ESCAPE, gone))
-        return found
+                latencies.append(self._latency(ESCAPE, gone))
+        return latencies
 
     def _latency(self, key: str, shows: Callable[[bytes], bool]) -> float:
         """Seconds until a frame shows what the key does, KEY_S at most."""

@@ -17,9 +17,7 @@ from automaton.runs.simulation import Simulation
 
 COMPUTE_SLICE_S = 0.005  # of computing between two looks at the clock
 KEYFRAME_S = 0.03  # of computing between two keyframes: what going back may cost,
-KEYFRAME_TIME_RATIO = (
-    10  # and at least so many times what the last keyframe cost: most of a large fleet's
-)
+KEYFRAME_TIME_RATIO = 10  # and at least so many times what the last one took
 
 
 class Run:
@@ -37,9 +35,8 @@ class Run:
         self.event_history = EventHistory()
         self.give_up: Callable[[], bool] = lambda: False  # looked at while a past is computed
         self._past: Playback | None = None
-        self._slice = (
-            1  # ticks that take about COMPUTE_SLICE_S; the first ones of a large fleet take long
-        )
+        # Ticks that take about COMPUTE_SLICE_S; of a large fleet the first ones take seconds each.
+        self._slice = 1
         self._since_keyframe = 0.0
         self._keyframe_took = 0.0
         self._at = 0

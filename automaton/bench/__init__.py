@@ -67,6 +67,11 @@ PARTS: Final[dict[str, Part]] = {
     "viewer": Part(
         "tui.bench.viewer_speed", False, "the viewer in a pseudo-terminal; some minutes"
     ),
+    "watching": Part(
+        "tui.bench.planning_speed",
+        False,
+        "the viewer on 10,000 robots that plan, which is a part of viewer; a minute or two",
+    ),
     "compile": Part(
         "automaton.bench.startup_speed:first_run_measurements",
         False,

@@ -41,16 +41,7 @@ def prepare_fleet(
     started: int = STARTED,
 ) -> Sample:
     """A sampler: ns per robot and tick of the next ticks, orders and allocation included."""
-    scenario = Scenario(
-        name="bench",
-        layout=floor,
-        fleet=Fleet(robots=robots, kinematics="differential", start="random"),
-        orders=tours(robots),
-        world=WorldRules(distance_tables="4 GiB"),
-        strategy=Strategies(allocation="greedy", right_of_way=right_of_way),
-        stop=Stop(when="never", max_duration=1_000_000),
-    )
-    simulation = Simulation(resolve(scenario))
+    simulation = Simulation(resolve(steered_fleet(right_of_way, robots, floor)))
     compute_tables(simulation)
     simulation.run(started)
 
@@ -59,6 +50,21 @@ def prepare_fleet(
         return 1e9 * cpu_seconds(lambda: simulation.run(until)) / (robots * TICKS)
 
     return sample
+
+
+def steered_fleet(
+    right_of_way: str, robots: int = ROBOTS, floor: dict[str, object] = FLOOR
+) -> Scenario:
+    """A run without end in which every robot always has an order."""
+    return Scenario(
+        name="bench",
+        layout=floor,
+        fleet=Fleet(robots=robots, kinematics="differential", start="random"),
+        orders=tours(robots),
+        world=WorldRules(distance_tables="4 GiB"),
+        strategy=Strategies(allocation="greedy", right_of_way=right_of_way),
+        stop=Stop(when="never", max_duration=1_000_000),
+    )
 
 
 def compute_tables(simulation: Simulation) -> None:

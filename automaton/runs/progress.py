@@ -64,40 +64,51 @@ def largest_jam(world: World, floor_plan: FloorPlan) -> Jam | None:
     stalled = starved_robots(world)
     stalled = stalled[world.robots.cell[stalled] != NIL]
     stalled = stalled[np.argsort(world.robots.identity[stalled])]
-    places = np.array([floor_plan.xy(int(cell)) for cell in world.robots.cell[stalled]])
-    groups = _groups(places) if len(stalled) else []
-    largest = max(groups, key=len, default=[])
-    if len(largest) < JAM_ROBOTS:
+    if len(stalled) < JAM_ROBOTS:
         return None
-    (left, top), (right, bottom) = places[largest].min(0), places[largest].max(0)
-    names = tuple(int(identity) for identity in world.robots.identity[stalled[sorted(largest)]])
-    return Jam(names, (int(left), int(top)), (int(right), int(bottom)))
+    rows, columns = np.divmod(world.robots.cell[stalled].astype(np.int64), floor_plan.stride)
+    group = _groups(rows, columns)
+    members = group == np.argmax(np.bincount(group))
+    if np.count_nonzero(members) < JAM_ROBOTS:
+        return None
+    rows, columns = rows[members], columns[members]
+    first, last = (
+        floor_plan.xy(int(side(rows)) * floor_plan.stride + int(side(columns)))
+        for side in (np.min, np.max)
+    )
+    return Jam(tuple(world.robots.identity[stalled[members]].tolist()), first, last)
 
 
-def _groups(places: Array) -> list[list[int]]:
-    """Places within REACH of each other, transitively; each group by the place that comes first."""
-    at: dict[tuple[int, int], list[int]] = {}
-    for k, (x, y) in enumerate(places.tolist()):
-        at.setdefault((x, y), []).append(k)
-    groups, reached = [], set()
-    for start in range(len(places)):
-        if start in reached:
-            continue
-        group, waiting = [], [start]
-        reached.add(start)
-        while waiting:
-            k = waiting.pop()
-            group.append(k)
-            x, y = places[k].tolist()
-            near = (
-                j
-                for u in range(x - REACH, x + REACH + 1)
-                for v in range(y - REACH, y + REACH + 1)
-                for j in at.get((u, v), ())
-            )
-            for j in near:
-                if j not in reached:
-                    reached.add(j)
-                    waiting.append(j)
-        groups.append(group)
-    return groups
+def _groups(rows: Array, columns: Array) -> Array:
+    """(k,) the group of each place: places within REACH of each other, transitively.
+
+    A group is named by the first of its places, so that of two the one whose place comes first is less.
+    """
+    width = int(columns.max()) + REACH + 1  # no place is near one at the other end of a row
+    keys = rows * width + columns
+    order = np.argsort(keys, kind="stable")
+    pairs = [_pairs(keys, order, offset) for offset in _offsets(width)]
+    one, other = (np.concatenate(ends) for ends in zip(*pairs, strict=True))
+    group = np.arange(len(keys))
+    while True:
+        less = np.minimum(group[one], group[other])
+        more = np.maximum(group[one], group[other])
+        if (less == more).all():
+            return group
+        np.minimum.at(group, more, less)
+        while (group != group[group]).any():
+            group = group[group]
+
+
+def _offsets(width: int) -> list[int]:
+    """From a place to those within REACH that come later in reading order, and to itself."""
+    side = range(-REACH, REACH + 1)
+    return [y * width + x for y in range(REACH + 1) for x in side if y * width + x >= 0]
+
+
+def _pairs(keys: Array, order: Array, offset: int) -> tuple[Array, Array]:
+    """Places, and one that lies there from each; of several in a cell the first."""
+    ahead = keys + offset
+    place = np.minimum(np.searchsorted(keys, ahead, sorter=order), len(keys) - 1)
+    near = keys[order[place]] == ahead
+    return np.flatnonzero(near), order[place[near]]

@@ -54,11 +54,17 @@ def state_arrays(struct: Struct, path: str = "") -> Iterator[tuple[str, Array]]:
 
 
 def ragged_arrays(world: World) -> Iterator[tuple[Array, Array]]:
-    """Rows of different lengths, (n, k), and the mask of what is in use."""
+    """Rows of different lengths, (n, k), and how much of each is in use, (n,)."""
     for name, declared in world.robots._declared.items():
         if declared.used:
-            rows, used = getattr(world.robots, name), getattr(world.robots, declared.used)
-            yield rows, np.arange(rows.shape[1]) < used[:, None]
+            yield getattr(world.robots, name), getattr(world.robots, declared.used)
+
+
+def used_entries(rows: Array, used: Array) -> Array:
+    """Flat indices of the entries in use, row by row; the work is that of these entries alone."""
+    shift = np.arange(len(used)) * rows.shape[1] - (np.cumsum(used, dtype=np.int64) - used)
+    entries: Array = np.repeat(shift, used)
+    return entries + np.arange(len(entries))
 
 
 def arrays_of_run(world: World, observation: Observation) -> dict[str, Array]:

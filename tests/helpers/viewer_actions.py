@@ -150,6 +150,12 @@ async def find(user: Watched) -> None:
 
 
 @check
+async def jam(user: Watched) -> None:
+    await press(user, "jam")
+    await user.until(lambda: "no jam" in said(user.display.info))
+
+
+@check
 async def next_robot(user: Watched) -> None:
     user.session.choose(2)
     await press(user, "next_robot")

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
+import pytest
 from small_runs import SmallRun
 
 from automaton.engine.state import GOAL_PICK, ORDER_WAITING
-from automaton.runs.progress import largest_jam, oldest_order, starved_robots
+from automaton.runs.progress import _groups, largest_jam, oldest_order, starved_robots
 
 
 def head_on(ticks):
@@ -37,3 +39,24 @@ def test_the_oldest_order_is_that_released_first_of_those_open():
     assert (run.world.orders.state == ORDER_WAITING).all()
     run.world.orders.state[:] = 2
     assert oldest_order(run.world) == 0
+
+
+@pytest.mark.parametrize(
+    ("picture", "groups"),
+    [
+        ("A.B..C\n......\n....D.", ["ABCD"]),  # C is near D, which is near B, which is near A
+        ("A.....\n......\n...B..", ["A", "B"]),
+        ("A....B\n......\n..C..D\n......\nE.....", ["ACE", "BD"]),
+    ],
+)
+def test_robots_within_two_rows_and_columns_are_one_group_and_so_are_theirs(picture, groups):
+    rows = picture.split("\n")
+    places = {
+        name: (y, x) for y, row in enumerate(rows) for x, name in enumerate(row) if name != "."
+    }
+    names = sorted(places)
+    group = _groups(*(np.array([places[name][k] for name in names]) for k in (0, 1)))
+    members: dict[int, str] = {}
+    for name, number in zip(names, group.tolist(), strict=True):
+        members[number] = members.get(number, "") + name
+    assert list(members.values()) == groups

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from textual.app import App
 
 from automaton.engine.state import NIL
+from automaton.runs.progress import STARVED_TICKS
 from tui.actions import Command
 from tui.actions.clock_actions import ClockActions
 from tui.actions.panel_actions import PanelActions
@@ -47,6 +48,7 @@ class FindActions:
             "next_robot": partial(self._neighbour, 1),
             "previous_robot": partial(self._neighbour, -1),
             "next_difference": self._go_to_difference,
+            "jam": self._go_to_jam,
             "clear": self._clear,
         }
 
@@ -131,6 +133,20 @@ class FindActions:
             session.notify(divergence.text)
         else:
             self._clock.go_to(divergence.tick)
+
+    def _go_to_jam(self) -> None:
+        session = self._session
+        if not session.ready() or session.playback is None:
+            return
+        from tui.screens.find_query import find
+
+        found = find("jam", session.view())
+        if found:
+            self._take_found(found)
+        else:
+            session.notify(
+                f"no jam: no robots stand together without progress for {STARVED_TICKS} ticks"
+            )
 
     def _clear(self) -> None:
         self._session.choose()

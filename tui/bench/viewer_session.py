@@ -2,32 +2,44 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from tui.render.styles import COLOUR_CURSOR
+from tui.render.depth import Depth
+from tui.render.styles import (
+    COLOUR_CURSOR,
+    COLOUR_FLOOR,
+    COLOUR_FLOOR_MARK,
+    COLOUR_WALL,
+    Look,
+    style,
+)
 from tui.terminal.terminal_host import FRAME_END, Arrived, Link, TerminalHost
 
+BUILDING_S = 600.0  # until there is a fleet: it may be the first run on this machine
 SETTLE_S = 3.0  # imports, the collector's last sweep, the first link figures
+ESCAPE = "\x1b[27u"
+KEY_S = 60.0  # a key whose effect is not seen by then counts as having taken so long
 HERTZ = os.sysconf("SC_CLK_TCK")
 
 
 class Session:
-    """A viewer on the walking fleet, or on a command of its own."""
+    """A viewer on a fleet (`tui.bench.fleet_viewer`)."""
 
     def __init__(
         self, fleet: dict[str, Any], link: Link | None = None, columns: int = 200, rows: int = 60
     ) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="automaton-bench-")
         self._notes = Path(self._folder.name) / "notes"
-        command = [sys.executable, "-m", "tui.bench.walking_viewer"]
+        command = [sys.executable, "-m", "tui.bench.fleet_viewer"]
         command.append(json.dumps({**fleet, "notes": str(self._notes)}))
         environ = {**os.environ, "TERM": "xterm-256color", "COLORTERM": "truecolor"}
         for name in ("NO_COLOR", "LINES", "COLUMNS"):
@@ -35,9 +47,7 @@ class Session:
         self.host = TerminalHost(command, rows=rows, columns=columns, environ=environ, link=link)
 
     def __enter__(self) -> Self:
-        self.host.wait_for(
-            lambda: self._notes.exists() and self._notes.read_text() != "", "a fleet"
-        )
+        self.host.wait_for(self._notes.exists, "a fleet", BUILDING_S)
         time.sleep(SETTLE_S)
         return self
 
@@ -53,7 +63,12 @@ class Session:
     @property
     def simulating(self) -> int:
         """The thread that computes the fleet."""
-        return int(self._notes.read_text())
+        return int(self._notes.read_text().split()[0])
+
+    @property
+    def tick(self) -> int:
+        """The tick that is shown, as of a moment ago."""
+        return int(self._notes.read_text().split()[1])
 
     def threads(self) -> list[int]:
         """All threads of the viewer's process."""
@@ -61,13 +76,16 @@ class Session:
 
     def cpu(self) -> float:
         """Seconds of CPU that the viewer has taken, its simulation aside."""
-        total = 0
-        for thread in self.threads():
-            if thread != self.simulating:
-                stat = Path(f"/proc/{self.host.process.pid}/task/{thread}/stat").read_text()
-                values = stat.rpartition(")")[2].split()
-                total += int(values[11]) + int(values[12])
-        return total / HERTZ
+        return sum(self._cpu_of(one) for one in self.threads() if one != self.simulating)
+
+    def cpu_of_simulation(self) -> float:
+        """Seconds of CPU that the thread has taken which computes the fleet."""
+        return self._cpu_of(self.simulating)
+
+    def _cpu_of(self, thread: int) -> float:
+        stat = Path(f"/proc/{self.host.process.pid}/task/{thread}/stat").read_text()
+        values = stat.rpartition(")")[2].split()
+        return (int(values[11]) + int(values[12])) / HERTZ
 
     def pin(self) -> None:
         """The viewer to the first core, its simulation and this process to another one."""
@@ -87,48 +105,55 @@ class Session:
         return len(data), data.count(FRAME_END), time.monotonic() - begun
 
     def key_latencies(self, presses: int) -> list[float]:
-        """Seconds from a key to the cell that it changes: the cell in the middle is looked at."""
-        mark = cursor_colour()
-        found = []
-        for _ in range(presses):
-            time.sleep(0.15)
-            at = len(self.host.history)
-            pressed = time.monotonic()
-            self.host.send("i")
-            self._wait_for(mark, at)
-            found.append(_arrival(self.host, at, mark) - pressed)
-            time.sleep(0.1)
-            self.host.send("\x1b[27u")  # escape
-        return found
+        """Seconds from a key to the cell that it changes: the wall in the middle gets the cursor.
 
-    def _wait_for(self, mark: bytes, at: int) -> None:
-        self.host.wait_for(lambda: mark in _since(self.host, at), "the cursor", 20.0)
+        Every other key takes the cursor away again, and the next one waits until it has gone:
+        if both came between two frames, nothing would be seen of either.
+        """
+        cursor, wall = cursor_colour(), wall_style()
+        latencies = []
+        for number in range(presses):
+            time.sleep(0.15)
+            if number % 2 == 0:
+                latencies.append(self._latency("i", lambda frame: cursor in frame))
+            else:
+                gone = lambda frame: wall in frame and cursor not in frame  # noqa: E731
+                latencies.append(self._latency(ESCAPE, gone))
+        return latencies
+
+    def _latency(self, key: str, shows: Callable[[bytes], bool]) -> float:
+        """Seconds until a frame shows what the key does, KEY_S at most."""
+        begin, pressed = len(self.host.history), time.monotonic()
+        self.host.send(key)
+        with contextlib.suppress(TimeoutError):
+            self.host.wait_for(lambda: self._shown_at(begin, shows) is not None, key, KEY_S)
+        if self.host.process.poll() is not None:
+            raise RuntimeError("the viewer has ended")
+        shown = self._shown_at(begin, shows)
+        return KEY_S if shown is None else shown - pressed
+
+    def _shown_at(self, begin: int, shows: Callable[[bytes], bool]) -> float | None:
+        """When a frame that shows it had arrived whole; None: not yet."""
+        rest = b""
+        for event in self.host.history[begin:]:
+            if isinstance(event, Arrived):
+                *frames, rest = (rest + event.data).split(FRAME_END)
+                if any(map(shows, frames)):
+                    return event.at
+        return None
 
 
 def cursor_colour() -> bytes:
     """How the colour of a selected cell is asked for."""
-    from tui.render.depth import Depth
-    from tui.render.styles import COLOUR_FLOOR_MARK, Look, style
-
     look = Look(Depth.TRUE, "dark")
     background = look.css(int(style(COLOUR_FLOOR_MARK, COLOUR_CURSOR)))[1].lstrip("#")
     red, green, blue = (int(background[k : k + 2], 16) for k in (0, 2, 4))
     return f"48;2;{red};{green};{blue}".encode()
 
 
-def _since(host: TerminalHost, at: int) -> bytes:
-    return b"".join(event.data for event in host.history[at:] if isinstance(event, Arrived))
-
-
-def _arrival(host: TerminalHost, at: int, mark: bytes) -> float:
-    """When the mark had arrived."""
-    seen = b""
-    for event in host.history[at:]:
-        if isinstance(event, Arrived):
-            seen += event.data
-            if mark in seen:
-                return event.at
-    raise RuntimeError("what was seen is not there any more")
+def wall_style() -> bytes:
+    """How a wall is asked for; it is written again only where a cursor was."""
+    return Look(Depth.TRUE, "dark").sgr(int(style(COLOUR_WALL, COLOUR_FLOOR))).encode()
 
 
 def quantile(values: Sequence[float], share: float) -> float:

@@ -5,7 +5,6 @@ Every sample starts the viewer in a pseudo-terminal of 200x60 and looks at what 
 
 from __future__ import annotations
 
-import itertools
 import os
 import sys
 import tempfile
@@ -14,17 +13,19 @@ from collections.abc import Callable
 from functools import partial
 from operator import itemgetter
 from pathlib import Path
-from typing import Any, Final, Generic, TypeVar
+from typing import Any, Final
 
 import numpy as np
 
-from automaton.bench.measurement import SECONDS, Measurement, Sample, wall_seconds
+from automaton.bench.measurement import MS, SECONDS, Measurement, wall_seconds
 from automaton.build.resolve import resolve
 from automaton.evidence.history.live_run import LiveRun
 from automaton.evidence.history.snapshot import take_snapshot
 from automaton.evidence.history.watched_run import RecordedRun, Run
 from automaton.evidence.recording.recording_reader import read_recording
 from automaton.floor.cells import TURNTABLE
+from tui.bench import planning_speed
+from tui.bench.viewer_measurement import Together, measured
 from tui.bench.viewer_session import Session, quantile
 from tui.render.glyphs import UNICODE
 from tui.terminal.terminal_host import Link, TerminalHost
@@ -32,14 +33,12 @@ from tui.terminal.terminal_host import Link, TerminalHost
 BYTES: Final = "bytes per frame"
 SHARE: Final = "% of a core"
 FPS: Final = "frames per second"
-MS: Final = "ms"
 SLOW: Final = Link(bytes_per_second=125_000, round_trip=0.05)
 FRAMES_S: Final = 10.0  # 300 frames of 30 per second
 CPU_S: Final = 30.0
 PRESSES: Final = 100
 SEEKS: Final = 200
 OPENINGS: Final = 10
-LONG: Final = 3  # samples of what takes half a minute each
 
 
 def measurements() -> list[Measurement]:
@@ -62,6 +61,7 @@ def measurements() -> list[Measurement]:
         *delivery(),
         *keys_while_busy("pinned", True),
         *keys_while_busy("not pinned", False),
+        *planning_speed.measurements(),
         *over_a_slow_link(),
         measured("seek in a recording of tabletop-1, p95", MS, seek_recorded),
         measured("seek in a live run of 1,000,000 ticks, p95", MS, seek_live),
@@ -73,33 +73,6 @@ def measurements() -> list[Measurement]:
             at_most=OPENINGS,
         ),
     ]
-
-
-def measured(name: str, unit: str, sample: Sample) -> Measurement:
-    return Measurement(name, unit, lambda: sample, warm_up=False, at_most=LONG)
-
-
-T = TypeVar("T")
-
-
-class Together(Generic[T]):
-    """Several figures of the same sessions, each of which takes half a minute."""
-
-    def __init__(self, take: Callable[[], T]) -> None:
-        self._take = take
-        self._taken: list[T] = []
-
-    def figure(self, name: str, unit: str, of: Callable[[T], float]) -> Measurement:
-        """One of them."""
-        numbers = itertools.count()
-
-        def sample() -> float:
-            number = next(numbers)
-            if number == len(self._taken):
-                self._taken.append(self._take())
-            return of(self._taken[number])
-
-        return measured(name, unit, sample)
 
 
 def delivery() -> list[Measurement]:

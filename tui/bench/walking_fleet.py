@@ -56,7 +56,8 @@ def walkers(width: int, height: int, robots: int) -> Resolved:
     """A free floor with so many robots, and a pillar in the middle on which a cursor is seen."""
     free = open_floor(width, height)
     kind, leave = free.kind.copy(), free.exits.copy()
-    rows, columns = (slice(size // 2 - 1, size // 2 + 4) for size in (height, width))
+    # Two rows: a wall with nothing but walls around it is not drawn.
+    rows, columns = slice(height // 2, height // 2 + 2), slice(width // 2 - 1, width // 2 + 4)
     kind[rows, columns], leave[rows, columns] = WALL, 0
     leave &= exits_into(kind == FLOOR)
     return scene(make_floor_plan(kind, leave), robots)

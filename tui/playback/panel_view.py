@@ -90,6 +90,10 @@ class ZoneChosen(Message):
         super().__init__()
 
 
+class JamChosen(Message):
+    """Go to the largest jam."""
+
+
 class TickChosen(Message):
     """Show a tick."""
 

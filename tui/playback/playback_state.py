@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
 
 from automaton.engine.state import Array
 from automaton.evidence.history.snapshot import Snapshot
 from automaton.evidence.history.watched_run import Run
 from automaton.runs.metrics import OPERATIONS, executed_ticks, metrics_of
+from automaton.runs.progress import Jam, largest_jam, starved_robots
 
 
 @dataclass(frozen=True)
@@ -18,6 +22,8 @@ class Figures:
     metrics: dict[str, float | int]  # of the fleet, by the names of automaton.runs.metrics.GLOSSARY
     operations: Array  # (n,) int64, by identity: operations begun
     active: Array  # (n,) float64: share of ticks in which it did something
+    starved: Array  # (k,) identities of robots that have finished nothing for long, ascending
+    jam: Jam | None  # most of them that stand together
 
 
 @dataclass(frozen=True)
@@ -54,6 +60,14 @@ class PlaybackState:
         return self.snapshots[side].tick == self.ends[side]
 
 
+class LongTick(NamedTuple):
+    """A tick that is being computed."""
+
+    tick: int
+    seconds: float  # for which it has been
+    waited: bool  # a request waits for its end
+
+
 def figures_of(run: Run) -> Figures:
     """The metrics at the tick that a run shows; in the thread of its player."""
     shown = run.shown
@@ -61,4 +75,6 @@ def figures_of(run: Run) -> Figures:
     by_identity = world.robots.at_index
     active = executed_ticks(world)[by_identity, 1:].sum((1, 2)) / max(1, shown.tick)
     operations = world.tally.operations[by_identity][:, OPERATIONS].sum((1, 2))
-    return Figures(shown.tick, metrics_of(shown), operations, active)
+    starved = np.sort(world.robots.identity[starved_robots(world)])
+    jam = largest_jam(world, run.floor_plan)
+    return Figures(shown.tick, metrics_of(shown), operations, active, starved, jam)

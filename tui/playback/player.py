@@ -22,20 +22,22 @@ from automaton.evidence.history.snapshot import Snapshot, take_snapshot
 from automaton.evidence.history.watched_run import COMPUTE_SLICE_S, Run
 from tui.playback.breakpoint_hits import Hit, begun, held_by, reason
 from tui.playback.laid_over import Overlays
-from tui.playback.playback_state import Figures, PlaybackState, figures_of
+from tui.playback.playback_state import Figures, LongTick, PlaybackState, figures_of
 
 TICKS_PER_S: Final = 10.0  # at speed x1
 REWIND: Final = 64.0  # the fastest way back
 # between two states while ticks fly by: less than between two pictures,
 STATE_INTERVAL_S: Final = 0.012
 UNSEEN_S: Final = 1 / 30  # and longer while nobody has looked at the last one: each takes the GIL
-FIGURES_S: Final = 0.3  # between two readings of the metrics
+FIGURES_S: Final = 0.3  # between two readings of the metrics,
+FIGURES_TIME_RATIO: Final = 10  # and at least so many times what the last one took
 IDLE_S: Final = 0.5
 RATE_S: Final = 0.5  # over which the speed is measured at least,
 RATE_TICKS: Final = 20  # and that so many ticks are due in: one less is still the speed asked for
 PLAYER_JOIN_TIMEOUT_S: Final = 3.0  # with a strategy that is to be left,
 TICK_S: Final = 0.5  # and with the tick that is being computed
-LONG_TICK_S: Final = 2.0  # from then on it is said which tick is being computed
+LONG_TICK_S: Final = 2.0  # from then on it is said which tick is being computed,
+WAITED_S: Final = 0.15  # or from then on, if a request waits for it
 
 
 class Player:
@@ -59,7 +61,7 @@ class Player:
         self._hit: Hit | None = None  # the breakpoint that stopped it
         self._overlays = [Overlays() for _ in self.runs]
         self._figures: tuple[Figures, ...] = ()
-        self._figures_at = -math.inf
+        self._figures_at = -math.inf  # when the metrics may be read again while ticks go by
         self._stale = True
         for run in self.runs:
             run.give_up = self._is_closing
@@ -74,14 +76,12 @@ class Player:
         self._seen = True
         return self._playback
 
-    def computing(self) -> tuple[int, int] | None:
-        """The tick that takes long, and for how many seconds it has; None: none does."""
-        seconds = time.monotonic() - self._busy_since
-        return (
-            None
-            if seconds < LONG_TICK_S
-            else (max(run.leading_simulation.tick for run in self.runs), int(seconds))
-        )
+    def computing(self) -> LongTick | None:
+        """The tick that takes long, or for which a request has to wait; None: none does."""
+        seconds, waited = time.monotonic() - self._busy_since, bool(self._requests)
+        if seconds < (WAITED_S if waited else LONG_TICK_S):
+            return None
+        return LongTick(max(run.leading_simulation.tick for run in self.runs), seconds, waited)
 
     @property
     def thread(self) -> int:
@@ -168,6 +168,8 @@ class Player:
         while self._alive:
             try:
                 self._handle_requests()
+                if self._direction and not self._playback.playing:
+                    self._publish_now()  # it plays, even if the first tick takes long
                 busy = self._goal is not None or self._direction != 0
                 if busy:
                     self._advance()
@@ -382,15 +384,19 @@ class Player:
             self._stale = True
         pause = STATE_INTERVAL_S if self._seen else UNSEEN_S
         if self._stale and (now - self._published >= pause or not self._direction):
-            self._playback = self._take_state(self._playback.seq + 1)
-            self.published()
+            self._publish_now()
+
+    def _publish_now(self) -> None:
+        self._playback = self._take_state(self._playback.seq + 1)
+        self.published()
 
     def _take_state(self, seq: int) -> PlaybackState:
         self._stale = self._seen = False
         self._published = now = time.monotonic()
-        if now - self._figures_at >= FIGURES_S or (not self._direction and self._goal is None):
-            self._figures_at = now
+        if now >= self._figures_at or (not self._direction and self._goal is None):
             self._figures = tuple(figures_of(run) for run in self.runs)
+            took = time.monotonic() - now
+            self._figures_at = now + max(FIGURES_S, FIGURES_TIME_RATIO * took)
         failed = next((run.failed for run in self.runs if run.failed), "")
         trouble = next((run.warning for run in self.runs if run.warning), "")
         return PlaybackState(

@@ -24,7 +24,8 @@ from tui.widgets.traffic_zone_facts import robots_in
 
 EXAMPLES: Final = (
     "17, robot 17, load 7, order 7, 12,4, station 11, zone 9, "
-    "or a condition: waiting > 20 and loaded, deadlock, stalled > 50, battery < 20, queueing"
+    "or a condition: waiting > 20 and loaded, deadlock, stalled > 50, battery < 20, "
+    "queueing, jam, starved"
 )
 
 
@@ -47,9 +48,9 @@ class MatchList(Rows, can_focus=False):
 
     def set_content(self, found: Found) -> None:
         """List these matches."""
-        self.found, self.cursor = found, 0
-        self.scroll_to(y=0, animate=False)
+        self.found, self.cursor = found, found.first
         self.update_rows(len(found.places))
+        self.scroll_to(y=found.first, animate=False)
         self.refresh()
 
     def row(self, index: int) -> Line:

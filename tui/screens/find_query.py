@@ -1,4 +1,7 @@
-"""Robots, cells, zones by what a user types: 17, load 7, 12,4, station 11, zone 9, waiting > 20."""
+"""Robots, cells, zones by what a user types.
+
+17, load 7, 12,4, station 11, zone 9, waiting > 20, jam, starved
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,7 @@ from automaton.errors import InputError
 from automaton.evidence.history.breakpoints import robots_where
 from automaton.floor.cells import KIND_BY_NAME, WALL
 from automaton.units import count
+from tui.playback.jam_place import middle_robot
 from tui.playback.panel_view import View
 from tui.widgets.service_zone_facts import checked_station
 from tui.widgets.traffic_zone_facts import checked_zone
@@ -54,6 +58,8 @@ def find(text: str, view: View) -> Found:
         return Found(words, cells=(checked_station(view, int(number[1])),))
     if pair := re.fullmatch(r"\(?(-?\d{1,9}) ?, ?(-?\d{1,9})\)?", words):
         return Found(words, cells=(_cell(int(pair[1]), int(pair[2]), view),))
+    if words in ("jam", "starved"):
+        return _without_progress(words, view)
     kind = KIND_BY_NAME.get(words, KIND_BY_NAME.get(words.removesuffix("s")))
     if words == "shelves":
         kind = KIND_BY_NAME["shelf"]
@@ -69,6 +75,17 @@ def _robot(number: int, view: View) -> int:
     if number >= n:
         raise InputError(f"there is no robot {number}; robots are numbered from 0 to {n - 1}")
     return number
+
+
+def _without_progress(words: str, view: View) -> Found:
+    """Robots that have finished nothing for long: all of them, or those of the largest jam."""
+    figures = view.playback.figures[view.side]
+    if words == "starved":
+        return Found(words, robots=tuple(figures.starved.tolist()))
+    if figures.jam is None:
+        return Found(words)
+    first = middle_robot(figures.jam, view.snapshot, view.floor_plan)
+    return Found(words, robots=figures.jam.robots, first=first)
 
 
 def _order(words: str, number: int, view: View) -> Found:

@@ -31,6 +31,7 @@ from tui.widgets.status import (
     fleet_words,
     head_words,
     link_words,
+    long_tick_words,
     mode_word,
     time_words,
 )
@@ -256,7 +257,7 @@ class Display:
         if error:
             return [word(error, styles.COLOUR_FAULT, "play_pause")]
         if session.player is not None and (slow := session.player.computing()):
-            return [word(f"computing tick {slow[0]:,}, {slow[1]} s", styles.COLOUR_CURSOR)]
+            return [word(long_tick_words(*slow), styles.COLOUR_CURSOR)]
         if playback is not None and playback.stopped:
             return [word(f"stopped: {playback.stopped}", styles.COLOUR_CURSOR, "breakpoints")]
         if session.hovered != NIL:

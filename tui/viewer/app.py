@@ -46,7 +46,13 @@ from tui.widgets.timeline import Timeline
 from tui.widgets.too_small import ACROSS, DOWN, TooSmall, size_classes
 
 if TYPE_CHECKING:
-    from tui.playback.panel_view import CellChosen, RobotChosen, TickChosen, ZoneChosen
+    from tui.playback.panel_view import (
+        CellChosen,
+        JamChosen,
+        RobotChosen,
+        TickChosen,
+        ZoneChosen,
+    )
 
 SETTLED_S = 1.5  # after the world is there, when the garbage collector is told to leave it alone
 INTERRUPTED = 130
@@ -306,6 +312,9 @@ class Viewer(App[None]):
 
     def on_zone_chosen(self, event: ZoneChosen) -> None:
         self.session.choose_zone(event.zone)
+
+    async def on_jam_chosen(self, event: JamChosen) -> None:
+        await self.action_do("jam")
 
     def on_tick_chosen(self, event: TickChosen) -> None:
         self.panels.leave_full()

@@ -84,6 +84,9 @@ _FIXED: Final = (
             Action("find", "slash", "Find", "find a robot, an order, a cell, a zone", True),
             Action("next_robot", "right_parenthesis", "Next robot"),
             Action("previous_robot", "left_parenthesis", "Previous robot"),
+            Action(
+                "jam", "J", "Jam", "the largest jam: robots without progress, n goes through them"
+            ),
             Action("clear", "escape", "Clear", "nothing selected, found or followed"),
             Action(
                 "breakpoints", "b", "Stops", "conditions that stop the run on its way on", True, 20

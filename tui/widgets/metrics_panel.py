@@ -15,7 +15,8 @@ from automaton.evidence.history.charging_words import charging, is_queueing
 from automaton.evidence.history.event_history import Curve
 from automaton.runs.metrics import METRIC_CATALOGUE
 from automaton.units import count, number, percent
-from tui.playback.panel_view import TickChosen, View
+from tui.playback.jam_place import middle_robot
+from tui.playback.panel_view import JamChosen, TickChosen, View
 from tui.render.robot_marks import LOW_CHARGE
 from tui.widgets import lost_time, metric_curve
 from tui.widgets.charge_facts import battery_figures, may_fail
@@ -67,20 +68,49 @@ class Figures(TextPanel):
         orders = view.snapshot.orders.state
         done = int(np.count_nonzero(orders == ORDER_DELIVERED))
         share = done / max(1, len(orders))
-        room = max(0, width - NAME_COLUMNS - len(f"{done:,} of {len(orders):,} "))
+        of_all = f"{done:,} of {len(orders):,} "
+        of_all = of_all if len(of_all) <= width - NAME_COLUMNS else f"{done:,} "
+        room = max(0, width - NAME_COLUMNS - len(of_all))
         rate, now = float(metrics["throughput"]), metric_curve.now_throughput(curve_now)
-        unit = UNIT if width >= NAME_COLUMNS + len(f"100.0 {UNIT}") else SHORT_UNIT
+        longest = max(len(_short(value)) for value in (rate, now))
+        unit = UNIT if width >= NAME_COLUMNS + longest + 1 + len(UNIT) else SHORT_UNIT
         return [
-            _figure("delivered", f"{done:,} of {len(orders):,} ", bar(share, room, self.signs)),
+            _figure("delivered", of_all, bar(share, room, self.signs)),
             _figure("throughput", f"{_short(rate)} {unit}"),
             _figure(f"  last {metric_curve.NOW_TICKS}", f"{_short(now)} {unit}"),
             *self._share("utilization", "utilization", view, width),
             *self._share("blocked_share", "blocked", view, width),
             *_robots(view, width),
+            *self._progress(view, width),
             *self._energy(view, width),
             *_out_of_order(view, width),
             *self._parts(view, width),
         ]
+
+    def _progress(self, view: View, width: int) -> list[Line]:
+        """The oldest open order, robots that finish nothing, and where most of them stand together."""
+        figures = view.playback.figures[view.side]
+        oldest = figures.metrics.get("oldest_order", 0)
+        lines: list[Line] = []
+        if oldest:
+            age = Span(f"{count(int(oldest), 'tick')}")
+            lines += self._explained("oldest_order", "oldest order", age, width)
+        if len(figures.starved):
+            starved = Span(count(len(figures.starved), "robot"), "warn")
+            lines += self._explained("starved_robots", "starved", starved, width)
+        if figures.jam is not None:
+            robots = figures.jam.robots
+            middle = robots[middle_robot(figures.jam, view.snapshot, view.floor_plan)]
+            x, y = view.floor_plan.xy(int(view.snapshot.robots.cell[middle]))
+            jam = Span(count(len(robots), "robot"), "link", ("jam", 0))
+            lines += fact("  in a jam", jam, f" at ({x}, {y})", width=width, label=NAME_COLUMNS)
+        return lines
+
+    def _explained(self, name: str, label: str, value: Span, width: int) -> list[Line]:
+        """A metric under a short name, and what it says, if that was asked for."""
+        link = ("share", list(METRIC_CATALOGUE).index(name))
+        told = self.explanation(link, METRIC_CATALOGUE[name][1], width)
+        return [line(*term(label, link, NAME_COLUMNS), value), *told]
 
     def _parts(self, view: View, width: int) -> list[Line]:
         """Parts that are finished; how often the zones of robots changed, how long they balanced."""
@@ -120,11 +150,8 @@ class Figures(TextPanel):
 
     def _share(self, name: str, label: str, view: View, width: int) -> list[Line]:
         """A share of time, and what counts."""
-        link = ("share", list(METRIC_CATALOGUE).index(name))
         share = percent(float(view.playback.figures[view.side].metrics[name]))
-        value = f"{share:>{VALUE_COLUMNS + 2}}"
-        told = self.explanation(link, METRIC_CATALOGUE[name][1], width)
-        return [line(*term(label, link, NAME_COLUMNS), value), *told]
+        return self._explained(name, label, Span(f"{share:>{VALUE_COLUMNS + 2}}"), width)
 
     def _curves(self, view: View, width: int) -> tuple[list[Line], list[Line]]:
         """Throughput and waiting robots over time; the axis is below the second."""
@@ -186,6 +213,8 @@ class Figures(TextPanel):
             self.post_message(TickChosen(round(ticks * min(1.0, column / room))))
         elif kind in ("cause", "metric", "share"):
             self.explain(link)
+        elif kind == "jam":
+            self.post_message(JamChosen())
         else:
             super().follow(link, column)
 
@@ -233,7 +262,7 @@ def _short(value: float) -> str:
 
 
 def _robots(view: View, width: int) -> list[Line]:
-    """How many robots work, wait and are parked or idle; two in a line where not all fit in one."""
+    """How many robots work, wait and are parked or idle; fewer in a line where not all fit in one."""
     fleet = view.snapshot.robots
     waiting, parked = (
         int(np.count_nonzero(is_waiting(fleet.cause))),
@@ -244,9 +273,11 @@ def _robots(view: View, width: int) -> list[Line]:
     look = "fault" if fleet.wait_cycle_ticks.any() else "warn" if waiting else "plain"
     said = [Span(f"{work:,} work"), Span(f"{waiting:,} wait", look), Span(f"{parked:,} parked")]
     said += [Span(f"{idle:,} idle")] if idle else []
-    fits = length(said) + 2 * (len(said) - 1) <= width - NAME_COLUMNS
-    step = len(said) if fits else 2
-    rows = [said[at : at + step] for at in range(0, len(said), step)]
+    rows = [said]
+    for step in (len(said), 2, 1):
+        rows = [said[at : at + step] for at in range(0, len(said), step)]
+        if all(length(row) + 2 * (len(row) - 1) <= width - NAME_COLUMNS for row in rows):
+            break
     names = ["robots", *[""] * (len(rows) - 1)]
     return [
         (dim(name.ljust(NAME_COLUMNS)), *[part for span in row for part in (span, Span(", "))][:-1])

@@ -34,6 +34,7 @@ from tui.widgets.rows import Rows
 from tui.widgets.signs import Signs, signs_of
 from tui.widgets.styled_lines import Line, Link, Span
 
+FIGURES_SHARE: Final = 0.55  # of the height at most: both curves are seen in a terminal of 36 rows
 WITH_KEYS: Final = 40  # columns from which the tabs name their keys
 
 
@@ -124,7 +125,7 @@ class PanelColumn(Container):
     DEFAULT_CSS = """
     PanelColumn {
         layout: vertical; width: 34; height: 1fr; background: $background;
-        & > Figures { height: auto; max-height: 50%; }
+        & > Figures { height: auto; max-height: 55%; }
         & > Vertical { height: 1fr; }
         & ContentSwitcher { height: 1fr; }
         &.full { layout: horizontal; width: 1fr; }
@@ -176,7 +177,7 @@ class PanelColumn(Container):
     def _fit_figures(self) -> None:
         """Above another panel the figures end where a part of them ends, not within a curve."""
         if self.size:
-            most = self.figures.rows_within(self.size.height // 2)
+            most = self.figures.rows_within(int(FIGURES_SHARE * self.size.height))
             self.figures.styles.max_height = None if self.has_class("full") else most
 
     def on_resize(self) -> None:

@@ -138,6 +138,13 @@ def choice_words(robot: int, following: bool, layer: str, rank: int = 2) -> list
     return said
 
 
+def long_tick_words(tick: int, seconds: float, waited: bool) -> str:
+    """Which tick takes so long, and whether what was asked for has to wait for it."""
+    took = f"{seconds:.1f}" if seconds < 1 else f"{int(seconds):,}"
+    waits = "; what you asked for comes after it" if waited else ""
+    return f"computing tick {tick:,}, {took} s{waits}"
+
+
 def link_words(figures: Figures) -> list[Word]:
     """What the connection to the terminal carries."""
     trip = "-" if math.isnan(figures.round_trip) else f"{1000 * figures.round_trip:.0f} ms"

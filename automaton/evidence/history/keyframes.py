@@ -14,7 +14,7 @@ import numpy as np
 from automaton.engine.observation import Observation
 from automaton.engine.state import CLOCK_TICK, Array, World
 from automaton.errors import InputError
-from automaton.runs.state_copy import arrays_of_run, copy_clock, ragged_arrays
+from automaton.runs.state_copy import arrays_of_run, copy_clock, ragged_arrays, used_entries
 
 KEYFRAME_BYTES: Final = 256 * 1024 * 1024  # bytes of all keyframes
 OBJECT_BYTES: Final = 200  # of an array besides its values: four fifths of a small fleet's keyframe
@@ -74,7 +74,9 @@ class Keyframes:
             name: _delta(array, self._base[name])
             for name, array in arrays_of_run(world, observation).items()
         }
-        routes, plans = (rows[mask] for rows, mask in ragged_arrays(world))
+        routes, plans = (
+            rows.reshape(-1)[used_entries(rows, used)] for rows, used in ragged_arrays(world)
+        )
         frame = Keyframe(tick, arrays, routes, plans, world.clock.copy())
         self._frames.append(frame)
         self.ticks.append(tick)
@@ -123,10 +125,10 @@ class Keyframes:
             else:
                 np.copyto(array, self._base[name])
                 array.reshape(-1)[where] = values
-        for (rows, mask), values in zip(
+        for (rows, used), values in zip(
             ragged_arrays(world), (frame.routes, frame.plans), strict=True
         ):
-            rows[mask] = values
+            rows.reshape(-1)[used_entries(rows, used)] = values
         copy_clock(world.clock, frame.clock)
         return frame.tick
 

@@ -16,7 +16,8 @@ from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 
 COMPUTE_SLICE_S = 0.005  # of computing between two looks at the clock
-KEYFRAME_S = 0.03  # of computing between two keyframes: what going back may cost
+KEYFRAME_S = 0.03  # of computing between two keyframes: what going back may cost,
+KEYFRAME_TIME_RATIO = 10  # and at least so many times what the last one took
 
 
 class Run:
@@ -34,8 +35,10 @@ class Run:
         self.event_history = EventHistory()
         self.give_up: Callable[[], bool] = lambda: False  # looked at while a past is computed
         self._past: Playback | None = None
-        self._slice = 16  # ticks that take about COMPUTE_SLICE_S
+        # Ticks that take about COMPUTE_SLICE_S; of a large fleet the first ones take seconds each.
+        self._slice = 1
         self._since_keyframe = 0.0
+        self._keyframe_took = 0.0
         self._at = 0
 
     @property
@@ -132,9 +135,10 @@ class Run:
         elif took > 2 * COMPUTE_SLICE_S and self._slice > 1:
             self._slice //= 2
         self._since_keyframe += took
-        if self._since_keyframe >= KEYFRAME_S:
-            self._since_keyframe = 0.0
+        if self._since_keyframe >= max(KEYFRAME_S, KEYFRAME_TIME_RATIO * self._keyframe_took):
+            begun = time.perf_counter()
             self.keyframes.keep(self.leading_simulation.world, self.leading_simulation.observation)
+            self._since_keyframe, self._keyframe_took = 0.0, time.perf_counter() - begun
         return self.leading_simulation.tick > before
 
     def _compute(self, until: int) -> None:

@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Awaitable, Callable
 
 import pytest
-from viewer_harness import Watched, viewing
+from viewer_harness import Watched, mini, viewing
 
 from automaton.engine.state import NIL
 from tui.playback.panel_view import CellChosen, RobotChosen, TickChosen
@@ -102,3 +102,21 @@ def test_with_nothing_selected_the_middle_of_the_map_is_inspected() -> None:
         assert (choice.robot, choice.cell) != (NIL, NIL)
 
     story(tell, MIDDLE)
+
+
+def test_the_largest_jam_is_gone_to_and_n_goes_through_its_robots() -> None:
+    async def told() -> None:
+        async with viewing(mini("strategy.right_of_way=wait"), NARROW) as user:
+            await user.at(700)
+            assert user.session.playback is not None
+            await user.until(lambda: user.session.playback.figures[0].tick == 700)
+            choice = user.session.choice
+            user.display.column.figures.follow(("jam", 0))  # a click on it in the panel
+            await user.until(lambda: len(choice.matches))
+            await user.press("escape", "J")
+            assert choice.robot in (1, 2) and choice.matches.tolist() == [1, 2]
+            first = choice.robot
+            await user.press("n")
+            assert choice.robot == 3 - first
+
+    asyncio.run(told())

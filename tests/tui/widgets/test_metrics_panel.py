@@ -46,6 +46,15 @@ def test_figures_tell_orders_rates_robots_and_causes(width: int) -> None:
         assert name in said_then
 
 
+@pytest.mark.parametrize("width", [NARROW, WIDE])
+def test_a_fleet_that_is_stuck_shows_how_long_and_where(width: int) -> None:
+    view = moment(700, "tabletop-1", "fleet.robots=5", "strategy.right_of_way=wait")
+    told = shown(Figures(), view, width)
+    assert "oldest order 700 ticks" in told
+    assert "starved 4 robots in a jam 4 robots at (7, 0)" in told
+    assert "starved" not in shown(Figures(), busy(), width, 10)
+
+
 def test_every_cause_of_lost_time_stands_apart_from_its_bar() -> None:
     view = moment(20, "tabletop-mini")  # of its own: it is changed here
     lost = view.snapshot.robots.lost

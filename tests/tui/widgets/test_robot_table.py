@@ -42,7 +42,8 @@ def crowd(many: int) -> View:
         )
         for field in fields(Fleet)
     }
-    figures = Figures(300, view.playback.figures[0].metrics, np.arange(many), np.full(many, 0.5))
+    metrics = view.playback.figures[0].metrics
+    figures = Figures(300, metrics, np.arange(many), np.full(many, 0.5), np.zeros(0, int), None)
     snapshot = replace(view.snapshot, robots=Fleet(**copies))
     return replace(view, playback=replace(view.playback, snapshots=(snapshot,), figures=(figures,)))
 

@@ -1,0 +1,96 @@
+"""The viewer on a large fleet, in a process of its own for the benchmark and the tests.
+
+    python -m tui.bench.fleet_viewer '{"width": 200, "height": 57, "robots": 1000, "notes": "FILE"}'
+    python -m tui.bench.fleet_viewer '{"right_of_way": "pibt", "robots": 10000, "notes": "FILE"}'
+
+The fleet walks at random, or plans in the aisles of the benchmark of steering. Once it is there, the
+first line of `notes` is the native id of the thread that computes it, the second one the tick.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from automaton.bench.steering_speed import steered_fleet
+from automaton.build.resolve import Resolved, resolve
+from automaton.evidence.history.watched_run import Run
+from automaton.floor.cells import WALL
+from tui.bench.walking_fleet import Walk, walkers
+from tui.playback.player import TICKS_PER_S
+from tui.playback.run_source import Opening, live
+from tui.terminal.options import Options
+from tui.viewer.app import Viewer
+
+NOTES_S = 0.2  # between two notes of the tick
+
+
+def main(argument: str) -> int:
+    """Show the fleet until somebody presses q."""
+    wanted = json.loads(argument)
+    fps = wanted.get("fps", 30)
+    per_second = wanted.get("ticks", fps)  # one tick a frame unless it says otherwise
+    speed = math.inf if per_second is None else per_second / TICKS_PER_S
+    options = Options(read_only=True, fps=fps, speed=speed)
+    viewer = Viewer(planning(wanted) if "right_of_way" in wanted else walking(wanted), options)
+    viewer.call_later(lambda: begin(viewer, wanted))
+    viewer.run()
+    viewer.session.close()
+    return 0
+
+
+def walking(wanted: dict[str, Any]) -> Opening:
+    """A fleet without decisions."""
+    resolved = walkers(wanted["width"], wanted["height"], wanted["robots"])
+
+    def start() -> list[Run]:
+        return [Walk(resolved)]
+
+    return Opening(("walk",), (resolved,), True, start)
+
+
+def planning(wanted: dict[str, Any]) -> Opening:
+    """A fleet with orders, allocation and right of way; not recorded in a file."""
+    return live(resolve(steered_fleet(wanted["right_of_way"], wanted["robots"])), None)
+
+
+def begin(viewer: Viewer, wanted: dict[str, Any]) -> None:
+    """Wait for the run; then look at what was asked for, and keep the notes."""
+    player = viewer.session.player
+    if player is None:
+        viewer.set_timer(0.05, lambda: begin(viewer, wanted))
+        return
+    if not wanted.get("panels", True):
+        viewer.panels.show("off")
+    if "right_of_way" in wanted:
+        look_at_a_wall(viewer, viewer.session.opening.resolved[0])
+    path = Path(wanted["notes"])
+
+    def note() -> None:
+        fresh = path.with_suffix(".new")
+        fresh.write_text(f"{player.thread}\n{player.latest().tick}\n")
+        os.replace(fresh, path)
+
+    note()
+    viewer.set_interval(NOTES_S, note)
+
+
+def look_at_a_wall(viewer: Viewer, resolved: Resolved) -> None:
+    """One character a cell, and in the middle a wall, on which a cursor is seen."""
+    kind, camera = resolved.floor_plan.kind, viewer.session.pictures.camera
+    rows, columns = np.nonzero(kind == WALL)
+    middle = np.argmin(abs(rows - kind.shape[0] // 2) + abs(columns - kind.shape[1] // 2))
+    viewer.session.pictures.fitted = False
+    camera.one_to_one()
+    camera.centre_on(int(rows[middle]) * kind.shape[1] + int(columns[middle]))
+    viewer.session.changed()
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1]))

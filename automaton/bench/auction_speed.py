@@ -33,8 +33,8 @@ from strategies.allocation.auction.market_preparation import (
 
 SIDE: Final = 100  # ticks
 CHARGERS: Final = 4
-DRAIN: Final = 4_000  # units per tick: 250 ticks on a full battery
-RATE: Final = 20_000
+DRAIN: Final = BATTERY_FULL // 250  # units per tick: 250 ticks on a full battery
+RATE: Final = BATTERY_FULL // 50
 SMALL: Final = (8, 80)  # robots, tasks
 LARGE: Final = (100, 1000)
 SELL: Final = METHODS["LB"]  # a sequential auction of all items

@@ -97,8 +97,8 @@ def charge_units(percent: float) -> int:
 
 
 def drain_table(battery: Battery | None) -> Array:
-    """(A, 2) int32: units that a tick of each action takes, without load and with one."""
-    table = np.zeros((ACTION_COUNT, 2), np.int32)
+    """(A, 2) int64: units that a tick of each action takes, without load and with one."""
+    table = np.zeros((ACTION_COUNT, 2), np.int64)
     if battery is None:
         return table
     drain = battery.drain

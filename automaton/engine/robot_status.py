@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Final
 
-BATTERY_FULL: Final = 1_000_000  # units of charge in a full battery: one is 0.0001 %
+BATTERY_FULL: Final = 1_000_000_000  # units of charge in a full battery: one is 0.0000001 %
 BATTERY_PERCENT: Final = BATTERY_FULL // 100
 
 # States of a robot: robots.status.

@@ -204,7 +204,7 @@ class Rules(Struct, role=STATIC):
     handling_jitter: int = field("int64", "a pick or drop takes up to so many ticks more")
     battery: int = field("int64", "1: robots run on batteries")
     drain: Array = field(
-        f"({ACTION_COUNT}, 2) int32",
+        f"({ACTION_COUNT}, 2) int64",
         "units of charge that a tick of each action takes; [.., 1] loaded",
     )
     curve: Array = field(

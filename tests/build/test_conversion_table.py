@@ -64,6 +64,15 @@ def test_what_is_exact_or_is_not_rounded_has_none(tmp_path: Path) -> None:
     assert conversion_lines(resolved(tmp_path, *settings)) == []
 
 
+def test_batteries_lose_little(tmp_path: Path) -> None:
+    battery = "battery={drain: {move: 0.5, wait: 2 %/h}, charge_rate: 36 %/h}"
+    settings = ("strategy.charging=none", battery)
+    assert conversion_lines(resolved(tmp_path, *settings)) == [
+        "battery.drain.wait 2 %/h: 2,777.78 units -> 2,778, 0.008 % more"
+    ]
+    assert coarse_conversions(resolved(tmp_path, *settings)) == []
+
+
 def test_parameters_of_strategies_count_too(tmp_path: Path) -> None:
     setting = "strategy.right_of_way={name: wait, wait_loaded: [1.1 s, 5 s]}"
     assert conversion_lines(resolved(tmp_path, setting)) == [

@@ -6,10 +6,24 @@ import numpy as np
 import pytest
 from battery_scenes import MOVES, BatteryScene, recorded_run, scene
 
-from automaton.engine.robot_status import STATUS_DEPLETED, STATUS_UP
-from automaton.engine.state import ACTION_CHARGE, ACTION_DOWN, ACTION_QUEUE, ACTION_WAIT, NIL
+from automaton.build.rules import drain_table
+from automaton.engine.robot_status import BATTERY_FULL, STATUS_DEPLETED, STATUS_UP
+from automaton.engine.state import (
+    ACTION_CHARGE,
+    ACTION_DOWN,
+    ACTION_MOVE,
+    ACTION_QUEUE,
+    ACTION_WAIT,
+    NIL,
+)
 from automaton.evidence.verification.validator import validate_stored
 from automaton.scenario.schema import Battery, Drain, Durations
+
+
+def test_a_drain_may_be_many_times_a_battery() -> None:
+    drain = Drain(move=100.0, loaded_factor=10.0)
+    table = drain_table(Battery(drain=drain, charge_rate=1.0))
+    assert table[ACTION_MOVE].tolist() == [BATTERY_FULL, 10 * BATTERY_FULL]
 
 
 def test_a_move_is_paid_when_it_begins() -> None:
@@ -57,7 +71,7 @@ def test_a_load_makes_driving_dearer() -> None:
     run, _ = recorded_run(plain)
     # 1 move without the load, 3 ticks of picking, 2 moves with it, 2 ticks of setting down with it.
     spent = 1 * 1.0 + 3 * 0.5 + 2 * 2.0 + 2 * 0.25 * 2
-    assert run.world.tally.energy_used[0] == spent * 10_000
+    assert run.world.tally.energy_used[0] == spent * 10_000_000
     assert run.finished
 
 
@@ -83,7 +97,7 @@ def test_a_battery_is_never_more_than_full() -> None:
     run = BatteryScene("c.", battery=battery, start=(5,))
     run.send_to_charge("A", "", level=100)
     assert [run.tick().charge("A") for _ in range(3)] == [80, 100, 100]
-    assert run.world.tally.charged[0] == 500_000
+    assert run.world.tally.charged[0] == 500_000_000
 
 
 LINE = "~~~c~"

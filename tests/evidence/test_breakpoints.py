@@ -20,6 +20,7 @@ from automaton.engine.observation import (
     EVENT_DELIVERED,
     EVENT_WAIT_CYCLE,
 )
+from automaton.engine.robot_status import BATTERY_PERCENT
 from automaton.engine.state import ACTION_NAMES, NIL
 from automaton.errors import InputError
 from automaton.evidence.history.breakpoints import (
@@ -65,7 +66,7 @@ def expected(field: str, snapshot: Snapshot, run: LiveRun, robot: int) -> int:
     cell = fleet.bay[robot] if fleet.cell[robot] == NIL else fleet.cell[robot]
     waits = fleet.cause[robot] not in (CAUSE_NOT_WAITING, CAUSE_NO_ORDER)
     values = {
-        "battery": fleet.charge[robot] / 10_000,
+        "battery": fleet.charge[robot] / BATTERY_PERCENT,
         "charging": int(
             ACTION_NAMES[fleet.action[robot]] == "charge" and fleet.charge_target[robot] > 0
         ),

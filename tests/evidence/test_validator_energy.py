@@ -61,7 +61,7 @@ def test_moves_are_paid() -> None:
     assert played(head, {0: E}, {0: E}).valid
     report = played(head, {0: E}, {0: E}, {0: S})
     assert rules(report) == ["energy"]
-    assert "begins a move that takes 100000 units of charge and has 50000" in texts(report)
+    assert "begins a move that takes 100000000 units of charge and has 50000000" in texts(report)
 
 
 def test_robots_charge_on_chargers_only() -> None:
@@ -82,7 +82,7 @@ def test_waits_and_standing_still_are_paid_too() -> None:
 
 def test_a_robot_with_energy_is_not_empty() -> None:
     report = played(floor(battery=BATTERY), {}, changes=[(1, CHANGE_STATUS, 0, STATUS_DEPLETED)])
-    assert rules(report) == ["energy"] and "is out of energy with 250000 units" in texts(report)
+    assert rules(report) == ["energy"] and "is out of energy with 250000000 units" in texts(report)
 
 
 # Faults.

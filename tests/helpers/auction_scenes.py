@@ -28,7 +28,7 @@ from strategies.allocation.auction.market_preparation import (
 )
 
 FAR = 100_000  # ticks between places that no lane connects
-TAPER = ((0, 10_000), (800_000, 5_000), (950_000, 2_000))
+TAPER = ((0, 10_000_000), (800_000_000, 5_000_000), (950_000_000, 2_000_000))
 
 
 def between_with(lanes: Any) -> list[list[int]]:
@@ -43,14 +43,14 @@ def random_situation(rng: random.Random, curve: Any = None, chargers: int = 3) -
     at = tuple(rng.sample(range(17), rng.randint(1, chargers)))
     return Situation(
         between=between_with(lanes),
-        drain=rng.choice((2_000, 3_000, 5_000)),
-        curve=curve or ((0, rng.choice((5_000, 10_000, 50_000, 7_300))),),
+        drain=rng.choice((2_000_000, 3_000_000, 5_000_000)),
+        curve=curve or ((0, rng.choice((5_000_000, 10_000_000, 50_000_000, 7_300_000))),),
         chargers=at,
         wait=tuple(rng.choice((0, 0, 15, 40)) for _ in at),
-        reserve=rng.choice((0, 100_000, 200_000)),
+        reserve=rng.choice((0, 100_000_000, 200_000_000)),
         end_reach=rng.random() < 0.5,
         start=rng.randrange(17),
-        charge=rng.choice((BATTERY_FULL, rng.randrange(250_000, BATTERY_FULL))),
+        charge=rng.choice((BATTERY_FULL, rng.randrange(250_000_000, BATTERY_FULL))),
         stops=tuple(rng.sample(range(3, 16), rng.randint(1, 9))),
     )
 
@@ -88,7 +88,7 @@ def random_auction(
     Some tasks are pairs (pick up here, deliver there), some robots hear only of some.
     """
     ticks = np.array(seconds())
-    energy = ticks * 3_000
+    energy = ticks * 3_000_000
     listed = rng.randint(0, min(robots, 3))
     task_costs = visits(ticks, energy, [rng.randrange(3, 16) for _ in range(tasks + listed)])
     for task in range(tasks + listed):
@@ -97,8 +97,8 @@ def random_auction(
             task_costs.inside[0, task] = ticks[task_costs.begin[task], task_costs.end[task]] + 4
             task_costs.use[0, task] = energy[task_costs.begin[task], task_costs.end[task]]
     chargers = (1, 7)
-    battery = battery_of(energy, chargers, ((0, 10_000),), policy=policy, **rules)
-    charge = [rng.choice((BATTERY_FULL, 600_000, 450_000)) for _ in range(robots)]
+    battery = battery_of(energy, chargers, ((0, 10_000_000),), policy=policy, **rules)
+    charge = [rng.choice((BATTERY_FULL, 600_000_000, 450_000_000)) for _ in range(robots)]
     places = [rng.choice((0, 1, 2, 16)) for _ in range(robots)]
     fleet = fleet_of(places, tasks + listed, charge)
     scratch = scratch_for(robots, tasks + listed, tasks + listed, len(chargers))

@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-FULL = 1_000_000
+FULL = 1_000_000_000
 
 
 @dataclass(frozen=True)

@@ -67,7 +67,9 @@ def test_the_robot_that_need_not_charge_wins() -> None:
     assert orders.delivered[LAST] == 180, "after 70 + 110 s"
     assert orders.delivered[:LAST].max() == 70
     assert tally.operations[:, ACTION_CHARGE].sum() == 0
-    assert run.world.robots.charge[0] == 100_000, "10 %, and 60 % of the way back to the charger"
+    assert run.world.robots.charge[0] == 100_000_000, (
+        "10 %, and 60 % of the way back to the charger"
+    )
 
 
 def test_without_batteries_the_nearer_one_wins() -> None:

@@ -187,8 +187,8 @@ def test_robots_in_passing_aisles_and_crowds_are_restored(
             "failed 2 times, is stuck, asks for the right",
         ),
         ({"action": 10, "busy": 0}, "was kept in its parking bay"),
-        ({"action": 7, "charge": 250_000}, "charged, charge 25 %"),
-        ({"charge": 836_701}, "charge 83.6701 %"),
+        ({"action": 7, "charge": 250_000_000}, "charged, charge 25 %"),
+        ({"charge": 836_701_123}, "charge 83.6701123 %"),
         (
             {"charging_interruptible": 1, "charging_reason": 10},
             "may have an order while it charges, charging",
@@ -219,7 +219,7 @@ def test_a_robot_on_its_way_to_a_charger_is_told_and_restored() -> None:
     robots, floor_plan = running.world.robots, running.resolved.floor_plan
     robots.goal_type[3], robots.charge_target[3], robots.goal_cell[3] = (
         GOAL_CHARGE,
-        800_000,
+        800_000_000,
         floor_plan.cell(9, 5),
     )
     picture = picture_of(running)

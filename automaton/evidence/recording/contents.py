@@ -317,7 +317,7 @@ HEADER_ARRAYS: Final = {
     "robots.bay": Range("i4", ("robots",), -1, "cells"),
     "robots.cell": Range("i4", ("robots",), -1, "cells"),
     "robots.heading": Range("u1", ("robots",), 0, 4),
-    "robots.charge": Range("i4", ("robots",), 0, 1_000_001),
+    "robots.charge": Range("i4", ("robots",), 0, 1_000_000_001),
     "slots.cell": Range("i4", ("slots",), -1, "cells"),
     "orders.source": Range("i4", ("orders",), -1, "spare"),
     "orders.target": Range("i4", ("orders",), -1, "spare"),

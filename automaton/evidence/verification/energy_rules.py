@@ -33,7 +33,7 @@ from automaton.evidence.verification.motion_rules import Acts, Complaint, Motion
 from automaton.evidence.verification.move_time_rules import NIL
 from automaton.floor.cells import CHARGER
 
-BATTERY_FULL: Final = 1_000_000
+BATTERY_FULL: Final = 1_000_000_000
 # statuses as they are recorded
 STATUS_UP, STATUS_DEPLETED, STATUS_FAILED, STATUS_TOWED, STATUS_REMOVED = 0, 3, 4, 5, 6
 OPERATION_BY_CODE: Final = {

@@ -41,9 +41,13 @@ from strategies.allocation.auction.market import (
 from strategies.allocation.auction.market_preparation import scratch_for
 from strategies.allocation.auction.winners import WINNER_LOWEST_BID as LOWEST_BID
 
-DRAIN: Final = 3_000  # 0.3 % a second
-RATE: Final = 10_000  # 1 % a second
-TAPER: Final = ((0, 10_000), (80 * PERCENT, 5_000), (95 * PERCENT, 2_000))
+DRAIN: Final = 3 * PERCENT // 10  # a second
+RATE: Final = PERCENT  # a second
+TAPER: Final = (
+    (0, PERCENT),
+    (80 * PERCENT, PERCENT // 2),
+    (95 * PERCENT, PERCENT // 5),
+)
 THRESHOLD: Final = 20 * PERCENT
 
 POLICIES: Final[Mapping[str, Mapping[str, Any]]] = {

@@ -36,8 +36,8 @@ STARTS: Final = (3, 1)
 CHARGES: Final = (BATTERY_FULL, 45 * PERCENT)
 LISTS: Final = ((7, 8, 13), (5, 4, 9))
 NEW: Final = 14
-DRAIN: Final = 5_000  # 0.5 % a second
-RATE: Final = 50_000  # 5 % a second
+DRAIN: Final = PERCENT // 2  # a second
+RATE: Final = 5 * PERCENT  # a second
 HALF: Final = BID_SCALE // 2  # epsilon
 
 SETTINGS: Final[Mapping[str, Mapping[str, Any]]] = {

@@ -76,7 +76,7 @@ class Phrase:
 def percents(value: Value) -> str:
     """A share of a full battery, in percent, with all its digits."""
     assert isinstance(value, int)
-    return f"{value / BATTERY_PERCENT:.4f}".rstrip("0").rstrip(".")
+    return f"{value / BATTERY_PERCENT:.7f}".rstrip("0").rstrip(".")
 
 
 def _pattern(template: str) -> str:

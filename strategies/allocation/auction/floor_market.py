@@ -43,7 +43,8 @@ from strategies.allocation.auction.market_preparation import (
 
 Array = NDArray[Any]
 
-CAPPED = 1 << 29  # ticks or units of what cannot be reached: two of them still fit an int32
+CAPPED = 1 << 29  # ticks to what cannot be reached: two of them still fit an int32
+CAPPED_ENERGY = 1 << 50  # units of charge for it
 
 
 class FloorMarket(Struct, role=SCRATCH):
@@ -137,7 +138,7 @@ def enter_task(view, workspace, market, robot_type, task, order):
     market.cell[robot_type, costs.end[task]] = end
     if begin == NIL or end == NIL:
         costs.inside[robot_type, task] = CAPPED
-        costs.use[robot_type, task] = CAPPED
+        costs.use[robot_type, task] = CAPPED_ENERGY
         return
     drive = longest_way(view, workspace, robot_type, begin, end) if slot != target else 0
     loaded = rate_of_driving(view.rules, view.grid.headings, 1)
@@ -148,7 +149,7 @@ def enter_task(view, workspace, market, robot_type, task, order):
     energy = drive * loaded + max(picking, 1) * drain[ACTION_PICK, 0]
     if slot != target:
         energy += max(dropping, 1) * drain[ACTION_DROP, 1]
-    costs.use[robot_type, task] = min(energy, CAPPED)
+    costs.use[robot_type, task] = min(energy, CAPPED_ENERGY)
 
 
 @kernel
@@ -251,7 +252,7 @@ def measure_distances(view, workspace, market, robot_type, robots, tasks):
                 known = cell[a] != NIL and end != NIL
                 way = longest_way(view, workspace, robot_type, cell[a], end) if known else CAPPED
                 ticks[a, b] = way
-                energy[a, b] = min(way * rate, CAPPED)
+                energy[a, b] = min(way * rate, CAPPED_ENERGY)
     for a in range(places):
         battery.nearest[robot_type, a] = NIL
         battery.reach[robot_type, a] = INF_COST
@@ -259,7 +260,7 @@ def measure_distances(view, workspace, market, robot_type, robots, tasks):
             continue
         for c in range(chargers):
             units = np.int64(energy[a, battery.charger[c]])
-            if units < battery.reach[robot_type, a] and units < CAPPED:
+            if units < battery.reach[robot_type, a] and units < CAPPED_ENERGY:
                 battery.nearest[robot_type, a] = c
                 battery.reach[robot_type, a] = units
 

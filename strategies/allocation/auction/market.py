@@ -38,11 +38,11 @@ class TaskCosts(Struct, role=SCRATCH):
 
     robot_type: Array = field("(1,) int64", "the robot type whose rows count")
     ticks: Array = field("(K, P, P) int32", "from place to place")
-    energy: Array = field("(K, P, P) int32", "units: from place to place")
+    energy: Array = field("(K, P, P) int64", "units: from place to place")
     begin: Array = field("(T,) int32", "place at which a task begins", role=CONSTANT)
     end: Array = field("(T,) int32", "place at which it ends", role=CONSTANT)
     inside: Array = field("(K, T) int32", "ticks from begin to end, all handling included")
-    use: Array = field("(K, T) int32", "units from begin to end")
+    use: Array = field("(K, T) int64", "units from begin to end")
 
 
 class Battery(Struct, role=SCRATCH):

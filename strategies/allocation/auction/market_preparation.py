@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, DTypeLike
 
 from strategies.allocation.auction.market import (
     BATTERY_FULL,
@@ -37,17 +37,17 @@ def deliveries(
 ) -> TaskCosts:
     """Tasks that begin and end at different places; ticks, energy: (P, P), or (K, P, P) by type."""
 
-    def numbers(values: ArrayLike, by_type: int = 0) -> Array:
-        found = np.array(values, np.int32)
+    def numbers(values: ArrayLike, by_type: int = 0, dtype: DTypeLike = np.int32) -> Array:
+        found = np.array(values, dtype)
         return found if found.ndim >= by_type else found[None]
 
     return TaskCosts.sized(
         ticks=numbers(ticks, 3),
-        energy=numbers(energy, 3),
+        energy=numbers(energy, 3, np.int64),
         begin=numbers(begin),
         end=numbers(end),
         inside=numbers(inside, 2),
-        use=numbers(use, 2),
+        use=numbers(use, 2, np.int64),
     )
 
 

@@ -186,7 +186,7 @@ def test_the_combinatorial_auction_is_the_best_of_all_allotments(epsilon: int) -
 def test_local_search_never_makes_lists_worse_and_keeps_all_tasks(epsilon: int) -> None:
     improved = 0
     for seed in range(60):
-        *market, items = random_auction(random.Random(seed), 3, 7, seed % 6, threshold=200_000)
+        *market, items = random_auction(random.Random(seed), 3, 7, seed % 6, threshold=200_000_000)
         fleet, scratch = market[2], market[3]
         sequential.sequential(*market, items, 7, BID_MIXED, epsilon, WINNER_LOWEST_BID, 0)
         before, tasks = (

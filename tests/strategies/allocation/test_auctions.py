@@ -95,7 +95,7 @@ def test_only_the_winner_bids_again_with_the_same_result(policy: int) -> None:
         robots, tasks = rng.randint(1, 5), rng.randint(0, 8)
         rule, winner = rng.choice((BID_MIXED, BID_AVERAGE_ADDED, BID_AVERAGE)), rng.randrange(4)
         epsilon = rng.choice((0, 300, 500, 1000))
-        options = {"threshold": 200_000, "end_reach": rng.random() < 0.5}
+        options = {"threshold": 200_000_000, "end_reach": rng.random() < 0.5}
         seed = rng.random()
         found = []
         for everybody in (0, 1):
@@ -246,6 +246,8 @@ def test_average_bids_are_about_arrival_times() -> None:
 
 def test_an_infeasible_robot_bids_nothing_whatever_epsilon_is() -> None:
     for epsilon in (0, 500, 1000):
-        *market, _ = random_auction(random.Random(1), 2, 3, POLICY_HIERARCHICAL, reserve=990_000)
-        market[2].charge[:] = 300_000
+        *market, _ = random_auction(
+            random.Random(1), 2, 3, POLICY_HIERARCHICAL, reserve=990_000_000
+        )
+        market[2].charge[:] = 300_000_000
         assert bids.bid(*market, 0, 0, BID_MIXED, epsilon) == INF_COST

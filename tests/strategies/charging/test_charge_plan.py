@@ -113,7 +113,7 @@ def test_with_a_taper_one_stop_is_the_best_by_the_curve() -> None:
 
 
 @pytest.mark.parametrize("curve", [None, TAPER])
-@pytest.mark.parametrize("target", [BATTERY_FULL, 800_000])
+@pytest.mark.parametrize("target", [BATTERY_FULL, 800_000_000])
 def test_filling_up_credits_what_is_left(curve: object, target: int) -> None:
     seen = 0
     for case in short_of_energy(150, seed=6, curve=curve):
@@ -129,7 +129,7 @@ def test_filling_up_credits_what_is_left(curve: object, target: int) -> None:
     assert seen >= 40
 
 
-@pytest.mark.parametrize("curve", [((0, 7_300),), TAPER])
+@pytest.mark.parametrize("curve", [((0, 7_300_000),), TAPER])
 def test_charging_time_is_that_of_charging_tick_by_tick(curve: tuple[tuple[int, int], ...]) -> None:
     rng = random.Random(7)
     pieces = np.array(curve, np.int32)
@@ -173,9 +173,9 @@ def test_threshold_charges_fully_at_the_nearest_charger(policy: int) -> None:
     stopped = stranded = 0
     for _ in range(300):
         case = random_situation(rng)
-        *_, fleet, scratch = market_of(case, policy, threshold=200_000)
+        *_, fleet, scratch = market_of(case, policy, threshold=200_000_000)
         ticks, lowest, stops = threshold_by_hand(
-            case, 200_000, policy == POLICY_THRESHOLD_REACHABLE
+            case, 200_000_000, policy == POLICY_THRESHOLD_REACHABLE
         )
         assert scratch.plan.lowest_charge[0] == lowest
         assert [position for position, _ in stops_of(scratch)] == stops
@@ -239,14 +239,14 @@ def test_every_variant_of_the_floor_gives_the_plan_of_the_worked_example() -> No
     for between in all_variants():
         case = Situation(
             between=between,
-            drain=5_000,
-            curve=((0, 50_000),),
+            drain=5_000_000,
+            curve=((0, 50_000_000),),
             chargers=(1,),
             wait=(0,),
             reserve=0,
             end_reach=False,
             start=0,
-            charge=450_000,
+            charge=450_000_000,
             stops=(4, 3, 8, 13),
         )
         *_, fleet, scratch = market_of(case)

@@ -234,8 +234,8 @@ STATES = [
     ({"load": 1, "cause": 2}, styles.COLOUR_WAITING),
     ({"load": 1, "cause": 2, "wait_cycle_ticks": 1}, styles.COLOUR_FAULT),
     ({"parked": 1, "cause": 12}, styles.COLOUR_PARKED),
-    ({"load": 1, "charge": 199_999}, styles.COLOUR_LOW_BATTERY),
-    ({"charge": 200_000}, styles.COLOUR_ROBOT),
+    ({"load": 1, "charge": 199_999_999}, styles.COLOUR_LOW_BATTERY),
+    ({"charge": 200_000_000}, styles.COLOUR_ROBOT),
     ({"charge": 1, "cause": 2}, styles.COLOUR_WAITING),
     ({"action": 7, "goal_type": 4, "goal_cell": CORNER, "charge": 1}, styles.COLOUR_CHARGING),
     ({"action": 7, "goal_type": 2, "goal_cell": CORNER}, styles.COLOUR_ROBOT),  # it has charged

@@ -26,7 +26,7 @@ from textual.pilot import Pilot
 
 from automaton.build.resolve import resolve
 from automaton.engine.observation import CAUSES
-from automaton.engine.robot_status import STATUS_FAILED, STATUS_TOWED
+from automaton.engine.robot_status import BATTERY_PERCENT, STATUS_FAILED, STATUS_TOWED
 from automaton.engine.state import NIL
 from automaton.evidence.history.charging_words import (
     charger_queue,
@@ -82,7 +82,7 @@ def is_towed(now: Snapshot) -> bool:
 
 
 def is_low_and_loaded(now: Snapshot) -> bool:
-    return bool(((now.robots.charge < 200_000) & (now.robots.load != NIL)).any())
+    return bool(((now.robots.charge < 20 * BATTERY_PERCENT) & (now.robots.load != NIL)).any())
 
 
 def is_sent(now: Snapshot) -> bool:
@@ -105,7 +105,7 @@ def in_line() -> tuple[View, int, int, int]:
 
 
 def in_percent(view: View, name: str, robot: int) -> float:
-    return float(getattr(view.snapshot.robots, name)[robot]) / 10_000
+    return float(getattr(view.snapshot.robots, name)[robot]) / BATTERY_PERCENT
 
 
 def drained(tick: int) -> View:
@@ -254,7 +254,7 @@ def test_the_table_has_columns_for_batteries_and_plans() -> None:
         fleet = view.snapshot.robots
         rows = [row.split() for row in said(robots)[1:5]]
         assert [int(row[0]) for row in rows] == np.argsort(fleet.charge, kind="stable").tolist()
-        assert f"{fleet.charge.min() / 10_000:.1f} %" in said(robots)[1]
+        assert f"{fleet.charge.min() / BATTERY_PERCENT:.1f} %" in said(robots)[1]
         await click(pilot, robots, "ahead")
         ahead = np.argsort(-fleet.order_queue_length, kind="stable").tolist()
         assert [int(row.split()[0]) for row in said(robots)[1:5]] == ahead
@@ -269,7 +269,7 @@ def test_robots_are_found_by_their_condition() -> None:
     assert list(find("broken", view).robots) == broken
     view = living(first(is_low_and_loaded))
     fleet = view.snapshot.robots
-    low = np.flatnonzero((fleet.charge < 200_000) & (fleet.load != NIL)).tolist()
+    low = np.flatnonzero((fleet.charge < 20 * BATTERY_PERCENT) & (fleet.load != NIL)).tolist()
     assert list(find("battery < 20 and loaded", view).robots) == low
     view, _, one, two = in_line()
     assert list(find("queueing", view).robots) == sorted([one, two])
@@ -278,7 +278,7 @@ def test_robots_are_found_by_their_condition() -> None:
 
 def test_figures_tell_of_batteries_and_robots_out_of_order() -> None:
     view, out = in_line()[0], living(first(is_broken))
-    charge = view.snapshot.robots.charge / 10_000
+    charge = view.snapshot.robots.charge / BATTERY_PERCENT
     for width in (NARROW, WIDE):
         said_then = shown(Figures(), view, width, 100)
         assert f"mean battery {charge.mean():.0f} %, least {charge.min():.0f} %" in said_then

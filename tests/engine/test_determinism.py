@@ -109,7 +109,7 @@ STEERED = (
 
 
 @pytest.mark.parametrize("name", ["pibt", "epibt"])
-def test_where_robots_are_steered_nobody_s_way_of_running_matters(name: str) -> None:
+def test_where_robots_are_steered_the_digest_is_the_same_however_they_run(name: str) -> None:
     """Processes, slices as a viewer asks for them, and the compiler."""
     settings = (*STEERED, f"strategy.right_of_way={name}")
     scenario, seeds = resolve("random-400", settings), (7, 8)

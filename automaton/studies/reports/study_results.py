@@ -23,7 +23,7 @@ import numpy.typing as npt
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
 from automaton.studies.reports.warm_up_cut import LENGTHS, Cut, lists, measured_rows
 from automaton.studies.sweeps.result_columns import (
-    RUN_FIGURES,
+    RUN_METRICS,
     SERIES,
     SUMS_COLUMN,
     TICKS_PER_SECOND,
@@ -267,7 +267,7 @@ def columns_of(table: pa.Table) -> dict[str, Sequence[Any]]:
 
 def described(metric: str) -> tuple[str, str]:
     """Unit and meaning of a metric."""
-    known = METRIC_CATALOGUE.get(metric) or RUN_FIGURES.get(metric)
+    known = METRIC_CATALOGUE.get(metric) or RUN_METRICS.get(metric)
     return known or ("times", "counted by a strategy")
 
 

@@ -32,10 +32,13 @@ SERIES: Final = "series"  # deliveries in each window, where a study asks for th
 SUMS_COLUMN: Final = "sums"
 TICKS_PER_SECOND: Final = "ticks_per_second"  # of reports: `ticks` by `cpu_s`
 # What an analysis may name beside the metrics: unit and meaning.
-RUN_FIGURES: Final = {
+RUN_METRICS: Final = {
     "ticks": ("ticks", "ticks of the run"),
     "orders": ("orders", "orders of the run"),
-    TICKS_PER_SECOND: ("ticks/s", "by CPU time of the whole run; another machine, other figures"),
+    TICKS_PER_SECOND: (
+        "ticks/s",
+        "by CPU time of the whole run; it differs from machine to machine",
+    ),
 }
 FIXED_KEYS: Final = ("name", "summary", "seed")  # of a scenario, no factors
 

@@ -10,7 +10,7 @@ from automaton.build.resolve import resolve
 
 @pytest.mark.parametrize("strategy", STRATEGIES)
 def test_random_fleets_break_no_rule_and_give_no_illegal_answer(strategy: str) -> None:
-    found = list(trials(strategy, 30_000))[-1]
+    found = list(trials(strategy, 50_000))[-1]
     assert found.wrong == [] and found.runs > 2
 
 

@@ -33,7 +33,7 @@ PARTS: Final[dict[str, Part]] = {
     "steering": Part(
         "automaton.bench.steering_speed",
         False,
-        "a tick of 10,000 robots under each right of way that steers; a minute",
+        "a tick of 400 and 10,000 robots under each right of way; some minutes",
     ),
     "tables": Part("automaton.bench.table_speed", True, "distance tables: computed and looked up"),
     "plans": Part(

@@ -1,11 +1,13 @@
-"""What a tick costs where right of way steers a large fleet: 10,000 robots in one-way aisles.
+"""What a tick costs under each right of way: 400 robots on an open floor, 10,000 in one-way aisles.
 
-All distance tables are there when the measurement begins.
+Ticks are whole ones: orders and allocation, and routes where robots follow them, are included. All
+distance tables are there when the measurement begins.
 """
 
 from __future__ import annotations
 
 from functools import partial
+from typing import Any, Final, NamedTuple
 
 import msgspec
 
@@ -15,52 +17,60 @@ from automaton.engine.search import table_of
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Fleet, Orders, Scenario, Stop, Strategies, WorldRules
 
-ROBOTS = 10_000
-STARTED = 100  # ticks until the fleet has spread
-TICKS = 20  # of a sample
-# 499 x 134 cells, 39,366 of them free.
-FLOOR = {"generator": "aisles", "aisles": 249, "sections": 11, "length": 10, "one_way": True}
+RIGHTS_OF_WAY: Final = ("retreat", "wait", "pibt", "epibt")
+
+
+class Case(NamedTuple):
+    """A fleet that always has something to do."""
+
+    robots: int
+    floor: dict[str, Any]
+    started: int  # ticks until the fleet has spread
+    ticks: int  # of a sample
+
+
+OPEN: Final = {"generator": "random", "columns": 32, "rows": 32, "obstacles": 0.2}  # 819 free cells
+AISLES: Final = {  # 499 x 134 cells, 39,366 of them free
+    **{"generator": "aisles", "aisles": 249, "sections": 11, "length": 10},
+    "one_way": True,
+}
+CROWD: Final = Case(10_000, AISLES, 100, 20)
+CASES: Final = (Case(400, OPEN, 100, 400), CROWD)
 
 
 def measurements() -> list[Measurement]:
-    """Whole ticks under both strategies that steer."""
+    """Whole ticks under each right of way."""
     return [
         Measurement(
-            f"whole tick, {name}, 10,000 robots",
+            f"whole tick, {name}, {case.robots:,} robots",
             NS_PER_ROBOT_AND_TICK,
-            partial(prepare_fleet, name),
+            partial(prepare_fleet, name, case),
         )
-        for name in ("pibt", "epibt")
+        for case in CASES
+        for name in RIGHTS_OF_WAY
     ]
 
 
-def prepare_fleet(
-    right_of_way: str,
-    robots: int = ROBOTS,
-    floor: dict[str, object] = FLOOR,
-    started: int = STARTED,
-) -> Sample:
+def prepare_fleet(right_of_way: str, case: Case) -> Sample:
     """A sampler: ns per robot and tick of the next ticks, orders and allocation included."""
-    simulation = Simulation(resolve(steered_fleet(right_of_way, robots, floor)))
+    simulation = Simulation(resolve(busy_fleet(right_of_way, case)))
     compute_tables(simulation)
-    simulation.run(started)
+    simulation.run(case.started)
 
     def sample() -> float:
-        until = simulation.tick + TICKS
-        return 1e9 * cpu_seconds(lambda: simulation.run(until)) / (robots * TICKS)
+        until = simulation.tick + case.ticks
+        return 1e9 * cpu_seconds(lambda: simulation.run(until)) / (case.robots * case.ticks)
 
     return sample
 
 
-def steered_fleet(
-    right_of_way: str, robots: int = ROBOTS, floor: dict[str, object] = FLOOR
-) -> Scenario:
+def busy_fleet(right_of_way: str, case: Case = CROWD) -> Scenario:
     """A run without end in which every robot always has an order."""
     return Scenario(
         name="bench",
-        layout=floor,
-        fleet=Fleet(robots=robots, kinematics="differential", start="random"),
-        orders=tours(robots),
+        layout=case.floor,
+        fleet=Fleet(robots=case.robots, kinematics="differential", start="random"),
+        orders=tours(case.robots),
         world=WorldRules(distance_tables="4 GiB"),
         strategy=Strategies(allocation="greedy", right_of_way=right_of_way),
         stop=Stop(when="never", max_duration=1_000_000),

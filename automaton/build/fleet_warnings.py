@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from automaton.build.default_right_of_way import has_ringless_part, why_not_steered
 from automaton.build.resolve import Resolved
 from automaton.floor.cells import CHARGER, STATION
 from automaton.floor.dead_ends import DeadEnds, dead_ends_of
@@ -27,7 +28,7 @@ def fleet_warnings(resolved: Resolved) -> list[str]:
         has_stations_in_dead_ends(resolved, ends),
         is_crowded(resolved, ends),
         jams_under_retreat(resolved),
-        is_a_tree(resolved, ends),
+        has_no_ring(resolved),
     )
     return [sentence for sentence in sentences if sentence]
 
@@ -74,16 +75,19 @@ def jams_under_retreat(resolved: Resolved) -> str:
         or robots <= max(FEW_ROBOTS, JAM_SHARE * cells)
     ):
         return ""
+    way_out = "; right_of_way pibt gets such fleets through"
+    if why_not_steered(resolved.scenario, resolved.fleet):
+        way_out = ""  # not there
     return (
         f"right_of_way {name} jams with {count(robots, 'robot')} on {count(cells, 'cell')}, most of them "
-        "for one robot; right_of_way pibt gets such fleets through"
+        f"for one robot{way_out}"
     )
 
 
-def is_a_tree(resolved: Resolved, ends: DeadEnds) -> str:
-    """Warn about a right of way that steers on a floor without a ring."""
+def has_no_ring(resolved: Resolved) -> str:
+    """Warn about a right of way that steers where robots cannot pass each other."""
     name = resolved.strategies["right_of_way"].name
-    if not ends.is_tree or name in ROUTE_FOLLOWERS:
+    if name in ROUTE_FOLLOWERS or not has_ringless_part(resolved.fleet):
         return ""
     return (
         "the floor has no ring of cells, so two robots that meet cannot pass each other, and "

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from automaton.build.capabilities import FleetOnFloor, Start
+from automaton.build.default_right_of_way import with_right_of_way
 from automaton.build.feasibility import check_energy, check_feasible
 from automaton.build.table_memory import check_table_memory
 from automaton.errors import InputError
@@ -91,6 +92,7 @@ def resolve(
     document, checked, task_file = with_tasks_of_file(document, checked, floor.floor_plan)
     fleet = check_feasible(document, checked, floor)
     check_table_memory(document, checked, floor.floor_plan)
+    checked = with_right_of_way(checked, fleet)
     strategies = choose_strategies(document, checked, floor.floor_plan)
     resolved = Resolved(
         scenario=naming_files(checked, strategies),

@@ -12,6 +12,7 @@ import numpy as np
 
 from automaton.atomic_write import atomic_writer, cannot_write_error
 from automaton.build.conversion_table import conversion_lines
+from automaton.build.default_right_of_way import why_not_steered
 from automaton.build.resolve import Resolved, document_of, resolve
 from automaton.commands.arguments import add_settings_argument, print_warnings
 from automaton.errors import InputError
@@ -57,8 +58,9 @@ def run(args: argparse.Namespace) -> int:
             resolved = resolve(file, args.settings)
             if args.matrix is not None:
                 export_matrix(resolved, args.matrix)
-            check_files(resolved, document_of(file, args.settings))
-            print(described(resolved))
+            document = document_of(file, args.settings)
+            check_files(resolved, document)
+            print(described(resolved, names_right_of_way(document)))
             for line in conversion_lines(resolved):
                 print(f"  {line}")
             print_warnings(resolved)
@@ -125,8 +127,13 @@ def export_matrix(resolved: Resolved, path: Path) -> None:
         file.write(text.encode())
 
 
-def described(resolved: Resolved) -> str:
-    """A good scenario in one line."""
+def names_right_of_way(document: Document) -> bool:
+    """Whether a good scenario itself says which right of way it has."""
+    return document.data.get("strategy", {}).get("right_of_way") is not None
+
+
+def described(resolved: Resolved, names_right_of_way: bool = True) -> str:
+    """A good scenario in one line, and what was chosen for it."""
     kinds = resolved.floor_plan.kind
     parts = [count(int(np.count_nonzero(kinds == kind)), *names) for kind, names in SLOTS.items()]
     parts = [part for part in parts if not part.startswith("0 ")]
@@ -139,4 +146,11 @@ def described(resolved: Resolved) -> str:
         f"{area} closed to {' and '.join(given.closed_to)}"
         for area, given in resolved.scenario.areas.items()
     ]
-    return f"{resolved.scenario.name}: {', '.join([*parts, robots, *closed])}, ok"
+    chosen = []
+    if not names_right_of_way:
+        why = why_not_steered(resolved.scenario, resolved.fleet)
+        chosen = [
+            f"right of way {resolved.strategies['right_of_way'].name} by default"
+            + (f" ({why})" if why else "")
+        ]
+    return f"{resolved.scenario.name}: {', '.join([*parts, robots, *closed, *chosen])}, ok"

@@ -22,8 +22,8 @@ import numpy as np
 import numpy.typing as npt
 
 from automaton.errors import InputError
-from automaton.exchange.text_lines import content_lines, lines_of, quoted, whole_number
 from automaton.floor.drawn_floors import MAX_SIDE
+from automaton.scenario.text_lines import content_lines, lines_of, quoted, whole_number
 
 FREE: Final = ".GSE"
 BLOCKED: Final = "@OTW"

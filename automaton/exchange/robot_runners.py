@@ -21,14 +21,14 @@ import numpy as np
 from automaton.errors import InputError, nearest
 from automaton.exchange.moving_ai import read_map
 from automaton.exchange.problem import Assignment, Cells, Listed, Problem, checked
-from automaton.exchange.text_lines import (
+from automaton.scenario.reading import read_text
+from automaton.scenario.task_file import read_tasks
+from automaton.scenario.text_lines import (
     content_lines,
     counted_lines,
     quoted,
-    split_columns,
     whole_number,
 )
-from automaton.scenario.reading import read_text
 from automaton.scenario.validation import shown
 from automaton.units import count
 
@@ -53,19 +53,19 @@ def read_league_problem(path: Path, robots: int | None = None) -> Problem:
     if team > len(starts):
         text = f"teamSize is {int(team)}, but {starts_from.file} has {count(len(starts), 'robot')}"
         raise InputError(text, file)
-    tasks, tasks_from = read_tasks(folder / data["taskFile"])
+    tasks = read_tasks(folder / data["taskFile"], MAX_TASK_CELLS)
     assignment, revealed, repeat = _rules(data, file)
     return checked(
         Problem(
             name=path.stem,
             grid=grid,
             starts=starts[: int(team) if robots is None else robots],
-            tasks=tasks,
+            tasks=tasks.tasks,
             assignment=assignment,
             revealed=revealed,
             repeat=repeat,
             starts_from=starts_from,
-            tasks_from=tasks_from,
+            tasks_from=Listed(tasks.path, tasks.lines),
         )
     )
 
@@ -76,23 +76,6 @@ def read_agents(path: Path) -> tuple[Cells, Listed]:
     below = counted_lines(content_lines(path), "agent", file)
     cells = [whole_number(line.text, "a start", file, line.number) for line in below]
     return np.array(cells, np.int64), Listed(file, tuple(line.number for line in below))
-
-
-def read_tasks(path: Path) -> tuple[tuple[tuple[int, ...], ...], Listed]:
-    """Read the cells of each task of a file, and where each task stands. Raises InputError."""
-    file = str(path)
-    below = counted_lines(content_lines(path), "task", file)
-    tasks = []
-    for line in below:
-        cells = tuple(
-            whole_number(text, "a cell of a task", file, line.number, column)
-            for column, text in split_columns(line.text, ",")
-        )
-        if len(cells) > MAX_TASK_CELLS:
-            text = f"the task has {len(cells)} cells, at most {MAX_TASK_CELLS} are possible"
-            raise InputError(text, file, line.number)
-        tasks.append(cells)
-    return tuple(tasks), Listed(file, tuple(line.number for line in below))
 
 
 def _mapping(path: Path) -> dict[str, Any]:

@@ -26,7 +26,7 @@ class DeadEnds(NamedTuple):
     number: Numbers  # (C,) int32: the dead end of a cell, or NIL
     way_out: Numbers  # (C,) uint8: the direction out of it, or NO_WAY_OUT
     total: int
-    is_tree: bool  # a part of the floor has no ring: robots that meet there cannot pass each other
+    ringless: Numbers  # (C,) bool: in a part of the floor without a ring, where robots cannot pass
 
 
 def dead_ends_of(floor_plan: FloorPlan) -> DeadEnds:
@@ -58,18 +58,20 @@ def dead_ends(exits: Numbers, single: Numbers, offsets: Any) -> DeadEnds:
                 degree[neighbour] -= 1
                 if single[neighbour] and degree[neighbour] == 1:
                     waiting.append(neighbour)
-    number, total, is_tree = np.full(len(exits), NIL, np.int32), 0, False
+    number, total = np.full(len(exits), NIL, np.int32), 0
+    ringless = np.zeros(len(exits), bool)
     for mouth in np.flatnonzero(peeled).tolist():
         beyond = mouth + steps[way_out[mouth]]
         if peeled[beyond]:
             continue  # the way out leads on through the dead end
         if degree[beyond] == 0 and single[beyond]:
-            is_tree = True
+            ringless[beyond] = True
             continue
         _enter(number, mouth, total, peeled, neighbours)
         total += 1
     way_out[number == NIL] = NO_WAY_OUT
-    return DeadEnds(number, way_out, total, is_tree)
+    ringless |= peeled & (number == NIL)
+    return DeadEnds(number, way_out, total, ringless)
 
 
 def _neighbours(exits: Numbers, steps: list[int]) -> Numbers:

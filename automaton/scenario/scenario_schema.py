@@ -32,7 +32,10 @@ def json_schema() -> Schema:
     }
     layers = definitions["Strategies"]["properties"]
     for layer in LAYER_NAMES:
-        layers[layer] = {**_kept(layers[layer]), "anyOf": _choices(layer, definitions)}
+        choices = _choices(layer, definitions)
+        if layers[layer]["default"] is None:
+            choices = [*choices, {"type": "null"}]
+        layers[layer] = {**_kept(layers[layer]), "anyOf": choices}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "automaton scenario",

@@ -132,9 +132,14 @@ class Strategies(ConfigSection, frozen=True, kw_only=True):
     routing: Annotated[StrategySpec, Meta(description="Which cells it drives through.")] = (
         "shortest"
     )
-    right_of_way: Annotated[StrategySpec, Meta(description="What a blocked robot does.")] = (
-        "retreat"
-    )
+    right_of_way: Annotated[
+        StrategySpec | None,
+        Meta(
+            description="Who goes first where robots meet. null: pibt; but retreat where robots "
+            "follow the routes of a routing other than shortest, where information is not "
+            "everything, and on a floor without a ring, where robots cannot make way."
+        ),
+    ] = None
 
 
 class WorldRules(ConfigSection, frozen=True, kw_only=True):

@@ -6,13 +6,13 @@
     7,640
 
 Lines that begin with # and empty ones are skipped. A cell is row * width + column, counted from 0 at
-the upper left. The content becomes the scenario's own list of tasks, so that recordings stand alone.
+the upper left. Problems of the League of Robot Runners have their tasks in such files. The content
+becomes the scenario's own list of tasks, so that recordings stand alone.
 """
 
 from __future__ import annotations
 
 import os
-import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -23,20 +23,24 @@ from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.document import Document, Keys, ListFile
 from automaton.scenario.orders import MAX_STOPS
-from automaton.scenario.reading import content_hash, read_text
+from automaton.scenario.reading import content_hash
 from automaton.scenario.schema import Scenario
+from automaton.scenario.text_lines import (
+    content_lines,
+    counted_lines,
+    split_columns,
+    whole_number,
+)
 
 TASKS: Final[Keys] = ("orders", "tasks")
-NUMBER: Final = re.compile(r"[0-9]{1,10}")
-Cell = tuple[int, int]
 
 
 class TaskFile(NamedTuple):
-    """The tasks of a file."""
+    """The tasks of a file; whether there are such cells is known to who has the floor."""
 
     path: str
     content_hash: str  # 16 hex digits
-    tasks: tuple[tuple[Cell, ...], ...]  # cells (x, y)
+    tasks: tuple[tuple[int, ...], ...]  # the cells of each
     lines: tuple[int, ...]  # where each task stands, from 1
 
 
@@ -50,48 +54,37 @@ def with_tasks_of_file(
     path = document.folder / name
     if not os.path.isfile(path):
         raise document.error(TASKS, f"there is no file of tasks '{name}'")
-    found = read_tasks(path, floor_plan)
-    orders = msgspec.structs.replace(scenario.orders, tasks=found.tasks)
+    found = read_tasks(path)
+    orders = msgspec.structs.replace(scenario.orders, tasks=_places(found, floor_plan))
     listed = ListFile(TASKS, found.path, found.lines)
     document = replace(document, listed=(*document.listed, listed))
     absolute = found._replace(path=str(path.resolve()))
     return document, msgspec.structs.replace(scenario, orders=orders), absolute
 
 
-def read_tasks(path: Path, floor_plan: FloorPlan) -> TaskFile:
-    """The tasks of a file. Raises InputError with the line."""
+def read_tasks(path: Path, most: int = MAX_STOPS) -> TaskFile:
+    """The tasks of a file, of at most so many cells each. Raises InputError with the line."""
     file = str(path)
-    text = read_text(path).replace("\r", "\n").split("\n")
-    rows = [(number, row.strip()) for number, row in enumerate(text, 1)]
-    rows = [(number, row) for number, row in rows if row and not row.startswith("#")]
-    if not rows:
-        raise InputError("is empty; its first line must be the number of tasks", file)
-    first, head = rows[0]
-    if not NUMBER.fullmatch(head) or int(head) == 0:
-        wrong = f"the first line must be the number of tasks, found {head[:20]!r}"
-        raise InputError(wrong, file, first)
-    count, below = int(head), rows[1:]
-    if len(below) != count:
-        line = below[count][0] if count < len(below) else first
-        raise InputError(
-            f"line {first} says {count:,} tasks, the file has {len(below):,}", file, line
+    below = counted_lines(content_lines(path), "task", file)
+    tasks = []
+    for line in below:
+        cells = tuple(
+            whole_number(text, "a cell of a task", file, line.number, column)
+            for column, text in split_columns(line.text, ",")
         )
-    tasks = tuple(_cells(row, file, number, floor_plan) for number, row in below)
-    return TaskFile(file, content_hash(path), tasks, tuple(number for number, _ in below))
+        if len(cells) > most:
+            text = f"the task has {len(cells)} cells, at most {most} are possible"
+            raise InputError(text, file, line.number)
+        tasks.append(cells)
+    return TaskFile(file, content_hash(path), tuple(tasks), tuple(line.number for line in below))
 
 
-def _cells(row: str, file: str, line: int, floor_plan: FloorPlan) -> tuple[Cell, ...]:
-    words = [word.strip() for word in row.split(",")]
-    if len(words) > MAX_STOPS:
-        text = f"the task has {len(words)} cells, at most {MAX_STOPS} are possible"
-        raise InputError(text, file, line)
-    size = floor_plan.width * floor_plan.height
-    cells = []
-    for word in words:
-        if not NUMBER.fullmatch(word) or int(word) >= size:
-            found = repr(word[:20]) if word else "nothing"
-            text = f"a cell must be a whole number from 0 to {size - 1:,}, found {found}"
-            raise InputError(text, file, line)
-        y, x = divmod(int(word), floor_plan.width)
-        cells.append((x, y))
-    return tuple(cells)
+def _places(found: TaskFile, floor_plan: FloorPlan) -> tuple[tuple[tuple[int, int], ...], ...]:
+    """The cells (x, y) of each task. Raises InputError for one that lies outside the floor."""
+    width, size = floor_plan.width, floor_plan.width * floor_plan.height
+    for cells, line in zip(found.tasks, found.lines, strict=True):
+        for cell in cells:
+            if not 0 <= cell < size:
+                text = f"cell {cell} lies outside the floor (cells 0 to {size - 1:,})"
+                raise InputError(text, found.path, line)
+    return tuple(tuple((cell % width, cell // width) for cell in cells) for cells in found.tasks)

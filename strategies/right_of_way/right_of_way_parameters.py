@@ -55,5 +55,6 @@ class SteeringParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True
             return None
         return (
             f"it steers the robots, which follow no routes, so routing '{name}' would never be asked;"
-            " leave strategy.routing out, or choose a right of way that follows routes: retreat, wait"
+            " leave strategy.routing out, or choose a right of way that follows routes: retreat (the "
+            "default with such a routing), wait"
         )

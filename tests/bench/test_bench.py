@@ -16,6 +16,7 @@ from automaton.bench import (
     crowd_speed,
     loop_speed,
     route_speed,
+    steering_speed,
     table_speed,
     tabletop_speed,
     warehouse_speed,
@@ -32,6 +33,7 @@ from automaton.floor.cells import UNLIMITED
 from strategies.routing.astar.frontier import LARGER_G
 
 CROWDED = Case(200, 20)
+SMALL_FLOOR = {"generator": "random", "columns": 6, "rows": 6, "obstacles": 0.1}
 SPARSE = Case(200, 100)
 EXITS = np.uint8(15)  # bits of grid.cell_flags that no wall has
 
@@ -197,6 +199,8 @@ def test_every_sampler_returns_a_figure() -> None:
     assert crowd_speed.prepare_crowd(50, 3)() > 0
     assert isinstance(route_speed.prepare_observing(60, 10, 30)(), float)
     assert isinstance(route_speed.prepare_observing(60, 10, 30, at_random=True)(), float)
+    small = steering_speed.CASES[0]._replace(robots=8, floor=SMALL_FLOOR, started=2, ticks=3)
+    assert steering_speed.prepare_fleet("pibt", small)() > 0
     assert table_speed.prepare_tables((17, 5), 2, True, 3)() > 0
     assert table_speed.prepare_options(20)() > 0
     assert tabletop_speed.prepare([1])() > 0

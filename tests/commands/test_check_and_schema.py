@@ -179,6 +179,7 @@ def test_the_schema_accepts_the_shipped_scenarios(name: str) -> None:
         "fleet.robots=5",
         "fleet.start=[[0, 0], [2, 0], [4, 0]]",
         "strategy.right_of_way={name: retreat, max_retries: 3}",
+        "strategy.right_of_way=null",
         "information={radius: 3}",
         "orders={list: [{from: [1, 1], to: [3, 1]}]}",
         "layout.destinations=3",

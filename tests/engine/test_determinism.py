@@ -15,6 +15,7 @@ from fresh_process import told, told_here
 from automaton.build.resolve import resolve
 from automaton.engine.digest import DIGEST_NAMES
 from automaton.engine.state import CLOCK_TICK
+from automaton.evidence.history.live_run import LiveRun
 from automaton.pytest_plugin import GridSnapshot
 from automaton.runs.process_pool import run_all
 from automaton.runs.simulation import Simulation
@@ -97,6 +98,31 @@ def test_a_run_in_pieces_is_the_same_run() -> None:
     assert run.finished and run.digest == whole
     run.run()
     assert run.digest == whole, "a finished run stays as it is"
+
+
+STEERED = (
+    "layout={generator: random, columns: 7, rows: 7, obstacles: 0.1}",
+    "fleet.robots=20",
+    "orders={generator: tours, count: 400, stops: 2}",
+    "stop.max_duration=200",
+)
+
+
+@pytest.mark.parametrize("name", ["pibt", "epibt"])
+def test_where_robots_are_steered_the_digest_is_the_same_however_they_run(name: str) -> None:
+    """Processes, slices as a viewer asks for them, and the compiler."""
+    settings = (*STEERED, f"strategy.right_of_way={name}")
+    scenario, seeds = resolve("random-400", settings), (7, 8)
+    alone, together = (run_all([scenario], seeds, workers) for workers in (1, 2))
+    digests = [run.digest for run in alone[0]]
+    assert [run.digest for run in together[0]] == digests and len(set(digests)) == 2
+    live = LiveRun(scenario, seeds[0])
+    while live.end is None:
+        live.show(live.head + 7)
+    assert live.leading_simulation.digest == digests[0]
+    live.close()
+    short = told_here("random-400", 30, *settings)
+    assert told("random-400", 30, *settings, NUMBA_DISABLE_JIT="1") == short
 
 
 def test_two_runs_at_once_do_not_disturb_each_other() -> None:

@@ -9,27 +9,36 @@ from automaton.floor.drawn_floors import draw_floor
 
 
 @pytest.mark.parametrize(
-    ("picture", "numbers", "is_tree"),
+    ("picture", "numbers"),
     [
-        ("...\n.#.\n...", "...\n.#.\n...", False),
-        ("...\n.#.\n...\n#.#\n#..", "...\n.#.\n...\n#0#\n#00", False),
-        ("....\n.##.\n....\n.##.", "....\n.##.\n....\n0##1", False),
-        ("......", "......", True),
-        (">>v\n^#v\n^<<", ">>v\n^#v\n^<<", False),
-        ("....\n.##.\n....\n~##=", "....\n.##.\n....\n~##=", False),
+        ("...\n.#.\n...", "...\n.#.\n..."),
+        ("...\n.#.\n...\n#.#\n#..", "...\n.#.\n...\n#0#\n#00"),
+        ("....\n.##.\n....\n.##.", "....\n.##.\n....\n0##1"),
+        ("......", "tttttt"),
+        ("...##.#.\n.#.#...#\n...##.#.", "...##t#.\n.#.#ttt#\n...##t#."),
+        (">>v\n^#v\n^<<", ">>v\n^#v\n^<<"),
+        ("....\n.##.\n....\n~##=", "....\n.##.\n....\n~##="),
     ],
 )
-def test_dead_ends_are_what_peels_away(picture, numbers, is_tree):
+def test_dead_ends_are_what_peels_away(picture, numbers):
+    """Numbers: dead ends; t: parts without a ring."""
     floor_plan = draw_floor(picture)
     found = dead_ends_of(floor_plan)
     rows = picture.split("\n")
     cells = [
         [found.number[floor_plan.cell(x, y)] for x in range(len(row))] for y, row in enumerate(rows)
     ]
+    ringless = [
+        [found.ringless[floor_plan.cell(x, y)] for x in range(len(row))]
+        for y, row in enumerate(rows)
+    ]
     drawn = [
-        "".join(str(n) if n >= 0 else one for n, one in zip(line, row, strict=True))
-        for line, row in zip(cells, rows, strict=True)
+        "".join(
+            "t" if alone else str(n) if n >= 0 else one
+            for n, alone, one in zip(line, parts, row, strict=True)
+        )
+        for line, parts, row in zip(cells, ringless, rows, strict=True)
     ]
     assert "\n".join(drawn) == numbers
-    assert (found.total, found.is_tree) == (found.number.max() + 1, is_tree)
+    assert found.total == found.number.max() + 1
     assert ((found.way_out == NO_WAY_OUT) == (found.number < 0)).all()

@@ -51,7 +51,10 @@ def test_check_writes_the_matrix_of_a_scenario(tmp_path, capsys):
     out = tmp_path / "out.csv"
     assert main(["check", str(written(tmp_path)), "--matrix", str(out)]) == 0
     assert out.read_text() == FLOOR
-    assert capsys.readouterr().out == "by matrix: 1 dock, 1 rack, 1 robot, ok\n"
+    assert (
+        capsys.readouterr().out
+        == "by matrix: 1 dock, 1 rack, 1 robot, right of way pibt by default, ok\n"
+    )
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         *("floor.csv", "out.csv", "scenario.yaml")
     ]

@@ -61,7 +61,7 @@ class Floor:
                 layout=layout,
                 fleet=Fleet(robots=self.robots, kinematics="rail"),
                 durations=CYCLES,
-                strategy=Strategies(allocation=self.allocation),
+                strategy=Strategies(allocation=self.allocation, right_of_way="retreat"),
             )
         )
 

@@ -282,8 +282,8 @@ measure: {}
 @pytest.mark.parametrize("kinematics", ["omni", "rail", "differential"])
 def test_a_robot_alone_is_never_delayed(scenario, kinematics, routing):
     """It turns as often as it must, also where it takes an order and where it picks up."""
-    settings = [f"fleet.kinematics={kinematics}", f"strategy.routing={routing}"]
-    simulation = Simulation(scenario(TURNS, *settings))
+    strategies = [f"strategy.routing={routing}", "strategy.right_of_way=retreat"]
+    simulation = Simulation(scenario(TURNS, f"fleet.kinematics={kinematics}", *strategies))
     simulation.run()
     assert simulation.finished and (simulation.world.orders.delivered != NIL).all()
     turns = int(simulation.world.tally.operations[0, ACTION_TURN].sum())

@@ -69,12 +69,13 @@ def test_bad_orders_are_one_sentence_with_the_line(tmp_path: Path, orders: str, 
 
 FILES = (
     ("", 0, "is empty; its first line must be the number of tasks"),
-    ("# x\ntasks\n1\n", 2, "the first line must be the number of tasks, found 'tasks'"),
+    ("# x\ntasks\n1\n", 2, "the number of tasks must be a whole number, found 'tasks'"),
     ("2\n0,1\n", 1, "line 1 says 2 tasks, the file has 1"),
-    ("1\n0\n\n1\n", 4, "line 1 says 1 tasks, the file has 2"),
-    ("2\n0\n0,x\n", 3, "a cell must be a whole number from 0 to 20, found 'x'"),
-    ("1\n21\n", 2, "a cell must be a whole number from 0 to 20, found '21'"),
-    ("1\n0,\n", 2, "found nothing"),
+    ("1\n0\n\n1\n", 4, "line 1 says 1 task, the file has 2"),
+    ("2\n0\n0,x\n", 3, "column 3: a cell of a task must be a whole number, found 'x'"),
+    ("1\n21\n", 2, "cell 21 lies outside the floor (cells 0 to 20)"),
+    ("1\n-1\n", 2, "cell -1 lies outside the floor (cells 0 to 20)"),
+    ("1\n0,\n", 2, "column 3: a cell of a task must be a whole number, found nothing"),
     ("2\n# walls\n0\n3,8\n", 4, "the stop [1, 1] is a wall"),
     ("1\n6\n", 2, "gets to its stop [6, 0] from its start, and back"),
 )

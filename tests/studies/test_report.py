@@ -33,6 +33,7 @@ from automaton.studies.reports.comparisons import comparisons, declared_pairs
 from automaton.studies.reports.html_output import as_html
 from automaton.studies.reports.metric_tables import metric_section
 from automaton.studies.reports.sections import comparison_section, remarks
+from automaton.studies.reports.study_results import columns_of
 from automaton.studies.reports.text_output import (
     as_markdown,
     as_text,
@@ -42,7 +43,7 @@ from automaton.studies.reports.text_output import (
     table_lines,
 )
 
-pytest.importorskip("pyarrow")
+pa = pytest.importorskip("pyarrow")
 
 STUDY = """
 name: tiny
@@ -227,6 +228,11 @@ def test_failed_and_unfinished_runs_stand_in_every_table_and_in_no_mean() -> Non
         assert {"runs", "unfinished", "failed"} <= set(table.head)
     notes = " ".join(remarks(results))
     assert "2 runs did not finish" in notes and "2 runs failed" in notes and "it broke" in notes
+
+
+def test_ticks_per_second_are_those_of_whole_runs() -> None:
+    table = pa.table({"ticks": [600, 600, None], "cpu_s": [2.0, 0.5, None]})
+    assert columns_of(table)["ticks_per_second"] == [300.0, 1200.0, None]
 
 
 def test_what_was_not_measured_is_in_no_mean() -> None:

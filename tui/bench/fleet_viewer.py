@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from automaton.bench.steering_speed import steered_fleet
+from automaton.bench.steering_speed import CROWD, busy_fleet
 from automaton.build.resolve import Resolved, resolve
 from automaton.evidence.history.watched_run import Run
 from automaton.floor.cells import WALL
@@ -57,7 +57,9 @@ def walking(wanted: dict[str, Any]) -> Opening:
 
 def planning(wanted: dict[str, Any]) -> Opening:
     """A fleet with orders, allocation and right of way; not recorded in a file."""
-    return live(resolve(steered_fleet(wanted["right_of_way"], wanted["robots"])), None)
+    return live(
+        resolve(busy_fleet(wanted["right_of_way"], CROWD._replace(robots=wanted["robots"]))), None
+    )
 
 
 def begin(viewer: Viewer, wanted: dict[str, Any]) -> None:

@@ -22,7 +22,12 @@ import numpy.typing as npt
 
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
 from automaton.studies.reports.warm_up_cut import LENGTHS, Cut, lists, measured_rows
-from automaton.studies.sweeps.result_columns import SERIES, SUMS_COLUMN
+from automaton.studies.sweeps.result_columns import (
+    RUN_METRICS,
+    SERIES,
+    SUMS_COLUMN,
+    TICKS_PER_SECOND,
+)
 from automaton.studies.sweeps.run_keys import declared_by
 from automaton.studies.sweeps.study import SCENARIO, Analysis, Point, Study
 from automaton.units import count
@@ -253,13 +258,17 @@ def columns_of(table: pa.Table) -> dict[str, Sequence[Any]]:
     columns: dict[str, Sequence[Any]] = {name: table.column(name).to_pylist() for name in names}
     if SERIES in table.column_names:
         columns[SERIES] = lists(table.column(SERIES))
+    columns[TICKS_PER_SECOND] = [
+        ticks / seconds if ticks is not None and seconds else None
+        for ticks, seconds in zip(columns["ticks"], columns["cpu_s"], strict=True)
+    ]
     return columns
 
 
 def described(metric: str) -> tuple[str, str]:
     """Unit and meaning of a metric."""
-    counts = {"ticks": ("ticks", "ticks of the run"), "orders": ("orders", "orders of the run")}
-    return METRIC_CATALOGUE.get(metric) or counts.get(metric) or ("times", "counted by a strategy")
+    known = METRIC_CATALOGUE.get(metric) or RUN_METRICS.get(metric)
+    return known or ("times", "counted by a strategy")
 
 
 def level_text(study: Study, factor: str, level: Any) -> str:

@@ -30,8 +30,16 @@ RESULT_COLUMNS: Final = {
 SERIES: Final = "series"  # deliveries in each window, where a study asks for them
 # what automaton.runs.metric_sums adds up, in each stretch of some windows; likewise
 SUMS_COLUMN: Final = "sums"
-# columns that an analysis may name beside the metrics
-COUNT_COLUMN_NAMES: Final = ("ticks", "orders")
+TICKS_PER_SECOND: Final = "ticks_per_second"  # of reports: `ticks` by `cpu_s`
+# What an analysis may name beside the metrics: unit and meaning.
+RUN_METRICS: Final = {
+    "ticks": ("ticks", "ticks of the run"),
+    "orders": ("orders", "orders of the run"),
+    TICKS_PER_SECOND: (
+        "ticks/s",
+        "by CPU time of the whole run; it differs from machine to machine",
+    ),
+}
 FIXED_KEYS: Final = ("name", "summary", "seed")  # of a scenario, no factors
 
 

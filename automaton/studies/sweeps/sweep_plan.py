@@ -30,7 +30,7 @@ from automaton.scenario.unavailable_metrics import not_measured, warm_up_of
 from automaton.strategy import lookup
 from automaton.strategy.entry import files_of
 from automaton.studies.inference.steady_state import MIN_OBSERVATIONS, MIN_REPLICATIONS, MSER_BATCH
-from automaton.studies.sweeps.result_columns import COUNT_COLUMN_NAMES, RESULT_COLUMNS
+from automaton.studies.sweeps.result_columns import RESULT_COLUMNS, RUN_METRICS
 from automaton.studies.sweeps.result_store import ROWS_FOLDER, STUDY_FILE
 from automaton.studies.sweeps.run_keys import (
     DRAWN_ELSEWHERE,
@@ -228,7 +228,7 @@ def check_metrics(
     document: Document, study: Study, scenarios: tuple[Resolved, ...], counted: tuple[str, ...]
 ) -> None:
     """Raises InputError for a metric of the analysis that no run has."""
-    known = [*COUNT_COLUMN_NAMES, *METRIC_CATALOGUE, *counted]
+    known = [*RUN_METRICS, *METRIC_CATALOGUE, *counted]
     lacking = [not_measured(resolved.scenario) for resolved in scenarios]
     for number, name in enumerate(study.analysis.metrics if study.analysis else ()):
         place = ("analysis", "metrics", number)
@@ -287,7 +287,7 @@ def check_cut(document: Document, study: Study, scenarios: tuple[Resolved, ...])
 def check_study(name: str | Path) -> tuple[Study, tuple[Resolved, ...]]:
     """Everything that can be known of a study without running it. Raises InputError."""
     study, document, scenarios = resolved_study(name)
-    ordinary = {*COUNT_COLUMN_NAMES, *METRIC_CATALOGUE}
+    ordinary = {*RUN_METRICS, *METRIC_CATALOGUE}
     asked = study.analysis.metrics if study.analysis else ()
     strange = [metric for metric in asked if metric not in ordinary]
     check_metrics(document, study, scenarios, counted_by(scenarios) if strange else ())

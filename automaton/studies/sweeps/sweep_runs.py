@@ -88,6 +88,7 @@ def _plugin(module: str) -> Sources:
 
 
 _SCENARIOS: dict[str, Resolved] = {}  # of the last points, by fingerprint
+_LOADED: set[tuple[str, ...]] = set()  # strategies of runs that this process has begun
 MAX_SCENARIOS_KEPT = 16
 
 
@@ -98,11 +99,12 @@ def _scenario(fingerprint: str, pickled: bytes, patience: float | None = None) -
     """
     resolved = _SCENARIOS.get(fingerprint)
     if resolved is None:
-        first = not _SCENARIOS
         for oldest in list(_SCENARIOS)[: 1 - MAX_SCENARIOS_KEPT]:
             _SCENARIOS.pop(oldest, None)
         resolved = _SCENARIOS[fingerprint] = pickle.loads(pickled)
-        if first:  # loads the compiled loop, so that no run's time counts it
+        names = tuple(choice.name for choice in resolved.strategies.values())
+        if names not in _LOADED:  # loads what is compiled, so that no run's time counts it
+            _LOADED.add(names)
             try:
                 with attribute_strategy_errors(resolved):
                     Simulation(resolved, patience=patience)

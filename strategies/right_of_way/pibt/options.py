@@ -88,6 +88,25 @@ def is_lane_free(view, state, i):
 
 
 @kernel
+def waits_in_vain_to_turn(view, state, i):
+    """Whether robot i cannot turn in a cell for two because another robot will not leave it.
+
+    Two that both want to turn there would wait for each other for ever: they drive on and turn later.
+    """
+    cell, travel = np.int64(view.robots.cell[i]), np.int64(view.robots.travel[i])
+    if (np.int64(view.grid.cell_flags[cell]) >> 5) & 3 != 2:
+        return False
+    u = holder_of(view, cell, travel ^ 2)
+    if u == NIL or u == i:
+        return False
+    if state.mode[u] <= LEAVING:
+        return remaining_ticks(view, state, u) >= LONG
+    first = np.int64(state.options[u, 0])
+    heading = np.int64(view.robots.heading[u])
+    return first == STAY or turns_to(view.grid.headings, heading, first) > 0
+
+
+@kernel
 def rank_all_options(view, state, workspace):
     """Enter the options of all robots that choose; tables are looked for a little ahead of their use."""
     n = view.robots.cell.shape[0]

@@ -4,7 +4,13 @@ import numpy as np
 
 from automaton.engine.state import CLOCK_TICK, NIL
 from automaton.strategy.kernels import kernel
-from strategies.right_of_way.pibt.options import holder_of, is_lane_free, resource_in, turns_to
+from strategies.right_of_way.pibt.options import (
+    holder_of,
+    is_lane_free,
+    resource_in,
+    turns_to,
+    waits_in_vain_to_turn,
+)
 from strategies.right_of_way.pibt.pibt_state import DECIDED, STAY, UNDECIDED
 
 
@@ -86,16 +92,20 @@ def stay(view, state, i):
 def take_option(view, state, i):
     """Reserve the next option of robot i that is left; returns the robot to push, SETTLED or FAILED."""
     cell, heading = np.int64(view.robots.cell[i]), np.int64(view.robots.heading[i])
+    must_turn = False  # for what it likes better than to stay
     while state.option_next[i] < state.option_count[i]:
         option = np.int64(state.options[i, state.option_next[i]])
         state.option_next[i] += 1
         if option == STAY:
+            if must_turn and waits_in_vain_to_turn(view, state, i):
+                continue
             comer = reserver_of(view, state, own_resource(view, i))
             if comer == NIL or comer == i:
                 stay(view, state, i)
                 return SETTLED
             continue
         if turns_to(view.grid.headings, heading, option) and not is_lane_free(view, state, i):
+            must_turn = True
             continue
         to = cell + view.grid.offset[option]
         resource = resource_in(view, to, option)

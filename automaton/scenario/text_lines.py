@@ -1,4 +1,4 @@
-"""Lines of a text file of another program, with the place of whatever is wrong in them."""
+"""Lines of a text file, with the place of whatever is wrong in them."""
 
 from __future__ import annotations
 

@@ -194,6 +194,9 @@ def rank_options(view, state, i):
     south, b = key_of(view, state, i, 1, draws)
     west, c = key_of(view, state, i, 2, draws)
     north, d = key_of(view, state, i, 3, draws)
+    if is_beside_fixed(view, state, i):
+        east, south = key_with_wait(view, state, i, east), key_with_wait(view, state, i, south)
+        west, north = key_with_wait(view, state, i, west), key_with_wait(view, state, i, north)
     here = min(min(a, b), min(c, d)) if robots.goal_type[U(i)] != GOAL_NONE else np.int64(0)
     stay = ((((here + 1) << KEY_SHIFT) | STAY_BITS) << OPTION_BITS) | STAY
     state.options[U(i)] = sorted_options(east, south, west, north, stay)
@@ -202,7 +205,7 @@ def rank_options(view, state, i):
 
 @kernel
 def key_of(view, state, i, direction, draws):
-    """The key of a step of robot i, NO_KEY if it is not open to it; and its cost without waits."""
+    """The key of a step of robot i, NO_KEY if it is not open to it; and its cost."""
     robots, grid = view.robots, view.grid
     cell, robot_type = np.int64(robots.cell[U(i)]), np.int64(robots.type[U(i)])
     may_turn = np.int64(grid.type_cell_flags[U(robot_type), U(cell)]) & MAY_TURN != 0
@@ -211,18 +214,35 @@ def key_of(view, state, i, direction, draws):
     is_open = (after < UNREACHABLE) & ((turns == 0) | may_turn)
     to = cell + grid.offset[U(direction)] * np.int64(is_open)
     cost = after + cost_of_step(view, i, direction)
-    waits = np.int64(0)
-    if state.holds_fixed[U(to)]:
-        u = holder_of(view, to, direction)
-        if u != NIL and u != i and state.mode[U(u)] <= LEAVING:
-            waits = remaining_ticks(view, state, u)
     is_limited = resource_in(view, to, direction) != NIL
     tie = np.int64((draws >> np.uint64(8 * direction)) & np.uint64(63))
     tie = tie if is_limited else direction  # where there is room for all, as routes do
-    key = ((cost + waits) << KEY_SHIFT) | tie | (TURN_BIT * np.int64(turns != 0))
+    key = (cost << KEY_SHIFT) | tie | (TURN_BIT * np.int64(turns != 0))
     is_begun = (state.turning[U(i)] != 0) & (to == state.next[U(i)])
     key = ((NIL if is_begun else key) << OPTION_BITS) | direction
     return key if is_open else NO_KEY, cost if is_open else np.int64(UNREACHABLE)
+
+
+@kernel
+def is_beside_fixed(view, state, i):
+    """Whether a robot that does not choose is in a cell next to robot i."""
+    cell, offset, fixed = np.int64(view.robots.cell[U(i)]), view.grid.offset, state.holds_fixed
+    east, south = fixed[U(cell + offset[0])], fixed[U(cell + offset[1])]
+    return east | south | fixed[U(cell + offset[2])] | fixed[U(cell + offset[3])] != 0
+
+
+@kernel
+def key_with_wait(view, state, i, key):
+    """The key of a step of robot i, with the ticks until a robot that does not choose makes way."""
+    if key < 0 or key == NO_KEY:
+        return key
+    direction = key & NO_OPTION
+    u = holder_of(
+        view, np.int64(view.robots.cell[U(i)]) + view.grid.offset[U(direction)], direction
+    )
+    if u == NIL or u == i or state.mode[U(u)] > LEAVING:
+        return key
+    return key + (remaining_ticks(view, state, u) << (KEY_SHIFT + OPTION_BITS))
 
 
 @kernel

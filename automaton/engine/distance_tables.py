@@ -55,7 +55,7 @@ class DistanceTables(Struct, role=SCRATCH):
     patterns: int = field("int64", "differences of four headings that occur", role=STATIC)
     reciprocal: int = field("int64", "2**32 / patterns, rounded up", role=STATIC)
     offset: Array = field("(4,) int64", "from a cell to its neighbour E, S, W, N", role=CONSTANT)
-    drivable: Array = field("(F,) int32", "the cells that tables have", role=CONSTANT)
+    drivable: Array = field("(F,) int32", "the cells that tables have, in Z-order", role=CONSTANT)
     number: Array = field("(C,) int32", "their entry in a table, or NIL", role=CONSTANT)
     entries: Array = field(
         "(S, C) uint8",

@@ -24,6 +24,8 @@ from automaton.engine.distance_tables import (
 from automaton.engine.facilities import MAY_TURN, Grid
 from automaton.engine.jit.fields import NIL
 
+COORDINATE_BITS = 31
+
 
 class Costs(NamedTuple):
     """S sets of costs, all from 1 on; a turn may cost nothing."""
@@ -53,7 +55,8 @@ def build_tables(grid: Grid, costs: Costs, table_bytes: int, stop: Array) -> Dis
     sizes = {"C": cells, "S C": sets * cells, "P": cells * grid.headings}
     sizes |= {"R": min(goals, pool // words), "L": ENTRIES_PER_CELL * drivable + 8}
     number = np.full(cells, NIL, np.int32)
-    number[grid.drivable] = np.arange(drivable, dtype=np.int32)
+    order = in_z_order(grid)
+    number[order] = np.arange(drivable, dtype=np.int32)
     return DistanceTables.sized(
         sizes,
         headings=grid.headings,
@@ -63,7 +66,7 @@ def build_tables(grid: Grid, costs: Costs, table_bytes: int, stop: Array) -> Dis
         patterns=len(patterns),
         reciprocal=-(-(1 << 32) // len(patterns)),
         offset=grid.offset,
-        drivable=grid.drivable,
+        drivable=order,
         number=number,
         entries=entries_of(costs.flags, grid.offset),
         cost=cost,
@@ -75,6 +78,20 @@ def build_tables(grid: Grid, costs: Costs, table_bytes: int, stop: Array) -> Dis
         pool=np.empty(pool, np.uint16),
         stop=stop,
     )
+
+
+def in_z_order(grid: Grid) -> Array:
+    """(F,) int32: the drivable cells in Z-order, so that neighbours share lines of the cache.
+
+    A robot's next cells lie in 1.1 lines of its table, and in 1.4 if cells go row by row (the floor
+    of `automaton bench --only steering`); it and all its neighbours in 1.5 and 2.9.
+    """
+    x, y = np.divmod(grid.drivable.astype(np.int64), grid.width)[::-1]
+    key = np.zeros(len(x), np.int64)
+    for bit in range(COORDINATE_BITS):
+        key |= ((x >> bit) & 1) << (2 * bit) | ((y >> bit) & 1) << (2 * bit + 1)
+    order: Array = grid.drivable[np.argsort(key)]
+    return order
 
 
 def renew(tables: DistanceTables) -> None:

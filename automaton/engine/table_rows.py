@@ -52,6 +52,14 @@ def row_to(tables, cost_set, goal, tick, keeps):
 
 
 @kernel
+def has_room_for(tables, more):
+    """Whether so many more tables fit without one being replaced; True where all there can be do."""
+    status, goals = tables.status, tables.entries.shape[0] * tables.drivable.shape[0]
+    last = min(status[TABLES_ROWS] - 1, goals)
+    return last == goals or status[TABLES_TAKEN] + more <= last
+
+
+@kernel
 def cost_in(tables, row, cell, heading):
     """What it costs from a pose to the goal cell of a row; UNREACHABLE: no way, or no row."""
     number = np.int64(tables.number[cell])

@@ -11,6 +11,7 @@ from automaton.engine.holders import lane_of
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import direction_between, has_room
 from automaton.engine.next_stop import has_load, next_stop_cell
+from automaton.engine.prefetch import prefetch
 from automaton.engine.random_numbers import (
     STREAM_ABORTS,
     STREAM_RETREATS,
@@ -40,7 +41,8 @@ from automaton.engine.search import (
     weighted_table_of,
     write_path,
 )
-from automaton.engine.table_rows import cost_in
+from automaton.engine.step_costs import find_step_costs
+from automaton.engine.table_rows import cost_in, has_room_for
 from automaton.engine.zone_segments import copy_segment
 from automaton.strategy.access_cells import (
     begin_cell,
@@ -74,10 +76,12 @@ __all__ = [
     "dropoff_cell",
     "fetch_cost",
     "find_path",
+    "find_step_costs",
     "first_cell",
     "follow_gradient",
     "has_load",
     "has_room",
+    "has_room_for",
     "is_closed",
     "kernel",
     "lane_of",
@@ -89,6 +93,7 @@ __all__ = [
     "pickup_cell",
     "pop",
     "position",
+    "prefetch",
     "push",
     "random_between",
     "random_bits",

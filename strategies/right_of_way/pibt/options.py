@@ -18,19 +18,26 @@ from automaton.engine.state import (
 )
 from automaton.strategy.kernels import (
     UNREACHABLE,
-    cost_at,
-    fetch_cost,
+    find_step_costs,
+    has_room_for,
     kernel,
     lane_of,
     splitmix64,
     table_of,
 )
-from strategies.right_of_way.pibt.pibt_state import LEAVING, STAY, UNDECIDED
+from strategies.right_of_way.pibt.pibt_state import (
+    LEAVING,
+    NO_OPTION,
+    OPTION_BITS,
+    STAY,
+    UNDECIDED,
+)
 
 KEY_SHIFT = 8  # ticks stand above the bits that settle ties
 TURN_BIT = 128
 STAY_BITS = 192
-AHEAD = 8  # robots
+NO_KEY = (1 << 62) - 1  # of an option that a robot does not have
+U = np.uint64  # unsigned where it indexes: saves the test for a negative index
 LONG = 100_000  # ticks: of a robot that stands for longer than one waits
 
 
@@ -44,18 +51,18 @@ def turns_to(headings, heading, direction):
 @kernel
 def resource_in(view, cell, direction):
     """What a robot travelling in a direction takes of a cell, NIL where there is no limit."""
-    lane = lane_of(np.int64(view.grid.cell_flags[cell]), direction)
+    lane = lane_of(np.int64(view.grid.cell_flags[U(cell)]), direction)
     return NIL if lane == NIL else cell + lane * view.grid.cell_flags.shape[0]
 
 
 @kernel
 def holder_of(view, cell, direction):
     """The robot that holds this resource now, or NIL."""
-    lane = lane_of(np.int64(view.grid.cell_flags[cell]), direction)
+    lane = lane_of(np.int64(view.grid.cell_flags[U(cell)]), direction)
     if lane == NIL:
         return np.int64(NIL)
-    identity = np.int64(view.traffic.holder[cell, lane])
-    return np.int64(NIL) if identity == NIL else np.int64(view.robots.at_index[identity])
+    identity = np.int64(view.traffic.holder[U(cell), U(lane)])
+    return np.int64(NIL) if identity == NIL else np.int64(view.robots.at_index[U(identity)])
 
 
 @kernel
@@ -78,8 +85,8 @@ def remaining_ticks(view, state, u):
 @kernel
 def is_lane_free(view, state, i):
     """Whether robot i can turn where it is: in a cell for two it takes both lanes."""
-    cell, travel = np.int64(view.robots.cell[i]), np.int64(view.robots.travel[i])
-    if (np.int64(view.grid.cell_flags[cell]) >> 5) & 3 != 2:
+    cell, travel = np.int64(view.robots.cell[U(i)]), np.int64(view.robots.travel[U(i)])
+    if (np.int64(view.grid.cell_flags[U(cell)]) >> 5) & 3 != 2:
         return True
     if holder_of(view, cell, travel ^ 2) != NIL:
         return False
@@ -101,87 +108,160 @@ def waits_in_vain_to_turn(view, state, i):
         return False
     if state.mode[u] <= LEAVING:
         return remaining_ticks(view, state, u) >= LONG
-    first = np.int64(state.options[u, 0])
+    first = option_of(state, u, 0)
     heading = np.int64(view.robots.heading[u])
     return first == STAY or turns_to(view.grid.headings, heading, first) > 0
 
 
 @kernel
 def rank_all_options(view, state, workspace):
-    """Enter the options of all robots that choose; tables are looked for a little ahead of their use."""
-    n = view.robots.cell.shape[0]
-    for i in range(min(AHEAD, n)):
-        find_table(view, state, workspace, i)
+    """Enter the options of all robots that choose."""
+    mark_fixed(view, state, 1)
+    price_all_steps(view, state, workspace)
+    for i in range(view.robots.cell.shape[0]):
+        if state.mode[U(i)] == UNDECIDED and view.robots.cell[U(i)] != NIL:
+            rank_options(view, state, i)
+    mark_fixed(view, state, 0)
+
+
+@kernel
+def mark_fixed(view, state, value):
+    """Enter a value at the cells of all robots that do not choose."""
+    robots = view.robots
+    for i in range(robots.cell.shape[0]):
+        if state.mode[U(i)] <= LEAVING and robots.cell[U(i)] != NIL:
+            state.holds_fixed[U(robots.cell[U(i)])] = value
+            if robots.claim[U(i)] != NIL:
+                state.holds_fixed[U(robots.claim[U(i)])] = value
+
+
+@kernel
+def price_all_steps(view, state, workspace):
+    """Enter what follows on the steps of robots that choose.
+
+    Most tables lie far from each other in memory, so what was read there is kept for as long as a
+    robot stands where it is: half of 10,000 robots do (`automaton bench --only steering`). Where
+    tables are replaced, all are asked for, so that it shows in each tick whether there is room.
+    """
+    robots = view.robots
+    n, count = robots.cell.shape[0], 0
+    keeps_all = has_room_for(workspace.tables, n)
     for i in range(n):
-        if i + AHEAD < n:
-            find_table(view, state, workspace, i + AHEAD)
-        if state.mode[i] == UNDECIDED and view.robots.cell[i] != NIL:
-            rank_options(view, state, workspace, i)
+        cell, goal = robots.cell[U(i)], robots.goal_cell[U(i)]
+        chooses = (state.mode[U(i)] == UNDECIDED) & (cell != NIL)
+        known = (state.priced_cell[U(i)] == cell) & (state.priced_goal[U(i)] == goal)
+        has_goal = robots.goal_type[U(i)] != GOAL_NONE
+        state.unpriced[U(count)] = i
+        count += np.int64(chooses) & (1 - np.int64(known & keeps_all & has_goal))
+    for k in range(count):
+        find_table(view, state, workspace, np.int64(state.unpriced[U(k)]))
+    find_step_costs(view, workspace, state.unpriced, count, state.table, state.costs)
+    for k in range(count):
+        i = np.int64(state.unpriced[U(k)])
+        if robots.goal_type[U(i)] == GOAL_NONE:
+            price_idle_steps(view, state, i)
 
 
 @kernel
 def find_table(view, state, workspace, i):
-    """Enter the table to the goal of robot i, if it chooses, and ask for what will be read of it."""
+    """Enter the table to the goal of robot i."""
     robots = view.robots
-    if state.mode[i] != UNDECIDED or robots.cell[i] == NIL:
-        return
-    state.table[i] = NIL
-    if robots.goal_type[i] == GOAL_NONE:
-        return
-    cell, goal = np.int64(robots.cell[i]), np.int64(robots.goal_cell[i])
-    table = table_of(view, workspace, np.int64(robots.type[i]), goal)
-    state.table[i] = table
-    for direction in range(1, 4, 2):  # those to the east and west lie beside its own
-        fetch_cost(view, workspace, table, cell + view.grid.offset[direction])
-    fetch_cost(view, workspace, table, cell)
+    state.priced_cell[U(i)] = robots.cell[U(i)]
+    state.priced_goal[U(i)] = robots.goal_cell[U(i)]
+    table = np.int64(NIL)
+    if robots.goal_type[U(i)] != GOAL_NONE:
+        goal = np.int64(robots.goal_cell[U(i)])
+        table = table_of(view, workspace, np.int64(robots.type[U(i)]), goal)
+    state.table[U(i)] = table
 
 
 @kernel
-def rank_options(view, state, workspace, i):
-    """Enter the options of robot i, best first; the one that it has turned to is the first of all."""
-    robots, grid = view.robots, view.grid
-    cell, heading = np.int64(robots.cell[i]), np.int64(robots.heading[i])
-    robot_type, mask = np.int64(robots.type[i]), grid.headings - 1
-    duration = view.rules.duration[robot_type]
-    flags = np.int64(grid.type_cell_flags[robot_type, cell])
-    goal = np.int64(robots.goal_cell[i]) if robots.goal_type[i] != GOAL_NONE else np.int64(NIL)
+def price_idle_steps(view, state, i):
+    """Enter what follows on steps without a goal: all are alike, but for the way out of a dead end."""
+    cell, robot_type = np.int64(view.robots.cell[U(i)]), np.int64(view.robots.type[U(i)])
+    flags = np.int64(view.grid.type_cell_flags[U(robot_type), U(cell)])
+    leaves = has_to_leave(state, cell)
+    for direction in range(4):
+        cost = 1 if (flags >> direction) & 1 else UNREACHABLE
+        if leaves and direction == state.way_out[U(cell)] and cost == 1:
+            cost = -cost_of_step(view, i, direction)
+        state.costs[U(i), U(direction)] = cost
+
+
+@kernel
+def cost_of_step(view, i, direction):
+    """Ticks of a step of robot i in a direction, and of the turns before it."""
+    robots = view.robots
+    duration = view.rules.duration[U(robots.type[U(i)])]
+    turns = turns_to(view.grid.headings, np.int64(robots.heading[U(i)]), direction)
+    return turns * np.int64(duration[U(ACTION_TURN)]) + np.int64(duration[U(ACTION_MOVE)])
+
+
+@kernel
+def rank_options(view, state, i):
+    """Enter the options of robot i, best first; the one that it has turned to is the first of all.
+
+    Staying costs a tick more than the best way on. Each key ends with its option, and five of them
+    are sorted without a branch: which is best is as good as random to the processor.
+    """
+    robots = view.robots
     draws = splitmix64(
         np.uint64(view.rules.seed)
-        ^ (np.uint64(view.clock[CLOCK_TICK]) << np.uint64(32) | np.uint64(robots.identity[i]))
+        ^ (np.uint64(view.clock[CLOCK_TICK]) << np.uint64(32) | np.uint64(robots.identity[U(i)]))
     )
-    leaves = goal == NIL and has_to_leave(state, cell)
-    may_turn = flags & MAY_TURN != 0
-    table = np.int64(state.table[i])
-    here = np.int64(0) if table == NIL else cost_at(view, workspace, table, cell, heading)
-    state.keys[0] = ((here + 1) << KEY_SHIFT) | STAY_BITS
-    state.options[i, 0] = STAY
-    count = 1
-    for direction in range(4):
-        turns = turns_to(grid.headings, heading, direction)
-        if (flags >> direction) & 1 == 0 or (turns and not may_turn):
-            continue
-        to = cell + grid.offset[direction]
-        cost = turns * np.int64(duration[ACTION_TURN]) + np.int64(duration[ACTION_MOVE])
-        if table != NIL:
-            cost += cost_at(view, workspace, table, to, direction & mask)
-        elif not (leaves and direction == state.way_out[cell]):
-            cost += 1
-        else:
-            cost = np.int64(0)
-        if cost >= UNREACHABLE:
-            continue
-        u = holder_of(view, to, direction)
-        if u != NIL and u != i and state.mode[u] <= LEAVING:
-            cost += remaining_ticks(view, state, u)
-        tie = np.int64(direction)  # where there is room for all, as routes do
-        if resource_in(view, to, direction) != NIL:
-            tie = np.int64((draws >> np.uint64(8 * direction)) & np.uint64(63))
-        key = (cost << KEY_SHIFT) | tie | (TURN_BIT if turns else 0)
-        if state.turning[i] and to == state.next[i]:
-            key = np.int64(NIL)
-        count = insert_option(state, i, count, key, direction)
-    state.option_count[i] = count
-    state.option_next[i] = 0
+    east, a = key_of(view, state, i, 0, draws)
+    south, b = key_of(view, state, i, 1, draws)
+    west, c = key_of(view, state, i, 2, draws)
+    north, d = key_of(view, state, i, 3, draws)
+    if is_beside_fixed(view, state, i):
+        east, south = key_with_wait(view, state, i, east), key_with_wait(view, state, i, south)
+        west, north = key_with_wait(view, state, i, west), key_with_wait(view, state, i, north)
+    here = min(min(a, b), min(c, d)) if robots.goal_type[U(i)] != GOAL_NONE else np.int64(0)
+    stay = ((((here + 1) << KEY_SHIFT) | STAY_BITS) << OPTION_BITS) | STAY
+    state.options[U(i)] = sorted_options(east, south, west, north, stay)
+    state.option_next[U(i)] = 0
+
+
+@kernel
+def key_of(view, state, i, direction, draws):
+    """The key of a step of robot i, NO_KEY if it is not open to it; and its cost."""
+    robots, grid = view.robots, view.grid
+    cell, robot_type = np.int64(robots.cell[U(i)]), np.int64(robots.type[U(i)])
+    may_turn = np.int64(grid.type_cell_flags[U(robot_type), U(cell)]) & MAY_TURN != 0
+    turns = turns_to(grid.headings, np.int64(robots.heading[U(i)]), direction)
+    after = np.int64(state.costs[U(i), U(direction)])
+    is_open = (after < UNREACHABLE) & ((turns == 0) | may_turn)
+    to = cell + grid.offset[U(direction)] * np.int64(is_open)
+    cost = after + cost_of_step(view, i, direction)
+    is_limited = resource_in(view, to, direction) != NIL
+    tie = np.int64((draws >> np.uint64(8 * direction)) & np.uint64(63))
+    tie = tie if is_limited else direction  # where there is room for all, as routes do
+    key = (cost << KEY_SHIFT) | tie | (TURN_BIT * np.int64(turns != 0))
+    is_begun = (state.turning[U(i)] != 0) & (to == state.next[U(i)])
+    key = ((NIL if is_begun else key) << OPTION_BITS) | direction
+    return key if is_open else NO_KEY, cost if is_open else np.int64(UNREACHABLE)
+
+
+@kernel
+def is_beside_fixed(view, state, i):
+    """Whether a robot that does not choose is in a cell next to robot i."""
+    cell, offset, fixed = np.int64(view.robots.cell[U(i)]), view.grid.offset, state.holds_fixed
+    east, south = fixed[U(cell + offset[0])], fixed[U(cell + offset[1])]
+    return east | south | fixed[U(cell + offset[2])] | fixed[U(cell + offset[3])] != 0
+
+
+@kernel
+def key_with_wait(view, state, i, key):
+    """The key of a step of robot i, with the ticks until a robot that does not choose makes way."""
+    if key < 0 or key == NO_KEY:
+        return key
+    direction = key & NO_OPTION
+    u = holder_of(
+        view, np.int64(view.robots.cell[U(i)]) + view.grid.offset[U(direction)], direction
+    )
+    if u == NIL or u == i or state.mode[U(u)] > LEAVING:
+        return key
+    return key + (remaining_ticks(view, state, u) << (KEY_SHIFT + OPTION_BITS))
 
 
 @kernel
@@ -191,13 +271,24 @@ def has_to_leave(state, cell):
 
 
 @kernel
-def insert_option(state, i, count, key, option):
-    """Insert an option by its key; returns how many there are."""
-    at = count
-    while at > 0 and state.keys[at - 1] > key:
-        state.keys[at] = state.keys[at - 1]
-        state.options[i, at] = state.options[i, at - 1]
-        at -= 1
-    state.keys[at] = key
-    state.options[i, at] = option
-    return count + 1
+def sorted_options(a, b, c, d, e):
+    """The options of five keys, the least one in the lowest bits; NO_OPTION after the last one."""
+    a, b = min(a, b), max(a, b)
+    d, e = min(d, e), max(d, e)
+    c, e = min(c, e), max(c, e)
+    c, d = min(c, d), max(c, d)
+    b, e = min(b, e), max(b, e)
+    a, d = min(a, d), max(a, d)
+    a, c = min(a, c), max(a, c)
+    b, d = min(b, d), max(b, d)
+    b, c = min(b, c), max(b, c)
+    options = np.int64(NO_OPTION) << (5 * OPTION_BITS)
+    options |= (a & NO_OPTION) | ((b & NO_OPTION) << OPTION_BITS)
+    options |= ((c & NO_OPTION) << (2 * OPTION_BITS)) | ((d & NO_OPTION) << (3 * OPTION_BITS))
+    return options | ((e & NO_OPTION) << (4 * OPTION_BITS))
+
+
+@kernel
+def option_of(state, i, place):
+    """The option of robot i at a place, from 0 on; NO_OPTION: it has no more."""
+    return (np.int64(state.options[U(i)]) >> (OPTION_BITS * place)) & NO_OPTION

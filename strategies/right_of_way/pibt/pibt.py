@@ -33,7 +33,7 @@ from automaton.floor.dead_ends import dead_ends
 from automaton.strategy.kernels import direction_between, kernel, splitmix64
 from automaton.strategy.layer import Strategy
 from strategies.right_of_way.arrivals import is_at_goal
-from strategies.right_of_way.pibt.options import rank_all_options, resource_in
+from strategies.right_of_way.pibt.options import U, option_of, rank_all_options, resource_in
 from strategies.right_of_way.pibt.pibt_state import (
     DECIDED,
     FIXED,
@@ -42,7 +42,7 @@ from strategies.right_of_way.pibt.pibt_state import (
     UNDECIDED,
     PibtState,
 )
-from strategies.right_of_way.pibt.pushes import push, reserve, reserver_of
+from strategies.right_of_way.pibt.pushes import fetch_cells, push, reserve, reserver_of
 from strategies.right_of_way.right_of_way_parameters import SteeringParameters
 
 
@@ -70,7 +70,8 @@ def look_at_robots(view, batch, state):
         if state.mode[i] == LEAVING:
             to = np.int64(state.next[i])
             reserve(view, state, resource_in(view, to, direction_between(view.grid, cell, to)), i)
-        count_in_dead_ends(view, state, i)
+        if state.dead_ends:
+            count_in_dead_ends(view, state, i)
         if limited and robots.busy[i] == 0 and robots.status[i] == STATUS_UP:
             let_choose(view, state, i)
     for k in range(batch.count[0]):
@@ -134,6 +135,7 @@ def has_finished(view, state, i):
 
 
 MAX_PRIORITY = 32_767
+AHEAD = 8  # robots in the queue
 LEAVES = 0  # ranks of robots
 WORKS = 1
 HAS_NOTHING = 2
@@ -144,6 +146,9 @@ RANKS = 3
 def rank_of(view, state, i):
     """Who leaves a dead end goes first, who has nothing to do or cannot enter one yet, last."""
     robots = view.robots
+    if state.dead_ends == 0:
+        is_idle = robots.goal_type[U(i)] == GOAL_NONE or robots.goal_type[U(i)] == GOAL_PARK
+        return HAS_NOTHING if is_idle else WORKS
     cell, goal = np.int64(robots.cell[i]), np.int64(robots.goal_cell[i])
     here = np.int64(NIL) if cell == NIL else np.int64(state.dead_end[cell])
     if robots.goal_type[i] == GOAL_NONE:
@@ -187,15 +192,18 @@ def list_robots_in_sight(view, batch, decisions, state):
 def decide_all(view, state, workspace, count):
     """Let the first robots of the queue choose: by rank, and in each rank by their places."""
     rank_all_options(view, state, workspace)
+    at_index = view.robots.at_index
     for place in range(count):
-        i = np.int64(view.robots.at_index[state.queue[place]])
-        state.rank[place] = rank_of(view, state, i) if state.mode[i] == UNDECIDED else RANKS
+        i = np.int64(at_index[U(state.queue[U(place)])])
+        state.rank[U(place)] = rank_of(view, state, i) if state.mode[U(i)] == UNDECIDED else RANKS
     for rank in range(RANKS):
         for place in range(count):
-            if state.rank[place] != rank:
+            if place + AHEAD < count:
+                fetch_cells(view, state, np.int64(at_index[U(state.queue[U(place + AHEAD)])]))
+            if state.rank[U(place)] != rank:
                 continue
-            i = np.int64(view.robots.at_index[state.queue[place]])
-            if state.mode[i] == UNDECIDED:
+            i = np.int64(at_index[U(state.queue[U(place)])])
+            if state.mode[U(i)] == UNDECIDED:
                 choose(view, state, i)
 
 
@@ -240,20 +248,21 @@ def give_commands(view, batch, decisions, state):
         i = np.int64(batch.robot[k])
         if state.mode[i] != DECIDED:
             continue
-        cell, to = np.int64(robots.cell[i]), np.int64(state.next[i])
-        state.turning[i] = 0
+        cell, to = np.int64(robots.cell[U(i)]), np.int64(state.next[U(i)])
+        state.turning[U(i)] = 0
         if cell == NIL:
             if robots.goal_type[i] != GOAL_NONE and robots.goal_type[i] != GOAL_PARK:
                 out.command[k] = CMD_HOLD if to == NIL else CMD_GO
                 out.value[k] = NIL if to == NIL else 0
         elif to != cell:
-            direction = direction_between(view.grid, cell, to)
-            state.turning[i] = 1 if direction & mask != robots.heading[i] else 0
-            out.command[k] = CMD_GO
-            out.value[k] = direction
-        elif robots.goal_type[i] != GOAL_NONE:
+            direction = option_of(state, i, np.int64(state.option_next[U(i)]) - 1)
+            state.turning[U(i)] = 1 if direction & mask != robots.heading[U(i)] else 0
+            out.command[U(k)] = CMD_GO
+            out.value[U(k)] = direction
+        elif robots.goal_type[U(i)] != GOAL_NONE:
             out.command[k] = CMD_HOLD
-            out.value[k] = NIL if state.options[i, 0] == STAY else np.int64(state.options[i, 0])
+            best = option_of(state, i, 0)
+            out.value[k] = NIL if best == STAY else best
 
 
 @kernel
@@ -287,7 +296,8 @@ class Pibt(Strategy):
         with np.errstate(over="ignore"):
             draws = [int(splitmix64(np.uint64(view.rules.seed) ^ np.uint64(r))) for r in range(n)]
         return PibtState.sized(
-            {"n": n, "r": 2 * cells, "e": max(ends.total, 1)},
+            {"n": n, "m": n + 1, "r": 2 * cells, "e": max(ends.total, 1)},
+            dead_ends=ends.total,
             queue=np.argsort(np.array(draws, np.uint64), kind="stable").astype(np.int32),
             dead_end=ends.number,
             way_out=ends.way_out,

@@ -1,6 +1,6 @@
 """What PIBT keeps from tick to tick, and what it works with in one."""
 
-from automaton.engine.jit.fields import CONSTANT, SCRATCH, field
+from automaton.engine.jit.fields import CONSTANT, SCRATCH, STATIC, field
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import NIL, Array
 
@@ -11,11 +11,14 @@ UNDECIDED = 2
 DECIDED = 3
 
 STAY = 4  # an option beside the four directions
+NO_OPTION = 7  # after the last one
+OPTION_BITS = 3
 
 
 class PibtState(Struct):
-    """n robots by storage, c cells, r resources (a cell, or a lane of a cell for two)."""
+    """n robots by storage, m = n + 1, c cells, r resources (a cell, or a lane of a cell for two)."""
 
+    dead_ends: int = field("int64", "how many there are", role=STATIC)
     next: Array = field("(n,) int32", "the cell that it turns to or enters, or its own")
     turning: Array = field("(n,) uint8", "1 = it has begun a turn towards `next`")
     aim_cell: Array = field("(n,) int32", "its goal cell when it was last looked at", default=NIL)
@@ -32,11 +35,20 @@ class PibtState(Struct):
     callers: Array = field("(e,) int32", "robots outside that want into it", role=SCRATCH)
     reserved: Array = field("(r,) int64", "tick << 32 | who is in it after this move", role=SCRATCH)
     mode: Array = field("(n,) uint8", "FIXED, LEAVING, UNDECIDED, DECIDED", role=SCRATCH)
-    options: Array = field("(n, 5) uint8", "directions and STAY, best first", role=SCRATCH)
+    options: Array = field(
+        "(n,) uint32", "directions and STAY, best first, in OPTION_BITS each", role=SCRATCH
+    )
+    option_next: Array = field(
+        "(n,) uint8", "the place of the option to be tried next", role=SCRATCH
+    )
+    priced_cell: Array = field("(n,) int32", "the cell that its `costs` are of", role=SCRATCH)
+    priced_goal: Array = field("(n,) int32", "and the goal cell, or NIL", role=SCRATCH)
+    costs: Array = field("(n, 4) int32", "ticks to its goal after a step E, S, W, N", role=SCRATCH)
+    unpriced: Array = field("(m,) int32", "robots that have others now", role=SCRATCH)
     table: Array = field("(n,) int32", "the distance table to its goal, or NIL", role=SCRATCH)
+    holds_fixed: Array = field(
+        "(c,) uint8", "1 = a robot that does not choose is there", role=SCRATCH
+    )
     rank: Array = field("(q,) uint8", "by place in the queue: who chooses first", role=SCRATCH)
-    option_count: Array = field("(n,) uint8", role=SCRATCH)
-    option_next: Array = field("(n,) uint8", "the option to be tried next", role=SCRATCH)
     stack: Array = field("(n,) int32", "a chain of robots that push each other", role=SCRATCH)
     finished: Array = field("(q,) int32", "who has finished a visit since", role=SCRATCH)
-    keys: Array = field("(5,) int64", role=SCRATCH)

@@ -3,21 +3,23 @@
 import numpy as np
 
 from automaton.engine.state import CLOCK_TICK, NIL
-from automaton.strategy.kernels import kernel
+from automaton.strategy.kernels import kernel, prefetch
 from strategies.right_of_way.pibt.options import (
+    U,
     holder_of,
     is_lane_free,
+    option_of,
     resource_in,
     turns_to,
     waits_in_vain_to_turn,
 )
-from strategies.right_of_way.pibt.pibt_state import DECIDED, STAY, UNDECIDED
+from strategies.right_of_way.pibt.pibt_state import DECIDED, NO_OPTION, STAY, UNDECIDED
 
 
 @kernel
 def reserve(view, state, resource, i):
     if resource != NIL:
-        state.reserved[resource] = (view.clock[CLOCK_TICK] << 32) | i
+        state.reserved[U(resource)] = (view.clock[CLOCK_TICK] << 32) | i
 
 
 @kernel
@@ -25,18 +27,31 @@ def reserver_of(view, state, resource):
     """Who has reserved a resource in this tick, or NIL."""
     if resource == NIL:
         return np.int64(NIL)
-    word = state.reserved[resource]
+    word = state.reserved[U(resource)]
     return word & 0xFFFFFFFF if word >> 32 == view.clock[CLOCK_TICK] else np.int64(NIL)
 
 
 @kernel
+def fetch_cells(view, state, i):
+    """Ask the memory for what is noted of the cell of robot i, and of the one that it likes best."""
+    cell, option = np.int64(view.robots.cell[U(i)]), option_of(state, i, 0)
+    if cell != NIL and option < STAY:
+        to = cell + view.grid.offset[U(option)]
+        prefetch(state.reserved, U(cell))
+        prefetch(state.reserved, U(to))
+        prefetch(view.traffic.holder, U(2 * to))
+
+
+@kernel
 def own_resource(view, i):
-    return resource_in(view, np.int64(view.robots.cell[i]), np.int64(view.robots.travel[i]))
+    return resource_in(view, np.int64(view.robots.cell[U(i)]), np.int64(view.robots.travel[U(i)]))
 
 
 @kernel
 def may_enter(view, state, i, cell):
     """Whether robot i may enter a cell as far as dead ends go: alone, and with a goal inside."""
+    if state.dead_ends == 0:
+        return True
     dead_end = np.int64(state.dead_end[cell])
     if dead_end == NIL or state.dead_end[view.robots.cell[i]] == dead_end:
         return True
@@ -47,11 +62,11 @@ def may_enter(view, state, i, cell):
 @kernel
 def would_swap(view, state, i, to, holder):
     """Whether robot i and one that comes from that cell into its own would meet on the edge."""
-    cell = np.int64(view.robots.cell[i])
-    if holder != NIL and state.mode[holder] != UNDECIDED and state.next[holder] == cell:
+    cell = np.int64(view.robots.cell[U(i)])
+    if holder != NIL and state.mode[U(holder)] != UNDECIDED and state.next[U(holder)] == cell:
         return True
     comer = reserver_of(view, state, own_resource(view, i))
-    return comer != NIL and comer != i and view.robots.cell[comer] == to
+    return comer != NIL and comer != i and view.robots.cell[U(comer)] == to
 
 
 @kernel
@@ -64,7 +79,7 @@ def push(view, state, first):
     state.mode[first] = DECIDED
     depth = 1
     while depth:
-        i = np.int64(state.stack[depth - 1])
+        i = np.int64(state.stack[U(depth - 1)])
         pushed = take_option(view, state, i)
         if pushed == SETTLED:
             return True
@@ -72,8 +87,8 @@ def push(view, state, first):
             stay(view, state, i)
             depth -= 1
         else:
-            state.mode[pushed] = DECIDED
-            state.stack[depth] = pushed
+            state.mode[U(pushed)] = DECIDED
+            state.stack[U(depth)] = pushed
             depth += 1
     return False
 
@@ -84,18 +99,21 @@ FAILED = -2
 
 @kernel
 def stay(view, state, i):
-    state.next[i] = view.robots.cell[i]
+    state.next[U(i)] = view.robots.cell[U(i)]
     reserve(view, state, own_resource(view, i), i)
 
 
 @kernel
 def take_option(view, state, i):
     """Reserve the next option of robot i that is left; returns the robot to push, SETTLED or FAILED."""
-    cell, heading = np.int64(view.robots.cell[i]), np.int64(view.robots.heading[i])
+    cell, heading = np.int64(view.robots.cell[U(i)]), np.int64(view.robots.heading[U(i)])
     must_turn = False  # for what it likes better than to stay
-    while state.option_next[i] < state.option_count[i]:
-        option = np.int64(state.options[i, state.option_next[i]])
-        state.option_next[i] += 1
+    while True:
+        place = np.int64(state.option_next[U(i)])
+        option = option_of(state, i, place)
+        if option == NO_OPTION:
+            return FAILED
+        state.option_next[U(i)] = place + 1
         if option == STAY:
             if must_turn and waits_in_vain_to_turn(view, state, i):
                 continue
@@ -107,7 +125,7 @@ def take_option(view, state, i):
         if turns_to(view.grid.headings, heading, option) and not is_lane_free(view, state, i):
             must_turn = True
             continue
-        to = cell + view.grid.offset[option]
+        to = cell + view.grid.offset[U(option)]
         resource = resource_in(view, to, option)
         other = reserver_of(view, state, resource)
         if other != NIL and other != i:
@@ -116,8 +134,7 @@ def take_option(view, state, i):
         if would_swap(view, state, i, to, holder) or not may_enter(view, state, i, to):
             continue
         reserve(view, state, resource, i)
-        state.next[i] = to
-        if holder != NIL and holder != i and state.mode[holder] == UNDECIDED:
+        state.next[U(i)] = to
+        if holder != NIL and holder != i and state.mode[U(holder)] == UNDECIDED:
             return holder
         return SETTLED
-    return FAILED

@@ -10,6 +10,7 @@ import pytest
 from small_runs import SmallRun
 
 from automaton.build.resolve import resolve
+from automaton.engine.distance_tables import UNREACHABLE
 from automaton.engine.state import (
     ACTION_DROP,
     ACTION_PICK,
@@ -17,6 +18,7 @@ from automaton.engine.state import (
     GOAL_NONE,
     LAYER_RIGHT_OF_WAY,
 )
+from automaton.engine.table_rows import cost_in
 from automaton.errors import InputError
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Durations
@@ -47,6 +49,19 @@ def drive(picture, ticks=40, **options):
 def test_two_robots_that_meet_head_on_pass_each_other():
     _, arrived = drive("A...B\n.###.\n.....", A=(4, 0), B=(0, 0))
     assert set(arrived) == {"A", "B"}
+
+
+@pytest.mark.parametrize("kinematics", ["omni", "differential"])  # tables of POSE16 and JOINT
+def test_costs_of_steps_are_those_of_the_next_cells(kinematics):
+    run, _ = drive("A...\n.>#.\n....", A=(3, 2), ticks=3, kinematics=kinematics)
+    state, i = run.run.states[LAYER_RIGHT_OF_WAY], run.index("A")
+    grid, tables = run.world.grid, run.run.workspace.tables
+    cell, row = state.priced_cell[i], tables.row_of[state.priced_goal[i]]
+    for direction in range(4):
+        beside, heading = cell + grid.offset[direction], direction & (grid.headings - 1)
+        is_open = grid.type_cell_flags[0, cell] >> direction & 1
+        expected = cost_in(tables, row, beside, heading) if is_open else UNREACHABLE
+        assert state.costs[i, direction] == expected, direction
 
 
 def test_a_full_ring_rotates():

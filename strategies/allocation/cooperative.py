@@ -46,7 +46,7 @@ def alley_state(view):
     return AlleyState.sized({"n": len(view.robots.cell), "w": view.grid.width})
 
 
-@kernel
+@kernel(inline=True)
 def count_tables(view, out, i, state):
     """Count the orders and loads of every column that robot i can serve."""
     width, robot_type = view.grid.width, view.robots.type[i]
@@ -69,7 +69,7 @@ def count_tables(view, out, i, state):
             state.loads_right[from_left % width] += 1
 
 
-@kernel
+@kernel(inline=True)
 def choose_alley(view, state, i):
     """The free alley with open orders and the most loads left less right; NIL if there is none.
 
@@ -88,7 +88,7 @@ def choose_alley(view, state, i):
     return best
 
 
-@kernel
+@kernel(inline=True)
 def is_reserved(state, i, column):
     """Whether another robot has this alley."""
     for j in range(state.alley.shape[0]):
@@ -97,7 +97,7 @@ def is_reserved(state, i, column):
     return False
 
 
-@kernel
+@kernel(inline=True)
 def first_order(view, out, workspace, i, column, around):
     """The open order of lowest y in an alley; `around`: the first that is reachable now."""
     here, robot_type = position(view, i), view.robots.type[i]
@@ -124,7 +124,7 @@ def first_order(view, out, workspace, i, column, around):
     return first
 
 
-@kernel
+@kernel(inline=True)
 def take_in_alley(view, out, state, workspace, k, i, released):
     """Decision k: the first open order of the robot's alley, of a better one, or home."""
     width = view.grid.width
@@ -142,7 +142,7 @@ def take_in_alley(view, out, state, workspace, k, i, released):
     take_order(view, out, k, i, order)
 
 
-@kernel
+@kernel(inline=True)
 def pass_right(view, out, state, k, i):
     """Decision k: the empty shelf of the next table to the right, nearest in y; else deliver.
 

@@ -68,7 +68,7 @@ def capacity_of(view, cell):
     return (np.int64(view.grid.cell_flags[cell]) >> 5) & 3
 
 
-@kernel
+@kernel(inline=True)
 def list_crowds(view, state):
     """List the robots that stand in each cell without limit, or enter it, by identity."""
     robots = view.robots
@@ -117,7 +117,7 @@ def of_lower_identity(robots, best, j):
     return j if best == NIL or robots.identity[j] < robots.identity[best] else best
 
 
-@kernel
+@kernel(inline=True)
 def holder_of_cell(view, state, cell, direction):
     """The robot that holds what one travelling in `direction` needs of a cell; NIL if there is none.
 
@@ -131,7 +131,7 @@ def holder_of_cell(view, state, cell, direction):
     return robot_at(view, cell, place) if place else np.int64(NIL)
 
 
-@kernel
+@kernel(inline=True)
 def is_head_on(view, state, i):
     """Whether the robot ahead plans to move into robot i's cell next, and is not retreating."""
     robots, grid = view.robots, view.grid
@@ -157,7 +157,7 @@ def can_turn(view, i, flags):
     return has_room(view.traffic.occupancy, view.robots.cell[i], view.robots.travel[i] ^ 2)
 
 
-@kernel
+@kernel(inline=True)
 def retreat_direction(view, workspace, i):
     """Return the direction of a retreat's next move, NIL if every way is closed.
 
@@ -195,7 +195,7 @@ def is_idle(view, i):
     return robots.cell[i] != NIL and free
 
 
-@kernel
+@kernel(inline=True)
 def is_entering_cell_of(view, j, i):
     """Return whether the route of robot j, which is on the floor, leads into the cell of robot i next."""
     robots = view.robots
@@ -221,7 +221,7 @@ def robot_entering_cell_of(view, state, i):
     return best
 
 
-@kernel
+@kernel(inline=True)
 def is_boxed_in(view, i):
     """Return whether robot i, which is idle or retreats, has no room on any way out of its cell."""
     robots, grid = view.robots, view.grid
@@ -235,7 +235,7 @@ def is_boxed_in(view, i):
     return True
 
 
-@kernel
+@kernel(inline=True)
 def boxed_in_neighbour(view, state, i):
     """Return a robot next to robot i that has to leave its cell and cannot, NIL if none is seen.
 
@@ -281,7 +281,7 @@ def next_in_queue(view, state, behind, at):
     return best
 
 
-@kernel
+@kernel(inline=True)
 def is_pressed_by_queue(view, state, i, first):
     """Return whether the queue that begins at robot `first`, next to robot i, ends at one that is
     pressed.
@@ -329,7 +329,7 @@ def link_of(view, behind, at):
     return 8 * np.int64(at) + 2 * direction + lane
 
 
-@kernel
+@kernel(inline=True)
 def robot_to_yield_to(view, state, i):
     """Return the robot to which idle robot i yields, NIL if there is none.
 
@@ -340,7 +340,7 @@ def robot_to_yield_to(view, state, i):
     return j if j != NIL else boxed_in_neighbour(view, state, i)
 
 
-@kernel
+@kernel(inline=True)
 def is_on_route(view, j, cell):
     """Whether the rest of the route of robot j leads through a cell."""
     here = np.int64(view.robots.cell[j])
@@ -351,7 +351,7 @@ def is_on_route(view, j, cell):
     return False
 
 
-@kernel
+@kernel(inline=True)
 def yield_direction(view, i, j):
     """Return the direction in which idle robot i yields to robot j: off its route if possible; or NIL."""
     grid, cell = view.grid, np.int64(view.robots.cell[i])

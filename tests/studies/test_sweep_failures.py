@@ -29,12 +29,18 @@ from automaton.studies.sweeps.result_store import Store, read_rows
 from automaton.studies.sweeps.sweep_plan import make_sweep_plan
 from automaton.studies.sweeps.sweep_session import done_in, sweep_into
 
+Capture = pytest.CaptureFixture[str]
 
-def test_a_run_whose_strategy_raises_is_a_row_that_says_so(tmp_path: Path) -> None:
-    command = sweep_command(troubled(tmp_path, "Raises"), tmp_path / "out", "--workers", "1")
-    process = started(command)
-    out, err = process.communicate(timeout=60)
-    assert process.returncode == 1 and "3 runs failed" in err
+
+def swept_by_worker(study: Path, out: Path, *options: str) -> int:
+    """The exit code of the command `sweep`, given here, whose runs one worker process does."""
+    return main([*sweep_command(study, out, "--workers", "1")[3:], *options])
+
+
+def test_a_run_whose_strategy_raises_is_a_row_that_says_so(tmp_path: Path, capfd: Capture) -> None:
+    assert swept_by_worker(troubled(tmp_path, "Raises"), tmp_path / "out") == 1
+    out, err = capfd.readouterr()
+    assert "3 runs failed" in err
     rows = Store(tmp_path / "out").rows().to_pylist()
     assert [row["error"] is None for row in rows] == [True] * 3 + [False] * 3
     assert "two are too many" in rows[3]["error"] and rows[3]["digest"] is None
@@ -48,11 +54,10 @@ def test_what_a_strategy_says_is_kept_though_it_is_no_text(tmp_path: Path) -> No
     assert all("no caf?.csv" in why for why in failed[3:])
 
 
-def test_a_strategy_that_never_answers_is_named_in_the_row(tmp_path: Path) -> None:
+def test_a_strategy_that_never_answers_is_named_in_the_row(tmp_path: Path, capfd: Capture) -> None:
     study, out = troubled(tmp_path, "NeverAnswers"), tmp_path / "out"
-    process = started(sweep_command(study, out, "--workers", "1", "--strategy-timeout", "1"))
-    _, err = process.communicate(timeout=120)
-    assert process.returncode == 1 and "3 runs failed" in err
+    assert swept_by_worker(study, out, "--strategy-timeout", "1") == 1
+    assert "3 runs failed" in capfd.readouterr().err
     failed = Store(out).rows().column("error").to_pylist()
     assert failed[:3] == [None] * 3
     assert all(
@@ -61,14 +66,12 @@ def test_a_strategy_that_never_answers_is_named_in_the_row(tmp_path: Path) -> No
     )
 
 
-def test_runs_of_a_worker_that_dies_are_done_again(tmp_path: Path) -> None:
-    command = sweep_command(
-        troubled(tmp_path, "DiesOnce"), tmp_path / "out", "--json", "--workers=1"
-    )
-    process = started(command, **{TROUBLE: str(tmp_path)})
-    told, err = process.communicate(timeout=60)
-    assert process.returncode == 0, err
-    found = json.loads(told)
+def test_runs_of_a_worker_that_dies_are_done_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: Capture
+) -> None:
+    monkeypatch.setenv(TROUBLE, str(tmp_path))
+    assert swept_by_worker(troubled(tmp_path, "DiesOnce"), tmp_path / "out", "--json") == 0
+    found = json.loads(capfd.readouterr().out)
     assert found["failed"] == 0 and found["done"] == 6 and 1 <= found["repeated"] <= 6
     assert Store(tmp_path / "out").rows().num_rows == 6
 
@@ -98,22 +101,21 @@ def test_workers_that_cannot_start_are_told_and_no_run_has_failed(tmp_path: Path
 
 
 def test_a_run_that_kills_its_worker_twice_has_failed_until_it_is_tried_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: Capture
 ) -> None:
     study, out = troubled(tmp_path, "DiesUntilMended"), tmp_path / "out"
-    command = sweep_command(study, out, "--workers", "1")
-    process = started(command, **{TROUBLE: str(tmp_path)})
-    _, err = process.communicate(timeout=60)
-    assert (process.returncode, err.count("\n")) == (1, 1), err
+    monkeypatch.setenv(TROUBLE, str(tmp_path))
+    assert swept_by_worker(study, out) == 1
+    err = capfd.readouterr().err
+    assert err.count("\n") == 1, err
     failed = Store(out).rows().column("error").to_pylist()
     assert failed[:3] == [None] * 3
     assert all("the worker process died twice" in why for why in failed[3:])
     # Mended, but they are not done again by themselves: they might kill workers for ever.
-    monkeypatch.setenv(TROUBLE, str(tmp_path))
     (tmp_path / "mended").touch()
-    assert main(command[3:]) == 1
+    assert swept_by_worker(study, out) == 1
     said = "3 runs failed; the column `error` says why, --retry-failed tries again\n"
-    assert capsys.readouterr().err == f"automaton: {said}"
+    assert capfd.readouterr().err == f"automaton: {said}"
     assert [done_in(out, make_sweep_plan(study), retry) for retry in (False, True)] == [6, 3]
     assert swept_here(study, out, retry_failed=True).column("error").to_pylist() == [None] * 6
     (file,) = row_files(out)
@@ -124,12 +126,11 @@ def test_a_run_that_kills_its_worker_twice_has_failed_until_it_is_tried_again(
     ("strategy", "told"), [("Quits", "SystemExit: 0"), ("Interrupts", "raised KeyboardInterrupt (")]
 )
 def test_a_strategy_that_ends_python_ends_its_run_alone(
-    strategy: str, told: str, tmp_path: Path
+    strategy: str, told: str, tmp_path: Path, capfd: Capture
 ) -> None:
     study, out = troubled(tmp_path, strategy), tmp_path / "out"
-    process = started(sweep_command(study, out, "--workers", "1"))
-    _, err = process.communicate(timeout=60)
-    assert process.returncode == 1 and "3 runs failed" in err
+    assert swept_by_worker(study, out) == 1
+    assert "3 runs failed" in capfd.readouterr().err
     with ThreadPoolExecutor(1) as executor:
         tables = Store(out).rows(), sweep(study, executor=executor)
     for failed in (table.column("error").to_pylist() for table in tables):

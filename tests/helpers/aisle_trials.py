@@ -131,7 +131,9 @@ def main(arguments: list[str]) -> int:
     seeds = int(arguments[0]) if arguments else SEEDS
     right_of_way = arguments[1] if len(arguments) > 1 else "pibt"
     fleets = [(arguments[2], int(arguments[3]))] if len(arguments) > 3 else FLEETS
-    print(f"{right_of_way}, {seeds} seeds: runs with a jam, with a starved robot, orders/1000 ticks")
+    print(
+        f"{right_of_way}, {seeds} seeds: runs with a jam, with a starved robot, orders/1000 ticks"
+    )
     for floor, robots in fleets:
         found = [
             outcome(scenario_of(floor, robots, seed, right_of_way)) for seed in range(1, seeds + 1)

@@ -8,7 +8,7 @@ a cheaper pair parts them. A load that was picked up goes to its own target.
 
 import numpy as np
 
-from automaton.engine.jit.fields import field
+from automaton.engine.jit.fields import SCRATCH, field
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import (
     ACTION_MOVE,
@@ -18,6 +18,7 @@ from automaton.engine.state import (
     LAYER_ALLOCATION,
     NIL,
     REASON_PERIODIC,
+    Array,
 )
 from automaton.strategy.kernels import kernel
 from automaton.strategy.layer import Strategy
@@ -44,6 +45,9 @@ class GreedyState(Struct):
     rest: int = field("int64", "weight of what follows on a first stop, in thousandths")
     active: int = field("int64", "robots that may have an order at once; NIL: all")
     parks: int = field("int64", "1: robots without an order drive home")
+    keeps_off: Array = field(
+        "(1,) uint8", "1 = `active` keeps robots from open orders now", role=SCRATCH
+    )
     open_orders: OpenOrders
     marks: Marks
     seekers: Seekers
@@ -63,7 +67,9 @@ def decide(view, batch, decisions, memory, workspace):
         if state.open_orders.rest.shape[0]:
             weigh_rest(view, workspace, state.open_orders, first, state.rest)
         mark_orders(view, out, state.open_orders, state.marks, state.seekers)
-        match(view, workspace.stop, state, robots_allowed(view, state))
+        allowed = robots_allowed(view, state)
+        match(view, workspace.stop, state, allowed)
+        state.keeps_off[0] = is_kept_off(state, allowed)
     for k in range(batch.count[0]):
         i = np.int64(batch.robot[k])
         if places_load(batch.reason[k]):
@@ -85,6 +91,18 @@ def robots_allowed(view, state):
 
 
 @kernel
+def is_kept_off(state, allowed):
+    """Whether `active` alone keeps robots from orders that are left; `allowed`: as for match."""
+    left = np.int64(state.marks.count[1])
+    for k in range(state.seekers.count[0]):
+        i = np.int64(state.seekers.robot[k])
+        if state.pairs.place[i] != NIL:
+            left -= 1
+            allowed -= state.seekers.place[i] == NIL
+    return state.active != NIL and allowed <= 0 and left > 0
+
+
+@kernel
 def enter_decision(view, out, state, batch, i):
     """What robot i, which seeks, does: its new order, or nothing."""
     k, place = np.int64(state.seekers.entry[i]), np.int64(state.pairs.place[i])
@@ -92,7 +110,7 @@ def enter_decision(view, out, state, batch, i):
         order = np.int64(state.open_orders.order[place])
         if order != view.robots.order[i]:
             take_order(view, out, k, i, order)
-    elif view.robots.order[i] == NIL and state.parks and state.active == NIL:
+    elif view.robots.order[i] == NIL and state.parks and state.keeps_off[0] == 0:
         if batch.reason[k] != REASON_PERIODIC:
             out.command[k] = CMD_PARK
 
@@ -125,6 +143,7 @@ class Greedy(Strategy):
             rest=round(1000 * parameters.rest),
             active=NIL if parameters.active is None else parameters.active,
             parks=int(parameters.idle == "park"),
+            keeps_off=np.zeros(1, np.uint8),
             open_orders=OpenOrders.sized(sizes),
             marks=Marks.sized(sizes),
             seekers=Seekers.sized(sizes),

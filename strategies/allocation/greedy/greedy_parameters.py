@@ -38,6 +38,7 @@ class GreedyParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True, 
     idle: Annotated[
         Literal["park", "stay"],
         Meta(
-            description="what robots without an order do; those that `active` keeps from one stay"
+            description="what robots without an order do; those that `active` keeps from an open one "
+            "stay"
         ),
     ] = "park"

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import heapq
 from collections.abc import Sequence
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from battery_scenes import recorded_run, scene
@@ -16,6 +18,7 @@ from automaton.engine.state import (
     ACTION_MOVE,
     ACTION_TURN,
     CLOCK_TICK,
+    GOAL_PARK,
     NIL,
     ORDER_WAITING,
 )
@@ -118,6 +121,21 @@ def test_only_so_many_robots_have_an_order() -> None:
         run.run(until=run.tick + 1)
         assert np.count_nonzero(run.world.robots.order != NIL) <= 2
     assert run.world.orders.delivered.min() > 0
+
+
+@pytest.mark.parametrize("active", [1, 2])
+def test_robots_park_when_no_order_is_open_for_them(active: int) -> None:
+    """Nobody drives home as long as one is free."""
+    orders = [[(x, y)] for x in range(1, 9) for y in (0, 4)]
+    resolved = greedy(FLOOR, [(0, 2), (9, 2)], orders, active=active)
+    stop = msgspec.structs.replace(resolved.scenario.stop, when="parked")
+    scenario = msgspec.structs.replace(resolved.scenario, stop=stop)
+    run = Simulation(dataclasses.replace(resolved, scenario=scenario))
+    while ((run.world.orders.state == ORDER_WAITING) & (run.world.orders.reserved_by == NIL)).any():
+        assert not (run.world.robots.goal_type == GOAL_PARK).any()
+        run.run(until=run.tick + 1)
+    run.run()
+    assert run.finished and run.world.robots.parked.all()
 
 
 def test_matched_again_no_more_robots_get_an_order_than_may() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -93,6 +94,21 @@ def test_what_cannot_be_reproduced_is_said_in_a_sentence(
     monkeypatch.chdir(tmp_path)
     assert main(["reproduce", *arguments]) == 2
     assert sentence in capsys.readouterr().err
+
+
+def test_what_is_no_file_is_passed_over(data: Path) -> None:
+    """A folder named x.json, a pipe that nobody writes, and a link to nothing."""
+    (data / "league" / "folder.json").mkdir()
+    os.mkfifo(data / "league" / "pipe.json")
+    (data / "league" / "link.json").symlink_to(data / "nothing.json")
+    assert [table.name for table in from_data(data).tables] == ["league", "tables"]
+
+
+def test_a_file_that_cannot_be_read_is_named(data: Path) -> None:
+    with (data / "league" / "large.json").open("wb") as stream:
+        stream.truncate(1 << 30)
+    with pytest.raises(InputError, match=r"large\.json: has 1,073\.7 MB"):
+        from_data(data)
 
 
 def test_a_mistake_in_the_data_is_named_with_its_file(data: Path) -> None:

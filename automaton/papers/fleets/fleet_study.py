@@ -25,6 +25,7 @@ from automaton.exchange.robot_runners import read_league_problem
 from automaton.papers.claims import Claim, Figure, above, claim, mean_of
 from automaton.papers.reproduction_study import Case, Cases, Key, Reproduction, Runner, Table
 from automaton.runs.process_pool import OnDone, Result, run_all
+from automaton.scenario.reading import read_text
 from automaton.strategy import lookup
 from layouts.random_floor import RandomFloor
 
@@ -58,7 +59,7 @@ WHERE: Final = (
     "(github.com/MAPF-Competition/Start-Kit). `automaton reproduce fleets --data FOLDER` reads them."
 )
 
-MAP_KEY: Final = b'"mapFile"'  # what problems of the league have, and outputs do not
+MAP_KEY: Final = '"mapFile"'  # what problems of the league have, and outputs do not
 
 ProblemOf = Callable[[Key], Problem]
 
@@ -193,7 +194,7 @@ def from_data(folder: Path) -> Reproduction:
             claims += [as_printed(place.name, fleets), more_tasks(place.name, fleets)]
             title = f"{place.name}: tasks in {TICKS:,} ticks, dealt out in turn"
             tables.append(table_of(title, problems, published=printed, name=place.name))
-        files = [path for path in sorted(place.glob("*.json")) if MAP_KEY in path.read_bytes()]
+        files = [path for path in sorted(place.glob("*.json")) if is_league_problem(path)]
         league = [read_league_problem(path) for path in files]
         if league:
             pool = {(one.name, one.robots): (lambda _, one=one: one) for one in league}
@@ -202,6 +203,11 @@ def from_data(folder: Path) -> Reproduction:
     if not tables:
         raise InputError("holds no problem: neither map.txt nor a problem's .json", str(folder))
     return replace(REPRODUCTION, tables=tuple(tables), claims=tuple(claims), remarks=REMARKS[1:])
+
+
+def is_league_problem(path: Path) -> bool:
+    """Whether a file, not a folder or a pipe, is a problem of the league. Raises InputError."""
+    return path.is_file() and MAP_KEY in read_text(path)
 
 
 def fleet_reader(folder: Path) -> ProblemOf:

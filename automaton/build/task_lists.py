@@ -7,6 +7,7 @@ makes a move for each row and column at least.
 
 from __future__ import annotations
 
+from math import gcd
 from typing import Final
 
 import numpy as np
@@ -61,7 +62,12 @@ def _from_a_pool(scenario: Scenario, floor_plan: FloorPlan) -> int:
 
 
 def _dealt_out(scenario: Scenario, floor_plan: FloorPlan) -> int:
-    """As many tasks for each robot as the fastest of them could do, and one more."""
+    """As many tasks for each robot as the fastest of them could do, and one more.
+
+    After so many rounds as there are tasks, at most, each robot is dealt the same ones again. Where it
+    is then depends on its last task alone: soon it is where it was one or two such periods before, and
+    what they took is added at once.
+    """
     robots, ticks = scenario.fleet.robots, scenario.stop.max_duration
     count, cells = cells_of_tasks(scenario.orders, floor_plan)
     within = _ticks_within(scenario, floor_plan)
@@ -70,8 +76,18 @@ def _dealt_out(scenario: Scenario, floor_plan: FloorPlan) -> int:
     spent = np.zeros(robots, np.int64)
     here = np.full(robots, NIL)
     idle = np.zeros(robots, np.int64)  # rounds in which a robot passed over its tasks
-    rounds = 0
+    rounds, period = 0, len(count) // gcd(len(count), robots)
+    before: list[tuple[Array, Array]] = []  # here and spent, one and two periods ago
     while (spent <= ticks).any() and rounds * robots <= MAX_ORDERS:
+        if rounds % period == 0:
+            for periods, (place, sum_then) in enumerate(before, 1):
+                if (place == here).all():
+                    most = max(0, (MAX_ORDERS // robots - rounds) // (periods * period))
+                    times = min(most, _repetitions(ticks - spent, spent - sum_then))
+                    spent += times * (spent - sum_then)
+                    rounds += times * periods * period
+                    break
+            before = [(here, spent.copy()), *before[:1]]
         task = (rounds * robots + np.arange(robots)) % len(count)
         way = np.where(here == NIL, 0, _moves(here, begin[task], floor_plan))
         took = np.maximum(way * _move_ticks(scenario), 1) + within[task] - 1
@@ -82,6 +98,15 @@ def _dealt_out(scenario: Scenario, floor_plan: FloorPlan) -> int:
         spent[idle > len(count)] = ticks + 1  # it will pass over all of them
         rounds += 1
     return (rounds + 1) * robots
+
+
+def _repetitions(left: Array, took: Array) -> int:
+    """How often ticks can be spent until the last robot has hardly any left; both (robots,)."""
+    open_ = left >= 0
+    if (took[open_] <= 0).any():
+        return 0  # it passes over all of its tasks
+    times: int = (left[open_] // took[open_]).max()
+    return times
 
 
 def _ticks_within(scenario: Scenario, floor_plan: FloorPlan) -> Array:

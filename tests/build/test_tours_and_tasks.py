@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from battery_scenes import recorded_run, scene
 
+from automaton.build import task_lists
+from automaton.build.task_lists import _moves as moves
 from automaton.build.task_lists import order_count
 from automaton.engine.state import NIL, ORDER_DELIVERED, ORDER_WAITING
 from automaton.evidence.verification.verification import verify_recording
@@ -106,6 +108,21 @@ def test_a_list_that_repeats_is_never_used_up(assign: str, tasks: Any) -> None:
         resolved.scenario, resolved.floor_plan
     )
     assert verify_recording(recorder.recording()).passed
+
+
+@pytest.mark.parametrize("skip_reached", [False, True])
+def test_rounds_that_are_alike_are_not_counted_one_by_one(
+    skip_reached: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From one end of the row to the other takes 4 ticks each time, the first task none at best."""
+    orders = {"tasks": [[[0, 0]], [[4, 0]]], "repeat": True, "assign": "round-robin"}
+    orders["skip_reached"] = skip_reached
+    stop = {"when": "never", "max_duration": 8_000_000}
+    long = scene(FLOOR, [(0, 0)], orders=orders, strategy=GREEDY, stop=stop)
+    looked = []
+    monkeypatch.setattr(task_lists, "_moves", lambda *some: looked.append(1) or moves(*some))
+    assert abs(order_count(long.scenario, long.floor_plan) - 2_000_000) < 4
+    assert len(looked) < 30
 
 
 def test_dealt_out_each_robot_does_its_own_tasks_one_after_another() -> None:

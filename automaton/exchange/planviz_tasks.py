@@ -134,7 +134,7 @@ def _is_next(problem: Problem, progress: Progress, robot: int, task: int) -> boo
     expected = robot if last == NO_TASK else last + n
     if task % n != robot or task < expected:
         return False
-    passed = range(expected, task, n)
+    passed = range(expected, task, n)[: len(lines)]  # then the lines are the same again
     here = progress.where[robot]
     return all(problem.skip_reached and lines[one % len(lines)][0] == here for one in passed)
 

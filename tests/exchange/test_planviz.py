@@ -71,6 +71,29 @@ def events(*changed: list[int]) -> list[list[int]]:
     return sorted([*VALID["events"], *changed])
 
 
+def test_a_task_far_down_a_list_that_repeats_is_looked_for_once(tmp_path: Path) -> None:
+    """The robot passes over the tasks in its cell, (0, 1), and over no others."""
+    far = 2 * 10**18
+    (tmp_path / "map.txt").write_text(MAP)
+    (tmp_path / "agents_1.csv").write_text("agent id,row,col\n0,0,0\n")
+    output = output_file(
+        tmp_path,
+        teamSize=1,
+        start=[[0, 0, "E"]],
+        sumOfCost=2,
+        makespan=2,
+        actualPaths=["F,W"],
+        plannerPaths=["F,W"],
+        actualSchedule=[f"0:0,2:{far}"],
+        events=[[1, 0, 0, 1], [2, 0, far, 1]],
+        tasks=[[0, 0, [0, 1]], [far, 0, [0, 1]]],
+    )
+    for tasks, expected in (("1\n1\n", None), ("1\n3\n", "which is not its next one")):
+        (tmp_path / "tasks_one.csv").write_text("targets\n" + tasks)
+        found = verify_output(read_output(output), read_problem(tmp_path))
+        assert found is expected is None or expected in str(found)
+
+
 def test_an_output_that_keeps_the_rules_is_verified(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -4,7 +4,8 @@
     height 2           stand on `.` `G` `S` `E`, and not on `@` `O` `T` `W`.
     width 3
     map                A scenario: `version 1`, then a line for each start and goal:
-    ..@                bucket, map, width, height, start x, start y, goal x, goal y, length.
+    ..@                bucket, map, width, height, start x, start y, goal x, goal y, length,
+                       with tabs between them.
     .T.
 
 Source: N. Sturtevant, Benchmarks for Grid-Based Pathfinding, 2012; movingai.com/benchmarks.
@@ -123,7 +124,7 @@ def read_trips(path: Path) -> tuple[GridMap, list[Trip]]:
         raise InputError(f"a scenario must begin with 'version 1', found {text}", file, 1)
     if len(lines) == 1:
         raise InputError("holds no start and goal below 'version 1'", file, lines[0].number)
-    rows = [(line.number, line.text.split()) for line in lines[1:]]
+    rows = [(line.number, _columns(line.text)) for line in lines[1:]]
     for number, row in rows:
         if len(row) != SCEN_COLUMNS:
             text = f"the line has {len(row)} columns, a scenario has {SCEN_COLUMNS}: bucket, map, "
@@ -134,6 +135,11 @@ def read_trips(path: Path) -> tuple[GridMap, list[Trip]]:
             raise InputError(text, file, number)
     grid = read_map(_map_beside(path, rows[0][1][1], rows[0][0]))
     return grid, [_trip(grid, row, file, number) for number, row in rows]
+
+
+def _columns(text: str) -> list[str]:
+    """The columns of a line, by tabs if it has any: names of maps may have blanks."""
+    return [part.strip() for part in text.split("\t")] if "\t" in text else text.split()
 
 
 def _map_beside(path: Path, name: str, line: int) -> Path:

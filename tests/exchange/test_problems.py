@@ -137,6 +137,13 @@ def test_each_robot_of_a_scenario_has_one_goal(tmp_path: Path) -> None:
     assert read_problem(path, 1).tasks == ((5,),)
 
 
+def test_the_name_of_a_map_may_have_blanks_between_tabs(tmp_path: Path) -> None:
+    path = scen(tmp_path, "")
+    (tmp_path / "my map.map").write_text(MAP)
+    path.write_text("version 1\n0\tmy map.map\t4\t3\t0\t0\t1\t1\t2.0\n")
+    assert read_problem(path).starts.tolist() == [0]
+
+
 def test_a_map_alone_gets_random_robots_and_tasks_in_its_largest_part(tmp_path: Path) -> None:
     (tmp_path / "a.map").write_text(MAP)
     problem, again = (read_problem(tmp_path / "a.map", 3) for _ in range(2))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
+import numpy as np
 from msgspec import Meta
 
-from automaton.floor.cells import CELL_KINDS
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.robot_types import types_of
 from automaton.scenario.schema import Scenario
@@ -69,11 +69,10 @@ class EpibtParameters(SteeringParameters, forbid_unknown_fields=True, frozen=Tru
 
 def capacity_objection(floor_plan: FloorPlan) -> str | None:
     """Return a sentence on the first cell that takes more than one robot, or None."""
-    drivable = [kind.code for kind in CELL_KINDS if kind.drivable]
-    for y in range(floor_plan.height):
-        for x in range(floor_plan.width):
-            capacity = int(floor_plan.capacity[y + 1, x + 1])
-            if int(floor_plan.kind[y + 1, x + 1]) in drivable and capacity != 1:
-                robots = f"{capacity} robots" if capacity else "any number of robots"
-                return f"it plans on cells for one robot, found room for {robots} in ({x}, {y}); use pibt"
-    return None
+    wrong = np.flatnonzero(floor_plan.drivable & (floor_plan.capacity != 1))
+    if not len(wrong):
+        return None
+    x, y = floor_plan.xy(int(wrong[0]))
+    capacity = int(floor_plan.capacity.reshape(-1)[wrong[0]])
+    robots = f"{capacity} robots" if capacity else "any number of robots"
+    return f"it plans on cells for one robot, found room for {robots} in ({x}, {y}); use pibt"

@@ -15,6 +15,21 @@ orders: {{generator: stations, count: 10}}
 strategy: {{right_of_way: {right_of_way}}}
 stop: {{when: never, max_duration: 100}}
 """
+POCKETS = """
+name: pockets
+layout:
+  picture: |
+    ......
+    .####.
+    ..t.t.
+    #.##.#
+    #.####
+    #.####
+fleet: {{robots: {robots}, kinematics: differential, start: {starts}}}
+orders: {{generator: stations, count: 6}}
+strategy: {{right_of_way: pibt}}
+stop: {{when: parked, max_duration: 400}}
+"""
 TRACK = """
 name: track
 layout:
@@ -48,6 +63,27 @@ def test_fleets_that_will_not_get_through(tmp_path, pockets, robots, right_of_wa
     text = FLOOR.format(pockets=pockets, robots=robots, right_of_way=right_of_way)
     found = warned(tmp_path, text)
     assert [sentence[: len(begin)] for sentence, begin in zip(found, begins, strict=True)] == begins
+
+
+def test_of_a_crowd_no_number_is_promised(tmp_path):
+    (sentence,) = warned(tmp_path, FLOOR.format(pockets="false", robots=180, right_of_way="pibt"))
+    assert sentence.endswith("fewer orders get done than with half as many robots (study crowds)")
+
+
+@pytest.mark.parametrize(
+    ("starts", "cells"),
+    [
+        ("[[1, 4], [1, 5]]", "[1, 4]"),
+        ("[[1, 5], [1, 3]]", "[1, 3]"),
+        ("[[1, 3], [1, 5], [1, 4]]", "[1, 3], [1, 4]"),
+        ("[[1, 5], [1, 2]]", None),  # [1, 2] is on the ring
+        ("[[1, 4], [4, 3]]", None),  # two dead ends
+    ],
+)
+def test_homes_one_behind_the_other(tmp_path, starts, cells):
+    found = warned(tmp_path, POCKETS.format(starts=starts, robots=starts.count("[") - 1))
+    begin = f"homes of robots on the way out of dead ends ({cells}): "
+    assert [sentence[: len(begin)] for sentence in found] == ([begin] if cells else [])
 
 
 def test_priority_inheritance_needs_a_ring(tmp_path):

@@ -58,7 +58,8 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     "oldest_order": ("ticks", "since the release of the oldest order that is open at the end"),
     "starved_robots": (
         "robots",
-        "that have had something to do and finished nothing for the last 500 ticks",
+        "that have had something to do and finished nothing for 500 ticks, or for four times the "
+        "drive over width and height of the floor if that is more",
     ),
     "energy": ("batteries", "energy used, in full batteries"),
     "charging_share": ("share", "ticks at chargers / all robot ticks"),

@@ -12,6 +12,9 @@ import numpy as np
 
 from automaton.engine.robot_status import STATUS_UP
 from automaton.engine.state import (
+    ACTION_DROP,
+    ACTION_MOVE,
+    ACTION_PICK,
     CLOCK_TICK,
     GOAL_NONE,
     GOAL_PARK,
@@ -23,7 +26,10 @@ from automaton.engine.state import (
 )
 from automaton.floor.floor_plan import FloorPlan
 
-STARVED_TICKS: Final = 500
+LEAST_STARVED_TICKS: Final = 500
+STARVED_DRIVES: Final = (
+    4  # from side to side; the longest trip, and three times its length in traffic
+)
 JAM_ROBOTS: Final = 2  # fewer that stand together do not count
 REACH: Final = 2  # rows and columns between two robots of one jam
 
@@ -34,18 +40,33 @@ class Jam(NamedTuple):
     robots: tuple[int, ...]
     first: tuple[int, int]
     last: tuple[int, int]
+    ticks: int  # for which they have finished nothing, at least
 
 
-def starved_robots(world: World, ticks: int = STARVED_TICKS) -> Array:
-    """Storage indices of robots with something to do that have finished nothing for so many ticks.
+def starved_ticks(world: World) -> int:
+    """After how many ticks in which it has finished nothing a robot counts as starved.
 
-    Robots that are down, or queue for a charger, are not among them.
+    Four times what the slowest type takes for the width and the height of the floor, a pick and a
+    drop; 500 at least.
+    """
+    grid, slowest = world.grid, world.rules.duration.max(axis=0)
+    width = int(grid.width) - 2  # without the border
+    height = len(grid.kind) // int(grid.width) - 2
+    drive = (width + height) * int(slowest[ACTION_MOVE])
+    drive += int(slowest[ACTION_PICK]) + int(slowest[ACTION_DROP])
+    return max(LEAST_STARVED_TICKS, STARVED_DRIVES * drive)
+
+
+def starved_robots(world: World) -> Array:
+    """Storage indices of robots with something to do that have finished nothing for long.
+
+    How long says `starved_ticks`. Robots that are down, or queue for a charger, are not among them.
     """
     robots = world.robots
     at_work = (robots.goal_type != GOAL_NONE) & (robots.goal_type != GOAL_PARK)
     at_work &= (robots.status == STATUS_UP) & (robots.ticket == 0)
     stalled: Array = np.flatnonzero(
-        at_work & (world.tally.progress <= int(world.clock[CLOCK_TICK]) - ticks)
+        at_work & (world.tally.progress <= int(world.clock[CLOCK_TICK]) - starved_ticks(world))
     )
     return stalled
 
@@ -76,7 +97,9 @@ def largest_jam(world: World, floor_plan: FloorPlan) -> Jam | None:
         floor_plan.xy(int(side(rows)) * floor_plan.stride + int(side(columns)))
         for side in (np.min, np.max)
     )
-    return Jam(tuple(world.robots.identity[stalled[members]].tolist()), first, last)
+    return Jam(
+        tuple(world.robots.identity[stalled[members]].tolist()), first, last, starved_ticks(world)
+    )
 
 
 def _groups(rows: Array, columns: Array) -> Array:

@@ -9,7 +9,7 @@ from automaton.engine.observation import DEADLOCK_TICKS
 from automaton.engine.robot_status import STATUS_DEPLETED, STATUS_FAILED, STATUS_REMOVED
 from automaton.engine.state import GOAL_NONE, NIL, ORDER_DELIVERED, Array, World
 from automaton.runs.metrics import illegal_by_layer
-from automaton.runs.progress import STARVED_TICKS, Jam, largest_jam
+from automaton.runs.progress import Jam, largest_jam
 from automaton.runs.simulation import Simulation
 from automaton.units import count, listed
 
@@ -68,7 +68,7 @@ def describe_jam(jam: Jam | None) -> list[str]:
         return []
     (left, top), (right, bottom) = jam.first, jam.last
     robots = f"{len(jam.robots)} robots between [{left}, {top}] and [{right}, {bottom}]"
-    return [f"jam: {robots} have finished nothing for the last {STARVED_TICKS} ticks"]
+    return [f"jam: {robots} have finished nothing for the last {jam.ticks:,} ticks"]
 
 
 def robot_names(simulation: Simulation, stored: Array) -> str:

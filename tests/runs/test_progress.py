@@ -6,8 +6,21 @@ import numpy as np
 import pytest
 from small_runs import SmallRun
 
-from automaton.engine.state import GOAL_PICK, ORDER_WAITING
-from automaton.runs.progress import _groups, largest_jam, oldest_order, starved_robots
+from automaton.engine.state import (
+    ACTION_DROP,
+    ACTION_MOVE,
+    ACTION_PICK,
+    CLOCK_TICK,
+    GOAL_PICK,
+    ORDER_WAITING,
+)
+from automaton.runs.progress import (
+    _groups,
+    largest_jam,
+    oldest_order,
+    starved_robots,
+    starved_ticks,
+)
 
 
 def head_on(ticks):
@@ -22,7 +35,27 @@ def test_robots_that_finish_nothing_are_a_jam_where_they_stand():
     run = head_on(520)
     stalled = run.world.robots.identity[starved_robots(run.world)]
     assert sorted(stalled.tolist()) == [0, 1]
-    assert largest_jam(run.world, run.floor_plan) == ((0, 1), (1, 0), (2, 0))
+    assert largest_jam(run.world, run.floor_plan) == ((0, 1), (1, 0), (2, 0), 500)
+
+
+@pytest.mark.parametrize(
+    ("columns", "rows", "move", "handling", "ticks"),
+    [
+        (5, 3, 1, 0, 500),
+        (100, 30, 1, 0, 520),  # 4 x 130
+        (100, 30, 3, 0, 1560),  # at three ticks for a move
+        (100, 30, 1, 10, 600),  # a pick and a drop more
+    ],
+)
+def test_on_a_large_floor_robots_may_take_longer(columns, rows, move, handling, ticks):
+    run = SmallRun("\n".join(["A" + "." * (columns - 1), *["." * columns] * (rows - 1)]))
+    run.world.rules.duration[:, ACTION_MOVE] = move
+    run.world.rules.duration[:, [ACTION_PICK, ACTION_DROP]] = handling
+    assert starved_ticks(run.world) == ticks
+    run.world.robots.goal_type[0] = GOAL_PICK
+    for now, starved in ((ticks - 1, 0), (ticks, 1)):
+        run.world.clock[CLOCK_TICK] = now
+        assert len(starved_robots(run.world)) == starved
 
 
 def test_before_that_there_is_none():

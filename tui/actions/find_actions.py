@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from textual.app import App
 
 from automaton.engine.state import NIL
-from automaton.runs.progress import STARVED_TICKS
 from tui.actions import Command
 from tui.actions.clock_actions import ClockActions
 from tui.actions.panel_actions import PanelActions
@@ -144,9 +143,7 @@ class FindActions:
         if found:
             self._take_found(found)
         else:
-            session.notify(
-                f"no jam: no robots stand together without progress for {STARVED_TICKS} ticks"
-            )
+            session.notify("no jam: no robots stand together without progress for long")
 
     def _clear(self) -> None:
         self._session.choose()

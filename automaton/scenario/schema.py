@@ -175,7 +175,9 @@ class WorldRules(ConfigSection, frozen=True, kw_only=True):
         str,
         Meta(
             description='Memory for tables of distances, such as "512 MiB": a number and KiB, MiB, '
-            "GiB or TiB. It is taken as tables are needed, and decides nothing but the speed.",
+            "GiB or TiB. It is taken as tables are needed, and decides nothing but the speed. A "
+            "strategy with weights of its own, such as epibt with guidance lattice, may take as much "
+            "again.",
             pattern=MEMORY_PATTERN,
         ),
     ] = "1 GiB"

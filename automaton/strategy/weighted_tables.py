@@ -17,6 +17,8 @@ from automaton.engine.distance_tables import Array
 from automaton.engine.distance_tables import DistanceTables as DistanceTables
 from automaton.engine.state import World
 from automaton.engine.table_building import Costs, build_tables
+from automaton.errors import InputError
+from automaton.units import memory
 
 
 def weighted_tables(view: World, step: Array, turn: int | Array) -> DistanceTables:
@@ -25,8 +27,9 @@ def weighted_tables(view: World, step: Array, turn: int | Array) -> DistanceTabl
     `step`: (C, 4) or, by set of costs, (S, C, 4) whole numbers from 1 on: from cell c in direction d
     (E, S, W, N); only exits are looked at. A set has 16 distinct costs at most, those of turns
     included. `turn`: one number, or one by set. Set k has the exits of robot type k, or all sets those
-    of the only type. The tables take up to `world.distance_tables` of memory for themselves. Raises
-    ValueError for costs that are too many or too small, or of another shape.
+    of the only type. The tables take up to `world.distance_tables` of memory for themselves, beside
+    those of ticks. Raises ValueError for costs that are too many or too small, or of another shape;
+    InputError where the machine has not so much memory.
     """
     cells = len(view.grid.kind)
     steps = np.asarray(step).reshape(-1, cells, 4)
@@ -36,4 +39,11 @@ def weighted_tables(view: World, step: Array, turn: int | Array) -> DistanceTabl
     flags = np.broadcast_to(types, (len(steps), cells)).copy()
     turns = np.broadcast_to(np.asarray(turn, np.int64), len(steps)).copy()
     stop = np.zeros(1, np.int64)  # the run puts its own in place
-    return build_tables(view.grid, Costs(flags, steps, turns), view.rules.table_bytes, stop)
+    budget = view.rules.table_bytes
+    try:
+        return build_tables(view.grid, Costs(flags, steps, turns), budget, stop)
+    except MemoryError:
+        raise InputError(
+            f"world.distance_tables is {memory(budget)}, and the tables of a strategy with weights of its "
+            "own take as much again, more than this machine can give; set it lower"
+        ) from None

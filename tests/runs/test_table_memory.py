@@ -16,6 +16,7 @@ from automaton.engine.jit.structs import Struct
 from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.runs.simulation import Simulation
+from automaton.runs.table_room import tables_in
 from automaton.strategy.kernels import cost_at, cost_in, table_of, weighted_table_of
 from automaton.strategy.layer import Strategy
 from automaton.strategy.weighted_tables import DistanceTables, weighted_tables
@@ -71,6 +72,25 @@ def test_more_memory_than_the_machine_has_is_refused(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr("automaton.build.prepared_floor.build_tables", build_tables)
     with pytest.raises(InputError, match="is 3 TiB, more than this machine can give; set it lower"):
         Simulation(resolve("tabletop-mini", ["world.distance_tables=3 TiB"]))
+
+
+def test_tables_of_a_strategy_take_as_much_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    def build_tables(*_: Any) -> None:
+        raise MemoryError
+
+    view = Simulation(resolve("tabletop-mini", ["world.distance_tables=3 MiB"])).view
+    monkeypatch.setattr("automaton.strategy.weighted_tables.build_tables", build_tables)
+    with pytest.raises(InputError, match="is 3 MiB, and the tables of a strategy .* as much again"):
+        weighted_tables(view, np.full((len(view.grid.kind), 4), 2), 2)
+
+
+def test_a_table_of_the_lattice_takes_no_more_than_one_of_ticks() -> None:
+    """So that what `check` says of the one holds for the other."""
+    settings = ["strategy.right_of_way.name=epibt", "strategy.right_of_way.guidance=lattice"]
+    run = Simulation(resolve("sorting", [*settings, "fleet.robots=2"]))
+    (lattice,) = tables_in(run._states)
+    assert (lattice.is_narrow, run.workspace.tables.is_narrow) == (1, 1)
+    assert lattice.pool.size == run.workspace.tables.pool.size
 
 
 class KeepsAll(Strategy):

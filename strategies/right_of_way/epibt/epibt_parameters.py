@@ -28,7 +28,8 @@ class EpibtParameters(SteeringParameters, forbid_unknown_fields=True, frozen=Tru
         Literal["none", "lattice"],
         Meta(
             description="lattice: rows and columns are one-way streets by turns, and a move against "
-            "its street counts as three"
+            "its street counts as three; its distance tables take up to world.distance_tables of "
+            "memory beside those of ticks"
         ),
     ] = "none"
     repair_tries: Annotated[

@@ -233,7 +233,8 @@ def type_text(schema: Schema, definitions: Schema, here: set[str]) -> str:
     if "$ref" in schema:
         name = _name(schema)
         if name in here:
-            return f"[{name}](#{name.lower()})"
+            heading = name.lower().replace(".", "")
+            return f"[{name}](#{heading})"
         return type_text(definitions[name], definitions, here)
     for choice in ("anyOf", "oneOf"):
         if choice in schema:

@@ -51,9 +51,9 @@ def has_stations_in_dead_ends(resolved: Resolved, ends: DeadEnds) -> str:
 
 
 def has_homes_behind_others(resolved: Resolved, ends: DeadEnds) -> str:
-    """Warn about homes in dead ends on the way out of which another robot has its home."""
+    """Warn about homes in dead ends on the way to which another robot is to park."""
     scenario, floor_plan = resolved.scenario, resolved.floor_plan
-    if not ends.total or scenario.fleet.when_idle == "leave":
+    if not ends.total or scenario.stop.when != "parked" or scenario.fleet.when_idle == "leave":
         return ""
     cells, bays = homes(resolved, scenario.seed)
     taken = set(cells[bays == NIL].tolist())
@@ -71,8 +71,8 @@ def has_homes_behind_others(resolved: Resolved, ends: DeadEnds) -> str:
         return ""
     named = ", ".join(str(list(floor_plan.xy(cell))) for cell in blocking[:MOST_NAMED])
     return (
-        f"homes of robots on the way out of dead ends ({named}): robots whose homes lie deeper cannot "
-        "get past one that is parked there; give each dead end one home at most"
+        f"homes of robots on the way into dead ends ({named}): robots whose homes lie deeper cannot get "
+        "past one that is parked there; give each dead end one home at most"
     )
 
 

@@ -82,8 +82,13 @@ def test_of_a_crowd_no_number_is_promised(tmp_path):
 )
 def test_homes_one_behind_the_other(tmp_path, starts, cells):
     found = warned(tmp_path, POCKETS.format(starts=starts, robots=starts.count("[") - 1))
-    begin = f"homes of robots on the way out of dead ends ({cells}): "
+    begin = f"homes of robots on the way into dead ends ({cells}): "
     assert [sentence[: len(begin)] for sentence in found] == ([begin] if cells else [])
+
+
+def test_homes_matter_where_robots_are_to_park(tmp_path):
+    text = POCKETS.format(starts="[[1, 4], [1, 5]]", robots=2)
+    assert warned(tmp_path, text.replace("when: parked", "when: delivered")) == []
 
 
 def test_priority_inheritance_needs_a_ring(tmp_path):

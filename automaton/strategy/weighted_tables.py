@@ -44,6 +44,6 @@ def weighted_tables(view: World, step: Array, turn: int | Array) -> DistanceTabl
         return build_tables(view.grid, Costs(flags, steps, turns), budget, stop)
     except MemoryError:
         raise InputError(
-            f"world.distance_tables is {memory(budget)}, and the tables of a strategy with weights of its "
-            "own take as much again, more than this machine can give; set it lower"
+            f"world.distance_tables is {memory(budget)}, and the tables of a strategy with weights of "
+            "its own take as much again, more than this machine can give; set it lower"
         ) from None

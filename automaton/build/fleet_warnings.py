@@ -57,12 +57,12 @@ def has_homes_behind_others(resolved: Resolved, ends: DeadEnds) -> str:
         return ""
     cells, bays = homes(resolved, scenario.seed)
     taken = set(cells[bays == NIL].tolist())
-    seen: set[int] = set()
+    walked: set[int] = set()
     blocking = []
     for home in sorted(cell for cell in taken if ends.number[cell] >= 0):
         cell = home
-        while ends.number[cell] >= 0 and cell not in seen:
-            seen.add(cell)
+        while ends.number[cell] >= 0 and cell not in walked:
+            walked.add(cell)
             cell += floor_plan.offsets[ends.way_out[cell]]
             if cell in taken and ends.number[cell] >= 0:
                 blocking.append(cell)

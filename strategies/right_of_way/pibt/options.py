@@ -25,8 +25,18 @@ from automaton.strategy.kernels import (
     splitmix64,
     table_of,
 )
+from strategies.right_of_way.pibt.detours import (
+    U,
+    begin_detour,
+    follow_detour,
+    is_long,
+    is_on_detour,
+    leads_on,
+    wait_for_return,
+)
 from strategies.right_of_way.pibt.pibt_state import (
     LEAVING,
+    LONG,
     NO_OPTION,
     OPTION_BITS,
     STAY,
@@ -37,8 +47,6 @@ KEY_SHIFT = 8  # ticks stand above the bits that settle ties
 TURN_BIT = 128
 STAY_BITS = 192
 NO_KEY = (1 << 62) - 1  # of an option that a robot does not have
-U = np.uint64  # unsigned where it indexes: saves the test for a negative index
-LONG = 100_000  # ticks: of a robot that stands for longer than one waits
 
 
 @kernel
@@ -120,7 +128,7 @@ def rank_all_options(view, state, workspace):
     price_all_steps(view, state, workspace)
     for i in range(view.robots.cell.shape[0]):
         if state.mode[U(i)] == UNDECIDED and view.robots.cell[U(i)] != NIL:
-            rank_options(view, state, i)
+            rank_options(view, state, workspace, i)
     mark_fixed(view, state, 0)
 
 
@@ -198,7 +206,7 @@ def cost_of_step(view, i, direction):
 
 
 @kernel
-def rank_options(view, state, i):
+def rank_options(view, state, workspace, i):
     """Enter the options of robot i, best first; the one that it has turned to is the first of all.
 
     Staying costs a tick more than the best way on. Each key ends with its option, and five of them
@@ -213,13 +221,52 @@ def rank_options(view, state, i):
     south, b = key_of(view, state, i, 1, draws)
     west, c = key_of(view, state, i, 2, draws)
     north, d = key_of(view, state, i, 3, draws)
-    if is_beside_fixed(view, state, i):
-        east, south = key_with_wait(view, state, i, east), key_with_wait(view, state, i, south)
-        west, north = key_with_wait(view, state, i, west), key_with_wait(view, state, i, north)
-    here = min(min(a, b), min(c, d)) if robots.goal_type[U(i)] != GOAL_NONE else np.int64(0)
+    has_goal = robots.goal_type[U(i)] != GOAL_NONE
+    here = min(min(a, b), min(c, d)) if has_goal else np.int64(0)
+    if is_beside_fixed(view, state, i) or is_on_detour(view, state, i):
+        if has_goal and here < UNREACHABLE:
+            enter_waits(view, state, i, here)
+            here = compare_detours(view, state, workspace, i, here, (a, b, c, d))
+        else:
+            enter_waits(view, state, i, UNREACHABLE)
+        waits = state.waits
+        east, south = with_wait(east, waits[0]), with_wait(south, waits[1])
+        west, north = with_wait(west, waits[2]), with_wait(north, waits[3])
     stay = ((((here + 1) << KEY_SHIFT) | STAY_BITS) << OPTION_BITS) | STAY
     state.options[U(i)] = sorted_options(east, south, west, north, stay)
     state.option_next[U(i)] = 0
+
+
+@kernel
+def enter_waits(view, state, i, here):
+    """Enter what the steps of robot i cost beyond their ticks; `here`: those of the best one."""
+    follow_detour(view, state, i, here)
+    cell = np.int64(view.robots.cell[U(i)])
+    for direction in range(4):
+        to = cell + view.grid.offset[U(direction)]
+        state.waits[direction] = max(
+            ticks_until_free(view, state, i, to, direction), wait_for_return(view, state, i, to)
+        )
+
+
+@kernel
+def compare_detours(view, state, workspace, i, here, costs):
+    """Rank steps beside the best way, of `here` ticks, by what they save of its wait; the least cost."""
+    wait = np.int64(UNREACHABLE)
+    for direction in range(4):
+        if costs[direction] == here:
+            wait = min(wait, state.waits[direction])
+    best = here + wait
+    for direction in range(4):
+        cost = costs[direction] + state.waits[direction]
+        if costs[direction] > here and cost < here + wait:
+            if is_long(wait) or leads_on(view, state, workspace, i, direction):
+                best = min(best, cost)
+            else:
+                state.waits[direction] += wait
+    if best < here + wait:
+        begin_detour(view, state, i, here, wait)
+    return best
 
 
 @kernel
@@ -251,17 +298,22 @@ def is_beside_fixed(view, state, i):
 
 
 @kernel
-def key_with_wait(view, state, i, key):
-    """The key of a step of robot i, with the ticks until a robot that does not choose makes way."""
+def ticks_until_free(view, state, i, cell, direction):
+    """Ticks until a robot that does not choose makes way to robot i in a cell, 0 without one."""
+    if state.holds_fixed[U(cell)] == 0:
+        return np.int64(0)
+    u = holder_of(view, cell, direction)
+    if u == NIL or u == i or state.mode[U(u)] > LEAVING:
+        return np.int64(0)
+    return remaining_ticks(view, state, u)
+
+
+@kernel
+def with_wait(key, wait):
+    """The key of a step, with ticks of waiting before it, unless a robot has turned to it."""
     if key < 0 or key == NO_KEY:
         return key
-    direction = key & NO_OPTION
-    u = holder_of(
-        view, np.int64(view.robots.cell[U(i)]) + view.grid.offset[U(direction)], direction
-    )
-    if u == NIL or u == i or state.mode[U(u)] > LEAVING:
-        return key
-    return key + (remaining_ticks(view, state, u) << (KEY_SHIFT + OPTION_BITS))
+    return key + (wait << (KEY_SHIFT + OPTION_BITS))
 
 
 @kernel

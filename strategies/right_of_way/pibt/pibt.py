@@ -296,7 +296,7 @@ class Pibt(Strategy):
         with np.errstate(over="ignore"):
             draws = [int(splitmix64(np.uint64(view.rules.seed) ^ np.uint64(r))) for r in range(n)]
         return PibtState.sized(
-            {"n": n, "m": n + 1, "r": 2 * cells, "e": max(ends.total, 1)},
+            {"n": n, "m": n + 1, "w": 4, "r": 2 * cells, "e": max(ends.total, 1)},
             dead_ends=ends.total,
             queue=np.argsort(np.array(draws, np.uint64), kind="stable").astype(np.int32),
             dead_end=ends.number,

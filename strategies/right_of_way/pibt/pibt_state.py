@@ -13,6 +13,7 @@ DECIDED = 3
 STAY = 4  # an option beside the four directions
 NO_OPTION = 7  # after the last one
 OPTION_BITS = 3
+LONG = 100_000  # ticks: of a robot that stands for longer than one waits
 
 
 class PibtState(Struct):
@@ -26,6 +27,11 @@ class PibtState(Struct):
     since: Array = field(
         "(n,) int64", "with limited sight: the tick of the last visit that it has finished"
     )
+    detour_until: Array = field("(n,) int64", "until this tick it goes round another robot")
+    detour_cost: Array = field("(n,) int32", "the ticks to its goal where it met that one")
+    detour_goal: Array = field("(n,) int32", "its goal cell then", default=NIL)
+    detour_cell: Array = field("(n,) int32", "where it is", default=NIL)
+    detour_from: Array = field("(n,) int32", "and where it was before", default=NIL)
     queue: Array = field(
         "(q,) int32", "identities, by the time of the last visit that each has finished"
     )
@@ -37,6 +43,9 @@ class PibtState(Struct):
     mode: Array = field("(n,) uint8", "FIXED, LEAVING, UNDECIDED, DECIDED", role=SCRATCH)
     options: Array = field(
         "(n,) uint32", "directions and STAY, best first, in OPTION_BITS each", role=SCRATCH
+    )
+    waits: Array = field(
+        "(w,) int64", "what a step E, S, W, N of one robot costs beyond its ticks", role=SCRATCH
     )
     option_next: Array = field(
         "(n,) uint8", "the place of the option to be tried next", role=SCRATCH

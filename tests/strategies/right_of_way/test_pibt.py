@@ -13,7 +13,9 @@ from automaton.build.resolve import resolve
 from automaton.engine.distance_tables import UNREACHABLE
 from automaton.engine.state import (
     ACTION_DROP,
+    ACTION_MOVE,
     ACTION_PICK,
+    ACTION_WAIT,
     GOAL_CHARGE,
     GOAL_NONE,
     LAYER_RIGHT_OF_WAY,
@@ -21,20 +23,26 @@ from automaton.engine.state import (
 from automaton.engine.table_rows import cost_in
 from automaton.errors import InputError
 from automaton.runs.simulation import Simulation
-from automaton.scenario.schema import Durations
+from automaton.scenario.schema import Durations, Fault, Faults
 from strategies.right_of_way.pibt.pibt import Pibt
 
 GOAL = GOAL_CHARGE  # where there is no charger, a robot simply stays there
 
 
 def drive(picture, ticks=40, **options):
-    """Robots with goals by name (A=(x, y)); returns the run and, by robot, the tick of its arrival."""
+    """Robots with goals by name (A=(x, y)); returns the run and, by robot, the tick of its arrival.
+
+    `busy`: ticks for which robots work at the start.
+    """
     goals = {name: options.pop(name) for name in list(options) if name.isupper()}
+    busy = options.pop("busy", {})
     run = SmallRun(picture, strategies={"right_of_way": Pibt()}, **options)
     robots = run.world.robots
     for name, cell in goals.items():
         robots.goal_type[run.index(name)] = GOAL
         robots.goal_cell[run.index(name)] = run.floor_plan.cell(*cell)
+    for name, left in busy.items():
+        robots.busy[run.index(name)], robots.action[run.index(name)] = left, ACTION_WAIT
     arrived = {}
     for tick in range(1, ticks + 1):
         run.tick()
@@ -99,6 +107,47 @@ def test_one_robot_at_a_time_is_let_into_a_dead_end_and_out_again():
     assert arrived
     _, arrived = drive("....\n.##.\n....\nA###", A=(3, 0), ticks=20)
     assert arrived["A"] <= 10
+
+
+def moves_of(run, name):
+    return int(run.world.tally.operations[run.index(name), ACTION_MOVE].sum())
+
+
+B_IS_DOWN = Faults(listed=(Fault(at=1, robot=1),), tow_after=None, repair_time=None)
+
+
+def test_a_robot_that_is_down_is_gone_round():
+    run, arrived = drive(".....\n.AB..\n.....", A=(4, 1), faults=B_IS_DOWN)
+    assert arrived["A"] <= 8
+    assert moves_of(run, "A") == 5, "three, and two for the detour"
+
+
+def test_an_aisle_that_is_blocked_for_good_is_left_for_the_next_one():
+    """Distances lead back into the aisle from every cell between it and the next one."""
+    aisles = dedent("""
+    .....
+    A###.
+    .###.
+    B###.
+    .###.
+    .....
+    """)
+    run, arrived = drive(aisles, A=(0, 5), faults=B_IS_DOWN, ticks=30)
+    assert moves_of(run, "A") == 1 + 2 + 4 + 5 + 4, "round, without turning back"
+    assert arrived["A"] <= 18
+
+
+def test_a_robot_that_works_for_long_is_gone_round():
+    run, arrived = drive(".....\n.AB..\n.....", A=(4, 1), busy={"B": 30})
+    assert arrived["A"] <= 8
+    assert moves_of(run, "A") == 5
+
+
+def test_the_busy_are_waited_for_where_a_detour_takes_longer():
+    """Nobody drives back and forth behind them, and nobody goes the long way round."""
+    run, arrived = drive("A.B....\n.#####.\n.......", A=(6, 0), busy={"B": 5})
+    assert moves_of(run, "A") == 6
+    assert arrived["A"] <= 12
 
 
 def test_it_goes_with_no_routes():

@@ -25,6 +25,7 @@ class DeadEnds(NamedTuple):
 
     number: Numbers  # (C,) int32: the dead end of a cell, or NIL
     way_out: Numbers  # (C,) uint8: the direction out of it, or NO_WAY_OUT
+    depth: Numbers  # (C,) int32: moves out of it, 0 outside
     total: int
     ringless: Numbers  # (C,) bool: in a part of the floor without a ring, where robots cannot pass
 
@@ -71,7 +72,20 @@ def dead_ends(exits: Numbers, single: Numbers, offsets: Any) -> DeadEnds:
         total += 1
     way_out[number == NIL] = NO_WAY_OUT
     ringless |= peeled & (number == NIL)
-    return DeadEnds(number, way_out, total, ringless)
+    return DeadEnds(number, way_out, _depths(number, way_out, steps), total, ringless)
+
+
+def _depths(number: Numbers, way_out: Numbers, steps: list[int]) -> Numbers:
+    """(C,) int32: moves out of the dead end that a cell belongs to."""
+    depth = np.zeros(len(number), np.int32)
+    for first in np.flatnonzero(number != NIL).tolist():
+        passed, cell = [], first
+        while number[cell] != NIL and depth[cell] == 0:
+            passed.append(cell)
+            cell += steps[way_out[cell]]
+        for place, one in enumerate(reversed(passed)):
+            depth[one] = depth[cell] + 1 + place
+    return depth
 
 
 def _neighbours(exits: Numbers, steps: list[int]) -> Numbers:

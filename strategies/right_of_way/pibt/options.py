@@ -13,6 +13,7 @@ from automaton.engine.state import (
     GOAL_CHARGE,
     GOAL_DROP,
     GOAL_NONE,
+    GOAL_PARK,
     GOAL_PICK,
     NIL,
 )
@@ -25,6 +26,7 @@ from automaton.strategy.kernels import (
     splitmix64,
     table_of,
 )
+from strategies.right_of_way.pibt.alleys import has_to_leave
 from strategies.right_of_way.pibt.detours import (
     U,
     begin_detour,
@@ -168,6 +170,18 @@ def price_all_steps(view, state, workspace):
         i = np.int64(state.unpriced[U(k)])
         if robots.goal_type[U(i)] == GOAL_NONE:
             price_idle_steps(view, state, i)
+    if state.dead_ends:
+        price_ways_out(view, state)
+
+
+@kernel
+def price_ways_out(view, state):
+    """Robots on their way home that have to come out again forget about home for this tick."""
+    robots = view.robots
+    for i in range(robots.cell.shape[0]):
+        if robots.goal_type[U(i)] == GOAL_PARK and has_to_leave(view, state, i):
+            price_idle_steps(view, state, i)
+            state.priced_cell[U(i)] = NIL
 
 
 @kernel
@@ -188,7 +202,7 @@ def price_idle_steps(view, state, i):
     """Enter what follows on steps without a goal: all are alike, but for the way out of a dead end."""
     cell, robot_type = np.int64(view.robots.cell[U(i)]), np.int64(view.robots.type[U(i)])
     flags = np.int64(view.grid.type_cell_flags[U(robot_type), U(cell)])
-    leaves = has_to_leave(state, cell)
+    leaves = has_to_leave(view, state, i)
     for direction in range(4):
         cost = 1 if (flags >> direction) & 1 else UNREACHABLE
         if leaves and direction == state.way_out[U(cell)] and cost == 1:
@@ -314,12 +328,6 @@ def with_wait(key, wait):
     if key < 0 or key == NO_KEY:
         return key
     return key + (wait << (KEY_SHIFT + OPTION_BITS))
-
-
-@kernel
-def has_to_leave(state, cell):
-    """Whether a robot without a goal stands in a dead end that others want into."""
-    return state.dead_end[cell] != NIL and state.callers[state.dead_end[cell]] > 0
 
 
 @kernel

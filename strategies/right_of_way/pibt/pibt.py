@@ -33,6 +33,7 @@ from automaton.floor.dead_ends import dead_ends
 from automaton.strategy.kernels import direction_between, kernel, splitmix64
 from automaton.strategy.layer import Strategy
 from strategies.right_of_way.arrivals import is_at_goal
+from strategies.right_of_way.pibt.alleys import count_in_dead_ends, empty_dead_ends, has_to_leave
 from strategies.right_of_way.pibt.options import U, option_of, rank_all_options, resource_in
 from strategies.right_of_way.pibt.pibt_state import (
     DECIDED,
@@ -50,8 +51,7 @@ from strategies.right_of_way.right_of_way_parameters import SteeringParameters
 def look_at_robots(view, batch, state):
     """Who takes part, who is on the way to which cell, and who is in which dead end or wants into it."""
     robots, limited = view.robots, view.rules.radius != NIL
-    state.tenants[:] = 0
-    state.callers[:] = 0
+    empty_dead_ends(state)
     for i in range(robots.cell.shape[0]):
         if limited and i != batch.robot[0]:
             state.turning[i] = 0  # what others have in mind is out of sight
@@ -86,22 +86,6 @@ def let_choose(view, state, i):
     else:
         state.turning[i] = 0
         state.next[i] = view.robots.cell[i]
-
-
-@kernel
-def count_in_dead_ends(view, state, i):
-    """Count robot i in the dead end that it is in, enters, or wants into."""
-    here = state.dead_end[view.robots.cell[i]]
-    if here != NIL:
-        state.tenants[here] += 1
-    there = state.dead_end[state.next[i]] if state.mode[i] == LEAVING else here
-    if there != NIL and there != here:
-        state.tenants[there] += 1
-    if view.robots.goal_type[i] == GOAL_NONE:
-        return
-    wanted = state.dead_end[view.robots.goal_cell[i]]
-    if wanted != NIL and wanted != here:
-        state.callers[wanted] += 1
 
 
 @kernel
@@ -151,8 +135,10 @@ def rank_of(view, state, i):
         return HAS_NOTHING if is_idle else WORKS
     cell, goal = np.int64(robots.cell[i]), np.int64(robots.goal_cell[i])
     here = np.int64(NIL) if cell == NIL else np.int64(state.dead_end[cell])
+    if has_to_leave(view, state, i):
+        return LEAVES
     if robots.goal_type[i] == GOAL_NONE:
-        return LEAVES if here != NIL and state.callers[here] else HAS_NOTHING
+        return HAS_NOTHING
     there = np.int64(state.dead_end[goal])
     if here != NIL and here != there:
         return LEAVES
@@ -301,4 +287,5 @@ class Pibt(Strategy):
             queue=np.argsort(np.array(draws, np.uint64), kind="stable").astype(np.int32),
             dead_end=ends.number,
             way_out=ends.way_out,
+            depth=ends.depth,
         )

@@ -37,8 +37,14 @@ class PibtState(Struct):
     )
     dead_end: Array = field("(c,) int32", "the dead end that a cell belongs to", role=CONSTANT)
     way_out: Array = field("(c,) uint8", "the direction out of it", role=CONSTANT)
+    depth: Array = field("(c,) int32", "moves from a cell out of it", role=CONSTANT)
     tenants: Array = field("(e,) int32", "robots in a dead end, or on the way in", role=SCRATCH)
-    callers: Array = field("(e,) int32", "robots outside that want into it", role=SCRATCH)
+    drivers: Array = field("(e,) int32", "those of them that are not parked", role=SCRATCH)
+    callers: Array = field("(e,) int32", "robots outside that have work in it", role=SCRATCH)
+    parked_from: Array = field("(e,) int32", "the least depth of robots parked in it", role=SCRATCH)
+    parks_at: Array = field(
+        "(e,) int32", "the greatest depth at which robots outside will park, or 0", role=SCRATCH
+    )
     reserved: Array = field("(r,) int64", "tick << 32 | who is in it after this move", role=SCRATCH)
     mode: Array = field("(n,) uint8", "FIXED, LEAVING, UNDECIDED, DECIDED", role=SCRATCH)
     options: Array = field(

@@ -4,6 +4,7 @@ import numpy as np
 
 from automaton.engine.state import CLOCK_TICK, NIL
 from automaton.strategy.kernels import kernel, prefetch
+from strategies.right_of_way.pibt.alleys import may_enter
 from strategies.right_of_way.pibt.options import (
     U,
     holder_of,
@@ -45,18 +46,6 @@ def fetch_cells(view, state, i):
 @kernel
 def own_resource(view, i):
     return resource_in(view, np.int64(view.robots.cell[U(i)]), np.int64(view.robots.travel[U(i)]))
-
-
-@kernel
-def may_enter(view, state, i, cell):
-    """Whether robot i may enter a cell as far as dead ends go: alone, and with a goal inside."""
-    if state.dead_ends == 0:
-        return True
-    dead_end = np.int64(state.dead_end[cell])
-    if dead_end == NIL or state.dead_end[view.robots.cell[i]] == dead_end:
-        return True
-    goal = np.int64(view.robots.goal_cell[i])
-    return goal != NIL and state.dead_end[goal] == dead_end and state.tenants[dead_end] == 0
 
 
 @kernel

@@ -16,6 +16,7 @@ from automaton.engine.state import (
     ACTION_MOVE,
     ACTION_PICK,
     ACTION_WAIT,
+    CLOCK_UNPARKED,
     GOAL_CHARGE,
     GOAL_NONE,
     LAYER_RIGHT_OF_WAY,
@@ -32,10 +33,10 @@ GOAL = GOAL_CHARGE  # where there is no charger, a robot simply stays there
 def drive(picture, ticks=40, **options):
     """Robots with goals by name (A=(x, y)); returns the run and, by robot, the tick of its arrival.
 
-    `busy`: ticks for which robots work at the start.
+    `busy`: ticks for which robots work at the start; `parked`: robots that are at home then.
     """
     goals = {name: options.pop(name) for name in list(options) if name.isupper()}
-    busy = options.pop("busy", {})
+    busy, parked = options.pop("busy", {}), options.pop("parked", "")
     run = SmallRun(picture, strategies={"right_of_way": Pibt()}, **options)
     robots = run.world.robots
     for name, cell in goals.items():
@@ -43,6 +44,9 @@ def drive(picture, ticks=40, **options):
         robots.goal_cell[run.index(name)] = run.floor_plan.cell(*cell)
     for name, left in busy.items():
         robots.busy[run.index(name)], robots.action[run.index(name)] = left, ACTION_WAIT
+    for name in parked:
+        robots.parked[run.index(name)] = 1
+        run.world.clock[CLOCK_UNPARKED] -= 1
     arrived = {}
     for tick in range(1, ticks + 1):
         run.tick()
@@ -148,6 +152,39 @@ def test_the_busy_are_waited_for_where_a_detour_takes_longer():
     run, arrived = drive("A.B....\n.#####.\n.......", A=(6, 0), busy={"B": 5})
     assert moves_of(run, "A") == 6
     assert arrived["A"] <= 12
+
+
+HOMES_IN_A_DEAD_END = """
+name: homes
+layout:
+  picture: |
+    ......
+    .####.
+    ..x.y.
+    #.####
+    #.####
+    #.####
+  legend: {x: {kind: station}, y: {kind: station}}
+fleet: {robots: 3, kinematics: differential, start: [[1, 4], [1, 5], [1, 3]]}
+orders: {generator: stations, count: 6}
+strategy: {allocation: first-come, right_of_way: pibt}
+stop: {when: parked, max_duration: 300}
+seed: 1
+"""
+
+
+def test_robots_whose_homes_share_a_dead_end_park_in_it_all(tmp_path):
+    """Whoever comes first: the one farthest in parks first."""
+    (tmp_path / "homes.yaml").write_text(HOMES_IN_A_DEAD_END)
+    run = Simulation(resolve(tmp_path / "homes.yaml"))
+    run.run(until=300)
+    assert run.world.robots.parked.all()
+    assert run.tick < 150
+
+
+def test_a_robot_that_is_parked_deep_in_a_dead_end_comes_out_for_one_that_works_there():
+    run, arrived = drive(".B..\n.##.\n....\n#.##\n#.##\n#A##", B=(1, 4), parked="A", ticks=30)
+    assert arrived
 
 
 def test_it_goes_with_no_routes():

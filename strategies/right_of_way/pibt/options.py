@@ -22,7 +22,6 @@ from automaton.strategy.kernels import (
     find_step_costs,
     has_room_for,
     kernel,
-    lane_of,
     splitmix64,
     table_of,
 )
@@ -44,6 +43,7 @@ from strategies.right_of_way.pibt.pibt_state import (
     STAY,
     UNDECIDED,
 )
+from strategies.right_of_way.pibt.reservations import holder_of, resource_in
 
 KEY_SHIFT = 8  # ticks stand above the bits that settle ties
 TURN_BIT = 128
@@ -56,23 +56,6 @@ def turns_to(headings, heading, direction):
     """Turns of 90 degrees from a heading to a direction."""
     difference = (direction - heading) & (headings - 1)
     return 1 if difference == 3 else difference
-
-
-@kernel
-def resource_in(view, cell, direction):
-    """What a robot travelling in a direction takes of a cell, NIL where there is no limit."""
-    lane = lane_of(np.int64(view.grid.cell_flags[U(cell)]), direction)
-    return NIL if lane == NIL else cell + lane * view.grid.cell_flags.shape[0]
-
-
-@kernel
-def holder_of(view, cell, direction):
-    """The robot that holds this resource now, or NIL."""
-    lane = lane_of(np.int64(view.grid.cell_flags[U(cell)]), direction)
-    if lane == NIL:
-        return np.int64(NIL)
-    identity = np.int64(view.traffic.holder[U(cell), U(lane)])
-    return np.int64(NIL) if identity == NIL else np.int64(view.robots.at_index[U(identity)])
 
 
 @kernel
@@ -90,18 +73,6 @@ def remaining_ticks(view, state, u):
     if robots.goal_type[u] == GOAL_DROP:
         return np.int64(duration[ACTION_DROP])
     return np.int64(LONG if robots.goal_type[u] == GOAL_CHARGE else 1)
-
-
-@kernel
-def is_lane_free(view, state, i):
-    """Whether robot i can turn where it is: in a cell for two it takes both lanes."""
-    cell, travel = np.int64(view.robots.cell[U(i)]), np.int64(view.robots.travel[U(i)])
-    if (np.int64(view.grid.cell_flags[U(cell)]) >> 5) & 3 != 2:
-        return True
-    if holder_of(view, cell, travel ^ 2) != NIL:
-        return False
-    word = state.reserved[resource_in(view, cell, travel ^ 2)]
-    return word >> 32 != view.clock[CLOCK_TICK]
 
 
 @kernel
@@ -298,7 +269,7 @@ def key_of(view, state, i, direction, draws):
     tie = np.int64((draws >> np.uint64(8 * direction)) & np.uint64(63))
     tie = tie if is_limited else direction  # where there is room for all, as routes do
     key = (cost << KEY_SHIFT) | tie | (TURN_BIT * np.int64(turns != 0))
-    is_begun = (state.turning[U(i)] != 0) & (to == state.next[U(i)])
+    is_begun = state.begun[U(i)] == direction + 1
     key = ((NIL if is_begun else key) << OPTION_BITS) | direction
     return key if is_open else NO_KEY, cost if is_open else np.int64(UNREACHABLE)
 

@@ -21,7 +21,8 @@ class PibtState(Struct):
 
     dead_ends: int = field("int64", "how many there are", role=STATIC)
     next: Array = field("(n,) int32", "the cell that it turns to or enters, or its own")
-    turning: Array = field("(n,) uint8", "1 = it has begun a turn towards `next`")
+    turning: Array = field("(n,) uint8", "1 + the direction that it has begun to turn to, or 0")
+    begun: Array = field("(n,) uint8", "the same, 0 where a robot sees no plans", role=SCRATCH)
     aim_cell: Array = field("(n,) int32", "its goal cell when it was last looked at", default=NIL)
     aim_type: Array = field("(n,) uint8", "what it was to do there")
     since: Array = field(
@@ -45,7 +46,11 @@ class PibtState(Struct):
     parks_at: Array = field(
         "(e,) int32", "the greatest depth at which robots outside will park, or 0", role=SCRATCH
     )
-    reserved: Array = field("(r,) int64", "tick << 32 | who is in it after this move", role=SCRATCH)
+    calls: Array = field("(s,) int64", "how often it has decided, one number", role=SCRATCH)
+    in_sight: Array = field(
+        "(n,) int64", "with limited sight: who chooses, those first in the lowest", role=SCRATCH
+    )
+    reserved: Array = field("(r,) int64", "call << 32 | who is in it after this move", role=SCRATCH)
     mode: Array = field("(n,) uint8", "FIXED, LEAVING, UNDECIDED, DECIDED", role=SCRATCH)
     options: Array = field(
         "(n,) uint32", "directions and STAY, best first, in OPTION_BITS each", role=SCRATCH

@@ -183,7 +183,7 @@ def test_robots_whose_homes_share_a_dead_end_park_in_it_all(tmp_path):
 
 
 def test_a_robot_that_is_parked_deep_in_a_dead_end_comes_out_for_one_that_works_there():
-    run, arrived = drive(".B..\n.##.\n....\n#.##\n#.##\n#A##", B=(1, 4), parked="A", ticks=30)
+    _, arrived = drive(".B..\n.##.\n....\n#.##\n#.##\n#A##", B=(1, 4), parked="A", ticks=30)
     assert arrived
 
 
@@ -263,9 +263,13 @@ def test_how_robots_are_stored_changes_nothing(tmp_path):
     assert len(digests) == 1
 
 
-@pytest.mark.parametrize("information", ["orders", "{radius: 3}"])
-def test_limited_sight_gives_no_illegal_answers(tmp_path, information):
-    run = Simulation(resolve(aisles(tmp_path, "two", 12, 300, information=information)))
+def test_limited_sight_gives_no_illegal_answers(tmp_path):
+    run = Simulation(resolve(aisles(tmp_path, "two", 12, 300, information="{radius: 3}")))
     run.run(until=300)
     assert run.world.tally.illegal.sum() == 0
     assert (run.world.orders.delivered >= 0).sum() > 5
+
+
+def test_robots_that_see_nothing_are_refused(tmp_path):
+    with pytest.raises(InputError, match="give a radius, or use retreat"):
+        resolve(aisles(tmp_path, "two", 12, 300, information="orders"))

@@ -31,7 +31,6 @@ LEGEND = {
     "a": "{kind: station}",
     "e": "{kind: station, exits: [south]}",
     "f": "{kind: station, exits: [north]}",
-    "t": "{kind: station}",
 }
 FLEETS = (("two", 60), ("two", 120), ("one", 60), ("one", 120), ("stub", 60), ("dead", 30))
 

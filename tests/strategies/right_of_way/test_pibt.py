@@ -187,6 +187,30 @@ def test_a_robot_that_is_parked_deep_in_a_dead_end_comes_out_for_one_that_works_
     assert arrived
 
 
+def test_where_a_robot_has_turned_to_it_goes_first():
+    """Even if it would rather go elsewhere by then: others have made way for it."""
+    run, _ = drive(
+        "...\n.A.\n...", A=(0, 1), kinematics="differential", durations=Durations(turn=4), ticks=2
+    )
+    run.world.robots.goal_cell[0] = run.floor_plan.cell(2, 1)
+    run.tick(3)
+    assert run.floor_plan.xy(int(run.world.robots.cell[0])) == (0, 1)
+
+
+def test_two_robots_that_want_into_one_dead_end_go_in_one_after_the_other():
+    picture = "A....B\n.####.\n......\n##.###\n##.###"
+    run, arrived = drive(picture, A=(2, 4), B=(2, 3), ticks=30)
+    first, second = sorted(arrived, key=arrived.get)
+    assert arrived[second] - arrived[first] >= 4, "the first has come out before"
+    assert run.floor_plan.xy(int(run.world.robots.cell[run.index(first)]))[1] < 3
+
+
+def test_who_leaves_a_dead_end_goes_before_who_wants_into_it():
+    """B stands before it, with a goal in it; A comes out first, though both are as old."""
+    _, arrived = drive("......\n.####.\n..B...\n##A###", A=(5, 0), B=(2, 3), ticks=20)
+    assert set(arrived) == {"A", "B"}
+
+
 def test_it_goes_with_no_routes():
     with pytest.raises(InputError, match="routing 'congestion' would never be asked"):
         resolve("crossing", ["strategy.right_of_way=pibt", "strategy.routing=congestion"])

@@ -1,6 +1,6 @@
 """Dead ends: who may go in, and who has to come out.
 
-One robot that works is let in at a time, when nobody is in it; those that are parked there come out for
+One robot that works is let in at a time, when it is empty; those that are parked there come out for
 it. Robots whose homes share a dead end park from its end on: the one with the home farthest in goes
 first, and who is parked nearer to the mouth comes out for it.
 """

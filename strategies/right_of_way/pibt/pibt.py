@@ -34,7 +34,7 @@ from automaton.strategy.kernels import direction_between, kernel, splitmix64
 from automaton.strategy.layer import Strategy
 from strategies.right_of_way.arrivals import is_at_goal
 from strategies.right_of_way.pibt.alleys import count_in_dead_ends, empty_dead_ends, has_to_leave
-from strategies.right_of_way.pibt.options import U, option_of, rank_all_options
+from strategies.right_of_way.pibt.options import option_of, rank_all_options
 from strategies.right_of_way.pibt.pibt_state import (
     DECIDED,
     FIXED,
@@ -45,6 +45,7 @@ from strategies.right_of_way.pibt.pibt_state import (
 )
 from strategies.right_of_way.pibt.pushes import fetch_cells, push
 from strategies.right_of_way.pibt.reservations import (
+    U,
     reserve,
     reserve_other_lane,
     reserver_of,

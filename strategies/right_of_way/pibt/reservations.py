@@ -64,7 +64,7 @@ def is_lane_free(view, state, i):
 
 @kernel
 def reserve_other_lane(view, state, i):
-    """Robot i turns: in a cell for two nobody comes into the other lane meanwhile."""
+    """Robot i turns: in a cell for two no other robot comes into the other lane meanwhile."""
     cell, travel = np.int64(view.robots.cell[U(i)]), np.int64(view.robots.travel[U(i)])
     if is_for_two(view, cell):
         reserve(state, resource_in(view, cell, travel ^ 2), i)

@@ -148,7 +148,7 @@ def test_a_robot_that_works_for_long_is_gone_round():
 
 
 def test_the_busy_are_waited_for_where_a_detour_takes_longer():
-    """Nobody drives back and forth behind them, and nobody goes the long way round."""
+    """They are not driven back and forth behind, nor the long way round."""
     run, arrived = drive("A.B....\n.#####.\n.......", A=(6, 0), busy={"B": 5})
     assert moves_of(run, "A") == 6
     assert arrived["A"] <= 12

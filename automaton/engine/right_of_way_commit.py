@@ -93,6 +93,9 @@ def commit_steering(world, record, i, command, value):
             if robots.goal_type[i] == GOAL_NONE:  # pushed from its place: it comes back by itself
                 set_goal(world, i, GOAL_PARK, np.int64(robots.home[i]))
     elif command == CMD_HOLD and -1 <= value < 4:
+        if robots.parked[i] and in_bay == 0 and robots.goal_type[i] != GOAL_NONE:
+            robots.parked[i] = 0  # it has work: what it loses counts from now on
+            world.clock[CLOCK_UNPARKED] += 1
         if waits_in_bay or robots.parked[i] == 0:
             robots.step[i] = HOLD | (NO_STEP if value == NIL else value)
     elif command == CMD_WAIT and 1 <= value <= MAX_COMMAND_TICKS and robots.parked[i] == 0:

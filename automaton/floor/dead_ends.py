@@ -25,6 +25,7 @@ class DeadEnds(NamedTuple):
 
     number: Numbers  # (C,) int32: the dead end of a cell, or NIL
     way_out: Numbers  # (C,) uint8: the direction out of it, or NO_WAY_OUT
+    depth: Numbers  # (C,) int32: moves out of it, 0 outside
     total: int
     ringless: Numbers  # (C,) bool: in a part of the floor without a ring, where robots cannot pass
 
@@ -71,7 +72,44 @@ def dead_ends(exits: Numbers, single: Numbers, offsets: Any) -> DeadEnds:
         total += 1
     way_out[number == NIL] = NO_WAY_OUT
     ringless |= peeled & (number == NIL)
-    return DeadEnds(number, way_out, total, ringless)
+    return DeadEnds(number, way_out, _depths(number, way_out, steps), total, ringless)
+
+
+def _depths(number: Numbers, way_out: Numbers, steps: list[int]) -> Numbers:
+    """(C,) int32: moves out of the dead end that a cell belongs to."""
+    depth = np.zeros(len(number), np.int32)
+    for first in np.flatnonzero(number != NIL).tolist():
+        passed, cell = [], first
+        while number[cell] == number[first] and depth[cell] == 0:
+            passed.append(cell)
+            cell += steps[way_out[cell]]
+        beyond = depth[cell] if number[cell] == number[first] else 0
+        for place, one in enumerate(reversed(passed)):
+            depth[one] = beyond + 1 + place
+    return depth
+
+
+def dead_ends_of_types(exits: Numbers, single: Numbers, offsets: Any) -> DeadEnds:
+    """The dead ends of all types of robots; `exits`: (k, C) uint8, by type, less closed areas.
+
+    A cell that is in a dead end for one type counts as in one for all. Of two that overlap the one
+    that holds the other remains, or the one of the earlier type.
+    """
+    union, *others = (dead_ends(of_type, single, offsets) for of_type in exits)
+    number, way_out = union.number, union.way_out
+    for ends in others:
+        for one in range(ends.total):
+            inside = ends.number == one
+            met = np.unique(number[inside & (number != NIL)])
+            if not inside[np.isin(number, met)].all():
+                continue
+            number[inside] = met[0] if len(met) else number.max() + 1
+            way_out[inside] = ends.way_out[inside]
+    _, dense = np.unique(number[number != NIL], return_inverse=True)
+    number[number != NIL] = dense
+    total = int(number.max(initial=NIL)) + 1
+    depth = _depths(number, way_out, [int(offset) for offset in offsets])
+    return DeadEnds(number, way_out, depth, total, union.ringless)
 
 
 def _neighbours(exits: Numbers, steps: list[int]) -> Numbers:

@@ -49,6 +49,11 @@ class SteeringParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True
 
     def check_scenario(self, scenario: Any, floor_plan: Any) -> str | None:
         """What these do not go with, or None."""
+        if scenario.information == "orders":
+            return (
+                "robots make way for those that they see, and information orders shows them no further "
+                "than their next cell: give a radius, or use retreat"
+            )
         routing = scenario.strategy.routing
         name = routing if isinstance(routing, str) else routing.get("name")
         if name == "shortest":

@@ -10,11 +10,13 @@ from small_runs import STEPS, SmallRun
 from automaton.build.resolve import resolve
 from automaton.engine.state import (
     ACTION_HELD_BACK,
+    CLOCK_UNPARKED,
     CMD_GO,
     CMD_HOLD,
     CMD_STEP,
     GOAL_NONE,
     GOAL_PARK,
+    GOAL_PICK,
     LAYER_ALLOCATION,
     LAYER_RIGHT_OF_WAY,
     NIL,
@@ -91,6 +93,19 @@ def test_a_tick_in_which_a_robot_is_held_back_is_counted_and_explained():
     run.tick(2)
     assert run.why("A") == ("idle ahead", "B", (2, 0))
     assert run.world.tally.ticks[run.index("A"), ACTION_HELD_BACK].sum() == 3
+
+
+def test_a_robot_that_is_parked_on_the_floor_and_has_work_is_held_back_like_any_other():
+    run = SmallRun("A.B", strategies={"right_of_way": Scripted(A="heE")})
+    robots = run.world.robots
+    robots.parked[:] = 1
+    run.world.clock[CLOCK_UNPARKED] = 0
+    robots.goal_type[0], robots.goal_cell[0] = GOAL_PICK, run.floor_plan.cell(1, 0)
+    run.tick(1)
+    assert run.why("A") == ("held back", "", None)
+    run.tick(1)
+    assert run.world.tally.ticks[run.index("A"), ACTION_HELD_BACK].sum() == 2
+    assert run.world.clock[CLOCK_UNPARKED] == 1
 
 
 def test_a_robot_that_was_pushed_from_its_place_goes_home_and_allocation_is_not_asked_about_it():

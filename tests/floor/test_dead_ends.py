@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
-from automaton.floor.dead_ends import NO_WAY_OUT, dead_ends_of
+from automaton.floor.dead_ends import NO_WAY_OUT, dead_ends_of, dead_ends_of_types
 from automaton.floor.drawn_floors import draw_floor
 
 
@@ -42,3 +43,16 @@ def test_dead_ends_are_what_peels_away(picture, numbers):
     assert "\n".join(drawn) == numbers
     assert found.total == found.number.max() + 1
     assert ((found.way_out == NO_WAY_OUT) == (found.number < 0)).all()
+
+
+def test_a_dead_end_for_one_type_of_robots_is_one_for_all():
+    """The second type may not drive in the last cell of row 0, so it leaves the right ring as it came."""
+    whole = draw_floor(".....\n.#.#.\n.....")
+    less = draw_floor("....#\n.#.#.\n.....")
+    exits = np.array([one.exits.reshape(-1) for one in (whole, less)])
+    found = dead_ends_of_types(exits, whole.capacity.reshape(-1) == 1, whole.offsets)
+    assert dead_ends_of(whole).total == 0
+    assert found.total == 2
+    depths = {(3, 0): 1, (3, 2): 1, (4, 2): 2, (4, 1): 3}
+    assert {xy: int(found.depth[whole.cell(*xy)]) for xy in depths} == depths
+    assert np.count_nonzero(found.depth) == len(depths)

@@ -179,7 +179,7 @@ def faults(draws: Draws, robots: int) -> Options:
 
 
 def sight(draws: Draws) -> Any:
-    return draws.choice(["everything", "everything", "orders", {"radius": 2}, {"radius": 5}])
+    return draws.choice(["everything", "everything", {"radius": 2}, {"radius": 5}])
 
 
 def right_of_way(draws: Draws, strategy: str) -> Options:

@@ -13,6 +13,7 @@ from automaton.engine.state import (
     GOAL_CHARGE,
     GOAL_DROP,
     GOAL_NONE,
+    GOAL_PARK,
     GOAL_PICK,
     NIL,
 )
@@ -21,24 +22,33 @@ from automaton.strategy.kernels import (
     find_step_costs,
     has_room_for,
     kernel,
-    lane_of,
     splitmix64,
     table_of,
 )
+from strategies.right_of_way.pibt.alleys import has_to_leave
+from strategies.right_of_way.pibt.detours import (
+    U,
+    begin_detour,
+    follow_detour,
+    is_long,
+    is_on_detour,
+    leads_on,
+    wait_for_return,
+)
 from strategies.right_of_way.pibt.pibt_state import (
     LEAVING,
+    LONG,
     NO_OPTION,
     OPTION_BITS,
     STAY,
     UNDECIDED,
 )
+from strategies.right_of_way.pibt.reservations import holder_of, resource_in
 
 KEY_SHIFT = 8  # ticks stand above the bits that settle ties
 TURN_BIT = 128
 STAY_BITS = 192
 NO_KEY = (1 << 62) - 1  # of an option that a robot does not have
-U = np.uint64  # unsigned where it indexes: saves the test for a negative index
-LONG = 100_000  # ticks: of a robot that stands for longer than one waits
 
 
 @kernel
@@ -46,23 +56,6 @@ def turns_to(headings, heading, direction):
     """Turns of 90 degrees from a heading to a direction."""
     difference = (direction - heading) & (headings - 1)
     return 1 if difference == 3 else difference
-
-
-@kernel
-def resource_in(view, cell, direction):
-    """What a robot travelling in a direction takes of a cell, NIL where there is no limit."""
-    lane = lane_of(np.int64(view.grid.cell_flags[U(cell)]), direction)
-    return NIL if lane == NIL else cell + lane * view.grid.cell_flags.shape[0]
-
-
-@kernel
-def holder_of(view, cell, direction):
-    """The robot that holds this resource now, or NIL."""
-    lane = lane_of(np.int64(view.grid.cell_flags[U(cell)]), direction)
-    if lane == NIL:
-        return np.int64(NIL)
-    identity = np.int64(view.traffic.holder[U(cell), U(lane)])
-    return np.int64(NIL) if identity == NIL else np.int64(view.robots.at_index[U(identity)])
 
 
 @kernel
@@ -80,18 +73,6 @@ def remaining_ticks(view, state, u):
     if robots.goal_type[u] == GOAL_DROP:
         return np.int64(duration[ACTION_DROP])
     return np.int64(LONG if robots.goal_type[u] == GOAL_CHARGE else 1)
-
-
-@kernel
-def is_lane_free(view, state, i):
-    """Whether robot i can turn where it is: in a cell for two it takes both lanes."""
-    cell, travel = np.int64(view.robots.cell[U(i)]), np.int64(view.robots.travel[U(i)])
-    if (np.int64(view.grid.cell_flags[U(cell)]) >> 5) & 3 != 2:
-        return True
-    if holder_of(view, cell, travel ^ 2) != NIL:
-        return False
-    word = state.reserved[resource_in(view, cell, travel ^ 2)]
-    return word >> 32 != view.clock[CLOCK_TICK]
 
 
 @kernel
@@ -120,7 +101,7 @@ def rank_all_options(view, state, workspace):
     price_all_steps(view, state, workspace)
     for i in range(view.robots.cell.shape[0]):
         if state.mode[U(i)] == UNDECIDED and view.robots.cell[U(i)] != NIL:
-            rank_options(view, state, i)
+            rank_options(view, state, workspace, i)
     mark_fixed(view, state, 0)
 
 
@@ -160,6 +141,18 @@ def price_all_steps(view, state, workspace):
         i = np.int64(state.unpriced[U(k)])
         if robots.goal_type[U(i)] == GOAL_NONE:
             price_idle_steps(view, state, i)
+    if state.dead_ends:
+        price_ways_out(view, state)
+
+
+@kernel
+def price_ways_out(view, state):
+    """Robots on their way home that have to come out again forget about home for this tick."""
+    robots = view.robots
+    for i in range(robots.cell.shape[0]):
+        if robots.goal_type[U(i)] == GOAL_PARK and has_to_leave(view, state, i):
+            price_idle_steps(view, state, i)
+            state.priced_cell[U(i)] = NIL
 
 
 @kernel
@@ -180,7 +173,7 @@ def price_idle_steps(view, state, i):
     """Enter what follows on steps without a goal: all are alike, but for the way out of a dead end."""
     cell, robot_type = np.int64(view.robots.cell[U(i)]), np.int64(view.robots.type[U(i)])
     flags = np.int64(view.grid.type_cell_flags[U(robot_type), U(cell)])
-    leaves = has_to_leave(state, cell)
+    leaves = has_to_leave(view, state, i)
     for direction in range(4):
         cost = 1 if (flags >> direction) & 1 else UNREACHABLE
         if leaves and direction == state.way_out[U(cell)] and cost == 1:
@@ -198,7 +191,7 @@ def cost_of_step(view, i, direction):
 
 
 @kernel
-def rank_options(view, state, i):
+def rank_options(view, state, workspace, i):
     """Enter the options of robot i, best first; the one that it has turned to is the first of all.
 
     Staying costs a tick more than the best way on. Each key ends with its option, and five of them
@@ -213,13 +206,52 @@ def rank_options(view, state, i):
     south, b = key_of(view, state, i, 1, draws)
     west, c = key_of(view, state, i, 2, draws)
     north, d = key_of(view, state, i, 3, draws)
-    if is_beside_fixed(view, state, i):
-        east, south = key_with_wait(view, state, i, east), key_with_wait(view, state, i, south)
-        west, north = key_with_wait(view, state, i, west), key_with_wait(view, state, i, north)
-    here = min(min(a, b), min(c, d)) if robots.goal_type[U(i)] != GOAL_NONE else np.int64(0)
+    has_goal = robots.goal_type[U(i)] != GOAL_NONE
+    here = min(min(a, b), min(c, d)) if has_goal else np.int64(0)
+    if is_beside_fixed(view, state, i) or is_on_detour(view, state, i):
+        if has_goal and here < UNREACHABLE:
+            enter_waits(view, state, i, here)
+            here = compare_detours(view, state, workspace, i, here, (a, b, c, d))
+        else:
+            enter_waits(view, state, i, UNREACHABLE)
+        waits = state.waits
+        east, south = with_wait(east, waits[0]), with_wait(south, waits[1])
+        west, north = with_wait(west, waits[2]), with_wait(north, waits[3])
     stay = ((((here + 1) << KEY_SHIFT) | STAY_BITS) << OPTION_BITS) | STAY
     state.options[U(i)] = sorted_options(east, south, west, north, stay)
     state.option_next[U(i)] = 0
+
+
+@kernel
+def enter_waits(view, state, i, here):
+    """Enter what the steps of robot i cost beyond their ticks; `here`: those of the best one."""
+    follow_detour(view, state, i, here)
+    cell = np.int64(view.robots.cell[U(i)])
+    for direction in range(4):
+        to = cell + view.grid.offset[U(direction)]
+        state.waits[direction] = max(
+            ticks_until_free(view, state, i, to, direction), wait_for_return(view, state, i, to)
+        )
+
+
+@kernel
+def compare_detours(view, state, workspace, i, here, costs):
+    """Rank steps beside the best way, of `here` ticks, by what they save of its wait; the least cost."""
+    wait = np.int64(UNREACHABLE)
+    for direction in range(4):
+        if costs[direction] == here:
+            wait = min(wait, state.waits[direction])
+    best = here + wait
+    for direction in range(4):
+        cost = costs[direction] + state.waits[direction]
+        if costs[direction] > here and cost < here + wait:
+            if is_long(wait) or leads_on(view, state, workspace, i, direction):
+                best = min(best, cost)
+            else:
+                state.waits[direction] += wait
+    if best < here + wait:
+        begin_detour(view, state, i, here, wait)
+    return best
 
 
 @kernel
@@ -237,7 +269,7 @@ def key_of(view, state, i, direction, draws):
     tie = np.int64((draws >> np.uint64(8 * direction)) & np.uint64(63))
     tie = tie if is_limited else direction  # where there is room for all, as routes do
     key = (cost << KEY_SHIFT) | tie | (TURN_BIT * np.int64(turns != 0))
-    is_begun = (state.turning[U(i)] != 0) & (to == state.next[U(i)])
+    is_begun = state.begun[U(i)] == direction + 1
     key = ((NIL if is_begun else key) << OPTION_BITS) | direction
     return key if is_open else NO_KEY, cost if is_open else np.int64(UNREACHABLE)
 
@@ -251,23 +283,22 @@ def is_beside_fixed(view, state, i):
 
 
 @kernel
-def key_with_wait(view, state, i, key):
-    """The key of a step of robot i, with the ticks until a robot that does not choose makes way."""
-    if key < 0 or key == NO_KEY:
-        return key
-    direction = key & NO_OPTION
-    u = holder_of(
-        view, np.int64(view.robots.cell[U(i)]) + view.grid.offset[U(direction)], direction
-    )
+def ticks_until_free(view, state, i, cell, direction):
+    """Ticks until a robot that does not choose makes way to robot i in a cell, 0 without one."""
+    if state.holds_fixed[U(cell)] == 0:
+        return np.int64(0)
+    u = holder_of(view, cell, direction)
     if u == NIL or u == i or state.mode[U(u)] > LEAVING:
-        return key
-    return key + (remaining_ticks(view, state, u) << (KEY_SHIFT + OPTION_BITS))
+        return np.int64(0)
+    return remaining_ticks(view, state, u)
 
 
 @kernel
-def has_to_leave(state, cell):
-    """Whether a robot without a goal stands in a dead end that others want into."""
-    return state.dead_end[cell] != NIL and state.callers[state.dead_end[cell]] > 0
+def with_wait(key, wait):
+    """The key of a step, with ticks of waiting before it, unless a robot has turned to it."""
+    if key < 0 or key == NO_KEY:
+        return key
+    return key + (wait << (KEY_SHIFT + OPTION_BITS))
 
 
 @kernel

@@ -29,11 +29,12 @@ from automaton.engine.state import (
     GOAL_STOP,
     NIL,
 )
-from automaton.floor.dead_ends import dead_ends
+from automaton.floor.dead_ends import dead_ends_of_types
 from automaton.strategy.kernels import direction_between, kernel, splitmix64
 from automaton.strategy.layer import Strategy
 from strategies.right_of_way.arrivals import is_at_goal
-from strategies.right_of_way.pibt.options import U, option_of, rank_all_options, resource_in
+from strategies.right_of_way.pibt.alleys import count_in_dead_ends, empty_dead_ends, has_to_leave
+from strategies.right_of_way.pibt.options import option_of, rank_all_options
 from strategies.right_of_way.pibt.pibt_state import (
     DECIDED,
     FIXED,
@@ -42,7 +43,14 @@ from strategies.right_of_way.pibt.pibt_state import (
     UNDECIDED,
     PibtState,
 )
-from strategies.right_of_way.pibt.pushes import fetch_cells, push, reserve, reserver_of
+from strategies.right_of_way.pibt.pushes import fetch_cells, push
+from strategies.right_of_way.pibt.reservations import (
+    U,
+    reserve,
+    reserve_other_lane,
+    reserver_of,
+    resource_in,
+)
 from strategies.right_of_way.right_of_way_parameters import SteeringParameters
 
 
@@ -50,32 +58,43 @@ from strategies.right_of_way.right_of_way_parameters import SteeringParameters
 def look_at_robots(view, batch, state):
     """Who takes part, who is on the way to which cell, and who is in which dead end or wants into it."""
     robots, limited = view.robots, view.rules.radius != NIL
-    state.tenants[:] = 0
-    state.callers[:] = 0
+    state.calls[0] += 1
+    empty_dead_ends(state)
     for i in range(robots.cell.shape[0]):
-        if limited and i != batch.robot[0]:
-            state.turning[i] = 0  # what others have in mind is out of sight
-        cell, claim = np.int64(robots.cell[i]), np.int64(robots.claim[i])
+        sees_plans = not limited or i == batch.robot[0]  # what others have in mind is out of sight
         state.mode[i] = FIXED
-        if cell == NIL:
+        state.begun[i] = state.turning[i] if sees_plans else 0
+        if robots.cell[i] == NIL:
             continue
-        if claim != NIL and claim != cell:
-            state.next[i] = claim
-            state.mode[i] = LEAVING
-        elif robots.busy[i] and robots.action[i] == ACTION_TURN and state.turning[i]:
-            state.mode[i] = LEAVING
-        elif robots.busy[i] or not state.turning[i]:
-            state.turning[i] = 0
-            state.next[i] = cell
-        if state.mode[i] == LEAVING:
-            to = np.int64(state.next[i])
-            reserve(view, state, resource_in(view, to, direction_between(view.grid, cell, to)), i)
+        look_where_it_goes(view, state, i)
         if state.dead_ends:
             count_in_dead_ends(view, state, i)
         if limited and robots.busy[i] == 0 and robots.status[i] == STATUS_UP:
             let_choose(view, state, i)
+        if sees_plans:
+            state.turning[i] = state.begun[i]
     for k in range(batch.count[0]):
         let_choose(view, state, np.int64(batch.robot[k]))
+
+
+@kernel
+def look_where_it_goes(view, state, i):
+    """Enter the cell that robot i moves or turns to, and reserve it."""
+    robots = view.robots
+    cell, claim, begun = np.int64(robots.cell[i]), np.int64(robots.claim[i]), state.begun[i]
+    state.next[i] = cell
+    if claim != NIL and claim != cell:
+        state.next[i] = claim
+        state.mode[i] = LEAVING
+    elif robots.busy[i] and robots.action[i] == ACTION_TURN and begun:
+        state.next[i] = cell + view.grid.offset[begun - 1]
+        state.mode[i] = LEAVING
+        reserve_other_lane(view, state, i)
+    elif robots.busy[i]:
+        state.begun[i] = 0
+    if state.mode[i] == LEAVING:
+        to = np.int64(state.next[i])
+        reserve(state, resource_in(view, to, direction_between(view.grid, cell, to)), i)
 
 
 @kernel
@@ -84,24 +103,8 @@ def let_choose(view, state, i):
     if view.robots.cell[i] == NIL or not is_at_goal(view, i):
         state.mode[i] = UNDECIDED
     else:
+        state.begun[i] = 0
         state.turning[i] = 0
-        state.next[i] = view.robots.cell[i]
-
-
-@kernel
-def count_in_dead_ends(view, state, i):
-    """Count robot i in the dead end that it is in, enters, or wants into."""
-    here = state.dead_end[view.robots.cell[i]]
-    if here != NIL:
-        state.tenants[here] += 1
-    there = state.dead_end[state.next[i]] if state.mode[i] == LEAVING else here
-    if there != NIL and there != here:
-        state.tenants[there] += 1
-    if view.robots.goal_type[i] == GOAL_NONE:
-        return
-    wanted = state.dead_end[view.robots.goal_cell[i]]
-    if wanted != NIL and wanted != here:
-        state.callers[wanted] += 1
 
 
 @kernel
@@ -151,8 +154,10 @@ def rank_of(view, state, i):
         return HAS_NOTHING if is_idle else WORKS
     cell, goal = np.int64(robots.cell[i]), np.int64(robots.goal_cell[i])
     here = np.int64(NIL) if cell == NIL else np.int64(state.dead_end[cell])
+    if has_to_leave(view, state, i):
+        return LEAVES
     if robots.goal_type[i] == GOAL_NONE:
-        return LEAVES if here != NIL and state.callers[here] else HAS_NOTHING
+        return HAS_NOTHING
     there = np.int64(state.dead_end[goal])
     if here != NIL and here != there:
         return LEAVES
@@ -175,17 +180,37 @@ def list_robots_in_sight(view, batch, decisions, state):
     age = view.clock[CLOCK_TICK] - state.since[own]
     decisions.right_of_way.priority[0] = min(age, MAX_PRIORITY)
     count = 0
-    for identity in range(robots.cell.shape[0]):
-        i = np.int64(robots.at_index[identity])
-        if state.mode[i] != UNDECIDED:
-            continue
-        at = count
-        while at > 0 and robots.priority[robots.at_index[state.queue[at - 1]]] < robots.priority[i]:
-            state.queue[at] = state.queue[at - 1]
-            at -= 1
-        state.queue[at] = identity
-        count += 1
+    for i in range(robots.cell.shape[0]):
+        if state.mode[U(i)] == UNDECIDED:
+            first = MAX_PRIORITY - np.int64(robots.priority[U(i)])
+            state.in_sight[count] = (first << 32) | np.int64(robots.identity[U(i)])
+            count += 1
+    sort_words(state.in_sight, count)
+    for place in range(count):
+        state.queue[place] = state.in_sight[place] & 0xFFFFFFFF
     return count
+
+
+@kernel
+def sort_words(words, count):
+    """Sort the first `count` words in place, in ascending order (heapsort)."""
+    for k in range(count // 2):
+        sift_down(words, count // 2 - 1 - k, count)
+    for last in range(count - 1, 0, -1):
+        words[0], words[last] = words[last], words[0]
+        sift_down(words, 0, last)
+
+
+@kernel
+def sift_down(words, parent, count):
+    while 0 <= parent < count // 2:
+        child = 2 * parent + 1
+        if child + 1 < count and words[child + 1] > words[child]:
+            child += 1
+        if words[parent] >= words[child]:
+            return
+        words[parent], words[child] = words[child], words[parent]
+        parent = child
 
 
 @kernel
@@ -228,16 +253,16 @@ def leave_bay(view, state, i):
     if resource == NIL:
         state.next[i] = home
         return
-    if reserver_of(view, state, resource) != NIL:
+    if reserver_of(state, resource) != NIL:
         return
     identity = np.int64(view.traffic.holder[home, resource // view.grid.cell_flags.shape[0]])
     if identity == NIL:
-        reserve(view, state, resource, i)
+        reserve(state, resource, i)
         state.next[i] = home
         return
     holder = np.int64(robots.at_index[identity])
     if state.mode[holder] == UNDECIDED:
-        reserve(view, state, resource, i)
+        reserve(state, resource, i)
         push(view, state, holder)
 
 
@@ -256,7 +281,7 @@ def give_commands(view, batch, decisions, state):
                 out.value[k] = NIL if to == NIL else 0
         elif to != cell:
             direction = option_of(state, i, np.int64(state.option_next[U(i)]) - 1)
-            state.turning[U(i)] = 1 if direction & mask != robots.heading[U(i)] else 0
+            state.turning[U(i)] = direction + 1 if direction & mask != robots.heading[U(i)] else 0
             out.command[U(k)] = CMD_GO
             out.value[U(k)] = direction
         elif robots.goal_type[U(i)] != GOAL_NONE:
@@ -291,14 +316,15 @@ class Pibt(Strategy):
     def reset(self, view):
         """All robots have an equal claim at the start: the queue begins in an order by hash."""
         n, cells = len(view.robots.cell), len(view.grid.cell_flags)
-        flags = view.grid.cell_flags
-        ends = dead_ends(flags & 15, flags >> 5 & 3 == 1, view.grid.offset)
+        exits, single = view.grid.type_cell_flags & 15, view.grid.cell_flags >> 5 & 3 == 1
+        ends = dead_ends_of_types(exits, single, view.grid.offset)
         with np.errstate(over="ignore"):
             draws = [int(splitmix64(np.uint64(view.rules.seed) ^ np.uint64(r))) for r in range(n)]
         return PibtState.sized(
-            {"n": n, "m": n + 1, "r": 2 * cells, "e": max(ends.total, 1)},
+            {"n": n, "m": n + 1, "w": 4, "s": 1, "r": 2 * cells, "e": max(ends.total, 1)},
             dead_ends=ends.total,
             queue=np.argsort(np.array(draws, np.uint64), kind="stable").astype(np.int32),
             dead_end=ends.number,
             way_out=ends.way_out,
+            depth=ends.depth,
         )

@@ -13,6 +13,7 @@ DECIDED = 3
 STAY = 4  # an option beside the four directions
 NO_OPTION = 7  # after the last one
 OPTION_BITS = 3
+LONG = 100_000  # ticks: of a robot that stands for longer than one waits
 
 
 class PibtState(Struct):
@@ -20,23 +21,42 @@ class PibtState(Struct):
 
     dead_ends: int = field("int64", "how many there are", role=STATIC)
     next: Array = field("(n,) int32", "the cell that it turns to or enters, or its own")
-    turning: Array = field("(n,) uint8", "1 = it has begun a turn towards `next`")
+    turning: Array = field("(n,) uint8", "1 + the direction that it has begun to turn to, or 0")
+    begun: Array = field("(n,) uint8", "the same, 0 where a robot sees no plans", role=SCRATCH)
     aim_cell: Array = field("(n,) int32", "its goal cell when it was last looked at", default=NIL)
     aim_type: Array = field("(n,) uint8", "what it was to do there")
     since: Array = field(
         "(n,) int64", "with limited sight: the tick of the last visit that it has finished"
     )
+    detour_until: Array = field("(n,) int64", "until this tick it goes round another robot")
+    detour_cost: Array = field("(n,) int32", "the ticks to its goal where it met that one")
+    detour_goal: Array = field("(n,) int32", "its goal cell then", default=NIL)
+    detour_cell: Array = field("(n,) int32", "where it is", default=NIL)
+    detour_from: Array = field("(n,) int32", "and where it was before", default=NIL)
     queue: Array = field(
         "(q,) int32", "identities, by the time of the last visit that each has finished"
     )
     dead_end: Array = field("(c,) int32", "the dead end that a cell belongs to", role=CONSTANT)
     way_out: Array = field("(c,) uint8", "the direction out of it", role=CONSTANT)
+    depth: Array = field("(c,) int32", "moves from a cell out of it", role=CONSTANT)
     tenants: Array = field("(e,) int32", "robots in a dead end, or on the way in", role=SCRATCH)
-    callers: Array = field("(e,) int32", "robots outside that want into it", role=SCRATCH)
-    reserved: Array = field("(r,) int64", "tick << 32 | who is in it after this move", role=SCRATCH)
+    drivers: Array = field("(e,) int32", "those of them that are not parked", role=SCRATCH)
+    callers: Array = field("(e,) int32", "robots outside that have work in it", role=SCRATCH)
+    parked_from: Array = field("(e,) int32", "the least depth of robots parked in it", role=SCRATCH)
+    parks_at: Array = field(
+        "(e,) int32", "the greatest depth at which robots outside will park, or 0", role=SCRATCH
+    )
+    calls: Array = field("(s,) int64", "how often it has decided, one number", role=SCRATCH)
+    in_sight: Array = field(
+        "(n,) int64", "with limited sight: who chooses, those first in the lowest", role=SCRATCH
+    )
+    reserved: Array = field("(r,) int64", "call << 32 | who is in it after this move", role=SCRATCH)
     mode: Array = field("(n,) uint8", "FIXED, LEAVING, UNDECIDED, DECIDED", role=SCRATCH)
     options: Array = field(
         "(n,) uint32", "directions and STAY, best first, in OPTION_BITS each", role=SCRATCH
+    )
+    waits: Array = field(
+        "(w,) int64", "what a step E, S, W, N of one robot costs beyond its ticks", role=SCRATCH
     )
     option_next: Array = field(
         "(n,) uint8", "the place of the option to be tried next", role=SCRATCH

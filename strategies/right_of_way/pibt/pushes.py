@@ -2,33 +2,21 @@
 
 import numpy as np
 
-from automaton.engine.state import CLOCK_TICK, NIL
+from automaton.engine.state import NIL
 from automaton.strategy.kernels import kernel, prefetch
-from strategies.right_of_way.pibt.options import (
+from strategies.right_of_way.pibt.alleys import may_enter
+from strategies.right_of_way.pibt.options import option_of, turns_to, waits_in_vain_to_turn
+from strategies.right_of_way.pibt.pibt_state import DECIDED, NO_OPTION, STAY, UNDECIDED
+from strategies.right_of_way.pibt.reservations import (
     U,
     holder_of,
     is_lane_free,
-    option_of,
+    own_resource,
+    reserve,
+    reserve_other_lane,
+    reserver_of,
     resource_in,
-    turns_to,
-    waits_in_vain_to_turn,
 )
-from strategies.right_of_way.pibt.pibt_state import DECIDED, NO_OPTION, STAY, UNDECIDED
-
-
-@kernel
-def reserve(view, state, resource, i):
-    if resource != NIL:
-        state.reserved[U(resource)] = (view.clock[CLOCK_TICK] << 32) | i
-
-
-@kernel
-def reserver_of(view, state, resource):
-    """Who has reserved a resource in this tick, or NIL."""
-    if resource == NIL:
-        return np.int64(NIL)
-    word = state.reserved[U(resource)]
-    return word & 0xFFFFFFFF if word >> 32 == view.clock[CLOCK_TICK] else np.int64(NIL)
 
 
 @kernel
@@ -43,29 +31,12 @@ def fetch_cells(view, state, i):
 
 
 @kernel
-def own_resource(view, i):
-    return resource_in(view, np.int64(view.robots.cell[U(i)]), np.int64(view.robots.travel[U(i)]))
-
-
-@kernel
-def may_enter(view, state, i, cell):
-    """Whether robot i may enter a cell as far as dead ends go: alone, and with a goal inside."""
-    if state.dead_ends == 0:
-        return True
-    dead_end = np.int64(state.dead_end[cell])
-    if dead_end == NIL or state.dead_end[view.robots.cell[i]] == dead_end:
-        return True
-    goal = np.int64(view.robots.goal_cell[i])
-    return goal != NIL and state.dead_end[goal] == dead_end and state.tenants[dead_end] == 0
-
-
-@kernel
 def would_swap(view, state, i, to, holder):
     """Whether robot i and one that comes from that cell into its own would meet on the edge."""
     cell = np.int64(view.robots.cell[U(i)])
     if holder != NIL and state.mode[U(holder)] != UNDECIDED and state.next[U(holder)] == cell:
         return True
-    comer = reserver_of(view, state, own_resource(view, i))
+    comer = reserver_of(state, own_resource(view, i))
     return comer != NIL and comer != i and view.robots.cell[U(comer)] == to
 
 
@@ -100,7 +71,7 @@ FAILED = -2
 @kernel
 def stay(view, state, i):
     state.next[U(i)] = view.robots.cell[U(i)]
-    reserve(view, state, own_resource(view, i), i)
+    reserve(state, own_resource(view, i), i)
 
 
 @kernel
@@ -117,23 +88,26 @@ def take_option(view, state, i):
         if option == STAY:
             if must_turn and waits_in_vain_to_turn(view, state, i):
                 continue
-            comer = reserver_of(view, state, own_resource(view, i))
+            comer = reserver_of(state, own_resource(view, i))
             if comer == NIL or comer == i:
                 stay(view, state, i)
                 return SETTLED
             continue
-        if turns_to(view.grid.headings, heading, option) and not is_lane_free(view, state, i):
+        turns = turns_to(view.grid.headings, heading, option) > 0
+        if turns and not is_lane_free(view, state, i):
             must_turn = True
             continue
         to = cell + view.grid.offset[U(option)]
         resource = resource_in(view, to, option)
-        other = reserver_of(view, state, resource)
+        other = reserver_of(state, resource)
         if other != NIL and other != i:
             continue
         holder = holder_of(view, to, option)
         if would_swap(view, state, i, to, holder) or not may_enter(view, state, i, to):
             continue
-        reserve(view, state, resource, i)
+        reserve(state, resource, i)
+        if turns:
+            reserve_other_lane(view, state, i)
         state.next[U(i)] = to
         if holder != NIL and holder != i and state.mode[U(holder)] == UNDECIDED:
             return holder

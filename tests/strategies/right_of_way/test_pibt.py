@@ -13,7 +13,10 @@ from automaton.build.resolve import resolve
 from automaton.engine.distance_tables import UNREACHABLE
 from automaton.engine.state import (
     ACTION_DROP,
+    ACTION_MOVE,
     ACTION_PICK,
+    ACTION_WAIT,
+    CLOCK_UNPARKED,
     GOAL_CHARGE,
     GOAL_NONE,
     LAYER_RIGHT_OF_WAY,
@@ -21,20 +24,29 @@ from automaton.engine.state import (
 from automaton.engine.table_rows import cost_in
 from automaton.errors import InputError
 from automaton.runs.simulation import Simulation
-from automaton.scenario.schema import Durations
+from automaton.scenario.schema import Durations, Fault, Faults
 from strategies.right_of_way.pibt.pibt import Pibt
 
 GOAL = GOAL_CHARGE  # where there is no charger, a robot simply stays there
 
 
 def drive(picture, ticks=40, **options):
-    """Robots with goals by name (A=(x, y)); returns the run and, by robot, the tick of its arrival."""
+    """Robots with goals by name (A=(x, y)); returns the run and, by robot, the tick of its arrival.
+
+    `busy`: ticks for which robots work at the start; `parked`: robots that are at home then.
+    """
     goals = {name: options.pop(name) for name in list(options) if name.isupper()}
+    busy, parked = options.pop("busy", {}), options.pop("parked", "")
     run = SmallRun(picture, strategies={"right_of_way": Pibt()}, **options)
     robots = run.world.robots
     for name, cell in goals.items():
         robots.goal_type[run.index(name)] = GOAL
         robots.goal_cell[run.index(name)] = run.floor_plan.cell(*cell)
+    for name, left in busy.items():
+        robots.busy[run.index(name)], robots.action[run.index(name)] = left, ACTION_WAIT
+    for name in parked:
+        robots.parked[run.index(name)] = 1
+        run.world.clock[CLOCK_UNPARKED] -= 1
     arrived = {}
     for tick in range(1, ticks + 1):
         run.tick()
@@ -99,6 +111,104 @@ def test_one_robot_at_a_time_is_let_into_a_dead_end_and_out_again():
     assert arrived
     _, arrived = drive("....\n.##.\n....\nA###", A=(3, 0), ticks=20)
     assert arrived["A"] <= 10
+
+
+def moves_of(run, name):
+    return int(run.world.tally.operations[run.index(name), ACTION_MOVE].sum())
+
+
+B_IS_DOWN = Faults(listed=(Fault(at=1, robot=1),), tow_after=None, repair_time=None)
+
+
+def test_a_robot_that_is_down_is_gone_round():
+    run, arrived = drive(".....\n.AB..\n.....", A=(4, 1), faults=B_IS_DOWN)
+    assert arrived["A"] <= 8
+    assert moves_of(run, "A") == 5, "three, and two for the detour"
+
+
+def test_an_aisle_that_is_blocked_for_good_is_left_for_the_next_one():
+    """Distances lead back into the aisle from every cell between it and the next one."""
+    aisles = dedent("""
+    .....
+    A###.
+    .###.
+    B###.
+    .###.
+    .....
+    """)
+    run, arrived = drive(aisles, A=(0, 5), faults=B_IS_DOWN, ticks=30)
+    assert moves_of(run, "A") == 1 + 2 + 4 + 5 + 4, "round, without turning back"
+    assert arrived["A"] <= 18
+
+
+def test_a_robot_that_works_for_long_is_gone_round():
+    run, arrived = drive(".....\n.AB..\n.....", A=(4, 1), busy={"B": 30})
+    assert arrived["A"] <= 8
+    assert moves_of(run, "A") == 5
+
+
+def test_the_busy_are_waited_for_where_a_detour_takes_longer():
+    """They are not driven back and forth behind, nor the long way round."""
+    run, arrived = drive("A.B....\n.#####.\n.......", A=(6, 0), busy={"B": 5})
+    assert moves_of(run, "A") == 6
+    assert arrived["A"] <= 12
+
+
+HOMES_IN_A_DEAD_END = """
+name: homes
+layout:
+  picture: |
+    ......
+    .####.
+    ..x.y.
+    #.####
+    #.####
+    #.####
+  legend: {x: {kind: station}, y: {kind: station}}
+fleet: {robots: 3, kinematics: differential, start: [[1, 4], [1, 5], [1, 3]]}
+orders: {generator: stations, count: 6}
+strategy: {allocation: first-come, right_of_way: pibt}
+stop: {when: parked, max_duration: 300}
+seed: 1
+"""
+
+
+def test_robots_whose_homes_share_a_dead_end_park_in_it_all(tmp_path):
+    """Whoever comes first: the one farthest in parks first."""
+    (tmp_path / "homes.yaml").write_text(HOMES_IN_A_DEAD_END)
+    run = Simulation(resolve(tmp_path / "homes.yaml"))
+    run.run(until=300)
+    assert run.world.robots.parked.all()
+    assert run.tick < 150
+
+
+def test_a_robot_that_is_parked_deep_in_a_dead_end_comes_out_for_one_that_works_there():
+    _, arrived = drive(".B..\n.##.\n....\n#.##\n#.##\n#A##", B=(1, 4), parked="A", ticks=30)
+    assert arrived
+
+
+def test_where_a_robot_has_turned_to_it_goes_first():
+    """Even if it would rather go elsewhere by then: others have made way for it."""
+    run, _ = drive(
+        "...\n.A.\n...", A=(0, 1), kinematics="differential", durations=Durations(turn=4), ticks=2
+    )
+    run.world.robots.goal_cell[0] = run.floor_plan.cell(2, 1)
+    run.tick(3)
+    assert run.floor_plan.xy(int(run.world.robots.cell[0])) == (0, 1)
+
+
+def test_two_robots_that_want_into_one_dead_end_go_in_one_after_the_other():
+    picture = "A....B\n.####.\n......\n##.###\n##.###"
+    run, arrived = drive(picture, A=(2, 4), B=(2, 3), ticks=30)
+    first, second = sorted(arrived, key=arrived.get)
+    assert arrived[second] - arrived[first] >= 4, "the first has come out before"
+    assert run.floor_plan.xy(int(run.world.robots.cell[run.index(first)]))[1] < 3
+
+
+def test_who_leaves_a_dead_end_goes_before_who_wants_into_it():
+    """B stands before it, with a goal in it; A comes out first, though both are as old."""
+    _, arrived = drive("......\n.####.\n..B...\n##A###", A=(5, 0), B=(2, 3), ticks=20)
+    assert set(arrived) == {"A", "B"}
 
 
 def test_it_goes_with_no_routes():
@@ -177,9 +287,13 @@ def test_how_robots_are_stored_changes_nothing(tmp_path):
     assert len(digests) == 1
 
 
-@pytest.mark.parametrize("information", ["orders", "{radius: 3}"])
-def test_limited_sight_gives_no_illegal_answers(tmp_path, information):
-    run = Simulation(resolve(aisles(tmp_path, "two", 12, 300, information=information)))
+def test_limited_sight_gives_no_illegal_answers(tmp_path):
+    run = Simulation(resolve(aisles(tmp_path, "two", 12, 300, information="{radius: 3}")))
     run.run(until=300)
     assert run.world.tally.illegal.sum() == 0
     assert (run.world.orders.delivered >= 0).sum() > 5
+
+
+def test_robots_that_see_nothing_are_refused(tmp_path):
+    with pytest.raises(InputError, match="give a radius, or use retreat"):
+        resolve(aisles(tmp_path, "two", 12, 300, information="orders"))

@@ -65,7 +65,8 @@ def test_each_size_that_the_page_quotes_is_measured() -> None:
 
 
 def test_no_two_measurements_have_one_name() -> None:
-    names = [measurement.name for measurement in measurements(chosen(list(PARTS), True, True))]
+    parts = chosen([name for name in PARTS if name != "watching"], True, True)  # viewer has it
+    names = [measurement.name for measurement in measurements(parts)]
     assert len(set(names)) == len(names) and all(names)
 
 

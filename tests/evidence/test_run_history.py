@@ -183,7 +183,7 @@ def test_a_state_kept_at_the_branch_has_not_the_zones_that_follow(
     zoned: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """How long computing takes decides which states are kept: here all, that of the branch too."""
-    monkeypatch.setattr("automaton.evidence.history.watched_run.KEYFRAME_S", 0.0)
+    keep_all_states(monkeypatch)
     zones, none = CHANGES["zoning"], ("strategy.zoning=none",)
     before, change = (zones, none) if zoned == "before" else ((), zones)
 
@@ -195,6 +195,11 @@ def test_a_state_kept_at_the_branch_has_not_the_zones_that_follow(
     assert 300 in branch.keyframes.ticks
     for tick in (301, 300, 250, 320, 400):
         assert same(go(branch, tick).shown, go(fresh(), tick).shown), tick
+
+
+def keep_all_states(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("KEYFRAME_S", "KEYFRAME_TIME_RATIO"):
+        monkeypatch.setattr(f"automaton.evidence.history.watched_run.{name}", 0.0)
 
 
 def check_file(run: LiveRun, path: Path, ticks: list[int]) -> None:
@@ -251,7 +256,7 @@ def test_a_branch_at_the_last_tick_goes_on_when_the_limit_is_raised(tmp_path: Pa
 def test_a_finished_run_goes_on_when_more_is_asked_of_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("automaton.evidence.history.watched_run.KEYFRAME_S", 0.0)
+    keep_all_states(monkeypatch)
     path = tmp_path / "branch.rec"
     run = live("stop.when=delivered", name="tabletop-mini")
     last = run.show(10**6, 99)
@@ -262,7 +267,7 @@ def test_a_finished_run_goes_on_when_more_is_asked_of_it(
 
 
 def test_a_branch_can_be_rewound_at_little_cost(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("automaton.evidence.history.watched_run.KEYFRAME_S", 0.0)
+    keep_all_states(monkeypatch)
     run = go(live(*FLEET), 1500)
     assert len(branch_of(run, ()).keyframes.ticks) > 5
 

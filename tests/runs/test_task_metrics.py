@@ -363,7 +363,7 @@ def test_the_validator_accepts_the_run_and_refuses_a_rack_served_from_its_side(r
             5,
             "count belongs to the generators dock-to-rack, stations, visits",
         ),
-        (("warm_up: 50", "warm_up: 400"), 8, "measure begins after tick 400 (warm_up), but"),
+        (("warm_up: 50", "warm_up: 400"), 8, "measure begins after 400 ticks (warm_up), but"),
         (("warm_up: 50", "warm_up: -1"), 8, "measure.warm_up must be a whole number from 0"),
         (("when: never", "when: nevr"), 7, "(did you mean 'never'?)"),
         (("first-come", "first-cme"), 6, "(did you mean 'first-come'?)"),

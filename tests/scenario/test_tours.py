@@ -40,7 +40,7 @@ WRONG = (
     ("{list: [{stops: [[4, 2]]}]}", "the stop [4, 2] is a shelf: robots do not drive there"),
     ("{list: [{stops: [[7, 0]]}]}", "the stop [7, 0] lies outside the floor (x 0..6, y 0..2)"),
     ("{list: [{stops: [[0, 0], [6, 0]]}]}", "gets to its stop [6, 0] from its start, and back"),
-    ("{list: [{stops: [[0, 0]], from: [4, 2]}]}", "stops belong to an order without from and to"),
+    ("{list: [{stops: [[0, 0]], from: [4, 2]}]}", "the key 'to' is missing"),
     ("{list: [{stops: []}]}", "orders.list[0].stops"),
     ("{list: [{}]}", "an order needs from and to, or stops"),
     ("{list: [{stop: [[0, 0]]}]}", "did you mean 'stops'?"),

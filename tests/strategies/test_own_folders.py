@@ -73,7 +73,7 @@ def automaton(command: list[str], folder: Path, *arguments: str) -> str:
 
 @pytest.mark.parametrize("command", [CONSOLE, MODULE], ids=["console script", "python -m"])
 def test_own_folders_neither_hide_ours_nor_are_hidden(command: list[str], folder: Path) -> None:
-    assert "own folders: 1 shelf, 1 destination, 1 robot, ok" in automaton(
+    assert "own folders: 1 shelf, 1 destination, 1 robot, right of way retreat" in automaton(
         command, folder, "check", "mine.yaml"
     )
     ran = json.loads(automaton(command, folder, "run", "mine.yaml", "--json"))

@@ -103,7 +103,7 @@ def test_the_report_tells_hours_and_feet_beside_ticks_and_cells(
     run = json.loads(capsys.readouterr().out)
     ticks, distance = run["ticks"], run["metrics"]["distance"]
     minutes = ticks * 0.635055 / 60
-    assert f"({minutes:.4g} min)" in lines[0]
+    assert f"({minutes:.4g} min, {ticks:,} ticks)" in lines[0]
     assert "1 cell = 2.5 ft" in "".join(lines[:4])
     rows = {line.split()[0]: line.split() for line in lines if line.strip()}
     assert rows["makespan"][1:5] == [f"{minutes:.4g}", "min", f"{ticks:,}", "ticks"]

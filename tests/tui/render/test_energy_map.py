@@ -7,6 +7,7 @@ import pytest
 from render_scenes import composed, drawn, make_scene, shipped, signs
 from render_scenes import text as picture
 
+from automaton.engine.robot_status import BATTERY_FULL
 from automaton.floor.cells import STATION
 from tui.render.compose import compose
 from tui.render.describe import describe
@@ -14,7 +15,7 @@ from tui.render.glyphs import ASCII, UNICODE, GlyphSet
 from tui.render.map_legend import legend
 from tui.render.scene import Scene
 
-EMPTY_AT = 200_000 - 1  # just below what counts as low
+EMPTY_AT = BATTERY_FULL // 5 - 1  # just below what counts as low
 
 
 def every_condition() -> Scene:

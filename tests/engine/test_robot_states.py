@@ -35,6 +35,14 @@ TOURS = (
     "orders={generator: tours, count: 60, stops: {from: 1, to: 3}, mean_interarrival_time: 8}",
     "strategy.allocation={name: greedy, reassign: 3}",
 )
+STOPS = (
+    "strategy.charging=none",
+    "strategy.allocation=first-come",
+    "battery=null",
+    "orders={list: [{from: [0, 2], to: [2, 2], stops: [{at: [0, 2], for: 3}, {at: [4, 2], for: 20}]}, "
+    "{from: [2, 2], to: [4, 2], stops: [{at: [6, 2], for: 2}, [0, 2]]}, "
+    "{stops: [{at: [6, 2], for: 40}, [2, 2]]}, {stops: [[2, 2], {at: [4, 2], for: 9}]}]}",
+)
 # Runs in which every change of state occurs: scenario, settings, seed, ticks.
 RUNS = (
     ("tabletop-mini", (), 1, 400),
@@ -47,6 +55,7 @@ RUNS = (
     ("tabletop-2", ("fleet.robots=5",), 1, 200),
     ("crossing", (), 1, 205),
     ("depots", ("strategy.charging=fill-up",), 1, 300),
+    ("depots", (*STOPS, *REPAIRED), 4, 900),
     ("depots-full", ("strategy.charging=threshold",), 1, 300),
     ("depots-line", ("strategy.charging=opportunity", *REPAIRED), 1, 620),
     ("depots-line", ("strategy.charging=opportunity", *REPAIRED), 2, 180),

@@ -68,7 +68,7 @@ RUNS = (
     ("tabletop-mini", (*TOURS, *REPAIRED), 2, 206),
     ("factory-single", (), 2, 220),
     ("factory-single", ("strategy.right_of_way=pibt",), 2, 400),
-    ("tabletop-mini", ("strategy.right_of_way=pibt", "fleet.robots=5"), 1, 400),
+    ("tabletop-mini", ("strategy.right_of_way=pibt", "fleet.robots=5", *REPAIRED), 1, 400),
     ("factory-ddz", (*REDESIGNS, *REPAIRED), 1, 1190),
     ("factory-ddz", (*REDESIGNS, *REPAIRED), 2, 640),
 )

@@ -21,7 +21,8 @@ class EpibtParameters(SteeringParameters, forbid_unknown_fields=True, frozen=Tru
         Literal["nearest", "oldest"],
         Meta(
             description="nearest: robots that are closest to their goals come first, for throughput; "
-            "oldest: robots whose last finished goal was longest ago, so that none starves"
+            "oldest: robots whose last finished goal was longest ago; less gets done, and a crowd may "
+            "come to a stop"
         ),
     ] = "nearest"
     guidance: Annotated[

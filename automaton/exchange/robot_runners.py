@@ -92,8 +92,12 @@ def _mapping(path: Path) -> dict[str, Any]:
 
 def _rules(data: dict[str, Any], file: str) -> tuple[Assignment, float, bool]:
     """Return how tasks find robots, how many are open for each robot, and whether they repeat."""
-    if "2024" in str(data.get("version", "")):
+    version = str(data.get("version") or "")
+    if "2024" in version:
         return "pool", _number(data, "numTasksReveal", file), True
+    if version and "2023" not in version:
+        text = f"version must be '2024 LoRR', or '2023 LoRR' or left out, found {shown(version)}"
+        raise InputError(text, file)
     strategy = data.get("taskAssignmentStrategy", STRATEGIES_OF_2023[0])
     if strategy not in STRATEGIES_OF_2023:
         allowed = " or ".join(STRATEGIES_OF_2023)

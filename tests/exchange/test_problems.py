@@ -233,6 +233,10 @@ def test_a_task_in_two_parts_of_the_map_is_refused(tmp_path: Path) -> None:
         ({"teamSize": None, "teamsize": 2}, "is missing (did you mean 'teamsize'?)"),
         ({"teamSize": 2.5}, "teamSize must be a whole number from 1 to 1,000,000, found 2.5"),
         ({"numTasksReveal": "all"}, "numTasksReveal must be a number from 1 to 1,000, found 'all'"),
+        (
+            {"version": "2031 LoRR"},
+            "version must be '2024 LoRR', or '2023 LoRR' or left out, found",
+        ),
         ({"taskFile": 3}, "taskFile must be the file of the tasks, found '3'"),
         ({"taskFile": "b.tasks"}, "b.tasks: no such file"),
         (

@@ -8,8 +8,7 @@ import numpy as np
 
 from automaton.build.default_right_of_way import has_ringless_part, why_not_steered
 from automaton.build.resolve import Resolved
-from automaton.build.starts import homes
-from automaton.floor.cells import CHARGER, NIL, STATION
+from automaton.floor.cells import CHARGER, STATION
 from automaton.floor.dead_ends import DeadEnds, dead_ends_of
 from automaton.scenario.schema import ROUTE_FOLLOWERS
 from automaton.units import count
@@ -51,12 +50,16 @@ def has_stations_in_dead_ends(resolved: Resolved, ends: DeadEnds) -> str:
 
 
 def has_homes_behind_others(resolved: Resolved, ends: DeadEnds) -> str:
-    """Warn about homes in dead ends on the way to which another robot is to park."""
+    """Warn about homes in dead ends on the way to which another robot is to park.
+
+    Homes that are drawn differ from seed to seed, and bays are off the floor.
+    """
     scenario, floor_plan = resolved.scenario, resolved.floor_plan
     if not ends.total or scenario.stop.when != "parked" or scenario.fleet.when_idle == "leave":
         return ""
-    cells, bays = homes(resolved, scenario.seed)
-    taken = set(cells[bays == NIL].tolist())
+    if isinstance(resolved.start, str):
+        return ""
+    taken = set(resolved.start)
     walked: set[int] = set()
     blocking = []
     for home in sorted(cell for cell in taken if ends.number[cell] >= 0):

@@ -52,7 +52,7 @@ def has_stations_in_dead_ends(resolved: Resolved, ends: DeadEnds) -> str:
 def has_homes_behind_others(resolved: Resolved, ends: DeadEnds) -> str:
     """Warn about homes in dead ends on the way to which another robot is to park.
 
-    Homes that are drawn differ from seed to seed, and bays are off the floor.
+    Homes that are drawn differ from seed to seed, and parking bays are off the floor.
     """
     scenario, floor_plan = resolved.scenario, resolved.floor_plan
     if not ends.total or scenario.stop.when != "parked" or scenario.fleet.when_idle == "leave":

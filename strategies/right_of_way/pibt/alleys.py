@@ -9,10 +9,9 @@ import numpy as np
 
 from automaton.engine.state import GOAL_NONE, GOAL_PARK, NIL
 from automaton.strategy.kernels import kernel
-from strategies.right_of_way.pibt.pibt_state import LEAVING
+from strategies.right_of_way.pibt.pibt_state import LEAVING, U
 
 DEEPEST = 2**31 - 1
-U = np.uint64  # unsigned where it indexes: saves the test for a negative index
 
 
 @kernel

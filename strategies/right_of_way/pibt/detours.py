@@ -13,9 +13,7 @@ import numpy as np
 
 from automaton.engine.state import ACTION_MOVE, ACTION_TURN, CLOCK_TICK
 from automaton.strategy.kernels import UNREACHABLE, cost_in, kernel
-from strategies.right_of_way.pibt.pibt_state import LONG
-
-U = np.uint64  # unsigned where it indexes: saves the test for a negative index
+from strategies.right_of_way.pibt.pibt_state import LONG, U
 
 
 @kernel

@@ -27,7 +27,6 @@ from automaton.strategy.kernels import (
 )
 from strategies.right_of_way.pibt.alleys import has_to_leave
 from strategies.right_of_way.pibt.detours import (
-    U,
     begin_detour,
     follow_detour,
     is_long,
@@ -42,6 +41,7 @@ from strategies.right_of_way.pibt.pibt_state import (
     OPTION_BITS,
     STAY,
     UNDECIDED,
+    U,
 )
 from strategies.right_of_way.pibt.reservations import holder_of, resource_in
 

@@ -42,10 +42,10 @@ from strategies.right_of_way.pibt.pibt_state import (
     STAY,
     UNDECIDED,
     PibtState,
+    U,
 )
 from strategies.right_of_way.pibt.pushes import fetch_cells, push
 from strategies.right_of_way.pibt.reservations import (
-    U,
     reserve,
     reserve_other_lane,
     reserver_of,

@@ -1,5 +1,7 @@
 """What PIBT keeps from tick to tick, and what it works with in one."""
 
+import numpy as np
+
 from automaton.engine.jit.fields import CONSTANT, SCRATCH, STATIC, field
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import NIL, Array
@@ -13,6 +15,7 @@ DECIDED = 3
 STAY = 4  # an option beside the four directions
 NO_OPTION = 7  # after the last one
 OPTION_BITS = 3
+U = np.uint64  # unsigned where it indexes: saves the test for a negative index
 LONG = 100_000  # ticks: of a robot that stands for longer than one waits
 
 

@@ -6,9 +6,8 @@ from automaton.engine.state import NIL
 from automaton.strategy.kernels import kernel, prefetch
 from strategies.right_of_way.pibt.alleys import may_enter
 from strategies.right_of_way.pibt.options import option_of, turns_to, waits_in_vain_to_turn
-from strategies.right_of_way.pibt.pibt_state import DECIDED, NO_OPTION, STAY, UNDECIDED
+from strategies.right_of_way.pibt.pibt_state import DECIDED, NO_OPTION, STAY, UNDECIDED, U
 from strategies.right_of_way.pibt.reservations import (
-    U,
     holder_of,
     is_lane_free,
     own_resource,

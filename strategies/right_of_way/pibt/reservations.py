@@ -4,8 +4,7 @@ import numpy as np
 
 from automaton.engine.state import NIL
 from automaton.strategy.kernels import kernel, lane_of
-
-U = np.uint64  # unsigned where it indexes: saves the test for a negative index
+from strategies.right_of_way.pibt.pibt_state import U
 
 
 @kernel

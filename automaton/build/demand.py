@@ -26,6 +26,7 @@ from automaton.engine.releases import draw_releases
 from automaton.engine.state import NEVER, NIL, ORDER_UNRELEASED, ORDER_WAITING, Array, Orders
 from automaton.engine.stops import Stops
 from automaton.floor.cells import DESTINATION, DOCK, RACK, STATION
+from automaton.floor.loaded_ways import to_and_from
 from automaton.scenario.orders import DRAWN, Bursts, Mean, MeanTime
 from automaton.scenario.orders import Orders as OrdersGiven
 from automaton.scenario.schema import Scenario
@@ -116,16 +117,34 @@ def slots_of(resolved: Resolved, floor: Floor, service: Service, source: Array) 
     with_load = np.flatnonzero(source != NIL)
     on_shelf = with_load[floor.slot_endless[source[with_load]] == 0]
     content[source[on_shelf]] = on_shelf
-    nobody = np.zeros((len(service.reachable), more), np.uint8)
+    reachable, accessible = service.reachable, service.accessible
+    if len(floor.move) > len(reachable):
+        reachable, accessible = with_loaded_types(resolved, service)
+    nobody = np.zeros((len(reachable), more), np.uint8)
     cell = np.concatenate([floor.slot_cell, np.full(more, NIL, np.int32)])
     return Slots.sized(
         cell=cell,
         unbounded=np.concatenate([floor.slot_endless, np.ones(more, np.uint8)]),
         content=content,
         access=np.concatenate([service.access, np.full((more, 4), NIL, np.int32)]),
-        accessible=np.concatenate([service.accessible, nobody], axis=1),
+        accessible=np.concatenate([accessible, nobody], axis=1),
         first_spare=spare,
-        reachable=service.reachable,
+        reachable=reachable,
+    )
+
+
+def with_loaded_types(resolved: Resolved, service: Service) -> tuple[Array, Array]:
+    """(2 K, C) and (2 K, s): what is reachable and accessible to each type, and to it with a load."""
+    floor_plan, rail = resolved.floor_plan, resolved.fleet.rail
+    within = np.ones(floor_plan.kind.size, np.bool_)
+    for station in floor_plan.stations.tolist():
+        within &= to_and_from(floor_plan, station, rail)
+    loaded = service.reachable & within
+    stands = service.access.max(axis=1)
+    serves = service.accessible & np.where(stands == NIL, 0, within[stands])
+    return (
+        np.concatenate([service.reachable, loaded]).astype(np.uint8),
+        np.concatenate([serves, serves]).astype(np.uint8),
     )
 
 
@@ -143,6 +162,8 @@ def sources_and_targets(
         ]
         source, target = np.array(ends, np.int32).T
         return source, target
+    if orders.lines is not None:  # trips are known in the run
+        return np.zeros(0, np.int32), np.zeros(0, np.int32)
     if orders.generator == "tours" or orders.tasks is not None:
         count = order_count(resolved.scenario, resolved.floor_plan)
         return np.full(count, NIL, np.int32), np.full(count, NIL, np.int32)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from automaton.build.capabilities import FleetOnFloor, Start
+from automaton.build.pod_feasibility import check_pod_ways, check_pods
 from automaton.build.task_lists import MAX_ORDERS, order_count
 from automaton.engine.state import NIL
 from automaton.errors import alternatives, nearest
@@ -66,6 +67,7 @@ def check_feasible(document: Document, scenario: Scenario, floor: Floor) -> Flee
     check_orders(document, scenario, floor)
     check_floor(floor, fleet)
     check_service(document, fleet)
+    check_pod_ways(document, fleet)
     check_abilities(document, fleet)
     check_energy(document, scenario, floor_plan)
     check_sight(document, scenario)
@@ -226,7 +228,8 @@ def check_orders(document: Document, scenario: Scenario, floor: Floor) -> None:
     if scenario.orders.tasks is not None:
         check_tasks(document, scenario, floor.floor_plan)
         return
-    if generator == "tours":
+    check_pods(document, scenario, floor.floor_plan)
+    if generator == "tours" or scenario.orders.lines is not None:
         return
     if scenario.orders.listed is None:
         for kind in REQUIRED_KINDS.get(generator or "", (SHELF, DESTINATION)):

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import weakref
+from collections.abc import Iterable
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-from automaton.engine.facilities import MAY_TURN
+from automaton.engine.facilities import MAY_TURN, NO_WAY_THROUGH
 from automaton.engine.state import HEADING_COUNTS, NIL, Array, Grid, Workspace
 from automaton.engine.table_building import Costs, build_tables, bytes_taken, renew
 from automaton.errors import InputError
+from automaton.floor.cells import STORAGE
 from automaton.floor.floor_plan import CAN_TURN, DRIVABLE, UNBOUNDED, FloorPlan
 from automaton.floor.reachability import slot_access
 from automaton.floor.traffic_zones import traffic_zones_of
@@ -64,6 +66,7 @@ def floor_for(
 ) -> Floor:
     """Build a floor once for each plan, kinematics, cost of driving, mode of zones and types."""
     headings = HEADING_COUNTS[kinematics]
+    repeats = 2 if loads_differ(floor_plan) else 1
     kind = floor_plan.kind.reshape(-1)
     cells = floor_plan.slots
     slot = np.full(kind.size, NIL, np.int32)
@@ -75,9 +78,7 @@ def floor_for(
         headings=headings,
         kind=frozen(kind.copy()),
         cell_flags=frozen(rule),
-        type_cell_flags=frozen(
-            np.stack([cell_flags_of(of_type, kinematics) for of_type in by_type.floor_plans])
-        ),
+        type_cell_flags=frozen(flags_by_type(by_type.floor_plans, kinematics, repeats)),
         drivable=frozen(np.flatnonzero(DRIVABLE[kind]).astype(np.int32)),
         offset=frozen(np.array(floor_plan.offsets, np.int64)),
         slot=frozen(slot),
@@ -92,11 +93,26 @@ def floor_for(
         slot_endless=frozen(UNBOUNDED[kind[cells]].astype(np.uint8)),
         slot_access=slot_access(floor_plan),
         occupancy=frozen(room | (rule.astype(np.uint16) << np.uint16(8))),
-        move=frozen(np.array([move * one.move_time_factor for one in types], np.int64)),
+        move=frozen(np.array([move * one.move_time_factor for one in types * repeats], np.int64)),
         turn=turn,
         spaces={},
         longest_route=longest_route,
     )
+
+
+def loads_differ(floor_plan: FloorPlan) -> bool:
+    """Whether robots with a load drive otherwise than without one: not through storage."""
+    return bool((floor_plan.kind == STORAGE).any())
+
+
+def flags_by_type(floor_plans: Iterable[FloorPlan], kinematics: str, repeats: int) -> Array:
+    """(K, C) uint8: the flags of cells for robots of each type, then for those of each with a load."""
+    by_type: Array = np.stack([cell_flags_of(plan, kinematics) for plan in floor_plans])
+    if repeats == 1:
+        return by_type
+    storage = next(iter(floor_plans)).kind.reshape(-1) == STORAGE
+    loaded = np.where(storage, by_type | np.uint8(NO_WAY_THROUGH), by_type)
+    return np.concatenate([by_type, loaded.astype(np.uint8)])
 
 
 def cell_flags_of(floor_plan: FloorPlan, kinematics: str) -> Array:

@@ -24,9 +24,13 @@ from automaton.units import bytes_of, unit
 STOPS = {"parked": 0, "delivered": 1, "never": 2}
 
 
-def rules_for(scenario: Scenario, seed: int) -> Rules:
-    """The scenario's constants; what strategies ask for is entered when they are admitted."""
+def rules_for(scenario: Scenario, seed: int, loaded_differ: bool = False) -> Rules:
+    """The scenario's constants; what strategies ask for is entered when they are admitted.
+
+    `loaded_differ`: robots with a load drive otherwise than without, as types of their own.
+    """
     rules, types = scenario.world, types_of(scenario)
+    repeats = 2 if loaded_differ else 1
     return Rules(
         seed=np.uint64(seed),
         following=int(rules.following),
@@ -39,6 +43,8 @@ def rules_for(scenario: Scenario, seed: int) -> Rules:
         assigned=int(scenario.orders.assign == "round-robin"),
         skip_reached=int(scenario.orders.skip_reached),
         priorities=np.array(priorities_of(scenario.orders), np.int16),
+        join=int(scenario.pods.join),
+        loaded_types=len(types) if loaded_differ else 0,
         own_zones=int(getattr(scenario.information, "orders", "all") == "zones"),
         tick_us=tick_length(scenario.units.tick),
         cell_milli=0
@@ -47,10 +53,10 @@ def rules_for(scenario: Scenario, seed: int) -> Rules:
         duration=np.stack(
             [
                 duration_table(scenario.durations, robot_type.move_time_factor)
-                for robot_type in types
+                for robot_type in types * repeats
             ]
         ),
-        payload=np.array([robot_type.payload for robot_type in types], np.int32),
+        payload=np.array([robot_type.payload for robot_type in types * repeats], np.int32),
         wait=np.ones(5, np.int32),
         period=np.zeros(5, np.int32),
         holders=np.zeros(5, np.uint8),

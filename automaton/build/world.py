@@ -8,6 +8,7 @@ import numpy as np
 
 from automaton.build.demand import build_orders, build_stations
 from automaton.build.initial_service_zones import build_service_zones
+from automaton.build.pods import build_pods
 from automaton.build.prepared_floor import Floor, floor_for
 from automaton.build.resolve import Resolved
 from automaton.build.rules import rules_for
@@ -83,6 +84,9 @@ def build_world(
     floor = floor_for(resolved.floor_plan, kinematics, durations.move, durations.turn, zones, types)
     starts = homes(resolved, seed)
     orders, slots, stops = build_orders(resolved, floor, seed, starts[0])
+    carried = build_pods(resolved, floor, slots, seed)
+    if carried.orders is not None and carried.stops is not None:
+        orders, stops = carried.orders, carried.stops
     occupancy = floor.occupancy.copy()
     steps = floor.longest_route if longest_route is None else longest_route
     most = len(orders.state)
@@ -90,7 +94,7 @@ def build_world(
     n = scenario.fleet.robots
     clock = np.zeros(CLOCK_SIZE, np.int64)
     stations = build_stations(resolved, floor.grid.slot, len(slots.cell), len(orders.state), seed)
-    clock[CLOCK_UNDELIVERED] = len(orders.state)
+    clock[CLOCK_UNDELIVERED] = len(orders.state)  # of lines: until a trip is known, the lines
     clock[CLOCK_OPEN_JOBS] = len(stations.completion_tick)
     service_zones = build_service_zones(resolved, floor, slots, stations, len(orders.state))
     clock[CLOCK_UNQUEUED_ORDERS] = int(
@@ -109,12 +113,16 @@ def build_world(
     traffic = build_traffic(n, occupancy, floor.grid.traffic_zone_count)
     world = World(
         grid=floor.grid,
-        rules=rules_for(scenario, seed),
+        rules=rules_for(scenario, seed, len(floor.move) > len(types)),
         robots=robots,
         orders=orders,
         stops=stops,
         slots=slots,
         stations=stations,
+        pods=carried.pods,
+        lines=carried.lines,
+        trips=carried.trips,
+        pod_stations=carried.stations,
         chargers=build_chargers(floor.grid.kind),
         service_zones=service_zones,
         traffic=traffic,

@@ -40,7 +40,9 @@ from automaton.engine.state import (
     REASON_NO_ORDER,
     REASON_ORDER_TAKEN,
 )
+from automaton.engine.trips import give_place_back, has_place, has_trips, take_place, withdraw_offer
 from automaton.engine.visits import has_started, is_assigned, lose_order
+from automaton.floor.cells import STORAGE
 
 GIVEN = 255  # in out.order_taken: a robot got the order in this batch
 
@@ -199,12 +201,16 @@ def take(world, record, i, order, goal_cell, out):
     if not may_take(world, i, order, out) or not begins_at(world, i, order, goal_cell):
         refuse(world, LAYER_ALLOCATION, i)
         return
+    if has_trips(world) and robots.order[i] != order:
+        if not has_place(world, order):
+            return  # another robot got the last place in this batch: it is asked again
+        take_trip(world, record, np.int64(robots.identity[i]), order)
     out.order_taken[order] = GIVEN
     clear_allocation_request(world, i)
     if robots.order[i] != order:
         if robots.order[i] != NIL:
             reserve_order(world, record, np.int64(robots.order[i]), NIL)
-        if orders.reserved_by[order] != NIL:
+        if not may_have(orders.reserved_by[order], robots.identity[i]):
             lose_order(world, record, np.int64(robots.at_index[orders.reserved_by[order]]))
         robots.order[i] = order
         orders.dispatched[order] = world.clock[CLOCK_TICK]
@@ -220,11 +226,23 @@ def take(world, record, i, order, goal_cell, out):
 
 
 @kernel
+def take_trip(world, record, identity, order):
+    """A robot takes a trip, with a place at its station; a place or an offer that it has ends."""
+    if world.trips.offered[identity] != NIL:
+        if world.trips.offered[identity] != order:
+            withdraw_offer(world, record, identity)
+        world.trips.offered[identity] = NIL
+    give_place_back(world, identity)
+    take_place(world, identity, order)
+
+
+@kernel
 def choose_slot(world, record, i, slot, goal_cell, try_drop):
     """Reserve the slot where robot i will drop its load, once no stop is left."""
     robots, slots = world.robots, world.slots
     legal = robots.load[i] != NIL and serves(world, i, goal_cell, slot)
-    legal = legal and next_stop(world.orders, np.int64(robots.load[i])) == NIL
+    legal = legal and next_stop(world, np.int64(robots.load[i])) == NIL
+    legal = legal and (world.grid.kind[world.slots.cell[slot]] == STORAGE or not has_trips(world))
     if legal and slots.unbounded[slot]:  # at a station a load may lie on its way
         legal = slot == world.orders.target[robots.load[i]] or world.stations.at[slot] != NIL
     elif legal:

@@ -57,6 +57,8 @@ def find_costs(tables, cost_set, goal):
     tables.end[:] = 0
     tables.queue[0, 0] = (goal << ENTRY_CELL) | ((1 << tables.headings) - 1)
     tables.end[0] = 1
+    if tables.goal_entries.shape[0] and np.int64(tables.entries[cost_set, goal]) & 15 == 0:
+        enter_goal(tables, cost_set, goal)
     queues = np.int64(tables.queue_count[cost_set])
     while tables.stop[0] == 0:
         now = np.int64(1) << 31
@@ -71,6 +73,22 @@ def find_costs(tables, cost_set, goal):
             return True
         drain(tables, cost_set, source, now)
     return False
+
+
+@kernel
+def enter_goal(tables, cost_set, goal):
+    """Enter the steps into a goal through which no way leads."""
+    ways = np.int64(tables.goal_entries[cost_set, goal])
+    for direction in range(4):
+        if (ways >> direction) & 1:
+            before = goal - tables.offset[direction]
+            q = 0
+            if tables.step_queue.shape[0]:
+                q = np.int64(tables.step_queue[cost_set, 4 * before + direction])
+            heading = 1 << (direction & (tables.headings - 1))
+            cost = np.int64(tables.cost[cost_set, q]) << ENTRY_COST
+            tables.queue[q, tables.end[q]] = cost | (before << ENTRY_CELL) | heading
+            tables.end[q] += 1
 
 
 @kernel

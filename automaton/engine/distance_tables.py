@@ -62,6 +62,11 @@ class DistanceTables(Struct, role=SCRATCH):
         "bits 0-3: a step in this direction leads here from the cell before; 4: robots may turn",
         role=CONSTANT,
     )
+    goal_entries: Array = field(
+        "(G, C) uint8",
+        "the same for a goal, where ways lead to cells but not through; G = 0: nowhere",
+        role=CONSTANT,
+    )
     cost: Array = field(
         "(S, Q) int64", "the distinct costs of a step or a turn, in units", role=CONSTANT
     )

@@ -17,6 +17,7 @@ from automaton.engine.motion import (
     LIVE,
     MOVED,
     NO_TURN,
+    POD_AHEAD,
     TOWARDS,
     U,
     has_room,
@@ -58,6 +59,7 @@ from automaton.engine.state import (
     ACTION_HELD_BACK,
     ACTION_MOVE,
     ACTION_PICK,
+    ACTION_STATION_QUEUE,
     ACTION_TRY_DROP,
     ACTION_TURN,
     ACTION_WAIT,
@@ -84,6 +86,7 @@ from automaton.engine.state import (
     RETRY_NONE,
     RETRY_WAITED,
 )
+from automaton.engine.trips import has_trips, is_queueing_at_station
 from automaton.engine.visits import serve
 
 
@@ -316,6 +319,8 @@ def apply_move_outcomes(world, record):
             else:
                 after_step(world, i)
                 handle_at_once(world, record, i)
+        elif intent & POD_AHEAD and intent & LIVE == 0:
+            stop_before_pod(world, i)
         elif intent & LIVE or intent == NO_TURN:
             refused(world, record, i)
         elif intent & ARRIVED:
@@ -402,10 +407,33 @@ def replan(world, i):
 
 
 @kernel
+def stop_before_pod(world, i):
+    """Robot i carries a load and would drive under a pod: the tick is lost, it plans anew."""
+    robots = world.robots
+    count_lost_tick(world, i, ACTION_BLOCKED)
+    robots.executed[i] = np.int64(robots.executed[i]) | EXECUTED_BLOCKED
+    if robots.retreat_moves[i] == 0 and world.rules.steered[0] == 0:
+        replan(world, i)
+
+
+@kernel
+def stands_in_queue(world, i):
+    """Whether robot i finds the next cell of its station's queue held, or the station: no wait begins."""
+    if not has_trips(world) or world.traffic.intent[i] == NO_TURN:
+        return False
+    direction = np.int64(world.traffic.intent[i]) & 3
+    return is_queueing_at_station(world, i, world.robots.cell[i] + world.grid.offset[direction])
+
+
+@kernel
 def refused(world, record, i):
     """A planned move, or the turn before it, was refused: wait, then retry, then ask right of way."""
     robots, wait = world.robots, world.rules.wait
-    if robots.route_index[i] >= robots.route_length[i]:
+    if stands_in_queue(world, i):
+        count_lost_tick(world, i, ACTION_STATION_QUEUE)
+        robots.executed[i] = np.int64(robots.executed[i]) | EXECUTED_BLOCKED
+        robots.retry_state[i] = RETRY_NONE
+    elif robots.route_index[i] >= robots.route_length[i]:
         count_lost_tick(world, i, ACTION_BLOCKED)  # a refused step costs the tick
         robots.executed[i] = np.int64(robots.executed[i]) | EXECUTED_BLOCKED
         if robots.retreat_moves[i] == 0 and world.rules.steered[0] == 0:

@@ -16,6 +16,7 @@ from automaton.engine.jit.structs import Struct
 Array = NDArray[Any]
 
 MAY_TURN: Final = 16  # bit of a cell's flags: robots may turn in it
+NO_WAY_THROUGH: Final = 128  # bit, by type: ways begin and end there, but lead past it
 
 
 class Grid(Struct, role=CONSTANT):
@@ -28,7 +29,9 @@ class Grid(Struct, role=CONSTANT):
         "(C,) uint8", "bits 0-3 exits E S W N, 4 may turn, 5-6 capacity (0 unlimited)"
     )
     type_cell_flags: Array = field(
-        "(K, C) uint8", "the same for robots of type k, with their exits", role=CONSTANT
+        "(K, C) uint8",
+        "the same for robots of type k, with their exits; 7 no way leads through",
+        role=CONSTANT,
     )
     drivable: Array = field("(F,) int32", "the cells that robots drive on, ascending")
     offset: Array = field("(4,) int64", "from a cell to its neighbour E, S, W, N")

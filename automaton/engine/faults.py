@@ -13,6 +13,7 @@ from automaton.engine.jit.kernel import kernel
 from automaton.engine.loads import leave_queue, reserve_order, reserve_slot
 from automaton.engine.motion import vacate
 from automaton.engine.next_stop import drive_on_with_load
+from automaton.engine.operations import put_off
 from automaton.engine.random_numbers import STREAM_BREAKDOWNS, random_bits
 from automaton.engine.record_changes import record_change
 from automaton.engine.record_codes import CHANGE_LOAD_LEFT, CHANGE_STATUS
@@ -53,6 +54,7 @@ from automaton.engine.state import (
     REASON_PICKED,
     RETRY_NONE,
 )
+from automaton.engine.trips import has_trips
 from automaton.engine.visits import return_order
 
 
@@ -134,7 +136,7 @@ def take_out(world, record, i, status):
     robots = world.robots
     become(world, record, i, status)
     return_orders(world, record, i)
-    if robots.load[i] != NIL and robots.cell[i] != NIL:
+    if robots.load[i] != NIL and robots.cell[i] != NIL and not has_trips(world):
         leave_load(world, record, i)
     world.tally.failures[i, FAILURE_DEPLETED if status == STATUS_DEPLETED else FAILURE_FAULT] += 1
     world.tally.operations[i, ACTION_DOWN, 0] += 1
@@ -192,7 +194,7 @@ def leave_load(world, record, i):
     slots.content[slot] = order
     orders.current_slot[order] = slot
     orders.state[order] = ORDER_WAITING
-    robots.load[i] = NIL
+    put_off(world, i)
     robots.order[i] = NIL
     record_change(world.clock, record, CHANGE_LOAD_LEFT, robots.identity[i], slot)
     if world.service_zones.queue.shape[0]:  # it counts to the station from where it came

@@ -3,8 +3,9 @@
 import numpy as np
 
 from automaton.engine.jit.kernel import kernel
+from automaton.engine.motion import put_pod_into, take_pod_out
 from automaton.engine.next_stop import drive_on_with_load
-from automaton.engine.operations import begin
+from automaton.engine.operations import begin, put_off, take_on
 from automaton.engine.record_changes import record_change
 from automaton.engine.record_codes import (
     CHANGE_DROPPED,
@@ -16,6 +17,7 @@ from automaton.engine.requests import drop_route, request_allocation, request_zo
 from automaton.engine.state import (
     ACTION_DROP,
     ACTION_PICK,
+    CLOCK_FIRST_OPEN,
     CLOCK_REVISION,
     CLOCK_TICK,
     CLOCK_UNDELIVERED,
@@ -28,6 +30,7 @@ from automaton.engine.state import (
     REASON_PICKED,
 )
 from automaton.engine.stations import deliver
+from automaton.engine.trips import has_trips, lift_pod, store_pod
 
 
 @kernel
@@ -79,9 +82,25 @@ def pick_up(world, record, i, ticks):
         world.service_zones.picked_from[order] = slot
     orders.current_slot[order] = NIL
     orders.state[order] = ORDER_CARRIED
-    robots.load[i] = order
+    take_on(world, i, order)
+    if has_trips(world):
+        lift_pod(world, order)
+        take_pod_out(world.traffic.occupancy, world.slots.cell[slot])
     world.clock[CLOCK_REVISION] += 1
     drive_on_with_load(world, i, REASON_PICKED)
+
+
+@kernel
+def complete_order(world, order):
+    """An order is done in this tick."""
+    orders, clock = world.orders, world.clock
+    orders.state[order] = ORDER_DELIVERED
+    orders.delivered[order] = clock[CLOCK_TICK]
+    clock[CLOCK_UNDELIVERED] -= 1
+    first = clock[CLOCK_FIRST_OPEN]
+    while first < orders.state.shape[0] and orders.state[first] == ORDER_DELIVERED:
+        first += 1
+    clock[CLOCK_FIRST_OPEN] = first
 
 
 @kernel
@@ -103,9 +122,7 @@ def leave_queue(world, order):
 def visit(world, record, i, order, ticks):
     """The order lies where it has to go: it is done when the robot arrives."""
     world.robots.order[i] = NIL
-    world.orders.state[order] = ORDER_DELIVERED
-    world.orders.delivered[order] = world.clock[CLOCK_TICK]
-    world.clock[CLOCK_UNDELIVERED] -= 1
+    complete_order(world, order)
     deliver(world, order, ticks)
     reserve_order(world, record, order, NIL)
     request_allocation(world, i, REASON_IDLE)
@@ -130,7 +147,7 @@ def set_down(world, record, i, ticks):
     order = np.int64(robots.load[i])
     slot = np.int64(robots.slot[i])
     handle(world, i, ACTION_DROP, ticks)
-    robots.load[i] = NIL
+    put_off(world, i)
     robots.order[i] = NIL
     robots.slot[i] = NIL
     robots.goal_type[i] = GOAL_NONE
@@ -138,15 +155,16 @@ def set_down(world, record, i, ticks):
     drop_route(robots, i)
     record_change(world.clock, record, CHANGE_DROPPED, robots.identity[i], slot)
     orders.current_slot[order] = slot
-    if slot == orders.target[order]:
-        orders.state[order] = ORDER_DELIVERED
-        orders.delivered[order] = world.clock[CLOCK_TICK]
-        world.clock[CLOCK_UNDELIVERED] -= 1
+    if slot == orders.target[order] or has_trips(world):
+        complete_order(world, order)
         deliver(world, order, ticks)
     else:
         orders.state[order] = ORDER_WAITING
         leave_queue(world, order)
-    if world.slots.unbounded[slot] == 0:
+    if has_trips(world):
+        store_pod(world, order, slot)
+        put_pod_into(world.traffic.occupancy, world.slots.cell[slot])
+    elif world.slots.unbounded[slot] == 0:
         world.slots.content[slot] = order
     reserve_order(world, record, order, NIL)
     reserve_slot(world, record, slot, NIL)

@@ -61,6 +61,13 @@ from automaton.engine.state import (
     STOP_PARKED,
 )
 from automaton.engine.stations import work_at_stations
+from automaton.engine.trips import (
+    clear_queues,
+    has_trips,
+    leave_stations_and_pods,
+    mark_queues,
+    plan_trips,
+)
 from automaton.engine.visibility import begin_call, call_count, end_call, name_robots
 from automaton.engine.visits import complete_visits
 from automaton.engine.zoning_commit import commit_zoning, judge_zoning
@@ -108,6 +115,8 @@ def ticks(
         if world.rules.may_fail:
             break_down_and_repair(world, record)
         release_orders(world)
+        if has_trips(world):
+            plan_trips(world, record)
         if world.stations.part_arrivals.shape[0]:
             work_at_stations(world)
         for phase in range(PHASES):
@@ -195,9 +204,16 @@ def motion(world, record):
     if world.rules.battery:
         cancel_infeasible_moves(world)
     move_all(world.grid, world.rules, world.robots, world.traffic, world.clock[CLOCK_TICK])
+    carries_pods = has_trips(world)
+    if carries_pods:
+        mark_queues(world)
     apply_move_outcomes(world, record)
+    if carries_pods:
+        clear_queues(world)
     if world.stops.cell.shape[0]:
         complete_visits(world, record)
+    if carries_pods:
+        leave_stations_and_pods(world, record)
 
 
 @kernel

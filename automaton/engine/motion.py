@@ -6,8 +6,9 @@ counting what members of the set give up; queues follow and rings rotate by them
 One word per cell, so that one load tells all: bits 0-3 say that a robot claims the cell travelling
 E, S, W, N; bit 4 that two claim it in one direction; bits 5 and 6 hold its room, one for travel E
 or S, one for W or N: the two lanes of capacity 2. A cell of capacity 1 has or lacks both at once, a
-cell without limit keeps both. Bits 8-15 repeat grid.cell_flags. A *resource* is a cell of capacity
-1 or one lane: it has one holder, so one claimant at most wins.
+cell without limit keeps both. Bits 8-14 repeat grid.cell_flags; bit 15 says that a pod
+stands there. A *resource* is a cell of capacity 1 or one lane: it has one holder, so one claimant at
+most wins.
 
 A move of d ticks that begins in tick T is on its edge in the ticks T .. T+d-1. Two moves over one
 edge in opposite directions that share a tick pass through each other. Unless both cells let robots
@@ -32,6 +33,7 @@ ENTERED = 8  # it left its parking bay this tick: no robot may follow into its c
 NO_TURN = 8  # without LIVE: a turn that found the other lane held
 MOVED = 16  # outcomes
 REFUSED = 32
+POD_AHEAD = 32  # REFUSED, without LIVE: a robot with a load does not drive under a pod
 ARRIVED = 64  # a long move ended, or a robot stands at its goal already
 HELD = 128  # right of way holds it back; bits 0-1 are where it would like to go, if TOWARDS is set
 TOWARDS = 8
@@ -39,6 +41,7 @@ TOWARDS = 8
 CLAIMS = 31
 FLAGS_SHIFT = 8  # shift of the rule in a word
 CAPACITY_SHIFT = 13  # shift of the class of capacity in a word
+POD = 1 << 15  # bit of a word: a pod stands here, no robot with a load enters
 ROOM_TAKEN_BITS = (
     0b10_01_11_11_00_00  # room that a robot takes, by class (unlimited, 1, 2) and lane
 )
@@ -79,6 +82,18 @@ def vacate(occupancy, cell, direction):
     """Give back the room of a robot that entered `cell` in `direction`."""
     word = np.int64(occupancy[U(cell)])
     occupancy[U(cell)] = np.uint16(word | taken_bits(word, np.int64(direction)))
+
+
+@kernel
+def put_pod_into(occupancy, cell):
+    """A pod stands in a cell from now on."""
+    occupancy[U(cell)] = np.uint16(np.int64(occupancy[U(cell)]) | POD)
+
+
+@kernel
+def take_pod_out(occupancy, cell):
+    """No pod stands in a cell any more."""
+    occupancy[U(cell)] = np.uint16(np.int64(occupancy[U(cell)]) & ~POD)
 
 
 @kernel
@@ -242,6 +257,9 @@ def claim_cells(grid, robots, traffic):
             if (np.int64(occupancy[U(cell)]) >> (FLAGS_SHIFT + direction)) & 1:
                 target = U(cell + grid.offset[U(direction)])
                 word = np.int64(occupancy[target])
+                if word & POD and robots.load[U(i)] != NIL:
+                    intent[U(i)] = POD_AHEAD | direction
+                    continue
                 twice = ((word >> direction) & 1) << 4
                 occupancy[target] = np.uint16(word | (1 << direction) | twice)
             else:

@@ -14,16 +14,30 @@ def has_load(orders, order):
 
 
 @kernel
-def next_stop(orders, order):
+def next_stop(world, order):
     """The next stop of an order among all stops, NIL if none is left."""
-    stop = np.int64(orders.first_stop[order]) + np.int64(orders.stops_done[order])
-    return stop if stop < orders.first_stop[order + 1] else np.int64(NIL)
+    stop = np.int64(world.orders.first_stop[order]) + np.int64(world.orders.stops_done[order])
+    if stop == world.orders.first_stop[order + 1] or world.stops.cell[stop] == NIL:
+        return np.int64(NIL)
+    return stop
+
+
+@kernel
+def end_of_stops(world, order):
+    """The first stop that is not one of an order any more."""
+    end = np.int64(world.orders.first_stop[order + 1])
+    if world.trips.pod.shape[0]:
+        stop = np.int64(world.orders.first_stop[order])
+        while stop < end and world.stops.cell[stop] != NIL:
+            stop += 1
+        return stop
+    return end
 
 
 @kernel
 def next_stop_cell(world, order):
     """The cell of the next stop of an order, NIL if none is left."""
-    stop = next_stop(world.orders, order)
+    stop = next_stop(world, order)
     return np.int64(NIL) if stop == NIL else np.int64(world.stops.cell[stop])
 
 

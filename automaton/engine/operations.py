@@ -36,6 +36,20 @@ def consume_energy(world, i, units):
 
 
 @kernel
+def take_on(world, i, order):
+    """Robot i carries a load from now on, and drives as such robots do."""
+    world.robots.load[i] = order
+    world.robots.type[i] += np.uint8(world.rules.loaded_types)
+
+
+@kernel
+def put_off(world, i):
+    """Robot i carries its load no longer."""
+    world.robots.load[i] = NIL
+    world.robots.type[i] -= np.uint8(world.rules.loaded_types)
+
+
+@kernel
 def begin(world, i, action, ticks):
     """Robot i begins an operation of so many ticks, the current one included; motion counts them."""
     if world.rules.battery:

@@ -12,7 +12,7 @@ turn, then the lowest direction (E, S, W, N).
 import numpy as np
 
 from automaton.engine.distance_tables import POSE16, TABLES_ENCODING, TABLES_WORDS, UNREACHABLE
-from automaton.engine.facilities import MAY_TURN
+from automaton.engine.facilities import MAY_TURN, NO_WAY_THROUGH
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import has_room
 from automaton.engine.prefetch import prefetch
@@ -122,6 +122,8 @@ def follow_gradient(view, workspace, robot_type, cell, heading, target, steps):
             if (np.int64(type_cell_flags[cell]) >> direction) & 1 == 0:
                 continue
             after = cell + grid.offset[direction]
+            if np.int64(type_cell_flags[after]) & NO_WAY_THROUGH and after != target:
+                continue
             if cost_in(tables, table, after, heading) == cost - duration[ACTION_MOVE]:
                 if length == steps.shape[0]:
                     return length  # as much as fits; the robot asks again at its end
@@ -200,8 +202,9 @@ def find_path(view, workspace, robot_type, cell, heading, target, around, steps)
         workspace.generation[1] += 1
         if here == target:
             return write_path(grid, workspace, pose, steps)
+        ways = ways_on(np.int64(type_cell_flags[here]), here == cell)
         for direction in range(h, 4, grid.headings):
-            if (np.int64(type_cell_flags[here]) >> direction) & 1:
+            if (ways >> direction) & 1:
                 after = here + grid.offset[direction]
                 to = after * grid.headings + h
                 if not is_closed(view, after, direction, target, around):
@@ -227,6 +230,12 @@ def find_path(view, workspace, robot_type, cell, heading, target, around, steps)
                     TURNED_BEHIND if k else TURNED_AHEAD,
                 )
     return NIL
+
+
+@kernel(inline=True)
+def ways_on(flags, is_start):
+    """The directions in which a way leads on from a cell with these flags: none out of storage."""
+    return flags & 15 if is_start or flags & NO_WAY_THROUGH == 0 else 0
 
 
 @kernel
@@ -297,8 +306,9 @@ def nearest_mark(view, workspace, search, robot_type, cell, heading, around):
             best = np.int64(workspace.mark[here])
             best_cost = cost
         h = pose % grid.headings
+        ways = ways_on(np.int64(type_cell_flags[here]), here == cell)
         for direction in range(h, 4, grid.headings):
-            if (np.int64(type_cell_flags[here]) >> direction) & 1:
+            if (ways >> direction) & 1:
                 after = here + grid.offset[direction]
                 if not is_closed(view, after, direction, NIL, around):
                     to = after * grid.headings + h

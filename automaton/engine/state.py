@@ -28,6 +28,7 @@ from automaton.engine.jit.fields import (
 )
 from automaton.engine.jit.fields import NIL as NIL
 from automaton.engine.jit.structs import Struct
+from automaton.engine.pods import Lines, Pods, PodStations, Trips
 from automaton.engine.service_zones import MESSAGE_WORDS, Design, ServiceZones
 from automaton.engine.stops import Stops
 
@@ -54,11 +55,12 @@ ACTION_QUEUE: Final = 12  # a tick in the queue of a charger
 ACTION_DOWN: Final = 13  # a tick on the floor with an empty battery or a fault
 ACTION_HELD_BACK: Final = 14  # a tick in which right of way holds it back
 ACTION_SERVE: Final = 15  # a tick at a stop of its order that takes time
-ACTION_COUNT: Final = 16
+ACTION_STATION_QUEUE: Final = 16  # a tick in the queue of a station
+ACTION_COUNT: Final = 17
 ACTION_NAMES: Final = (
     *("idle", "move", "turn", "pick", "drop", "try_drop", "wait", "charge"),
     *("blocked", "retreat", "bay_blocked", "illegal", "queueing", "down", "held_back"),
-    "serve",
+    *("serve", "station_queue"),
 )
 
 # Goals: what a robot drives to its goal cell for.
@@ -158,7 +160,10 @@ CLOCK_NEXT_WAKEUP: Final = 26  # the first tick in which zoning asked to be woke
 CLOCK_ZONES_REDESIGNED: Final = 27  # the last tick in which the design of the zones changed
 CLOCK_SEQUENCED: Final = 28  # entries of orders.release_sequence in use, where orders are assigned
 CLOCK_KNOWN_ORDERS: Final = 29  # all orders that were released have lower numbers
-CLOCK_SIZE: Final = 30
+CLOCK_NEXT_LINE: Final = 30  # entry of lines.sequence that is known next
+CLOCK_STORED_PODS: Final = 31  # entries of pods.stored in use
+CLOCK_FIRST_OPEN: Final = 32  # all orders with lower numbers are delivered
+CLOCK_SIZE: Final = 33
 
 STOP_PARKED: Final = 0
 STOP_DELIVERED: Final = 1
@@ -185,6 +190,10 @@ class Rules(Struct, role=STATIC):
         "int64", "1: such a robot passes over an order at whose first stop it stands"
     )
     priorities: Array = field("(p,) int16", "those that orders have, the highest first")
+    join: int = field("int64", "1: lines join trips under way; 0: each is a trip of its own")
+    loaded_types: int = field(
+        "int64", "what is added to the type of a robot that carries a load; 0: it drives as without"
+    )
     own_zones: int = field("int64", "1: only orders and stations in zones of robots that are seen")
     tick_us: int = field("int64", "a tick in millionths of a second; 0: the scenario does not say")
     cell_milli: int = field(
@@ -226,7 +235,7 @@ class Robots(Struct):
 
     identity: Array = field("(n,) int32", "a permutation of 0..n-1", role=STATIC)
     at_index: Array = field("(n,) int32", "the storage index of an identity", role=STATIC)
-    type: Array = field("(n,) uint8", "which robot type it is", role=STATIC)
+    type: Array = field("(n,) uint8", "its type, with a load rules.loaded_types more", role=DERIVED)
     cell: Array = field(
         "(n,) int32",
         "where it stands, or the cell left by a long move; NIL: off the floor",
@@ -349,10 +358,20 @@ class Orders(Struct):
         "(m,) int32", "slot in which it lies, or NIL", hidden=NIL, digest=34
     )
     source: Array = field(
-        "(m,) int32", "slot in which it lay first", role=STATIC, hidden=NIL, digest=35, header=True
+        "(m,) int32",
+        "slot in which it lay first",
+        hidden=NIL,
+        digest=35,
+        recorded=False,
+        header=True,
     )
     target: Array = field(
-        "(m,) int32", "slot to which it must go", role=STATIC, hidden=NIL, digest=36, header=True
+        "(m,) int32",
+        "slot to which it must go, NIL: no load, or any storage",
+        role=STATIC,
+        hidden=NIL,
+        digest=36,
+        header=True,
     )
     reserved_by: Array = field(
         "(m,) int32",
@@ -364,10 +383,10 @@ class Orders(Struct):
         "(m,) int32", "tick from which it is known", hidden=NEVER, digest=38, header=True
     )
     weight: Array = field(
-        "(m,) int32", "what a robot must be able to carry", role=STATIC, hidden=0, header=True
+        "(m,) int32", "what a robot must be able to carry", role=DERIVED, hidden=0, header=True
     )
     priority: Array = field(
-        "(m,) int16", "the larger one comes first", role=STATIC, hidden=0, header=True
+        "(m,) int16", "the larger one comes first", role=DERIVED, hidden=0, header=True
     )
     release_sequence: Array = field(
         "(releases,) int32",
@@ -458,6 +477,10 @@ class World(Struct):
     stops: Stops
     slots: Slots
     stations: Stations
+    pods: Pods
+    lines: Lines
+    trips: Trips
+    pod_stations: PodStations
     chargers: Chargers
     service_zones: ServiceZones
     traffic: Traffic

@@ -6,7 +6,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from automaton.engine.jit.fields import NIL, STATIC, field
+from automaton.engine.jit.fields import DERIVED, NIL, STATIC, field
 from automaton.engine.jit.structs import Struct
 
 Array = NDArray[Any]
@@ -15,12 +15,18 @@ Array = NDArray[Any]
 class Stops(Struct, role=STATIC):
     """The stops of all orders, one order after another; v of them.
 
-    Those of order k are `orders.first_stop[k]` to `orders.first_stop[k + 1]`, without the end.
+    Those of order k are `orders.first_stop[k]` to `orders.first_stop[k + 1]`, without the end; of a trip
+    up to the first without a cell.
     """
 
-    cell: Array = field("(v,) int32", "where a robot has to stand", header=True)
+    cell: Array = field(
+        "(v,) int32", "where a robot has to stand, NIL: none yet", role=DERIVED, header=True
+    )
     ticks: Array = field(
-        "(v,) int32", "for how long; 0: it is enough that it stands there", header=True
+        "(v,) int32",
+        "for how long; 0: it is enough that it stands there",
+        role=DERIVED,
+        header=True,
     )
     done: Array = field(
         "(v,) int32",

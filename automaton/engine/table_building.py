@@ -21,7 +21,7 @@ from automaton.engine.distance_tables import (
     DistanceTables,
     is_narrow_for,
 )
-from automaton.engine.facilities import MAY_TURN, Grid
+from automaton.engine.facilities import MAY_TURN, NO_WAY_THROUGH, Grid
 from automaton.engine.jit.fields import NIL
 
 COORDINATE_BITS = 31
@@ -55,6 +55,9 @@ def build_tables(grid: Grid, costs: Costs, table_bytes: int, stop: Array) -> Dis
     sizes = {"C": cells, "S C": sets * cells, "P": cells * grid.headings}
     sizes |= {"R": min(goals, pool // words), "L": ENTRIES_PER_CELL * drivable + 8}
     number = np.full(cells, NIL, np.int32)
+    entries = entries_of(costs.flags, grid.offset)
+    goal_entries = entries if (costs.flags & NO_WAY_THROUGH).any() else entries[:0]
+    entries = np.where(costs.flags & NO_WAY_THROUGH, costs.flags & np.uint8(MAY_TURN), entries)
     order = in_z_order(grid)
     number[order] = np.arange(drivable, dtype=np.int32)
     return DistanceTables.sized(
@@ -68,7 +71,8 @@ def build_tables(grid: Grid, costs: Costs, table_bytes: int, stop: Array) -> Dis
         offset=grid.offset,
         drivable=order,
         number=number,
-        entries=entries_of(costs.flags, grid.offset),
+        entries=entries,
+        goal_entries=goal_entries,
         cost=cost,
         queue_count=queue_count,
         turn_queue=turn_queue,

@@ -13,7 +13,7 @@ its robot's until it ends. If that robot goes down, the order waits again with t
 import numpy as np
 
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.loads import reserve_order
+from automaton.engine.loads import complete_order, reserve_order
 from automaton.engine.motion import U
 from automaton.engine.next_stop import next_stop, next_stop_cell
 from automaton.engine.operations import begin
@@ -32,17 +32,16 @@ from automaton.engine.state import (
     ACTION_SERVE,
     CLOCK_SEQUENCED,
     CLOCK_TICK,
-    CLOCK_UNDELIVERED,
     GOAL_NONE,
     GOAL_STOP,
     NIL,
-    ORDER_DELIVERED,
     ORDER_STARTED,
     ORDER_WAITING,
     REASON_IDLE,
     REASON_SERVED,
     RETRY_NONE,
 )
+from automaton.engine.trips import end_visit, give_place_back, has_break, has_trips
 
 
 @kernel
@@ -59,6 +58,8 @@ def return_order(world, record, i):
     world.robots.order[i] = NIL
     if world.orders.state[order] == ORDER_STARTED:
         world.orders.state[order] = ORDER_WAITING
+    if has_trips(world):
+        give_place_back(world, np.int64(world.robots.identity[i]))
     reserve_order(world, record, order, NIL)
 
 
@@ -111,9 +112,13 @@ def serve(world, record, i):
     """Robot i, which stands at the next stop of its order, begins what it does there."""
     robots, orders = world.robots, world.orders
     order = np.int64(robots.order[i])
-    ticks = np.int64(world.stops.ticks[next_stop(orders, order)])
+    ticks = np.int64(world.stops.ticks[next_stop(world, order)])
     if ticks == 0:
         return
+    if has_trips(world):
+        if has_break(world, order):
+            return
+        world.trips.begun[order] = orders.stops_done[order] + 1
     start(orders, order)
     robots.failed_retries[i] = 0
     begin(world, i, ACTION_SERVE, ticks)
@@ -145,9 +150,11 @@ def complete_visits(world, record):
 def has_served(world, i):
     """Whether robot i, at the next stop of its order, has done there what it came for."""
     robots = world.robots
-    stop = next_stop(world.orders, np.int64(robots.order[i]))
+    stop = next_stop(world, np.int64(robots.order[i]))
     if world.stops.ticks[stop]:
         return robots.action[i] == ACTION_SERVE and robots.busy[i] == 0
+    if has_trips(world) and has_break(world, np.int64(robots.order[i])):
+        return False
     return robots.busy[i] == 0 or robots.action[i] != ACTION_PICK
 
 
@@ -156,7 +163,8 @@ def complete_visit(world, record, i):
     """Robot i has done the next stop of its order."""
     robots, orders = world.robots, world.orders
     order = np.int64(robots.order[i])
-    world.stops.done[next_stop(orders, order)] = world.clock[CLOCK_TICK]
+    stop = next_stop(world, order)
+    world.stops.done[stop] = world.clock[CLOCK_TICK]
     orders.stops_done[order] += 1
     world.tally.visits[i] += 1
     world.tally.progress[i] = world.clock[CLOCK_TICK]
@@ -165,17 +173,18 @@ def complete_visit(world, record, i):
     if robots.action[i] == ACTION_SERVE:
         robots.action[i] = ACTION_IDLE  # the next stop may be in the same cell
     start(orders, order)
-    if next_stop(orders, order) != NIL:
-        set_goal(world, i, GOAL_STOP, next_stop_cell(world, order))
+    cell = next_stop_cell(world, order)
+    if has_trips(world):
+        cell = end_visit(world, np.int64(robots.identity[i]), order, stop)
+    if cell != NIL:
+        set_goal(world, i, GOAL_STOP, cell)
         return
     end_goal(world, i)
     if robots.load[i] != NIL:
         request_allocation(world, i, REASON_SERVED)
         return
     robots.order[i] = NIL
-    orders.state[order] = ORDER_DELIVERED
-    orders.delivered[order] = world.clock[CLOCK_TICK]
-    world.clock[CLOCK_UNDELIVERED] -= 1
+    complete_order(world, order)
     if world.rules.assigned:
         announce_next(world, i, order)
     reserve_order(world, record, order, NIL)

@@ -42,6 +42,7 @@ BAY: Final = 7
 RACK: Final = 8
 DOCK: Final = 9
 STATION: Final = 10
+STORAGE: Final = 11
 
 
 BESIDE: Final = "beside"  # where a robot stands that picks a load up or sets it down: next to it,
@@ -65,6 +66,7 @@ class Kind(NamedTuple):
     gives: bool = False  # orders may begin here
     takes: bool = False  # orders may end here
     remote: bool = False  # it may be out of reach: then it gets no order
+    opens: bool = False  # it is left and entered over its open sides, whatever arrows are beside it
 
     @property
     def is_slot(self) -> bool:
@@ -117,6 +119,16 @@ CELL_KINDS: Final = (
         takes=True,
         remote=True,
     ),
+    Kind(
+        STORAGE,
+        "storage",
+        "floor where a pod stands, under which robots drive",
+        drivable=True,
+        stand=ON_IT,
+        holds=ONE,
+        remote=True,
+        opens=True,
+    ),
 )
 
 KIND_BY_NAME: Final = {kind.name: kind for kind in CELL_KINDS}
@@ -128,7 +140,8 @@ class Symbol(NamedTuple):
     kind: int
     exits: int = NO_EXITS  # directions in which the cell may be left, before its neighbours matter
     capacity: int = 1  # robots at a time: 1, 2 (one for each direction of travel) or UNLIMITED
-    loaded: bool = False  # a shelf that holds a load
+    loaded: bool = False  # a shelf that holds a load, or storage with a pod
+    opens: int = NO_EXITS  # sides over which alone it is left and entered, whatever arrows say
 
 
 SYMBOLS: Final[dict[str, Symbol]] = {
@@ -146,6 +159,8 @@ SYMBOLS: Final[dict[str, Symbol]] = {
     "r": Symbol(RACK),
     "i": Symbol(DOCK),
     "t": Symbol(STATION, ALL_EXITS),
+    "p": Symbol(STORAGE, ALL_EXITS, loaded=True, opens=ALL_EXITS),
+    "q": Symbol(STORAGE, ALL_EXITS, opens=ALL_EXITS),
     ">": Symbol(FLOOR, EXIT_EAST),
     "v": Symbol(FLOOR, EXIT_SOUTH),
     "<": Symbol(FLOOR, EXIT_WEST),

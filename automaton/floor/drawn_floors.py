@@ -48,20 +48,37 @@ def symbol_of(
     capacity: int | None = None,
     exits: tuple[str, ...] | None = None,
     loaded: bool = False,
+    opens: tuple[str, ...] | None = None,
 ) -> Symbol:
     """A symbol as a legend describes it. Raises InputError for what contradicts its kind."""
     kind = KIND_BY_NAME[kind_name]
-    if not kind.drivable and (capacity is not None or exits is not None):
+    if not kind.drivable and (capacity, exits, opens) != (None, None, None):
         raise InputError(f"a {kind_name} has neither capacity nor exits: robots do not drive on it")
+    if opens is not None and exits is not None:
+        raise InputError("a symbol has either exits or the sides that it opens, not both")
+    if kind.opens and exits is not None:
+        raise InputError(f"say over which sides a {kind_name} is left and entered by opens")
+    if kind.opens and capacity not in (None, 1):
+        raise InputError(f"a {kind_name} has room for one robot")
     if loaded and kind.holds != ONE:
         able = alternatives(f"a {other.name}" for other in CELL_KINDS if other.holds == ONE)
         raise InputError(f"a {kind_name} cannot be loaded; only {able} can")
-    bits = sum(1 << DIRECTIONS.index(name) for name in set(exits)) if exits is not None else None
+    bits = None if exits is None else _bits(exits)
+    sides = (ALL_EXITS if kind.opens else NO_EXITS) if opens is None else _bits(opens)
+    if opens is not None and not sides:
+        raise InputError("opens must name a side at least")
     if kind.code == TRACK and (not bits or (bits & ~ALONG_X and bits & ~ALONG_Y)):
         raise InputError("a track needs exits along one axis: [east, west] or [north, south]")
     if bits is None:
         bits = ALL_EXITS if kind.drivable else NO_EXITS
-    return Symbol(kind.code, bits, 1 if capacity is None else capacity, loaded)
+    if sides:
+        bits = sides
+    return Symbol(kind.code, bits, 1 if capacity is None else capacity, loaded, sides)
+
+
+def _bits(names: tuple[str, ...]) -> int:
+    """The set of directions with these names."""
+    return sum(1 << DIRECTIONS.index(name) for name in set(names))
 
 
 @lru_cache(maxsize=64)
@@ -79,7 +96,7 @@ def draw_floor(picture: str, legend: Legend = ()) -> FloorPlan:
         codes = np.pad(codes, ((0, 0), (1, 0)), constant_values=ord("#"))
     codes = np.pad(codes, ((1, 1), (0, 1)), constant_values=ord("#"))
 
-    kind, leave, capacity, loads = (_mapped(codes, used, field) for field in range(4))
+    kind, leave, capacity, loads, opens = (_mapped(codes, used, field) for field in range(5))
     for bay in np.flatnonzero(kind == KIND_BY_NAME["parking-bay"].code).tolist():
         if home_of(kind, bay) is None:
             row = bay // kind.shape[1] - 1
@@ -88,7 +105,7 @@ def draw_floor(picture: str, legend: Legend = ()) -> FloorPlan:
             )
     if not any(CELL_KINDS[symbol.kind].drivable for symbol in used.values()):
         raise PictureError("the picture has no cell that robots drive on")
-    return make_floor_plan(kind, leave, capacity, loads, _starts(codes))
+    return make_floor_plan(kind, leave, capacity, loads, _starts(codes), opens=opens)
 
 
 def _codes(rows: list[str]) -> npt.NDArray[np.uint32]:

@@ -7,6 +7,7 @@ that no symbol fits gets one of its own, explained by a legend. Walls are '#'.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +25,7 @@ from automaton.floor.cells import (
     NO_EXITS,
     SYMBOLS,
     TRACK,
+    WALL,
     Symbol,
 )
 from automaton.floor.drawn_floors import Legend
@@ -70,7 +72,7 @@ def legend_entry(symbol: Symbol) -> dict[str, object]:
             entry["capacity"] = symbol.capacity
         if symbol.exits != ALL_EXITS:
             names = [name for d, name in enumerate(DIRECTIONS) if symbol.exits >> d & 1]
-            entry["exits"] = names
+            entry["opens" if symbol.opens else "exits"] = names
     if symbol.loaded:
         entry["loaded"] = True
     return entry
@@ -114,7 +116,32 @@ def _new_mark(legend: list[tuple[str, Symbol]]) -> str:
 
 
 def _symbols(floor_plan: FloorPlan) -> tuple[list[Symbol], npt.NDArray[np.intp]]:
-    """Symbols in the order of preference, and the index of each cell's symbol."""
+    """Symbols, and the index of each cell's symbol."""
+    sides = floor_plan.opens != 0
+    if not sides.any():
+        return _arrows(floor_plan)
+    beside = replace(floor_plan, kind=np.where(sides, WALL, floor_plan.kind).astype(np.uint8))
+    closed = np.where(sides, 0, floor_plan.exits & _ahead(_all_exits(~sides))).astype(np.uint8)
+    loads = np.where(sides, 0, floor_plan.loads).astype(np.uint8)
+    symbols, chosen = _arrows(replace(beside, exits=closed, loads=loads))
+    fields = (floor_plan.kind, floor_plan.opens, floor_plan.capacity, floor_plan.loads)
+    for kind, opens, capacity, loaded in np.unique([f[sides] for f in fields], axis=1).T.tolist():
+        symbol = Symbol(kind, opens, capacity, bool(loaded), opens)
+        if symbol not in symbols:
+            symbols.append(symbol)
+        values = (kind, opens, capacity, loaded)
+        same = np.logical_and.reduce([f == v for f, v in zip(fields, values, strict=True)])
+        chosen = np.where(same, symbols.index(symbol), chosen)
+    return symbols, chosen
+
+
+def _all_exits(mask: npt.NDArray[np.bool_]) -> CellBytes:
+    exits: CellBytes = np.where(mask, ALL_EXITS, NO_EXITS).astype(np.uint8)
+    return exits
+
+
+def _arrows(floor_plan: FloorPlan) -> tuple[list[Symbol], npt.NDArray[np.intp]]:
+    """The same for a floor without open sides; symbols in the order of preference."""
     symbols = _built_in()
     chosen = _fit(floor_plan, symbols, np.zeros(floor_plan.kind.shape, np.intp))
     if not _conflicts(floor_plan, symbols, chosen).any():
@@ -136,7 +163,8 @@ def _symbols(floor_plan: FloorPlan) -> tuple[list[Symbol], npt.NDArray[np.intp]]
 
 def _built_in() -> list[Symbol]:
     """One symbol for each meaning of a built-in character, the plainest first."""
-    return sorted(dict.fromkeys(SYMBOLS.values()), key=lambda symbol: -BITS_SET[symbol.exits])
+    plain = (symbol for symbol in SYMBOLS.values() if not symbol.opens)
+    return sorted(dict.fromkeys(plain), key=lambda symbol: -BITS_SET[symbol.exits])
 
 
 def _further(floor_plan: FloorPlan, known: list[Symbol]) -> list[Symbol]:
@@ -185,8 +213,7 @@ def _fixed_costs(
     floor_plan: FloorPlan, incoming: CellBytes, symbols: list[Symbol]
 ) -> list[npt.NDArray[np.int64]]:
     """What each symbol costs in every cell, whatever its neighbours turn out to be."""
-    drivable = np.where(floor_plan.drivable, np.uint8(ALL_EXITS), np.uint8(NO_EXITS))
-    to = _ahead(drivable)
+    to = _ahead(_all_exits(floor_plan.drivable))
     built_in = set(SYMBOLS.values())
     costs = []
     for index, symbol in enumerate(symbols):
@@ -208,7 +235,7 @@ def _conflicts(
     floor_plan: FloorPlan, symbols: list[Symbol], chosen: npt.NDArray[np.intp]
 ) -> npt.NDArray[np.bool_]:
     """The cells that the chosen symbols would make different from the plan's."""
-    field = np.array([tuple(map(int, symbol)) for symbol in symbols], np.uint8)
+    field = np.array([tuple(map(int, symbol[:4])) for symbol in symbols], np.uint8)
     kind, leave, capacity, loaded = (field[chosen, k] for k in range(4))
     drivable = DRIVABLE[kind]
     exits = np.where(drivable, leave & _ahead(ENTRIES[kind, leave]), 0)

@@ -52,7 +52,8 @@ class FloorPlan:
     exits: CellBytes  # (height + 2, width + 2) bit d: may be left in direction d; 0 if not drivable
     capacity: CellBytes  # (height + 2, width + 2) robots at a time; 0 = unlimited
     bays: Cells  # (bays, 2) flat cells (bay, home cell), in reading order
-    loads: CellBytes  # (height + 2, width + 2) 1 = a shelf drawn with a load
+    loads: CellBytes  # (height + 2, width + 2) 1 = a shelf drawn with a load, storage with a pod
+    opens: CellBytes  # (height + 2, width + 2) sides of storage and pockets that are open; 0: arrows rule
     starts: tuple[int, ...] = ()  # flat cells of robots drawn in the picture
     numbered: tuple[int, ...] = ()  # flat cells of stations 1, 2, ...; (): in reading order
 
@@ -109,7 +110,7 @@ class FloorPlan:
     @cached_property
     def fingerprint(self) -> str:
         """Hash of the contents, equal in every process."""
-        parts = (self.kind, self.exits, self.capacity, self.bays, self.loads)
+        parts = (self.kind, self.exits, self.capacity, self.bays, self.loads, self.opens)
         digest = hashlib.blake2b(
             f"{self.width}x{self.height} {self.starts} {self.numbered}".encode()
         )
@@ -140,16 +141,20 @@ def make_floor_plan(
     loads: CellBytes | None = None,
     starts: Iterable[int] = (),
     numbered: Iterable[int] = (),
+    opens: CellBytes | None = None,
 ) -> FloorPlan:
     """Derive a floor from what each cell is by itself.
 
-    `kind`, `leave`, `capacity`, `loads`: (height + 2, width + 2), border included; `leave` has the
-    directions in which a cell lets robots out, whatever lies there. `starts`: flat cells;
-    `numbered`: those of all stations, in the sequence of their numbers.
+    `kind`, `leave`, `capacity`, `loads`, `opens`: (height + 2, width + 2), border included; `leave` has
+    the directions in which a cell lets robots out, whatever lies there; `opens` the sides over which
+    alone a cell is left and entered. `starts`: flat cells; `numbered`: those of all stations, in the
+    sequence of their numbers.
     Raises InputError for a parking bay that opens on no drivable cell.
     """
-    exits = derive_exits(kind, leave)
     height, width = kind.shape[0] - 2, kind.shape[1] - 2
+    if opens is None:
+        opens = bordered(height, width)
+    exits = derive_exits(kind, leave, opens)
     return FloorPlan(
         width=width,
         height=height,
@@ -158,21 +163,29 @@ def make_floor_plan(
         capacity=_frozen(bordered(height, width, 1) if capacity is None else capacity),
         bays=bays_of(kind),
         loads=_frozen(bordered(height, width) if loads is None else loads),
+        opens=_frozen(opens),
         starts=tuple(int(cell) for cell in starts),
         numbered=tuple(int(cell) for cell in numbered),
     )
 
 
-def derive_exits(kind: CellBytes, leave: CellBytes) -> CellBytes:
-    """Exits that hold: the cell lets out, the neighbour is drivable and lets in."""
+def derive_exits(kind: CellBytes, leave: CellBytes, opens: CellBytes) -> CellBytes:
+    """Exits that hold: the cell lets out, the neighbour is drivable and lets in.
+
+    Beside a cell with open sides neither arrow counts: both let each other in if such sides meet.
+    """
     entry = ENTRIES[kind, leave]  # 0 where not drivable
+    drivable = DRIVABLE[kind]
+    sides = np.where(drivable, np.where(opens != 0, opens, ALL_EXITS), 0).astype(np.uint8)
     exits = np.zeros_like(leave)
     for direction, (rows, columns) in enumerate(((0, 1), (1, 0), (0, -1), (-1, 0))):
-        bit = np.uint8(1 << direction)
+        bit, facing = np.uint8(1 << direction), np.uint8(1 << (direction ^ 2))
         # np.roll wraps round, but only through the border, which is never drivable.
         enters = np.roll(entry, (-rows, -columns), (0, 1)) & bit
-        exits |= leave & enters
-    exits[~DRIVABLE[kind]] = 0
+        meets = np.roll(sides, (-rows, -columns), (0, 1)) & facing != 0
+        is_open = (opens != 0) | (np.roll(opens, (-rows, -columns), (0, 1)) != 0)
+        exits |= np.where(is_open, np.where(meets, sides & bit, 0), leave & enters)
+    exits[~drivable] = 0
     return exits
 
 

@@ -194,7 +194,7 @@ def _legend(document: Document, legend: dict[str, Any]) -> Legend:
         try:
             check_new_symbol(character)
             entry = validated(document, value, LegendEntry, keys)
-            symbol = symbol_of(entry.kind, entry.capacity, entry.exits, entry.loaded)
+            symbol = symbol_of(entry.kind, entry.capacity, entry.exits, entry.loaded, entry.opens)
         except InputError as error:
             raise error if error.file else document.error(keys, error.message) from None
         symbols.append((character, symbol))

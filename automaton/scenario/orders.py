@@ -18,6 +18,7 @@ from automaton.scenario.field_types import (
     Ticks,
     Weight,
 )
+from automaton.scenario.pods import DrawnLines, Line
 from automaton.scenario.quantities import GAP, TIME, quantity
 
 DRAWN = ("dock-to-rack", "stations", "visits", "tours")  # generators that draw so many orders
@@ -284,6 +285,14 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
         ),
     ] = 1
 
+    lines: Annotated[
+        tuple[Line, ...] | DrawnLines | None,
+        Meta(
+            description="Lines that pods are carried to stations for, one by one or drawn; the trips "
+            "of the pods follow from them."
+        ),
+    ] = None
+
     tasks: Annotated[
         NonEmptyText | tuple[Cells, ...] | None,
         Meta(
@@ -320,10 +329,11 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         if self.generator != "tours" and self.stops != 1:
             raise ValueError("stops belong to the generator tours, or to each order of a list")
-        given = [self.generator, self.listed, self.parts, self.tasks, self.file]
+        given = [self.generator, self.listed, self.parts, self.lines, self.tasks, self.file]
         if sum(form is not None for form in given) != 1:
             raise ValueError(
-                "orders must have either a generator, a list, parts, tasks or arrivals from a file"
+                "orders must have either a generator, a list, parts, lines, tasks or arrivals from a "
+                "file"
             )
         self._check_tasks()
         if self.parts is not None and not self.parts:
@@ -332,6 +342,8 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
             raise ValueError("processing_time belongs to parts")
         if self.generator is None and self.weight != 1:
             raise ValueError("weight belongs to generators, or to each order or type of parts")
+        if self.lines == ():
+            raise ValueError("lines must hold at least one line")
         if self.listed is not None and not self.listed:
             raise ValueError("list must hold at least one order")
         if self.generator in DRAWN and self.count is None:
@@ -397,7 +409,9 @@ def has_tours(orders: Orders) -> bool:
 
 def priorities_of(orders: Orders) -> list[int]:
     """Return the priorities that orders have, the highest first."""
+    lines = orders.lines if isinstance(orders.lines, tuple) else ()
     priorities = {line.priority for line in orders.listed or ()}
+    priorities |= {line.priority for line in lines}
     return sorted(priorities or {0}, reverse=True)
 
 

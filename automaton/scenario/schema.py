@@ -25,7 +25,9 @@ from automaton.scenario.field_types import SingleLine as SingleLine
 from automaton.scenario.field_types import Ticks, TicksOrNone
 from automaton.scenario.fleet import Area as Area
 from automaton.scenario.fleet import Fleet as Fleet
+from automaton.scenario.handling import Handling as Handling
 from automaton.scenario.orders import Orders as Orders
+from automaton.scenario.pods import Pods, PodStation
 from automaton.scenario.quantities import CELLS, STEP, TIME, TURN, Scale, quantity
 from automaton.units import ticks_and_time, unit
 
@@ -42,6 +44,7 @@ KindName = Literal[
     "rack",
     "dock",
     "station",
+    "storage",
 ]
 StrategySpec = str | Parameters  # a strategy: its name, or {name: NAME, ...parameters}
 
@@ -113,6 +116,10 @@ class Durations(ConfigSection, frozen=True, kw_only=True):
             "random.",
         ),
     ] = 0
+
+    handling: Annotated[
+        Handling, Meta(description="How long a visit at a station takes, for its lines.")
+    ] = Handling()
 
     def __post_init__(self) -> None:
         if self.handling_jitter and not (self.pick and self.drop):
@@ -248,6 +255,11 @@ class Scenario(ConfigSection, frozen=True, kw_only=True):
     units: Units = Units()
     durations: Durations = Durations()
     orders: Orders = Orders(generator="full-shelves")
+    pods: Pods = Pods()
+    stations: Annotated[
+        dict[SingleLine, PodStation],
+        Meta(description="Stations with names; the others keep their numbers."),
+    ] = msgspec.field(default_factory=dict)
     strategy: Strategies = Strategies()
     world: WorldRules = WorldRules()
     battery: Annotated[
@@ -301,7 +313,15 @@ class LegendEntry(ConfigSection, frozen=True, kw_only=True):
         tuple[Direction, ...] | None,
         Meta(description="Directions in which a robot may leave; one alone makes it one-way."),
     ] = None
-    loaded: Annotated[bool, Meta(description="A shelf that holds a load.")] = False
+    opens: Annotated[
+        tuple[Direction, ...] | None,
+        Meta(
+            description="Sides over which alone a robot enters and leaves, whatever arrows say there."
+        ),
+    ] = None
+    loaded: Annotated[
+        bool, Meta(description="A shelf that holds a load, or storage with a pod.")
+    ] = False
 
 
 class PictureLayout(ConfigSection, frozen=True, kw_only=True):

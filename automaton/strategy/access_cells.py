@@ -10,7 +10,7 @@ nearest           The cell with the least rows and columns to the cell from whic
 import numpy as np
 
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.next_stop import has_load, next_stop_cell
+from automaton.engine.next_stop import end_of_stops, has_load, next_stop_cell
 from automaton.engine.state import NIL
 from automaton.engine.visits import is_assigned
 
@@ -78,6 +78,8 @@ def can_bring(view, robot_type, order, slot):
     if not has_load(view.orders, order):
         return True
     accessible = view.slots.accessible
+    if slot == NIL:
+        return accessible[robot_type, view.orders.current_slot[order]] != 0
     if accessible.shape[0] == 1:
         return True  # there are no orders but for slots that a robot serves
     return (
@@ -92,7 +94,7 @@ def reaches_stops(view, robot_type, order):
     orders, reachable = view.orders, view.slots.reachable
     if reachable.shape[0] > 1:
         first = np.int64(orders.first_stop[order]) + np.int64(orders.stops_done[order])
-        for stop in range(first, orders.first_stop[order + 1]):
+        for stop in range(first, end_of_stops(view, order)):
             if reachable[robot_type, view.stops.cell[stop]] == 0:
                 return False
     return True

@@ -10,7 +10,7 @@ from automaton.engine.distance_tables import UNREACHABLE
 from automaton.engine.holders import lane_of
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import direction_between, has_room
-from automaton.engine.next_stop import has_load, next_stop_cell
+from automaton.engine.next_stop import end_of_stops, has_load, next_stop_cell
 from automaton.engine.prefetch import prefetch
 from automaton.engine.random_numbers import (
     STREAM_ABORTS,
@@ -43,6 +43,7 @@ from automaton.engine.search import (
 )
 from automaton.engine.step_costs import find_step_costs
 from automaton.engine.table_rows import cost_in, has_room_for
+from automaton.engine.trips import has_place
 from automaton.engine.zone_segments import copy_segment
 from automaton.strategy.access_cells import (
     begin_cell,
@@ -74,12 +75,14 @@ __all__ = [
     "direction_between",
     "distance",
     "dropoff_cell",
+    "end_of_stops",
     "fetch_cost",
     "find_path",
     "find_step_costs",
     "first_cell",
     "follow_gradient",
     "has_load",
+    "has_place",
     "has_room",
     "has_room_for",
     "is_closed",

@@ -26,8 +26,9 @@ from automaton.strategy.kernels import (
     position,
 )
 from automaton.strategy.layer import Strategy
-from strategies.allocation.independent import deliver, places_load, set_down, take_order, takes_load
+from strategies.allocation.independent import take_order
 from strategies.allocation.open_orders import is_open
+from strategies.allocation.placing import deliver, places_load, set_down, takes_load
 
 
 class AlleyState(Struct):
@@ -62,7 +63,7 @@ def count_tables(view, out, i, state):
             continue
         column = access_cell % width
         state.loads_left[column] += 1
-        if is_open(view, out, order) and can_do(view, i, order):
+        if is_open(view, out, i, order) and can_do(view, i, order):
             state.open_orders[column] += 1
         from_left = view.slots.access[slot, 2]
         if from_left != NIL:
@@ -105,7 +106,7 @@ def first_order(view, out, workspace, i, column, around):
     first = NIL
     for slot in range(view.slots.cell.shape[0]):
         order = np.int64(view.slots.content[slot])
-        if view.slots.unbounded[slot] or order == NIL or not is_open(view, out, order):
+        if view.slots.unbounded[slot] or order == NIL or not is_open(view, out, i, order):
             continue
         access_cell = pickup_cell(view, robot_type, slot, NIL)
         if access_cell % view.grid.width != column or not can_do(view, i, order):

@@ -11,6 +11,8 @@ import numpy as np
 from automaton.engine.jit.fields import field
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import (
+    CLOCK_FIRST_OPEN,
+    CLOCK_KNOWN_ORDERS,
     CLOCK_NEXT_RELEASE,
     CMD_PARK,
     NIL,
@@ -19,8 +21,9 @@ from automaton.engine.state import (
 )
 from automaton.strategy.kernels import can_do, kernel
 from automaton.strategy.layer import Strategy
-from strategies.allocation.independent import deliver, places_load, take_order
-from strategies.allocation.open_orders import is_open
+from strategies.allocation.independent import take_order
+from strategies.allocation.open_orders import highest_priority, is_open
+from strategies.allocation.placing import POLICIES, place_load, places_load
 
 
 class FirstComeState(Struct):
@@ -32,6 +35,7 @@ class FirstComeState(Struct):
         "by type and priority: orders.release_sequence before it was taken, or is not for the type",
     )
     looked: Array = field("(1,) int64", "orders looked at so far: what the search has cost")
+    storage: int = field("int64", "where pods are stored: its place among POLICIES")
 
 
 @kernel
@@ -39,7 +43,7 @@ def has_returned_order(view, out, state):
     """Whether an order below the cursors is open again."""
     for j in range(state.took.shape[0]):
         order = state.took[j] - 1
-        if order >= 0 and is_open(view, out, order):
+        if order >= 0 and is_open(view, out, j, order):
             return True
     return False
 
@@ -62,7 +66,7 @@ def robot_that_returned_order(view, out, state, i, rank):
             or view.orders.priority[order] != view.rules.priorities[rank]
         ):
             continue
-        if is_open(view, out, order) and can_do(view, i, order):
+        if is_open(view, out, i, order) and can_do(view, i, order):
             lowest = order
             robot = j
     return robot
@@ -81,7 +85,7 @@ def next_order(view, out, state, i, rank):
         state.cursor[robot_type, rank] = k + 1
         if order == NIL or view.orders.priority[order] != view.rules.priorities[rank]:
             continue  # another zone's, out of sight
-        if is_open(view, out, order) and can_do(view, i, order):
+        if is_open(view, out, i, order) and can_do(view, i, order):
             return order
     return NIL
 
@@ -102,6 +106,21 @@ def order_for(view, out, state, i, again):
 
 
 @kernel
+def oldest_trip(view, out, i):
+    """The trip of the highest priority that was known first, of those for robot i; NIL: none.
+
+    A trip may have to wait for a place at its station, so that no cursor passes it.
+    """
+    least = highest_priority(view, out, i)
+    for order in range(view.clock[CLOCK_FIRST_OPEN], view.clock[CLOCK_KNOWN_ORDERS]):
+        if view.orders.priority[order] < least or not is_open(view, out, i, order):
+            continue
+        if can_do(view, i, order):
+            return np.int64(order)
+    return np.int64(NIL)
+
+
+@kernel
 def decide(view, batch, decisions, memory, workspace):
     out = decisions.allocation
     state = FirstComeState.of(memory)
@@ -111,11 +130,14 @@ def decide(view, batch, decisions, memory, workspace):
             return
         i = np.int64(batch.robot[k])
         if places_load(batch.reason[k]):
-            deliver(view, out, k, i)
+            place_load(view, out, workspace, k, i, state.storage)
         elif batch.reason[k] == REASON_PERIODIC:
             continue
         else:
-            order = order_for(view, out, state, i, again)
+            if view.trips.pod.shape[0]:
+                order = oldest_trip(view, out, i)
+            else:
+                order = order_for(view, out, state, i, again)
             if order == NIL:
                 out.command[k] = CMD_PARK
             else:
@@ -135,4 +157,5 @@ class FirstCome(Strategy):
             "K": len(view.grid.type_cell_flags),
             "p": len(view.rules.priorities),
         }
-        return FirstComeState.sized(sizes)
+        storage = POLICIES.index(self.parameters.storage)
+        return FirstComeState.sized(sizes, storage=storage)

@@ -4,27 +4,25 @@ A free robot takes the unreserved order of least path cost (ties: lowest order) 
 down at the order's own target. An empty robot that gave its order back before a retreat decides
 with the cells of the other robots removed, or as if they were free if nothing is reachable so.
 
-Each question costs a look at all m orders of the run, done or not, and a search that ends at the
-nearest open one: m looks for each pick-up, so m^2 in a run. `first-come` looks at each order once.
+Each question costs a look at all orders from the first that is not done to the last that is known, and
+a search that ends at the nearest open one. `first-come` looks at each order once.
 """
 
 import numpy as np
 
 from automaton.engine.state import (
-    CMD_DROP_AT,
+    CLOCK_FIRST_OPEN,
+    CLOCK_KNOWN_ORDERS,
     CMD_PARK,
     CMD_TAKE_ORDER,
     NIL,
     REASON_ORDER_RETURNED,
     REASON_PERIODIC,
-    REASON_PICKED,
-    REASON_SERVED,
 )
 from automaton.strategy.kernels import (
     begin_cell,
     begin_search,
     can_do,
-    dropoff_cell,
     kernel,
     mark_goal,
     nearest_mark,
@@ -32,6 +30,7 @@ from automaton.strategy.kernels import (
 )
 from automaton.strategy.layer import Strategy
 from strategies.allocation.open_orders import highest_priority, is_open
+from strategies.allocation.placing import POLICIES, PlacingState, place_load, places_load
 
 
 @kernel
@@ -41,10 +40,10 @@ def nearest_order(view, out, workspace, i, around):
     search = begin_search(workspace)
     found = False
     here, robot_type = position(view, i), view.robots.type[i]
-    for order in range(view.orders.state.shape[0]):
+    for order in range(view.clock[CLOCK_FIRST_OPEN], view.clock[CLOCK_KNOWN_ORDERS]):
         if (
             view.orders.priority[order] >= least
-            and is_open(view, out, order)
+            and is_open(view, out, i, order)
             and can_do(view, i, order)
         ):
             mark_goal(
@@ -84,51 +83,15 @@ def take_nearest(view, out, workspace, k, i, released):
 
 
 @kernel
-def takes_load(view, out, slot):
-    """Whether a load may be dropped at a slot: where any number fits, or on a shelf that is empty
-    and promised to no robot."""
-    if view.slots.unbounded[slot]:
-        return True
-    empty = view.slots.content[slot] == NIL and view.slots.reserved_by[slot] == NIL
-    return empty and out.slot_taken[slot] == 0
-
-
-@kernel
-def places_load(reason):
-    """Whether allocation is asked where the load of a robot goes."""
-    return reason == REASON_PICKED or reason == REASON_SERVED
-
-
-@kernel
-def set_down(view, out, k, i, slot):
-    """Decision k: robot i drops its load at this slot, which takes it."""
-    out.command[k] = CMD_DROP_AT
-    out.slot[k] = slot
-    out.goal_cell[k] = dropoff_cell(view, view.robots.type[i], slot, position(view, i))
-    if view.slots.unbounded[slot] == 0:
-        out.slot_taken[slot] = 1
-
-
-@kernel
-def deliver(view, out, k, i):
-    """Decision k: drop the load at its order's own target; if it is full, ask again next tick."""
-    slot = np.int64(view.orders.target[view.robots.load[i]])
-    if takes_load(view, out, slot):
-        set_down(view, out, k, i, slot)
-    else:
-        out.ask_again[k] = 1
-
-
-@kernel
 def decide(view, batch, decisions, memory, workspace):
-    out = decisions.allocation
+    out, state = decisions.allocation, PlacingState.of(memory)
     for k in range(batch.count[0]):
         if workspace.stop[0]:
             return
         i = np.int64(batch.robot[k])
         reason = batch.reason[k]
         if places_load(reason):
-            deliver(view, out, k, i)
+            place_load(view, out, workspace, k, i, state.storage)
         elif reason != REASON_PERIODIC:
             take_nearest(view, out, workspace, k, i, reason == REASON_ORDER_RETURNED)
 
@@ -138,3 +101,6 @@ class Independent(Strategy):
 
     layer = "allocation"
     compiled = decide
+
+    def reset(self, view):
+        return PlacingState(storage=POLICIES.index(self.parameters.storage))

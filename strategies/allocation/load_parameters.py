@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Annotated, Literal
+
 import msgspec
+from msgspec import Meta
 
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.orders import has_tours, priorities_of
@@ -30,8 +33,19 @@ def refusal_of_priorities(scenario: Scenario) -> str | None:
     return "it knows no priorities, and orders have some; greedy and first-come do those"
 
 
+Storage = Annotated[
+    Literal["fixed", "nearest", "class", "random"],
+    Meta(
+        description="where a pod is stored after its trip: where it stood at the start, in the nearest "
+        "free cell, in the nearest one of its class (pods.classes), or in any"
+    ),
+]
+
+
 class AnyRobot(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """No parameters; but robots must not have orders of their own."""
+    """Robots must not have orders of their own."""
+
+    storage: Storage = "fixed"
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         """One cursor goes over the orders for all robots of a type."""
@@ -39,7 +53,9 @@ class AnyRobot(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 
 class LoadsAlone(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """No parameters; but every order must have a load."""
+    """Every order must have a load."""
+
+    storage: Storage = "fixed"
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         """Orders without a load lie nowhere, and are brought nowhere."""

@@ -2,20 +2,25 @@
 
 import numpy as np
 
-from automaton.engine.state import NIL, ORDER_WAITING
-from automaton.strategy.kernels import can_do, kernel
+from automaton.engine.state import CLOCK_FIRST_OPEN, CLOCK_KNOWN_ORDERS, NIL, ORDER_WAITING
+from automaton.strategy.kernels import can_do, has_place, kernel
 
 LEAST_PRIORITY = -(1 << 15)  # below that of any order
 
 
 @kernel
-def is_open(view, out, order):
-    """Whether an order waits, unreserved, and no earlier decision of this batch took it."""
-    return (
-        view.orders.state[order] == ORDER_WAITING
-        and view.orders.reserved_by[order] == NIL
-        and out.order_taken[order] == 0
-    )
+def is_open(view, out, i, order):
+    """Whether an order waits for robot i, and no earlier decision of this batch took it.
+
+    It is reserved for nobody, or as a trip for the robot beneath its pod; and its station lets one come.
+    """
+    if view.orders.state[order] != ORDER_WAITING or out.order_taken[order]:
+        return False
+    owner = view.orders.reserved_by[order]
+    if view.trips.pod.shape[0] == 0:
+        return owner == NIL
+    is_offered = view.trips.offered[view.robots.identity[i]] == order
+    return (owner == NIL or is_offered) and has_place(view, order)
 
 
 @kernel
@@ -24,8 +29,8 @@ def highest_priority(view, out, i):
     highest = LEAST_PRIORITY
     if view.rules.priorities.shape[0] == 1:
         return highest
-    for order in range(view.orders.state.shape[0]):
+    for order in range(view.clock[CLOCK_FIRST_OPEN], view.clock[CLOCK_KNOWN_ORDERS]):
         priority = np.int64(view.orders.priority[order])
-        if priority > highest and is_open(view, out, order) and can_do(view, i, order):
+        if priority > highest and is_open(view, out, i, order) and can_do(view, i, order):
             highest = priority
     return highest

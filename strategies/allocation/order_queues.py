@@ -10,7 +10,8 @@ from automaton.engine.state import (
     REASON_PERIODIC,
 )
 from automaton.strategy.kernels import can_do, kernel
-from strategies.allocation.independent import deliver, places_load, take_order
+from strategies.allocation.independent import take_order
+from strategies.allocation.placing import deliver, places_load
 
 
 @kernel

@@ -11,20 +11,29 @@ import numpy as np
 
 from automaton.engine.jit.fields import field
 from automaton.engine.jit.structs import Struct
-from automaton.engine.state import CLOCK_TICK, CMD_PARK, NIL, REASON_PERIODIC
+from automaton.engine.state import (
+    CLOCK_FIRST_OPEN,
+    CLOCK_KNOWN_ORDERS,
+    CLOCK_TICK,
+    CMD_PARK,
+    NIL,
+    REASON_PERIODIC,
+)
 from automaton.strategy.kernels import (
     UNREACHABLE,
     begin_cell,
     can_bring,
     distance,
     dropoff_cell,
+    end_of_stops,
     has_load,
     kernel,
     position,
 )
 from automaton.strategy.layer import Strategy
-from strategies.allocation.independent import deliver, places_load, set_down, take_order, takes_load
+from strategies.allocation.independent import take_order
 from strategies.allocation.open_orders import LEAST_PRIORITY, is_open
+from strategies.allocation.placing import POLICIES, place_load, places_load, set_down, takes_load
 
 WORST = -(1 << 62)
 
@@ -35,6 +44,7 @@ class ShortestJobState(Struct):
     age: int = field("int64", "weight of an order's age, in thousandths")
     job: int = field("int64", "and of its job")
     parks: int = field("int64", "1: robots without an order drive home")
+    storage: int = field("int64", "where pods are stored: its place among POLICIES")
 
 
 @kernel
@@ -62,14 +72,18 @@ def job_ticks(view, workspace, robot_type, order, slot, begin, heading):
     Each leg from its first heading; without a load the last stop is the end.
     """
     orders, stops = view.orders, view.stops
+    if has_load(orders, order):
+        robot_type += view.rules.loaded_types
     ticks, here = np.int64(0), begin
     first = np.int64(orders.first_stop[order]) + np.int64(orders.stops_done[order])
-    for stop in range(first, orders.first_stop[order + 1]):
+    for stop in range(first, end_of_stops(view, order)):
         to = np.int64(stops.cell[stop])
         way = distance(view, workspace, robot_type, here, heading, to)
         ticks = min(ticks + way + stops.ticks[stop], 2 * UNREACHABLE)
         here = to
     if has_load(orders, order):
+        if slot == NIL:  # a pod goes back to where it stands, as far as is known
+            slot = np.int64(orders.current_slot[order])
         drop = dropoff_cell(view, robot_type, slot, here)
         ticks += distance(view, workspace, robot_type, here, heading, drop)
     return ticks
@@ -96,9 +110,9 @@ def best_order(view, out, state, workspace, i):
     """The open order of highest score, of those of the highest priority, for robot i; NIL: none."""
     found, highest, first = NIL, WORST, LEAST_PRIORITY
     identity = view.robots.identity[i]
-    for order in range(view.orders.state.shape[0]):
+    for order in range(view.clock[CLOCK_FIRST_OPEN], view.clock[CLOCK_KNOWN_ORDERS]):
         priority = np.int64(view.orders.priority[order])
-        if priority < first or not is_open(view, out, order):
+        if priority < first or not is_open(view, out, i, order):
             continue
         if is_mine(view, order, identity):
             worth = score(view, workspace, state, i, order)
@@ -108,14 +122,14 @@ def best_order(view, out, state, workspace, i):
 
 
 @kernel
-def bring(view, out, k, i):
+def bring(view, out, workspace, k, i, policy):
     """Decision k: carry the load of robot i to its next stop, or to its target if that is full."""
     order = np.int64(view.robots.load[i])
     stop = next_stop(view, order)
-    if stop != view.orders.target[order] and takes_load(view, out, stop):
+    if stop != NIL and stop != view.orders.target[order] and takes_load(view, out, stop):
         set_down(view, out, k, i, stop)
     else:
-        deliver(view, out, k, i)
+        place_load(view, out, workspace, k, i, policy)
 
 
 @kernel
@@ -126,7 +140,7 @@ def decide(view, batch, decisions, memory, workspace):
             return
         i = np.int64(batch.robot[k])
         if places_load(batch.reason[k]):
-            bring(view, out, k, i)
+            bring(view, out, workspace, k, i, state.storage)
         elif batch.reason[k] != REASON_PERIODIC:
             order = best_order(view, out, state, workspace, i)
             if order != NIL:
@@ -147,4 +161,5 @@ class ShortestJob(Strategy):
             age=round(1000 * given.age),
             job=round(1000 * given.job),
             parks=int(given.idle == "park"),
+            storage=POLICIES.index(given.storage),
         )

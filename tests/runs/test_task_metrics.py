@@ -33,7 +33,8 @@ from automaton.runs.simulation import Simulation
 from automaton.runs.task_metrics import TASK_METRICS, quantile_95
 from automaton.strategy.layer import Strategy
 from layouts.racks import Racks
-from strategies.allocation.independent import deliver, take_order
+from strategies.allocation.independent import take_order
+from strategies.allocation.placing import deliver
 
 SMALL = """
 name: small

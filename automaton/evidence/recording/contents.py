@@ -101,7 +101,7 @@ _Named = Annotated[dict[str, str], Meta(max_length=MAX_LABELS)]
 _Text = Annotated[str, Meta(max_length=MAX_TEXT)]
 _FLOOR = _part(
     "Floor",
-    ("kind", "exits", "capacity", "bays", "loads"),
+    ("kind", "exits", "capacity", "bays", "loads", "opens"),
     ("width", int),
     ("height", int),
     ("starts", _Places),
@@ -312,6 +312,7 @@ HEADER_ARRAYS: Final = {
     "floor.exits": Range("u1", ("rows", "columns"), 0, ALL_EXITS + 1),
     "floor.capacity": Range("u1", ("rows", "columns"), 0, 3),
     "floor.loads": Range("u1", ("rows", "columns"), 0, 2),
+    "floor.opens": Range("u1", ("rows", "columns"), 0, ALL_EXITS + 1),
     "floor.bays": Range("i4", ("bays", 2), 0, "cells"),
     "robots.home": Range("i4", ("robots",), 0, "cells"),
     "robots.bay": Range("i4", ("robots",), -1, "cells"),

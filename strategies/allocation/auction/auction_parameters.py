@@ -11,6 +11,7 @@ from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.quantities import CELLS, MOMENT, TIME, quantity
 from automaton.scenario.schema import Scenario
 from strategies.allocation.load_parameters import (
+    Storage,
     refusal_of_own_orders,
     refusal_of_priorities,
     refusal_of_tours,
@@ -40,6 +41,7 @@ class ShortestJob(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
     idle: Annotated[
         Literal["park", "stay"], Meta(description="what robots without an order do")
     ] = "park"
+    storage: Storage = "fixed"
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         """The score of an order is the same rule for all robots."""

@@ -20,6 +20,7 @@ from automaton.strategy.kernels import (
     UNREACHABLE,
     cell_beside,
     distance,
+    end_of_stops,
     first_cell,
     has_load,
     kernel,
@@ -105,7 +106,7 @@ def weigh_rest(view, workspace, open_orders, first, weight):
     for place in range(first, open_orders.count[0]):
         order = np.int64(open_orders.order[place])
         ticks = np.int64(0)
-        for stop in range(orders.first_stop[order] + 1, orders.first_stop[order + 1]):
+        for stop in range(orders.first_stop[order] + 1, end_of_stops(view, order)):
             here, to = np.int64(view.stops.cell[stop - 1]), np.int64(view.stops.cell[stop])
             leg = np.int64(UNREACHABLE)
             for heading in range(headings):

@@ -36,7 +36,8 @@ from strategies.allocation.greedy.greedy_parameters import GreedyParameters
 from strategies.allocation.greedy.matching import Pairs, match
 from strategies.allocation.greedy.nearest import Search
 from strategies.allocation.greedy.pair_heap import PairHeap
-from strategies.allocation.independent import deliver, places_load, take_order
+from strategies.allocation.independent import take_order
+from strategies.allocation.placing import deliver, places_load
 
 
 class GreedyState(Struct):

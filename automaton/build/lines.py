@@ -1,0 +1,140 @@
+"""The lines of a scenario as columns: listed, or drawn.
+
+Draws are addressed by the seed and the number of the line or of the order, so that all fleets and
+strategies face the same demand.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from automaton.build.demand import geometric
+from automaton.engine import random_numbers
+from automaton.engine.random_numbers import STREAM_LINE_DEMAND
+from automaton.engine.releases import draw_releases
+from automaton.engine.state import NEVER, NIL
+from automaton.scenario.pods import DrawnLines, Line, PerOrder
+from automaton.scenario.schema import Scenario
+
+Column = npt.NDArray[np.int64]
+
+DRAW_POD, DRAW_CLASS, DRAW_STATION, DRAW_POD_CLASS, DRAW_PER_ORDER = 0, 1, 2, 3, 4
+
+
+class LineColumns(NamedTuple):
+    """(l,) each, by line."""
+
+    order: Column
+    pod: Column
+    station: Column  # NIL: any
+    release: Column
+    due: Column  # NEVER: none
+    priority: Column
+    units: Column
+    pod_class: Column  # (p,) of each pod, as lines were drawn by it; empty: they were not
+
+
+def line_columns(scenario: Scenario, pods: int, stations: dict[str, int], seed: int) -> LineColumns:
+    """The lines of a scenario with so many pods; `stations`: numbers from 0 by name."""
+    lines = scenario.orders.lines
+    assert lines is not None, "the scenario has lines"
+    if isinstance(lines, DrawnLines):
+        return _drawn(lines, scenario, pods, max(stations.values()) + 1, seed)
+    return _listed(lines, stations)
+
+
+def _listed(lines: tuple[Line, ...], stations: dict[str, int]) -> LineColumns:
+    known: dict[int | str, int] = {}
+    order = [
+        known.setdefault(f" {k}" if line.order is None else line.order, len(known))
+        for k, line in enumerate(lines)
+    ]
+    due = [NEVER if line.due is None else line.release + line.due for line in lines]
+    columns: tuple[list[int], ...] = (
+        order,
+        [int(line.pod or 0) - 1 for line in lines],
+        [NIL if line.station is None else stations[str(line.station)] for line in lines],
+        [line.release for line in lines],
+        due,
+        [line.priority for line in lines],
+        [line.units for line in lines],
+        [],
+    )
+    return LineColumns(*(np.array(column, np.int64) for column in columns))
+
+
+def _drawn(
+    lines: DrawnLines, scenario: Scenario, pods: int, stations: int, seed: int
+) -> LineColumns:
+    order = _orders_of_lines(lines, seed)
+    released = np.zeros(int(order[-1]) + 1, np.int64)
+    if lines.mean_interarrival_time:
+        last = scenario.stop.max_duration + 1
+        chance = round(2**32 / lines.mean_interarrival_time)
+        with np.errstate(over="ignore"):
+            draw_releases(released, chance, np.uint64(seed), last)
+    pod, pod_class = _pods_of_lines(lines, scenario, pods, seed)
+    station = np.full(lines.count, NIL, np.int64)
+    if lines.stations == "random":
+        station = _integers(stations, int(order[-1]) + 1, seed, DRAW_STATION)[order]
+    release = released[order]
+    none = np.zeros(lines.count, np.int64)
+    due = none + NEVER if lines.due is None else np.minimum(release + lines.due, NEVER)
+    return LineColumns(order, pod, station, release, due, none, none + 1, pod_class)
+
+
+def _orders_of_lines(lines: DrawnLines, seed: int) -> Column:
+    if isinstance(lines.per_order, PerOrder):
+        each = geometric(
+            lines.per_order.mean, seed, STREAM_LINE_DEMAND, DRAW_PER_ORDER, np.arange(lines.count)
+        )
+    else:
+        each = np.full(lines.count, lines.per_order, np.int64)
+    ends = np.cumsum(each)
+    found: Column = np.searchsorted(ends, np.arange(lines.count), side="right")
+    return found
+
+
+def _pods_of_lines(
+    lines: DrawnLines, scenario: Scenario, pods: int, seed: int
+) -> tuple[Column, Column]:
+    """The pod of each line, and the class of each pod where lines are drawn by class."""
+    if lines.classes is None or scenario.pods.classes is None:
+        return _integers(pods, lines.count, seed, DRAW_POD), np.zeros(0, np.int64)
+    names = list(scenario.pods.classes)
+    bounds = class_ends(list(scenario.pods.classes.values()), pods)
+    mixed = np.argsort(_integers(2**31 - 1, pods, seed, DRAW_POD_CLASS), kind="stable")
+    pod_class = np.zeros(pods, np.int64)
+    pod_class[mixed] = np.searchsorted(bounds, np.arange(pods), side="right")
+    shares = np.array([lines.classes.get(name, 0.0) for name in names])
+    wanted = np.minimum(
+        np.searchsorted(np.cumsum(shares), _fractions(lines.count, seed), side="right"),
+        len(names) - 1,
+    )
+    pod = np.zeros(lines.count, np.int64)
+    for number in range(len(names)):
+        members, asked = np.flatnonzero(pod_class == number), np.flatnonzero(wanted == number)
+        among = members if len(members) else np.arange(pods)
+        pod[asked] = among[_integers(len(among), lines.count, seed, DRAW_POD)[asked]]
+    return pod, pod_class
+
+
+def class_ends(shares: list[float], count: int) -> Column:
+    """(classes,) how many of `count` belong to each class or one before it; halves go to the earlier."""
+    ends = np.floor(np.cumsum(shares) / sum(shares) * count + 0.5)
+    ends[-1] = count
+    return ends.astype(np.int64)
+
+
+def _integers(below: int, count: int, seed: int, what: int) -> Column:
+    drawn = np.zeros(count, np.int64)
+    with np.errstate(over="ignore"):
+        random_numbers.random_integers(drawn, below, np.uint64(seed), STREAM_LINE_DEMAND, what)
+    return drawn
+
+
+def _fractions(count: int, seed: int) -> npt.NDArray[np.float64]:
+    return _integers(2**31 - 1, count, seed, DRAW_CLASS) / (2**31 - 1)

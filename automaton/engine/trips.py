@@ -1,0 +1,422 @@
+"""From lines to trips of pods, by rule: what strategies decide does not change what a line becomes.
+
+A line that becomes known gets a station and joins the trip of its pod if that has a stop there which is
+not begun; else the trip gets one more stop, if its last one is not over; else there is a new trip, if
+the pod stands without one. What is left waits, and is taken in the tick after the pod was stored.
+
+Each trip needs a place at the station of its next stop. It is taken with the trip, and given back when
+the robot has left the station's cell; after a stop that is done, the next one's is taken at once, and
+where there is none the trip ends in storage. So no robot waits for a place with a pod on it.
+"""
+
+import numpy as np
+
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.record_changes import record_change
+from automaton.engine.record_codes import CHANGE_ORDER_RESERVED
+from automaton.engine.state import (
+    CLOCK_KNOWN_ORDERS,
+    CLOCK_NEXT_LINE,
+    CLOCK_NEXT_RELEASE,
+    CLOCK_REVISION,
+    CLOCK_STORED_PODS,
+    CLOCK_TICK,
+    CLOCK_UNDELIVERED,
+    GOAL_STOP,
+    NIL,
+    ORDER_WAITING,
+)
+
+MICRO = 1_000_000  # parts of a tick in which handling is summed
+LONGEST_VISIT = 65_535  # ticks: robots.busy has no more
+
+
+@kernel
+def has_trips(world):
+    """Whether the orders of this world are trips of pods."""
+    return world.trips.pod.shape[0] > 0
+
+
+@kernel
+def plan_trips(world, record):
+    """New trips of pods that were stored in the last tick, then the lines that become known."""
+    clock, lines = world.clock, world.lines
+    for k in range(clock[CLOCK_STORED_PODS]):
+        take_waiting_lines(world, record, np.int64(world.pods.stored[k]))
+    clock[CLOCK_STORED_PODS] = 0
+    while clock[CLOCK_NEXT_LINE] < lines.sequence.shape[0]:
+        line = np.int64(lines.sequence[clock[CLOCK_NEXT_LINE]])
+        if lines.release_tick[line] > clock[CLOCK_TICK]:
+            return
+        clock[CLOCK_NEXT_LINE] += 1
+        choose_station(world, line)
+        take_line(world, record, line)
+
+
+@kernel
+def choose_station(world, line):
+    """The station of a line: its own, that of its order, or the one with the fewest open lines."""
+    lines, stations = world.lines, world.pod_stations
+    order = lines.order[line]
+    station = np.int64(lines.station[line])
+    if station == NIL:
+        station = np.int64(lines.order_station[order])
+    if station == NIL:
+        station = np.int64(0)
+        for k in range(1, stations.cell.shape[0]):
+            if stations.open_lines[k] < stations.open_lines[station]:
+                station = np.int64(k)
+    lines.served_at[line] = station
+    lines.order_station[order] = station
+    stations.open_lines[station] += 1
+
+
+@kernel
+def take_line(world, record, line):
+    """A line joins the trip of its pod, makes one, or waits for the next."""
+    pods = world.pods
+    pod = np.int64(world.lines.pod[line])
+    trip = np.int64(pods.trip[pod])
+    if trip == NIL and pods.slot[pod] != NIL and pods.first_line[pod] == NIL:
+        add_to_trip(world, new_trip(world, record, pod), line)
+    elif trip == NIL or world.rules.join == 0 or not add_to_trip(world, trip, line):
+        append_waiting(world, pod, line)
+
+
+@kernel
+def append_waiting(world, pod, line):
+    """A line waits, behind the others, for the pod's next trip."""
+    pods, lines = world.pods, world.lines
+    lines.following[line] = NIL
+    if pods.first_line[pod] == NIL:
+        pods.first_line[pod] = line
+    else:
+        lines.following[pods.last_line[pod]] = line
+    pods.last_line[pod] = line
+
+
+@kernel
+def take_waiting_lines(world, record, pod):
+    """A new trip of a stored pod takes the lines that wait; those that it has no stop for wait on."""
+    pods = world.pods
+    line = np.int64(pods.first_line[pod])
+    pods.first_line[pod] = NIL
+    trip = new_trip(world, record, pod)
+    joins = True
+    while line != NIL:
+        following = np.int64(world.lines.following[line])
+        if not joins or not add_to_trip(world, trip, line):
+            append_waiting(world, pod, line)
+        joins = world.rules.join != 0
+        line = following
+
+
+@kernel
+def new_trip(world, record, pod):
+    """A trip of a pod that stands in storage is known from now on; who stands beneath may have it."""
+    orders, clock, pods = world.orders, world.clock, world.pods
+    trip = np.int64(clock[CLOCK_NEXT_RELEASE])
+    slot = np.int64(pods.slot[pod])
+    world.trips.pod[trip] = pod
+    pods.trip[pod] = trip
+    orders.source[trip] = slot
+    orders.current_slot[trip] = slot
+    orders.state[trip] = ORDER_WAITING
+    orders.release_sequence[trip] = trip
+    clock[CLOCK_NEXT_RELEASE] += 1
+    clock[CLOCK_KNOWN_ORDERS] = trip + 1
+    clock[CLOCK_UNDELIVERED] += 1
+    clock[CLOCK_REVISION] += 1
+    offer(world, record, trip, np.int64(world.slots.cell[slot]))
+    return trip
+
+
+@kernel
+def add_to_trip(world, trip, line):
+    """Serve a line at a stop of a trip that is not begun, or at one more; False if there is none."""
+    orders, stops, trips = world.orders, world.stops, world.trips
+    station = np.int64(world.lines.served_at[line])
+    first = np.int64(orders.first_stop[trip])
+    end = np.int64(orders.first_stop[trip + 1])
+    stop = first + trips.begun[trip]
+    while stop < end and stops.cell[stop] != NIL and trips.station[stop] != station:
+        stop += 1
+    if stop == end:
+        return False
+    if stops.cell[stop] == NIL:
+        if stop > first and orders.stops_done[trip] == stop - first:
+            return False  # the last stop is over
+        stops.cell[stop] = world.pod_stations.cell[station]
+        trips.station[stop] = station
+        trips.handling[stop] = world.pod_stations.visit[station]
+    add_to_stop(world, trip, stop, line)
+    return True
+
+
+@kernel
+def add_to_stop(world, trip, stop, line):
+    """A stop of a trip serves one line more; the trip is as urgent as the most urgent of its lines."""
+    lines, orders, trips = world.lines, world.orders, world.trips
+    lines.trip[line] = trip
+    lines.following[line] = NIL
+    is_first = trips.first_line[orders.first_stop[trip]] == NIL
+    if trips.first_line[stop] == NIL:
+        trips.first_line[stop] = line
+    else:
+        lines.following[trips.last_line[stop]] = line
+    trips.last_line[stop] = line
+    rule = world.pod_stations.rule[trips.station[stop]]
+    trips.handling[stop] += lines.handling[rule, line]
+    world.stops.ticks[stop] = ticks_of(np.int64(trips.handling[stop]))
+    if is_first or lines.priority[line] > orders.priority[trip]:
+        orders.priority[trip] = lines.priority[line]
+    orders.release_tick[trip] = min(
+        np.int64(orders.release_tick[trip]), np.int64(lines.release_tick[line])
+    )
+
+
+@kernel
+def ticks_of(handling):
+    """Whole ticks of so many millionths: half up, at least 1 unless there is nothing to do."""
+    if handling == 0:
+        return np.int64(0)
+    return min(max((handling + MICRO // 2) // MICRO, 1), LONGEST_VISIT)
+
+
+@kernel
+def offer(world, record, trip, cell):
+    """Reserve a trip for the robot that stands beneath its pod, if it is free and carries the weight."""
+    robots = world.robots
+    for i in range(robots.cell.shape[0]):
+        if robots.cell[i] != cell or robots.claim[i] != NIL or robots.order[i] != NIL:
+            continue
+        if robots.status[i] != 0 or robots.load[i] != NIL:
+            continue
+        if world.orders.weight[trip] <= world.rules.payload[robots.type[i]]:
+            world.trips.offered[robots.identity[i]] = trip
+            reserve(world, record, trip, np.int64(robots.identity[i]))
+        return
+
+
+@kernel
+def reserve(world, record, trip, identity):
+    world.orders.reserved_by[trip] = identity
+    world.clock[CLOCK_REVISION] += 1
+    record_change(world.clock, record, CHANGE_ORDER_RESERVED, trip, identity)
+
+
+@kernel
+def withdraw_offer(world, record, identity):
+    """The trip that is reserved for a robot without being its own is anybody's."""
+    trip = np.int64(world.trips.offered[identity])
+    world.trips.offered[identity] = NIL
+    if world.orders.reserved_by[trip] == identity:
+        i = world.robots.at_index[identity]
+        if world.robots.order[i] != trip:
+            reserve(world, record, trip, NIL)
+
+
+@kernel
+def leave_stations_and_pods(world, record):
+    """After motion: robots that have left a station give its place back, and who left a pod its trip."""
+    robots, trips = world.robots, world.trips
+    for identity in range(trips.place.shape[0]):
+        leaving, offered = trips.leaving[identity], trips.offered[identity]
+        if leaving == NIL and offered == NIL:
+            continue
+        cell = robots.cell[robots.at_index[identity]]
+        if leaving != NIL and cell != world.pod_stations.cell[leaving]:
+            world.pod_stations.taken[leaving] -= 1
+            world.clock[CLOCK_REVISION] += 1
+            trips.leaving[identity] = NIL
+        if offered != NIL:
+            slot = world.orders.current_slot[offered]
+            if slot == NIL or world.slots.cell[slot] != cell:
+                withdraw_offer(world, record, identity)
+
+
+@kernel
+def next_station(world, trip):
+    """The station of a trip's next stop, NIL if none is left."""
+    stop = np.int64(world.orders.first_stop[trip]) + np.int64(world.orders.stops_done[trip])
+    if stop == world.orders.first_stop[trip + 1] or world.stops.cell[stop] == NIL:
+        return np.int64(NIL)
+    return np.int64(world.trips.station[stop])
+
+
+@kernel
+def has_place(view, trip):
+    """Whether the station of a trip's next stop lets one more come."""
+    station = next_station(view, trip)
+    if station == NIL:
+        return True
+    stations = view.pod_stations
+    return stations.places[station] == NIL or stations.taken[station] < stations.places[station]
+
+
+@kernel
+def take_place(world, identity, trip):
+    """A robot has a place at the station of a trip's next stop."""
+    station = next_station(world, trip)
+    world.trips.place[identity] = station
+    if station != NIL:
+        world.pod_stations.taken[station] += 1
+
+
+@kernel
+def give_place_back(world, identity):
+    station = world.trips.place[identity]
+    world.trips.place[identity] = NIL
+    if station != NIL:
+        world.pod_stations.taken[station] -= 1
+        world.clock[CLOCK_REVISION] += 1
+
+
+@kernel
+def has_break(world, trip):
+    """Whether no visit begins now at the station of a trip's next stop."""
+    station, tick = next_station(world, trip), world.clock[CLOCK_TICK]
+    breaks = world.pod_stations.breaks
+    for row in range(breaks.shape[0]):
+        if breaks[row, 0] == station and breaks[row, 1] <= tick < breaks[row, 2]:
+            return True
+    return False
+
+
+@kernel
+def end_visit(world, identity, trip, stop):
+    """The lines of a stop are done; its robot goes on to the next stop if it gets a place there.
+
+    Returns the cell of that stop, or NIL: the pod goes into storage, and lines that are left wait.
+    """
+    station = np.int64(world.trips.station[stop])
+    world.trips.begun[trip] = world.orders.stops_done[trip]
+    line = np.int64(world.trips.first_line[stop])
+    while line != NIL:
+        complete_line(world, line)
+        line = np.int64(world.lines.following[line])
+    following = next_station(world, trip)
+    if following == station:
+        return np.int64(world.pod_stations.cell[station])  # it keeps its place
+    world.trips.leaving[identity] = station
+    world.trips.place[identity] = NIL
+    if following == NIL:
+        return np.int64(NIL)
+    if has_place(world, trip):
+        take_place(world, identity, trip)
+        return np.int64(world.pod_stations.cell[following])
+    drop_stops(world, trip)
+    return np.int64(NIL)
+
+
+@kernel
+def complete_line(world, line):
+    lines, tick = world.lines, world.clock[CLOCK_TICK]
+    order = lines.order[line]
+    lines.done[line] = tick
+    lines.left[order] -= 1
+    if lines.left[order] == 0:
+        lines.order_done[order] = tick
+    world.pod_stations.open_lines[lines.served_at[line]] -= 1
+    world.clock[CLOCK_UNDELIVERED] -= 1
+
+
+@kernel
+def drop_stops(world, trip):
+    """The stops of a trip that are left are not made: their lines wait, before the others."""
+    orders, stops, trips, lines, pods = (
+        world.orders,
+        world.stops,
+        world.trips,
+        world.lines,
+        world.pods,
+    )
+    pod = np.int64(trips.pod[trip])
+    waiting = np.int64(pods.first_line[pod])
+    pods.first_line[pod] = NIL
+    first = np.int64(orders.first_stop[trip]) + np.int64(orders.stops_done[trip])
+    for stop in range(first, orders.first_stop[trip + 1]):
+        line = np.int64(trips.first_line[stop])
+        while line != NIL:
+            following = np.int64(lines.following[line])
+            lines.trip[line] = NIL
+            append_waiting(world, pod, line)
+            line = following
+        stops.cell[stop] = NIL
+        trips.station[stop] = NIL
+        trips.first_line[stop] = NIL
+        trips.handling[stop] = 0
+    while waiting != NIL:
+        following = np.int64(lines.following[waiting])
+        append_waiting(world, pod, waiting)
+        waiting = following
+
+
+@kernel
+def lift_pod(world, trip):
+    """The pod of a trip is on its robot: its cell is free floor."""
+    pods, pod = world.pods, np.int64(world.trips.pod[trip])
+    pods.slot[pod] = NIL
+
+
+@kernel
+def store_pod(world, trip, slot):
+    """The pod of a trip stands in a slot; the trip is over, and lines that wait make a new one."""
+    pods, pod = world.pods, np.int64(world.trips.pod[trip])
+    pods.slot[pod] = slot
+    pods.trip[pod] = NIL
+    world.slots.content[slot] = pod
+    if pods.first_line[pod] != NIL:
+        place = world.clock[CLOCK_STORED_PODS]
+        while place > 0 and pods.stored[place - 1] > pod:  # robots store pods in any sequence
+            pods.stored[place] = pods.stored[place - 1]
+            place -= 1
+        pods.stored[place] = pod
+        world.clock[CLOCK_STORED_PODS] += 1
+
+
+@kernel
+def mark_queues(world):
+    """After motion: which cells of stations and queues are held by robots that go there, or are there."""
+    robots = world.robots
+    for i in range(robots.cell.shape[0]):
+        cell = robots.cell[i]
+        if cell == NIL:
+            continue
+        mark_if_queueing(world, i, cell)
+        if robots.claim[i] != NIL:
+            mark_if_queueing(world, i, robots.claim[i])
+
+
+@kernel
+def mark_if_queueing(world, i, cell):
+    """Mark a cell that robot i holds, if that is a station, or in the queue of the one it goes to."""
+    robots, stations = world.robots, world.pod_stations
+    station = stations.queue_at[cell]
+    queues = robots.goal_type[i] == GOAL_STOP and station != NIL
+    if stations.station_at[cell] != NIL or (
+        queues and robots.goal_cell[i] == stations.cell[station]
+    ):
+        stations.held_back[cell] = 1
+
+
+@kernel
+def clear_queues(world):
+    robots, stations = world.robots, world.pod_stations
+    for i in range(robots.cell.shape[0]):
+        if robots.cell[i] != NIL:
+            stations.held_back[robots.cell[i]] = 0
+            if robots.claim[i] != NIL:
+                stations.held_back[robots.claim[i]] = 0
+
+
+@kernel
+def is_queueing_at_station(world, i, ahead):
+    """Whether robot i, whose stop is a station, finds its place in the queue, or the station, held."""
+    robots, stations = world.robots, world.pod_stations
+    if robots.goal_type[i] != GOAL_STOP or stations.held_back[ahead] == 0:
+        return False
+    station = stations.station_at[robots.goal_cell[i]]
+    if station == NIL:
+        return False
+    return ahead == robots.goal_cell[i] or stations.queue_at[ahead] == station

@@ -1,0 +1,36 @@
+"""Where robots with a load get on a floor with storage: into and out of it, never through."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from automaton.floor.cells import STORAGE
+from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.reachability import Mask, backward_exits, reached
+
+
+@lru_cache(maxsize=16)
+def to_and_from(floor_plan: FloorPlan, cell: int, rail: bool) -> Mask:
+    """(cells,) those from which a load gets to a cell that is not storage, and to which it comes back."""
+    storage = floor_plan.kind == STORAGE
+    if not storage.any():
+        return reached(floor_plan, [cell], rail) & reached(floor_plan, [cell], rail, backwards=True)
+    flat = storage.reshape(-1)
+    into = np.zeros_like(floor_plan.exits)  # exits that lead into storage
+    for direction, offset in enumerate(floor_plan.offsets):
+        ahead = np.roll(flat, -offset).reshape(storage.shape)
+        into |= np.where(ahead, np.uint8(1 << direction), np.uint8(0)).astype(np.uint8)
+    aisles = floor_plan.with_exits(np.where(storage, 0, floor_plan.exits & ~into).astype(np.uint8))
+    from_it = reached(aisles, [cell], rail)
+    to_it = reached(aisles, [cell], rail, backwards=True)
+    exits, entries = floor_plan.exits.reshape(-1), backward_exits(floor_plan)
+    leaves, enters = (np.zeros(flat.size, np.bool_) for _ in range(2))
+    for direction, offset in enumerate(floor_plan.offsets):
+        bit = np.uint8(1 << direction)
+        leaves |= (exits & bit != 0) & np.roll(to_it & ~flat, -offset)
+        enters |= (entries & bit != 0) & np.roll(from_it & ~flat, -offset)
+    mask: Mask = np.where(flat, leaves & enters, from_it & to_it)
+    mask.setflags(write=False)
+    return mask

@@ -1,0 +1,165 @@
+"""Pods that stand in storage cells, the stations to which they are carried, and the lines of orders."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from msgspec import Meta, field
+
+from automaton.scenario.field_types import ConfigSection, Pair, SingleLine, Tick
+from automaton.scenario.handling import Handling
+from automaton.scenario.quantities import GAP, TIME, quantity
+
+MAX_POD_STOPS = 64
+MAX_LINES = 1_000_000
+SHARE_ERROR = 0.001  # by which shares may miss 1
+
+Share = Annotated[float, Meta(ge=0, le=1)]
+
+
+def check_shares(name: str, shares: dict[str, float]) -> None:
+    """Shares add up to 1. Raises ValueError."""
+    total = sum(shares.values())
+    if abs(total - 1) > SHARE_ERROR:
+        raise ValueError(f"{name} must add up to 1, found {total:.4g}")
+
+
+class Pods(ConfigSection, frozen=True, kw_only=True):
+    """Pods: what stands in storage cells, and is carried to stations and back."""
+
+    under: Annotated[
+        Literal["empty", "none"],
+        Meta(
+            description="Who drives under a pod that stands: robots without a load, or none but the "
+            "one that has its order."
+        ),
+    ] = "empty"
+    join: Annotated[
+        bool,
+        Meta(description="Lines join a trip of their pod under way; false: each is a trip alone."),
+    ] = True
+    max_stops: Annotated[
+        int, Meta(ge=1, le=MAX_POD_STOPS, description="Stations of one trip, at most.")
+    ] = 4
+    classes: Annotated[
+        dict[SingleLine, Share] | None,
+        Meta(
+            description="Classes of pods and of storage cells, the first nearest to the stations, "
+            "and the share of both that each has."
+        ),
+    ] = None
+
+    def __post_init__(self) -> None:
+        if self.classes is not None:
+            check_shares("classes", self.classes)
+
+
+class Break(ConfigSection, frozen=True, kw_only=True):
+    """A time in which no visit begins at a station."""
+
+    begin: Annotated[Tick, Meta(description="The tick in which it begins.")] = field(name="from")
+    ticks: Annotated[
+        int, quantity(TIME, ge=1, le=2_000_000_000, description="Ticks that it lasts.")
+    ] = field(name="for")
+
+
+class PodStation(ConfigSection, frozen=True, kw_only=True):
+    """A station with a name: its cell, the cells of its queue, how many it lets come."""
+
+    at: Annotated[Pair, Meta(description="Its cell, one of kind station.")]
+    queue: Annotated[
+        tuple[Pair, ...],
+        Meta(
+            max_length=1000,
+            description="Corners of the path of its queue, from the cell next to it outwards.",
+        ),
+    ] = ()
+    max_trips: Annotated[
+        Annotated[int, Meta(ge=1, le=1_000_000)] | Literal["queue"] | None,
+        Meta(
+            description="Trips on their way to it or at it, at most. queue: as many as its queue has "
+            "cells, and one; null: any number."
+        ),
+    ] = "queue"
+    handling: Annotated[
+        Handling | None, Meta(description="How long a visit takes; left out: durations.handling.")
+    ] = None
+    breaks: Annotated[tuple[Break, ...], Meta(description="When no visit begins.")] = ()
+
+
+class Line(ConfigSection, frozen=True, kw_only=True):
+    """What an order wants of one pod, or of any pod with some SKU, at a station."""
+
+    pod: Annotated[
+        int | SingleLine | None, Meta(description="The pod, by number from 1 or by name.")
+    ] = None
+    station: Annotated[
+        int | SingleLine | None,
+        Meta(
+            description="The station, by name or number from 1; left out: that of the earlier lines "
+            "of its order, or the one with the fewest open lines."
+        ),
+    ] = None
+    order: Annotated[
+        int | SingleLine | None,
+        Meta(description="Lines of one order have the same; left out: an order of its own."),
+    ] = None
+    release: Annotated[Tick, Meta(description="The tick from which it is known.")] = 0
+    due: Annotated[
+        Annotated[int, quantity(TIME, ge=0, le=2_000_000_000)] | None,
+        Meta(description="Ticks after release in which it is due; null: never."),
+    ] = None
+    priority: Annotated[int, Meta(ge=-100, le=100, description="Larger ones come first.")] = 0
+    units: Annotated[int, Meta(ge=0, le=1_000_000, description="Units that are picked.")] = 1
+
+    def __post_init__(self) -> None:
+        if self.pod is None:
+            raise ValueError("the key 'pod' is missing")
+
+
+class PerOrder(ConfigSection, frozen=True, kw_only=True):
+    """A number of lines from 1 on, drawn geometrically for each order."""
+
+    mean: Annotated[float, Meta(ge=1, le=1000, description="Its mean.")]
+
+
+class DrawnLines(ConfigSection, frozen=True, kw_only=True):
+    """Lines that are drawn."""
+
+    count: Annotated[int, Meta(ge=1, le=MAX_LINES, description="How many lines there are.")]
+    mean_interarrival_time: Annotated[
+        float,
+        quantity(
+            GAP,
+            ge=0,
+            le=1_000_000,
+            description="Mean ticks between two orders, whose lines come together: one arrives in a "
+            "tick with probability 1 / this. 0: all are known from the start.",
+        ),
+    ] = 0.0
+    per_order: Annotated[
+        Annotated[int, Meta(ge=1, le=1000)] | PerOrder,
+        Meta(description="Lines of an order: so many, or drawn with this mean."),
+    ] = 1
+    classes: Annotated[
+        dict[SingleLine, Share] | None,
+        Meta(
+            description="Which share of lines wants pods of each class; left out: all pods alike."
+        ),
+    ] = None
+    stations: Annotated[
+        Literal["fewest-lines", "random"],
+        Meta(description="The station of an order: the one with the fewest open lines, or any."),
+    ] = "fewest-lines"
+    due: Annotated[
+        Annotated[int, quantity(TIME, ge=0, le=2_000_000_000)] | None,
+        Meta(description="Ticks after release in which they are due; null: never."),
+    ] = None
+
+    def __post_init__(self) -> None:
+        if self.classes is not None:
+            check_shares("classes", self.classes)
+        if 0 < self.mean_interarrival_time < 1:
+            raise ValueError(
+                "mean_interarrival_time must be 0 or at least 1: at most one order arrives per tick"
+            )

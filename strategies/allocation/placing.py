@@ -1,0 +1,153 @@
+"""Where a load is set down; of a pod after its trip: the parameter `storage` of allocations.
+
+fixed     where it stood at the start; if another pod was put there, as nearest
+nearest   the free cell of least ticks with a load from where the robot is; ties: the lowest slot
+class     the nearest free cell of the pod's class; then of the classes after it, then before it
+random    any free cell
+"""
+
+import numpy as np
+
+from automaton.engine.jit.fields import field
+from automaton.engine.jit.structs import Struct
+from automaton.engine.random_numbers import STREAM_STORAGE
+from automaton.engine.state import CLOCK_TICK, CMD_DROP_AT, NIL, REASON_PICKED, REASON_SERVED
+from automaton.floor.cells import STORAGE
+from automaton.strategy.kernels import (
+    begin_search,
+    dropoff_cell,
+    kernel,
+    mark_goal,
+    nearest_mark,
+    position,
+    random_between,
+)
+
+POLICIES = ("fixed", "nearest", "class", "random")
+FIXED, NEAREST, CLASS, RANDOM = range(4)
+ANY_CLASS = -1
+
+
+class PlacingState(Struct):
+    """The policy of storage; it remembers nothing."""
+
+    storage: int = field("int64", "its place among POLICIES")
+
+
+@kernel
+def takes_load(view, out, slot):
+    """Whether a load may be dropped at a slot: where any number fits, or on a shelf that is empty
+    and promised to no robot."""
+    if view.slots.unbounded[slot]:
+        return True
+    empty = view.slots.content[slot] == NIL and view.slots.reserved_by[slot] == NIL
+    return empty and out.slot_taken[slot] == 0
+
+
+@kernel
+def places_load(reason):
+    """Whether allocation is asked where the load of a robot goes."""
+    return reason == REASON_PICKED or reason == REASON_SERVED
+
+
+@kernel
+def set_down(view, out, k, i, slot):
+    """Decision k: robot i drops its load at this slot, which takes it."""
+    out.command[k] = CMD_DROP_AT
+    out.slot[k] = slot
+    out.goal_cell[k] = dropoff_cell(view, view.robots.type[i], slot, position(view, i))
+    if view.slots.unbounded[slot] == 0:
+        out.slot_taken[slot] = 1
+
+
+@kernel
+def deliver(view, out, k, i):
+    """Decision k: drop the load at its order's own target; if it is full, ask again next tick."""
+    slot = np.int64(view.orders.target[view.robots.load[i]])
+    if takes_load(view, out, slot):
+        set_down(view, out, k, i, slot)
+    else:
+        out.ask_again[k] = 1
+
+
+@kernel
+def place_load(view, out, workspace, k, i, policy):
+    """Decision k: robot i brings its load to its target, or its pod into storage."""
+    if view.trips.pod.shape[0] == 0:
+        deliver(view, out, k, i)
+        return
+    slot = storage_for(view, out, workspace, i, policy)
+    if slot == NIL:
+        out.ask_again[k] = 1
+    else:
+        set_down(view, out, k, i, slot)
+
+
+@kernel
+def is_free(view, out, i, slot):
+    """Whether robot i may store a pod in a slot."""
+    if view.grid.kind[view.slots.cell[slot]] != STORAGE or not takes_load(view, out, slot):
+        return False
+    return dropoff_cell(view, view.robots.type[i], slot, position(view, i)) != NIL
+
+
+@kernel
+def storage_for(view, out, workspace, i, policy):
+    """The slot for the pod of robot i, NIL if none is free; `policy`: its place among POLICIES."""
+    pod = view.trips.pod[view.robots.load[i]]
+    if policy == FIXED and is_free(view, out, i, view.pods.home[pod]):
+        return np.int64(view.pods.home[pod])
+    if policy == RANDOM:
+        return any_free(view, out, i)
+    if policy == CLASS:
+        own, classes = np.int64(view.pods.pod_class[pod]), 0
+        for slot in range(view.pods.slot_class.shape[0]):
+            classes = max(classes, np.int64(view.pods.slot_class[slot]) + 1)
+        for step in range(classes):
+            chosen = own + step if own + step < classes else classes - 1 - step
+            slot = nearest_free(view, out, workspace, i, chosen)
+            if slot != NIL:
+                return slot
+    return nearest_free(view, out, workspace, i, ANY_CLASS)
+
+
+@kernel
+def nearest_free(view, out, workspace, i, wanted):
+    """The free slot of a class, or of any, that robot i gets to soonest with its load; NIL: none."""
+    search = begin_search(workspace)
+    found = False
+    robot_type, here = view.robots.type[i], position(view, i)
+    for slot in range(view.slots.first_spare):
+        if wanted != ANY_CLASS and view.pods.slot_class[slot] != wanted:
+            continue
+        if is_free(view, out, i, slot):
+            mark_goal(workspace, search, dropoff_cell(view, robot_type, slot, here), slot)
+            found = True
+    if not found:
+        return np.int64(NIL)
+    heading = np.int64(view.robots.heading[i])
+    return np.int64(nearest_mark(view, workspace, search, robot_type, here, heading, False))
+
+
+@kernel
+def any_free(view, out, i):
+    """A free slot, all alike probable."""
+    count = 0
+    for slot in range(view.slots.first_spare):
+        count += is_free(view, out, i, slot)
+    if count == 0:
+        return np.int64(NIL)
+    chosen = random_between(
+        0,
+        count - 1,
+        view.rules.seed,
+        STREAM_STORAGE,
+        view.clock[CLOCK_TICK],
+        np.int64(view.robots.identity[i]),
+    )
+    for slot in range(view.slots.first_spare):
+        if is_free(view, out, i, slot):
+            if chosen == 0:
+                return np.int64(slot)
+            chosen -= 1
+    return np.int64(NIL)

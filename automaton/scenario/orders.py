@@ -18,11 +18,12 @@ from automaton.scenario.field_types import (
     Ticks,
     Weight,
 )
-from automaton.scenario.quantities import GAP, TIME, quantity
+from automaton.scenario.quantities import DUE, GAP, MOMENT, TIME, quantity
 
 DRAWN = ("dock-to-rack", "stations", "visits", "tours")  # generators that draw so many orders
 MAX_STOPS: Final = 64  # of an order
 MAX_STOP_TICKS: Final = 65_535
+LAST_TICK: Final = 2_000_000_000
 ENDS: Final = {  # generator: kinds of slots where its orders begin and end
     "full-shelves": (SHELF, DESTINATION),
     "picture-loads": (SHELF, DESTINATION),
@@ -119,6 +120,20 @@ class Stop(ConfigSection, frozen=True, kw_only=True):
     ] = field(name="for", default=0)
 
 
+class DueAt(ConfigSection, frozen=True, kw_only=True):
+    """When an order is due, whenever it is released."""
+
+    at: Annotated[
+        int,
+        quantity(
+            MOMENT, ge=-LAST_TICK, le=LAST_TICK, description="The tick; before 0: late at once."
+        ),
+    ]
+
+
+Due = Annotated[int, quantity(DUE, ge=0, le=LAST_TICK)] | DueAt
+
+
 class OrderLine(ConfigSection, frozen=True, kw_only=True):
     """One order: bring a load from one slot to another, come to cells in turn, or both."""
 
@@ -143,6 +158,10 @@ class OrderLine(ConfigSection, frozen=True, kw_only=True):
             description="Of the orders that it could do, a robot gets one of the highest priority."
         ),
     ] = 0
+    due: Annotated[
+        Due | None,
+        Meta(description="Ticks after its release until which it is to be done, or {at: tick}."),
+    ] = None
 
     def __post_init__(self) -> None:
         if self.source is None and self.target is None:
@@ -157,6 +176,13 @@ class OrderLine(ConfigSection, frozen=True, kw_only=True):
                 "an order with from and to brings a load from one to the other; leave both out if "
                 "a robot has only to come to its stops"
             )
+
+    @property
+    def due_tick(self) -> int | None:
+        """The tick until which it is to be done; None: it has no due time."""
+        if self.due is None:
+            return None
+        return self.due.at if isinstance(self.due, DueAt) else self.release + self.due
 
     @property
     def has_load(self) -> bool:
@@ -393,6 +419,11 @@ def has_tours(orders: Orders) -> bool:
     if orders.generator == "tours" or orders.tasks is not None:
         return True
     return any(line.stops is not None for line in listed)
+
+
+def has_due_times(orders: Orders) -> bool:
+    """Return whether any of the orders has a due time."""
+    return any(line.due is not None for line in orders.listed or ())
 
 
 def priorities_of(orders: Orders) -> list[int]:

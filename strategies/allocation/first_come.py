@@ -1,9 +1,10 @@
-"""First come, first served: a free robot takes the order that has waited longest.
+"""First come, first served: a free robot takes the order that has waited longest, or is due first.
 
 Orders are taken in the sequence in which they are released; ties: the lowest number. The robot
 carries it to its own target. A cursor goes over the orders once in a run: those before it were all
 taken. One that was given back is found by its robot, which remembers what it took last.
-(Where robots see only what is near, the cursor is forgotten and every robot looks at all orders.)
+With `by: due` a queue (`due_queue`) holds what was released, and what was given back comes into it again.
+(Where robots see only what is near, both are forgotten and every robot looks at all orders.)
 """
 
 import numpy as np
@@ -19,7 +20,9 @@ from automaton.engine.state import (
 )
 from automaton.strategy.kernels import can_do, kernel
 from automaton.strategy.layer import Strategy
+from strategies.allocation.due_queue import DueQueue, enter_order, enter_released, first_due
 from strategies.allocation.independent import deliver, places_load, take_order
+from strategies.allocation.load_parameters import FirstComeParameters
 from strategies.allocation.open_orders import is_open
 
 
@@ -32,6 +35,8 @@ class FirstComeState(Struct):
         "by type and priority: orders.release_sequence before it was taken, or is not for the type",
     )
     looked: Array = field("(1,) int64", "orders looked at so far: what the search has cost")
+    by_due: int = field("int64", "1: orders are taken by when they are due, and come from")
+    queue: DueQueue
 
 
 @kernel
@@ -102,10 +107,25 @@ def order_for(view, out, state, i, again):
 
 
 @kernel
+def fill_queue(view, out, state):
+    """Enter into the queue what was released, and what robots gave back."""
+    enter_released(view, state.queue)
+    for j in range(state.took.shape[0]):
+        order = np.int64(state.took[j]) - 1
+        if order >= 0 and is_open(view, out, order):
+            enter_order(view, state.queue, order)
+            state.took[j] = 0
+
+
+@kernel
 def decide(view, batch, decisions, memory, workspace):
     out = decisions.allocation
     state = FirstComeState.of(memory)
-    again = has_returned_order(view, out, state)
+    again = False
+    if state.by_due:
+        fill_queue(view, out, state)
+    else:
+        again = has_returned_order(view, out, state)
     for k in range(batch.count[0]):
         if workspace.stop[0]:
             return
@@ -115,7 +135,10 @@ def decide(view, batch, decisions, memory, workspace):
         elif batch.reason[k] == REASON_PERIODIC:
             continue
         else:
-            order = order_for(view, out, state, i, again)
+            if state.by_due:
+                order = first_due(view, out, state.queue, i)
+            else:
+                order = order_for(view, out, state, i, again)
             if order == NIL:
                 out.command[k] = CMD_PARK
             else:
@@ -124,9 +147,10 @@ def decide(view, batch, decisions, memory, workspace):
 
 
 class FirstCome(Strategy):
-    """Every robot takes the oldest unreserved order and carries it to its destination."""
+    """Every robot takes the oldest unreserved order, or the one due first, to its destination."""
 
     layer = "allocation"
+    Parameters = FirstComeParameters
     compiled = decide
 
     def reset(self, view):
@@ -135,4 +159,6 @@ class FirstCome(Strategy):
             "K": len(view.grid.type_cell_flags),
             "p": len(view.rules.priorities),
         }
-        return FirstComeState.sized(sizes)
+        by_due = self.parameters.by == "due"
+        places = {"K": sizes["K"], "q": len(view.orders.state) if by_due else 0}
+        return FirstComeState.sized(sizes, by_due=int(by_due), queue=DueQueue.sized(places))

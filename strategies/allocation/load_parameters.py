@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Annotated, Literal
+
 import msgspec
+from msgspec import Meta
 
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.orders import has_tours, priorities_of
@@ -30,8 +33,16 @@ def refusal_of_priorities(scenario: Scenario) -> str | None:
     return "it knows no priorities, and orders have some; greedy and first-come do those"
 
 
-class AnyRobot(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """No parameters; but robots must not have orders of their own."""
+class FirstComeParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """Which order comes first; but robots must not have orders of their own."""
+
+    by: Annotated[
+        Literal["arrival", "due"],
+        Meta(
+            description="the order that was released first, or the one that is due first: those without "
+            "a due time last, ties by release"
+        ),
+    ] = "arrival"
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         """One cursor goes over the orders for all robots of a type."""

@@ -88,13 +88,19 @@ class Figures(TextPanel):
         ]
 
     def _progress(self, view: View, width: int) -> list[Line]:
-        """The oldest open order, robots that finish nothing, and where most of them stand together."""
+        """The oldest open order, orders that are late, robots that finish nothing, and where most of
+        them stand together.
+        """
         figures = view.playback.figures[view.side]
         oldest = figures.metrics.get("oldest_order", 0)
         lines: list[Line] = []
         if oldest:
             age = Span(f"{count(int(oldest), 'tick')}")
             lines += self._explained("oldest_order", "oldest order", age, width)
+        if "late_share" in figures.metrics:
+            late = figures.metrics["late_share"]
+            share = Span(f"{percent(late)} of those due", "warn" if late else "plain")
+            lines += self._explained("late_share", "late", share, width)
         if len(figures.starved):
             starved = Span(count(len(figures.starved), "robot"), "warn")
             lines += self._explained("starved_robots", "starved", starved, width)

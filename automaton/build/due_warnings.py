@@ -22,10 +22,11 @@ def due_too_early(resolved: Resolved) -> str:
     ]
     if not early:
         return ""
-    they = "it is" if len(early) == 1 else "they are"
+    if len(early) == 1:
+        return f"order {early[0]:,} is due before it is released, and so late at once"
     return (
-        f"{count(len(early), 'order')}, the first is order {early[0]:,}: due before {they} released, "
-        "and so late at once"
+        f"{count(len(early), 'order')} are due before they are released, and so late at once; the first "
+        f"of them is order {early[0]:,}"
     )
 
 

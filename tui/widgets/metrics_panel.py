@@ -98,9 +98,8 @@ class Figures(TextPanel):
             age = Span(f"{count(int(oldest), 'tick')}")
             lines += self._explained("oldest_order", "oldest order", age, width)
         if "late_share" in figures.metrics:
-            late = figures.metrics["late_share"]
-            share = Span(f"{percent(late)} of those due", "warn" if late else "plain")
-            lines += self._explained("late_share", "late", share, width)
+            look = "warn" if figures.metrics["late_share"] else "plain"
+            lines += self._share("late_share", "late", view, width, look)
         if len(figures.starved):
             starved = Span(count(len(figures.starved), "robot"), "warn")
             lines += self._explained("starved_robots", "starved", starved, width)
@@ -154,10 +153,12 @@ class Figures(TextPanel):
             *self.explanation(link, METRIC_CATALOGUE["energy"][1], width),
         ]
 
-    def _share(self, name: str, label: str, view: View, width: int) -> list[Line]:
-        """A share of time, and what counts."""
+    def _share(
+        self, name: str, label: str, view: View, width: int, look: str = "plain"
+    ) -> list[Line]:
+        """A share of time or of orders, and what counts."""
         share = percent(float(view.playback.figures[view.side].metrics[name]))
-        return self._explained(name, label, Span(f"{share:>{VALUE_COLUMNS + 2}}"), width)
+        return self._explained(name, label, Span(f"{share:>{VALUE_COLUMNS + 2}}", look), width)
 
     def _curves(self, view: View, width: int) -> tuple[list[Line], list[Line]]:
         """Throughput and waiting robots over time; the axis is below the second."""

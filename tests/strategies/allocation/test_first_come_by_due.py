@@ -43,13 +43,13 @@ def sequence(run: Simulation) -> list[int]:
 def test_what_is_due_first_comes_first() -> None:
     """No due time last; ties by release, then by number; a higher priority before all."""
     lines = [
-        *(stop(), stop(due=60), stop(due=30), stop(due={"at": 30})),
-        *(stop(release=1, due=29), stop(priority=1, due=900), stop(due={"at": -5})),
+        *(stop(), stop(due=60), stop(release=1, due=29), stop(due=30), stop(due={"at": 30})),
+        *(stop(priority=1, due=900), stop(due={"at": -5})),
     ]
     run = Simulation(corridor(lines))
     run.run()
     assert run.world.orders.due.tolist() == [NEVER, 60, 30, 30, 30, 900, -5]
-    assert sequence(run) == [5, 6, 2, 3, 4, 1, 0]
+    assert sequence(run) == [5, 6, 3, 4, 2, 1, 0]
 
 
 def test_an_order_that_comes_later_and_is_due_earlier_overtakes_those_that_wait() -> None:
@@ -82,20 +82,25 @@ ORDERS = st.lists(
         priority=st.integers(-1, 1),
         due=st.none() | st.integers(0, 40) | st.builds(lambda at: {"at": at}, st.integers(-9, 50)),
     ),
-    min_size=1,
+    min_size=6,
     max_size=24,
 )
 
 
 @settings(max_examples=40, deadline=None)
-@given(ORDERS, st.integers(1, 3), st.lists(st.integers(1, 60), max_size=3, unique=True))
+@given(
+    ORDERS,
+    st.integers(1, 3),
+    st.lists(st.integers(1, 60), max_size=3, unique=True),
+    st.sampled_from(["everything", "orders", {"radius": 2}]),
+)
 def test_robots_take_what_a_sort_puts_first(
-    lines: list[dict[str, Any]], robots: int, broken: list[int]
+    lines: list[dict[str, Any]], robots: int, broken: list[int], information: Any
 ) -> None:
     """In each tick what was taken comes, sorted, before all that is still open; orders come back."""
     faults = [{"robot": number % robots, "at": at} for number, at in enumerate(sorted(broken))]
     more = {"faults": {"list": faults, "tow_after": 1, "repair_time": 2}} if faults else {}
-    run = Simulation(corridor(lines, robots, **more))
+    run = Simulation(corridor(lines, robots, information=information, **more))
     orders = run.world.orders
     while not run.finished and run.tick < 600:
         run.run(until=run.tick + 1)

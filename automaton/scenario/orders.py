@@ -75,7 +75,8 @@ class Arrivals(ConfigSection, frozen=True, kw_only=True):
         NonEmptyText | None,
         Meta(
             description="The orders themselves, as CSV with the columns tick, from_x, from_y, to_x, "
-            "to_y and, where they differ in them, weight and priority; path relative to the scenario."
+            "to_y and, where they differ in them, weight, priority and due; path relative to the "
+            "scenario."
         ),
     ] = None
 

@@ -1,9 +1,10 @@
 """Orders by when they are due: a binary heap for each type of robots.
 
 Of orders of the highest priority the one that is due first comes first, those without a due time last;
-ties: the one released first, then the lowest number. An order is entered when it is released, and
-again when it has come back. One that is taken stays in the heaps of other types until it is the first
-there, so each order is looked at a few times for each type, and moved by log2 of those that wait.
+ties: the one released first, then the lowest number. An order is entered when it is released, again
+when it has come back, and again when it is to come earlier than it was. One that is taken stays in the
+heaps of other types until it is the first there, so each order is looked at a few times for each type,
+and moved by log2 of those that wait.
 """
 
 import numpy as np
@@ -20,7 +21,7 @@ class DueQueue(Struct):
 
     order: Array = field("(K, q) int32", "by type: its heap; the first `size` are in use")
     size: Array = field("(K,) int64", "how many orders that are")
-    queued: Array = field("(K, q) uint8", "by type and order: 1 = the order is in the heap")
+    place: Array = field("(K, q) int32", "by type and order: 1 + its place in the heap, or 0")
     released: Array = field("(1,) int64", "entries of orders.release_sequence that were looked at")
     looked: Array = field("(1,) int64", "orders entered and taken out: what the queue has cost")
 
@@ -39,22 +40,28 @@ def comes_before(view, a, b):
 
 
 @kernel
+def put(queue, robot_type, at, order):
+    """Put an order into a place of a heap."""
+    queue.order[robot_type, at] = order
+    queue.place[robot_type, order] = at + 1
+
+
+@kernel
 def enter_order(view, queue, order):
-    """Enter an order into each heap in which it is not."""
+    """Enter an order into all heaps; in one in which it is, it may come forward."""
     for robot_type in range(queue.size.shape[0]):
-        if queue.queued[robot_type, order]:
-            continue
-        heap, at = queue.order[robot_type], queue.size[robot_type]
-        queue.size[robot_type] = at + 1
-        queue.queued[robot_type, order] = 1
+        at = np.int64(queue.place[robot_type, order]) - 1
+        if at == NIL:
+            at = queue.size[robot_type]
+            queue.size[robot_type] = at + 1
         queue.looked[0] += 1
         while at > 0:
-            above = np.int64(heap[(at - 1) >> 1])
+            above = np.int64(queue.order[robot_type, (at - 1) >> 1])
             if comes_before(view, above, order):
                 break
-            heap[at] = above
+            put(queue, robot_type, at, above)
             at = (at - 1) >> 1
-        heap[at] = order
+        put(queue, robot_type, at, order)
 
 
 @kernel
@@ -62,9 +69,11 @@ def drop_first(view, queue, robot_type):
     """Take the first order out of a heap."""
     heap, last = queue.order[robot_type], queue.size[robot_type] - 1
     queue.size[robot_type] = last
-    queue.queued[robot_type, heap[0]] = 0
     queue.looked[0] += 1
     order, at = np.int64(heap[last]), 0
+    queue.place[robot_type, heap[0]] = 0
+    if last == 0:
+        return
     while 2 * at + 1 < last:
         below = 2 * at + 1
         if below + 1 < last and comes_before(
@@ -73,9 +82,9 @@ def drop_first(view, queue, robot_type):
             below += 1
         if comes_before(view, order, np.int64(heap[below])):
             break
-        heap[at] = heap[below]
+        put(queue, robot_type, at, np.int64(heap[below]))
         at = below
-    heap[at] = order
+    put(queue, robot_type, at, order)
 
 
 @kernel

@@ -160,7 +160,6 @@ class Validator:
         self.loads = Loads(self.header, self.motion, self._report_violation)
         self.energy = Energy(self.header, self.motion, self._report_violation)
         self.loads.status = self.energy.status
-        check_due_times(self.header, self.header["scenario"], self._report_violation)
 
     def ticks(self, content: dict[str, Any]) -> None:
         """Replay the ticks of a frame."""

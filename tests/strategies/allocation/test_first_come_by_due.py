@@ -15,6 +15,7 @@ from automaton.engine.state import LAYER_ALLOCATION, NEVER, NIL, ORDER_WAITING
 from automaton.errors import InputError
 from automaton.evidence.verification.verification import verify_recording
 from automaton.runs.simulation import Simulation
+from strategies.allocation.due_queue import DueQueue, drop_first, enter_order
 
 CORRIDOR = "t.......t"
 BY_DUE = {"name": "first-come", "by": "due"}
@@ -110,6 +111,27 @@ def test_robots_take_what_a_sort_puts_first(
         first = sorted(known, key=lambda order: key(run.world, order))[: len(taken)]
         assert sorted(first) == taken.tolist()
     assert (orders.dispatched != NIL).any()
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 19), st.integers(1, 50)), max_size=60))
+def test_an_order_that_is_entered_again_comes_forward(changes: list[tuple[int, int]]) -> None:
+    """Orders become due earlier while they are in the queue; in between the first is taken out."""
+    world = Simulation(corridor([stop(due=900)] * 20)).world
+    queue = DueQueue.sized({"K": 1, "q": 20})
+    inside: set[int] = set()
+    for order, earlier in changes:
+        world.orders.due[order] -= earlier
+        enter_order(world, queue, order)
+        inside.add(order)
+        if earlier % 3 == 0:
+            first = min(inside, key=lambda one: key(world, one))
+            assert queue.order[0, 0] == first
+            drop_first(world, queue, 0)
+            inside.remove(first)
+    assert queue.size[0] == len(inside)
+    assert sorted(queue.order[0, : len(inside)].tolist()) == sorted(inside)
+    assert np.flatnonzero(queue.place[0]).tolist() == sorted(inside)
 
 
 def test_each_order_is_looked_at_a_few_times_however_many_wait() -> None:

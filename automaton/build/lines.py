@@ -52,7 +52,7 @@ def _listed(lines: tuple[Line, ...], stations: dict[str, int]) -> LineColumns:
         known.setdefault(f" {k}" if line.order is None else line.order, len(known))
         for k, line in enumerate(lines)
     ]
-    due = [NEVER if line.due is None else line.release + line.due for line in lines]
+    due = [NEVER if line.due_tick is None else line.due_tick for line in lines]
     columns: tuple[list[int], ...] = (
         order,
         [int(line.pod or 0) - 1 for line in lines],

@@ -388,6 +388,14 @@ class Orders(Struct):
     priority: Array = field(
         "(m,) int16", "the larger one comes first", role=DERIVED, hidden=0, header=True
     )
+    due: Array = field(
+        "(m,) int32",
+        "tick until which it is to be done, which may be before 0; NEVER: none",
+        default=NEVER,
+        role=DERIVED,
+        hidden=NEVER,
+        header=True,
+    )
     release_sequence: Array = field(
         "(releases,) int32",
         "the orders, in the sequence in which they are released",

@@ -170,6 +170,7 @@ def add_to_stop(world, trip, stop, line):
     world.stops.ticks[stop] = ticks_of(np.int64(trips.handling[stop]))
     if is_first or lines.priority[line] > orders.priority[trip]:
         orders.priority[trip] = lines.priority[line]
+    orders.due[trip] = min(np.int64(orders.due[trip]), np.int64(lines.due[line]))
     orders.release_tick[trip] = min(
         np.int64(orders.release_tick[trip]), np.int64(lines.release_tick[line])
     )

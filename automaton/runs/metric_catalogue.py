@@ -55,7 +55,22 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     "retreats": ("times", "retreats begun"),
     "lead_time": ("ticks", "from the release of an order to its delivery"),
     "lead_time_p95": ("ticks", "95 % of the delivered orders have this lead time or less"),
+    "lead_time_p99": ("ticks", "99 % of the delivered orders have this lead time or less"),
+    "lead_time_max": ("ticks", "the longest lead time, or age of an order that is open at the end"),
     "oldest_order": ("ticks", "since the release of the oldest order that is open at the end"),
+    "late_share": (
+        "share",
+        "orders done after they were due, or open at the end and past it / those with a due time, but "
+        "for not_yet_due",
+    ),
+    "not_yet_due": ("orders", "open at the end and due later; no part of late_share"),
+    "tardiness": (
+        "ticks",
+        "from when an order was due until it was done, 0 if that was in time; open ones count as done "
+        "at the end",
+    ),
+    "tardiness_p95": ("ticks", "95 % of the orders with a due time have this tardiness or less"),
+    "tardiness_p99": ("ticks", "99 % of the orders with a due time have this tardiness or less"),
     "starved_robots": (
         "robots",
         "that have had something to do and finished nothing for 500 ticks, or for four times the "

@@ -41,10 +41,11 @@ from automaton.engine.state import (
     Array,
     World,
 )
+from automaton.runs.lateness import lead_times, sums_of_due_times, tardiness_quantiles
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE as METRIC_CATALOGUE
 from automaton.runs.metric_sums import LOST_TICK_SUMS, metric
 from automaton.runs.progress import oldest_order, starved_robots
-from automaton.runs.task_metrics import Measured, Tasks, quantile_95, summed, tasks_after
+from automaton.runs.task_metrics import Measured, Tasks, quantile, summed, tasks_after
 
 OPERATIONS = [
     *(ACTION_MOVE, ACTION_TURN, ACTION_PICK, ACTION_DROP, ACTION_TRY_DROP, ACTION_WAIT),
@@ -166,11 +167,11 @@ def metrics_of(run: Measured, since: Counted | None = None) -> dict[str, float |
         tasks = tasks_after(run, measure.warm_up)
         sums |= _of_tasks(world, tasks, n, measure.warm_up)
         if len(tasks.begun):
-            figures["delay_p95"] = quantile_95(tasks.delays)
-    if sums.get("timed"):
-        orders = world.orders
-        timed = (orders.state == ORDER_DELIVERED) & (orders.delivered > begin)
-        figures["lead_time_p95"] = quantile_95((orders.delivered - orders.release_tick)[timed])
+            figures["delay_p95"] = quantile(tasks.delays, 95)
+    if "timed" in sums:
+        figures |= lead_times(world, begin)
+    if "due_orders" in sums:
+        figures |= tardiness_quantiles(world, begin)
     figures["oldest_order"] = oldest_order(world)
     figures["starved_robots"] = len(starved_robots(world))
     if world.rules.battery:
@@ -207,7 +208,8 @@ def _of_tasks(world: World, tasks: Tasks, robots: int, warm_up: int) -> dict[str
 def sums_of_orders(world: World, borders: Array) -> dict[str, Array]:
     """Of the orders that were delivered in each stretch between ascending borders, in ticks.
 
-    How many, their legs, and where orders arrive over time how long they took: (borders - 1,) each.
+    How many, their legs, and where orders arrive over time how long they took: (borders - 1,) each;
+    where they have due times, how many were late, and by how many ticks.
     """
     orders = world.orders
     done = np.flatnonzero(orders.state == ORDER_DELIVERED)
@@ -219,7 +221,7 @@ def sums_of_orders(world: World, borders: Array) -> dict[str, Array]:
     if orders.release_tick.any():
         times = orders.delivered[done].astype(np.int64) - orders.release_tick[done]
         found |= {"timed": found["delivered"], "lead_times": summed(at, times, borders)}
-    return found
+    return found | sums_of_due_times(world, borders)
 
 
 def may_slow(world: World) -> bool:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import lru_cache
 from typing import Any, Final, NamedTuple
@@ -68,11 +68,17 @@ class Conversion(NamedTuple):
     counted: str  # what the value counts, for one: "tick"
     bounds: Bounds
     is_moment: bool  # a point in time, which is early or late, and neither long nor short
+    after_release: bool = False  # unless it is a clock time
 
     @property
     def is_over_time(self) -> bool:
         """Whether the text says how much in a time: more ticks are slower."""
         return self.dimension in _OVER_TIME
+
+    @property
+    def held(self) -> float | dict[str, float]:
+        """What stands for the text in the document; clock times differ from times after release."""
+        return {"at": self.value} if self.after_release and self.is_moment else self.value
 
 
 @dataclass
@@ -187,14 +193,14 @@ class _Reader:
             ]
         return value
 
-    def number(self, text: str, place: Place | None, keys: Keys) -> float:
+    def number(self, text: str, place: Place | None, keys: Keys) -> float | dict[str, float]:
         assert place is not None, "only such a plan takes a text"
         try:
             conversion = convert(dotted(keys), text, place, self.scale)
         except InputError as error:
             raise self.document.error(keys, error.message) from None
         self.conversions.append(conversion)
-        return conversion.value
+        return conversion.held
 
 
 def convert(key: str, text: str, place: Place, scale: Scale) -> Conversion:
@@ -202,8 +208,11 @@ def convert(key: str, text: str, place: Place, scale: Scale) -> Conversion:
     try:
         dimension, exact = _exact(text, place.quantity, scale)
         value = rounded(exact) if place.bounds.is_whole else float(exact)
-        counted, is_moment = place.quantity.counted, place.quantity.by_clock
-        of_place = (counted, place.bounds, is_moment)
+        quantity, bounds = place.quantity, place.bounds
+        is_moment = quantity.by_clock and (dimension is None or not quantity.after_release)
+        if quantity.after_release and is_moment:
+            bounds = replace(bounds, ge=None if bounds.le is None else -bounds.le)
+        of_place = (quantity.counted, bounds, is_moment, quantity.after_release)
         conversion = Conversion(key, text.strip(), dimension, exact, value, *of_place)
         _check_bounds(conversion, scale)
     except InputError as error:
@@ -218,12 +227,14 @@ def rounded(exact: Fraction) -> int:
 
 def _exact(text: str, quantity: Quantity, scale: Scale) -> tuple[Dimension | None, Fraction]:
     if quantity.by_clock and scale.clock is not None and is_of_three_parts(text):
+        begin = "release" if quantity.after_release else "start"
         raise InputError(
-            f"'{text}' may be a time of the day or a time after the start; write the former as "
+            f"'{text}' may be a time of the day or a time after the {begin}; write the former as "
             "'06:30' or with its date, the latter with a unit, such as 6.5 h"
         )
     if quantity.by_clock and is_clock_time(text):
-        return None, seconds_after(scale.clock, text) / scale.tick_seconds
+        seconds = seconds_after(scale.clock, text, may_precede=quantity.after_release)
+        return None, seconds / scale.tick_seconds
     if has_date(text):
         raise InputError(f"'{text}' is a clock time, expected {quantity.described}")
     amount = read_amount(text, quantity.rules)

@@ -11,6 +11,8 @@ from automaton.floor.cells import DESTINATION, DOCK, RACK, SHELF, STATION
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.field_types import (
     ConfigSection,
+    Due,
+    DueAt,
     NonEmptyText,
     Pair,
     SingleLine,
@@ -75,7 +77,8 @@ class Arrivals(ConfigSection, frozen=True, kw_only=True):
         NonEmptyText | None,
         Meta(
             description="The orders themselves, as CSV with the columns tick, from_x, from_y, to_x, "
-            "to_y and, where they differ in them, weight and priority; path relative to the scenario."
+            "to_y and, where they differ in them, weight, priority and due; path relative to the "
+            "scenario."
         ),
     ] = None
 
@@ -144,6 +147,10 @@ class OrderLine(ConfigSection, frozen=True, kw_only=True):
             description="Of the orders that it could do, a robot gets one of the highest priority."
         ),
     ] = 0
+    due: Annotated[
+        Due | None,
+        Meta(description="Ticks after its release until which it is to be done, or {at: tick}."),
+    ] = None
 
     def __post_init__(self) -> None:
         if self.source is None and self.target is None:
@@ -158,6 +165,13 @@ class OrderLine(ConfigSection, frozen=True, kw_only=True):
                 "an order with from and to brings a load from one to the other; leave both out if "
                 "a robot has only to come to its stops"
             )
+
+    @property
+    def due_tick(self) -> int | None:
+        """The tick until which it is to be done; None: it has no due time."""
+        if self.due is None:
+            return None
+        return self.due.at if isinstance(self.due, DueAt) else self.release + self.due
 
     @property
     def has_load(self) -> bool:
@@ -405,6 +419,13 @@ def has_tours(orders: Orders) -> bool:
     if orders.generator == "tours" or orders.tasks is not None:
         return True
     return any(line.stops is not None for line in listed)
+
+
+def has_due_times(orders: Orders) -> bool:
+    """Return whether any of the orders has a due time."""
+    if isinstance(orders.lines, DrawnLines):
+        return orders.lines.due is not None
+    return any(line.due is not None for line in (*(orders.listed or ()), *(orders.lines or ())))
 
 
 def priorities_of(orders: Orders) -> list[int]:

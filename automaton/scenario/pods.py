@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, field
 
-from automaton.scenario.field_types import ConfigSection, Pair, SingleLine, Tick
+from automaton.scenario.field_types import ConfigSection, Due, DueAt, Pair, SingleLine, Tick
 from automaton.scenario.handling import Handling
 from automaton.scenario.quantities import GAP, TIME, quantity
 
@@ -106,11 +106,18 @@ class Line(ConfigSection, frozen=True, kw_only=True):
     ] = None
     release: Annotated[Tick, Meta(description="The tick from which it is known.")] = 0
     due: Annotated[
-        Annotated[int, quantity(TIME, ge=0, le=2_000_000_000)] | None,
-        Meta(description="Ticks after release in which it is due; null: never."),
+        Due | None,
+        Meta(description="Ticks after release until which it is to be done, or {at: ...}: a tick."),
     ] = None
     priority: Annotated[int, Meta(ge=-100, le=100, description="Larger ones come first.")] = 0
     units: Annotated[int, Meta(ge=0, le=1_000_000, description="Units that are picked.")] = 1
+
+    @property
+    def due_tick(self) -> int | None:
+        """The tick until which it is to be done; None: it has no due time."""
+        if self.due is None:
+            return None
+        return self.due.at if isinstance(self.due, DueAt) else self.release + self.due
 
     def __post_init__(self) -> None:
         if self.pod is None:

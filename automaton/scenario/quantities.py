@@ -88,6 +88,9 @@ class Quantity:
     rules: Mapping[Dimension, Rule]
     counted: str = "tick"  # what a plain number counts, for one
     by_clock: bool = False  # a clock time says it, too; and it may fall on tick 0
+    after_release: bool = (
+        False  # else than a clock time, which is {at: tick} and may be before tick 0
+    )
 
     def number(self, amount: Amount, scale: Scale) -> Fraction:
         """The exact number that a text stands for. Raises InputError."""
@@ -138,6 +141,12 @@ def _lengths(metres: Fraction, scale: Scale) -> Fraction:
 TIME: Final = Quantity("a time such as 20 s", {Dimension.TIME: _ticks})
 MOMENT: Final = Quantity(
     "a time such as 20 s, or a clock time such as '06:30'", {Dimension.TIME: _ticks}, by_clock=True
+)
+DUE: Final = Quantity(
+    "a time after release such as 30 min, or a clock time such as '14:30'",
+    {Dimension.TIME: _ticks},
+    by_clock=True,
+    after_release=True,
 )
 STEP: Final = Quantity(
     "a time such as 2 s, or a speed such as 1.5 m/s",

@@ -7,10 +7,12 @@ from __future__ import annotations
 
 from typing import Any, Final
 
+from automaton.scenario.orders import has_due_times
 from automaton.scenario.schema import ROUTE_FOLLOWERS, Scenario
 
 TASK_METRICS: Final = ("task_time", "delay", "delay_p95", "throughput_per_robot")
-OF_TIMES: Final = ("lead_time", "lead_time_p95")
+OF_TIMES: Final = ("lead_time", "lead_time_p95", "lead_time_p99", "lead_time_max")
+OF_DUE_TIMES: Final = ("late_share", "not_yet_due", "tardiness", "tardiness_p95", "tardiness_p99")
 OF_BATTERIES: Final = (
     *(
         "lost_queueing",
@@ -55,6 +57,11 @@ def not_measured(scenario: Scenario) -> dict[str, str]:
             come_in,
             "orders that arrive over time: orders.mean_interarrival_time, orders.arrivals, or "
             "orders.list with release",
+        ),
+        (
+            OF_DUE_TIMES,
+            has_due_times(orders),
+            "orders with due times: due in orders.list, or as a column of arrivals.file",
         ),
         (OF_BATTERIES, powered, "a battery"),
         (

@@ -42,9 +42,16 @@ Storage = Annotated[
 ]
 
 
-class AnyRobot(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """Robots must not have orders of their own."""
+class FirstComeParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """Which order comes first; but robots must not have orders of their own."""
 
+    by: Annotated[
+        Literal["arrival", "due"],
+        Meta(
+            description="the order that was released first, or the one that is due first: those without "
+            "a due time last, ties by release"
+        ),
+    ] = "arrival"
     storage: Storage = "fixed"
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:

@@ -445,7 +445,7 @@ def test_a_state_of_another_number_of_stations_is_found(count: int, tmp_path: Pa
 # Who has recordings can read them only as long as this stays: a change of it is a new format.
 OF_THE_STATE = """
 header    robots         cell heading home bay charge
-header    orders         source target release_tick weight priority release_sequence first_stop
+header    orders         source target release_tick weight priority due release_sequence first_stop
 header    stops          cell ticks
 header    stations       processing_time arrival_tick
 header    slots          cell

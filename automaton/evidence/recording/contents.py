@@ -108,7 +108,7 @@ _FLOOR = _part(
     ("numbered", _Places),
 )
 # Arrays of orders that a header may leave out.
-_OPTIONAL: Final = ("release_sequence", "weight", "priority", "first_stop")
+_OPTIONAL: Final = ("release_sequence", "weight", "priority", "due", "first_stop")
 _ORDERS = _part(
     "Orders",
     tuple(name for name in Orders.fields_where(IN_HEADER) if name not in _OPTIONAL),
@@ -326,6 +326,7 @@ HEADER_ARRAYS: Final = {
     "orders.release_sequence": Range("i4", ("orders",), -1, "orders"),
     "orders.weight": Range("i4", ("orders",), 0, MAX_NUMBER),
     "orders.priority": Range("i2", ("orders",), -100, 101),
+    "orders.due": Range("i4", ("orders",), -LAST_TICK, MAX_NUMBER),
     "orders.first_stop": Range("i4", ("orders and one",), 0, MAX_NUMBER),
     "stops.cell": Range("i4", ("stops",), 0, "cells"),
     "stops.ticks": Range("i4", ("stops",), 0, 65_536),

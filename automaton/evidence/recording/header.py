@@ -13,6 +13,7 @@ import numpy as np
 
 from automaton.build.resolve import Resolved, StrategyChoice
 from automaton.engine.jit.structs import Struct
+from automaton.engine.state import NEVER
 from automaton.errors import InputError
 from automaton.evidence.recording.contents import IN_HEADER, Content
 from automaton.floor.floor_plan import FloorPlan
@@ -32,6 +33,8 @@ def header_of(resolved: Resolved, seed: int, world: Any, digest_names: tuple[str
         left_out.add("weight")
     if not world.orders.priority.any():
         left_out.add("priority")
+    if not (world.orders.due != NEVER).any():
+        left_out.add("due")
     tours = len(world.stops.cell) > 0
     if not tours:
         left_out.add("first_stop")

@@ -32,6 +32,7 @@ from automaton.evidence.recording.contents import (
     FRAME_KIND_TICKS,
     Frame,
 )
+from automaton.evidence.verification.due_rules import check_due_times
 from automaton.evidence.verification.energy_rules import Energy, parted_faults
 from automaton.evidence.verification.load_rules import Loads, parted, parted_visits
 from automaton.evidence.verification.motion_rules import Acts, Motion
@@ -60,6 +61,7 @@ RULE_TEXTS: Final = {
     "towed",
     "visit": "a robot does the next stop of its order when it stands there at the end of a tick, one "
     "in a tick",
+    "due": "an order is due when its scenario says, from first to last",
     "record": "the recording agrees with itself",
 }
 ACTS: Final = (  # by code of recorded action
@@ -295,6 +297,7 @@ class Validator:
         self.header = {**self.header, "scenario": content["scenario"]}
         self.motion.apply_rules(content["scenario"])
         self.energy.apply_rules(content["scenario"])
+        check_due_times(self.header, content["scenario"], self._report_violation)
 
     def end(self, content: dict[str, Any]) -> None:
         """Compare how the run is said to have ended."""

@@ -10,6 +10,7 @@ from automaton.errors import nearest
 from automaton.floor.cells import DIRECTIONS, STATION, STORAGE
 from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.loaded_ways import to_and_from
+from automaton.floor.reachability import Mask
 from automaton.scenario.document import Document, Keys
 from automaton.scenario.orders import Orders
 from automaton.scenario.pods import Line, PodStation
@@ -131,15 +132,14 @@ def check_pod_ways(document: Document, fleet: FleetOnFloor) -> None:
     floor_plan = fleet.floor_plan
     if fleet.scenario.orders.lines is None:
         return
-    pods = floor_plan.kind.reshape(-1) == STORAGE
-    pods &= floor_plan.loads.reshape(-1) != 0
+    pods: Mask = (floor_plan.kind == STORAGE).reshape(-1) & (floor_plan.loads != 0).reshape(-1)
     within = fleet.within.any(axis=0)
     for number, station in enumerate(floor_plan.stations.tolist(), 1):
         x, y = floor_plan.xy(station)
         if not within[station]:
             text = f"no robot gets to station {number} at ({x}, {y}) and back"
             raise document.error(("layout",), text)
-        apart = pods & ~(to_and_from(floor_plan, station, fleet.rail) & within)
+        apart: Mask = pods & ~(to_and_from(floor_plan, station, fleet.rail) & within)
         if apart.any():
             cell = int(np.argmax(apart))
             pod = int(np.count_nonzero(pods.reshape(-1)[: cell + 1]))

@@ -18,6 +18,7 @@ from automaton.engine.state import (
     CLOCK_KNOWN_ORDERS,
     CLOCK_NEXT_LINE,
     CLOCK_NEXT_RELEASE,
+    CLOCK_ORDERS_DONE,
     CLOCK_REVISION,
     CLOCK_STORED_PODS,
     CLOCK_TICK,
@@ -318,6 +319,7 @@ def complete_line(world, line):
     lines.left[order] -= 1
     if lines.left[order] == 0:
         lines.order_done[order] = tick
+        world.clock[CLOCK_ORDERS_DONE] += 1
     world.pod_stations.open_lines[lines.served_at[line]] -= 1
     world.clock[CLOCK_UNDELIVERED] -= 1
 

@@ -14,11 +14,10 @@ from automaton.engine.state import (
     CLOCK_TICK,
     NEVER,
     NIL,
-    ORDER_DELIVERED,
-    ORDER_UNRELEASED,
     Array,
     World,
 )
+from automaton.runs.asked_orders import asked_orders, has_lines
 from automaton.runs.task_metrics import quantile, summed
 
 
@@ -37,15 +36,16 @@ class DueOrders(NamedTuple):
 
 def has_due_times(world: World) -> bool:
     """Whether any order has a due time."""
-    return bool((world.orders.due != NEVER).any())
+    due = world.lines.due if has_lines(world) else world.orders.due
+    return bool((due != NEVER).any())
 
 
 def due_orders(world: World) -> DueOrders:
     """The orders of a world that have a due time and were released."""
-    orders = world.orders
-    known = np.flatnonzero((orders.due != NEVER) & (orders.state != ORDER_UNRELEASED))
-    is_open = orders.state[known] != ORDER_DELIVERED
-    ends = np.where(is_open, world.clock[CLOCK_TICK], orders.delivered[known]).astype(np.int64)
+    orders = asked_orders(world)
+    known = np.flatnonzero((orders.due != NEVER) & orders.is_known)
+    is_open = orders.is_open[known]
+    ends = np.where(is_open, world.clock[CLOCK_TICK], orders.done[known])
     return DueOrders(ends, np.maximum(0, ends - orders.due[known]), is_open)
 
 
@@ -82,11 +82,9 @@ def lead_times(world: World, since: int) -> dict[str, float | int]:
 
     The longest one may be the age of an order that is open.
     """
-    orders, now = world.orders, int(world.clock[CLOCK_TICK])
-    done = (orders.state == ORDER_DELIVERED) & (orders.delivered > since)
-    is_open = (orders.state != ORDER_DELIVERED) & (orders.state != ORDER_UNRELEASED)
-    times = orders.delivered[done].astype(np.int64) - orders.release_tick[done]
-    ages = now - orders.release_tick[is_open].astype(np.int64)
+    orders, now = asked_orders(world).after(since), int(world.clock[CLOCK_TICK])
+    times = (orders.done - orders.release)[~orders.is_open]
+    ages = now - orders.release[orders.is_open]
     figures: dict[str, float | int] = {}
     if len(times):
         figures |= {f"lead_time_p{share}": quantile(times, share) for share in (95, 99)}

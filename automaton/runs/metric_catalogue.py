@@ -27,6 +27,11 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     "delivered": ("orders", "orders at their targets"),
     "throughput": ("orders/1000 ticks", "deliveries per time"),
     "ticks_per_operation": ("ticks", "active ticks per operation"),
+    "lines_done": ("lines", "lines that were served at their stations"),
+    "visits": ("visits", "stops of pods at stations that were done"),
+    "lines_per_visit": ("lines", "lines that were served at a visit"),
+    "trips": ("trips", "pods that were lifted, served and stored again"),
+    "pod_moves": ("pods", "stored in another cell than they were lifted from"),
     "legs_per_order": ("pick-ups", "times that a delivered load was picked up"),
     "utilization": ("share", "active ticks / all robot ticks"),
     "blocked_share": (
@@ -45,6 +50,7 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     "lost_retreating": ("ticks", "in which a retreat was decided"),
     "lost_leaving_bay": ("ticks", "in the parking bay because the home cell was held"),
     "lost_queueing": ("ticks", "in the queue before a charger"),
+    "lost_station_queue": ("ticks", "in the queue of a station"),
     "lost_illegal": ("ticks", "after illegal decisions of a strategy"),
     "lost_held_back": ("ticks", "in which right of way that steers held robots back"),
     "slowdown_ticks": (

@@ -20,6 +20,7 @@ LOST_TICK_SUMS: Final = (
     "lost_retreating",
     "lost_leaving_bay",
     "lost_queueing",
+    "lost_station_queue",
     "lost_illegal",
     "lost_held_back",
 )
@@ -41,6 +42,7 @@ SUMS: Final = (
     *("retreats", "illegal_answers", "slowdown_ticks", "distance"),
     *("charge", "charging", "battery_depletions", "repaired", "breakdowns", "towed", "downtime"),
     *("delivered", "legs", "timed", "lead_times"),
+    *("lines_done", "visits", "trips", "pod_moves"),
     *("due_orders", "late_orders", "not_yet_due", "tardiness_ticks"),
     *("taken", "task_times", "delays"),
     *("parts_finished", "part_flow_times"),
@@ -73,6 +75,7 @@ QUOTIENTS: Final = {
     "task_time": Quotient("task_times", "taken", measured=False),
     "delay": Quotient("delays", "taken", measured=False),
     "throughput_per_robot": Quotient("completed", "watched_robot_ticks", 1000),
+    "lines_per_visit": Quotient("lines_done", "visits", measured=False),
     "lead_time": Quotient("lead_times", "timed", measured=False),
     "late_share": Quotient("late_orders", "due_orders", measured=False),
     "tardiness": Quotient("tardiness_ticks", ("due_orders", "not_yet_due"), measured=False),

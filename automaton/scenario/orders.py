@@ -425,7 +425,9 @@ def has_due_times(orders: Orders) -> bool:
     """Return whether any of the orders has a due time."""
     if isinstance(orders.lines, DrawnLines):
         return orders.lines.due is not None
-    return any(line.due is not None for line in (*(orders.listed or ()), *(orders.lines or ())))
+    return any(order.due is not None for order in orders.listed or ()) or any(
+        line.due is not None for line in orders.lines or ()
+    )
 
 
 def priorities_of(orders: Orders) -> list[int]:

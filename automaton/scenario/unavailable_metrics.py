@@ -23,6 +23,10 @@ OF_BATTERIES: Final = (
         "battery_depletions",
     ),
 )
+OF_LINES: Final = (
+    *("lines_done", "visits", "lines_per_visit", "trips", "pod_moves"),
+    "lost_station_queue",
+)
 OF_FAULTS: Final = ("breakdowns", "towed", "downtime")
 OF_STATIONS: Final = (
     "parts_finished",
@@ -42,8 +46,11 @@ def not_measured(scenario: Scenario) -> dict[str, str]:
     orders, world, faults = scenario.orders, scenario.world, scenario.faults
     powered = scenario.battery is not None
     later = any(order.release > 0 for order in orders.listed or ())  # also those of a file
+    lines: Any = orders.lines if isinstance(orders.lines, tuple) else ()
+    later = later or any(line.release > 0 for line in lines)
     come_in = (
         later
+        or getattr(orders.lines, "mean_interarrival_time", 0) > 0
         or orders.mean_interarrival_time > 0
         or orders.arrivals is not None
         or orders.parts is not None
@@ -69,6 +76,8 @@ def not_measured(scenario: Scenario) -> dict[str, str]:
             powered or bool(faults.listed) or faults.probability > 0,
             "faults, or a battery",
         ),
+        (OF_LINES, orders.lines is not None, "orders.lines"),
+        (("legs_per_order",), orders.lines is None, "orders that are not lines"),
         (OF_STATIONS, orders.parts is not None, "orders.parts"),
         (
             ("lost_held_back",),

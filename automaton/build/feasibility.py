@@ -61,6 +61,7 @@ def check_feasible(document: Document, scenario: Scenario, floor: Floor) -> Flee
     """The fleet on its floor, where the scenario fits it. Raises InputError."""
     floor_plan = floor.floor_plan
     check_areas(document, scenario, floor_plan)
+    check_locations(document, scenario, floor_plan)
     fleet = FleetOnFloor(scenario, floor_plan, start_of(document, scenario, floor_plan))
     check_starts(document, fleet)
     check_orders(document, scenario, floor)
@@ -89,6 +90,15 @@ def check_areas(document: Document, scenario: Scenario, floor_plan: FloorPlan) -
                     f"the area {area_name} is closed to '{name}'{nearest(name, names)}, but {known}"
                 )
                 raise document.error(("areas", area_name, "closed_to", number), text)
+
+
+def check_locations(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
+    """Named cells lie on the floor. Raises InputError."""
+    assert not isinstance(scenario.locations, str), "its file has been read"
+    for name, (x, y) in scenario.locations.items():
+        if not floor_plan.holds(x, y):
+            text = f"the location {name} [{x}, {y}] lies outside the floor {_extent(floor_plan)}"
+            raise document.error(("locations", name), text)
 
 
 def start_of(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> Start:

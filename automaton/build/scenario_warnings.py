@@ -33,6 +33,7 @@ def scenario_warnings(resolved: Resolved) -> list[str]:
         counts_as_seconds(resolved),
     )
     sentences = [sentence for sentence in found if sentence]
+    sentences += resolved.file_warnings
     return sentences + coarse_conversions(resolved) + fleet_warnings(resolved)
 
 

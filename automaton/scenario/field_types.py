@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from automaton.scenario.quantities import MOMENT, TIME, quantity
+from automaton.scenario.quantities import MOMENT, TIME, place, quantity
 
 Direction = Literal["east", "south", "west", "north"]
 Ticks = Annotated[int, quantity(TIME, ge=1, le=10_000, description="A duration in ticks.")]
@@ -20,6 +20,7 @@ Weight = Annotated[
     int, Meta(ge=1, le=1_000_000_000, description="In whatever unit payloads are given.")
 ]
 Pair = Annotated[tuple[int, int], Meta(description="A cell [x, y], from the upper left.")]
+Place = Annotated[Pair, place()]  # written as [x, y] or by its name
 NonEmptyText = Annotated[str, Meta(min_length=1)]
 SingleLine = Annotated[str, Meta(min_length=1, max_length=200, pattern=r"^[^\r\n]*$")]
 

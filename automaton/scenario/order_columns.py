@@ -93,7 +93,10 @@ class _Chooser:
         file: str,
     ) -> None:
         self.names = [field.name for field in fields]
-        self.required = [field.name for field in fields if _needs_column(field)]
+        of_groups = {name for one in needed for group in one for name in group}
+        self.required = [
+            field.name for field in fields if _needs_column(field) and field.name not in of_groups
+        ]
         self.columns, self.where, self.needed, self.file = columns, where, needed, file
         self.column_of: dict[str, str] = {}
         self.ignored: tuple[str, ...] = ()
@@ -125,9 +128,13 @@ class _Chooser:
             if any(all(name in self.column_of for name in names) for names in group):
                 continue
             wanted = alternatives(" and ".join(names) for names in group)
+            others = [column for column in head if column not in self.column_of.values()]
+            missing = [name for names in group for name in names if name not in self.column_of]
+            like = next((hint for hint in (nearest(name, others) for name in missing) if hint), "")
             columns = f"the columns are {', '.join(filter(None, head))}"
             hint = "" if self.columns is not None else "; columns: {...} says what they are called"
-            raise InputError(f"there is no column for {wanted}; {columns}{hint}", self.file, line)
+            text = f"there is no column for {wanted}{like}; {columns}{hint}"
+            raise InputError(text, self.file, line)
 
 
 def _needs_column(field: Field) -> bool:

@@ -12,6 +12,7 @@ import msgspec
 from msgspec import Meta
 
 from automaton.errors import InputError
+from automaton.scenario.cell_names import Locations
 from automaton.scenario.clock_times import read_clock
 from automaton.scenario.energy_and_faults import Battery as Battery
 from automaton.scenario.energy_and_faults import ChargeRange as ChargeRange
@@ -246,6 +247,7 @@ class Scenario(ConfigSection, frozen=True, kw_only=True):
     areas: Annotated[
         dict[str, Area], Meta(description="Parts of the floor that not every robot may enter.")
     ] = msgspec.field(default_factory=dict)
+    locations: Locations = msgspec.field(default_factory=dict)
     units: Units = Units()
     durations: Durations = Durations()
     orders: Orders = Orders(generator="full-shelves")

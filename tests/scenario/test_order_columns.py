@@ -154,7 +154,8 @@ def test_umlauts_are_read_in_the_encoding_that_is_set(encoding: str, tmp_path: P
         (b"order;released\nA;5\nB;6;7\nC\n", {},
          "shift.csv:3: the row has 3 values, the head names 2 columns; 1 more such row"),
         (b"order;relased\nA;5\n", {},
-         "shift.csv:1: there is no column for released; the columns are order, relased; "
+         "shift.csv:1: there is no column for released (did you mean 'relased'?); the "
+         "columns are order, relased; "
          "columns: {...} says what they are called"),
         (b"item;released\nA;5\n", {},
          "shift.csv:1: there is no column for pod or order; the columns are item, released; "

@@ -45,10 +45,10 @@ class TransportColumns(ConfigSection, frozen=True, kw_only=True):
     target: Annotated[Column, Meta(description="Where to bring it, by its name.")] = field(
         name="to", default=None
     )
-    from_x: Annotated[Column, Meta(description="The slot with the load, by its cell.")] = None
-    from_y: Column = None
-    to_x: Annotated[Column, Meta(description="Where to bring it, by its cell.")] = None
-    to_y: Column = None
+    from_x: Annotated[Column, Meta(description="The slot with the load: its column.")] = None
+    from_y: Annotated[Column, Meta(description="And its row.")] = None
+    to_x: Annotated[Column, Meta(description="Where to bring it: the column.")] = None
+    to_y: Annotated[Column, Meta(description="And the row.")] = None
     order: Annotated[Column, Meta(description="The number or name of the order.")] = None
     due: Annotated[
         Column, Meta(description="Until when: a clock time, or ticks or a time after the release.")

@@ -99,6 +99,7 @@ _Places = Annotated[tuple[int, ...], Meta(max_length=MAX_PLACES)]
 _Labels = Annotated[tuple[str, ...], Meta(max_length=MAX_LABELS)]
 _Named = Annotated[dict[str, str], Meta(max_length=MAX_LABELS)]
 _Text = Annotated[str, Meta(max_length=MAX_TEXT)]
+_Columns = Annotated[dict[str, np.ndarray], Meta(max_length=20)]
 _FLOOR = _part(
     "Floor",
     ("kind", "exits", "capacity", "bays", "loads", "opens"),
@@ -138,6 +139,7 @@ class _Header(_Frame):
     slots: _part("Slots", Slots.fields_where(IN_HEADER), ("first_spare", int))  # type: ignore[valid-type]
     files: _Named | UnsetType = UNSET
     stops: _part("Stops", Stops.fields_where(IN_HEADER)) | UnsetType = UNSET  # type: ignore[valid-type]
+    listed: _Columns | UnsetType = UNSET
 
 
 class _Conditions(_Frame):
@@ -149,6 +151,7 @@ class _Conditions(_Frame):
     wait: np.ndarray
     steered: np.ndarray
     files: _Named | UnsetType = UNSET
+    listed: _Columns | UnsetType = UNSET
 
 
 class _Ticks(_Frame):

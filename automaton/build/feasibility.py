@@ -38,6 +38,7 @@ from automaton.scenario.floor_section import Floor
 from automaton.scenario.orders import OrderLine
 from automaton.scenario.robot_types import RobotType
 from automaton.scenario.schema import Scenario
+from automaton.scenario.validation import dotted
 from automaton.units import ticks_and_time, unit
 
 REQUIRED_KINDS = {  # kinds of cells without which a generator has nothing to draw
@@ -302,12 +303,13 @@ def check_stops(
 ) -> None:
     """The stops of an order are cells that robots drive on. Raises InputError."""
     for number, (x, y) in enumerate(stops):
+        stop = f"{dotted((*keys, number))}: the stop [{x}, {y}]"
         if not floor_plan.holds(x, y):
-            text = f"the stop [{x}, {y}] lies outside the floor {_extent(floor_plan)}"
+            text = f"{stop} lies outside the floor {_extent(floor_plan)}"
             raise document.error((*keys, number), text)
         kind = floor_plan.kind.flat[floor_plan.cell(x, y)]
         if not DRIVABLE[kind]:
-            text = f"the stop [{x}, {y}] is a {CELL_KINDS[kind].name}: robots do not drive there"
+            text = f"{stop} is a {CELL_KINDS[kind].name}: robots do not drive there"
             raise document.error((*keys, number), text)
 
 
@@ -435,7 +437,8 @@ def check_reached(
     text = f"no robot that can do the order gets to its stop [{x}, {y}] from its start, and back"
     if reached_by.any(axis=0).all():
         text = "no type of robots gets to all stops of the order"
-    raise document.error((*keys, lost) if keys[1] == "tasks" else (*keys, "stops", lost), text)
+    of_stop: Keys = (*keys, lost) if keys[1] == "tasks" else (*keys, "stops", lost)
+    raise document.error(of_stop, f"{dotted(of_stop)}: {text}")
 
 
 def check_abilities(document: Document, fleet: FleetOnFloor) -> None:

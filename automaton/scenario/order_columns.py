@@ -59,8 +59,9 @@ def read_columns(
     """Read the fields of a file; those without a column have their defaults in all rows.
 
     `columns`: field -> column, or None where columns are called as fields are. `needed`: of each entry
-    the fields of one group must have columns, beside those that are required. Raises InputError for a
-    file that cannot be read as a table; mistakes in its rows are in `errors` of the answer.
+    the fields of one group, which may be empty, must have columns, beside those that are required.
+    Raises InputError for a file that cannot be read as a table; mistakes in its rows are in `errors` of
+    the answer.
     """
     errors = RowErrors(str(path))
     chooser = _Chooser(fields, columns, options.where, needed, str(path))

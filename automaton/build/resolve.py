@@ -20,6 +20,7 @@ from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.conversions import Conversion, with_numbers
 from automaton.scenario.document import Document, Keys, Override, override
 from automaton.scenario.floor_section import floor_of
+from automaton.scenario.line_file import with_lines_of_file
 from automaton.scenario.locations import names_of_cells, with_locations_of_file
 from automaton.scenario.order_file import with_orders_of_file
 from automaton.scenario.reading import SHIPPED_FOLDER, STUDIES_ARE_SWEPT, is_study, read
@@ -94,6 +95,8 @@ def resolve(
     document, checked, start_file = with_starts_of_file(document, checked)
     floor = floor_of(document, checked.layout)
     document, checked, task_file = with_tasks_of_file(document, checked, floor.floor_plan)
+    document, checked, line_file = with_lines_of_file(document, checked, floor.floor_plan)
+    order_file = order_file or line_file
     fleet = check_feasible(document, checked, floor)
     check_table_memory(document, checked, floor.floor_plan)
     checked = with_right_of_way(checked, fleet)

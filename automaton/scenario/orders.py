@@ -21,7 +21,7 @@ from automaton.scenario.field_types import (
     Ticks,
     Weight,
 )
-from automaton.scenario.pods import DrawnLines, Line
+from automaton.scenario.pods import Line, LineDemand
 from automaton.scenario.quantities import GAP, TIME, quantity
 from automaton.scenario.transports import Transports
 
@@ -296,7 +296,7 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
     ] = 1
 
     lines: Annotated[
-        tuple[Line, ...] | DrawnLines | None,
+        tuple[Line, ...] | LineDemand | None,
         Meta(
             description="Lines that pods are carried to stations for, one by one or drawn; the trips "
             "of the pods follow from them."
@@ -413,7 +413,7 @@ def has_tours(orders: Orders) -> bool:
 
 def has_due_times(orders: Orders) -> bool:
     """Return whether any of the orders has a due time."""
-    if isinstance(orders.lines, DrawnLines):
+    if isinstance(orders.lines, LineDemand):
         return orders.lines.due is not None
     return any(order.due is not None for order in orders.listed or ()) or any(
         line.due is not None for line in orders.lines or ()

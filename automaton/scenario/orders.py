@@ -411,6 +411,11 @@ def has_tours(orders: Orders) -> bool:
     return any(line.stops is not None for line in listed)
 
 
+def has_lines(orders: Orders) -> bool:
+    """Return whether orders are lines, for which pods are carried to stations."""
+    return orders.lines is not None
+
+
 def has_due_times(orders: Orders) -> bool:
     """Return whether any of the orders has a due time."""
     if isinstance(orders.lines, LineDemand):

@@ -172,13 +172,13 @@ class LineColumns(ConfigSection, frozen=True, kw_only=True):
 class LineDemand(OrderFile, frozen=True, kw_only=True):
     """Lines that are drawn, so many of them, or those of a file."""
 
-    file: Annotated[  # type: ignore[assignment]
+    file: Annotated[
         NonEmptyText | None,
         Meta(
             description="A CSV file with a line in each row, whose first row names its columns, between "
             "semicolons, tabs or commas; path relative to the scenario."
         ),
-    ] = None
+    ] = None  # type: ignore[assignment]
     columns: Annotated[
         LineColumns | None,
         Meta(description="What its columns are called; null: as the keys of this are."),

@@ -42,6 +42,12 @@ Storage = Annotated[
 ]
 
 
+class WhereToStore(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """Of an allocation that has no other parameters."""
+
+    storage: Storage = "fixed"
+
+
 class AnyRobot(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """Robots must not have orders of their own."""
 

@@ -9,7 +9,7 @@ Zones may be closed: a robot may not enter a cell in a direction whose zone is m
 
 import numpy as np
 
-from automaton.engine.facilities import MAY_TURN
+from automaton.engine.facilities import MAY_TURN, NO_WAY_THROUGH
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import ACTION_MOVE, ACTION_TURN, NIL
 from automaton.strategy.kernels import STARTED, TURNED_AHEAD, TURNED_BEHIND, parent_of, random_bits
@@ -85,6 +85,8 @@ def search(grid, robot_type, duration, workspace, ties, seed, start, target, avo
             state[OPEN_COST] = g
             return pose
         flags, heading, before = np.int64(type_cell_flags[cell]), pose & mask, state[OPEN_TAIL]
+        if flags & NO_WAY_THROUGH and cell != start >> shift:
+            continue
         for k in range(0, 16, 4):
             way = (NORTH_SOUTH_EAST_WEST >> k) & 3
             if (flags >> way) & 1 == 0 or way & mask != heading:

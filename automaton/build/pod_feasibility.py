@@ -13,7 +13,7 @@ from automaton.floor.loaded_ways import to_and_from
 from automaton.floor.reachability import Mask
 from automaton.scenario.document import Document, Keys
 from automaton.scenario.orders import Orders
-from automaton.scenario.pods import Line, PodStation
+from automaton.scenario.pods import Line, Pods, PodStation
 from automaton.scenario.schema import Scenario
 from automaton.units import count
 
@@ -21,8 +21,8 @@ from automaton.units import count
 def check_pods(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
     """Stations are stations, queues paths, and lines want pods that there are. Raises InputError."""
     if scenario.orders.lines is None:
-        for key in ("stations", "pods"):
-            if key in document.data:
+        for key, given in (("stations", scenario.stations), ("pods", scenario.pods != Pods())):
+            if given:
                 raise document.error((key,), f"{key} belong to orders.lines, and there are none")
         return
     if scenario.information != "everything":

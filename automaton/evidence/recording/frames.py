@@ -37,7 +37,7 @@ from automaton.evidence.recording.contents import Frame as Frame
 from automaton.evidence.recording.contents import array_out, read_content, unpacked_ticks
 from automaton.evidence.recording.listed_orders import pack_listed, unpack_listed
 
-RECORDING_FORMAT: Final = 5
+RECORDING_FORMAT: Final = 6
 MAGIC: Final = b"\x93AUTOMATON\r\n"  # not text, and spoilt by a transfer that changes line ends
 PREAMBLE: Final = struct.Struct("<12sH")  # magic, format
 FRAME: Final = struct.Struct("<BIQI16s")  # kind, bytes of the payload, tick, CRC-32, seal

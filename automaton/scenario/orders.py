@@ -114,7 +114,8 @@ class Stop(ConfigSection, frozen=True, kw_only=True):
     ] = field(name="for", default=0)
 
 
-class OrderLine(ConfigSection, frozen=True, kw_only=True):
+# gc=False: 16 bytes less for each of a million, and no cycle of references leads through them.
+class OrderLine(ConfigSection, frozen=True, kw_only=True, gc=False):
     """One order: bring a load from one slot to another, come to cells in turn, or both."""
 
     source: Annotated[Place | None, Meta(description="The slot with the load.")] = field(

@@ -9,6 +9,7 @@ is added up. Exits with 1 if anything is found; a floor is named by its number.
 
 from __future__ import annotations
 
+import itertools
 import sys
 import time
 from collections import Counter, deque
@@ -159,7 +160,7 @@ class Told:
                 begun, trip, way = under_way.pop(subject)
                 way.append(slots[value])
                 stands[int(world.trips.pod[trip])] = slots[value]
-                least = sum(self._way(a, b) for a, b in zip(way, way[1:], strict=False))
+                least = sum(self._way(a, b) for a, b in itertools.pairwise(way))
                 driven = int(moves[begun - 1 : tick, subject].sum())
                 if driven < least:
                     wrong.append(f"trip {trip} drives {driven} moves, its way has {least}")

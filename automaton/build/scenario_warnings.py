@@ -6,6 +6,7 @@ import numpy as np
 
 from automaton.build.conversion_table import coarse_conversions
 from automaton.build.fleet_warnings import fleet_warnings
+from automaton.build.late_releases import late_releases
 from automaton.build.resolve import Resolved
 from automaton.errors import alternatives
 from automaton.floor.cells import CHARGER, STATION, UNLIMITED
@@ -33,7 +34,12 @@ def scenario_warnings(resolved: Resolved) -> list[str]:
         counts_as_seconds(resolved),
     )
     sentences = [sentence for sentence in found if sentence]
-    return sentences + coarse_conversions(resolved) + fleet_warnings(resolved)
+    return [
+        *sentences,
+        *late_releases(resolved),
+        *coarse_conversions(resolved),
+        *fleet_warnings(resolved),
+    ]
 
 
 def nothing_to_avoid(resolved: Resolved) -> str:

@@ -72,7 +72,7 @@ def starved_robots(world: World) -> Array:
 
 
 def oldest_order(world: World) -> int:
-    """Ticks since the release of the order that has been open for longest; 0 if none is."""
+    """Ticks since the release of the order that has been open for longest, taken or not; 0 if none is."""
     orders = world.orders
     is_open = (orders.state != ORDER_DELIVERED) & (orders.state != ORDER_UNRELEASED)
     if not is_open.any():

@@ -51,17 +51,17 @@ def streams(resolved: Resolved) -> Iterator[Stream]:
         after = (kind.count - 1) * mean_of(kind.interarrival_time)
         what = count(kind.count, "part") + (f" {kind.name}" if kind.name else "")
         yield Stream(what, kind.first_release, kind.first_release + after)
-    made = orders_made(resolved)
+    orders_count = generated_orders(resolved)
     if orders.mean_interarrival_time:
-        last = (made - 1) * orders.mean_interarrival_time
-        yield Stream(count(made, "order"), 0, last)
+        last = (orders_count - 1) * orders.mean_interarrival_time
+        yield Stream(count(orders_count, "order"), 0, last)
     if orders.arrivals is not None and orders.arrivals.bursts is not None:
         bursts = orders.arrivals.bursts
-        many = math.ceil(made / mean_of(bursts.size))
-        yield Stream(count(made, "order"), 0, (many - 1) * mean_of(bursts.every))
+        many = math.ceil(orders_count / mean_of(bursts.size))
+        yield Stream(count(orders_count, "order"), 0, (many - 1) * mean_of(bursts.every))
 
 
-def orders_made(resolved: Resolved) -> int:
+def generated_orders(resolved: Resolved) -> int:
     """How many orders a generator makes."""
     orders, floor_plan = resolved.scenario.orders, resolved.floor_plan
     if orders.generator == "picture-loads":

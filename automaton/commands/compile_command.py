@@ -68,11 +68,11 @@ def scenarios_in(files: Sequence[str]) -> Iterator[Resolved]:
 
 def first_of_each(scenarios: Iterator[Resolved]) -> Iterator[Resolved]:
     """Of the scenarios with the same strategies the first one."""
-    seen = set()
+    known = set()
     for resolved in scenarios:
         names = tuple(choice.name for choice in resolved.strategies.values())
-        if names not in seen:
-            seen.add(names)
+        if names not in known:
+            known.add(names)
             yield resolved
 
 

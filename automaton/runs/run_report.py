@@ -116,7 +116,7 @@ def metrics_table(outcome: Outcome, tick: Unit, cell: Unit | None) -> Table:
 
 
 def by_hour(value: float, kind: str, tick: Unit) -> str:
-    """A rate in 1,000 ticks as one in an hour: "; 120 /h"; "" of what is none, or without times."""
+    """A rate in 1,000 ticks as one in an hour: "; 120 /h"; "" of others, or without times."""
     if PER_1000_TICKS not in kind or tick.seconds is None:
         return ""
     return f"; {number(value * SECONDS_PER_UNIT['h'] / (1000 * tick.seconds))} /h"

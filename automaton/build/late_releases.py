@@ -30,15 +30,18 @@ def late_releases(resolved: Resolved) -> list[str]:
     stop, tick = resolved.scenario.stop, unit(resolved.scenario.units.tick)
     end, ends_with_orders = stop.max_duration, stop.when != "never"
     over = f"when the run is over (stop.max_duration {ticks_and_time(end, tick)})"
-    over += ", so it will not finish" if ends_with_orders else ""
     listed = resolved.scenario.orders.listed or ()
     late = [line.release for line in listed if line.release >= end]
     if late:
         which = f"{len(late):,} of {count(len(listed), 'order')} in the list"
         comes = "comes" if len(late) == 1 else "come"
-        return [f"{which} {comes} after {ticks_and_time(min(late), tick)} or later, {over}"]
+        unfinished = ", so it will not finish" if ends_with_orders else ""
+        return [
+            f"{which} {comes} after {ticks_and_time(min(late), tick)} or later, {over}{unfinished}"
+        ]
     return [
         f"the last of {stream.what} comes after about {ticks_and_time(stream.last, tick)}, {over}"
+        + (", so it may not finish" if ends_with_orders else "")
         for stream in streams(resolved)
         if stream.first >= end or (stream.last >= end and ends_with_orders)
     ]

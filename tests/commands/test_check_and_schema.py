@@ -121,7 +121,7 @@ def test_robots_that_stay_on_stations_and_batteries_for_nothing_are_warned_of(
                 "orders={parts: [{route: [1, 2], count: 3, first_release: 90}]}",
             ],
             "the last of 3 parts comes after about 90 ticks, when the run is over "
-            "(stop.max_duration 90 ticks), so it will not finish",
+            "(stop.max_duration 90 ticks), so it may not finish",
         ),
         (["stop={when: never, max_duration: 90}", "ORDERS, mean_interarrival_time: 60}"], ""),
         (

@@ -24,6 +24,7 @@ from automaton.scenario.robot_types import (
     Mask,
     RobotType,
     floor_by_type,
+    rows_of,
     type_of_each,
     types_of,
 )
@@ -47,7 +48,7 @@ def service_for(
     floor_plan: FloorPlan, types: tuple[RobotType, ...], homes: tuple[int, ...], rail: bool
 ) -> Service:
     """Who serves what; `homes`: (K,) where a robot of each type begins."""
-    pairs = zip(floor_by_type(floor_plan, types).floor_plans, homes, strict=True)
+    pairs = zip(floor_by_type(floor_plan, rows_of(types, False)).floor_plans, homes, strict=True)
     within = np.stack([around_home(floor, home, rail) for floor, home in pairs])
     around = slot_access(floor_plan)
     access = np.where(np.logical_or.reduce(within)[around], around, NIL).astype(np.int32)
@@ -69,11 +70,14 @@ class FleetOnFloor:
         self.type_of = type_of_each(scenario.fleet)  # (n,) by identity
         self.counts = np.bincount(self.type_of, minlength=len(self.types)).tolist()
         self.rail = scenario.fleet.kinematics == "rail"
-        self.closed = floor_by_type(floor_plan, self.types).closed  # (K, C)
+        self.closed = floor_by_type(floor_plan, rows_of(self.types, False)).closed  # (K, C)
         self.payload = max(robot_type.payload for robot_type in self.types)
-        self.least_move = scenario.durations.move * min(
-            robot_type.move_time_factor for robot_type in self.types
-        )  # ticks that a move takes the fastest robots
+        # Ticks that they take the fastest robots, without a load or with one.
+        self.least_move = min(move for one in self.types for move in one.moves)
+        self.least_loaded_move = min(one.moves.loaded for one in self.types)
+        self.least_loaded_turn = min(one.durations.turns.loaded for one in self.types)
+        self.least_pick = min(one.durations.pick for one in self.types)
+        self.least_drop = min(one.durations.drop for one in self.types)
 
     @cached_property
     def starts(self) -> list[npt.NDArray[np.int64]]:

@@ -31,8 +31,8 @@ from automaton.engine.record_codes import (
     PICKED_ON_ARRIVAL,
 )
 from automaton.evidence.verification.motion_rules import Acts, Complaint, Motion
-from automaton.evidence.verification.move_time_rules import NIL
 from automaton.evidence.verification.station_rules import Work
+from automaton.evidence.verification.type_rules import NIL
 from automaton.evidence.verification.visit_rules import Visits
 from automaton.floor.cells import ABOVE_OR_BELOW, ANY, BESIDE, CELL_KINDS, ON_IT, STATION
 
@@ -279,10 +279,8 @@ class Loads:
 
     def _check_arrival(self, r: int, name: str) -> None:
         cell = self.motion.cell[r]
-        if self.motion.given[name]:
-            text = (
-                f"handles its load on arrival, but a {name} takes {self.motion.given[name]} ticks"
-            )
+        if ticks := self.motion.types.ticks_of(r, name):
+            text = f"handles its load on arrival, but a {name} takes {ticks} ticks"
             self.report_violation("arrival", [r], cell, text)
         elif r not in self.motion.arrived:
             text = "handles its load on arrival, but none of its moves ends in this tick"
@@ -308,7 +306,7 @@ class Loads:
 
     def _check_length(self, r: int, ticks: int, code: int) -> None:
         if code in (EXECUTED_PICK, EXECUTED_DROP):
-            least = self.motion.duration[code]
+            least = self.motion.handling(r, code)
             if not least <= ticks <= least + self.motion.given["handling_jitter"]:
                 text = f"handles its load for {ticks} ticks, which no rule gives"
                 self.report_violation("duration", [r], self.motion.cell[r], text)
@@ -459,7 +457,7 @@ class Loads:
         """Ticks that a robot handles its load for; none as it arrives."""
         if self._arriving:
             return 0
-        return self._lengths.get(r, self.motion.duration[code])
+        return self._lengths.get(r, self.motion.handling(r, code))
 
     def check_parked(self, acts: Acts) -> None:
         """A robot parks only with nothing to do."""

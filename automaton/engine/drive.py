@@ -86,7 +86,7 @@ from automaton.engine.state import (
     RETRY_NONE,
     RETRY_WAITED,
 )
-from automaton.engine.trips import has_trips, is_queueing_at_station
+from automaton.engine.trips import has_trips, is_in_own_queue, is_queueing_at_station
 from automaton.engine.visits import serve
 
 
@@ -208,9 +208,23 @@ def drive_without_route(world, record, i):
         robots.executed[i] = np.int64(robots.executed[i]) | EXECUTED_TRY_DROP
     elif robots.retreat_moves[i] == 0 and robots.cell[i] == robots.goal_cell[i]:
         do_goal(world, record, i)
+    elif world.rules.steered[0] and is_in_own_queue(world, i):
+        move_up(world, i)
     elif robots.retreat_moves[i] == 0 and robots.goal_cell[i] != NIL:
         if robots.need[i] & NEED_ROUTE == 0:  # the route ended before: go on
             request_route(world, i, REASON_NEW_GOAL)
+
+
+@kernel
+def move_up(world, i):
+    """Robot i, which is steered, is in the queue of its station: it tries the next cell in each tick."""
+    robots = world.robots
+    direction = np.int64(world.pod_stations.queue_way[robots.cell[i]])
+    if direction & (world.grid.headings - 1) == robots.heading[i]:
+        world.traffic.move_ticks[i] = world.rules.duration[robots.type[i], ACTION_MOVE]
+        world.traffic.intent[i] = LIVE | direction
+    else:
+        turn(world, i, direction)
 
 
 @kernel

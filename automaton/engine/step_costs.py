@@ -7,6 +7,7 @@ reads: it is so short that the processor has ten robots on the way at once. The 
 import numpy as np
 
 from automaton.engine.distance_tables import FAR, JOINT, TABLES_ENCODING, TABLES_WORDS, UNREACHABLE
+from automaton.engine.facilities import NO_WAY_THROUGH
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.table_rows import cost_in
 
@@ -23,11 +24,29 @@ def find_step_costs(view, workspace, robots, count, table, out):
     if workspace.tables.status[TABLES_ENCODING] == JOINT:
         read_words(view, workspace.tables, robots, count, table, out)
         decode_words(view, workspace.tables, robots, count, out)
+        close_storage(view, robots, count, out)
         return
     for k in range(count):
         i = np.int64(robots[U(k)])
         for direction in range(4):
             out[U(i), U(direction)] = step_cost(view, workspace.tables, i, direction, table[U(i)])
+    close_storage(view, robots, count, out)
+
+
+@kernel
+def close_storage(view, robots, count, out):
+    """Robots with a load step into no cell through which no way of theirs leads, but into their goal."""
+    grid, first_loaded = view.grid, view.rules.loaded_types
+    for k in range(count if first_loaded else 0):
+        i = np.int64(robots[U(k)])
+        robot_type = np.int64(view.robots.type[U(i)])
+        if robot_type < first_loaded:
+            continue
+        for direction in range(4):
+            to = np.int64(view.robots.cell[U(i)]) + grid.offset[direction]
+            is_barred = np.int64(grid.type_cell_flags[robot_type, to]) & NO_WAY_THROUGH
+            if is_barred and to != view.robots.goal_cell[U(i)]:
+                out[U(i), U(direction)] = UNREACHABLE
 
 
 @kernel

@@ -411,6 +411,15 @@ def clear_queues(world):
 
 
 @kernel
+def is_in_own_queue(view, i):
+    """Whether robot i stands in the queue of the station to which it goes: the queue alone moves it."""
+    if view.trips.pod.shape[0] == 0 or view.robots.goal_type[i] != GOAL_STOP:
+        return False
+    station = view.pod_stations.queue_at[view.robots.cell[i]]
+    return station != NIL and view.pod_stations.cell[station] == view.robots.goal_cell[i]
+
+
+@kernel
 def is_queueing_at_station(world, i, ahead):
     """Whether robot i, whose stop is a station, finds its place in the queue, or the station, held."""
     robots, stations = world.robots, world.pod_stations

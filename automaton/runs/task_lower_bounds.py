@@ -5,7 +5,7 @@ import numpy as np
 from automaton.engine.distance_tables import UNREACHABLE
 from automaton.engine.facilities import MAY_TURN
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.next_stop import has_load
+from automaton.engine.next_stop import end_of_stops, has_load
 from automaton.engine.search import (
     STARTED,
     TURNED_AHEAD,
@@ -51,8 +51,15 @@ def min_drive_ticks(view, workspace, which, out):
             ticks += least_over_stops(view, workspace, loaded, access_cell, NIL, order)
             out[order] = min(ticks, UNREACHABLE)
             continue
-        end = dropoff_cell(view, robot_type, orders.target[order], access_cell)
+        end = dropoff_cell(view, robot_type, last_slot(orders, order), access_cell)
         out[order] = least_by(view, workspace, robot_type, start, access_cell, end)
+
+
+@kernel
+def last_slot(orders, order):
+    """Where the load of an order that is done was to be brought; a pod: where it was stored."""
+    target = np.int64(orders.target[order])
+    return np.int64(orders.current_slot[order]) if target == NIL else target
 
 
 @kernel
@@ -77,7 +84,7 @@ def least_over_stops(view, workspace, robot_type, here, heading, order):
     """
     orders, stops = view.orders, view.stops
     ticks, least = np.int64(0), np.int64(0 if has_load(orders, order) else 1)
-    for stop in range(orders.first_stop[order], orders.first_stop[order + 1]):
+    for stop in range(orders.first_stop[order], end_of_stops(view, order)):
         if stops.done[stop] < orders.dispatched[order]:
             continue
         to = np.int64(stops.cell[stop])
@@ -85,7 +92,7 @@ def least_over_stops(view, workspace, robot_type, here, heading, order):
         ticks = min(ticks + max(leg + stops.ticks[stop], least), UNREACHABLE)
         here, heading, least = to, np.int64(NIL), np.int64(1)
     if has_load(orders, order):
-        end = dropoff_cell(view, robot_type, np.int64(orders.target[order]), here)
+        end = dropoff_cell(view, robot_type, last_slot(orders, order), here)
         ticks += least_leg(view, workspace, robot_type, here, heading, end)
     return min(ticks, UNREACHABLE)
 

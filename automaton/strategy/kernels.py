@@ -43,7 +43,7 @@ from automaton.engine.search import (
 )
 from automaton.engine.step_costs import find_step_costs
 from automaton.engine.table_rows import cost_in, has_room_for
-from automaton.engine.trips import has_place
+from automaton.engine.trips import has_place, is_in_own_queue
 from automaton.engine.zone_segments import copy_segment
 from automaton.strategy.access_cells import (
     begin_cell,
@@ -86,6 +86,7 @@ __all__ = [
     "has_room",
     "has_room_for",
     "is_closed",
+    "is_in_own_queue",
     "kernel",
     "lane_of",
     "level_after",

@@ -30,7 +30,7 @@ from automaton.engine.state import (
     NIL,
 )
 from automaton.floor.dead_ends import dead_ends_of_types
-from automaton.strategy.kernels import direction_between, kernel, splitmix64
+from automaton.strategy.kernels import direction_between, is_in_own_queue, kernel, splitmix64
 from automaton.strategy.layer import Strategy
 from strategies.right_of_way.arrivals import is_at_goal
 from strategies.right_of_way.pibt.alleys import count_in_dead_ends, empty_dead_ends, has_to_leave
@@ -99,8 +99,9 @@ def look_where_it_goes(view, state, i):
 
 @kernel
 def let_choose(view, state, i):
-    """Robot i is free: it chooses, unless it has come to do something where it is."""
-    if view.robots.cell[i] == NIL or not is_at_goal(view, i):
+    """Robot i is free: it chooses, unless it is where it has something to do, or in the queue there."""
+    has_left = view.robots.cell[i] == NIL
+    if has_left or not (is_at_goal(view, i) or is_in_own_queue(view, i)):
         state.mode[i] = UNDECIDED
     else:
         state.begun[i] = 0

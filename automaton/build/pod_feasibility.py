@@ -12,7 +12,7 @@ from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.loaded_ways import to_and_from
 from automaton.scenario.document import Document, Keys
 from automaton.scenario.orders import Orders
-from automaton.scenario.pods import Line, PodStation
+from automaton.scenario.pods import Line, Pods, PodStation
 from automaton.scenario.schema import Scenario
 from automaton.units import count
 
@@ -20,8 +20,11 @@ from automaton.units import count
 def check_pods(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
     """Stations are stations, queues paths, and lines want pods that there are. Raises InputError."""
     if scenario.orders.lines is None:
-        for key in ("stations", "pods"):
-            if key in document.data:
+        for key, given in (
+            ("stations", scenario.stations != {}),
+            ("pods", scenario.pods != Pods()),
+        ):
+            if given:
                 raise document.error((key,), f"{key} belong to orders.lines, and there are none")
         return
     if not len(floor_plan.stations):
@@ -139,7 +142,7 @@ def check_pod_ways(document: Document, fleet: FleetOnFloor) -> None:
         if not within[station]:
             text = f"no robot gets to station {number} at ({x}, {y}) and back"
             raise document.error(("layout",), text)
-        apart = pods & ~(to_and_from(floor_plan, station, fleet.rail) & within)
+        apart = pods & ~(to_and_from(floor_plan, station, fleet.rail) & fleet.loaded.any(axis=0))
         if apart.any():
             cell = int(np.argmax(apart))
             pod = int(np.count_nonzero(pods.reshape(-1)[: cell + 1]))

@@ -15,6 +15,7 @@ from automaton.engine.table_building import Costs, build_tables, bytes_taken, re
 from automaton.errors import InputError
 from automaton.floor.cells import STORAGE
 from automaton.floor.floor_plan import CAN_TURN, DRIVABLE, UNBOUNDED, FloorPlan
+from automaton.floor.loaded_ways import has_storage
 from automaton.floor.reachability import slot_access
 from automaton.floor.traffic_zones import traffic_zones_of
 from automaton.scenario.robot_types import RobotType, floor_by_type, rows_of
@@ -113,8 +114,7 @@ def _floor_for(
 
 def loads_differ(floor_plan: FloorPlan, types: Iterable[RobotType]) -> bool:
     """Whether robots with a load drive otherwise than without one: not through storage, say."""
-    has_storage = bool((floor_plan.kind == STORAGE).any())
-    return has_storage or any(one.loads_differ for one in types)
+    return has_storage(floor_plan) or any(one.loads_differ for one in types)
 
 
 def flags_by_type(floor_plans: Sequence[FloorPlan], kinematics: str, types: int) -> Array:

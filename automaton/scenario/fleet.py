@@ -18,7 +18,7 @@ from automaton.scenario.field_types import (
 )
 
 ONE_CELL: Final = "a robot takes one cell: choose units.cell at least as large as the largest robot"
-ALL, EMPTY, LOADED = "all", "empty", "loaded"  # to which an area may be closed, beside types
+ALL, EMPTY, LOADED = GROUPS = ("all", "empty", "loaded")  # of robots, to which areas may be closed
 
 
 class FleetType(ConfigSection, frozen=True, kw_only=True):
@@ -101,7 +101,7 @@ class Fleet(ConfigSection, frozen=True, kw_only=True):
             )
         names = [kind.name for kind in self.types]
         for kind in self.types:
-            if kind.name in (ALL, EMPTY, LOADED):
+            if kind.name in GROUPS:
                 raise ValueError(f"types must not name a type {kind.name}: areas mean others by it")
             if kind.durations.turn is not None and self.kinematics == "omni":
                 raise ValueError(

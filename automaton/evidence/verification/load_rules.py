@@ -422,6 +422,7 @@ class Loads:
             self.work.deliver(tick + self._handling(r, EXECUTED_PICK), order)
             return
         self.place[order], self.state[order], self.load[r] = NIL, ORDER_CARRIED, order
+        self.motion.check_area(r, self.motion.cell[r])
         self._picking[r] = tick + self._handling(r, EXECUTED_PICK) - 1
         if slot >= self.spare:
             self.slot_cell[slot], self.endless[slot] = NIL, True
@@ -447,6 +448,7 @@ class Loads:
                 self.report_violation("slot", [r], cell, "drops on a shelf it has not reserved")
             self.content[slot] = order
         self.load[r], self.place[order] = NIL, slot
+        self.motion.check_area(r, self.motion.cell[r])
         delivered = slot == self.target[order]
         self.state[order] = ORDER_DELIVERED if delivered else ORDER_WAITING
         self.undelivered -= delivered

@@ -150,26 +150,37 @@ class FleetOnFloor:
             self.floor_plan.cell(*xy) for line in listed if line.has_load for xy in line.stop_cells
         ]
         at = np.array(stops, np.int64)
-        zoning = self.scenario.strategy.zoning
-        if (zoning if isinstance(zoning, str) else zoning.get("name")) != NO_ZONING:
+        if self.hands_over:
             return LoadEnds(slots, slots, at)
         ways = list(self.orders())
         ends = [np.concatenate([slots[:0], *(way[k] for way in ways)]) for k in (2, 3)]
         return LoadEnds(np.unique(ends[0]), np.unique(ends[1]), at)
+
+    @property
+    def hands_over(self) -> bool:
+        """Whether robots may pass loads on."""
+        zoning = self.scenario.strategy.zoning
+        return (zoning if isinstance(zoning, str) else zoning.get("name")) != NO_ZONING
 
     def parted(self) -> tuple[str, int, int] | None:
         """A type with a load and two cells: where it picks one up, and where it does not get with it."""
         if all(one.closed_empty == one.closed_loaded for one in self.types):
             return None
         plans = floor_by_type(self.floor_plan, rows_of(self.types, True)).floor_plans
-        ends = self.load_ends
+        every = self.load_ends
+        ways = {(tuple(way.source.tolist()), tuple(way.target.tolist())) for way in self.orders()}
+        if self.hands_over:
+            ways = {(tuple(every.sources.tolist()), tuple(every.targets.tolist()))}
         for kind, robot_type in enumerate(self.types):
-            begin, end = (
-                stands(self.floor_plan, cells, ends.stops, self.loaded[kind]) for cells in ends[:2]
-            )
-            pair = parted_ends(plans[len(self.types) + kind], begin, end, self.rail)
-            if pair != (NIL, NIL):
-                return robot_type.name, *pair
+            known: dict[int, Mask] = {}
+            for way in sorted(ways):
+                begin, end = (
+                    stands(self.floor_plan, np.array(cells), every.stops, self.loaded[kind])
+                    for cells in way
+                )
+                pair = parted_ends(plans[len(self.types) + kind], begin, end, self.rail, known)
+                if pair != (NIL, NIL):
+                    return robot_type.name, *pair
         return None
 
     @cached_property

@@ -367,6 +367,8 @@ def check_service(document: Document, fleet: FleetOnFloor) -> None:
         )
 
     def because(cell: int) -> str:
+        if fleet.service.accessible[:, fleet.slot_of[cell]].any():
+            return "areas cut off robots with its load"
         return why + closed_way(fleet, cell)
 
     for number in sorted({number for kind in orders.parts or () for number in kind.route}):

@@ -74,17 +74,25 @@ def served_with_load(access: Array, loaded: Mask) -> Mask:
     return served
 
 
-def parted_ends(plan: FloorPlan, begin: list[int], end: list[int], rail: bool) -> tuple[int, int]:
+def parted_ends(
+    plan: FloorPlan, begin: list[int], end: list[int], rail: bool, known: dict[int, Mask]
+) -> tuple[int, int]:
     """A cell where loads are picked up and one where they are set down, without a way; else (NIL, NIL).
 
-    `plan`: with the exits that are open to robots with a load.
+    `plan`: with the exits that are open to robots with a load. `known`: what is reached from cells, on
+    this plan; what is found is added.
     """
     left, ends = set(begin), np.array(end, np.int64)
     while left and len(ends):
         first = min(left)
-        lost = ends[~reached(plan, [first], rail)[ends]]
+        if first not in known:
+            known[first] = reached(plan, [first], rail)
+        lost = ends[~known[first][ends]]
         if lost.size:
             return first, int(lost[0])
+        left.remove(first)
+        if not left:
+            break
         # Whoever gets to that cell gets wherever one gets from there.
         before = reached(plan, [first], rail, backwards=True)
         left = {cell for cell in left if not before[cell]}

@@ -17,14 +17,20 @@ from automaton.scenario.field_types import (
     Weight,
 )
 
-ONE_CELL: Final = "a robot takes one cell: choose units.cell at least as large as the largest robot"
+ONE_CELL: Final = dict.fromkeys(
+    ("size", "trailers", "swept_turns"),
+    "a robot takes one cell: choose units.cell at least as large as the largest robot",
+)
 ALL, EMPTY, LOADED = GROUPS = ("all", "empty", "loaded")  # of robots, to which areas may be closed
 
 
 class FleetType(ConfigSection, frozen=True, kw_only=True):
     """Robots that are alike; where the fleet has several types, robots have them by identity."""
 
-    refused: ClassVar[dict[str, str]] = dict.fromkeys(("size", "trailers", "swept_turns"), ONE_CELL)
+    refused: ClassVar[dict[str, str]] = {
+        **ONE_CELL,
+        "kinematics": "all robots have the same; set fleet.kinematics",
+    }
 
     name: Annotated[SingleLine, Meta(description="What areas, priorities and reports call them.")]
     robots: Annotated[
@@ -56,6 +62,8 @@ class StartFile(ConfigSection, frozen=True, kw_only=True):
 
 class Fleet(ConfigSection, frozen=True, kw_only=True):
     """The robots."""
+
+    refused: ClassVar[dict[str, str]] = ONE_CELL
 
     robots: Annotated[int, Meta(ge=1, le=1_000_000, description="Number of robots.")]
     kinematics: Annotated[

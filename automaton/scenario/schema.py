@@ -246,13 +246,13 @@ class Scenario(ConfigSection, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         tick = unit(self.units.tick)
-        slowest = max(
-            (
-                kind.move_time_factor * max(kind.durations.within(self.durations).moves)
-                for kind in self.fleet.types
-            ),
-            default=max(self.durations.moves),
-        )
+        slowest = max(self.durations.moves)
+        for kind in self.fleet.types:
+            try:
+                own = kind.durations.within(self.durations)
+            except ValueError as error:
+                raise ValueError(f"fleet has robots of the type {kind.name}, but {error}") from None
+            slowest = max(slowest, kind.move_time_factor * max(own.moves))
         if slowest > MAX_MOVE_TICKS:
             raise ValueError(
                 f"fleet has robots whose moves take {ticks_and_time(slowest, tick)} (move_time_factor x "

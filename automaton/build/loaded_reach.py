@@ -2,7 +2,7 @@
 
 Areas may be closed to robots with a load, or to those without one. Then a slot is served only from
 cells that a robot reaches without a load, from where it begins and back, and in which it may be with
-one; and with its load it has to get from any cell where it picks up to any one where it sets down.
+one; and from any such cell beside its slot an order has a way to any one beside its target.
 On a floor with storage that is: to all stations, and back.
 """
 

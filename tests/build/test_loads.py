@@ -141,13 +141,13 @@ def test_a_lane_back_that_is_closed_to_loads_cuts_nothing_off() -> None:
 
 def test_an_order_between_parts_of_the_floor_that_areas_keep_apart_is_refused() -> None:
     """No load passes between the upper and the lower lane, each with a shelf and a goal."""
-    picture = "s....d\n#....#\ns....d"
-    areas = {"middle": {"from": [1, 1], "to": [4, 1], "closed_to": ["loaded"]}}
-    along = [{"from": (0, 0), "to": (5, 0)}, {"from": (0, 2), "to": (5, 2)}]
+    picture = "s....d\ns.....\n......\ns....d"
+    areas = {"middle": {"from": [0, 2], "to": [5, 2], "closed_to": ["loaded"]}}
+    along = [{"from": (0, 0), "to": (5, 0)}, {"from": (0, 3), "to": (5, 3)}]
     simulation, _ = ran(scene(picture, areas=areas, orders={"list": along}))
     assert metrics_of(simulation)["delivered"] == 2
-    across = {"from": (0, 0), "to": (5, 2)}
-    with pytest.raises(InputError, match=r"with a load do not get from \[1, 0\] to \[4, 2\]"):
+    across = {"from": (0, 1), "to": (5, 3)}
+    with pytest.raises(InputError, match=r"with a load do not get from \[1, 1\] to \[4, 3\]"):
         scene(picture, areas=areas, orders={"list": [*along, across]})
 
 

@@ -139,8 +139,7 @@ def grid_and_durations(resolved: Resolved) -> tuple[Grid, Array]:
     from automaton.build.rules import rules_for
 
     scenario = resolved.scenario
-    kinematics, durations = scenario.fleet.kinematics, scenario.durations
-    driving = (kinematics, durations.move, durations.turn, scenario.world.traffic_zones)
+    driving = (scenario.fleet.kinematics, scenario.world.traffic_zones)
     grid = floor_for(resolved.floor_plan, *driving, resolved.fleet.types).grid
     return grid, rules_for(scenario, scenario.seed).duration[0]
 

@@ -32,6 +32,8 @@ from automaton.strategy.kernels import (
     dropoff_cell,
     first_cell,
     pickup_cell,
+    with_load,
+    without_load,
 )
 from strategies.allocation.auction.market import INF_COST, Battery, Fleet, Scratch, TaskCosts
 from strategies.allocation.auction.market_preparation import (
@@ -140,7 +142,8 @@ def enter_task(view, workspace, market, robot_type, task, order):
         costs.inside[robot_type, task] = CAPPED
         costs.use[robot_type, task] = CAPPED_ENERGY
         return
-    drive = longest_way(view, workspace, robot_type, begin, end) if slot != target else 0
+    carrying = with_load(view, robot_type)
+    drive = longest_way(view, workspace, carrying, begin, end) if slot != target else 0
     loaded = rate_of_driving(view.rules, view.grid.headings, 1)
     picking, dropping = np.int64(duration[ACTION_PICK]), np.int64(duration[ACTION_DROP])
     costs.inside[robot_type, task] = min(
@@ -156,7 +159,8 @@ def enter_task(view, workspace, market, robot_type, task, order):
 def enter_robot(view, workspace, market, r, i):
     """Robot i, stored at that index, is number r of the site: where it is free next, and then."""
     robots, fleet, rules = view.robots, market.fleet, view.rules
-    robot_type = np.int64(robots.type[i])
+    robot_type = without_load(view, np.int64(robots.type[i]))
+    carrying = with_load(view, robot_type)
     duration = rules.duration[robot_type]
     empty = rate_of_driving(rules, view.grid.headings, 0)
     loaded = rate_of_driving(rules, view.grid.headings, 1)
@@ -189,7 +193,7 @@ def enter_robot(view, workspace, market, r, i):
         begin = np.int64(robots.goal_cell[i])
         drive = way_from(view, workspace, i, begin)
         place = begin if slot == target else dropoff_cell(view, robot_type, target, begin)
-        inside = longest_way(view, workspace, robot_type, begin, place) if slot != target else 0
+        inside = longest_way(view, workspace, carrying, begin, place) if slot != target else 0
         ready += drive + inside + duration[ACTION_PICK] + duration[ACTION_DROP]
         charge -= drive * empty + inside * loaded
         charge -= max(np.int64(duration[ACTION_PICK]), 1) * rules.drain[ACTION_PICK, 0]

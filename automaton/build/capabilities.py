@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from automaton.build.loaded_reach import (
     LoadEnds,
+    has_closed_ways,
     parted_ends,
     reached_with_load,
     served_with_load,
@@ -140,6 +141,8 @@ class FleetOnFloor:
     def with_load(self, service: Service) -> Mask:
         """The same for robots that begin in other places."""
         within = service.reachable.astype(np.bool_)
+        if not has_closed_ways(self.floor_plan, self.types):
+            return within
         return reached_with_load(self.floor_plan, self.types, within, self.load_ends, self.rail)
 
     @cached_property
@@ -188,12 +191,22 @@ class FleetOnFloor:
         """The number of the slot in a flat cell."""
         return {cell: slot for slot, cell in enumerate(self.floor_plan.slots.tolist())}
 
-    def orders(self) -> Iterator[Way]:
-        """All orders of the scenario that have a load."""
+    def orders(self, by_ends: bool = False) -> Iterator[Way]:
+        """All orders of the scenario that have a load; of listed ones that are alike, the first.
+
+        `by_ends`: those of which each end is as in some order before them are left out, too.
+        """
         orders, floor_plan = self.scenario.orders, self.floor_plan
+        known: set[tuple[Any, ...]] = set()
         for index, line in enumerate(orders.listed or ()):
             if not line.has_load:
                 continue
+            weight, (begin, end) = line.weight, line.ends
+            apart = ((begin, None, weight), (None, end, weight))
+            facts = apart if by_ends else ((begin, end, weight),)
+            if known.issuperset(facts):
+                continue
+            known.update(facts)
             source, target = (np.array([floor_plan.cell(*end)]) for end in line.ends)
             yield Way(("orders", "list", index), f"order {index}", source, target, line.weight)
         stations = floor_plan.stations.astype(np.int64)
@@ -224,7 +237,7 @@ class FleetOnFloor:
 
     def impossible(self) -> tuple[Way, str, int] | None:
         """The first order that no robot can do: "begins" or "ends" in the cell; "", NIL: too heavy."""
-        for way in self.orders():
+        for way in self.orders(by_ends=True):
             if way.weight > self.payload:
                 return way, "", NIL
             ends = zip(

@@ -9,6 +9,7 @@ drawn, and its ticks follow from the deliveries.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,7 @@ from automaton.engine.releases import draw_releases
 from automaton.engine.state import NEVER, NIL, ORDER_UNRELEASED, ORDER_WAITING, Array, Orders
 from automaton.engine.stops import Stops
 from automaton.floor.cells import DESTINATION, DOCK, RACK, STATION
-from automaton.scenario.orders import DRAWN, Bursts, Mean, MeanTime
+from automaton.scenario.orders import DRAWN, Bursts, Mean, MeanTime, OrderLine
 from automaton.scenario.orders import Orders as OrdersGiven
 from automaton.scenario.schema import Scenario
 
@@ -61,6 +62,7 @@ def build_orders(
     orders = orders_of(source, target, released, coming, weight, first_stop)
     if resolved.scenario.orders.listed is not None:
         orders.priority[:] = [line.priority for line in resolved.scenario.orders.listed]
+        orders.due[:] = due_ticks(resolved.scenario.orders.listed)
     if resolved.scenario.orders.assign == "round-robin":
         assign_in_turn(orders, stops, homes, resolved.scenario.orders.skip_reached)
     return orders, slots, stops
@@ -83,6 +85,12 @@ def weights(orders: OrdersGiven, count: int, seed: int) -> Array:
         )
     heavy: Array = least + above
     return heavy
+
+
+def due_ticks(listed: Iterable[OrderLine]) -> list[int]:
+    """Until when each order is to be done: as far off as an array holds, NEVER if it has no due time."""
+    ticks = (line.due_tick for line in listed)
+    return [NEVER if tick is None else min(tick, NEVER - 1) for tick in ticks]
 
 
 def orders_of(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from automaton.build.conversion_table import coarse_conversions
+from automaton.build.due_warnings import due_warnings
 from automaton.build.fleet_warnings import fleet_warnings
 from automaton.build.resolve import Resolved
 from automaton.errors import alternatives
@@ -33,7 +34,13 @@ def scenario_warnings(resolved: Resolved) -> list[str]:
         counts_as_seconds(resolved),
     )
     sentences = [sentence for sentence in found if sentence]
-    return sentences + coarse_conversions(resolved) + fleet_warnings(resolved)
+    return [
+        *sentences,
+        *resolved.file_warnings,
+        *due_warnings(resolved),
+        *coarse_conversions(resolved),
+        *fleet_warnings(resolved),
+    ]
 
 
 def nothing_to_avoid(resolved: Resolved) -> str:

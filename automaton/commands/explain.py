@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from automaton.evidence.history.explanation import Explanation
     from automaton.evidence.history.snapshot import Snapshot
     from automaton.evidence.history.watched_run import RecordedRun
+    from automaton.scenario.quantities import Scale
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -55,7 +56,8 @@ def run(args: argparse.Namespace) -> int:
         return 0
     name, seed = recording.header["scenario"]["name"], recording.header["seed"]
     print(f"{name}, seed {seed}, tick {args.at:,} of {recording.ticks:,}")
-    print("\n".join([*chain_lines(found), *lost_lines(snapshot, args.robot)]))
+    due = due_lines(snapshot, args.robot, shown.resolved.scenario.units.scale)
+    print("\n".join([*chain_lines(found), *due, *lost_lines(snapshot, args.robot)]))
     return 0
 
 
@@ -81,6 +83,17 @@ def chain_lines(found: Explanation) -> list[str]:
         if link.rule:
             lines.append(f"  rule: {link.rule.removeprefix('rule of ')}")
     return [*lines, *found.lines[len(found.chain) :]]
+
+
+def due_lines(snapshot: Snapshot, robot: int, scale: Scale) -> list[str]:
+    """When the order of a robot is due, and how late it is; nothing without a due time."""
+    from automaton.engine.state import NIL
+    from automaton.evidence.history.due_words import due_words, has_due_time
+
+    order = int(snapshot.robots.order[robot])
+    if order == NIL or not has_due_time(snapshot.orders, order):
+        return []
+    return [due_words(snapshot.orders, order, snapshot.tick, scale)]
 
 
 def lost_by_cause(snapshot: Snapshot, robot: int) -> list[tuple[int, int]]:
@@ -118,7 +131,10 @@ def as_json(args: argparse.Namespace, found: Explanation, snapshot: Snapshot) ->
     """The explanation as one object; times are in ticks."""
     from automaton.engine.observation import CAUSES
     from automaton.engine.state import NIL
+    from automaton.evidence.history.due_words import has_due_time, ticks_late
 
+    order = int(snapshot.robots.order[args.robot])
+    is_due = order != NIL and has_due_time(snapshot.orders, order)
     links = [
         {**link._asdict(), "blocker": None if link.blocker == NIL else link.blocker}
         for link in found.chain
@@ -127,6 +143,9 @@ def as_json(args: argparse.Namespace, found: Explanation, snapshot: Snapshot) ->
         "file": str(args.file),
         "robot": args.robot,
         "tick": args.at,
+        "order": None if order == NIL else order,
+        "due": int(snapshot.orders.due[order]) if is_due else None,
+        "late": max(0, ticks_late(snapshot.orders, order, snapshot.tick)) if is_due else None,
         "waits": bool(found.chain[0].cause),
         "chain": links,
         "wait_cycle": []

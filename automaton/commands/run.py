@@ -154,10 +154,12 @@ def progress(resolved: Resolved) -> Iterator[Any]:
     def words(simulation: Simulation, seconds: float) -> str:
         if seconds >= PROGRESS_INTERVAL_S:
             return f"computing tick {simulation.tick:,}, {seconds:.0f} s"
-        orders = simulation.world.orders
-        done = int((orders.delivered >= 0).sum())
+        from automaton.runs.asked_orders import asked_orders
+
+        ends = asked_orders(simulation.world).done
+        done = int((ends >= 0).sum())
         ticks = f"tick {simulation.tick:,} of at most {limit:,}"
-        return f"{ticks}, {done:,} of {len(orders.state):,} orders delivered"
+        return f"{ticks}, {done:,} of {len(ends):,} orders delivered"
 
     def watch(simulation: Simulation) -> None:
         watched[:] = [simulation]

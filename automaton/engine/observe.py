@@ -70,6 +70,7 @@ from automaton.engine.state import (
     ACTION_QUEUE,
     ACTION_WAIT,
     CLOCK_HALTED_UNTIL,
+    CLOCK_ORDERS_DONE,
     CLOCK_TICK,
     CLOCK_UNDELIVERED,
     GOAL_NONE,
@@ -100,10 +101,16 @@ def observe(world, observation):
     row = observation.count[COUNT_CURVE_ROWS]
     observation.curve[row, WAITING_ROBOTS] = waiting
     observation.curve[row, WORKING_ROBOTS] = working
-    observation.curve[row, DELIVERED_ORDERS] = (
-        world.orders.state.shape[0] - world.clock[CLOCK_UNDELIVERED]
-    )
+    observation.curve[row, DELIVERED_ORDERS] = orders_done(world)
     observation.count[COUNT_CURVE_ROWS] = row + 1
+
+
+@kernel
+def orders_done(world):
+    """How many orders are done; where pods are carried, those whose lines are."""
+    if world.lines.order.shape[0]:
+        return world.clock[CLOCK_ORDERS_DONE]
+    return world.orders.state.shape[0] - world.clock[CLOCK_UNDELIVERED]
 
 
 @kernel

@@ -163,7 +163,8 @@ CLOCK_KNOWN_ORDERS: Final = 29  # all orders that were released have lower numbe
 CLOCK_NEXT_LINE: Final = 30  # entry of lines.sequence that is known next
 CLOCK_STORED_PODS: Final = 31  # entries of pods.stored in use
 CLOCK_FIRST_OPEN: Final = 32  # all orders with lower numbers are delivered
-CLOCK_SIZE: Final = 33
+CLOCK_ORDERS_DONE: Final = 33  # of lines
+CLOCK_SIZE: Final = 34
 
 STOP_PARKED: Final = 0
 STOP_DELIVERED: Final = 1
@@ -387,6 +388,14 @@ class Orders(Struct):
     )
     priority: Array = field(
         "(m,) int16", "the larger one comes first", role=DERIVED, hidden=0, header=True
+    )
+    due: Array = field(
+        "(m,) int32",
+        "tick until which it is to be done, which may be before 0; NEVER: none",
+        default=NEVER,
+        role=DERIVED,
+        hidden=NEVER,
+        header=True,
     )
     release_sequence: Array = field(
         "(releases,) int32",

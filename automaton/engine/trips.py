@@ -18,6 +18,7 @@ from automaton.engine.state import (
     CLOCK_KNOWN_ORDERS,
     CLOCK_NEXT_LINE,
     CLOCK_NEXT_RELEASE,
+    CLOCK_ORDERS_DONE,
     CLOCK_REVISION,
     CLOCK_STORED_PODS,
     CLOCK_TICK,
@@ -170,6 +171,7 @@ def add_to_stop(world, trip, stop, line):
     world.stops.ticks[stop] = ticks_of(np.int64(trips.handling[stop]))
     if is_first or lines.priority[line] > orders.priority[trip]:
         orders.priority[trip] = lines.priority[line]
+    orders.due[trip] = min(np.int64(orders.due[trip]), np.int64(lines.due[line]))
     orders.release_tick[trip] = min(
         np.int64(orders.release_tick[trip]), np.int64(lines.release_tick[line])
     )
@@ -317,6 +319,7 @@ def complete_line(world, line):
     lines.left[order] -= 1
     if lines.left[order] == 0:
         lines.order_done[order] = tick
+        world.clock[CLOCK_ORDERS_DONE] += 1
     world.pod_stations.open_lines[lines.served_at[line]] -= 1
     world.clock[CLOCK_UNDELIVERED] -= 1
 

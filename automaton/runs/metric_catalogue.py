@@ -27,6 +27,11 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     "delivered": ("orders", "orders at their targets"),
     "throughput": ("orders/1000 ticks", "deliveries per time"),
     "ticks_per_operation": ("ticks", "active ticks per operation"),
+    "lines_done": ("lines", "lines that were served at their stations"),
+    "visits": ("visits", "stops of pods at stations that were done"),
+    "lines_per_visit": ("lines", "lines that were served at a visit"),
+    "trips": ("trips", "pods that were lifted, served and stored again"),
+    "pod_moves": ("pods", "stored in another cell than they were lifted from"),
     "legs_per_order": ("pick-ups", "times that a delivered load was picked up"),
     "utilization": ("share", "active ticks / all robot ticks"),
     "blocked_share": (
@@ -45,6 +50,7 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     "lost_retreating": ("ticks", "in which a retreat was decided"),
     "lost_leaving_bay": ("ticks", "in the parking bay because the home cell was held"),
     "lost_queueing": ("ticks", "in the queue before a charger"),
+    "lost_station_queue": ("ticks", "in the queue of a station"),
     "lost_illegal": ("ticks", "after illegal decisions of a strategy"),
     "lost_held_back": ("ticks", "in which right of way that steers held robots back"),
     "slowdown_ticks": (
@@ -55,7 +61,22 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     "retreats": ("times", "retreats begun"),
     "lead_time": ("ticks", "from the release of an order to its delivery"),
     "lead_time_p95": ("ticks", "95 % of the delivered orders have this lead time or less"),
+    "lead_time_p99": ("ticks", "99 % of the delivered orders have this lead time or less"),
+    "lead_time_max": ("ticks", "the longest lead time, or age of an order that is open at the end"),
     "oldest_order": ("ticks", "since the release of the oldest order that is open at the end"),
+    "late_share": (
+        "share",
+        "orders done after they were due, or open at the end and past it / those with a due time, but "
+        "for not_yet_due",
+    ),
+    "not_yet_due": ("orders", "open at the end and due later; no part of late_share"),
+    "tardiness": (
+        "ticks",
+        "from when an order was due until it was done, 0 if that was in time; open ones count as done "
+        "at the end",
+    ),
+    "tardiness_p95": ("ticks", "95 % of the orders with a due time have this tardiness or less"),
+    "tardiness_p99": ("ticks", "99 % of the orders with a due time have this tardiness or less"),
     "starved_robots": (
         "robots",
         "that have had something to do and finished nothing for 500 ticks, or for four times the "

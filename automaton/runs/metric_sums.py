@@ -20,6 +20,7 @@ LOST_TICK_SUMS: Final = (
     "lost_retreating",
     "lost_leaving_bay",
     "lost_queueing",
+    "lost_station_queue",
     "lost_illegal",
     "lost_held_back",
 )
@@ -41,6 +42,8 @@ SUMS: Final = (
     *("retreats", "illegal_answers", "slowdown_ticks", "distance"),
     *("charge", "charging", "battery_depletions", "repaired", "breakdowns", "towed", "downtime"),
     *("delivered", "legs", "timed", "lead_times"),
+    *("lines_done", "visits", "trips", "pod_moves"),
+    *("due_orders", "late_orders", "not_yet_due", "tardiness_ticks"),
     *("taken", "task_times", "delays"),
     *("parts_finished", "part_flow_times"),
     *COUNTED_BY_STRATEGIES,
@@ -52,7 +55,7 @@ class Quotient(NamedTuple):
     """A metric: times * part / whole."""
 
     part: str | tuple[str, ...]  # a sum, or several of which those that there are count
-    whole: str | int = 1  # likewise a sum, or a number
+    whole: str | tuple[str, ...] | int = 1  # likewise, or a number
     times: int = 1
     measured: bool = True  # False: absent where the whole is 0, and not 0
 
@@ -72,7 +75,10 @@ QUOTIENTS: Final = {
     "task_time": Quotient("task_times", "taken", measured=False),
     "delay": Quotient("delays", "taken", measured=False),
     "throughput_per_robot": Quotient("completed", "watched_robot_ticks", 1000),
+    "lines_per_visit": Quotient("lines_done", "visits", measured=False),
     "lead_time": Quotient("lead_times", "timed", measured=False),
+    "late_share": Quotient("late_orders", "due_orders", measured=False),
+    "tardiness": Quotient("tardiness_ticks", ("due_orders", "not_yet_due"), measured=False),
     "energy": Quotient("charge", BATTERY_FULL),
     "repair_energy": Quotient("repaired", BATTERY_FULL),
     "charging_share": Quotient("charging", "robot_ticks"),
@@ -88,14 +94,18 @@ def metric(name: str, sums: Mapping[str, int]) -> float | int | None:
     What has no quotient of its own is such a sum.
     """
     quotient = QUOTIENTS.get(name, Quotient(name))
-    names = (quotient.part,) if isinstance(quotient.part, str) else quotient.part
-    parts = [sums[part] for part in names if part in sums]
+    parts = [sums[part] for part in _names(quotient.part) if part in sums]
     if not parts:
         return None
     value, whole = quotient.times * sum(parts), quotient.whole
     if whole == 1:
         return value
-    whole = sums.get(whole, 0) if isinstance(whole, str) else whole
+    if not isinstance(whole, int):
+        whole = sum(sums.get(name, 0) for name in _names(whole))
     if not whole:
         return 0.0 if quotient.measured else None
     return float(value) / float(whole)
+
+
+def _names(sums: str | tuple[str, ...]) -> tuple[str, ...]:
+    return (sums,) if isinstance(sums, str) else sums

@@ -31,6 +31,7 @@ from automaton.engine.state import (
     ACTION_QUEUE,
     ACTION_RETREAT,
     ACTION_SERVE,
+    ACTION_STATION_QUEUE,
     ACTION_TRY_DROP,
     ACTION_TURN,
     ACTION_WAIT,
@@ -41,10 +42,12 @@ from automaton.engine.state import (
     Array,
     World,
 )
+from automaton.runs.asked_orders import asked_orders, has_lines
+from automaton.runs.lateness import lead_times, sums_of_due_times, tardiness_quantiles
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE as METRIC_CATALOGUE
 from automaton.runs.metric_sums import LOST_TICK_SUMS, metric
 from automaton.runs.progress import oldest_order, starved_robots
-from automaton.runs.task_metrics import Measured, Tasks, quantile_95, summed, tasks_after
+from automaton.runs.task_metrics import Measured, Tasks, quantile, summed, tasks_after
 
 OPERATIONS = [
     *(ACTION_MOVE, ACTION_TURN, ACTION_PICK, ACTION_DROP, ACTION_TRY_DROP, ACTION_WAIT),
@@ -60,6 +63,7 @@ LOST_IN = dict(
             ACTION_RETREAT,
             ACTION_BAY_BLOCKED,
             ACTION_QUEUE,
+            ACTION_STATION_QUEUE,
             ACTION_ILLEGAL,
             ACTION_HELD_BACK,
         ),
@@ -166,11 +170,11 @@ def metrics_of(run: Measured, since: Counted | None = None) -> dict[str, float |
         tasks = tasks_after(run, measure.warm_up)
         sums |= _of_tasks(world, tasks, n, measure.warm_up)
         if len(tasks.begun):
-            figures["delay_p95"] = quantile_95(tasks.delays)
-    if sums.get("timed"):
-        orders = world.orders
-        timed = (orders.state == ORDER_DELIVERED) & (orders.delivered > begin)
-        figures["lead_time_p95"] = quantile_95((orders.delivered - orders.release_tick)[timed])
+            figures["delay_p95"] = quantile(tasks.delays, 95)
+    if "timed" in sums:
+        figures |= lead_times(world, begin)
+    if "due_orders" in sums:
+        figures |= tardiness_quantiles(world, begin)
     figures["oldest_order"] = oldest_order(world)
     figures["starved_robots"] = len(starved_robots(world))
     if world.rules.battery:
@@ -207,19 +211,38 @@ def _of_tasks(world: World, tasks: Tasks, robots: int, warm_up: int) -> dict[str
 def sums_of_orders(world: World, borders: Array) -> dict[str, Array]:
     """Of the orders that were delivered in each stretch between ascending borders, in ticks.
 
-    How many, their legs, and where orders arrive over time how long they took: (borders - 1,) each.
+    How many, their legs, and where orders arrive over time how long they took: (borders - 1,) each;
+    where they have due times, how many were late, and by how many ticks.
     """
-    orders = world.orders
-    done = np.flatnonzero(orders.state == ORDER_DELIVERED)
-    at = np.maximum(orders.delivered[done], 1)  # ticks count from 1
-    found = {
-        "delivered": summed(at, np.ones(len(done)), borders),
-        "legs": summed(at, orders.legs[done], borders),
-    }
-    if orders.release_tick.any():
-        times = orders.delivered[done].astype(np.int64) - orders.release_tick[done]
+    orders = asked_orders(world)
+    done = np.flatnonzero(orders.done != NIL)
+    at = np.maximum(orders.done[done], 1)  # ticks count from 1
+    found = {"delivered": summed(at, np.ones(len(done)), borders)}
+    if has_lines(world):
+        found |= sums_of_lines(world, borders)
+    else:
+        found["legs"] = summed(at, world.orders.legs[done], borders)
+    if orders.release.any():
+        times = orders.done[done] - orders.release[done]
         found |= {"timed": found["delivered"], "lead_times": summed(at, times, borders)}
-    return found
+    return found | sums_of_due_times(world, borders)
+
+
+def sums_of_lines(world: World, borders: Array) -> dict[str, Array]:
+    """Lines, visits of pods at stations and trips that were done in each stretch between borders.
+
+    And the pods that were stored in another cell than they were lifted from.
+    """
+    lines, orders, visits = world.lines, world.orders, world.stops
+    ticks = lines.done[lines.done != NIL], visits.done[visits.done != NIL]
+    stored = orders.state == ORDER_DELIVERED
+    moved = stored & (orders.current_slot != orders.source)
+    ends = (*ticks, orders.delivered[stored], orders.delivered[moved])
+    names = ("lines_done", "visits", "trips", "pod_moves")
+    return {
+        name: summed(np.maximum(at, 1), np.ones(len(at)), borders)
+        for name, at in zip(names, ends, strict=True)
+    }
 
 
 def may_slow(world: World) -> bool:
@@ -232,6 +255,7 @@ def _not_lost(world: World) -> list[str]:
     """The metrics of lost ticks that a run does not have."""
     absent = {
         "lost_queueing": not world.rules.battery,
+        "lost_station_queue": not has_lines(world),
         "lost_held_back": not world.rules.steered[0],
     }
     return [name for name, is_absent in absent.items() if is_absent]
@@ -241,7 +265,7 @@ def metrics_by_robot(run: Measured) -> list[dict[str, Any]]:
     """For each robot, in the order of identities: operations, lost ticks, utilization.
 
     `slowdown_ticks` is there if moves may take longer, `lost_queueing` if robots run on batteries,
-    `lost_held_back` if right of way steers them.
+    `lost_station_queue` if they carry pods, `lost_held_back` if right of way steers them.
     """
     world = run.world
     elapsed = int(world.clock[CLOCK_TICK])
@@ -256,7 +280,7 @@ def metrics_by_robot(run: Measured) -> list[dict[str, Any]]:
         actions = {
             ACTION_NAMES[a] + "s": int(world.tally.operations[i, a].sum())
             for a in OPERATIONS
-            if a != ACTION_SERVE or world.stops.ticks.any()
+            if a != ACTION_SERVE or world.stops.ticks.any() or has_lines(world)
         }
         row: dict[str, Any] = {"robot": identity}
         if names:

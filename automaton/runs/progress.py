@@ -19,12 +19,11 @@ from automaton.engine.state import (
     GOAL_NONE,
     GOAL_PARK,
     NIL,
-    ORDER_DELIVERED,
-    ORDER_UNRELEASED,
     Array,
     World,
 )
 from automaton.floor.floor_plan import FloorPlan
+from automaton.runs.asked_orders import asked_orders
 
 LEAST_STARVED_TICKS: Final = 500
 STARVED_DRIVES: Final = (
@@ -73,11 +72,10 @@ def starved_robots(world: World) -> Array:
 
 def oldest_order(world: World) -> int:
     """Ticks since the release of the order that has been open for longest; 0 if none is."""
-    orders = world.orders
-    is_open = (orders.state != ORDER_DELIVERED) & (orders.state != ORDER_UNRELEASED)
-    if not is_open.any():
+    orders = asked_orders(world)
+    if not orders.is_open.any():
         return 0
-    return int(world.clock[CLOCK_TICK]) - int(orders.release_tick[is_open].min())
+    return int(world.clock[CLOCK_TICK]) - int(orders.release[orders.is_open].min())
 
 
 def largest_jam(world: World, floor_plan: FloorPlan) -> Jam | None:

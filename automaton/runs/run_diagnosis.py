@@ -7,7 +7,8 @@ import numpy as np
 from automaton.engine.blocker_cycles import walk_to_cycle
 from automaton.engine.observation import DEADLOCK_TICKS
 from automaton.engine.robot_status import STATUS_DEPLETED, STATUS_FAILED, STATUS_REMOVED
-from automaton.engine.state import GOAL_NONE, NIL, ORDER_DELIVERED, Array, World
+from automaton.engine.state import GOAL_NONE, NIL, Array, World
+from automaton.runs.asked_orders import asked_orders
 from automaton.runs.metrics import illegal_by_layer
 from automaton.runs.progress import Jam, largest_jam
 from automaton.runs.simulation import Simulation
@@ -41,8 +42,9 @@ def describe_unfinished_run(simulation: Simulation, last_worked: Array) -> str:
     world = simulation.world
     illegal = {layer: n for layer, n in illegal_by_layer(simulation).items() if n}
     on_floor = int((world.robots.parked == 0).sum())
-    undelivered = int((world.orders.state != ORDER_DELIVERED).sum())
-    phrases = [f"{undelivered:,} of {count(len(world.orders.state), 'order')} undelivered"]
+    orders = asked_orders(world)
+    undelivered = int((orders.done == NIL).sum())
+    phrases = [f"{undelivered:,} of {count(len(orders.done), 'order')} undelivered"]
     if not undelivered:
         phrases = [f"all orders delivered, but {count(on_floor, 'robot')} not parked"]
     phrases += [f"{layer} gave {count(n, 'illegal answer')}" for layer, n in illegal.items()]

@@ -85,12 +85,12 @@ def summed(ticks: Array, values: Array, borders: Array) -> Array:
     return found.astype(np.int64)  # exact below 2^53
 
 
-def quantile_95(values: Array) -> float:
-    """The least of some values, one at least, that 95 % of them do not exceed.
+def quantile(values: Array, share: int) -> float:
+    """The least of some values, one at least, that so many percent of them do not exceed.
 
     Within one run: orders of several runs, or of one, are not independent of each other.
     """
-    return float(np.sort(values)[-(-95 * len(values) // 100) - 1])
+    return float(np.sort(values)[-(-share * len(values) // 100) - 1])
 
 
 def task_times(world: World, tasks: Array) -> Array:

@@ -30,6 +30,8 @@ from automaton.units import (
 
 KEY: Final = "quantity"  # of what fields say beside their types
 SCHEMA_KEY: Final = "x-quantity"  # the same in a JSON Schema
+PLACE_KEY: Final = "place"  # of cells that may be written by their names
+PLACE_SCHEMA_KEY: Final = "x-place"
 QUARTER_TURN: Final = 90  # degrees
 
 
@@ -88,6 +90,9 @@ class Quantity:
     rules: Mapping[Dimension, Rule]
     counted: str = "tick"  # what a plain number counts, for one
     by_clock: bool = False  # a clock time says it, too; and it may fall on tick 0
+    after_release: bool = (
+        False  # else than a clock time, which is {at: tick} and may be before tick 0
+    )
 
     def number(self, amount: Amount, scale: Scale) -> Fraction:
         """The exact number that a text stands for. Raises InputError."""
@@ -139,6 +144,12 @@ TIME: Final = Quantity("a time such as 20 s", {Dimension.TIME: _ticks})
 MOMENT: Final = Quantity(
     "a time such as 20 s, or a clock time such as '06:30'", {Dimension.TIME: _ticks}, by_clock=True
 )
+DUE: Final = Quantity(
+    "a time after release such as 30 min, or a clock time such as '14:30'",
+    {Dimension.TIME: _ticks},
+    by_clock=True,
+    after_release=True,
+)
 STEP: Final = Quantity(
     "a time such as 2 s, or a speed such as 1.5 m/s",
     {
@@ -185,13 +196,22 @@ def quantity(of: Quantity, **said: Any) -> Meta:
     return Meta(extra={KEY: of}, extra_json_schema={SCHEMA_KEY: of.described}, **said)
 
 
+def place() -> Meta:
+    """The annotation of a field that holds a cell [x, y], which may be written by its name."""
+    return Meta(extra={PLACE_KEY: True}, extra_json_schema={PLACE_SCHEMA_KEY: True})
+
+
 def with_texts(schema: Any) -> Any:
-    """A JSON Schema in which texts are allowed wherever a number is a quantity."""
+    """A JSON Schema in which texts are allowed for quantities, and names for cells."""
     if isinstance(schema, list):
         return [with_texts(one) for one in schema]
     if not isinstance(schema, dict):
         return schema
     inner = {key: with_texts(value) for key, value in schema.items()}
+    if inner.pop(PLACE_SCHEMA_KEY, False):
+        outer = {key: inner.pop(key) for key in ("description", "default") if key in inner}
+        name = {"type": "string", "description": "a name of locations"}
+        return {**outer, "anyOf": [inner, name]}
     if SCHEMA_KEY not in inner:
         return inner
     described = inner.pop(SCHEMA_KEY)

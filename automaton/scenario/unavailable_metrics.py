@@ -7,10 +7,12 @@ from __future__ import annotations
 
 from typing import Any, Final
 
+from automaton.scenario.orders import has_due_times
 from automaton.scenario.schema import ROUTE_FOLLOWERS, Scenario
 
 TASK_METRICS: Final = ("task_time", "delay", "delay_p95", "throughput_per_robot")
-OF_TIMES: Final = ("lead_time", "lead_time_p95")
+OF_TIMES: Final = ("lead_time", "lead_time_p95", "lead_time_p99", "lead_time_max")
+OF_DUE_TIMES: Final = ("late_share", "not_yet_due", "tardiness", "tardiness_p95", "tardiness_p99")
 OF_BATTERIES: Final = (
     *(
         "lost_queueing",
@@ -20,6 +22,10 @@ OF_BATTERIES: Final = (
         "repair_energy",
         "battery_depletions",
     ),
+)
+OF_LINES: Final = (
+    *("lines_done", "visits", "lines_per_visit", "trips", "pod_moves"),
+    "lost_station_queue",
 )
 OF_FAULTS: Final = ("breakdowns", "towed", "downtime")
 OF_STATIONS: Final = (
@@ -40,8 +46,11 @@ def not_measured(scenario: Scenario) -> dict[str, str]:
     orders, world, faults = scenario.orders, scenario.world, scenario.faults
     powered = scenario.battery is not None
     later = any(order.release > 0 for order in orders.listed or ())  # also those of a file
+    lines: Any = orders.lines if isinstance(orders.lines, tuple) else ()
+    later = later or any(line.release > 0 for line in lines)
     come_in = (
         later
+        or getattr(orders.lines, "mean_interarrival_time", 0) > 0
         or orders.mean_interarrival_time > 0
         or orders.arrivals is not None
         or orders.parts is not None
@@ -56,12 +65,19 @@ def not_measured(scenario: Scenario) -> dict[str, str]:
             "orders that arrive over time: orders.mean_interarrival_time, orders.arrivals, or "
             "orders.list with release",
         ),
+        (
+            OF_DUE_TIMES,
+            has_due_times(orders),
+            "orders with due times: due in orders.list, or as a column of arrivals.file",
+        ),
         (OF_BATTERIES, powered, "a battery"),
         (
             OF_FAULTS,
             powered or bool(faults.listed) or faults.probability > 0,
             "faults, or a battery",
         ),
+        (OF_LINES, orders.lines is not None, "orders.lines"),
+        (("legs_per_order",), orders.lines is None, "orders that are not lines"),
         (OF_STATIONS, orders.parts is not None, "orders.parts"),
         (
             ("lost_held_back",),

@@ -39,6 +39,7 @@ from automaton.engine.search import (
     pop,
     push,
     table_of,
+    ways_on,
     weighted_table_of,
     write_path,
 )
@@ -105,6 +106,7 @@ __all__ = [
     "splitmix64",
     "table_of",
     "types_of_robots",
+    "ways_on",
     "weighted_table_of",
     "with_load",
     "without_load",

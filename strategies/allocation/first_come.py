@@ -1,9 +1,10 @@
-"""First come, first served: a free robot takes the order that has waited longest.
+"""First come, first served: a free robot takes the order that has waited longest, or is due first.
 
 Orders are taken in the sequence in which they are released; ties: the lowest number. The robot
 carries it to its own target. A cursor goes over the orders once in a run: those before it were all
 taken. One that was given back is found by its robot, which remembers what it took last.
-(Where robots see only what is near, the cursor is forgotten and every robot looks at all orders.)
+With `by: due` a queue (`due_queue`) holds what was released, and what was given back comes into it again.
+(Where robots see only what is near, both are forgotten and every robot looks at all orders.)
 """
 
 import numpy as np
@@ -21,7 +22,9 @@ from automaton.engine.state import (
 )
 from automaton.strategy.kernels import can_do, kernel
 from automaton.strategy.layer import Strategy
+from strategies.allocation.due_queue import DueQueue, enter_order, enter_released, first_due
 from strategies.allocation.independent import take_order
+from strategies.allocation.load_parameters import FirstComeParameters
 from strategies.allocation.open_orders import highest_priority, is_open
 from strategies.allocation.placing import POLICIES, place_load, places_load
 
@@ -36,6 +39,8 @@ class FirstComeState(Struct):
     )
     looked: Array = field("(1,) int64", "orders looked at so far: what the search has cost")
     storage: int = field("int64", "where pods are stored: its place among POLICIES")
+    by_due: int = field("int64", "1: orders are taken by when they are due, and come from")
+    queue: DueQueue
 
 
 @kernel
@@ -106,25 +111,42 @@ def order_for(view, out, state, i, again):
 
 
 @kernel
-def oldest_trip(view, out, i):
-    """The trip of the highest priority that was known first, of those for robot i; NIL: none.
+def first_trip(view, out, state, i):
+    """The trip for robot i that comes first, of those of the highest priority; NIL: none.
 
     A trip may have to wait for a place at its station, so that no cursor passes it.
     """
-    least = highest_priority(view, out, i)
+    orders = view.orders
+    found, first, least = np.int64(NIL), np.int64(0), highest_priority(view, out, i)
     for order in range(view.clock[CLOCK_FIRST_OPEN], view.clock[CLOCK_KNOWN_ORDERS]):
-        if view.orders.priority[order] < least or not is_open(view, out, i, order):
+        if orders.priority[order] < least or not is_open(view, out, i, order):
             continue
-        if can_do(view, i, order):
-            return np.int64(order)
-    return np.int64(NIL)
+        when = np.int64(orders.due[order] if state.by_due else orders.release_tick[order])
+        if (found == NIL or when < first) and can_do(view, i, order):
+            found, first = np.int64(order), when
+    return found
+
+
+@kernel
+def fill_queue(view, out, state):
+    """Enter into the queue what was released, and what robots gave back."""
+    enter_released(view, state.queue)
+    for j in range(state.took.shape[0]):
+        order = np.int64(state.took[j]) - 1
+        if order >= 0 and is_open(view, out, j, order):
+            enter_order(view, state.queue, order)
+            state.took[j] = 0
 
 
 @kernel
 def decide(view, batch, decisions, memory, workspace):
     out = decisions.allocation
     state = FirstComeState.of(memory)
-    again = has_returned_order(view, out, state)
+    again = False
+    if state.by_due:
+        fill_queue(view, out, state)
+    else:
+        again = has_returned_order(view, out, state)
     for k in range(batch.count[0]):
         if workspace.stop[0]:
             return
@@ -135,7 +157,9 @@ def decide(view, batch, decisions, memory, workspace):
             continue
         else:
             if view.trips.pod.shape[0]:
-                order = oldest_trip(view, out, i)
+                order = first_trip(view, out, state, i)
+            elif state.by_due:
+                order = first_due(view, out, state.queue, i)
             else:
                 order = order_for(view, out, state, i, again)
             if order == NIL:
@@ -146,9 +170,10 @@ def decide(view, batch, decisions, memory, workspace):
 
 
 class FirstCome(Strategy):
-    """Every robot takes the oldest unreserved order and carries it to its destination."""
+    """Every robot takes the oldest unreserved order, or the one due first, to its destination."""
 
     layer = "allocation"
+    Parameters = FirstComeParameters
     compiled = decide
 
     def reset(self, view):
@@ -158,4 +183,8 @@ class FirstCome(Strategy):
             "p": len(view.rules.priorities),
         }
         storage = POLICIES.index(self.parameters.storage)
-        return FirstComeState.sized(sizes, storage=storage)
+        by_due = self.parameters.by == "due"
+        places = {"K": sizes["K"], "q": len(view.orders.state) if by_due else 0}
+        return FirstComeState.sized(
+            sizes, by_due=int(by_due), storage=storage, queue=DueQueue.sized(places)
+        )

@@ -72,6 +72,32 @@ def test_who_does_not_wait_gets_a_plain_sentence(
     assert "robot 0 is parked: it does not wait\nno time lost so far" in capsys.readouterr().out
 
 
+def test_when_the_order_is_due_and_how_late_it_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Robot 0 has a stop seven cells away that is due after 5 ticks; the next one is due in time."""
+    (tmp_path / "late.yaml").write_text(
+        "name: late\nlayout:\n  picture: |\n    ........\n"
+        "fleet: {robots: 1, kinematics: omni, start: [[0, 0]]}\n"
+        'units: {tick: 0.5 s, clock: "06:00"}\n'
+        "orders: {list: [{stops: [[7, 0]], due: 5}, {stops: [[0, 0]], due: {at: 80}}]}\n"
+        "strategy: {allocation: first-come, right_of_way: wait}\nstop: {when: delivered}\n"
+    )
+    path = tmp_path / "run.rec"
+    assert main(["run", str(tmp_path / "late.yaml"), "--record", str(path)]) == 0
+    due = "order 0 is due in tick 5 (2.5 s, 06:00:02): "
+    for tick, words in ((3, "in 2 ticks (1 s)"), (5, "now"), (6, "late by 1 tick (0.5 s)")):
+        capsys.readouterr()
+        assert main(["explain", str(path), "--robot", "0", "--at", str(tick)]) == 0
+        assert f"{due}{words}\n" in capsys.readouterr().out
+    found = told(capsys, "explain", str(path), "--robot", "0", "--at", "6")
+    assert (found["order"], found["due"], found["late"]) == (0, 5, 1)
+    found = told(capsys, "explain", str(path), "--robot", "0", "--at", "9")
+    assert (found["order"], found["due"], found["late"]) == (1, 80, 0)
+    found = told(capsys, "explain", str(path), "--robot", "0", "--at", "14")
+    assert (found["order"], found["due"], found["late"]) == (None, None, None)
+
+
 def test_a_circle_is_named() -> None:
     from small_runs import SmallRun
 

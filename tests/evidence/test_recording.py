@@ -217,7 +217,7 @@ def test_a_flipped_byte_is_noticed_wherever_it_is(whole: bytes, tmp_path: Path) 
         (stored.preamble() + b"\x01\x02", "cut short before its first frame ends"),
         (
             struct.pack("<12sH", stored.MAGIC, 9),
-            "has format 9, this version of automaton reads format 5",
+            "has format 9, this version of automaton reads format 6",
         ),
     ],
 )
@@ -445,7 +445,7 @@ def test_a_state_of_another_number_of_stations_is_found(count: int, tmp_path: Pa
 # Who has recordings can read them only as long as this stays: a change of it is a new format.
 OF_THE_STATE = """
 header    robots         cell heading home bay charge
-header    orders         source target release_tick weight priority release_sequence first_stop
+header    orders         source target release_tick weight priority due release_sequence first_stop
 header    stops          cell ticks
 header    stations       processing_time arrival_tick
 header    slots          cell

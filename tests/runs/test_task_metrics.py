@@ -30,7 +30,8 @@ from automaton.floor.cells import DOCK, RACK
 from automaton.floor.reachability import rack_stands
 from automaton.runs.metrics import METRIC_CATALOGUE, metrics_of
 from automaton.runs.simulation import Simulation
-from automaton.runs.task_metrics import TASK_METRICS, quantile_95
+from automaton.runs.task_metrics import TASK_METRICS, quantile
+from automaton.scenario.unavailable_metrics import OF_DUE_TIMES, OF_TIMES
 from automaton.strategy.layer import Strategy
 from layouts.racks import Racks
 from strategies.allocation.independent import take_order
@@ -169,7 +170,7 @@ NOT_HERE = (  # no slow zones, no avoidance, no batteries, no faults, no orders 
         "min_charge",
     ),
     *("repair_energy", "battery_depletions"),
-    *("breakdowns", "towed", "downtime", "lead_time", "lead_time_p95", "distance", "messages"),
+    *("breakdowns", "towed", "downtime", *OF_TIMES, *OF_DUE_TIMES, "distance", "messages"),
     # no parts, no zones
     *(
         "parts_finished",
@@ -442,4 +443,4 @@ def test_a_rack_out_of_reach_is_no_fault_if_there_are_others(scenario):
 def test_a_quantile_is_the_least_value_that_95_percent_do_not_exceed(
     values: list[int], found: float
 ) -> None:
-    assert quantile_95(np.array(values, np.int64)) == found
+    assert quantile(np.array(values, np.int64), 95) == found

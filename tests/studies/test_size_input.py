@@ -41,7 +41,7 @@ def size(capsys: Any, *arguments: str) -> tuple[int, str, str]:
         (["--target", "throughput>=5h"], "throughput is in orders/1000 ticks, not a time"),
         (["--target", "makespan<=soon"], "'soon' is not a number"),
         (["--target", "makespan<=nan"], "'nan' is not a number"),
-        (["--target", "delay<=3"], "does not measure delay; set measure: {warm_up: N}"),
+        (["--target", "delay<=3"], "does not measure delay; it takes measure: {warm_up: N}"),
         (["--robots", "5..2"], "1 <= FIRST <= LAST"),
         (["--robots", "few"], "expected FIRST..LAST, such as 1..12"),
         (["--robots", "1..400"], "automaton: --robots 400: fleet.robots is 400 but the floor has"),

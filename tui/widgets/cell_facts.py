@@ -20,6 +20,7 @@ from automaton.units import count
 from tui.playback.panel_view import View
 from tui.registration import layer_named
 from tui.widgets.charge_facts import charger_lines
+from tui.widgets.due_facts import due_facts
 from tui.widgets.robot_type_facts import closed_to
 from tui.widgets.service_zone_facts import order_zone, part_of_order, station_facts
 from tui.widgets.styled_lines import (
@@ -32,6 +33,7 @@ from tui.widgets.styled_lines import (
     order_link,
     robot_link,
     several,
+    tick_link,
     title,
 )
 from tui.widgets.traffic_zone_facts import zone_facts
@@ -182,8 +184,9 @@ def order_lines(view: View, order: int, width: int) -> list[Line]:
         ),
         ("stops", [f"{int(orders.stops_done[order])} of {stops} done"] if stops else []),
         ("picked up", [] if no_load else [count(int(orders.legs[order]), "time")]),
-        ("known", ["from ", *_tick(int(orders.release_tick[order]))]),
-        ("delivered", _tick(int(orders.delivered[order])) if done else []),
+        ("known", ["from ", tick_link(int(orders.release_tick[order]))]),
+        ("due", due_facts(view, order)),
+        ("delivered", [tick_link(int(orders.delivered[order]))] if done else []),
         ("lead time", _lead_time(view, order)),
         *part_of_order(view, order),
         *order_zone(view, order),
@@ -202,7 +205,3 @@ def _lead_time(view: View, order: int) -> Parts:
     if state == ORDER_DELIVERED:
         return [count(int(orders.delivered[order]) - known, "tick")]
     return [f"{count(view.snapshot.tick - known, 'tick')} so far"]
-
-
-def _tick(tick: int) -> Parts:
-    return [Span(f"tick {tick:,}", "link", ("tick", tick))]

@@ -88,13 +88,18 @@ class Figures(TextPanel):
         ]
 
     def _progress(self, view: View, width: int) -> list[Line]:
-        """The oldest open order, robots that finish nothing, and where most of them stand together."""
+        """The oldest open order, orders that are late, robots that finish nothing, and where most of
+        them stand together.
+        """
         figures = view.playback.figures[view.side]
         oldest = figures.metrics.get("oldest_order", 0)
         lines: list[Line] = []
         if oldest:
             age = Span(f"{count(int(oldest), 'tick')}")
             lines += self._explained("oldest_order", "oldest order", age, width)
+        if "late_share" in figures.metrics:
+            look = "warn" if figures.metrics["late_share"] else "plain"
+            lines += self._share("late_share", "late", view, width, look)
         if len(figures.starved):
             starved = Span(count(len(figures.starved), "robot"), "warn")
             lines += self._explained("starved_robots", "starved", starved, width)
@@ -148,10 +153,12 @@ class Figures(TextPanel):
             *self.explanation(link, METRIC_CATALOGUE["energy"][1], width),
         ]
 
-    def _share(self, name: str, label: str, view: View, width: int) -> list[Line]:
-        """A share of time, and what counts."""
+    def _share(
+        self, name: str, label: str, view: View, width: int, look: str = "plain"
+    ) -> list[Line]:
+        """A share of time or of orders, and what counts."""
         share = percent(float(view.playback.figures[view.side].metrics[name]))
-        return self._explained(name, label, Span(f"{share:>{VALUE_COLUMNS + 2}}"), width)
+        return self._explained(name, label, Span(f"{share:>{VALUE_COLUMNS + 2}}", look), width)
 
     def _curves(self, view: View, width: int) -> tuple[list[Line], list[Line]]:
         """Throughput and waiting robots over time; the axis is below the second."""

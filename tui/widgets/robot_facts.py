@@ -24,6 +24,7 @@ from automaton.floor.cells import CELL_KINDS, DIRECTIONS
 from automaton.units import count, percent
 from tui.playback.panel_view import View
 from tui.widgets.charge_facts import battery, charging_plan, condition
+from tui.widgets.due_facts import due_facts
 from tui.widgets.event_rows import event_line
 from tui.widgets.robot_type_facts import own_durations, type_of
 from tui.widgets.service_zone_facts import robot_zone
@@ -64,6 +65,7 @@ def robot_lines(view: View, robot: int, width: int, signs: Signs = UNICODE) -> l
         ("heading", [_heading(view, robot)]),
         ("load", _load(view, robot)),
         ("order", _order(view, robot)),
+        ("due", due_facts(view, int(fleet.order[robot]))),
         ("ahead", _ahead(view, robot)),
         ("goal", _goal(view, robot)),
         ("route", _route(view, robot)),

@@ -55,6 +55,11 @@ def order_link(order: int, name: str = "order") -> Span:
     return Span(f"{name} {order}", "link", ("order", order))
 
 
+def tick_link(tick: int) -> Span:
+    """A tick to go to; one before the run is plain."""
+    return Span(f"tick {tick:,}", "link", ("tick", tick)) if tick >= 0 else Span(f"tick {tick:,}")
+
+
 def cell_link(floor_plan: FloorPlan, cell: int) -> Span:
     x, y = floor_plan.xy(cell)
     return Span(f"({x}, {y})", "link", ("cell", cell))

@@ -32,6 +32,7 @@ from automaton.evidence.recording.contents import (
     FRAME_KIND_TICKS,
     Frame,
 )
+from automaton.evidence.verification.due_rules import check_due_times
 from automaton.evidence.verification.energy_rules import Energy, parted_faults
 from automaton.evidence.verification.load_rules import Loads, parted, parted_visits
 from automaton.evidence.verification.motion_rules import Acts, Motion
@@ -60,6 +61,10 @@ RULE_TEXTS: Final = {
     "towed",
     "visit": "a robot does the next stop of its order when it stands there at the end of a tick, one "
     "in a tick",
+    "due": "an order is due when its scenario says, from first to last",
+    "pod": "a pod is in one storage cell or on one robot; no robot with a load drives under one",
+    "line": "a line is done once, at its station, with its pod there",
+    "place": "no more robots go to a station than it has places",
     "record": "the recording agrees with itself",
 }
 ACTS: Final = (  # by code of recorded action
@@ -184,6 +189,7 @@ class Validator:
 
     def _tick(self, tick: int, acts: Acts, rows: list[list[int]]) -> None:
         self._now = tick
+        trips = self.loads.trips
         leaves = any(did & LEFT_PARKING_BAY for _, did in acts)
         faults, rows = parted_faults(rows)
         self._change_status(tick, faults)
@@ -194,10 +200,14 @@ class Validator:
         rows, stops = parted_visits(rows)
         before, after = parted(rows, acts)
         lengths = self.loads.apply(tick, before, acts)
+        if trips.there:
+            trips.check_moves(acts, self.loads.load)
         self.motion.execute(tick, acts, lengths, placed)
         self.loads.arrive(tick, after, acts)
         self.loads.check_parked(acts)
-        self.loads.visit(tick, stops)
+        self.loads.visits.visit(tick, stops)
+        if trips.there:
+            trips.end(tick, self.loads.load, self.loads.order)
         self.report.ticks = tick
 
     def _change_status(self, tick: int, rows: list[list[int]]) -> None:
@@ -251,6 +261,9 @@ class Validator:
                 "cell": loads.slot_cell,
             },
         }
+        if loads.trips.there:
+            expected |= loads.trips.state()
+            expected["orders"]["release_tick"] = loads.trips.release
         for part, arrays in expected.items():
             for name, values in arrays.items():
                 self._compare(f"{part}.{name}", values, content[part][name])
@@ -296,6 +309,7 @@ class Validator:
         self.header = {**self.header, "scenario": content["scenario"]}
         self.motion.apply_rules(content["scenario"])
         self.energy.apply_rules(content["scenario"])
+        check_due_times(self.header, content["scenario"], self._report_violation)
 
     def end(self, content: dict[str, Any]) -> None:
         """Compare how the run is said to have ended."""

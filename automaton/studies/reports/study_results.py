@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     from automaton.studies.sweeps.result_store import Store
 
-QUANTILES = ("lead_time_p95", "delay_p95")  # of the orders of a run
+QUANTILES = ("lead_time_p95", "delay_p95", "tardiness_p95")  # of the orders of a run
 MIN_SHARED_SEEDS = 2  # seeds of points that are called the same runs
 Runs = Mapping[int, tuple[str, object]]  # seed -> digest and value
 USUAL_METRICS = ("makespan", "throughput", "utilization", "blocked_share", "delay", "lead_time")

@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automaton.runs.metric_sums import QUOTIENTS, metric
+from automaton.scenario.unavailable_metrics import OF_DUE_TIMES, OF_TIMES
 from automaton.studies.inference.steady_state import NotSteadyError, mser5, mser5_of_means
 from automaton.studies.sweeps.result_columns import SERIES, SUMS_COLUMN, metric_names, sum_names
 
@@ -36,7 +37,7 @@ AT_THE_END: Final = (
 DELIVERED: Final = "delivered"
 # Figures that grow with a queue, and the metrics that are steady only where they are.
 TIMES: Final = {
-    "lead_time": ("lead_time", "lead_time_p95"),
+    "lead_time": (*OF_TIMES, *OF_DUE_TIMES),
     "task_time": ("task_time",),
     "delay": ("delay", "delay_p95"),
 }

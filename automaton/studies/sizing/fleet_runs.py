@@ -27,14 +27,19 @@ from automaton.runs.simulation import Simulation
 from automaton.runs.task_metrics import TASK_METRICS
 from automaton.scenario.document import Override, keys_of, parse_setting
 from automaton.scenario.schema import Scenario
-from automaton.scenario.unavailable_metrics import warm_up_of
+from automaton.scenario.unavailable_metrics import (
+    OF_DUE_TIMES,
+    OF_TIMES,
+    not_measured,
+    warm_up_of,
+)
 from automaton.studies.sizing.fleet_search import FleetConfig, InfeasibleFleetError, Run
 from automaton.studies.sizing.question import Question, Target
 from automaton.studies.sizing.sizing_session import MOVES_LATE, PERCENTS_OFF, SizingSession
 from automaton.studies.sweeps.run_keys import seed_of
 from automaton.units import Unit, ticks_and_time, unit
 
-ORDER_METRICS = ("lead_time", "lead_time_p95", "legs_per_order")  # once an order is delivered
+ORDER_METRICS = (*OF_TIMES, "legs_per_order")  # once an order is delivered
 STATION_USE = "station_use"  # share of the time of all stations in which a robot works there
 MEASURED = "measured"  # ticks of which the metrics are
 MOVE_KEY = re.compile(r"durations\.move[.=]")
@@ -180,8 +185,8 @@ class Checked:
         if self.tell is not None:
             self.tell(place, self.runs, self.question)
         if self.runs == 0:
-            measures = self.fleets.base.scenario.measure is not None
-            check_measured(self.question.target, self.fleets(place, 0, 1)[0], measures)
+            run = self.fleets(place, 0, 1)[0]
+            check_measured(self.question.target, run, self.fleets.base.scenario)
         self.runs += number
         return self.fleets(place, first, number)
 
@@ -218,19 +223,21 @@ def typed(place: FleetConfig) -> Iterator[Override]:
         yield replace(parse_setting(place.strategy), argument=option)
 
 
-def check_measured(target: Target, run: Run, tasks: bool) -> None:
-    """That runs may have the metric of the target; `tasks` are measured. Raises InputError.
+def check_measured(target: Target, run: Run, scenario: Scenario) -> None:
+    """That runs of a scenario may have the metric of the target. Raises InputError.
 
     A run in which nothing ended has no times: that says nothing of the others.
     """
     nothing_yet = {
-        **dict.fromkeys(TASK_METRICS, tasks),
+        **dict.fromkeys(TASK_METRICS, scenario.measure is not None),
         **dict.fromkeys(ORDER_METRICS, not run.figures["delivered"]),
+        **dict.fromkeys(OF_DUE_TIMES, "not_yet_due" in run.figures),
         "part_flow_time": "parts_finished" in run.figures,
     }
     if target.metric not in run.figures and not nothing_yet.get(target.metric):
         known = ", ".join(name for name in run.figures if not name.startswith("lost_"))
-        hint = "; set measure: {warm_up: N}" if target.metric in TASK_METRICS else ""
+        need = not_measured(scenario).get(target.metric)
+        hint = f"; it takes {need}" if need else ""
         raise InputError(
             f"--target: this scenario does not measure {target.metric}{hint}; it has {known}"
         )

@@ -1,0 +1,41 @@
+"""Warn about due times that are legal but probably mistakes."""
+
+from __future__ import annotations
+
+from automaton.build.resolve import Resolved
+from automaton.scenario.orders import has_due_times
+from automaton.units import count
+
+
+def due_warnings(resolved: Resolved) -> list[str]:
+    """Return a sentence for each warning."""
+    return [text for text in (due_too_early(resolved), nothing_due(resolved)) if text]
+
+
+def due_too_early(resolved: Resolved) -> str:
+    """Warn about orders that are due before they are released, which real files have."""
+    listed = resolved.scenario.orders.listed or ()
+    early = [
+        number
+        for number, line in enumerate(listed)
+        if line.due_tick is not None and line.due_tick < line.release
+    ]
+    if not early:
+        return ""
+    if len(early) == 1:
+        return f"order {early[0]:,} is due before it is released, and so late at once"
+    return (
+        f"{count(len(early), 'order')} are due before they are released, and so late at once; the first "
+        f"of them is order {early[0]:,}"
+    )
+
+
+def nothing_due(resolved: Resolved) -> str:
+    """Warn about an allocation that goes by due times where no order has one."""
+    by = getattr(resolved.strategies["allocation"].parameters, "by", None)
+    if by != "due" or has_due_times(resolved.scenario.orders):
+        return ""
+    return (
+        "strategy.allocation goes by due times (by: due), and no order has one, so the order that was "
+        "released first comes first; give orders of orders.list, or of a file, a due time"
+    )

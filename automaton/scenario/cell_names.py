@@ -2,9 +2,9 @@
 
     locations: {packing: [4, 2], rack-7: [1, 0]}      beside      locations: locations.csv
 
-A field of a struct that is such a cell says so by `place()` among its annotations, as the type `Place`
-does; `conversions` puts the cells there before the structs are made, so that nothing else knows of
-names.
+A field of a struct that is such a cell says so by `place()` among its annotations, as the type
+`NamedCell` does; `conversions` puts the cells there before the structs are made, so that nothing else
+knows of names.
 """
 
 from __future__ import annotations

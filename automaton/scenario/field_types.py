@@ -21,7 +21,7 @@ Weight = Annotated[
     int, Meta(ge=1, le=1_000_000_000, description="In whatever unit payloads are given.")
 ]
 Pair = Annotated[tuple[int, int], Meta(description="A cell [x, y], from the upper left.")]
-Place = Annotated[Pair, place()]  # written as [x, y] or by its name
+NamedCell = Annotated[Pair, place()]  # written as [x, y] or by its name
 NonEmptyText = Annotated[str, Meta(min_length=1)]
 SingleLine = Annotated[str, Meta(min_length=1, max_length=200, pattern=r"^[^\r\n]*$")]
 

@@ -5,12 +5,13 @@
     06:30,rack-9,packing
 
 The orders become the scenario's own list, so that recordings stand alone. Equal cells of a million
-rows are one object: a row takes some 150 bytes.
+rows are one object: a row takes some 140 bytes.
 """
 
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final, NamedTuple
 
@@ -86,7 +87,7 @@ def _lines(columns: OrderColumns, cells: list[Cell]) -> tuple[OrderLine, ...]:
     rows = zip(
         _cells(columns, "from", cells),
         _cells(columns, "to", cells),
-        values["released"].tolist(),
+        _shared(values["released"].tolist()),
         values["weight"].tolist(),
         values["priority"].tolist(),
         values["due"].tolist(),
@@ -103,6 +104,12 @@ def _lines(columns: OrderColumns, cells: list[Cell]) -> tuple[OrderLine, ...]:
         )
         for source, target, release, weight, priority, due in rows
     )
+
+
+def _shared(numbers: list[int]) -> Iterator[int]:
+    """The same numbers, of which equal ones are one object: 32 bytes less for each."""
+    known: dict[int, int] = {}
+    return (known.setdefault(number, number) for number in numbers)
 
 
 def _cells(columns: OrderColumns, end: str, cells: list[Cell]) -> list[Cell]:

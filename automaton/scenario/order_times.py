@@ -96,11 +96,11 @@ def ticks_of(
     Counts the rows whose time falls between two ticks.
     """
     ticks = np.zeros(len(times.values), np.int64)
-    for form in np.unique(times.forms).tolist():
+    for form in np.unique(times.forms[times.forms != EMPTY]).tolist():
         is_of_form = times.uses(form)
         codes = np.flatnonzero(is_of_form).tolist()
         values = [times.values[code] for code in codes]
-        if form not in (EMPTY, TICKS) and form not in start.of_form:
+        if form != TICKS and form not in start.of_form:
             sentence = partial(misplaced, form=form, start=start, has_clock=scale.clock is not None)
             refuse(times.name, f"form {form}", is_of_form, sentence)
             continue

@@ -11,8 +11,8 @@ from automaton.scenario.field_types import (
     ConfigSection,
     Due,
     DueAt,
+    NamedCell,
     NonEmptyText,
-    Place,
     SingleLine,
     Tick,
 )
@@ -90,9 +90,9 @@ class Break(ConfigSection, frozen=True, kw_only=True):
 class PodStation(ConfigSection, frozen=True, kw_only=True):
     """A station with a name: its cell, the cells of its queue, how many it lets come."""
 
-    at: Annotated[Place, Meta(description="Its cell, one of kind station.")]
+    at: Annotated[NamedCell, Meta(description="Its cell, one of kind station.")]
     queue: Annotated[
-        tuple[Place, ...],
+        tuple[NamedCell, ...],
         Meta(
             max_length=1000,
             description="Corners of the path of its queue, from the cell next to it outwards.",

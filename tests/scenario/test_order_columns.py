@@ -284,7 +284,8 @@ def test_times_that_mean_no_tick_are_refused(
     times: tuple[str, ...], units: Units, sentence: str, tmp_path: Path
 ) -> None:
     assert f"shift.csv:{len(times) + 1}: released " in said_of(tmp_path, *times, units=units)
-    assert sentence in said_of(tmp_path, *times, units=units)
+    said = said_of(tmp_path, *times, units=units)
+    assert sentence in said and "\n" not in said, said
 
 
 def test_what_was_released_before_tick_0_and_is_due_before_release_is_counted(

@@ -35,7 +35,7 @@ from automaton.floor.floor_plan import FloorPlan, bays_of
 from automaton.scenario.document import Document
 from automaton.scenario.floor_section import Floor, generator_type, is_shipped
 from automaton.scenario.orders import MAX_STOPS
-from automaton.scenario.pods import DrawnLines
+from automaton.scenario.pods import LineDemand
 from automaton.scenario.schema import LAYER_NAMES, Scenario
 from automaton.scenario.validation import validated
 from automaton.strategy import lookup
@@ -245,7 +245,7 @@ def counted(scenario: Scenario, floor_plan: FloorPlan) -> tuple[int, int]:
     if orders.listed is not None:
         return len(orders.listed), 0
     if orders.lines is not None:
-        return orders.lines.count if isinstance(orders.lines, DrawnLines) else len(orders.lines), 0
+        return orders.lines.drawn if isinstance(orders.lines, LineDemand) else len(orders.lines), 0
     if orders.count is not None or orders.tasks is not None:
         return order_count(scenario, floor_plan), 0
     shelves = floor_plan.kind == SHELF

@@ -39,8 +39,6 @@ def reached_with_load(
 
     `within`: (K, C) those that they get to without one, from where they begin and back.
     """
-    if not has_closed_ways(floor_plan, types):
-        return within
     by_row = floor_by_type(floor_plan, rows_of(types, True))
     found = within.copy()
     for kind in range(len(types)):

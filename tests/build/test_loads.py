@@ -90,6 +90,17 @@ def test_a_type_has_durations_of_its_own_and_those_of_all() -> None:
     assert simulation.tick == 1 * 2 + 5 + 4 * 3 * 2 + 7 + 5 * 1 * 2
 
 
+def test_a_load_begins_to_matter_in_a_branch_and_no_longer_does_in_another() -> None:
+    """After 6 ticks the robot is in its first move with the load, which ends as it began."""
+    alike, slow = scene(durations={**SLOW_LOADED, "move": 2}), scene(durations=SLOW_LOADED)
+    for before, then, first, others in ((alike, slow, 2, 5), (slow, alike, 5, 2)):
+        simulation = Simulation(before)
+        simulation.run(6)
+        branch = simulation.continue_with(then)
+        branch.run()
+        assert branch.tick == 2 + 3 + first + 3 * others + 2 + 5 * 2
+
+
 def test_bounds_carry_loads_as_robots_with_a_load_drive() -> None:
     resolved = scene(durations=SLOW_LOADED)
     assert bounds(resolved).work == 3 + 4 * 5 + 2

@@ -139,9 +139,10 @@ def check_pod_ways(document: Document, fleet: FleetOnFloor) -> None:
         if not within[station]:
             text = f"no robot gets to station {number} at ({x}, {y}) and back"
             raise document.error(("layout",), text)
-        apart = pods & ~(to_and_from(floor_plan, station, fleet.rail) & within)
-        if apart.any():
-            cell = int(np.argmax(apart))
+        reached = to_and_from(floor_plan, station, fleet.rail) & within
+        apart = np.flatnonzero(pods & ~reached)
+        if len(apart):
+            cell = int(apart[0])
             pod = int(np.count_nonzero(pods.reshape(-1)[: cell + 1]))
             u, v = floor_plan.xy(cell)
             text = f"pod {pod} at ({u}, {v}) has no way to station {number} at ({x}, {y}) and back"

@@ -69,6 +69,7 @@ class Trips:
         faults = scenario["faults"]
         self._may_fail = bool(faults.get("listed") or faults.get("failure_probability"))
         self._may_fail |= scenario.get("battery") is not None
+        self.ended_early = 0  # trips without a place where they would have gone next
         self.open_ticks = 0  # sum over ticks of the lines that are known and not done
 
     # Lines become trips
@@ -252,6 +253,7 @@ class Trips:
         left = [line for lines in self.served[trip][self.over[trip] :] for line in lines]
         for line in left:
             self.in_trip[line] = NIL
+        self.ended_early += 1
         del self.stops[trip][self.over[trip] :], self.served[trip][self.over[trip] :]
         pod = self.pod_of[trip]
         self.waiting[pod] = left + self.waiting[pod]

@@ -42,6 +42,7 @@ DETAIL_ONE_WAY: Final = 1  # to 4: details of floor; 1 + direction
 DETAIL_PASSING: Final = 5
 DETAIL_UNLIMITED: Final = 6  # any number of robots
 DETAIL_FULL_SHELF: Final = 1  # detail of a shelf: it holds a load
+DETAIL_POD: Final = 1  # detail of a storage cell: a pod stands there
 NO_CELLS: Final = np.zeros(0, np.int32)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from automaton.printable import one_line
 
@@ -27,6 +27,19 @@ class InputError(Exception):
         if self.file is not None:
             return self
         return InputError(self.message, file, line)
+
+
+class InputErrors(InputError):
+    """Several things that are wrong; `str` gives a line for each."""
+
+    def __init__(self, errors: Sequence[InputError]) -> None:
+        first = errors[0]
+        others = "".join(f"; {error}" for error in errors[1:])
+        super().__init__(first.message + others, first.file, first.line)
+        self.errors = tuple(errors)
+
+    def __str__(self) -> str:
+        return "\n".join(map(str, self.errors))
 
 
 class WorkerDiedError(Exception):

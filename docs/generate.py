@@ -326,8 +326,9 @@ refused where a duration is wanted. Where both are possible and there is a clock
 without a date are refused. What YAML itself would read as a number to base 60 (`10:00`) has to be
 quoted: `"10:00"`.
 
-`--set`, the levels of a study and the columns `tick` and `due` of a file of orders take the same
-texts, and `--target` of `size` takes times: `'lead_time_p95<=15min'`.
+`--set` and the levels of a study take the same texts, files of orders
+[some of them](../how-to/orders-from-a-warehouse-system.md), and `--target` of `size` takes times:
+`'lead_time_p95<=15min'`.
 
 A parameter of your own strategy takes such texts if it is declared as one, for example as
 `Annotated[int, quantity(TIME, ge=1)]`; both names come from `automaton.scenario.quantities`.

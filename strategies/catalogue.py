@@ -14,7 +14,7 @@ from automaton.strategy.entry import (
 from strategies.allocation.alley_parameters import Alleys
 from strategies.allocation.auction.auction_parameters import Auctions, ShortestJob
 from strategies.allocation.greedy.greedy_parameters import GreedyParameters
-from strategies.allocation.load_parameters import FirstComeParameters, LoadsAlone
+from strategies.allocation.load_parameters import FirstComeParameters, LoadsAlone, Storing
 from strategies.charging.charging_parameters import FillUp, Insertion, Opportunity, Threshold
 from strategies.right_of_way.epibt.epibt_parameters import EpibtParameters
 from strategies.right_of_way.right_of_way_parameters import (
@@ -81,7 +81,7 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
     "allocation": {
         "independent": Entry(
             "strategies.allocation.independent:Independent",
-            NoParameters,
+            Storing,
             "nearest unreserved order, carried to its destination (Grzejszczak & Nocon, alg. 1)",
         ),
         "cooperative": Entry(

@@ -122,12 +122,22 @@ class FleetOnFloor:
         """The number of the slot in a flat cell."""
         return {cell: slot for slot, cell in enumerate(self.floor_plan.slots.tolist())}
 
-    def orders(self) -> Iterator[Way]:
-        """All orders of the scenario that have a load."""
+    def orders(self, by_ends: bool = False) -> Iterator[Way]:
+        """All orders of the scenario that have a load; of listed ones that are alike, the first.
+
+        `by_ends`: those of which each end is as in some order before them are left out, too.
+        """
         orders, floor_plan = self.scenario.orders, self.floor_plan
+        known: set[tuple[Any, ...]] = set()
         for index, line in enumerate(orders.listed or ()):
             if not line.has_load:
                 continue
+            weight, (begin, end) = line.weight, line.ends
+            apart = ((begin, None, weight), (None, end, weight))
+            facts = apart if by_ends else ((begin, end, weight),)
+            if known.issuperset(facts):
+                continue
+            known.update(facts)
             source, target = (np.array([floor_plan.cell(*end)]) for end in line.ends)
             yield Way(("orders", "list", index), f"order {index}", source, target, line.weight)
         stations = floor_plan.stations.astype(np.int64)
@@ -157,7 +167,7 @@ class FleetOnFloor:
 
     def impossible(self) -> tuple[Way, str, int] | None:
         """The first order that no robot can do: "begins" or "ends" in the cell; "", NIL: too heavy."""
-        for way in self.orders():
+        for way in self.orders(by_ends=True):
             if way.weight > self.payload:
                 return way, "", NIL
             ends = zip(

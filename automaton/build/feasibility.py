@@ -38,6 +38,7 @@ from automaton.scenario.floor_section import Floor
 from automaton.scenario.orders import OrderLine
 from automaton.scenario.robot_types import RobotType
 from automaton.scenario.schema import Scenario
+from automaton.scenario.validation import dotted
 from automaton.units import ticks_and_time, unit
 
 REQUIRED_KINDS = {  # kinds of cells without which a generator has nothing to draw
@@ -62,6 +63,7 @@ def check_feasible(document: Document, scenario: Scenario, floor: Floor) -> Flee
     """The fleet on its floor, where the scenario fits it. Raises InputError."""
     floor_plan = floor.floor_plan
     check_areas(document, scenario, floor_plan)
+    check_locations(document, scenario, floor_plan)
     fleet = FleetOnFloor(scenario, floor_plan, start_of(document, scenario, floor_plan))
     check_starts(document, fleet)
     check_orders(document, scenario, floor)
@@ -91,6 +93,15 @@ def check_areas(document: Document, scenario: Scenario, floor_plan: FloorPlan) -
                     f"the area {area_name} is closed to '{name}'{nearest(name, names)}, but {known}"
                 )
                 raise document.error(("areas", area_name, "closed_to", number), text)
+
+
+def check_locations(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
+    """Named cells lie on the floor. Raises InputError."""
+    assert not isinstance(scenario.locations, str), "its file has been read"
+    for name, (x, y) in scenario.locations.items():
+        if not floor_plan.holds(x, y):
+            text = f"the location {name} [{x}, {y}] lies outside the floor {_extent(floor_plan)}"
+            raise document.error(("locations", name), text)
 
 
 def start_of(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> Start:
@@ -244,22 +255,29 @@ def check_orders(document: Document, scenario: Scenario, floor: Floor) -> None:
             )
         return
     taken: dict[tuple[int, int], int] = {}
+    begins: dict[tuple[int, int], bool] = {}  # by cell, whether several orders may begin there
+    ends: set[tuple[int, int]] = set()
     for index, order in enumerate(scenario.orders.listed):
         keys: Keys = ("orders", "list", index)
-        check_stops(document, order.stop_cells, (*keys, "stops"), floor.floor_plan)
+        if order.stops is not None:
+            check_stops(document, order.stop_cells, (*keys, "stops"), floor.floor_plan)
         if not order.has_load:
             continue
-        _check_order(document, order, keys, floor.floor_plan)
-        source = order.ends[0]
-        begins = floor.floor_plan.kind_of(floor.floor_plan.cell(*source))
-        if begins.holds == ANY:
+        source, target = order.ends
+        if source not in begins or target not in ends or source == target:
+            _check_order(document, order, keys, floor.floor_plan)
+            slot_kind = floor.floor_plan.kind_of(floor.floor_plan.cell(*source))
+            begins[source] = slot_kind.holds == ANY
+            ends.add(target)
+        if begins[source]:
             continue
         if source in taken:
             x, y = source
+            name = floor.floor_plan.kind_of(floor.floor_plan.cell(x, y)).name
             raise document.error(
                 (*keys, "from"),
                 f"order {index} takes the load of [{x}, {y}], as order {taken[source]} does; "
-                f"a {begins.name} holds one load",
+                f"a {name} holds one load",
             )
         taken[source] = index
 
@@ -285,12 +303,13 @@ def check_stops(
 ) -> None:
     """The stops of an order are cells that robots drive on. Raises InputError."""
     for number, (x, y) in enumerate(stops):
+        stop = f"{dotted((*keys, number))}: the stop [{x}, {y}]"
         if not floor_plan.holds(x, y):
-            text = f"the stop [{x}, {y}] lies outside the floor {_extent(floor_plan)}"
+            text = f"{stop} lies outside the floor {_extent(floor_plan)}"
             raise document.error((*keys, number), text)
         kind = floor_plan.kind.flat[floor_plan.cell(x, y)]
         if not DRIVABLE[kind]:
-            text = f"the stop [{x}, {y}] is a {CELL_KINDS[kind].name}: robots do not drive there"
+            text = f"{stop} is a {CELL_KINDS[kind].name}: robots do not drive there"
             raise document.error((*keys, number), text)
 
 
@@ -378,11 +397,12 @@ def check_service(document: Document, fleet: FleetOnFloor) -> None:
         if all(fleet.within[:, floor_plan.cell(x, y)].all() for x, y in task):
             continue
         check_reached(document, fleet, task, 1, ("orders", "tasks", number))
+    is_served: set[tuple[int, int]] = set()  # cells that have been looked at
     for index, order in enumerate(orders.listed or ()):
         if order.stops is not None:
             keys: Keys = ("orders", "list", index)
             check_reached(document, fleet, order.stop_cells, order.weight, keys)
-        if not order.has_load:
+        if not order.has_load or is_served.issuperset(order.ends):
             continue
         for name, (x, y) in zip(("from", "to"), order.ends, strict=True):
             cell = floor_plan.cell(x, y)
@@ -392,6 +412,7 @@ def check_service(document: Document, fleet: FleetOnFloor) -> None:
                     ("orders", "list", index, name),
                     f"the {kind_name} at [{x}, {y}] cannot be served: {because(cell)}",
                 )
+        is_served.update(order.ends)
 
 
 def check_reached(
@@ -416,7 +437,8 @@ def check_reached(
     text = f"no robot that can do the order gets to its stop [{x}, {y}] from its start, and back"
     if reached_by.any(axis=0).all():
         text = "no type of robots gets to all stops of the order"
-    raise document.error((*keys, lost) if keys[1] == "tasks" else (*keys, "stops", lost), text)
+    of_stop: Keys = (*keys, lost) if keys[1] == "tasks" else (*keys, "stops", lost)
+    raise document.error(of_stop, f"{dotted(of_stop)}: {text}")
 
 
 def check_abilities(document: Document, fleet: FleetOnFloor) -> None:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from automaton.build.demand import geometric
 from automaton.engine import random_numbers
-from automaton.engine.trips import MICRO
+from automaton.engine.trips import LONGEST_VISIT, MICRO
 from automaton.scenario.handling import Distribution, Handling
 
 Floats = npt.NDArray[np.float64]
@@ -69,7 +69,7 @@ def handling_of_lines(handling: Handling, units: Whole, seed: int) -> Whole:
     else:
         line += handling.line
     found: Whole = whole_micro(line) + units * whole_micro(np.array([handling.unit]))
-    return found
+    return np.minimum(found, LONGEST_VISIT * MICRO)  # so that sums of them do not overflow
 
 
 def whole_micro(ticks: Floats) -> Whole:

@@ -16,7 +16,7 @@ from automaton.engine import random_numbers
 from automaton.engine.random_numbers import STREAM_LINE_DEMAND
 from automaton.engine.releases import draw_releases
 from automaton.engine.state import NEVER, NIL
-from automaton.scenario.pods import DrawnLines, Line, PerOrder
+from automaton.scenario.pods import Line, LineDemand, PerOrder
 from automaton.scenario.schema import Scenario
 
 Column = npt.NDArray[np.int64]
@@ -41,7 +41,7 @@ def line_columns(scenario: Scenario, pods: int, stations: dict[str, int], seed: 
     """The lines of a scenario with so many pods; `stations`: numbers from 0 by name."""
     lines = scenario.orders.lines
     assert lines is not None, "the scenario has lines"
-    if isinstance(lines, DrawnLines):
+    if isinstance(lines, LineDemand):
         return _drawn(lines, scenario, pods, max(stations.values()) + 1, seed)
     return _listed(lines, stations)
 
@@ -55,7 +55,7 @@ def _listed(lines: tuple[Line, ...], stations: dict[str, int]) -> LineColumns:
     due = [NEVER if line.due_tick is None else line.due_tick for line in lines]
     columns: tuple[list[int], ...] = (
         order,
-        [int(line.pod or 0) - 1 for line in lines],
+        [line.pod - 1 for line in lines],
         [NIL if line.station is None else stations[str(line.station)] for line in lines],
         [line.release for line in lines],
         due,
@@ -67,7 +67,7 @@ def _listed(lines: tuple[Line, ...], stations: dict[str, int]) -> LineColumns:
 
 
 def _drawn(
-    lines: DrawnLines, scenario: Scenario, pods: int, stations: int, seed: int
+    lines: LineDemand, scenario: Scenario, pods: int, stations: int, seed: int
 ) -> LineColumns:
     order = _orders_of_lines(lines, seed)
     released = np.zeros(int(order[-1]) + 1, np.int64)
@@ -77,33 +77,33 @@ def _drawn(
         with np.errstate(over="ignore"):
             draw_releases(released, chance, np.uint64(seed), last)
     pod, pod_class = _pods_of_lines(lines, scenario, pods, seed)
-    station = np.full(lines.count, NIL, np.int64)
+    station = np.full(lines.drawn, NIL, np.int64)
     if lines.stations == "random":
         station = _integers(stations, int(order[-1]) + 1, seed, DRAW_STATION)[order]
     release = released[order]
-    none = np.zeros(lines.count, np.int64)
+    none = np.zeros(lines.drawn, np.int64)
     due = none + NEVER if lines.due is None else np.minimum(release + lines.due, NEVER)
     return LineColumns(order, pod, station, release, due, none, none + 1, pod_class)
 
 
-def _orders_of_lines(lines: DrawnLines, seed: int) -> Column:
+def _orders_of_lines(lines: LineDemand, seed: int) -> Column:
     if isinstance(lines.per_order, PerOrder):
         each = geometric(
-            lines.per_order.mean, seed, STREAM_LINE_DEMAND, DRAW_PER_ORDER, np.arange(lines.count)
+            lines.per_order.mean, seed, STREAM_LINE_DEMAND, DRAW_PER_ORDER, np.arange(lines.drawn)
         )
     else:
-        each = np.full(lines.count, lines.per_order, np.int64)
+        each = np.full(lines.drawn, lines.per_order, np.int64)
     ends = np.cumsum(each)
-    found: Column = np.searchsorted(ends, np.arange(lines.count), side="right")
+    found: Column = np.searchsorted(ends, np.arange(lines.drawn), side="right")
     return found
 
 
 def _pods_of_lines(
-    lines: DrawnLines, scenario: Scenario, pods: int, seed: int
+    lines: LineDemand, scenario: Scenario, pods: int, seed: int
 ) -> tuple[Column, Column]:
     """The pod of each line, and the class of each pod where lines are drawn by class."""
     if lines.classes is None or scenario.pods.classes is None:
-        return _integers(pods, lines.count, seed, DRAW_POD), np.zeros(0, np.int64)
+        return _integers(pods, lines.drawn, seed, DRAW_POD), np.zeros(0, np.int64)
     names = list(scenario.pods.classes)
     bounds = class_ends(list(scenario.pods.classes.values()), pods)
     mixed = np.argsort(_integers(2**31 - 1, pods, seed, DRAW_POD_CLASS), kind="stable")
@@ -111,14 +111,14 @@ def _pods_of_lines(
     pod_class[mixed] = np.searchsorted(bounds, np.arange(pods), side="right")
     shares = np.array([lines.classes.get(name, 0.0) for name in names])
     wanted = np.minimum(
-        np.searchsorted(np.cumsum(shares), _fractions(lines.count, seed), side="right"),
+        np.searchsorted(np.cumsum(shares), _fractions(lines.drawn, seed), side="right"),
         len(names) - 1,
     )
-    pod = np.zeros(lines.count, np.int64)
+    pod = np.zeros(lines.drawn, np.int64)
     for number in range(len(names)):
         members, asked = np.flatnonzero(pod_class == number), np.flatnonzero(wanted == number)
         among = members if len(members) else np.arange(pods)
-        pod[asked] = among[_integers(len(among), lines.count, seed, DRAW_POD)[asked]]
+        pod[asked] = among[_integers(len(among), lines.drawn, seed, DRAW_POD)[asked]]
     return pod, pod_class
 
 

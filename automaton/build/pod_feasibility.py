@@ -13,7 +13,7 @@ from automaton.floor.loaded_ways import to_and_from
 from automaton.floor.reachability import Mask
 from automaton.scenario.document import Document, Keys
 from automaton.scenario.orders import Orders
-from automaton.scenario.pods import Line, PodStation
+from automaton.scenario.pods import Line, Pods, PodStation
 from automaton.scenario.schema import Scenario
 from automaton.units import count
 
@@ -21,10 +21,13 @@ from automaton.units import count
 def check_pods(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
     """Stations are stations, queues paths, and lines want pods that there are. Raises InputError."""
     if scenario.orders.lines is None:
-        for key in ("stations", "pods"):
-            if key in document.data:
+        for key, given in (("stations", scenario.stations), ("pods", scenario.pods != Pods())):
+            if given:
                 raise document.error((key,), f"{key} belong to orders.lines, and there are none")
         return
+    if scenario.information != "everything":
+        text = "pods are carried where strategies see everything; set information: everything"
+        raise document.error(("information",), text)
     if not len(floor_plan.stations):
         raise document.error(("layout",), "lines are done at stations, and the floor has none")
     pods = int(((floor_plan.kind == STORAGE) & (floor_plan.loads != 0)).sum())
@@ -56,7 +59,7 @@ def check_line(
     document: Document, line: Line, keys: Keys, pods: int, names: list[str], stations: int
 ) -> None:
     """A line wants a pod that there is at a station that there is. Raises InputError."""
-    if not isinstance(line.pod, int) or not 1 <= line.pod <= pods:
+    if line.pod > pods:
         there = f"there are {count(pods, 'pod')}, numbered from 1 as one reads the picture"
         raise document.error((*keys, "pod"), f"'{line.pod}' is no pod: {there}")
     if line.station is None or line.station in names:
@@ -133,7 +136,7 @@ def check_pod_ways(document: Document, fleet: FleetOnFloor) -> None:
     if fleet.scenario.orders.lines is None:
         return
     pods: Mask = (floor_plan.kind == STORAGE).reshape(-1) & (floor_plan.loads != 0).reshape(-1)
-    within = fleet.within.any(axis=0)
+    within: Mask = np.logical_or.reduce(fleet.within)
     for number, station in enumerate(floor_plan.stations.tolist(), 1):
         x, y = floor_plan.xy(station)
         if not within[station]:
@@ -142,7 +145,7 @@ def check_pod_ways(document: Document, fleet: FleetOnFloor) -> None:
         apart: Mask = pods & ~(to_and_from(floor_plan, station, fleet.rail) & within)
         if apart.any():
             cell = int(np.argmax(apart))
-            pod = int(np.count_nonzero(pods.reshape(-1)[: cell + 1]))
+            pod = int(np.count_nonzero(pods[: cell + 1]))
             u, v = floor_plan.xy(cell)
             text = f"pod {pod} at ({u}, {v}) has no way to station {number} at ({x}, {y}) and back"
             raise document.error(("layout",), f"{text} that leads through no other storage")

@@ -20,6 +20,8 @@ from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.conversions import Conversion, with_numbers
 from automaton.scenario.document import Document, Keys, Override, override
 from automaton.scenario.floor_section import floor_of
+from automaton.scenario.line_file import with_lines_of_file
+from automaton.scenario.locations import names_of_cells, with_locations_of_file
 from automaton.scenario.order_file import with_orders_of_file
 from automaton.scenario.reading import SHIPPED_FOLDER, STUDIES_ARE_SWEPT, is_study, read
 from automaton.scenario.schema import LAYER_NAMES, Scenario, Units
@@ -52,6 +54,8 @@ class Resolved:
     overrides: tuple[str, ...] = ()  # the --set arguments as typed
     files: tuple[tuple[str, str], ...] = ()  # read for the scenario: path, 16 hex digits of content
     conversions: tuple[Conversion, ...] = ()  # of texts with units, but for those of strategies
+    file_notes: tuple[str, ...] = ()  # what was read of a file of orders, for `check`
+    file_warnings: tuple[str, ...] = ()  # and what is odd in it
 
     @cached_property
     def fleet(self) -> FleetOnFloor:
@@ -85,11 +89,14 @@ def resolve(
         seeded = Override(f"--seed {seed}", ("seed",), seed)
         data = {**document.data, "seed": seed}
         document = replace(document, data=data, overrides=(*document.overrides, seeded))
+    document, location_file = with_locations_of_file(document)
     document, checked, conversions = checked_scenario(document)
     document, checked, order_file = with_orders_of_file(document, checked)
     document, checked, start_file = with_starts_of_file(document, checked)
     floor = floor_of(document, checked.layout)
     document, checked, task_file = with_tasks_of_file(document, checked, floor.floor_plan)
+    document, checked, line_file = with_lines_of_file(document, checked, floor.floor_plan)
+    order_file = order_file or line_file
     fleet = check_feasible(document, checked, floor)
     check_table_memory(document, checked, floor.floor_plan)
     checked = with_right_of_way(checked, fleet)
@@ -105,19 +112,22 @@ def resolve(
         ),
         files=tuple(
             (file.path, file.content_hash)
-            for file in (order_file, start_file, task_file)
+            for file in (location_file, order_file, start_file, task_file)
             if file is not None
         ),
-        conversions=conversions + (() if order_file is None else order_file.conversions),
+        conversions=conversions,
+        file_notes=() if order_file is None else order_file.notes,
+        file_warnings=() if order_file is None else order_file.warnings,
     )
     vars(resolved)["fleet"] = fleet  # with the facts that the checks have found
     return resolved
 
 
 def checked_scenario(document: Document) -> tuple[Document, Scenario, tuple[Conversion, ...]]:
-    """What a document says, with numbers for its texts with units. Raises InputError."""
+    """What a document says, with numbers and cells for its texts. Raises InputError."""
     units = validated(document, document.data.get("units", {}), Units, ("units",))
-    data, conversions = with_numbers(document, document.data, Scenario, units.scale)
+    names = names_of_cells(document)
+    data, conversions = with_numbers(document, document.data, Scenario, units.scale, names=names)
     document = replace(document, data=data)
     return document, validated(document, data, Scenario), conversions
 

@@ -36,6 +36,7 @@ def scenario_warnings(resolved: Resolved) -> list[str]:
     sentences = [sentence for sentence in found if sentence]
     return [
         *sentences,
+        *resolved.file_warnings,
         *due_warnings(resolved),
         *coarse_conversions(resolved),
         *fleet_warnings(resolved),

@@ -16,6 +16,7 @@ from automaton.build.starts import first_charges, homes, occupy_starts, start_he
 from automaton.engine.decision_stream import max_words
 from automaton.engine.events import max_events
 from automaton.engine.facilities import Chargers
+from automaton.engine.motion import POD
 from automaton.engine.observation import Observation, Scratch
 from automaton.engine.record_changes import MAX_CHANGES
 from automaton.engine.service_zones import ServiceZones
@@ -88,6 +89,7 @@ def build_world(
     if carried.orders is not None and carried.stops is not None:
         orders, stops = carried.orders, carried.stops
     occupancy = floor.occupancy.copy()
+    occupancy[slots.cell[carried.pods.slot]] |= POD
     steps = floor.longest_route if longest_route is None else longest_route
     most = len(orders.state)
     robots = build_robots(resolved, floor, starts, occupancy, seed, storage, steps, most)

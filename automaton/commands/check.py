@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
             document = document_of(file, args.settings)
             check_files(resolved, document)
             print(described(resolved, names_right_of_way(document)))
-            for line in conversion_lines(resolved):
+            for line in (*resolved.file_notes, *conversion_lines(resolved)):
                 print(f"  {line}")
             print_warnings(resolved)
         except InputError as error:

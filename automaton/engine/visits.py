@@ -137,8 +137,10 @@ def start(orders, order):
 @kernel
 def complete_visits(world, record):
     """At the end of a tick: robots that stand at the next stop of their orders have done it."""
-    robots = world.robots
-    for i in range(robots.cell.shape[0]):
+    robots, in_sequence = world.robots, has_trips(world)
+    for k in range(robots.cell.shape[0]):
+        # Places are given to robots in the sequence of their identities.
+        i = np.int64(robots.at_index[U(k)]) if in_sequence else k
         if robots.goal_type[U(i)] != GOAL_STOP or robots.cell[U(i)] != robots.goal_cell[U(i)]:
             continue
         entering = robots.claim[U(i)]  # one that turns in a passing aisle claims its own cell

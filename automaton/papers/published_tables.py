@@ -32,6 +32,10 @@ REPRODUCTIONS = {  # name: (module with REPRODUCTION, what it holds)
         "automaton.papers.fleets.fleet_study",
         "hundreds of robots on grids, pibt and epibt (Yukhnevich & Andreychuk; Robot Runners)",
     ),
+    "queues": (
+        "automaton.papers.queues.queue_study",
+        "one robot that serves lines one by one: an M/G/1 queue, beside its formula",
+    ),
     "zoning": (
         "automaton.papers.zoning.zoning_study",
         "zones of a factory that are redesigned (Keith & La, Table 5 and Figure 5)",

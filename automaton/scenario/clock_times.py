@@ -17,6 +17,7 @@ _MOMENT: Final = re.compile(rf"\s*(?:{_DATE}(?:[Tt]|\s+))?{_TIME}\s*")
 _BARE_TIME: Final = re.compile(rf"\s*{_TIME}\s*")
 _LIKE_A_DATE: Final = re.compile(r"\s*([0-9]{4}-[0-9]|[0-9]{1,2}[./][0-9]{1,2}[./][0-9])")
 _ZONE: Final = re.compile(r"(Z|[-+][0-9]{1,2}(:?[0-9]{2})?)\s*$")
+_OFFSET: Final = re.compile(r"\s*(Z|([-+])([0-9]{2}):([0-5][0-9]))\s*$")
 SECONDS_OF_DAY: Final = 86_400
 NO_DATE: Final = 0  # days since 0001-01-01 begin with 1
 
@@ -26,6 +27,7 @@ class Moment(NamedTuple):
 
     day: int | None  # days since 0001-01-01; None: of a time without a date
     seconds: Fraction  # since midnight
+    offset: int | None = None  # seconds that it is ahead of UTC, where the clock says so
 
 
 def is_clock_time(text: str) -> bool:
@@ -62,6 +64,16 @@ def read_moment(text: str) -> Moment:
     except ValueError:
         raise InputError(f"'{text}': there is no such day") from None
     return Moment(date.toordinal(), since_midnight)
+
+
+def read_clock(text: str) -> Moment:
+    """The time of tick 0: as other moments and, after a date, with an offset. Raises InputError."""
+    match = _OFFSET.search(text)
+    if match is None or not has_date(text):
+        return read_moment(text)
+    moment = read_moment(text[: match.start()])
+    seconds = 3600 * int(match[3] or 0) + 60 * int(match[4] or 0)
+    return moment._replace(offset=-seconds if match[2] == "-" else seconds)
 
 
 def _why_not(text: str) -> str:

@@ -1,24 +1,28 @@
-"""Texts with units as the numbers that structs of a scenario hold: "20 s" as 40 ticks.
+"""Texts with units as the numbers that structs of a scenario hold, and names as their cells.
 
-Each conversion is kept with what was wanted exactly, so that `check` can say what it costs.
+"20 s" is 40 ticks, and `packing` is [4, 2]. Each conversion is kept with what was wanted exactly, so
+that `check` can say what it costs.
 """
 
 from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import lru_cache
+from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
 import msgspec
 
 from automaton.errors import InputError
 from automaton.scenario.amounts import Dimension, read_amount
+from automaton.scenario.cell_names import Cell, cell_named
 from automaton.scenario.clock_times import has_date, is_clock_time, is_of_three_parts, seconds_after
 from automaton.scenario.document import Document, Keys
-from automaton.scenario.quantities import KEY, Quantity, Scale
+from automaton.scenario.quantities import KEY, PLACE_KEY, Quantity, Scale
 from automaton.scenario.validation import dotted
 from automaton.units import Unit, number, ticks_and_time
 
@@ -83,9 +87,10 @@ class Conversion(NamedTuple):
 
 @dataclass
 class Plan:
-    """Where values of a type hold quantities."""
+    """Where values of a type hold quantities, and cells that have names."""
 
     place: Place | None = None
+    is_cell: bool = False  # a cell that may be written by its name
     literals: set[str] = field(default_factory=set)  # texts that stand for themselves
     fields: dict[str, Plan] = field(default_factory=dict)
     items: tuple[Plan, ...] = ()  # of a list; the last one of all further ones
@@ -93,8 +98,8 @@ class Plan:
 
     @property
     def is_empty(self) -> bool:
-        """Whether they hold no quantity."""
-        return not (self.place or self.fields or self.items or self.values)
+        """Whether they hold neither a quantity nor a cell."""
+        return not (self.place or self.is_cell or self.fields or self.items or self.values)
 
     def takes(self, text: str) -> bool:
         """Whether a text is read as a quantity here; the schema refuses what is not a number."""
@@ -105,7 +110,7 @@ class Plan:
 
 @lru_cache(maxsize=256)
 def plan_of(wanted: Any) -> Plan:
-    """Where a struct holds quantities."""
+    """Where a struct holds quantities, and cells that have names."""
     from msgspec.inspect import type_info
 
     plan = Plan()
@@ -117,7 +122,9 @@ def _add(plan: Plan, described: Any, quantity: Quantity | None) -> None:
     from msgspec import inspect
 
     if isinstance(described, inspect.Metadata):
-        _add(plan, described.type, (described.extra or {}).get(KEY, quantity))
+        extra = described.extra or {}
+        plan.is_cell |= extra.get(PLACE_KEY, False)
+        _add(plan, described.type, extra.get(KEY, quantity))
     elif isinstance(described, inspect.UnionType):
         for option in described.types:
             _add(plan, option, quantity)
@@ -157,13 +164,21 @@ def _items(described: Any) -> tuple[Plan, ...]:
 
 
 def with_numbers(
-    document: Document, value: Any, wanted: Any, scale: Scale, at: Keys = ()
+    document: Document,
+    value: Any,
+    wanted: Any,
+    scale: Scale,
+    at: Keys = (),
+    names: Mapping[str, Cell] = MappingProxyType({}),
 ) -> tuple[Any, tuple[Conversion, ...]]:
-    """A value, found at the keys `at`, with numbers for its texts. Raises InputError with the line."""
+    """A value, found at the keys `at`, with numbers and cells for its texts.
+
+    `names`: of cells. Raises InputError with the line.
+    """
     try:
         msgspec.convert(value, wanted)
     except msgspec.ValidationError:
-        reader = _Reader(document, scale, [])
+        reader = _Reader(document, scale, names, [])
         return reader.read(value, plan_of(wanted), at), tuple(reader.conversions)
     # Without texts nothing is inspected: `automaton check tabletop-1` takes 30 ms less.
     return value, ()
@@ -173,10 +188,13 @@ def with_numbers(
 class _Reader:
     document: Document
     scale: Scale
+    names: Mapping[str, Cell]
     conversions: list[Conversion]
 
     def read(self, value: Any, plan: Plan, keys: Keys) -> Any:
-        """The value with numbers for the texts that stand where quantities may."""
+        """The value with numbers and cells for the texts that stand where quantities and cells may."""
+        if isinstance(value, str) and plan.is_cell:
+            return self.cell(value, keys)
         if isinstance(value, str):
             return self.number(value, plan.place, keys) if plan.takes(value) else value
         if isinstance(value, dict) and (plan.fields or plan.values):
@@ -192,6 +210,12 @@ class _Reader:
                 for index, one in enumerate(value)
             ]
         return value
+
+    def cell(self, name: str, keys: Keys) -> list[int]:
+        try:
+            return list(cell_named(name, self.names))
+        except InputError as error:
+            raise self.document.error(keys, f"{dotted(keys)}: {error.message}") from None
 
     def number(self, text: str, place: Place | None, keys: Keys) -> float | dict[str, float]:
         assert place is not None, "only such a plan takes a text"

@@ -42,11 +42,11 @@ class Override:
 
 
 class ListFile(NamedTuple):
-    """A file whose lines became the entries of a list of a scenario."""
+    """A file whose lines became the entries of a list or a mapping of a scenario."""
 
     keys: Keys  # the way to that list
     file: str  # as errors name it
-    lines: tuple[int, ...]  # where each entry stands, from 1
+    lines: Any  # where each entry stands, from 1: of a list by its index, of a mapping by its key
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,8 @@ class Document:
         """An error about the value at `keys`: placed at its line, or at the --set that gave it."""
         for listed in self.listed:
             if keys[: len(listed.keys)] == listed.keys < keys:
-                return InputError(message, listed.file, listed.lines[int(keys[len(listed.keys)])])
+                line = int(listed.lines[keys[len(listed.keys)]])
+                return InputError(message, listed.file, line)
         for override in reversed(self.overrides):
             shared = min(len(keys), len(override.keys))
             new = len(keys) == shared and self.node(keys) is None

@@ -7,7 +7,7 @@ from typing import Annotated, Final, Literal
 import msgspec
 from msgspec import Meta
 
-from automaton.scenario.quantities import DUE, MOMENT, TIME, quantity
+from automaton.scenario.quantities import DUE, MOMENT, TIME, place, quantity
 
 LAST_TICK: Final = 2_000_000_000
 Direction = Literal["east", "south", "west", "north"]
@@ -21,6 +21,7 @@ Weight = Annotated[
     int, Meta(ge=1, le=1_000_000_000, description="In whatever unit payloads are given.")
 ]
 Pair = Annotated[tuple[int, int], Meta(description="A cell [x, y], from the upper left.")]
+NamedCell = Annotated[Pair, place()]  # written as [x, y] or by its name
 NonEmptyText = Annotated[str, Meta(min_length=1)]
 SingleLine = Annotated[str, Meta(min_length=1, max_length=200, pattern=r"^[^\r\n]*$")]
 

@@ -1,125 +1,122 @@
-"""Orders as a CSV file, one line each, with a head; columns may stand in any sequence.
+"""Transports of a CSV file as the orders of a scenario.
 
-    tick,from_x,from_y,to_x,to_y      tick: from which the order is known
-    0,0,0,4,0                         from, to: cells, counted from 0 at the upper left
-    12,4,0,0,0
+    released,from,to                released: a tick, a time such as 20 s, or a clock time
+    0,rack-7,packing                from, to: names of cells; or columns from_x, from_y, to_x, to_y
+    06:30,rack-9,packing
 
-A tick may be a time such as 20 s or, with units.clock, a clock time. Columns `weight` and `priority`
-may say how heavy they are, without which all weigh 1, and which come first; `due` until when they are
-to be done: ticks or a time after the release, a clock time, or nothing. Columns stand between
-commas, semicolons or tabs. Lines need not be sorted; empty ones are left out. The content becomes the
-scenario's own list of orders, so that recordings stand alone.
+The orders become the scenario's own list, so that recordings stand alone. Equal cells of a million
+rows are one object: a row takes some 140 bytes.
 """
 
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Final, NamedTuple
 
 import msgspec
+import numpy as np
 
 from automaton.errors import InputError
-from automaton.scenario.conversions import Bounds, Conversion, Place, convert
-from automaton.scenario.csv_table import NUMBER, Row, number_in, read_table
-from automaton.scenario.document import Document, ListFile
-from automaton.scenario.field_types import Due, DueAt
+from automaton.scenario.cell_names import Cell
+from automaton.scenario.document import Document, Keys, ListFile
+from automaton.scenario.field_types import DueAt
+from automaton.scenario.locations import names_of_cells
+from automaton.scenario.order_columns import read_columns
+from automaton.scenario.order_fields import NO_DUE, NameField, OrderColumns
+from automaton.scenario.order_notes import reading_notes, reading_warnings
 from automaton.scenario.orders import OrderLine
-from automaton.scenario.quantities import DUE, MOMENT, Scale
-from automaton.scenario.reading import content_hash, read_text
 from automaton.scenario.schema import Scenario
+from automaton.scenario.transports import FIELDS, PLACES
 
-REQUIRED_COLUMNS: Final = ("tick", "from_x", "from_y", "to_x", "to_y")
-OPTIONAL_COLUMNS: Final = ("weight", "priority", "due")
-LATEST: Final = 2_000_000_000
-TIMES: Final = {
-    "tick": Place(MOMENT, Bounds(is_whole=True, ge=0, le=LATEST)),
-    "due": Place(DUE, Bounds(is_whole=True, ge=0, le=LATEST)),
-}
-BOUNDS: Final = {
-    "tick": (0, LATEST),
-    "weight": (1, 1_000_000_000),
-    "priority": (-100, 100),
-    "due": (0, LATEST),
-}
+FILE: Final[Keys] = ("orders", "transports", "file")
 
 
-class OrderFile(NamedTuple):
-    """The orders of a file."""
+class TransportFile(NamedTuple):
+    """What is known of a file of transports beside its orders."""
 
     path: str
     content_hash: str  # 16 hex digits
-    orders: tuple[OrderLine, ...]
-    lines: tuple[int, ...]  # where each of them stands, from 1
-    conversions: tuple[Conversion, ...]  # of times with units
+    columns: OrderColumns
+    notes: tuple[str, ...]  # for `check`
+    warnings: tuple[str, ...]
 
 
 def with_orders_of_file(
     document: Document, scenario: Scenario
-) -> tuple[Document, Scenario, OrderFile | None]:
+) -> tuple[Document, Scenario, TransportFile | None]:
     """The scenario with the orders of its file as a list, if it names one. Raises InputError."""
-    name = scenario.orders.file
-    if name is None:
+    transports = scenario.orders.transports
+    if transports is None:
         return document, scenario, None
-    path = document.folder / name
+    path = document.folder / transports.file
     if not os.path.isfile(path):
-        text = f"there is no file of orders '{name}'"
-        raise document.error(("orders", "arrivals", "file"), text)
-    found = read_orders(read_text(path), str(path), scenario.units.scale)
-    orders = msgspec.structs.replace(scenario.orders, arrivals=None, listed=found.orders)
-    listed = ListFile(("orders", "list"), found.path, found.lines)
+        raise document.error(FILE, f"there is no file of orders '{transports.file}'")
+    names = names_of_cells(document)
+    known = {name: number for number, name in enumerate(names)}
+    ends = [NameField(end, known, "location", is_required=True) for end in ("from", "to")]
+    named = None if transports.columns is None else transports.columns.of_fields
+    scale = scenario.units.scale
+    columns = read_columns(path, [*FIELDS, *ends], transports, named, scale, PLACES)
+    if not names and {"from", "to"} & set(columns.column_of):
+        raise InputError(
+            "names cells, and the scenario has no names of cells; set locations: {NAME: [x, y]} or "
+            "locations: FILE, or use columns from_x, from_y, to_x and to_y",
+            str(path),
+            1,
+        )
+    columns.errors.raise_any()
+    listed = ListFile(("orders", "list"), columns.path, columns.lines)
     document = replace(document, listed=(*document.listed, listed))
-    absolute = found._replace(path=str(path.resolve()))
-    return document, msgspec.structs.replace(scenario, orders=orders), absolute
+    orders = msgspec.structs.replace(
+        scenario.orders, transports=None, listed=_lines(columns, list(names.values()))
+    )
+    file = TransportFile(
+        str(path.resolve()),
+        columns.content_hash,
+        columns,
+        tuple(reading_notes(columns, scale)),
+        tuple(reading_warnings(columns)),
+    )
+    return document, msgspec.structs.replace(scenario, orders=orders), file
 
 
-def read_orders(text: str, path: str, scale: Scale) -> OrderFile:
-    """The orders of a CSV text. Raises InputError with the line."""
-    orders, lines = [], []
-    conversions: list[Conversion] = []
-    for row in read_table(text, path, REQUIRED_COLUMNS, OPTIONAL_COLUMNS, "order"):
-        due = _due(row, path, scale, conversions)
-        value = {name: _number(row, name, path, scale, conversions) for name in row.cells}
-        source, target = (value["from_x"], value["from_y"]), (value["to_x"], value["to_y"])
-        line = OrderLine(
+def _lines(columns: OrderColumns, cells: list[Cell]) -> tuple[OrderLine, ...]:
+    values = columns.values
+    rows = zip(
+        _cells(columns, "from", cells),
+        _cells(columns, "to", cells),
+        _shared(values["released"].tolist()),
+        values["weight"].tolist(),
+        values["priority"].tolist(),
+        values["due"].tolist(),
+        strict=True,
+    )
+    return tuple(
+        OrderLine(
             source=source,
             target=target,
-            release=value["tick"],
-            weight=value.get("weight", 1),
-            priority=value.get("priority", 0),
-            due=due,
+            release=release,
+            weight=weight,
+            priority=priority,
+            due=None if due == NO_DUE else DueAt(at=due),
         )
-        orders.append(line)
-        lines.append(row.line)
-    return OrderFile(
-        path, content_hash(Path(path)), tuple(orders), tuple(lines), tuple(conversions)
+        for source, target, release, weight, priority, due in rows
     )
 
 
-def _due(row: Row, path: str, scale: Scale, conversions: list[Conversion]) -> Due | None:
-    """Until when an order is to be done; its cell is taken out of the row."""
-    text = row.cells.pop("due", "")
-    if not text:
-        return None
-    ticks = _number(Row(row.line, {"due": text}), "due", path, scale, conversions)
-    of_clock = _is_time(text) and conversions[-1].is_moment
-    return DueAt(at=ticks) if of_clock else ticks
+def _shared(numbers: list[int]) -> Iterator[int]:
+    """The same numbers, of which equal ones are one object: 32 bytes less for each."""
+    known: dict[int, int] = {}
+    return (known.setdefault(number, number) for number in numbers)
 
 
-def _is_time(text: str) -> bool:
-    return text[:1].isdigit() and not NUMBER.fullmatch(text)
-
-
-def _number(row: Row, name: str, path: str, scale: Scale, conversions: list[Conversion]) -> int:
-    """The number in a cell, or of ticks the time; what was converted is added."""
-    if name in TIMES and _is_time(row.cells[name]):
-        try:
-            conversions.append(convert(name, row.cells[name], TIMES[name], scale))
-        except InputError as error:
-            raise InputError(error.message, path, row.line) from None
-        return int(conversions[-1].value)
-    if name not in BOUNDS:
-        return number_in(row, name, path, -LATEST, LATEST, "of a column or row of the floor")
-    least, most = BOUNDS[name]
-    return number_in(row, name, path, least, most, f"from {least} to {most:,}")
+def _cells(columns: OrderColumns, end: str, cells: list[Cell]) -> list[Cell]:
+    """The cell of each row where its order begins or ends; equal ones are one object."""
+    if end in columns.column_of:
+        return list(map(cells.__getitem__, columns.values[end].tolist()))
+    pairs = np.stack([columns.values[f"{end}_x"], columns.values[f"{end}_y"]], axis=1)
+    different, which = np.unique(pairs, axis=0, return_inverse=True)
+    known = [(x, y) for x, y in different.tolist()]
+    return list(map(known.__getitem__, which.reshape(-1).tolist()))

@@ -13,6 +13,7 @@ from automaton.scenario.field_types import (
     ConfigSection,
     Due,
     DueAt,
+    NamedCell,
     NonEmptyText,
     Pair,
     SingleLine,
@@ -20,8 +21,9 @@ from automaton.scenario.field_types import (
     Ticks,
     Weight,
 )
-from automaton.scenario.pods import DrawnLines, Line
+from automaton.scenario.pods import Line, LineDemand
 from automaton.scenario.quantities import GAP, TIME, quantity
+from automaton.scenario.transports import Transports
 
 DRAWN = ("dock-to-rack", "stations", "visits", "tours")  # generators that draw so many orders
 MAX_STOPS: Final = 64  # of an order
@@ -73,18 +75,10 @@ class Arrivals(ConfigSection, frozen=True, kw_only=True):
 
     bursts: Bursts | None = None
     closed_loop: ClosedLoop | None = None
-    file: Annotated[
-        NonEmptyText | None,
-        Meta(
-            description="The orders themselves, as CSV with the columns tick, from_x, from_y, to_x, "
-            "to_y and, where they differ in them, weight, priority and due; path relative to the "
-            "scenario."
-        ),
-    ] = None
 
     def __post_init__(self) -> None:
-        if sum(form is not None for form in (self.bursts, self.closed_loop, self.file)) != 1:
-            raise ValueError("arrivals must have exactly one of bursts, closed_loop or file")
+        if (self.bursts is None) == (self.closed_loop is None):
+            raise ValueError("arrivals must have either bursts or closed_loop")
 
 
 class WeightRange(ConfigSection, frozen=True, kw_only=True):
@@ -116,24 +110,25 @@ class StopRange(ConfigSection, frozen=True, kw_only=True):
 class Stop(ConfigSection, frozen=True, kw_only=True):
     """A stop at which a robot stands for some time."""
 
-    at: Annotated[Pair, Meta(description="The cell in which the robot stands.")]
+    at: Annotated[NamedCell, Meta(description="The cell in which the robot stands.")]
     ticks: Annotated[
         Annotated[int, quantity(TIME, ge=0, le=MAX_STOP_TICKS)],
         Meta(description="Ticks that it stands there; 0: it is enough that it comes."),
     ] = field(name="for", default=0)
 
 
-class OrderLine(ConfigSection, frozen=True, kw_only=True):
+# gc=False: 16 bytes less for each of a million, and no cycle of references leads through them.
+class OrderLine(ConfigSection, frozen=True, kw_only=True, gc=False):
     """One order: bring a load from one slot to another, come to cells in turn, or both."""
 
-    source: Annotated[Pair | None, Meta(description="The slot with the load.")] = field(
+    source: Annotated[NamedCell | None, Meta(description="The slot with the load.")] = field(
         name="from", default=None
     )
     target: Annotated[
-        Pair | None, Meta(description="Where to bring it; a station itself: a visit.")
+        NamedCell | None, Meta(description="Where to bring it; a station itself: a visit.")
     ] = field(name="to", default=None)
     stops: Annotated[
-        Annotated[tuple[Pair | Stop, ...], Meta(min_length=1, max_length=MAX_STOPS)] | None,
+        Annotated[tuple[NamedCell | Stop, ...], Meta(min_length=1, max_length=MAX_STOPS)] | None,
         Meta(
             description="Cells in which a robot has to stand, in this order: with from and to, the "
             "robot that carries the load comes there on its way."
@@ -274,7 +269,7 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
         ),
     ] = 0.0
     arrivals: Annotated[
-        Arrivals | None, Meta(description="How they are released, or a file of orders.")
+        Arrivals | None, Meta(description="How they are released, if not all at once.")
     ] = None
     weight: Annotated[
         Weight | WeightRange,
@@ -283,7 +278,9 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
     listed: Annotated[tuple[OrderLine, ...] | None, Meta(description="The orders, one by one.")] = (
         field(name="list", default=None)
     )
-
+    transports: Annotated[
+        Transports | None, Meta(description="The orders, as a CSV file of another system.")
+    ] = None
     parts: Annotated[
         tuple[Parts, ...] | None,
         Meta(
@@ -300,7 +297,7 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
     ] = 1
 
     lines: Annotated[
-        tuple[Line, ...] | DrawnLines | None,
+        tuple[Line, ...] | LineDemand | None,
         Meta(
             description="Lines that pods are carried to stations for, one by one or drawn; the trips "
             "of the pods follow from them."
@@ -343,11 +340,10 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         if self.generator != "tours" and self.stops != 1:
             raise ValueError("stops belong to the generator tours, or to each order of a list")
-        given = [self.generator, self.listed, self.parts, self.lines, self.tasks, self.file]
+        given = [self.generator, self.listed, self.parts, self.lines, self.tasks, self.transports]
         if sum(form is not None for form in given) != 1:
             raise ValueError(
-                "orders must have either a generator, a list, parts, lines, tasks or arrivals from a "
-                "file"
+                "orders must have either a generator, a list, transports, lines, parts or tasks"
             )
         self._check_tasks()
         if self.parts is not None and not self.parts:
@@ -391,19 +387,14 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
     def _check_arrivals(self) -> None:
         if self.generator is None and self.mean_interarrival_time:
             raise ValueError("mean_interarrival_time belongs to generators of orders")
-        if self.generator is None and self.arrivals is not None and self.file is None:
-            raise ValueError("arrivals belong to generators of orders, unless they are a file")
+        if self.generator is None and self.arrivals is not None:
+            raise ValueError("arrivals belong to generators of orders")
         if self.mean_interarrival_time and self.arrivals is not None:
             raise ValueError("set either mean_interarrival_time or arrivals, not both")
         if 0 < self.mean_interarrival_time < 1:
             raise ValueError(
                 "mean_interarrival_time must be 0 or at least 1: at most one order arrives per tick"
             )
-
-    @property
-    def file(self) -> str | None:
-        """The file of orders, as the scenario names it."""
-        return None if self.arrivals is None else self.arrivals.file
 
     def in_system(self, robots: int) -> int:
         """Return how many orders a closed loop of so many robots keeps open; 0: it is none."""
@@ -421,9 +412,14 @@ def has_tours(orders: Orders) -> bool:
     return any(line.stops is not None for line in listed)
 
 
+def has_lines(orders: Orders) -> bool:
+    """Return whether orders are lines, for which pods are carried to stations."""
+    return orders.lines is not None
+
+
 def has_due_times(orders: Orders) -> bool:
     """Return whether any of the orders has a due time."""
-    if isinstance(orders.lines, DrawnLines):
+    if isinstance(orders.lines, LineDemand):
         return orders.lines.due is not None
     return any(order.due is not None for order in orders.listed or ()) or any(
         line.due is not None for line in orders.lines or ()

@@ -2,18 +2,42 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
+import msgspec
 from msgspec import Meta, field
 
-from automaton.scenario.field_types import ConfigSection, Due, DueAt, Pair, SingleLine, Tick
+from automaton.scenario.field_types import (
+    ConfigSection,
+    Due,
+    DueAt,
+    NamedCell,
+    NonEmptyText,
+    SingleLine,
+    Tick,
+)
 from automaton.scenario.handling import Handling
+from automaton.scenario.order_fields import OrderFile
 from automaton.scenario.quantities import GAP, TIME, quantity
 
 MAX_POD_STOPS = 64
 MAX_LINES = 1_000_000
 SHARE_ERROR = 0.001  # by which shares may miss 1
 
+Column = SingleLine | None
+DRAWN_ALONE: dict[str, Any] = {  # keys of lines that are drawn, as they are when left out
+    "mean_interarrival_time": 0.0,
+    "per_order": 1,
+    "classes": None,
+    "stations": "fewest-lines",
+    "due": None,
+}
+READ_ALONE: dict[str, Any] = {
+    "columns": None,
+    "where": {},
+    "time": None,
+    "encoding": "utf-8",
+}  # and of a file
 Share = Annotated[float, Meta(ge=0, le=1)]
 
 
@@ -66,9 +90,9 @@ class Break(ConfigSection, frozen=True, kw_only=True):
 class PodStation(ConfigSection, frozen=True, kw_only=True):
     """A station with a name: its cell, the cells of its queue, how many it lets come."""
 
-    at: Annotated[Pair, Meta(description="Its cell, one of kind station.")]
+    at: Annotated[NamedCell, Meta(description="Its cell, one of kind station.")]
     queue: Annotated[
-        tuple[Pair, ...],
+        tuple[NamedCell, ...],
         Meta(
             max_length=1000,
             description="Corners of the path of its queue, from the cell next to it outwards.",
@@ -90,9 +114,7 @@ class PodStation(ConfigSection, frozen=True, kw_only=True):
 class Line(ConfigSection, frozen=True, kw_only=True):
     """What an order wants of one pod, or of any pod with some SKU, at a station."""
 
-    pod: Annotated[
-        int | SingleLine | None, Meta(description="The pod, by number from 1 or by name.")
-    ] = None
+    pod: Annotated[int, Meta(ge=1, le=1_000_000, description="The pod, by its number from 1.")]
     station: Annotated[
         int | SingleLine | None,
         Meta(
@@ -119,10 +141,6 @@ class Line(ConfigSection, frozen=True, kw_only=True):
             return None
         return self.due.at if isinstance(self.due, DueAt) else self.release + self.due
 
-    def __post_init__(self) -> None:
-        if self.pod is None:
-            raise ValueError("the key 'pod' is missing")
-
 
 class PerOrder(ConfigSection, frozen=True, kw_only=True):
     """A number of lines from 1 on, drawn geometrically for each order."""
@@ -130,10 +148,45 @@ class PerOrder(ConfigSection, frozen=True, kw_only=True):
     mean: Annotated[float, Meta(ge=1, le=1000, description="Its mean.")]
 
 
-class DrawnLines(ConfigSection, frozen=True, kw_only=True):
-    """Lines that are drawn."""
+class LineColumns(ConfigSection, frozen=True, kw_only=True):
+    """What the columns of a file of lines are called; others are not read."""
 
-    count: Annotated[int, Meta(ge=1, le=MAX_LINES, description="How many lines there are.")]
+    released: Annotated[Column, Meta(description="When the line is released.")] = None
+    pod: Annotated[Column, Meta(description="The pod, by its number from 1.")] = None
+    station: Annotated[Column, Meta(description="The station, by name or number; empty: any.")] = (
+        None
+    )
+    order: Annotated[Column, Meta(description="What lines of one order have in common.")] = None
+    due: Annotated[
+        Column, Meta(description="Until when: a clock time, or ticks or a time after the release.")
+    ] = None
+    priority: Annotated[Column, Meta(description="From -100 to 100; empty: 0.")] = None
+    units: Annotated[Column, Meta(description="Units that are picked; empty: 1.")] = None
+
+    @property
+    def of_fields(self) -> dict[str, str]:
+        """The column of each field that has one."""
+        return {name: text for name, text in msgspec.to_builtins(self).items() if text is not None}
+
+
+class LineDemand(OrderFile, frozen=True, kw_only=True):
+    """Lines that are drawn, so many of them, or those of a file."""
+
+    file: Annotated[
+        NonEmptyText | None,
+        Meta(
+            description="A CSV file with a line in each row, whose first row names its columns, between "
+            "semicolons, tabs or commas; path relative to the scenario."
+        ),
+    ] = None  # type: ignore[assignment]
+    columns: Annotated[
+        LineColumns | None,
+        Meta(description="What its columns are called; null: as the keys of this are."),
+    ] = None
+    count: Annotated[
+        Annotated[int, Meta(ge=1, le=MAX_LINES)] | None,
+        Meta(description="How many lines are drawn."),
+    ] = None
     mean_interarrival_time: Annotated[
         float,
         quantity(
@@ -163,7 +216,19 @@ class DrawnLines(ConfigSection, frozen=True, kw_only=True):
         Meta(description="Ticks after release in which they are due; null: never."),
     ] = None
 
+    @property
+    def drawn(self) -> int:
+        """How many lines are drawn."""
+        return self.count or 0
+
     def __post_init__(self) -> None:
+        super().__post_init__()
+        if (self.file is None) == (self.count is None):
+            raise ValueError("lines are a list, or have either a count or a file")
+        for name, default in (DRAWN_ALONE if self.count is None else READ_ALONE).items():
+            if getattr(self, name) != default:
+                other = "count" if self.count is None else "file"
+                raise ValueError(f"{name} belongs to lines with a {other}")
         if self.classes is not None:
             check_shares("classes", self.classes)
         if 0 < self.mean_interarrival_time < 1:

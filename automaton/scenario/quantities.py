@@ -30,6 +30,8 @@ from automaton.units import (
 
 KEY: Final = "quantity"  # of what fields say beside their types
 SCHEMA_KEY: Final = "x-quantity"  # the same in a JSON Schema
+PLACE_KEY: Final = "place"  # of cells that may be written by their names
+PLACE_SCHEMA_KEY: Final = "x-place"
 QUARTER_TURN: Final = 90  # degrees
 
 
@@ -194,13 +196,22 @@ def quantity(of: Quantity, **said: Any) -> Meta:
     return Meta(extra={KEY: of}, extra_json_schema={SCHEMA_KEY: of.described}, **said)
 
 
+def place() -> Meta:
+    """The annotation of a field that holds a cell [x, y], which may be written by its name."""
+    return Meta(extra={PLACE_KEY: True}, extra_json_schema={PLACE_SCHEMA_KEY: True})
+
+
 def with_texts(schema: Any) -> Any:
-    """A JSON Schema in which texts are allowed wherever a number is a quantity."""
+    """A JSON Schema in which texts are allowed for quantities, and names for cells."""
     if isinstance(schema, list):
         return [with_texts(one) for one in schema]
     if not isinstance(schema, dict):
         return schema
     inner = {key: with_texts(value) for key, value in schema.items()}
+    if inner.pop(PLACE_SCHEMA_KEY, False):
+        outer = {key: inner.pop(key) for key in ("description", "default") if key in inner}
+        name = {"type": "string", "description": "a name of locations"}
+        return {**outer, "anyOf": [inner, name]}
     if SCHEMA_KEY not in inner:
         return inner
     described = inner.pop(SCHEMA_KEY)

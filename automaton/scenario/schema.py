@@ -12,7 +12,8 @@ import msgspec
 from msgspec import Meta
 
 from automaton.errors import InputError
-from automaton.scenario.clock_times import read_moment
+from automaton.scenario.cell_names import Locations
+from automaton.scenario.clock_times import read_clock
 from automaton.scenario.energy_and_faults import Battery as Battery
 from automaton.scenario.energy_and_faults import ChargeRange as ChargeRange
 from automaton.scenario.energy_and_faults import Drain as Drain
@@ -77,21 +78,22 @@ class Units(ConfigSection, frozen=True, kw_only=True):
         SingleLine | None,
         Meta(
             description='The time of tick 0, such as "2026-03-02 06:00" or "06:00": clock times that '
-            "the scenario names are counted from it."
+            "the scenario names are counted from it. With an offset, "
+            '"2026-03-02 06:00+01:00", it goes with files whose times have one.'
         ),
     ] = None
 
     def __post_init__(self) -> None:
         if self.clock is not None:
             try:
-                read_moment(self.clock)
+                read_clock(self.clock)
             except InputError as error:
                 raise ValueError(f"clock {error.message}") from None
 
     @property
     def scale(self) -> Scale:
         """What texts with units are measured by."""
-        return Scale(self.tick, self.cell, read_moment(self.clock) if self.clock else None)
+        return Scale(self.tick, self.cell, read_clock(self.clock) if self.clock else None)
 
 
 class Durations(ConfigSection, frozen=True, kw_only=True):
@@ -252,6 +254,7 @@ class Scenario(ConfigSection, frozen=True, kw_only=True):
     areas: Annotated[
         dict[str, Area], Meta(description="Parts of the floor that not every robot may enter.")
     ] = msgspec.field(default_factory=dict)
+    locations: Locations = msgspec.field(default_factory=dict)
     units: Units = Units()
     durations: Durations = Durations()
     orders: Orders = Orders(generator="full-shelves")

@@ -16,18 +16,27 @@ from typing import Final, NamedTuple, get_args
 
 import msgspec
 
-from automaton.errors import InputError, alternatives, nearest
-from automaton.scenario.csv_table import number_in, read_table
+from automaton.errors import InputError, nearest
 from automaton.scenario.document import Document, ListFile
 from automaton.scenario.field_types import Direction
 from automaton.scenario.fleet import StartFile
-from automaton.scenario.reading import content_hash, read_text
+from automaton.scenario.order_columns import read_columns
+from automaton.scenario.order_fields import NameField, NumberField, OrderFile
+from automaton.scenario.quantities import Scale
 from automaton.scenario.schema import Scenario
 
-START_COLUMNS: Final = ("x", "y")
-HEADING_COLUMN: Final = "heading"
 HEADINGS: Final[tuple[Direction, ...]] = get_args(Direction)
 FARTHEST: Final = 1_000_000
+FIELDS: Final = (
+    NumberField("x", 0, FARTHEST),
+    NumberField("y", 0, FARTHEST),
+    NameField("heading", dict(zip(HEADINGS, range(4), strict=True)), "direction", is_required=True),
+)
+NEEDED: Final = (
+    (("x",),),
+    (("y",),),
+    (("heading",), ()),
+)  # no column of headings, or one in all rows
 
 
 class ReadStarts(NamedTuple):
@@ -51,7 +60,7 @@ def with_starts_of_file(
     if not os.path.isfile(path):
         text = f"there is no file of starts '{start.file}'"
         raise document.error(("fleet", "start", "file"), text)
-    starts = read_starts(read_text(path), str(path))
+    starts = read_starts(path)
     if starts.headings is not None and scenario.fleet.heading is not None:
         text = f"the headings are in {start.file}; leave out fleet.heading, or that column"
         raise document.error(("fleet", "heading"), text)
@@ -67,29 +76,20 @@ def with_starts_of_file(
     return document, msgspec.structs.replace(scenario, fleet=fleet), absolute
 
 
-def read_starts(text: str, path: str) -> ReadStarts:
-    """The starts of a CSV text. Raises InputError with the line."""
-    rows = read_table(text, path, START_COLUMNS, (HEADING_COLUMN,), "start")
-    allowed = "of a column or row of the floor"
-    cells = [
-        (
-            number_in(row, "x", path, -1, FARTHEST, allowed),
-            number_in(row, "y", path, -1, FARTHEST, allowed),
-        )
-        for row in rows
-    ]
-    headings: list[Direction] = []
-    for row in rows if HEADING_COLUMN in rows[0].cells else ():
-        heading = row.cells[HEADING_COLUMN]
-        direction = next((one for one in HEADINGS if one == heading), None)
-        if direction is None:
-            text = f"heading must be {alternatives(HEADINGS)}, found {heading[:20]!r}"
-            raise InputError(text + nearest(heading, HEADINGS), path, row.line)
-        headings.append(direction)
+def read_starts(path: Path) -> ReadStarts:
+    """The starts of a CSV file. Raises InputError with the line."""
+    columns = read_columns(path, FIELDS, OrderFile(file=path.name), None, Scale("1 tick"), NEEDED)
+    if columns.counts.ignored:
+        name, known = columns.counts.ignored[0], [field.name for field in FIELDS]
+        text = f"unknown column '{name[:40]}'{nearest(name, known)}"
+        raise InputError(f"{text}; the columns are {', '.join(known)}", str(path))
+    columns.errors.raise_any()
+    values = columns.values
+    headings = [HEADINGS[code] for code in values["heading"].tolist() if code >= 0]
     return ReadStarts(
-        path,
-        content_hash(Path(path)),
-        tuple(cells),
+        str(path),
+        columns.content_hash,
+        tuple(zip(values["x"].tolist(), values["y"].tolist(), strict=True)),
         tuple(headings) or None,
-        tuple(row.line for row in rows),
+        tuple(columns.lines.tolist()),
     )

@@ -38,6 +38,7 @@ from automaton.engine.search import (
     pop,
     push,
     table_of,
+    ways_on,
     weighted_table_of,
     write_path,
 )
@@ -103,6 +104,7 @@ __all__ = [
     "random_bits",
     "splitmix64",
     "table_of",
+    "ways_on",
     "weighted_table_of",
     "write_path",
 ]

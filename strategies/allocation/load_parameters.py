@@ -8,12 +8,24 @@ import msgspec
 from msgspec import Meta
 
 from automaton.floor.floor_plan import FloorPlan
-from automaton.scenario.orders import has_tours, priorities_of
+from automaton.scenario.orders import has_lines, has_tours, priorities_of
 from automaton.scenario.schema import Scenario
+
+
+def refusal_of_pods(scenario: Scenario) -> str | None:
+    """Return why a strategy that brings each load to a target does not fit, None if it does."""
+    if not has_lines(scenario.orders):
+        return None
+    return (
+        "it does not know pods, which go to stations and back into storage; shortest-job, first-come "
+        "and independent do"
+    )
 
 
 def refusal_of_tours(scenario: Scenario) -> str | None:
     """Return why an allocation that prices loads alone does not fit, None if it does."""
+    if has_lines(scenario.orders):
+        return refusal_of_pods(scenario)
     if not has_tours(scenario.orders):
         return None
     return "it knows only orders with a load, and some have stops; greedy and first-come do those"
@@ -42,6 +54,12 @@ Storage = Annotated[
 ]
 
 
+class Storing(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """Where pods are stored."""
+
+    storage: Storage = "fixed"
+
+
 class FirstComeParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """Which order comes first; but robots must not have orders of their own."""
 
@@ -60,9 +78,7 @@ class FirstComeParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=Tru
 
 
 class LoadsAlone(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """Every order must have a load."""
-
-    storage: Storage = "fixed"
+    """No parameters; but every order must have a load."""
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         """Orders without a load lie nowhere, and are brought nowhere."""

@@ -154,11 +154,11 @@ def test_weights_of_generated_orders_parts_and_files(tmp_path: Any) -> None:
     )
     parts = resolve("factory", ["orders.parts=[{route: [1, 2, 3], count: 2, weight: 7}]"])
     assert Simulation(parts).world.orders.weight.tolist() == [7] * 4
-    (tmp_path / "orders.csv").write_text("tick,weight,from_x,from_y,to_x,to_y\n0,3,0,0,6,0\n")
+    (tmp_path / "orders.csv").write_text("released,weight,from_x,from_y,to_x,to_y\n0,3,0,0,6,0\n")
     path = tmp_path / "typed.yaml"
-    listed = FILE[: FILE.index("orders:")] + "orders: {arrivals: {file: orders.csv}}\n"
+    listed = FILE[: FILE.index("orders:")] + "orders: {transports: {file: orders.csv}}\n"
     path.write_text(listed)
     assert Simulation(resolve(path)).world.orders.weight.tolist() == [3]
-    (tmp_path / "orders.csv").write_text("tick,weight,from_x,from_y,to_x,to_y\n0,0,0,0,6,0\n")
+    (tmp_path / "orders.csv").write_text("released,weight,from_x,from_y,to_x,to_y\n0,0,0,0,6,0\n")
     with pytest.raises(InputError, match="weight must be a whole number from 1 to 1,000,000,000"):
         resolve(path)

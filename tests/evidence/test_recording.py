@@ -217,7 +217,7 @@ def test_a_flipped_byte_is_noticed_wherever_it_is(whole: bytes, tmp_path: Path) 
         (stored.preamble() + b"\x01\x02", "cut short before its first frame ends"),
         (
             struct.pack("<12sH", stored.MAGIC, 9),
-            "has format 9, this version of automaton reads format 5",
+            "has format 9, this version of automaton reads format 6",
         ),
     ],
 )

@@ -38,7 +38,7 @@ OF_PARTS = OF_STREAMS.replace(
     "parts: [{route: [1, 2], count: 3, interarrival_time: 9}, {route: [2]}], processing_time: "
     "[{mean: 20}, 5]",
 )
-FROM_FILE = re.sub("orders: .*", "orders: {arrivals: {file: orders.csv}}", OF_STREAMS)
+FROM_FILE = re.sub("orders: .*", "orders: {transports: {file: orders.csv}}", OF_STREAMS)
 WITH_UNITS = """name: units
 layout:
   picture: |
@@ -54,7 +54,7 @@ faults: {mtbf: 400 h, repair_time: 2 h, list: [{robot: 0, at: "06:10"}]}
 information: {radius: 3 m}
 stop: {when: delivered, max_duration: 1 h}
 """
-CSV = "tick,from_x,from_y,to_x,to_y\n30,0,0,4,0\n3,4,0,0,0\n"
+CSV = "released,from_x,from_y,to_x,to_y\n30,0,0,4,0\n3,4,0,0,0\n"
 HOSTILE = (
     *(0, -1, 1, 2**31, 2**63, 2**64, 1.5, -0.0, 1e308, True, None, "", " ", "none", "..", "a: b"),
     *(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -19,11 +21,11 @@ layout:
     t...t
     ..#..
 fleet: {robots: 1, kinematics: omni, start: [[2, 0]]}
-orders: {arrivals: {file: orders.csv}}
+orders: {transports: {file: orders.csv}}
 strategy: {allocation: first-come, right_of_way: wait}
 stop: {when: delivered, max_duration: 500}
 """
-ORDERS = "tick,from_x,from_y,to_x,to_y\n30,0,0,4,0\n\n3,4,0,0,0\n"
+ORDERS = "released,from_x,from_y,to_x,to_y\n30,0,0,4,0\n\n3,4,0,0,0\n"
 
 
 def scenario(folder: Path, orders: str = ORDERS) -> Path:
@@ -55,7 +57,7 @@ def test_columns_may_be_parted_as_spreadsheets_do(text: str, tmp_path: Path) -> 
 
 
 def test_columns_are_found_by_their_names(tmp_path: Path) -> None:
-    lines = resolve(scenario(tmp_path, "to_x,to_y,from_x,from_y,tick\n4,0,0,0,9\n")).scenario
+    lines = resolve(scenario(tmp_path, "to_x,to_y,from_x,from_y,released\n4,0,0,0,9\n")).scenario
     assert [(one.release, one.source, one.target) for one in lines.orders.listed or ()] == [
         (9, (0, 0), (4, 0))
     ]
@@ -64,16 +66,20 @@ def test_columns_are_found_by_their_names(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("orders", "line", "sentence"),
     [
-        ("", 0, "is empty; its head must name the columns tick, from_x, from_y, to_x, to_y"),
-        ("tick,from_x,from_y,to_x,to_y\n", 1, "holds no order below its head"),
-        (ORDERS.replace("from_x", "fromx"), 1, "unknown column 'fromx' (did you mean 'from_x'?)"),
-        (ORDERS.replace("from_x", "tick"), 1, "the column tick appears twice"),
-        ("tick,from_x,from_y,to_x\n1,2,3,4\n", 1, "the column to_y is missing"),
-        (ORDERS.replace("3,4,0,0,0", "3,4,0,0"), 4, "the line has 4 values, the head names 5"),
-        (ORDERS.replace("30,", "soon,"), 2, "tick must be a whole number from 0 to 2,000,000,000"),
-        (ORDERS.replace("30,", "-1,"), 2, "found '-1'"),
-        (ORDERS.replace("30,", ","), 2, "found nothing"),
-        (ORDERS.replace("3,4,0", "3,4.5,0"), 4, "from_x must be a whole number"),
+        ("", 0, "is empty; its first line must name the columns"),
+        ("released,from_x,from_y,to_x,to_y\n", 0, "has no rows below its head"),
+        (ORDERS.replace("from_x", "fromx"), 1, "no column for from or from_x and from_y (did you"),
+        (ORDERS.replace("from_x", "to_x"), 1, "the column to_x appears twice"),
+        ("released,from_x,from_y,to_x\n1,2,3,4\n", 1, "there is no column for to or to_x and to_y"),
+        (ORDERS.replace("3,4,0,0,0", "3,4,0,0"), 4, "the row has 4 values, the head names 5"),
+        (ORDERS.replace("30,", "soon,"), 2, "released 'soon' is not a time"),
+        (ORDERS.replace("30,", "-1,"), 2, "released '-1' is not a time"),
+        (ORDERS.replace("30,", ","), 2, "released is empty"),
+        (
+            ORDERS.replace("3,4,0", "3,4.5,0"),
+            4,
+            "from_x must be a whole number from 0 to 1,000,000",
+        ),
         (ORDERS.replace("3,4,0", "3,9,0"), 4, "[9, 0] lies outside the floor (x 0..4, y 0..1)"),
         (ORDERS.replace("3,4,0", "3,1,0"), 4, "an order begins at a shelf, a dock or a station"),
     ],
@@ -113,7 +119,137 @@ def test_a_study_tells_runs_of_other_orders_apart(tmp_path: Path) -> None:
     assert fingerprint(resolve(scenario(elsewhere))) == key(ORDERS)
 
 
+WAREHOUSE = """name: shift
+layout:
+  picture: |
+    t...t
+    ..#..
+fleet: {robots: 1, kinematics: omni, start: [[2, 0]]}
+units: {tick: 0.5 s, clock: "2026-03-02 06:00"}
+locations: plätze.csv
+orders:
+  transports:
+    file: schicht.csv
+    columns: {order: AUFTRAG, from: VON, to: NACH, released: ANGELEGT, due: FÄLLIG}
+    where: {STATUS: [OFFEN, NEU]}
+    time: "%d.%m.%Y %H:%M"
+    encoding: cp1252
+strategy: {allocation: first-come, right_of_way: wait}
+stop: {when: delivered, max_duration: 10000}
+"""
+PLACES = "name;x;y\nRegal-Süd;0;0\nPackplatz;4;0\n"
+SHIFT = """AUFTRAG;POS;VON;NACH;ANGELEGT;FÄLLIG;STATUS
+1;1;Regal-Süd;Packplatz;02.03.2026 06:01;02.03.2026 08:00;OFFEN
+2;1;Packplatz;Regal-Süd;02.03.2026 05:30;02.03.2026 05:00;NEU
+3;1;Regal-Süd;Packplatz;morgen;;STORNO
+"""
+
+
+def warehouse(
+    folder: Path, shift: str = SHIFT, scenario: str = WAREHOUSE, places: str = PLACES
+) -> Path:
+    (folder / "schicht.csv").write_text(shift, "cp1252")
+    (folder / "plätze.csv").write_text(places)
+    path = folder / "shift.yaml"
+    path.write_text(scenario)
+    return path
+
+
+def test_a_shift_of_a_warehouse_system_is_read_as_it_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = warehouse(tmp_path)
+    lines = resolve(path).scenario.orders.listed or ()
+    assert [(line.release, line.source, line.target) for line in lines] == [
+        (120, (0, 0), (4, 0)),
+        (0, (4, 0), (0, 0)),
+    ]
+    assert main(["check", str(path)]) == 0
+    told = capsys.readouterr()
+    assert told.out.splitlines()[1:] == [
+        "  schicht.csv: 2 of 3 rows, left out: 1 STATUS STORNO",
+        "  schicht.csv: columns that are not read: POS",
+    ]
+    assert [line.partition("warning: ")[2] for line in told.err.splitlines()] == [
+        "schicht.csv: 1 row released before tick 0, so known from the start",
+        "schicht.csv: 1 row due before the release, so late at once",
+    ]
+
+
+def test_checking_a_shift_needs_no_numba(tmp_path: Path) -> None:
+    code = (
+        "import sys; from automaton.commands import main; code = main(['check', sys.argv[1]]);"
+        "sys.exit(code or 'numba' in sys.modules)"
+    )
+    run = subprocess.run([sys.executable, "-c", code, str(warehouse(tmp_path))], check=False)
+    assert run.returncode == 0
+
+
+def test_without_a_clock_check_says_what_tick_0_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = warehouse(tmp_path, scenario=WAREHOUSE.replace(', clock: "2026-03-02 06:00"', ""))
+    assert main(["check", str(path)]) == 0
+    assert (
+        "  schicht.csv: tick 0 is 02.03.2026 05:30, the earliest release\n"
+        in capsys.readouterr().out
+    )
+
+
+def test_unknown_places_are_gathered_and_check_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = [f"{k};1;Regal-Nord;Packplatz;02.03.2026 06:0{k % 9};;NEU" for k in range(31)]
+    rows += ["99;1;Regal-Süd;;02.03.2026 06:00;;NEU"]
+    path = warehouse(tmp_path, SHIFT + "\n".join(rows))
+    assert main(["check", str(path)]) == 2
+    place = f"{tmp_path}/schicht.csv"
+    assert capsys.readouterr().err.splitlines() == [
+        f"automaton: {place}:5: VON 'Regal-Nord' is not a location (did you mean 'Regal-Süd'?); "
+        "30 more such rows",
+        f"{place}:36: NACH is empty",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("scenario", "places", "sentence"),
+    [
+        (WAREHOUSE.replace("locations: plätze.csv\n", ""), PLACES,
+         "schicht.csv:1: names cells, and the scenario has no names of cells; set locations"),
+        (WAREHOUSE.replace("VON", "VOM"), PLACES,
+         "schicht.csv:1: there is no column 'VOM' (did you mean 'VON'?); the columns are AUFTRAG"),
+        (WAREHOUSE.replace("from: VON, ", ""), PLACES,
+         "there is no column for from or from_x and from_y; the columns are"),
+        (WAREHOUSE.replace("from: VON", "form: VON"), PLACES,
+         "shift.yaml:12: unknown key 'form' in orders.transports.columns (did you mean 'from'?)"),
+        (WAREHOUSE.replace("cp1252", "latin-1"), PLACES, "must be cp1252 or utf-8, found 'latin-1'"),
+        (WAREHOUSE.replace("cp1252", "utf-8"), PLACES, "schicht.csv:1: is not utf-8 text (byte 0xc4)"),
+        (WAREHOUSE.replace("%d.%m.%Y", "%m/%d/%Y"), PLACES,
+         "schicht.csv:2: ANGELEGT '02.03.2026 06:01' is not a time; expected is the format "
+         "'%m/%d/%Y %H:%M', such as 03/02/2026 06:30; set time: \"%d.%m.%Y %H:%M\"; 1 more such row"),
+        (WAREHOUSE.replace("time: \"%d.%m.%Y %H:%M\"", "time: \"%d.%m. %H:%M\""), PLACES,
+         "time is the format '%d.%m. %H:%M', of dates without a year"),
+        (WAREHOUSE, "name;x;y\nRegal-Süd;0;0\nPackplatz;9;0\n",
+         "plätze.csv:3: the location Packplatz [9, 0] lies outside the floor (x 0..4, y 0..1)"),
+        (WAREHOUSE, PLACES + "Packplatz;1;0\nTor;x;0\n",
+         "plätze.csv:4: name 'Packplatz' is here twice"),
+        (WAREHOUSE, "name;x\nTor;1\n", "plätze.csv:1: there is no column for y"),
+        (WAREHOUSE, PLACES.replace("Packplatz;4", "Packplatz;2"),
+         "schicht.csv:2: an order ends at a shelf, a destination, a rack or a station; [2, 0] is a"),
+    ],
+)  # fmt: skip
+def test_a_mistake_in_a_shift_is_said_with_its_place(
+    scenario: str, places: str, sentence: str, tmp_path: Path
+) -> None:
+    with pytest.raises(InputError) as error:
+        resolve(warehouse(tmp_path, scenario=scenario, places=places))
+    assert sentence in str(error.value), str(error.value)
+
+
 def test_check_takes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", str(scenario(tmp_path))]) == 0
     assert main(["check", str(scenario(tmp_path, "tick\n"))]) == 2
-    assert "orders.csv:1: the column from_x is missing" in capsys.readouterr().err
+    assert (
+        "orders.csv:1: there is no column for released; the columns are tick"
+        in capsys.readouterr().err
+    )

@@ -324,14 +324,14 @@ def test_texts_in_lists_are_read_in_one_pass(tmp_path: Path) -> None:
 
 def test_the_reader_of_a_file_of_orders_takes_times_and_clock_times(tmp_path: Path) -> None:
     (tmp_path / "orders.csv").write_text(
-        "tick;from_x;from_y;to_x;to_y\n12;0;0;4;0\n20 s;4;0;0;0\n06:30;0;0;4;0\n"
+        "released;from_x;from_y;to_x;to_y\n12;0;0;4;0\n20 s;4;0;0;0\n06:30;0;0;4;0\n"
     )
     floor = 'layout: {picture: "t...t\\n....."}'
     settings = (floor.replace("layout: ", "layout="), "fleet.start=[[1, 0], [2, 0]]")
-    setting = "arrivals: {file: orders.csv}"
+    setting = "transports: {file: orders.csv}"
     with pytest.raises(InputError) as caught:
         resolved(tmp_path, "generator: full-shelves", setting, *settings, "units.clock=null")
-    assert "orders.csv:4: tick: '06:30' is a clock time" in str(caught.value)
+    assert "orders.csv:4: released '06:30' is a clock time" in str(caught.value)
     run = resolved(tmp_path, "generator: full-shelves", setting, *settings)
     assert [line.release for line in run.scenario.orders.listed or ()] == [12, 40, 3600]
 

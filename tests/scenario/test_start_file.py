@@ -63,15 +63,19 @@ def test_headings_are_those_of_identities_however_robots_are_stored(tmp_path: Pa
     ("starts", "sentence"),
     [
         (None, "floor.yaml:6: there is no file of starts 'starts.csv'"),
-        ("", "starts.csv: is empty; its head must name the columns x, y"),
-        ("x,y\n", "starts.csv:1: holds no start below its head"),
-        ("x,y,heading\n4,0,up\n0,1,east\n", "starts.csv:2: heading must be east, south, west or n"),
-        ("x,y\n4,0\n0,1.5\n", "starts.csv:3: y must be a whole number of a column or row"),
+        ("", "starts.csv: is empty; its first line must name the columns"),
+        ("x,y\n", "starts.csv: has no rows below its head"),
+        ("x,y,heading\n4,0,up\n0,1,est\n", "starts.csv:2: heading 'up' is not a direction; 1 more"),
+        ("x,y,heading\n4,0,east\n0,1,\n", "starts.csv:3: heading is empty"),
+        (
+            "x,y\n4,0\n0,1.5\n",
+            "starts.csv:3: y must be a whole number from 0 to 1,000,000, found '1.5'",
+        ),
         ("x,y\n4,0\n5,1\n", "starts.csv:3: robot 1 would start at [5, 1], outside the floor"),
         ("x,y\n4,0\n2,1\n", "starts.csv:3: robot 1 would start at [2, 1], a wall"),
         ("x,y\n4,0\n\n4,0\n", "starts.csv:4: robot 1 would start at [4, 0], where robot 0 starts"),
         ("x,y\n4,0\n", "floor.yaml:6: fleet.robots is 2, but starts.csv has 1 starts"),
-        ("x,y,z\n4,0,0\n", "starts.csv:1: unknown column 'z'; the columns are x, y, heading"),
+        ("x,y,z\n4,0,0\n", "starts.csv: unknown column 'z'; the columns are x, y, heading"),
     ],
 )
 def test_bad_starts_are_refused_with_their_line(

@@ -36,10 +36,13 @@ def complaint(folder: Path, orders: str, tasks: str = "") -> str:
 
 
 WRONG = (
-    ("{list: [{stops: [[1, 1]]}]}", "the stop [1, 1] is a wall: robots do not drive there"),
+    ("{list: [{stops: [[1, 1]]}]}", "orders.list[0].stops[0]: the stop [1, 1] is a wall"),
     ("{list: [{stops: [[4, 2]]}]}", "the stop [4, 2] is a shelf: robots do not drive there"),
     ("{list: [{stops: [[7, 0]]}]}", "the stop [7, 0] lies outside the floor (x 0..6, y 0..2)"),
-    ("{list: [{stops: [[0, 0], [6, 0]]}]}", "gets to its stop [6, 0] from its start, and back"),
+    (
+        "{list: [{stops: [[0, 0], [6, 0]]}]}",
+        "orders.list[0].stops[1]: no robot that can do the order gets",
+    ),
     ("{list: [{stops: [[0, 0]], from: [4, 2]}]}", "the key 'to' is missing"),
     ("{list: [{stops: []}]}", "orders.list[0].stops"),
     ("{list: [{}]}", "an order needs from and to, or stops"),
@@ -54,7 +57,7 @@ WRONG = (
     ("{tasks: [[[0, 0]]], assign: round-robin, revealed: 2}", "revealed belongs to assign: pool"),
     ("{tasks: [[[0, 0]]], skip_reached: true}", "skip_reached needs assign: round-robin"),
     ("{generator: tours, count: 3, repeat: true}", "repeat belongs to tasks"),
-    ("{tasks: [[[0, 0]], [[0, 0], [5, 0]]]}", "the stop [5, 0] is a wall"),
+    ("{tasks: [[[0, 0]], [[0, 0], [5, 0]]]}", "orders.tasks[1][1]: the stop [5, 0] is a wall"),
     ("{tasks: []}", "tasks must hold at least one task"),
     ("{tasks: task.txt}", "there is no file of tasks 'task.txt'"),
     ("{tasks: [[[0, 0]]], assign: robin}", "did you mean 'round-robin'?"),

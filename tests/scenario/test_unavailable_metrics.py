@@ -32,7 +32,7 @@ stop: {when: never, max_duration: 60}
 """
 AT_ONCE = "{list: [{from: [0, 0], to: [5, 0]}]}"
 LATER = "{list: [{from: [0, 0], to: [5, 0], release: 9}]}"
-OF_A_FILE = "{arrivals: {file: orders.csv}}"
+OF_A_FILE = "{transports: {file: orders.csv}}"
 
 
 @pytest.mark.parametrize("name", shipped())
@@ -46,7 +46,7 @@ def test_what_a_scenario_is_said_not_to_measure_is_what_its_runs_lack(name: str)
 def test_orders_that_are_listed_with_their_ticks_have_lead_times(
     orders: str, lead_times: bool, tmp_path: Path
 ) -> None:
-    (tmp_path / "orders.csv").write_text("tick,from_x,from_y,to_x,to_y\n9,0,0,5,0\n")
+    (tmp_path / "orders.csv").write_text("released,from_x,from_y,to_x,to_y\n9,0,0,5,0\n")
     (tmp_path / "listed.yaml").write_text(LISTED.replace("ORDERS", orders))
     assert ("lead_time" in check(tmp_path / "listed.yaml")) == lead_times
 

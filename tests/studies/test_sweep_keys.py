@@ -124,10 +124,10 @@ def far_study(folder: Path, scenario: str) -> Path:
     """A study whose scenario lies deeper, with its floor above it and its orders beside it."""
     (folder / "deep").mkdir(parents=True)
     (folder / "floor.txt").write_bytes(b"b.$.d\r\nb....\r\ns....\r\n")
-    (folder / "deep" / "orders.csv").write_text("tick,from_x,from_y,to_x,to_y\n0,0,2,4,0\n")
+    (folder / "deep" / "orders.csv").write_text("released,from_x,from_y,to_x,to_y\n0,0,2,4,0\n")
     (folder / "deep" / "own.yaml").write_text(
         "name: own\nlayout: {file: ../floor.txt}\nfleet: {robots: 1}\n"
-        "orders: {arrivals: {file: orders.csv}}\nstop: {when: delivered, max_duration: 500}\n"
+        "orders: {transports: {file: orders.csv}}\nstop: {when: delivered, max_duration: 500}\n"
     )
     study = folder / "far.yaml"
     study.write_text(

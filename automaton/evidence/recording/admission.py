@@ -30,11 +30,12 @@ from automaton.evidence.recording.contents import (
 )
 from automaton.evidence.recording.frames import Payload, decode, tick_of
 from automaton.evidence.recording.header import floor_plan_of
-from automaton.floor.cells import CELL_KINDS, DIRECTION_VECTORS, NIL, SHELF, STATION
+from automaton.floor.cells import CELL_KINDS, DIRECTION_VECTORS, NIL, SHELF, STATION, STORAGE
 from automaton.floor.floor_plan import FloorPlan, bays_of
 from automaton.scenario.document import Document
 from automaton.scenario.floor_section import Floor, generator_type, is_shipped
 from automaton.scenario.orders import MAX_STOPS
+from automaton.scenario.pods import LineDemand
 from automaton.scenario.schema import LAYER_NAMES, Scenario
 from automaton.scenario.validation import validated
 from automaton.strategy import lookup
@@ -103,6 +104,7 @@ class Admission:
         sizes["robots"] = self.scenario.fleet.robots
         check_arrays(header, HEADER_ARRAYS, sizes)
         self._check_stops(header)
+        self._check_trips(header)
         self.floor_plan = floor_plan_of(floor)
         check_plan(self.floor_plan)
         self._check_slots(header)
@@ -135,6 +137,28 @@ class Admission:
         without = orders["source"] == NIL
         if not np.array_equal(orders["target"] == NIL, without) or (count[without] == 0).any():
             raise InvalidFrameError("it has an order with neither a load nor stops")
+
+    def _check_trips(self, header: Content) -> None:
+        """Pods, lines and their stations are there where orders are lines; no trip is known yet."""
+        given = [name in header for name in ("pods", "lines", "pod_stations")]
+        wanted = self.scenario.orders.lines is not None
+        if given != [wanted] * 3:
+            raise InvalidFrameError("it has pods, lines or their stations, and its scenario not")
+        cells = header["stops"]["cell"] if "stops" in header else np.zeros(0, np.int32)
+        if not wanted and (cells == NIL).any():
+            raise InvalidFrameError("a stop of its orders is nowhere")
+        if not wanted:
+            return
+        orders, sizes = header["orders"], self.sizes
+        stops = sizes["lines"] * self.scenario.pods.max_stops
+        first = np.arange(0, stops + 1, self.scenario.pods.max_stops)
+        if sizes["orders"] != sizes["lines"] or not np.array_equal(orders.get("first_stop"), first):
+            raise InvalidFrameError("its trips are not as many as its lines, or have other stops")
+        if (orders["source"] != NIL).any() or (cells != NIL).any():
+            raise InvalidFrameError("a trip is known before its lines are")
+        slots = header["pods"]["slot"]
+        if len(np.unique(slots)) != len(slots):
+            raise InvalidFrameError("two of its pods stand in one cell")
 
     def _check_counts(self, header: Content) -> None:
         """As many orders and jobs as the scenario has, before a world is built for them."""
@@ -220,6 +244,8 @@ def counted(scenario: Scenario, floor_plan: FloorPlan) -> tuple[int, int]:
         return jobs - sum(kind.count for kind in orders.parts), jobs
     if orders.listed is not None:
         return len(orders.listed), 0
+    if orders.lines is not None:
+        return orders.lines.drawn if isinstance(orders.lines, LineDemand) else len(orders.lines), 0
     if orders.count is not None or orders.tasks is not None:
         return order_count(scenario, floor_plan), 0
     shelves = floor_plan.kind == SHELF
@@ -256,7 +282,8 @@ def check_plan(floor_plan: FloorPlan) -> None:
     stations = np.flatnonzero(floor_plan.kind == STATION).tolist()
     if floor_plan.numbered and sorted(floor_plan.numbered) != stations:
         raise InvalidFrameError("its stations are not those of its floor")
-    if (floor_plan.loads[floor_plan.kind != SHELF] != 0).any():
+    holds = np.isin(floor_plan.kind, (SHELF, STORAGE))
+    if (floor_plan.loads[~holds] != 0).any():
         raise InvalidFrameError("a load is drawn where there is no shelf")
 
 

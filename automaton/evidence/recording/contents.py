@@ -16,6 +16,7 @@ from msgspec import UNSET, Meta, UnsetType, defstruct
 from numpy.typing import NDArray
 
 from automaton.engine.facilities import Slots, Stations
+from automaton.engine.pods import Lines, Pods, PodStations
 from automaton.engine.record_codes import (
     ACTION_MASK,
     CHANGE_DROPPED,
@@ -78,6 +79,7 @@ MAX_ROWS: Final = 64  # changes of a robot in a tick
 MAX_CHANGES: Final = 4_000_000  # in a FRAME_KIND_TICKS frame
 LAST_TICK: Final = 2_000_000_000
 MAX_NUMBER: Final = 1 << 31
+MAX_HANDLING: Final = 65_536_000_000  # millionths of a tick that a line takes, or a visit
 
 IN_HEADER: Final = attrgetter("in_header")  # of declarations of fields
 
@@ -99,6 +101,7 @@ _Places = Annotated[tuple[int, ...], Meta(max_length=MAX_PLACES)]
 _Labels = Annotated[tuple[str, ...], Meta(max_length=MAX_LABELS)]
 _Named = Annotated[dict[str, str], Meta(max_length=MAX_LABELS)]
 _Text = Annotated[str, Meta(max_length=MAX_TEXT)]
+_Columns = Annotated[dict[str, np.ndarray], Meta(max_length=20)]
 _FLOOR = _part(
     "Floor",
     ("kind", "exits", "capacity", "bays", "loads", "opens"),
@@ -138,6 +141,10 @@ class _Header(_Frame):
     slots: _part("Slots", Slots.fields_where(IN_HEADER), ("first_spare", int))  # type: ignore[valid-type]
     files: _Named | UnsetType = UNSET
     stops: _part("Stops", Stops.fields_where(IN_HEADER)) | UnsetType = UNSET  # type: ignore[valid-type]
+    listed: _Columns | UnsetType = UNSET
+    pods: _part("Pods", Pods.fields_where(IN_HEADER)) | UnsetType = UNSET  # type: ignore[valid-type]
+    lines: _part("Lines", Lines.fields_where(IN_HEADER)) | UnsetType = UNSET  # type: ignore[valid-type]
+    pod_stations: _part("PodStations", PodStations.fields_where(IN_HEADER)) | UnsetType = UNSET  # type: ignore[valid-type]
 
 
 class _Conditions(_Frame):
@@ -149,6 +156,7 @@ class _Conditions(_Frame):
     wait: np.ndarray
     steered: np.ndarray
     files: _Named | UnsetType = UNSET
+    listed: _Columns | UnsetType = UNSET
 
 
 class _Ticks(_Frame):
@@ -328,10 +336,22 @@ HEADER_ARRAYS: Final = {
     "orders.priority": Range("i2", ("orders",), -100, 101),
     "orders.due": Range("i4", ("orders",), -LAST_TICK, MAX_NUMBER),
     "orders.first_stop": Range("i4", ("orders and one",), 0, MAX_NUMBER),
-    "stops.cell": Range("i4", ("stops",), 0, "cells"),
+    "stops.cell": Range("i4", ("stops",), -1, "cells"),
     "stops.ticks": Range("i4", ("stops",), 0, 65_536),
     "jobs.processing_time": Range("i4", ("jobs",), 0, MAX_NUMBER),
     "jobs.arrival_tick": Range("i4", ("jobs",), -1, MAX_NUMBER),
+    "pods.slot": Range("i4", ("pods",), 0, "spare"),
+    "pod_stations.cell": Range("i4", ("stations",), 0, "cells"),
+    "pod_stations.places": Range("i4", ("stations",), -1, MAX_NUMBER),
+    "pod_stations.visit": Range("i8", ("stations",), 0, MAX_HANDLING),
+    "lines.handling": Range("i8", ("rules", "lines"), 0, MAX_HANDLING),
+    "pod_stations.rule": Range("i4", ("stations",), 0, "rules"),
+    "lines.order": Range("i4", ("lines",), 0, "lines"),
+    "lines.pod": Range("i4", ("lines",), 0, "pods"),
+    "lines.station": Range("i4", ("lines",), -1, "stations"),
+    "lines.release_tick": Range("i4", ("lines",), 0, MAX_NUMBER),
+    "lines.due": Range("i4", ("lines",), 0, MAX_NUMBER),
+    "lines.priority": Range("i2", ("lines",), -100, 101),
 }
 CONDITIONS_ARRAYS: Final = {
     "period": Range("i4", (5,), 0, MAX_NUMBER),
@@ -339,7 +359,7 @@ CONDITIONS_ARRAYS: Final = {
     "steered": Range("u1", (1,), 0, 2),
 }
 # Only the validator reads states, as numbers; `verify` compares them with the run made again.
-STATE_SIZES: Final = {"robots": "robots", "orders": "orders", "slots": "slots", "stops": "stops"}
+STATE_SIZES: Final = {name: name for name in ("robots", "orders", "slots", "stops")}
 
 
 def check_arrays(content: Content, wanted: Mapping[str, Range], sizes: dict[str, int]) -> None:

@@ -35,8 +35,9 @@ from automaton.evidence.recording.contents import FRAME_KIND_TICKS as FRAME_KIND
 from automaton.evidence.recording.contents import Content as Content
 from automaton.evidence.recording.contents import Frame as Frame
 from automaton.evidence.recording.contents import array_out, read_content, unpacked_ticks
+from automaton.evidence.recording.listed_orders import pack_listed, unpack_listed
 
-RECORDING_FORMAT: Final = 5
+RECORDING_FORMAT: Final = 6
 MAGIC: Final = b"\x93AUTOMATON\r\n"  # not text, and spoilt by a transfer that changes line ends
 PREAMBLE: Final = struct.Struct("<12sH")  # magic, format
 FRAME: Final = struct.Struct("<BIQI16s")  # kind, bytes of the payload, tick, CRC-32, seal
@@ -180,7 +181,11 @@ def tick_of(kind: int, content: Content) -> int:
 
 def payload_of(kind: int, content: Content) -> Payload:
     """A frame as it is stored."""
-    packed = _pack_ticks(content) if kind == FRAME_KIND_TICKS else content
+    packed = content
+    if kind == FRAME_KIND_TICKS:
+        packed = _pack_ticks(content)
+    elif kind in (FRAME_KIND_HEADER, FRAME_KIND_CONDITIONS):
+        packed = pack_listed(content)
     data = zlib.compress(msgspec.msgpack.encode(packed, enc_hook=array_out), 6)
     return Payload(kind, tick_of(kind, content), data)
 
@@ -228,7 +233,7 @@ def decode(
 ) -> Content:
     """The content of a frame, of the right types and of these sizes. Raises Unsound."""
     content = read_content(kind, payload)
-    return unpacked_ticks(content, sizes) if kind == FRAME_KIND_TICKS else content
+    return unpacked_ticks(content, sizes) if kind == FRAME_KIND_TICKS else unpack_listed(content)
 
 
 def _pack_ticks(content: Content) -> Content:

@@ -22,7 +22,7 @@ from automaton.scenario.schema import LAYER_NAMES, Scenario
 from automaton.strategy import lookup
 from automaton.strategy.entry import AsRecorded
 
-FLOOR_ARRAYS = ("kind", "exits", "capacity", "bays", "loads")
+FLOOR_ARRAYS = ("kind", "exits", "capacity", "bays", "loads", "opens")
 
 
 def header_of(resolved: Resolved, seed: int, world: Any, digest_names: tuple[str, ...]) -> Content:
@@ -60,9 +60,17 @@ def header_of(resolved: Resolved, seed: int, world: Any, digest_names: tuple[str
         "robots": _copies(world.robots),
         "orders": _copies(world.orders, left_out),
         **({"stops": _copies(world.stops)} if tours else {}),
+        **_of_pods(world),
         "jobs": _copies(world.stations),
         "slots": {**_copies(world.slots), "first_spare": world.slots.first_spare},
     }
+
+
+def _of_pods(world: Any) -> Content:
+    """What a header has of pods, the lines that want them, and the stations to which they go."""
+    if not len(world.lines.order):
+        return {}
+    return {name: _copies(getattr(world, name)) for name in ("pods", "lines", "pod_stations")}
 
 
 def _copies(struct: Struct, left_out: Container[str] = ()) -> Content:

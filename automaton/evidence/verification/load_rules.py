@@ -32,19 +32,21 @@ from automaton.engine.record_codes import (
 )
 from automaton.evidence.verification.motion_rules import Acts, Complaint, Motion
 from automaton.evidence.verification.move_time_rules import NIL
+from automaton.evidence.verification.pod_rules import Trips
 from automaton.evidence.verification.station_rules import Work
-from automaton.evidence.verification.visit_rules import Visits
+from automaton.evidence.verification.visit_rules import (
+    ORDER_CARRIED,
+    ORDER_DELIVERED,
+    ORDER_STARTED,
+    ORDER_UNRELEASED,
+    ORDER_WAITING,
+    Rows,
+    Visits,
+)
 from automaton.floor.cells import ABOVE_OR_BELOW, ANY, BESIDE, CELL_KINDS, ON_IT, STATION
 
-ORDER_WAITING: Final = 0  # states of an order
-ORDER_CARRIED: Final = 1
-ORDER_DELIVERED: Final = 2
-ORDER_UNRELEASED: Final = 3
-ORDER_STARTED: Final = 4
 STATUS_DEPLETED: Final = 3  # from here on a robot is down
 STATUS_REMOVED: Final = 6  # the last status of a robot
-
-Rows = list[list[int]]  # (tick, code, subject, value)
 
 LASTING: Final = (EXECUTED_WAIT, EXECUTED_SERVE)  # their length stands beside them
 
@@ -99,9 +101,9 @@ class Loads:
         released = header["orders"]["release_tick"].tolist()
         self.state = [ORDER_UNRELEASED if tick else ORDER_WAITING for tick in released]
         self.work = Work(header)
-        self.visits = Visits(header, motion, report_violation)
-        self.touring: set[int] = set()  # robots with an order that has stops
-        self._picking: dict[int, int] = {}  # robots that picked up: the last tick of that
+        self.trips = Trips(header, motion, report_violation)
+        self.visits = Visits(header, self, self.trips)
+        self.picking: dict[int, int] = {}  # robots that picked up: the last tick of that
         self.status = [0] * len(motion.home)  # of each robot, as the rules of energy know it
         coming = sorted(range(len(released)), key=released.__getitem__, reverse=True)
         timed = [order for order in coming if released[order] and order not in self.work.ends]
@@ -128,6 +130,8 @@ class Loads:
             ends = self.slot_cell[self.place[order]], self.slot_cell[self.target[order]]
             if ends != (start, end):
                 report_violation("part", [], start, f"order {order} is not the way of its part")
+        for pod, slot in enumerate(self.trips.slot):
+            self.content[slot] = pod
         for order, slot in enumerate(self.place):
             if slot == NIL or self.dock[slot] or self.station[slot]:
                 continue
@@ -149,6 +153,14 @@ class Loads:
         for order in (*self.work.begin(tick), *self.visits.announced):
             self.state[order] = ORDER_WAITING
         self.visits.announced.clear()
+        for trip, slot in self.trips.plan(tick, self._is_free) if self.trips.there else ():
+            self.place[trip], self.state[trip] = slot, ORDER_WAITING
+            self.undelivered += 1
+
+    def _is_free(self, r: int, trip: int) -> bool:
+        """Whether the trip of the pod above it may be kept for a robot."""
+        idle = self.order[r] == NIL and self.load[r] == NIL and self.status[r] == 0
+        return idle and self.weight[trip] <= self.motion.types.payload[r]
 
     def leave(self, r: int, slot: int) -> None:
         """A robot that goes down leaves its load in a spare slot in its cell."""
@@ -184,30 +196,8 @@ class Loads:
         self._check_acts(did, lengths, handled)
         for r, code in did.items():
             if code == EXECUTED_SERVE:
-                self._serve(tick, r, lengths.get(r, 0))
+                self.visits.serve(tick, r, lengths.get(r, 0))
         return lengths
-
-    def _serve(self, tick: int, r: int, ticks: int) -> None:
-        """A robot begins what it does at the next stop of its order."""
-        order = self.order[r]
-        if not self._is_at_stop(r) or ticks < 1 or ticks != self.visits.lasts(order):
-            text = f"is said to be served for {ticks} ticks at a stop where it is not for so long"
-            self.report_violation("visit", [r], self.motion.cell[r], text)
-            return
-        self.visits.served[r] = tick + ticks - 1
-        if not self.visits.has_load[order]:
-            self.state[order] = ORDER_STARTED
-
-    def _is_at_stop(self, r: int) -> bool:
-        """Whether a robot stands at the next stop of its order, with the load if there is one."""
-        order = self.order[r]
-        if not self.visits.is_at_stop(r, order):
-            return False
-        return not self.visits.has_load[order] or self.load[r] == order
-
-    def _has_done_stop(self, tick: int, r: int) -> bool:
-        picks = self._picking.get(r, NIL) > tick
-        return self._is_at_stop(r) and self.visits.is_done_by(tick, r, self.order[r], picks)
 
     def arrive(self, tick: int, rows: Rows, acts: Acts) -> None:
         """Carry out what robots do with their loads as they arrive, at the end of a tick."""
@@ -229,47 +219,9 @@ class Loads:
                 )
         self._check_acts(did, {}, handled)
 
-    def visit(self, tick: int, rows: Rows) -> None:
-        """Carry out the stops that are done at the end of a tick; the recording has all of them."""
-        standing = {r for r in self.touring if self._has_done_stop(tick, r)}
-        visiting: set[int] = set()
-        for _, code, subject, value in rows:
-            if code == CHANGE_VISITED and self.exists(code, subject, value):
-                if subject in visiting:
-                    text = "does two stops in one tick"
-                    self.report_violation("visit", [subject], self.motion.cell[subject], text)
-                self._do_stop(tick, subject, value)
-                visiting.add(subject)
-            elif (
-                code == CHANGE_ORDER_RESERVED and value == NIL and self.exists(code, subject, value)
-            ):
-                self._reserve_order(subject, value)
-            else:
-                text = f"a change among stops: {code} {subject} {value}"
-                self.report_violation("record", [], NIL, text)
-        for r in sorted(standing - visiting):
-            text = f"stands at a stop of order {self.order[r]}, which is not recorded as done"
-            self.report_violation("visit", [r], self.motion.cell[r], text)
-
-    def _do_stop(self, tick: int, r: int, order: int) -> None:
-        if self.by[order] != r or self.order[r] != order:
-            text = f"does a stop of order {order} that it has not"
-            self.report_violation("visit", [r], self.motion.cell[r], text)
-        self.visits.visit(tick, r, order, self._has_done_stop(tick, r))
-        self.visits.served.pop(r, None)
-        self.motion.parked[r] = False  # it may have stood there, and did nothing else
-        if self.visits.has_load[order]:
-            return
-        self.state[order] = ORDER_STARTED
-        if self.visits.is_over(order):
-            self.state[order] = ORDER_DELIVERED
-            self.undelivered -= 1
-            if self.visits.dealt_out:
-                self.visits.announce_next(r, order)
-
     def _change(self, tick: int, code: int, subject: int, value: int, did: dict[int, int]) -> None:
         if code == CHANGE_ORDER_RESERVED:
-            self._reserve_order(subject, value)
+            self.reserve_order(subject, value)
         elif code == CHANGE_SLOT_RESERVED:
             self._reserve_slot(subject, value)
         elif code == CHANGE_PICKED:
@@ -331,40 +283,53 @@ class Loads:
             elif code == EXECUTED_TRY_DROP and self.load[r] == NIL:
                 self.report_violation("load", [r], cell, "tries to drop without a load")
 
-    def _reserve_order(self, order: int, r: int) -> None:
+    def reserve_order(self, order: int, r: int) -> None:
+        """An order is given to a robot, kept for the one beneath its pod, or given back (NIL)."""
         had = self.by[order]
-        if r == NIL:
-            if had == NIL or self.state[order] in (ORDER_CARRIED, ORDER_UNRELEASED):
-                text = f"order {order} is given back, but is carried or was not reserved"
-                self.report_violation("order", [had] if had != NIL else [], NIL, text)
-            if self.state[order] == ORDER_STARTED:
-                if had != NIL and self.status[had] < STATUS_DEPLETED:
-                    text = f"order {order} is given back, but one of its stops is done"
-                    self.report_violation("order", [had], NIL, text)
-                self.state[order] = ORDER_WAITING
-            if had != NIL and self.order[had] == order:
-                self.order[had] = NIL
-                self.touring.discard(had)
-                self.visits.served.pop(had, None)
+        if r != NIL and self.trips.offers.get(order) == r:
+            self.trips.offered[r] = order
+            del self.trips.offers[order]
+        elif r == NIL and had != NIL and self.trips.offered[had] == order != self.order[had]:
+            self.trips.withdraw(had)
+        elif r == NIL:
+            self._give_back(order, had)
         else:
-            if had != NIL or self.state[order] != ORDER_WAITING:
-                robots = [r] if had == NIL else [r, had]
-                text = f"order {order} is given out although it is not free"
-                self.report_violation("order", robots, NIL, text)
-            elif not self.visits.is_for(r, order):
-                self.report_violation("order", [r], NIL, f"gets order {order} of another robot")
-            elif self.order[r] != NIL or self.load[r] != NIL:
-                self.report_violation("order", [r], NIL, f"gets order {order} beside another")
-            elif (
-                not self.visits.has_load[order]
-                and self.weight[order] > self.motion.types.payload[r]
-            ):
-                text = f"gets order {order} of weight {self.weight[order]}, which it cannot carry"
-                self.report_violation("payload", [r], NIL, text)
-            self.order[r] = order
-            if self.visits.belong_to(order):
-                self.touring.add(r)
+            self._give_out(order, had, r)
         self.by[order] = r
+
+    def _give_back(self, order: int, had: int) -> None:
+        if had == NIL or self.state[order] in (ORDER_CARRIED, ORDER_UNRELEASED):
+            text = f"order {order} is given back, but is carried or was not reserved"
+            self.report_violation("order", [had] if had != NIL else [], NIL, text)
+        if self.state[order] == ORDER_STARTED:
+            if had != NIL and self.status[had] < STATUS_DEPLETED:
+                text = f"order {order} is given back, but one of its stops is done"
+                self.report_violation("order", [had], NIL, text)
+            self.state[order] = ORDER_WAITING
+        if had != NIL and self.order[had] == order:
+            self.order[had] = NIL
+            self.trips.give_back(had)
+            self.visits.touring.discard(had)
+            self.visits.served.pop(had, None)
+
+    def _give_out(self, order: int, had: int, r: int) -> None:
+        kept = had == r and self.trips.offered[r] == order
+        if (had != NIL and not kept) or self.state[order] != ORDER_WAITING:
+            robots = [r] if had == NIL else [r, had]
+            text = f"order {order} is given out although it is not free"
+            self.report_violation("order", robots, NIL, text)
+        elif not self.visits.is_for(r, order):
+            self.report_violation("order", [r], NIL, f"gets order {order} of another robot")
+        elif self.order[r] != NIL or self.load[r] != NIL:
+            self.report_violation("order", [r], NIL, f"gets order {order} beside another")
+        elif not self.visits.has_load[order] and self.weight[order] > self.motion.types.payload[r]:
+            text = f"gets order {order} of weight {self.weight[order]}, which it cannot carry"
+            self.report_violation("payload", [r], NIL, text)
+        self.order[r] = order
+        if self.trips.there:
+            self.trips.take(r, order)
+        if self.visits.belong_to(order):
+            self.visits.touring.add(r)
 
     def _reserve_slot(self, slot: int, r: int) -> None:
         had, cell = self.reserved[slot], self.slot_cell[slot]
@@ -418,13 +383,15 @@ class Loads:
         else:
             self._beside(r, slot)
             self.content[slot] = NIL
+            if self.trips.there:
+                self.trips.lift(r, order)
         if slot != NIL and slot == self.target[order]:
             self.state[order] = ORDER_DELIVERED  # it had only to be visited
             self.undelivered -= 1
             self.work.deliver(tick + self._handling(r, EXECUTED_PICK), order)
             return
         self.place[order], self.state[order], self.load[r] = NIL, ORDER_CARRIED, order
-        self._picking[r] = tick + self._handling(r, EXECUTED_PICK) - 1
+        self.picking[r] = tick + self._handling(r, EXECUTED_PICK) - 1
         if slot >= self.spare:
             self.slot_cell[slot], self.endless[slot] = NIL, True
 
@@ -447,9 +414,11 @@ class Loads:
                 self.report_violation("load", [r], cell, "drops on a full shelf")
             if self.reserved[slot] != r:
                 self.report_violation("slot", [r], cell, "drops on a shelf it has not reserved")
-            self.content[slot] = order
+            self.content[slot] = self.trips.pod_of[order] if self.trips.there else order
+        if self.trips.there:
+            self.trips.store(r, order, slot)
         self.load[r], self.place[order] = NIL, slot
-        delivered = slot == self.target[order]
+        delivered = slot == self.target[order] or self.trips.there
         self.state[order] = ORDER_DELIVERED if delivered else ORDER_WAITING
         self.undelivered -= delivered
         if delivered:

@@ -62,6 +62,9 @@ RULE_TEXTS: Final = {
     "visit": "a robot does the next stop of its order when it stands there at the end of a tick, one "
     "in a tick",
     "due": "an order is due when its scenario says, from first to last",
+    "pod": "a pod is in one storage cell or on one robot; no robot with a load drives under one",
+    "line": "a line is done once, at its station, with its pod there",
+    "place": "no more robots go to a station than it has places",
     "record": "the recording agrees with itself",
 }
 ACTS: Final = (  # by code of recorded action
@@ -185,6 +188,7 @@ class Validator:
 
     def _tick(self, tick: int, acts: Acts, rows: list[list[int]]) -> None:
         self._now = tick
+        trips = self.loads.trips
         leaves = any(did & LEFT_PARKING_BAY for _, did in acts)
         faults, rows = parted_faults(rows)
         self._change_status(tick, faults)
@@ -195,10 +199,14 @@ class Validator:
         rows, stops = parted_visits(rows)
         before, after = parted(rows, acts)
         lengths = self.loads.apply(tick, before, acts)
+        if trips.there:
+            trips.check_moves(acts, self.loads.load)
         self.motion.execute(tick, acts, lengths, placed)
         self.loads.arrive(tick, after, acts)
         self.loads.check_parked(acts)
-        self.loads.visit(tick, stops)
+        self.loads.visits.visit(tick, stops)
+        if trips.there:
+            trips.end(tick, self.loads.load, self.loads.order)
         self.report.ticks = tick
 
     def _change_status(self, tick: int, rows: list[list[int]]) -> None:
@@ -252,6 +260,9 @@ class Validator:
                 "cell": loads.slot_cell,
             },
         }
+        if loads.trips.there:
+            expected |= loads.trips.state()
+            expected["orders"]["release_tick"] = loads.trips.release
         for part, arrays in expected.items():
             for name, values in arrays.items():
                 self._compare(f"{part}.{name}", values, content[part][name])

@@ -7,24 +7,52 @@ all of them, and no others. Positions are those of the validator's own replay.
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
+from automaton.engine.record_codes import CHANGE_ORDER_RESERVED, CHANGE_VISITED
 from automaton.evidence.verification.motion_rules import Complaint, Motion
+from automaton.evidence.verification.pod_rules import Trips
 
 NIL: Final = -1
+ORDER_WAITING: Final = 0  # states of an order
+ORDER_CARRIED: Final = 1
+ORDER_DELIVERED: Final = 2
+ORDER_UNRELEASED: Final = 3
+ORDER_STARTED: Final = 4
+
+Rows = list[list[int]]  # (tick, code, subject, value)
+
+
+class Holders(Protocol):
+    """Who has which order, which stops may end."""
+
+    motion: Motion
+    report_violation: Complaint
+    order: list[int]
+    load: list[int]
+    by: list[int]
+    state: list[int]
+    picking: dict[int, int]
+    undelivered: int
+
+    def exists(self, code: int, subject: int, value: int) -> bool: ...
+
+    def reserve_order(self, order: int, r: int) -> None: ...
 
 
 class Visits:
     """The stops of all orders, and which of them are done."""
 
-    def __init__(self, header: dict[str, Any], motion: Motion, report_violation: Complaint) -> None:
-        self.motion = motion
-        self.report_violation = report_violation
+    def __init__(self, header: dict[str, Any], loads: Holders, trips: Trips) -> None:
+        self.loads, self.trips = loads, trips
+        self.motion = loads.motion
+        self.report_violation = loads.report_violation
         stops = header.get("stops")
         self.cell: list[int] = [] if stops is None else stops["cell"].tolist()
         self.ticks: list[int] = [] if stops is None else stops["ticks"].tolist()
         source = header["orders"]["source"].tolist()
-        self.has_load: list[bool] = [slot != NIL for slot in source]
+        self.has_load: list[bool] = [slot != NIL or trips.there for slot in source]
+        self.touring: set[int] = set()  # robots with an order that has stops
         self.served: dict[int, int] = {}  # robots in SERVE: its last tick
         orders = len(source)
         first = header["orders"].get("first_stop")
@@ -43,10 +71,14 @@ class Visits:
 
     def lasts(self, order: int) -> int:
         """Ticks of the next stop of an order; NIL: none is left."""
+        if self.trips.there and not self.is_over(order):
+            return self.trips.ticks(order, self.next[order] - self.first[order])
         return NIL if self.is_over(order) else self.ticks[self.next[order]]
 
     def is_over(self, order: int) -> bool:
         """Whether all stops of an order are done."""
+        if self.trips.there:
+            return self.trips.next_station(order) == NIL
         return self.next[order] >= self.first[order + 1]
 
     def is_at_stop(self, r: int, order: int) -> bool:
@@ -55,6 +87,8 @@ class Visits:
             return False
         cell = self.motion.cell[r]
         entering = self.motion.claim.get(r, (cell, 0))[0]
+        if self.trips.there:
+            return self.trips.cell[self.trips.next_station(order)] == cell == entering
         return self.cell[self.next[order]] == cell == entering
 
     def is_done_by(self, tick: int, r: int, order: int, picks: bool) -> bool:
@@ -66,6 +100,8 @@ class Visits:
             return False
         if self.lasts(order):
             return self.served.get(r) == tick
+        if self.trips.there and self.trips.has_break(tick, order):
+            return False
         return not picks
 
     def is_for(self, r: int, order: int) -> bool:
@@ -81,7 +117,7 @@ class Visits:
                 self.announced.append(following)
                 return
 
-    def visit(self, tick: int, r: int, order: int, done: bool) -> None:
+    def _complete(self, tick: int, r: int, order: int, done: bool) -> None:
         """A stop of an order is said to be done; `done`: whether it is."""
         if not done:
             text = f"does a stop of order {order} without standing there, or not for long enough"
@@ -91,3 +127,69 @@ class Visits:
         self.done[self.next[order]] = tick
         self.next[order] += 1
         self.count += 1
+        if self.trips.there:
+            self.loads.undelivered -= self.trips.finish_stop(tick, r, order)
+
+    def serve(self, tick: int, r: int, ticks: int) -> None:
+        """A robot begins what it does at the next stop of its order."""
+        order = self.loads.order[r]
+        if not self._is_at_stop(r) or ticks < 1 or ticks != self.lasts(order):
+            text = f"is said to be served for {ticks} ticks at a stop where it is not for so long"
+            self.report_violation("visit", [r], self.motion.cell[r], text)
+            return
+        self.served[r] = tick + ticks - 1
+        if self.trips.there:
+            self.trips.serve(tick, r, order, ticks)
+        if not self.has_load[order]:
+            self.loads.state[order] = ORDER_STARTED
+
+    def _is_at_stop(self, r: int) -> bool:
+        """Whether a robot stands at the next stop of its order, with the load if there is one."""
+        order = self.loads.order[r]
+        if not self.is_at_stop(r, order):
+            return False
+        return not self.has_load[order] or self.loads.load[r] == order
+
+    def _has_done_stop(self, tick: int, r: int) -> bool:
+        picks = self.loads.picking.get(r, NIL) > tick
+        return self._is_at_stop(r) and self.is_done_by(tick, r, self.loads.order[r], picks)
+
+    def visit(self, tick: int, rows: Rows) -> None:
+        """Carry out the stops that are done at the end of a tick; the recording has all of them."""
+        standing = {r for r in self.touring if self._has_done_stop(tick, r)}
+        visiting: set[int] = set()
+        for _, code, subject, value in rows:
+            if code == CHANGE_VISITED and self.loads.exists(code, subject, value):
+                if subject in visiting:
+                    text = "does two stops in one tick"
+                    self.report_violation("visit", [subject], self.motion.cell[subject], text)
+                self._do_stop(tick, subject, value)
+                visiting.add(subject)
+            elif (
+                code == CHANGE_ORDER_RESERVED
+                and value == NIL
+                and self.loads.exists(code, subject, value)
+            ):
+                self.loads.reserve_order(subject, value)
+            else:
+                text = f"a change among stops: {code} {subject} {value}"
+                self.report_violation("record", [], NIL, text)
+        for r in sorted(standing - visiting):
+            text = f"stands at a stop of order {self.loads.order[r]}, which is not recorded as done"
+            self.report_violation("visit", [r], self.motion.cell[r], text)
+
+    def _do_stop(self, tick: int, r: int, order: int) -> None:
+        if self.loads.by[order] != r or self.loads.order[r] != order:
+            text = f"does a stop of order {order} that it has not"
+            self.report_violation("visit", [r], self.motion.cell[r], text)
+        self._complete(tick, r, order, self._has_done_stop(tick, r))
+        self.served.pop(r, None)
+        self.motion.parked[r] = False  # it may have stood there, and did nothing else
+        if self.has_load[order]:
+            return
+        self.loads.state[order] = ORDER_STARTED
+        if self.is_over(order):
+            self.loads.state[order] = ORDER_DELIVERED
+            self.loads.undelivered -= 1
+            if self.dealt_out:
+                self.announce_next(r, order)

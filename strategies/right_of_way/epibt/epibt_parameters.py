@@ -8,6 +8,7 @@ import numpy as np
 from msgspec import Meta
 
 from automaton.floor.floor_plan import FloorPlan
+from automaton.scenario.orders import has_lines
 from automaton.scenario.robot_types import types_of
 from automaton.scenario.schema import Scenario
 from strategies.right_of_way.right_of_way_parameters import SteeringParameters
@@ -50,6 +51,8 @@ class EpibtParameters(SteeringParameters, forbid_unknown_fields=True, frozen=Tru
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         """Return what this scenario asks for that EPIBT does not plan, or None."""
+        if has_lines(scenario.orders):
+            return "it knows no queues of stations, in which robots with pods stand; use pibt"
         durations = scenario.durations
         factors = [robot_type.move_time_factor for robot_type in types_of(scenario)]
         if scenario.fleet.kinematics != "differential":

@@ -12,7 +12,14 @@ import numpy as np
 from automaton.engine.facilities import MAY_TURN
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import ACTION_MOVE, ACTION_TURN, NIL
-from automaton.strategy.kernels import STARTED, TURNED_AHEAD, TURNED_BEHIND, parent_of, random_bits
+from automaton.strategy.kernels import (
+    STARTED,
+    TURNED_AHEAD,
+    TURNED_BEHIND,
+    parent_of,
+    random_bits,
+    ways_on,
+)
 from strategies.routing.astar.frontier import (
     LARGER_G,
     LARGER_G_HEAP,
@@ -85,9 +92,10 @@ def search(grid, robot_type, duration, workspace, ties, seed, start, target, avo
             state[OPEN_COST] = g
             return pose
         flags, heading, before = np.int64(type_cell_flags[cell]), pose & mask, state[OPEN_TAIL]
+        ways = ways_on(flags, cell == start >> shift)
         for k in range(0, 16, 4):
             way = (NORTH_SOUTH_EAST_WEST >> k) & 3
-            if (flags >> way) & 1 == 0 or way & mask != heading:
+            if (ways >> way) & 1 == 0 or way & mask != heading:
                 continue
             after = cell + grid.offset[way]
             if avoid_zones and is_closed(grid, workspace, after, way):

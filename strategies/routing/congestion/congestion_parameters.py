@@ -8,9 +8,14 @@ import msgspec
 from msgspec import Meta
 
 from automaton.floor.floor_plan import FloorPlan
+from automaton.scenario.orders import has_lines
 from automaton.scenario.quantities import TIME, quantity
 from automaton.scenario.schema import Scenario
 
+WITHOUT_PODS = (
+    "it predicts where each load is brought, and knows no way of a pod to stations and back; use "
+    "shortest or astar"
+)
 MOST_PLANNED = 100_000_000  # robots x ticks of the plans that `congestion` keeps: 0.9 GB
 
 
@@ -46,6 +51,8 @@ class SharedPlans(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         """The plans are kept in memory, 9 bytes for each robot and tick."""
+        if has_lines(scenario.orders):
+            return WITHOUT_PODS
         robots = scenario.fleet.robots
         if robots * self.horizon <= MOST_PLANNED:
             return None

@@ -88,12 +88,12 @@ def test_a_file_of_orders_has_a_column_for_them(tmp_path: Any) -> None:
     from automaton.build.resolve import resolve
 
     (tmp_path / "orders.csv").write_text(
-        "tick,from_x,from_y,to_x,to_y,priority\n0,0,0,8,0,0\n0,8,0,0,0,7\n"
+        "released,from_x,from_y,to_x,to_y,priority\n0,0,0,8,0,0\n0,8,0,0,0,7\n"
     )
     text = (
         f"name: p\nlayout:\n  picture: |\n    {CORRIDOR}\n"
         "fleet: {robots: 1, kinematics: omni, start: [[0, 0]]}\n"
-        "orders: {arrivals: {file: orders.csv}}\n"
+        "orders: {transports: {file: orders.csv}}\n"
         "strategy: {allocation: greedy, right_of_way: wait}\nstop: {when: delivered, max_duration: 99}\n"
     )
     (tmp_path / "p.yaml").write_text(text)

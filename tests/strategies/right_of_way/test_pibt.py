@@ -234,7 +234,9 @@ def aisles(tmp_path, kind, robots, ticks, **settings):
         "0,{},{},{},{}".format(*draws.choice(sources), *draws.choice(ends))
         for _ in range(2 * ticks)
     ]
-    (tmp_path / "orders.csv").write_text("tick,from_x,from_y,to_x,to_y\n" + "\n".join(lines) + "\n")
+    (tmp_path / "orders.csv").write_text(
+        "released,from_x,from_y,to_x,to_y\n" + "\n".join(lines) + "\n"
+    )
     start = [list(map(int, cell)) for cell in draws.permutation(free)[:robots]]
     used = "".join(rows)
     legend = (
@@ -254,7 +256,7 @@ def aisles(tmp_path, kind, robots, ticks, **settings):
     text += "".join(f"    {row}\n" for row in rows) + f"  legend: {legend}\n"
     text += f"fleet: {{robots: {robots}, kinematics: differential, start: {start}}}\n"
     text += "durations: {move: 1, turn: 2, pick: 8, drop: 8}\n"
-    text += "orders: {arrivals: {file: orders.csv}}\n"
+    text += "orders: {transports: {file: orders.csv}}\n"
     text += "strategy: {allocation: first-come, right_of_way: pibt}\n"
     text += f"stop: {{when: never, max_duration: {ticks}}}\nseed: 3\n"
     text += "".join(f"{key}: {value}\n" for key, value in settings.items())

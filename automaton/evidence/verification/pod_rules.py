@@ -1,0 +1,337 @@
+"""The rules of pods: a second opinion on what becomes of lines, trips, places and pods.
+
+Lines come in sequence and join trips by rule, whatever strategies decide; a trip has a place at the
+station of its next stop, or ends in storage. What a robot does with its pod is read from the recorded
+actions and changes, all else is worked out again from the lines of the header.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, Final
+
+from automaton.engine.record_codes import ACTION_MASK, MOVE_NORTH
+from automaton.evidence.verification.motion_rules import Acts, Complaint, Motion
+from automaton.evidence.verification.move_time_rules import NIL
+
+PARTS: Final = 1_000_000  # of a tick, in which handling is told
+LONGEST: Final = 65_535  # ticks of a visit
+NOT_YET: Final = (1 << 31) - 1  # release of a trip without lines
+
+
+class Trips:
+    """Where pods are, what lines wait for, and who has which place; trips are orders by number."""
+
+    def __init__(self, header: dict[str, Any], motion: Motion, report_violation: Complaint) -> None:
+        self.motion = motion
+        self.report_violation = report_violation
+        self.there = "lines" in header  # otherwise orders are no trips, and all this is empty
+        scenario = header["scenario"]
+        rules = scenario.get("pods") or {}
+        self._joins: bool = rules.get("join", True)
+        self._most_stops: int = rules.get("max_stops", 0)
+        self.slot_cell: list[int] = header["slots"]["cell"].tolist()
+        lines = _lists(header.get("lines"))
+        stations = _lists(header.get("pod_stations"))
+        self.slot: list[int] = _lists(header.get("pods")).get("slot", [])
+        self.standing = {self.slot_cell[slot]: pod for pod, slot in enumerate(self.slot)}
+        self.trip = [NIL] * len(self.slot)  # of each pod, until it is over
+        self.waiting: list[list[int]] = [[] for _ in self.slot]  # lines, for its next trip
+        self._stored: list[int] = []  # pods that were stored in this tick
+        self._order: list[int] = lines.get("order", [])
+        self._pod: list[int] = lines.get("pod", [])
+        self._asks: list[int] = lines.get("station", [])
+        self._release: list[int] = lines.get("release_tick", [])
+        self._priority: list[int] = lines.get("priority", [])
+        self._handling: list[list[int]] = lines.get("handling", [])
+        count = len(self._pod)
+        self._coming = sorted(range(count), key=lambda line: (-self._release[line], -line))
+        self.served_at, self.in_trip, self.done = [NIL] * count, [NIL] * count, [NIL] * count
+        self._station_of_order: dict[int, int] = {}
+        self.cell: list[int] = stations.get("cell", [])
+        self._places: list[int] = stations.get("places", [])
+        self._rule: list[int] = stations.get("rule", [])
+        self._visit: list[int] = stations.get("visit", [])
+        self.taken, self.open = [0] * len(self.cell), [0] * len(self.cell)
+        self._breaks = _breaks(header, self.cell)
+        self._serving: dict[int, tuple[int, int]] = {}  # station -> its robot, and the last tick
+        self.known = 0  # trips
+        self.pod_of = [NIL] * count  # by trip
+        self.begun, self.priority, self.release = [0] * count, [0] * count, [NOT_YET] * count
+        self.stops: list[list[int]] = [[] for _ in range(count)]  # stations
+        self.served: list[list[list[int]]] = [[] for _ in range(count)]  # lines, by stop
+        self.over = [0] * count  # stops that are done
+        robots = len(motion.home)
+        self.place, self.leaving, self.offered = [NIL] * robots, [NIL] * robots, [NIL] * robots
+        self.offers: dict[int, int] = {}  # trips of this tick -> who stands beneath its pod
+        self._withdrawn: list[tuple[int, int]] = []  # (robot, trip) of this tick
+        # A robot that is about to fail gets no offer, and actions do not tell of it.
+        faults = scenario["faults"]
+        self._may_fail = bool(faults.get("listed") or faults.get("failure_probability"))
+        self._may_fail |= scenario.get("battery") is not None
+        self.open_ticks = 0  # sum over ticks of the lines that are known and not done
+
+    # Lines become trips
+
+    def plan(self, tick: int, is_free: Callable[[int, int], bool]) -> list[tuple[int, int]]:
+        """Lines become known; returns new trips with their slots. `is_free`: robot, trip."""
+        before = self.known
+        for pod in sorted(self._stored):
+            lines, self.waiting[pod] = self.waiting[pod], []
+            trip = self._new_trip(pod, is_free)
+            for number, line in enumerate(lines):
+                if (number and not self._joins) or not self._add(trip, line):
+                    self.waiting[pod].append(line)
+        self._stored.clear()
+        while self._coming and self._release[self._coming[-1]] <= tick:
+            line = self._coming.pop()
+            self._choose_station(line)
+            self._take_line(line, is_free)
+        return [(trip, self.slot[self.pod_of[trip]]) for trip in range(before, self.known)]
+
+    def _choose_station(self, line: int) -> None:
+        order = self._order[line]
+        station = self._asks[line]
+        if station == NIL:
+            fewest = min(range(len(self.cell)), key=lambda k: (self.open[k], k))
+            station = self._station_of_order.get(order, fewest)
+        self.served_at[line] = self._station_of_order[order] = station
+        self.open[station] += 1
+
+    def _take_line(self, line: int, is_free: Callable[[int, int], bool]) -> None:
+        pod = self._pod[line]
+        trip = self.trip[pod]
+        if trip == NIL and not self.waiting[pod]:
+            trip = self._new_trip(pod, is_free)
+            self._add(trip, line)
+        elif trip == NIL or not self._joins or not self._add(trip, line):
+            self.waiting[pod].append(line)
+
+    def _new_trip(self, pod: int, is_free: Callable[[int, int], bool]) -> int:
+        trip = self.known
+        self.known += 1
+        self.pod_of[trip], self.trip[pod] = pod, trip
+        cell = self.slot_cell[self.slot[pod]]
+        for r, where in enumerate(self.motion.cell):
+            if where == cell and r not in self.motion.claim and is_free(r, trip):
+                self.offers[trip] = r
+        return trip
+
+    def _add(self, trip: int, line: int) -> bool:
+        """A stop that is not begun serves a line, or one more stop does; False: neither can be."""
+        stations, station = self.stops[trip], self.served_at[line]
+        later = [k for k in range(self.begun[trip], len(stations)) if stations[k] == station]
+        if later:
+            stop = later[0]
+        elif len(stations) < self._most_stops and (not stations or self.over[trip] < len(stations)):
+            stop = len(stations)
+            stations.append(station)
+            self.served[trip].append([])
+        else:
+            return False
+        lines = self.served[trip]
+        first = not any(lines)
+        lines[stop].append(line)
+        self.in_trip[line] = trip
+        mine = self._priority[line]
+        self.priority[trip] = mine if first else max(self.priority[trip], mine)
+        self.release[trip] = min(self.release[trip], self._release[line])
+        return True
+
+    # The next stop of a trip
+
+    def next_station(self, trip: int) -> int:
+        """Where a trip goes next, NIL: into storage."""
+        stations = self.stops[trip]
+        return stations[self.over[trip]] if self.over[trip] < len(stations) else NIL
+
+    def ticks(self, trip: int, stop: int) -> int:
+        """How long a visit takes: the sum for its lines, once made whole ticks."""
+        station = self.stops[trip][stop]
+        by_line = self._handling[self._rule[station]]
+        parts = self._visit[station] + sum(by_line[line] for line in self.served[trip][stop])
+        whole = (2 * parts + PARTS) // (2 * PARTS)
+        return min(max(whole, 1), LONGEST) if parts else 0
+
+    def has_break(self, tick: int, trip: int) -> bool:
+        """Whether no visit begins at the next station of a trip."""
+        station = self.next_station(trip)
+        return any(k == station and a <= tick < b for k, a, b in self._breaks)
+
+    # What robots do
+
+    def take(self, r: int, trip: int) -> None:
+        """A robot gets a trip, and a place at its station."""
+        if self.offered[r] not in (NIL, trip):
+            text = f"gets trip {trip}, and that of the pod above it stays reserved for it"
+            self.report_violation("order", [r], self.motion.cell[r], text)
+        self.offered[r] = NIL
+        self._take_place(r, self.next_station(trip))
+
+    def _take_place(self, r: int, station: int) -> None:
+        self.place[r] = station
+        if station == NIL:
+            return
+        if not self._has_place(station):
+            text = f"goes to station {station + 1}, whose {self._places[station]} places are taken"
+            self.report_violation("place", [r], self.cell[station], text)
+        self.taken[station] += 1
+
+    def _has_place(self, station: int) -> bool:
+        return self._places[station] == NIL or self.taken[station] < self._places[station]
+
+    def give_back(self, r: int) -> None:
+        """A robot has its trip no longer."""
+        if self.place[r] != NIL:
+            self.taken[self.place[r]] -= 1
+        self.place[r] = NIL
+
+    def withdraw(self, r: int) -> None:
+        """The trip of the pod above a robot is not kept for it any more."""
+        self._withdrawn.append((r, self.offered[r]))
+        self.offered[r] = NIL
+
+    def lift(self, r: int, trip: int) -> None:
+        """A robot picks up the pod of a trip."""
+        pod = self.pod_of[trip]
+        if pod == NIL or self.slot[pod] == NIL:
+            self.report_violation(
+                "pod", [r], self.motion.cell[r], "lifts a pod that stands nowhere"
+            )
+            return
+        self.standing.pop(self.slot_cell[self.slot[pod]], None)
+        self.slot[pod] = NIL
+
+    def store(self, r: int, trip: int, slot: int) -> None:
+        """A robot sets the pod of a trip down."""
+        pod, cell = self.pod_of[trip], self.slot_cell[slot]
+        if pod == NIL or self.slot[pod] != NIL or cell in self.standing:
+            text = "stores a pod that it has not, or where one stands"
+            self.report_violation("pod", [r], cell, text)
+            return
+        self.slot[pod], self.trip[pod], self.standing[cell] = slot, NIL, pod
+        if self.waiting[pod]:
+            self._stored.append(pod)
+
+    def serve(self, tick: int, r: int, trip: int, ticks: int) -> None:
+        """A visit begins at the next stop of a trip."""
+        station, cell = self.next_station(trip), self.motion.cell[r]
+        if self.has_break(tick, trip):
+            self.report_violation("visit", [r], cell, "begins a visit in a break of its station")
+        other, until = self._serving.get(station, (r, 0))
+        if until >= tick:
+            text = "begins a visit at a station that serves another robot"
+            self.report_violation("visit", [other, r], cell, text)
+        self._serving[station] = r, tick + ticks - 1
+        self.begun[trip] = self.over[trip] + 1
+
+    def finish_stop(self, tick: int, r: int, trip: int) -> int:
+        """A visit is over, and its lines are done; returns how many."""
+        station, stop = self.next_station(trip), self.over[trip]
+        if station == NIL:
+            return 0
+        lines = self.served[trip][stop]
+        for line in lines:
+            if self.done[line] != NIL:
+                self.report_violation("line", [r], NIL, f"line {line} is done twice")
+            self.done[line] = tick
+            self.open[station] -= 1
+        self.over[trip] = self.begun[trip] = stop + 1
+        following = self.next_station(trip)
+        if following == station:
+            return len(lines)
+        self.leaving[r], self.place[r] = station, NIL
+        if following != NIL and self._has_place(following):
+            self._take_place(r, following)
+        elif following != NIL:
+            self._end_early(trip)
+        return len(lines)
+
+    def _end_early(self, trip: int) -> None:
+        """No place where it goes next: what is left of a trip waits, before the others."""
+        left = [line for lines in self.served[trip][self.over[trip] :] for line in lines]
+        for line in left:
+            self.in_trip[line] = NIL
+        del self.stops[trip][self.over[trip] :], self.served[trip][self.over[trip] :]
+        pod = self.pod_of[trip]
+        self.waiting[pod] = left + self.waiting[pod]
+
+    # Every tick
+
+    def check_moves(self, acts: Acts, load: Sequence[int]) -> None:
+        """No robot with a load drives under a pod."""
+        for r, did in acts:
+            code = did & ACTION_MASK
+            if not 0 < code <= MOVE_NORTH or load[r] == NIL:
+                continue
+            to = self.motion.cell[r] + self.motion.step[code - 1]
+            if to in self.standing:
+                self.report_violation("pod", [r], to, "drives with a load under a pod")
+
+    def end(self, tick: int, load: Sequence[int], order: Sequence[int]) -> None:
+        """After motion: places at stations that robots left are free, and so are pods they left."""
+        for trip, r in self.offers.items():
+            if not self._may_fail:
+                text = f"stands free under the pod of trip {trip}, which is not reserved for it"
+                self.report_violation("order", [r], self.motion.cell[r], text)
+        self.offers.clear()
+        for r, cell in enumerate(self.motion.cell):
+            station, trip = self.leaving[r], self.offered[r]
+            if station != NIL and cell != self.cell[station]:
+                self.taken[station] -= 1
+                self.leaving[r] = NIL
+            if trip != NIL and not self._stands_beneath(r, trip):
+                text = f"has left the pod of trip {trip}, which stays reserved for it"
+                self.report_violation("order", [r], cell, text)
+        for r, trip in self._withdrawn:
+            if order[r] in (NIL, trip) and self._stands_beneath(r, trip):
+                text = f"stands under the pod of trip {trip}, which is kept for it no longer"
+                self.report_violation("order", [r], self.motion.cell[r], text)
+        self._withdrawn.clear()
+        self.open_ticks += sum(self.open)
+        carried = [self.pod_of[trip] for trip in load if trip != NIL]
+        if len(set(carried)) + len(self.standing) != len(self.slot):
+            text = f"{len(carried)} pods are carried and {len(self.standing)} stand in storage"
+            self.report_violation("pod", [], NIL, f"{text}, of {len(self.slot)}")
+
+    def _stands_beneath(self, r: int, trip: int) -> bool:
+        return self.standing.get(self.motion.cell[r], NIL) == self.pod_of[trip]
+
+    def state(self) -> dict[str, dict[str, list[int]]]:
+        """What a recorded state must have, by array."""
+        stations = [
+            (self.stops[trip] + [NIL] * self._most_stops)[: self._most_stops]
+            for trip in range(len(self.stops))
+        ]
+        return {
+            "pods": {
+                "slot": self.slot,
+                "trip": self.trip,
+                "first_line": [lines[0] if lines else NIL for lines in self.waiting],
+            },
+            "lines": {"served_at": self.served_at, "trip": self.in_trip, "done": self.done},
+            "trips": {
+                "begun": self.begun,
+                "station": [station for stops in stations for station in stops],
+                "place": self.place,
+                "leaving": self.leaving,
+                "offered": self.offered,
+            },
+            "pod_stations": {"taken": self.taken, "open_lines": self.open},
+        }
+
+
+def _lists(arrays: dict[str, Any] | None) -> dict[str, Any]:
+    """Arrays of a header as lists."""
+    return {name: array.tolist() for name, array in (arrays or {}).items()}
+
+
+def _breaks(header: dict[str, Any], cells: list[int]) -> list[tuple[int, int, int]]:
+    """Station, first tick and the tick after the last of all breaks."""
+    stride = header["floor"]["width"] + 2
+    found = []
+    for station in (header["scenario"].get("stations") or {}).values():
+        x, y = station["at"]
+        number = cells.index((y + 1) * stride + x + 1)
+        found += [(number, one["from"], one["from"] + one["for"]) for one in station["breaks"]]
+    return found

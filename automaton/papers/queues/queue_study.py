@@ -1,0 +1,151 @@
+"""One robot that serves lines one by one is an M/G/1 queue, whose mean wait is known exactly.
+
+Lines arrive one by one, in a tick with probability p; each is a trip of 32 ticks and its handling. In
+whole ticks the mean wait from release to taken is p E[S (S - 1)] / (2 (1 - p E[S])) for trips of S ticks
+(Pollaczek and Khinchine in discrete time), and each wait follows from the one before: the larger of 0
+and W + S - A, where A ticks lie between the releases (Lindley).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+
+from automaton.build.resolve import resolve
+from automaton.engine.state import Array, World
+from automaton.papers.claims import Claim, Figure, claim, mean_of
+from automaton.papers.reproduction_study import Case, Key, Reproduction, Table, each_seed, fixed
+from automaton.runs.simulation import Simulation
+from automaton.scenario.schema import Scenario
+
+LINES: Final = 20_000
+INTERARRIVAL: Final = 65  # mean ticks between two lines
+DRIVE: Final = 32  # ticks of a trip without its handling: 26 moves, a pick and a drop
+MEAN, SD = 20.0, 10.0  # ticks of handling
+WITHIN: Final = 3  # standard errors of the mean of the runs
+
+FIXED, EXPONENTIAL, LOGNORMAL = "20 ticks", "exponential, mean 20", "lognormal, mean 20, sd 10"
+HANDLING: Final = {
+    FIXED: MEAN,
+    EXPONENTIAL: {"exponential": MEAN},
+    LOGNORMAL: {"lognormal": {"mean": MEAN, "sd": SD}},
+}
+ONE_RUN_SD: Final = {FIXED: 4.9, EXPONENTIAL: 6.6, LOGNORMAL: 5.2}  # of the mean wait, in ticks
+RUNS: Final = 24
+
+# Second moments of the handling in whole ticks; of the rounded lognormal one a twelfth is added.
+VARIANCE: Final = {FIXED: 0.0, EXPONENTIAL: MEAN * (MEAN - 1), LOGNORMAL: SD * SD + 1 / 12}
+
+PICTURE: Final = """\
+>>>>>>>>>v
+^#pqqq#q#v
+^########v
+^<<<<t<<<<"""
+
+
+def scenario_of(handling: str) -> dict[str, object]:
+    """The scenario of one robot and one pod with so much handling."""
+    return {
+        "name": "queue",
+        "layout": {"picture": PICTURE},
+        "fleet": {"robots": 1, "kinematics": "omni", "start": [[2, 1]]},
+        "durations": {"pick": 3, "drop": 3, "handling": {"line": HANDLING[handling]}},
+        "pods": {"join": False},
+        "orders": {"lines": {"count": LINES, "mean_interarrival_time": INTERARRIVAL}},
+        "strategy": {"allocation": "first-come", "right_of_way": "wait"},
+        "stop": {"when": "delivered", "max_duration": 100_000_000},
+    }
+
+
+def exact_wait(handling: str) -> float:
+    """The mean wait in ticks."""
+    p, mean = 1 / INTERARRIVAL, DRIVE + MEAN
+    second = VARIANCE[handling] + mean * mean - mean  # E[S (S - 1)]
+    return p * second / (2 * (1 - p * mean))
+
+
+def waits(case: Case, seed: int) -> Sequence[Mapping[str, float]]:
+    """The mean wait of a run, and how many lines waited otherwise than the one before them says."""
+    import msgspec
+
+    scenario = msgspec.convert(scenario_of(str(case.key[0])), Scenario)
+    simulation = Simulation(resolve(scenario, seed=seed))
+    simulation.run()
+    released, taken, service = times_of(simulation.world)
+    wait = taken - released
+    expected = np.maximum(0, wait[:-1] + service[:-1] - np.diff(released))
+    return [{"wait": float(wait.mean()), "wrong_lines": int((wait[1:] != expected).sum())}]
+
+
+def times_of(world: World) -> tuple[Array, Array, Array]:
+    """When each line was released and taken, and the ticks of its trip."""
+    orders = world.orders
+    first = orders.first_stop[:-1]
+    service = DRIVE + world.stops.ticks[first].astype(np.int64)
+    return orders.release_tick.astype(np.int64), orders.dispatched.astype(np.int64), service
+
+
+def published(key: Key, metric: str) -> float | None:
+    """What theory says."""
+    return exact_wait(str(key[0])) if metric == "wait" else 0.0
+
+
+def as_computed() -> Claim:
+    """Mean waits are those of the formula."""
+    return claim(
+        "The mean wait is that of an M/G/1 queue",
+        *(
+            Figure(
+                f"mean wait - formula, handling {name}",
+                mean_of("wait", name) - exact_wait(name),
+                at_least=-WITHIN * spread,
+                at_most=WITHIN * spread,
+                digits=1,
+                why="three standard errors of six runs",
+            )
+            for name, spread in ((name, sd / math.sqrt(6)) for name, sd in ONE_RUN_SD.items())
+        ),
+    )
+
+
+def line_by_line() -> Claim:
+    """Waits follow from each other."""
+    return claim(
+        "Each wait follows from the one before",
+        *(
+            Figure(
+                f"lines with another wait, handling {name}",
+                mean_of("wrong_lines", name),
+                at_most=0,
+                certain=True,
+            )
+            for name in HANDLING
+        ),
+    )
+
+
+REPRODUCTION: Final = Reproduction(
+    name="queues",
+    title=f"One robot, one pod, {LINES:,} lines: an M/G/1 queue at a load of 0.8",
+    source="Pollaczek and Khinchine's formula in discrete time; Lindley's recursion",
+    strategies=(),
+    tables=(
+        Table(
+            title="Ticks from release to taken, and lines that waited otherwise than Lindley says",
+            cases=fixed([{"handling": name} for name in HANDLING]),
+            panels=(("wait", "wrong_lines"),),
+            run=each_seed(waits),
+            published=published,
+        ),
+    ),
+    averaged=("wait", "wrong_lines"),
+    seeds=RUNS,
+    claims=(as_computed(), line_by_line()),
+    remarks=(
+        "The handling is rounded to whole ticks, the lognormal one by a twelfth of a tick squared more.",
+    ),
+    remarks_title="What is computed",
+)

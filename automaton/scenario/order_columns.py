@@ -1,0 +1,285 @@
+"""Read files of orders as warehouse systems write them, as columns of numbers.
+
+    fields = [ReleaseField(), TextField("order"), NumberField("units", 1, 99, default=1)]
+    columns = read_columns(path, fields, options, {"order": "ORDER_NO", "released": "CREATED"}, scale)
+    columns.errors.raise_any()
+    columns.values["units"]                                     # (n,) int32
+    columns.names["order"][columns.values["order"][0]]          # the order of the first row
+
+What is wrong in the rows is gathered, so that the caller may add what it finds before it raises.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from automaton.errors import InputError, alternatives, nearest
+from automaton.scenario.csv_columns import CsvColumns, TextColumn, read_csv_columns
+from automaton.scenario.order_fields import (
+    NO_DUE,
+    NOTHING,
+    Counts,
+    DueField,
+    Field,
+    NameField,
+    NumberField,
+    OrderColumns,
+    OrderFile,
+    ReleaseField,
+    TextField,
+)
+from automaton.scenario.order_times import due_ticks, read_time_column, release_ticks, start_of
+from automaton.scenario.quantities import Scale
+from automaton.scenario.reading import content_hash
+from automaton.scenario.row_errors import RowErrors
+from automaton.scenario.text_lines import quoted
+
+WHERE: Final = "where "  # before the names of columns that only select rows
+WHOLE: Final = re.compile(r"[-+]?[0-9]{1,10}")
+SHOWN: Final = 5  # values of a column in an error
+
+Array = NDArray[np.int32]
+Alternatives = Sequence[Sequence[str]]  # groups of fields, one of which must have columns
+
+
+def read_columns(
+    path: Path,
+    fields: Sequence[Field],
+    options: OrderFile,
+    columns: Mapping[str, str] | None,
+    scale: Scale,
+    needed: Sequence[Alternatives] = (),
+) -> OrderColumns:
+    """Read the fields of a file; those without a column have their defaults in all rows.
+
+    `columns`: field -> column, or None where columns are called as fields are. `needed`: of each entry
+    the fields of one group, which may be empty, must have columns, beside those that are required.
+    Raises InputError for a file that cannot be read as a table; mistakes in its rows are in `errors` of
+    the answer.
+    """
+    errors = RowErrors(str(path))
+    chooser = _Chooser(fields, columns, options.where, needed, str(path))
+    table = read_csv_columns(path, options.encoding, chooser, errors)
+    counts = Counts(rows=len(table.lines), ignored=chooser.ignored)
+    table = _selected(table, options.where, counts, str(path))
+    result = OrderColumns(
+        path=str(path),
+        content_hash=content_hash(path),
+        lines=table.lines,
+        values={},
+        names={},
+        column_of=chooser.column_of,
+        errors=errors,
+        counts=counts,
+    )
+    _Reader(table, options, scale, result).read(fields)
+    return result
+
+
+class _Chooser:
+    """Finds the columns of fields in the head of a file."""
+
+    def __init__(
+        self,
+        fields: Sequence[Field],
+        columns: Mapping[str, str] | None,
+        where: Mapping[str, object],
+        needed: Sequence[Alternatives],
+        file: str,
+    ) -> None:
+        self.names = [field.name for field in fields]
+        of_groups = {name for one in needed for group in one for name in group}
+        self.required = [
+            field.name for field in fields if _needs_column(field) and field.name not in of_groups
+        ]
+        self.columns, self.where, self.needed, self.file = columns, where, needed, file
+        self.column_of: dict[str, str] = {}
+        self.ignored: tuple[str, ...] = ()
+
+    def __call__(self, head: Sequence[str], line: int) -> dict[str, str]:
+        """Return the column of each field that has one, and those that select rows."""
+        if self.columns is None:
+            self.column_of = {name: name for name in self.names if name in head}
+        else:
+            self.column_of = dict(self.columns)
+        selecting = {WHERE + name: name for name in self.where}
+        chosen = self.column_of | selecting
+        for column in chosen.values():
+            if column not in head:
+                columns = f"the columns are {', '.join(filter(None, head))}"
+                text = f"there is no column '{column}'{nearest(column, head)}; {columns}"
+                raise InputError(text, self.file, line)
+            if head.count(column) > 1:
+                raise InputError(f"the column {column} appears twice", self.file, line)
+        self._check_needed(head, line)
+        self.ignored = tuple(name for name in head if name and name not in chosen.values())
+        return chosen
+
+    def _check_needed(self, head: Sequence[str], line: int) -> None:
+        groups = [[[name]] for name in self.required] + [
+            list(map(list, one)) for one in self.needed
+        ]
+        for group in groups:
+            if any(all(name in self.column_of for name in names) for names in group):
+                continue
+            wanted = alternatives(" and ".join(names) for names in group)
+            others = [column for column in head if column not in self.column_of.values()]
+            missing = [name for names in group for name in names if name not in self.column_of]
+            like = next((hint for hint in (nearest(name, others) for name in missing) if hint), "")
+            columns = f"the columns are {', '.join(filter(None, head))}"
+            hint = "" if self.columns is not None else "; columns: {...} says what they are called"
+            text = f"there is no column for {wanted}{like}; {columns}{hint}"
+            raise InputError(text, self.file, line)
+
+
+def _needs_column(field: Field) -> bool:
+    return isinstance(field, ReleaseField) or getattr(field, "is_required", False)
+
+
+def _selected(
+    table: CsvColumns, where: Mapping[str, object], counts: Counts, file: str
+) -> CsvColumns:
+    """The rows that have one of the values in each column of `where`. Raises InputError."""
+    if not len(table.lines):
+        raise InputError("has no rows below its head", file)
+    chosen = np.ones(len(table.lines), np.bool_)
+    for name, values in where.items():
+        texts, codes = table.columns[WHERE + name]
+        wanted = {str(one) for one in (values if isinstance(values, list | tuple) else [values])}
+        keeps = np.array([text in wanted for text in texts])
+        for code in np.flatnonzero(~keeps):
+            rows = int(np.count_nonzero(chosen & (codes == code)))
+            if rows:
+                counts.left_out[f"{name} {texts[code] or 'empty'}"] = rows
+        chosen &= keeps[codes]
+        if not keeps.any():
+            held = ", ".join(quoted(text) for text in texts[:SHOWN])
+            more = f" and {len(texts) - SHOWN:,} more" if len(texts) > SHOWN else ""
+            said = alternatives(sorted(wanted))
+            raise InputError(f"no row has {name} {said}; the values are {held}{more}", file)
+    if chosen.all():
+        return table
+    if not chosen.any():
+        raise InputError("no row has the values of where in all of its columns", file)
+    columns = {
+        name: TextColumn(one.texts, one.codes[chosen]) for name, one in table.columns.items()
+    }
+    return table._replace(lines=table.lines[chosen], columns=columns)
+
+
+class _Reader:
+    """Reads the columns of a table into numbers."""
+
+    def __init__(
+        self, table: CsvColumns, options: OrderFile, scale: Scale, result: OrderColumns
+    ) -> None:
+        self.table, self.options, self.scale, self.result = table, options, scale, result
+
+    def read(self, fields: Sequence[Field]) -> None:
+        """Fill values, names and counts of the result."""
+        values = self.result.values
+        for field in fields:
+            if isinstance(field, TextField):
+                values[field.name] = self._texts(field)
+            elif isinstance(field, NameField):
+                values[field.name] = self._names(field)
+            elif isinstance(field, NumberField):
+                values[field.name] = self._numbers(field)
+        releases = [field for field in fields if isinstance(field, ReleaseField)]
+        dues = [field for field in fields if isinstance(field, DueField)]
+        if releases:
+            self._times(releases[0], dues[0] if dues else None)
+
+    def _column(self, name: str) -> TextColumn | None:
+        return self.table.columns.get(name)
+
+    def _refuse(
+        self, name: str, kind: str, is_bad: NDArray[np.bool_], sentence: Callable[[str], str]
+    ) -> None:
+        """Add a mistake of those rows whose texts are bad; `is_bad`: of each different text."""
+        if not is_bad.any():
+            return
+        texts, codes = self.table.columns[name]
+        column = self.result.column_of[name]
+
+        def of_row(row: int) -> str:
+            return f"{column} {sentence(texts[codes[row]])}"
+
+        self.result.refuse(kind, name, is_bad[codes], of_row)
+
+    def _texts(self, field: TextField) -> Array:
+        column = self._column(field.name)
+        if column is None:
+            self.result.names[field.name] = []
+            return np.full(len(self.table.lines), NOTHING, np.int32)
+        is_used = np.bincount(column.codes, minlength=len(column.texts)) > 0
+        is_empty = np.array([not text for text in column.texts])
+        if field.is_required:
+            self._refuse(field.name, "empty", is_empty, lambda text: "is empty")
+        is_used &= ~is_empty
+        renumbered = np.where(is_used, np.cumsum(is_used) - 1, NOTHING).astype(np.int32)
+        texts = [text for text, used in zip(column.texts, is_used.tolist(), strict=True) if used]
+        self.result.names[field.name] = texts
+        codes: Array = renumbered[column.codes]
+        return codes
+
+    def _names(self, field: NameField) -> Array:
+        column = self._column(field.name)
+        if column is None:
+            return np.full(len(self.table.lines), NOTHING, np.int32)
+        numbers = np.array([field.known.get(text, NOTHING) for text in column.texts], np.int32)
+        is_empty = np.array([not text for text in column.texts])
+        if field.is_required:
+            self._refuse(field.name, "empty", is_empty, lambda text: "is empty")
+        self._refuse(
+            field.name,
+            "unknown",
+            (numbers == NOTHING) & ~is_empty,
+            lambda text: f"{quoted(text)} is not a {field.what}{nearest(text, field.known)}",
+        )
+        codes: Array = numbers[column.codes]
+        return codes
+
+    def _numbers(self, field: NumberField) -> Array:
+        column, default = self._column(field.name), field.default
+        if column is None:
+            return np.full(len(self.table.lines), default or 0, np.int32)
+        numbers, is_bad = np.zeros(len(column.texts), np.int32), []
+        for code, text in enumerate(column.texts):
+            number = int(text) if WHOLE.fullmatch(text) else None
+            if not text and default is not None:
+                number = default
+            is_bad.append(number is None or not field.least <= number <= field.most)
+            numbers[code] = 0 if is_bad[-1] or number is None else number
+        allowed = f"from {field.least:,} to {field.most:,}"
+        self._refuse(
+            field.name,
+            "number",
+            np.array(is_bad),
+            lambda text: f"must be a whole number {allowed}, found {quoted(text)}",
+        )
+        values: Array = numbers[column.codes]
+        return values
+
+    def _times(self, release: ReleaseField, due: DueField | None) -> None:
+        """Read when rows are released, and until when they are due."""
+        of_format, scale, counts = self.options.time, self.scale, self.result.counts
+        texts = self.table.columns[release.name]
+        released = read_time_column(release.name, texts, of_format, scale, self._refuse)
+        start = start_of(released, scale, counts)
+        ticks = release_ticks(released, start, scale, counts, self._refuse)
+        self.result.values[release.name] = np.maximum(ticks, 0).astype(np.int32)
+        if due is None:
+            return
+        column = self._column(due.name)
+        until = np.full(len(ticks), NO_DUE, np.int64)
+        if column is not None:
+            times = read_time_column(due.name, column, of_format, scale, self._refuse)
+            until = due_ticks(times, ticks, start, scale, counts, self._refuse)
+        self.result.values[due.name] = until.astype(np.int32)

@@ -1,0 +1,152 @@
+"""Small floors with pods, drawn at random: aisles, blocks of storage, stations with queues, lines."""
+
+from __future__ import annotations
+
+from random import Random
+from typing import Any
+
+import msgspec
+
+from automaton.build.resolve import Resolved, resolve
+from automaton.scenario.schema import Scenario
+
+TICKS = 300  # of a run
+WAYS = {"omni": ("..", "==", "><", "<>"), "differential": ("..", "==", "><"), "rail": ("++",)}
+ALLOCATIONS = ("first-come", "shortest-job", "independent")
+STORAGE = ("fixed", "nearest", "class", "random")
+CLASSES = {"A": 0.3, "B": 0.7}
+Place = tuple[int, int]
+
+
+def drawn_pods(number: int, ticks: int = TICKS) -> Resolved:
+    """The scenario of a number. Raises InputError: some that are drawn are refused."""
+    chance = Random(f"pods {number}")
+    kinematics = chance.choice(tuple(WAYS))
+    rows = picture(chance, kinematics)
+    stations = named_stations(chance, rows)
+    pods = sum(row.count("p") for row in rows)
+    robots = chance.randint(1, 6)
+    free = [(x, y) for x, y in cells(rows) if rows[y][x] not in "#t"]
+    orders = drawn_lines(chance, pods, len(stations), ticks)
+    allocation = {"name": chance.choice(ALLOCATIONS), "storage": chance.choice(STORAGE)}
+    scenario = {
+        "name": f"pods-{number}",
+        "layout": {"picture": "\n".join("".join(row) for row in rows)},
+        "fleet": {
+            "robots": min(robots, len(free)),
+            "kinematics": kinematics,
+            "start": chance.sample(free, min(robots, len(free))),
+        },
+        "durations": {
+            "move": chance.choice((1, 1, 2)),
+            "turn": chance.choice((1, 1, 3)),
+            "pick": chance.choice((0, 1, 3)),
+            "drop": chance.choice((0, 1, 3)),
+            "handling": drawn_handling(chance),
+        },
+        "world": {"following": chance.random() < 0.8},
+        "pods": {
+            "join": chance.random() < 0.7,
+            "max_stops": chance.choice((1, 2, 4)),
+            "classes": CLASSES if chance.random() < 0.5 else None,
+        },
+        "stations": stations,
+        "orders": {"lines": orders},
+        "strategy": {
+            "allocation": allocation,
+            "routing": chance.choice(("shortest", "shortest", "astar")),
+            "right_of_way": chance.choice(("wait", "retreat", "retreat", "pibt")),
+        },
+        "stop": {"when": "delivered", "max_duration": ticks},
+        "seed": number,
+    }
+    return resolve(msgspec.convert(scenario, Scenario))
+
+
+def cells(rows: list[list[str]]) -> list[Place]:
+    return [(x, y) for y, row in enumerate(rows) for x in range(len(row))]
+
+
+def picture(chance: Random, kinematics: str) -> list[list[str]]:
+    """Aisles with one or two rows of storage between them, ways around, and stations."""
+    ways, width = chance.choice(WAYS[kinematics]), chance.randint(5, 9)
+    side = "+" if kinematics == "rail" else "."
+    rows = [ways[0] * width]
+    for block in range(chance.randint(1, 2)):
+        for _ in range(chance.randint(1, 2)):
+            rows.append("".join(chance.choices(f"pq#{side}", (12, 5, 2, 2), k=width)))
+        rows.append(ways[(block + 1) % 2] * width)
+    drawn = [list(side + row + side) for row in rows]
+    if not any("p" in row for row in drawn):
+        drawn[1][1] = "p"
+    drawn.append(["#"] * (width + 2))  # pockets: here stations are out of the way
+    for _ in range(chance.randint(1, 3)):
+        spots = [(x, y) for x, y in cells(drawn) if drawn[y][x] not in "pq#t"]
+        x, y = chance.choice(spots)
+        if chance.random() < 0.5:
+            x, y = chance.randrange(1, width + 1), len(drawn) - 1
+        drawn[y][x] = "t"
+    return drawn
+
+
+def named_stations(chance: Random, rows: list[list[str]]) -> dict[str, Any]:
+    """By name: the cell, a queue that is straight, places and breaks."""
+    found: dict[str, Any] = {}
+    taken: set[Place] = set()
+    for x, y in cells(rows):
+        if rows[y][x] != "t":
+            continue
+        dx, dy = chance.choice(((1, 0), (-1, 0), (0, 1), (0, -1)))
+        queue: list[Place] = []
+        for step in range(1, chance.randint(1, 4)):
+            u, v = x + step * dx, y + step * dy
+            inside = 0 <= v < len(rows) and 0 <= u < len(rows[0])
+            if not inside or rows[v][u] not in ".+" or (u, v) in taken:
+                break
+            queue.append((u, v))
+        taken |= set(queue)
+        one: dict[str, Any] = {"at": (x, y), "queue": queue}
+        one["max_trips"] = chance.choice(("queue", "queue", None, 1, 2))
+        if chance.random() < 0.3:
+            one["breaks"] = [{"from": chance.randint(0, 200), "for": chance.randint(1, 60)}]
+        if chance.random() < 0.3:
+            one["handling"] = drawn_handling(chance)
+        found[f"P{len(found) + 1}"] = one
+    return found
+
+
+def drawn_handling(chance: Random) -> dict[str, Any]:
+    line = chance.choice(
+        (
+            *(0, 2, 7, 2.5),
+            {"uniform": {"from": 1, "to": 6}},
+            {"lognormal": {"mean": 5, "sd": 3}},
+            {"exponential": 4},
+            {"empirical": [1.5, 3, 8]},
+        )
+    )
+    return {"visit": chance.choice((0, 0, 1, 0.3)), "line": line, "unit": chance.choice((0, 0.4))}
+
+
+def drawn_lines(chance: Random, pods: int, stations: int, ticks: int) -> Any:
+    """Lines, listed or drawn."""
+    count = chance.randint(1, 25)
+    if chance.random() < 0.4:
+        return {
+            "count": count,
+            "mean_interarrival_time": chance.choice((0, 5, 12)),
+            "per_order": chance.choice((1, {"mean": 2})),
+            "stations": chance.choice(("fewest-lines", "random")),
+        }
+    lines = []
+    for _ in range(count):
+        line = {"pod": chance.randint(1, min(pods, chance.choice((2, 99)))), "units": 1}
+        line["release"] = chance.choice((0, 0, chance.randrange(ticks // 2)))
+        line["priority"] = chance.choice((0, 0, 0, 2))
+        line["units"] = chance.randint(0, 3)
+        if chance.random() < 0.5:
+            line["station"] = chance.randint(1, stations)
+        if chance.random() < 0.4:
+            line["order"] = chance.randint(1, 5)
+        lines.append(line)
+    return lines

@@ -21,6 +21,11 @@ def carries_pods(snapshot: Snapshot) -> bool:
     return len(snapshot.pods.slot) > 0
 
 
+def load_words(snapshot: Snapshot, load: int) -> str:
+    """Say "load 7", or "pod 12" where loads are pods."""
+    return f"pod {snapshot.trips.pod[load] + 1}" if carries_pods(snapshot) else f"load {load}"
+
+
 def station_name(snapshot: Snapshot, station: int) -> str:
     """Say "station P1", or "station 3" of one without a name."""
     return f"station {snapshot.station_names[station]}"

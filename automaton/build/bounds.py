@@ -12,7 +12,8 @@ chargers   energy that orders take beyond what batteries hold at the start comes
 
 Orders that are drawn count as the cheapest that could be drawn, work that is drawn as one tick, and
 parts that come at drawn ticks as if they all came with the first, so the bounds hold for every seed.
-Every robot counts as one of the fastest type, that goes everywhere. Loads are assumed to be moved by
+Every robot counts as one that is as fast in each of its operations as the fastest type in that, and
+goes everywhere; with its loads it drives as robots with a load do. Loads are assumed to be moved by
 robots alone: not by one that goes down and leaves its load to the other side.
 """
 
@@ -65,22 +66,20 @@ class Price(NamedTuple):
 def bounds(resolved: Resolved) -> Bounds:
     """The bounds of a scenario; they do not depend on the number of robots."""
     scenario = resolved.scenario
-    durations, battery = scenario.durations, scenario.battery
-    turn = 0 if scenario.fleet.kinematics == "omni" else durations.turn
-    handling = durations.pick + durations.drop
-    drives, picks, drops = min_drive_cost(
-        resolved, Price(resolved.fleet.least_move, turn, handling)
-    )
+    fleet, battery = resolved.fleet, scenario.battery
+    turn = 0 if scenario.fleet.kinematics == "omni" else fleet.least_loaded_turn
+    handling = fleet.least_pick + fleet.least_drop
+    drives, picks, drops = min_drive_cost(resolved, Price(fleet.least_loaded_move, turn, handling))
     ticks = handling + drives
     if scenario.orders.generator in LOADLESS or _visits(resolved):
         ticks = np.zeros(len(drives))  # a visit may take no operation at all
     stations = int(np.count_nonzero(resolved.floor_plan.kind == STATION))
-    busy = picks * durations.pick + drops * durations.drop
+    busy = picks * fleet.least_pick + drops * fleet.least_drop
     parts = part_bounds(scenario.orders, ticks)
     energy = 0.0
     if battery is not None:
         drain, loaded = battery.drain, battery.drain.loaded_factor
-        move = drain.move * resolved.fleet.least_move
+        move = drain.move * fleet.least_loaded_move
         price = Price(loaded * move, loaded * drain.turn * turn, 0.0)
         energy = float(min_drive_cost(resolved, price)[0].sum())
     return Bounds(

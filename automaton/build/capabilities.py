@@ -15,6 +15,13 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from automaton.build.loaded_reach import (
+    LoadEnds,
+    parted_ends,
+    reached_with_load,
+    served_with_load,
+    stands,
+)
 from automaton.engine.state import NIL
 from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.reachability import around_home, rack_stands, slot_access
@@ -24,11 +31,13 @@ from automaton.scenario.robot_types import (
     Mask,
     RobotType,
     floor_by_type,
+    rows_of,
     type_of_each,
     types_of,
 )
 from automaton.scenario.schema import Scenario
 
+NO_ZONING = "none"
 Start = (
     Literal["parking-bays", "random", "racks"] | tuple[int, ...]
 )  # flat cells of robots 0, 1, ...
@@ -47,7 +56,7 @@ def service_for(
     floor_plan: FloorPlan, types: tuple[RobotType, ...], homes: tuple[int, ...], rail: bool
 ) -> Service:
     """Who serves what; `homes`: (K,) where a robot of each type begins."""
-    pairs = zip(floor_by_type(floor_plan, types).floor_plans, homes, strict=True)
+    pairs = zip(floor_by_type(floor_plan, rows_of(types, False)).floor_plans, homes, strict=True)
     within = np.stack([around_home(floor, home, rail) for floor, home in pairs])
     around = slot_access(floor_plan)
     access = np.where(np.logical_or.reduce(within)[around], around, NIL).astype(np.int32)
@@ -69,11 +78,14 @@ class FleetOnFloor:
         self.type_of = type_of_each(scenario.fleet)  # (n,) by identity
         self.counts = np.bincount(self.type_of, minlength=len(self.types)).tolist()
         self.rail = scenario.fleet.kinematics == "rail"
-        self.closed = floor_by_type(floor_plan, self.types).closed  # (K, C)
+        self.closed = floor_by_type(floor_plan, rows_of(self.types, False)).closed  # (K, C)
         self.payload = max(robot_type.payload for robot_type in self.types)
-        self.least_move = scenario.durations.move * min(
-            robot_type.move_time_factor for robot_type in self.types
-        )  # ticks that a move takes the fastest robots
+        # Ticks that they take the fastest robots, without a load or with one.
+        self.least_move = min(move for one in self.types for move in one.moves)
+        self.least_loaded_move = min(one.moves.loaded for one in self.types)
+        self.least_loaded_turn = min(one.durations.turns.loaded for one in self.types)
+        self.least_pick = min(one.durations.pick for one in self.types)
+        self.least_drop = min(one.durations.drop for one in self.types)
 
     @cached_property
     def starts(self) -> list[npt.NDArray[np.int64]]:
@@ -114,8 +126,62 @@ class FleetOnFloor:
 
     @cached_property
     def served(self) -> Mask:
-        """(K, s) the slots that robots of each type get to from where they begin, and back."""
-        return self.service.accessible.astype(np.bool_)
+        """(K, s) the slots that robots of each type get to from where they begin, and back.
+
+        If need be also with their loads: from where loads lie to where they go.
+        """
+        return served_with_load(self.service.access, self.loaded)
+
+    @cached_property
+    def loaded(self) -> Mask:
+        """(K, C) the cells that robots of each type get to with a load, and on from there."""
+        return self.with_load(self.service)
+
+    def with_load(self, service: Service) -> Mask:
+        """The same for robots that begin in other places."""
+        within = service.reachable.astype(np.bool_)
+        return reached_with_load(self.floor_plan, self.types, within, self.load_ends, self.rail)
+
+    @cached_property
+    def load_ends(self) -> LoadEnds:
+        """Between which cells loads are carried; where robots hand them over, between all slots."""
+        slots, listed = self.floor_plan.slots.astype(np.int64), self.scenario.orders.listed or ()
+        stops = [
+            self.floor_plan.cell(*xy) for line in listed if line.has_load for xy in line.stop_cells
+        ]
+        at = np.array(stops, np.int64)
+        if self.hands_over:
+            return LoadEnds(slots, slots, at)
+        ways = list(self.orders())
+        ends = [np.concatenate([slots[:0], *(way[k] for way in ways)]) for k in (2, 3)]
+        return LoadEnds(np.unique(ends[0]), np.unique(ends[1]), at)
+
+    @property
+    def hands_over(self) -> bool:
+        """Whether robots may pass loads on."""
+        zoning = self.scenario.strategy.zoning
+        return (zoning if isinstance(zoning, str) else zoning.get("name")) != NO_ZONING
+
+    def parted(self) -> tuple[str, int, int] | None:
+        """A type with a load and two cells: where it picks one up, and where it does not get with it."""
+        if all(one.closed_empty == one.closed_loaded for one in self.types):
+            return None
+        plans = floor_by_type(self.floor_plan, rows_of(self.types, True)).floor_plans
+        every = self.load_ends
+        ways = {(tuple(way.source.tolist()), tuple(way.target.tolist())) for way in self.orders()}
+        if self.hands_over:
+            ways = {(tuple(every.sources.tolist()), tuple(every.targets.tolist()))}
+        for kind, robot_type in enumerate(self.types):
+            known: dict[int, Mask] = {}
+            for way in sorted(ways):
+                begin, end = (
+                    stands(self.floor_plan, np.array(cells), every.stops, self.loaded[kind])
+                    for cells in way
+                )
+                pair = parted_ends(plans[len(self.types) + kind], begin, end, self.rail, known)
+                if pair != (NIL, NIL):
+                    return robot_type.name, *pair
+        return None
 
     @cached_property
     def slot_of(self) -> dict[int, int]:
@@ -149,7 +215,8 @@ class FleetOnFloor:
                 yield Way(("orders", "parts", row), what, source, target, parts.weight)
         if orders.generator in ENDS:
             slots = floor_plan.slots.astype(np.int64)
-            kinds, served = floor_plan.kind.reshape(-1)[slots], self.served.any(axis=0)
+            kinds = floor_plan.kind.reshape(-1)[slots]
+            served = self.service.accessible.any(axis=0)
             begin, end = (slots[(kinds == kind) & served] for kind in ENDS[orders.generator])
             if orders.generator == "picture-loads":
                 begin = begin[floor_plan.loads.reshape(-1)[begin] == 1]

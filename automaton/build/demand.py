@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automaton.build.capabilities import Service, service_for
+from automaton.build.capabilities import FleetOnFloor, Service, service_for
+from automaton.build.loaded_reach import served_with_load
 from automaton.build.prepared_floor import Floor
 from automaton.build.resolve import Resolved
 from automaton.build.rules import may_fail
@@ -27,7 +28,6 @@ from automaton.engine.releases import draw_releases
 from automaton.engine.state import NEVER, NIL, ORDER_UNRELEASED, ORDER_WAITING, Array, Orders
 from automaton.engine.stops import Stops
 from automaton.floor.cells import DESTINATION, DOCK, RACK, STATION
-from automaton.floor.loaded_ways import to_and_from
 from automaton.scenario.orders import DRAWN, Bursts, Mean, MeanTime, OrderLine
 from automaton.scenario.orders import Orders as OrdersGiven
 from automaton.scenario.schema import Scenario
@@ -127,7 +127,7 @@ def slots_of(resolved: Resolved, floor: Floor, service: Service, source: Array) 
     content[source[on_shelf]] = on_shelf
     reachable, accessible = service.reachable, service.accessible
     if len(floor.move) > len(reachable):
-        reachable, accessible = with_loaded_types(resolved, service)
+        reachable, accessible = with_loaded_types(resolved.fleet, service)
     nobody = np.zeros((len(reachable), more), np.uint8)
     cell = np.concatenate([floor.slot_cell, np.full(more, NIL, np.int32)])
     return Slots.sized(
@@ -141,15 +141,10 @@ def slots_of(resolved: Resolved, floor: Floor, service: Service, source: Array) 
     )
 
 
-def with_loaded_types(resolved: Resolved, service: Service) -> tuple[Array, Array]:
+def with_loaded_types(fleet: FleetOnFloor, service: Service) -> tuple[Array, Array]:
     """(2 K, C) and (2 K, s): what is reachable and accessible to each type, and to it with a load."""
-    floor_plan, rail = resolved.floor_plan, resolved.fleet.rail
-    within = np.ones(floor_plan.kind.size, np.bool_)
-    for station in floor_plan.stations.tolist():
-        within &= to_and_from(floor_plan, station, rail)
-    loaded = service.reachable & within
-    stands = service.access.max(axis=1)
-    serves = service.accessible & np.where(stands == NIL, 0, within[stands])
+    loaded = fleet.with_load(service)
+    serves = served_with_load(service.access, loaded)
     return (
         np.concatenate([service.reachable, loaded]).astype(np.uint8),
         np.concatenate([serves, serves]).astype(np.uint8),

@@ -33,7 +33,7 @@ from automaton.floor.reachability import (
     slots_beside,
 )
 from automaton.scenario.document import Document, Keys
-from automaton.scenario.fleet import StartFile
+from automaton.scenario.fleet import ALL, EMPTY, GROUPS, StartFile
 from automaton.scenario.floor_section import Floor
 from automaton.scenario.orders import OrderLine
 from automaton.scenario.robot_types import RobotType
@@ -71,6 +71,7 @@ def check_feasible(document: Document, scenario: Scenario, floor: Floor) -> Flee
     check_service(document, fleet)
     check_pod_ways(document, fleet)
     check_abilities(document, fleet)
+    check_loaded_ways(document, fleet)
     check_energy(document, scenario, floor_plan)
     check_sight(document, scenario)
     return fleet
@@ -85,13 +86,13 @@ def check_areas(document: Document, scenario: Scenario, floor_plan: FloorPlan) -
                 text = f"the corner [{x}, {y}] of the area {area_name} lies outside the floor"
                 raise document.error(("areas", area_name, key), f"{text} {_extent(floor_plan)}")
         for number, name in enumerate(area.closed_to):
-            if name not in names:
+            if name not in (*names, *GROUPS):
                 known = (
                     f"fleet.types has {', '.join(names)}" if names else "there are no fleet.types"
                 )
-                text = (
-                    f"the area {area_name} is closed to '{name}'{nearest(name, names)}, but {known}"
-                )
+                known += f"; it may be closed to {', '.join(GROUPS)} as well"
+                hint = nearest(name, [*names, *GROUPS])
+                text = f"the area {area_name} is closed to '{name}'{hint}, but {known}"
                 raise document.error(("areas", area_name, "closed_to", number), text)
 
 
@@ -200,15 +201,14 @@ def check_starts(document: Document, fleet: FleetOnFloor) -> None:
             text = (
                 f"robot {robot} would start at [{x}, {y}], in the area {area}, which is closed to"
             )
-            raise document.error(("fleet", "start", robot), f"{text} {robot_type.name}")
+            who = robot_type.name or "it"
+            raise document.error(("fleet", "start", robot), f"{text} {who}")
 
 
 def area_at(scenario: Scenario, robot_type: RobotType, x: int, y: int) -> str:
     """The area that keeps a type out of a cell."""
     for name, area in scenario.areas.items():
-        columns, rows = sorted((area.first[0], area.last[0])), sorted((area.first[1], area.last[1]))
-        inside = columns[0] <= x <= columns[1] and rows[0] <= y <= rows[1]
-        if inside and robot_type.name in area.closed_to:
+        if area.holds(x, y) and {robot_type.name, ALL, EMPTY} & set(area.closed_to):
             return name
     raise ValueError(f"({x}, {y}) is open to {robot_type.name}")
 
@@ -386,6 +386,8 @@ def check_service(document: Document, fleet: FleetOnFloor) -> None:
         )
 
     def because(cell: int) -> str:
+        if fleet.service.accessible[:, fleet.slot_of[cell]].any():
+            return "areas cut off robots with its load"
         return why + closed_way(fleet, cell)
 
     for number in sorted({number for kind in orders.parts or () for number in kind.route}):
@@ -401,7 +403,7 @@ def check_service(document: Document, fleet: FleetOnFloor) -> None:
     for index, order in enumerate(orders.listed or ()):
         if order.stops is not None:
             keys: Keys = ("orders", "list", index)
-            check_reached(document, fleet, order.stop_cells, order.weight, keys)
+            check_reached(document, fleet, order.stop_cells, order.weight, keys, order.has_load)
         if not order.has_load or is_served.issuperset(order.ends):
             continue
         for name, (x, y) in zip(("from", "to"), order.ends, strict=True):
@@ -421,6 +423,7 @@ def check_reached(
     stops: Sequence[Any],
     weight: int,
     keys: Keys,
+    has_load: bool = False,
 ) -> None:
     """Some type of robots gets to all stops of an order, and carries its weight. Raises InputError."""
     floor_plan = fleet.floor_plan
@@ -429,7 +432,7 @@ def check_reached(
         text = f"the order weighs {weight:,}, but no robot carries more than {fleet.payload:,}"
         raise document.error(keys, text)
     cells = [floor_plan.cell(x, y) for x, y in stops]
-    reached_by = fleet.within[carries][:, cells]
+    reached_by = (fleet.loaded if has_load else fleet.within)[carries][:, cells]
     if reached_by.all(axis=1).any():
         return
     lost = int(np.argmin(reached_by.any(axis=0)))
@@ -455,6 +458,20 @@ def check_abilities(document: Document, fleet: FleetOnFloor) -> None:
     name = floor_plan.kind_of(cell).name
     text = f"{way.what}{weight} {verb} at the {name} [{x}, {y}]"
     raise document.error(way.keys, f"{text}, where no robot that carries it may go")
+
+
+def check_loaded_ways(document: Document, fleet: FleetOnFloor) -> None:
+    """No area cuts robots off from where they are to bring their loads. Raises InputError."""
+    parted = fleet.parted()
+    if parted is None:
+        return
+    name, begin, end = parted
+    (x, y), (u, v) = fleet.floor_plan.xy(begin), fleet.floor_plan.xy(end)
+    who = f"robots of the type {name}" if name else "robots"
+    raise document.error(
+        ("areas",),
+        f"{who} with a load do not get from [{x}, {y}] to [{u}, {v}]: areas are closed to them",
+    )
 
 
 def check_energy(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:

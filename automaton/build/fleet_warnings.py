@@ -14,7 +14,7 @@ from automaton.scenario.schema import ROUTE_FOLLOWERS
 from automaton.units import count
 
 # Both by `automaton sweep crowds`, shares of the cells for one robot each.
-JAM_SHARE: Final = 0.06  # half of 12 %, where retreat does 22 to 38 % of pibt's orders
+JAM_SHARE: Final = 0.06  # half of 12 %, where retreat does 23 to 36 % of pibt's orders
 CROWD_SHARE: Final = 0.9  # at 98 % pibt and epibt do fewer orders than at 50 %, on all floors
 FEW_ROBOTS: Final = 10
 MOST_NAMED: Final = 3

@@ -142,7 +142,9 @@ def check_pod_ways(document: Document, fleet: FleetOnFloor) -> None:
         if not within[station]:
             text = f"no robot gets to station {number} at ({x}, {y}) and back"
             raise document.error(("layout",), text)
-        apart: Mask = pods & ~(to_and_from(floor_plan, station, fleet.rail) & within)
+        apart: Mask = pods & ~(
+            to_and_from(floor_plan, station, fleet.rail) & fleet.loaded.any(axis=0)
+        )
         if apart.any():
             cell = int(np.argmax(apart))
             pod = int(np.count_nonzero(pods[: cell + 1]))

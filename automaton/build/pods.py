@@ -18,6 +18,7 @@ from automaton.engine.stops import Stops
 from automaton.floor.cells import STORAGE
 from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.travel_ticks import Driving, ticks_between
+from automaton.scenario.robot_types import types_of
 from automaton.scenario.schema import Handling, Scenario
 
 
@@ -151,11 +152,11 @@ def ticks_to_stations(resolved: Resolved) -> Array:
 
 def loaded_driving(scenario: Scenario) -> Driving:
     """How robots of the first type drive with a load."""
-    kinematics, durations = scenario.fleet.kinematics, scenario.durations
+    kinematics, first = scenario.fleet.kinematics, types_of(scenario)[0]
     return Driving(
         headings=HEADING_COUNTS[kinematics],
-        move=durations.move,
-        turn=durations.turn,
+        move=first.moves.loaded,
+        turn=first.durations.turns.loaded,
         rail=kinematics == "rail",
         loaded=True,
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import weakref
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -15,9 +15,10 @@ from automaton.engine.table_building import Costs, build_tables, bytes_taken, re
 from automaton.errors import InputError
 from automaton.floor.cells import STORAGE
 from automaton.floor.floor_plan import CAN_TURN, DRIVABLE, UNBOUNDED, FloorPlan
+from automaton.floor.loaded_ways import has_storage
 from automaton.floor.reachability import slot_access
 from automaton.floor.traffic_zones import traffic_zones_of
-from automaton.scenario.robot_types import RobotType, floor_by_type
+from automaton.scenario.robot_types import RobotType, floor_by_type, rows_of
 from automaton.units import memory
 
 KEPT_BYTES = 64 * 1024 * 1024  # of distance tables that stay for the next run
@@ -31,8 +32,8 @@ class Floor(NamedTuple):
     slot_endless: Array  # (s,) uint8
     slot_access: Array  # (s, 4) int32
     occupancy: Array  # (C,) uint16: the empty floor
-    move: Array  # (K,) ticks of a move, by type of robot
-    turn: int  # ticks of a turn
+    move: Array  # (K,) ticks of a move, by type of robot; with a load: rules.loaded_types more
+    turn: Array  # (K,) ticks of a turn
     spaces: dict[int, list[Workspace]]  # those that no simulation uses now, by table_bytes
     longest_route: int
 
@@ -55,30 +56,41 @@ def give_back(unused: list[Workspace], workspace: Workspace) -> None:
         unused.append(workspace)
 
 
-@lru_cache(maxsize=16)
 def floor_for(
     floor_plan: FloorPlan,
     kinematics: str,
-    move: int,
-    turn: int,
     mode: str,
     types: tuple[RobotType, ...] = (RobotType(),),
 ) -> Floor:
-    """Build a floor once for each plan, kinematics, cost of driving, mode of zones and types."""
+    """The floor for a plan, kinematics, mode of zones and types; built once for all that drive alike."""
+    return _floor_for(floor_plan, kinematics, mode, tuple(one.driving for one in types))
+
+
+@lru_cache(maxsize=16)
+def _floor_for(
+    floor_plan: FloorPlan, kinematics: str, mode: str, types: tuple[RobotType, ...]
+) -> Floor:
     headings = HEADING_COUNTS[kinematics]
-    repeats = 2 if loads_differ(floor_plan) else 1
+    rows = rows_of(types, loads_differ(floor_plan, types))
     kind = floor_plan.kind.reshape(-1)
     cells = floor_plan.slots
     slot = np.full(kind.size, NIL, np.int32)
     slot[cells] = np.arange(len(cells), dtype=np.int32)
-    rule, by_type = cell_flags_of(floor_plan, kinematics), floor_by_type(floor_plan, types)
+    rule, by_type = cell_flags_of(floor_plan, kinematics), floor_by_type(floor_plan, rows)
+    ticks = [
+        (one.moves.loaded, one.durations.turns.loaded)
+        if row >= len(types)
+        else (one.moves.empty, one.durations.turns.empty)
+        for row, one in enumerate(rows)
+    ]
+    move, turn = np.array(ticks, np.int64).T
     traffic_zones = traffic_zones_of(floor_plan, mode)
     grid = Grid(
         width=floor_plan.stride,
         headings=headings,
         kind=frozen(kind.copy()),
         cell_flags=frozen(rule),
-        type_cell_flags=frozen(flags_by_type(by_type.floor_plans, kinematics, repeats)),
+        type_cell_flags=frozen(flags_by_type(by_type.floor_plans, kinematics, len(types))),
         drivable=frozen(np.flatnonzero(DRIVABLE[kind]).astype(np.int32)),
         offset=frozen(np.array(floor_plan.offsets, np.int64)),
         slot=frozen(slot),
@@ -93,26 +105,27 @@ def floor_for(
         slot_endless=frozen(UNBOUNDED[kind[cells]].astype(np.uint8)),
         slot_access=slot_access(floor_plan),
         occupancy=frozen(room | (rule.astype(np.uint16) << np.uint16(8))),
-        move=frozen(np.array([move * one.move_time_factor for one in types * repeats], np.int64)),
-        turn=turn,
+        move=frozen(move.copy()),
+        turn=frozen(turn.copy()),
         spaces={},
         longest_route=longest_route,
     )
 
 
-def loads_differ(floor_plan: FloorPlan) -> bool:
-    """Whether robots with a load drive otherwise than without one: not through storage."""
-    return bool((floor_plan.kind == STORAGE).any())
+def loads_differ(floor_plan: FloorPlan, types: Iterable[RobotType]) -> bool:
+    """Whether robots with a load drive otherwise than without one: not through storage, say."""
+    return has_storage(floor_plan) or any(one.loads_differ for one in types)
 
 
-def flags_by_type(floor_plans: Iterable[FloorPlan], kinematics: str, repeats: int) -> Array:
-    """(K, C) uint8: the flags of cells for robots of each type, then for those of each with a load."""
+def flags_by_type(floor_plans: Sequence[FloorPlan], kinematics: str, types: int) -> Array:
+    """(K, C) uint8: the flags of cells for robots of each type, then for those of each with a load.
+
+    `types`: how many there are. Robots with a load pass through no storage.
+    """
     by_type: Array = np.stack([cell_flags_of(plan, kinematics) for plan in floor_plans])
-    if repeats == 1:
-        return by_type
-    storage = next(iter(floor_plans)).kind.reshape(-1) == STORAGE
-    loaded = np.where(storage, by_type | np.uint8(NO_WAY_THROUGH), by_type)
-    return np.concatenate([by_type, loaded.astype(np.uint8)])
+    storage = floor_plans[0].kind.reshape(-1) == STORAGE
+    by_type[types:, storage] |= np.uint8(NO_WAY_THROUGH)
+    return by_type
 
 
 def cell_flags_of(floor_plan: FloorPlan, kinematics: str) -> Array:
@@ -131,8 +144,7 @@ def make_workspace(floor: Floor, table_bytes: int) -> Workspace:
     cells = grid.kind.size
     poses = cells * grid.headings
     stop = np.zeros(1, np.int64)
-    turn = np.full(len(floor.move), floor.turn, np.int64)
-    costs = Costs(grid.type_cell_flags, floor.move, turn)
+    costs = Costs(grid.type_cell_flags, floor.move, floor.turn)
     try:
         tables = build_tables(grid, costs, table_bytes, stop)
     except MemoryError:

@@ -9,15 +9,19 @@ import numpy as np
 from automaton.engine.robot_status import BATTERY_PERCENT
 from automaton.engine.state import (
     ACTION_COUNT,
+    ACTION_DROP,
     ACTION_MOVE,
     ACTION_NAMES,
+    ACTION_PICK,
+    ACTION_TRY_DROP,
+    ACTION_TURN,
     NIL,
     ORDER_LIST,
     Array,
     Rules,
 )
 from automaton.scenario.orders import priorities_of
-from automaton.scenario.robot_types import types_of
+from automaton.scenario.robot_types import RobotType, types_of
 from automaton.scenario.schema import Battery, Faults, Scenario
 from automaton.units import bytes_of, unit
 
@@ -30,7 +34,7 @@ def rules_for(scenario: Scenario, seed: int, loaded_differ: bool = False) -> Rul
     `loaded_differ`: robots with a load drive otherwise than without, as types of their own.
     """
     rules, types = scenario.world, types_of(scenario)
-    repeats = 2 if loaded_differ else 1
+    rows = [(one, loaded) for loaded in (False, True)[: 1 + loaded_differ] for one in types]
     return Rules(
         seed=np.uint64(seed),
         following=int(rules.following),
@@ -50,13 +54,8 @@ def rules_for(scenario: Scenario, seed: int, loaded_differ: bool = False) -> Rul
         cell_milli=0
         if scenario.units.cell is None
         else round(1000 * unit(scenario.units.cell).size),
-        duration=np.stack(
-            [
-                duration_table(scenario.durations, robot_type.move_time_factor)
-                for robot_type in types * repeats
-            ]
-        ),
-        payload=np.array([robot_type.payload for robot_type in types * repeats], np.int32),
+        duration=np.stack([duration_table(one, loaded) for one, loaded in rows]),
+        payload=np.array([one.payload for one, _ in rows], np.int32),
         wait=np.ones(5, np.int32),
         period=np.zeros(5, np.int32),
         holders=np.zeros(5, np.uint8),
@@ -90,10 +89,13 @@ def tick_length(text: str) -> int:
     return 0 if seconds is None else max(1, round(1_000_000 * seconds))
 
 
-def duration_table(durations: Any, factor: int = 1) -> Array:
+def duration_table(robot_type: RobotType, loaded: bool = False) -> Array:
     """(A,) int32: ticks of each action of a robot; those without a duration of their own take 1."""
-    table = np.array([getattr(durations, name, 1) for name in ACTION_NAMES], np.int32)
-    table[ACTION_MOVE] *= factor
+    durations, table = robot_type.durations, np.ones(ACTION_COUNT, np.int32)
+    table[ACTION_MOVE] = robot_type.moves[loaded]
+    table[ACTION_TURN] = durations.turns[loaded]
+    table[ACTION_PICK], table[ACTION_DROP] = durations.pick, durations.drop
+    table[ACTION_TRY_DROP] = durations.try_drop
     return table
 
 

@@ -20,9 +20,10 @@ def check_table_memory(document: Document, scenario: Scenario, floor_plan: Floor
     text = scenario.world.distance_tables
     cells = int(np.count_nonzero(floor_plan.drivable))
     headings = HEADING_COUNTS[scenario.fleet.kinematics]
-    move, turn = scenario.durations.move, scenario.durations.turn
-    unit = math.gcd(turn, *(move * one.move_time_factor for one in types_of(scenario)))
-    size = least_table_bytes(cells, headings, turn // unit)
+    types = types_of(scenario)
+    turns = [turn for one in types for turn in one.durations.turns]
+    unit = math.gcd(*turns, *(move for one in types for move in one.moves))
+    size = least_table_bytes(cells, headings, max(turns) // unit)
     if size > bytes_of(text):
         raise document.error(
             ("world", "distance_tables"),

@@ -127,8 +127,7 @@ def _moves(here: Array, there: Array, floor_plan: FloorPlan) -> Array:
 
 
 def _move_ticks(scenario: Scenario) -> int:
-    least: int = min(one.move_time_factor for one in types_of(scenario))
-    return scenario.durations.move * least
+    return min(one.moves.empty for one in types_of(scenario))
 
 
 def assign_in_turn(orders: OrderArrays, stops: Stops, homes: Array, skip_reached: bool) -> None:

@@ -79,10 +79,9 @@ def build_world(
     route may have; default what the floor may ask for.
     """
     scenario = resolved.scenario
-    kinematics, durations = scenario.fleet.kinematics, scenario.durations
-    zones = scenario.world.traffic_zones
+    kinematics, zones = scenario.fleet.kinematics, scenario.world.traffic_zones
     types = resolved.fleet.types
-    floor = floor_for(resolved.floor_plan, kinematics, durations.move, durations.turn, zones, types)
+    floor = floor_for(resolved.floor_plan, kinematics, zones, types)
     starts = homes(resolved, seed)
     orders, slots, stops = build_orders(resolved, floor, seed, starts[0])
     carried = build_pods(resolved, floor, slots, seed)

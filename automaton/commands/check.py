@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import sys
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,15 +17,16 @@ from automaton.atomic_write import atomic_writer, cannot_write_error
 from automaton.build.conversion_table import conversion_lines
 from automaton.build.default_right_of_way import why_not_steered
 from automaton.build.resolve import Resolved, document_of, resolve
-from automaton.commands.arguments import add_settings_argument, print_warnings
+from automaton.build.scenario_warnings import scenario_warnings
+from automaton.commands.arguments import add_settings_argument, note, print_warnings
 from automaton.errors import InputError
 from automaton.floor.cells import DESTINATION, DOCK, RACK, SHELF
 from automaton.floor.matrices import write_matrix
 from automaton.scenario.document import Document
 from automaton.scenario.reading import is_study, read, shipped
 from automaton.strategy.entry import files_of
-from automaton.studies.sweeps.study import shipped_studies
-from automaton.studies.sweeps.sweep_plan import check_study
+from automaton.studies.sweeps.study import Point, Study, shipped_studies
+from automaton.studies.sweeps.sweep_plan import check_study, describe_point
 from automaton.units import count
 
 if TYPE_CHECKING:
@@ -34,6 +38,7 @@ SLOTS = {  # what a scenario's line counts
     DOCK: ("dock",),
     RACK: ("rack",),
 }
+NUMBERS = re.compile(r"\d[\d,.]*")  # in which the same warning of two points may differ
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -53,7 +58,9 @@ def run(args: argparse.Namespace) -> int:
     for file in args.file:
         try:
             if names_study(file):
-                print(described_study(file, args))
+                study, scenarios = checked_study(file, args)
+                print(described_study(study))
+                print_study_warnings(study, scenarios)
                 continue
             resolved = resolve(file, args.settings)
             if args.matrix is not None:
@@ -80,15 +87,35 @@ def names_study(file: str) -> bool:
     return is_study(read(file).data)
 
 
-def described_study(file: str, args: argparse.Namespace) -> str:
-    """A good study in one line. Raises InputError."""
+def checked_study(file: str, args: argparse.Namespace) -> tuple[Study, tuple[Resolved, ...]]:
+    """A good study and the scenarios of its points. Raises InputError."""
     if args.settings or args.matrix is not None:
         option = "--set" if args.settings else "--matrix"
         raise InputError(f"{option} is for scenarios; a study says itself what it changes", file)
-    study, scenarios = check_study(file)
+    return check_study(file)
+
+
+def described_study(study: Study) -> str:
+    """A good study in one line."""
     runs = count(study.runs, "run")
-    points = count(len(scenarios), "point")
+    points = count(len(study.points), "point")
     return f"{study.name}: {points} x {count(study.replications, 'replication')}, {runs}, ok"
+
+
+def print_study_warnings(study: Study, scenarios: Sequence[Resolved]) -> None:
+    """Print the warnings of all points, those that differ only in their numbers once."""
+    first: dict[str, tuple[str, Point]] = {}
+    points: Counter[str] = Counter()
+    for point, resolved in zip(study.points, scenarios, strict=True):
+        for warning in scenario_warnings(resolved):
+            kind = NUMBERS.sub("", warning)
+            first.setdefault(kind, (warning, point))
+            points[kind] += 1
+    for kind, (warning, point) in first.items():
+        others = points[kind] - 1
+        where = f"point {point.number}: {describe_point(point)}"
+        more = f"; {count(others, 'more point')} likewise" if others else ""
+        note(f"{study.name}: warning: {warning} ({where}{more})")
 
 
 def check_files(resolved: Resolved, document: Document) -> None:
@@ -112,8 +139,7 @@ def grid_and_durations(resolved: Resolved) -> tuple[Grid, Array]:
     from automaton.build.rules import rules_for
 
     scenario = resolved.scenario
-    kinematics, durations = scenario.fleet.kinematics, scenario.durations
-    driving = (kinematics, durations.move, durations.turn, scenario.world.traffic_zones)
+    driving = (scenario.fleet.kinematics, scenario.world.traffic_zones)
     grid = floor_for(resolved.floor_plan, *driving, resolved.fleet.types).grid
     return grid, rules_for(scenario, scenario.seed).duration[0]
 

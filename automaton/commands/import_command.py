@@ -41,6 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help=f"a run ends after so many, default {DEFAULT_TICKS:,}",
     )
+    add("--force", action="store_true", help="replace files that are there and say something else")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -51,12 +52,14 @@ def run(args: argparse.Namespace) -> int:
     problem = read_problem(args.file, args.robots)
     texts = imported_files(problem, out.stem, args.ticks)
     names = [*list(texts)[:-1], out.name]
-    for name, text in zip(names, texts.values(), strict=True):
-        path = out.with_name(name)
-        if os.path.exists(path) and (not path.is_file() or path.samefile(args.file)):
-            raise InputError("is not replaced: give another --out", str(path))
+    files = {
+        out.with_name(name): text.encode() for name, text in zip(names, texts.values(), strict=True)
+    }
+    for path, content in files.items():
+        check_replaced(path, content, args.file, args.force)
+    for path, content in files.items():
         with atomic_writer(path) as file:
-            file.write(text.encode())
+            file.write(content)
     grid = problem.grid
     print(
         f"{out}: {count(problem.robots, 'robot')} on {grid.width} x {grid.height} cells, "
@@ -64,3 +67,19 @@ def run(args: argparse.Namespace) -> int:
     )
     print(f"with it: {', '.join(names[:-1])}")
     return 0
+
+
+def check_replaced(path: Path, content: bytes, source: Path, force: bool) -> None:
+    """Raises InputError for a file that `content` must not replace; the same content may."""
+    if not os.path.exists(path):
+        return
+    if not path.is_file() or path.samefile(source):
+        raise InputError("is not replaced: give another --out", str(path))
+    try:
+        same = path.read_bytes() == content
+    except OSError:
+        same = False
+    if not same and not force:
+        raise InputError(
+            "is there already: give another --out, or --force to replace it", str(path)
+        )

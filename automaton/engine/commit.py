@@ -7,7 +7,7 @@ from automaton.engine.facilities import MAY_TURN
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.loads import reserve_order, reserve_slot
 from automaton.engine.next_stop import has_load, next_stop, next_stop_cell
-from automaton.engine.operations import refuse
+from automaton.engine.operations import refuse, with_load
 from automaton.engine.random_numbers import splitmix64
 from automaton.engine.requests import (
     clear_allocation_request,
@@ -54,7 +54,7 @@ def serves(world, i, goal_cell, slot):
         return False
     if (
         goal_cell >= world.slots.reachable.shape[1]
-        or not world.slots.reachable[world.robots.type[i], goal_cell]
+        or not world.slots.reachable[with_load(world, np.int64(world.robots.type[i])), goal_cell]
     ):
         return False
     for direction in range(4):

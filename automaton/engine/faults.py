@@ -13,7 +13,7 @@ from automaton.engine.jit.kernel import kernel
 from automaton.engine.loads import leave_queue, reserve_order, reserve_slot
 from automaton.engine.motion import vacate
 from automaton.engine.next_stop import drive_on_with_load
-from automaton.engine.operations import put_off
+from automaton.engine.operations import put_off, with_load
 from automaton.engine.random_numbers import STREAM_BREAKDOWNS, random_bits
 from automaton.engine.record_changes import record_change
 from automaton.engine.record_codes import CHANGE_LOAD_LEFT, CHANGE_STATUS
@@ -223,7 +223,7 @@ def open_slot(world, slot, cell):
     served = False
     for direction in range(4):
         beside = cell + world.grid.offset[direction]
-        usable = is_within(slots, slot, beside)
+        usable = is_within(world, slot, beside)
         slots.access[slot, direction] = beside if usable else NIL
         served = served or usable
     if served:
@@ -233,11 +233,11 @@ def open_slot(world, slot, cell):
 
 
 @kernel
-def is_within(slots, slot, cell):
-    """Whether robots of some type get to a cell and back; these serve the slot."""
-    found = False
+def is_within(world, slot, cell):
+    """Whether robots of some type get to a cell and back, and with a load; these serve the slot."""
+    slots, found = world.slots, False
     for robot_type in range(slots.reachable.shape[0]):
-        if slots.reachable[robot_type, cell]:
+        if slots.reachable[with_load(world, robot_type), cell]:
             slots.accessible[robot_type, slot] = 1
             found = True
     return found

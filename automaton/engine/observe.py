@@ -9,6 +9,7 @@ the blocker does; cycles of robots that wait for each other. Nothing here writes
 import numpy as np
 
 from automaton.engine.blockers import find_blockers
+from automaton.engine.facilities import MAY_TURN
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import (
     AHEAD,
@@ -21,6 +22,7 @@ from automaton.engine.motion import (
     TOWARDS,
     U,
     direction_between,
+    has_room,
     resource_of,
 )
 from automaton.engine.observation import (
@@ -344,14 +346,42 @@ def find_next_cell(world, observation, i):
     robots, grid = world.robots, world.grid
     cell = np.int64(robots.cell[U(i)])
     if robots.route_index[U(i)] >= robots.route_length[U(i)]:
-        observation.wanted[U(i)] = robots.goal_cell[U(i)]
-        return CAUSE_RANDOM_WAIT
+        return find_held_way_out(world, observation, i)
     direction = np.int64(robots.route[U(i), U(robots.route_index[U(i)])])
     if direction & (grid.headings - 1) != robots.heading[U(i)]:
         return wait_to_turn(world, observation, i)
     return wait_for(
         world, observation, i, cell + grid.offset[U(direction)], direction, CAUSE_UNDECIDED
     )
+
+
+@kernel
+def find_held_way_out(world, observation, i):
+    """Robot i waits without a route, since a retreat found no way: before the cell that leads on.
+
+    Of the cells beside it that others hold, the one nearest to its goal, ties to the least direction.
+    """
+    robots, grid = world.robots, world.grid
+    cell, heading = np.int64(robots.cell[U(i)]), np.int64(robots.heading[U(i)])
+    flags = np.int64(grid.type_cell_flags[U(robots.type[U(i)]), U(cell)])
+    goal = np.int64(robots.goal_cell[U(i)])
+    if goal == NIL:
+        goal = np.int64(robots.home[U(i)])
+    best, least = np.int64(NIL), np.int64(0)
+    for direction in range(4):
+        turns = direction & (grid.headings - 1) != heading
+        if (flags >> direction) & 1 == 0 or (turns and flags & MAY_TURN == 0):
+            continue
+        to = cell + grid.offset[U(direction)]
+        if has_room(world.traffic.occupancy, to, direction):
+            continue
+        columns = to % grid.width - goal % grid.width
+        rows = to // grid.width - goal // grid.width
+        if best == NIL or abs(columns) + abs(rows) < least:
+            best, least = np.int64(direction), abs(columns) + abs(rows)
+    if best == NIL:
+        return CAUSE_RANDOM_WAIT
+    return wait_for(world, observation, i, cell + grid.offset[U(best)], best, CAUSE_UNDECIDED)
 
 
 @kernel

@@ -42,6 +42,26 @@ def take_on(world, i, order):
     world.robots.type[i] += np.uint8(world.rules.loaded_types)
 
 
+@kernel(inline=True)
+def with_load(world, robot_type):
+    """The type that robots have with a load: where loads are handled, both have to get there."""
+    more = world.rules.loaded_types
+    return robot_type + more if robot_type < more else robot_type
+
+
+@kernel(inline=True)
+def without_load(world, robot_type):
+    """The type that robots of a type have without a load."""
+    more = world.rules.loaded_types
+    return robot_type - more if more and robot_type >= more else robot_type
+
+
+@kernel
+def types_of_robots(world):
+    """How many types of robots there are, those with a load left out."""
+    return world.rules.loaded_types or world.rules.duration.shape[0]
+
+
 @kernel
 def put_off(world, i):
     """Robot i carries its load no longer."""

@@ -33,6 +33,7 @@ from automaton.evidence.recording.frames import (
 from automaton.exchange.planviz import ACTION_MODEL, HEADINGS, NO_TASK, VERSION
 from automaton.floor.cells import NIL
 from automaton.floor.floor_plan import DRIVABLE
+from automaton.scenario.robot_types import types_of
 from automaton.scenario.schema import Scenario
 
 LETTERS: Final = np.full(ACTION_MASK + 1, ord("W"), np.uint8)  # of a recorded action
@@ -101,11 +102,11 @@ def _unfit(header: Content, data: dict[str, Any]) -> Iterator[str]:
     fleet, durations, world = scenario.fleet, scenario.durations, scenario.world
     if fleet.kinematics != "differential":
         yield f"fleet.kinematics is {fleet.kinematics}"
-    for name, ticks in (("move", durations.move), ("turn", durations.turn)):
-        if ticks != 1:
-            yield f"durations.{name} is {ticks}"
-    if any(kind.move_time_factor != 1 for kind in fleet.types):
-        yield "fleet.types has robots with a move_time_factor"
+    for name, given in (("move", durations.moves), ("turn", durations.turns)):
+        if max(given) != 1:
+            yield f"durations.{name} is {max(given)}"
+    if any(max(kind.moves) > 1 or max(kind.durations.turns) > 1 for kind in types_of(scenario)):
+        yield "fleet.types has robots whose moves or turns take longer"
     if world.slowdown != "none" or world.extra_tick_probability:
         yield "world makes moves longer"
     if fleet.when_idle != "park" or (header["robots"]["cell"] == NIL).any():

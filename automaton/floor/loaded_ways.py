@@ -11,7 +11,12 @@ from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.reachability import Mask, backward_exits, reached
 
 
-@lru_cache(maxsize=16)
+def has_storage(floor_plan: FloorPlan) -> bool:
+    """Whether the floor has cells through which loads are not carried."""
+    return bool((floor_plan.kind == STORAGE).any())
+
+
+@lru_cache(maxsize=64)
 def to_and_from(floor_plan: FloorPlan, cell: int, rail: bool) -> Mask:
     """(cells,) those from which a load gets to a cell that is not storage, and to which it comes back."""
     storage = floor_plan.kind == STORAGE

@@ -6,12 +6,14 @@ Importing this needs no Numba.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from automaton.units import Unit, duration, unit
 
 if TYPE_CHECKING:
     from automaton.build.resolve import Resolved
+
+PER_1000_TICKS: Final = "orders/1000 ticks"  # of every throughput, here and in targets
 
 # Name, unit and meaning of every metric of a run, in the order in which they are shown.
 METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
@@ -25,7 +27,7 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     "empty_operations_share": ("share", "moves, turns and waits without load / operations"),
     "empty_ticks_share": ("share", "ticks of moves, turns and waits without load / active ticks"),
     "delivered": ("orders", "orders at their targets"),
-    "throughput": ("orders/1000 ticks", "deliveries per time"),
+    "throughput": (PER_1000_TICKS, "deliveries per time"),
     "ticks_per_operation": ("ticks", "active ticks per operation"),
     "lines_done": ("lines", "lines that were served at their stations"),
     "visits": ("visits", "stops of pods at stations that were done"),
@@ -42,7 +44,7 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     "delay": ("ticks", "by how much the same task is shorter on an empty floor"),
     "delay_p95": ("ticks", "95 % of the tasks of the run have this delay or less"),
     "throughput_per_robot": (
-        "orders/1000 ticks and robot",
+        f"{PER_1000_TICKS} and robot",
         "deliveries per time and robot, after the warm-up",
     ),
     "lost_waiting": ("ticks", "in waits before a held cell"),
@@ -63,7 +65,6 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     "lead_time_p95": ("ticks", "95 % of the delivered orders have this lead time or less"),
     "lead_time_p99": ("ticks", "99 % of the delivered orders have this lead time or less"),
     "lead_time_max": ("ticks", "the longest lead time, or age of an order that is open at the end"),
-    "oldest_order": ("ticks", "since the release of the oldest order that is open at the end"),
     "late_share": (
         "share",
         "orders done after they were due, or open at the end and past it / those with a due time, but "
@@ -77,6 +78,10 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     ),
     "tardiness_p95": ("ticks", "95 % of the orders with a due time have this tardiness or less"),
     "tardiness_p99": ("ticks", "99 % of the orders with a due time have this tardiness or less"),
+    "oldest_order": (
+        "ticks",
+        "since the release of the oldest order that is not done at the end, taken or waiting",
+    ),
     "starved_robots": (
         "robots",
         "that have had something to do and finished nothing for 500 ticks, or for four times the "

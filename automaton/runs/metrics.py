@@ -284,7 +284,7 @@ def metrics_by_robot(run: Measured) -> list[dict[str, Any]]:
         }
         row: dict[str, Any] = {"robot": identity}
         if names:
-            row["type"] = names[world.robots.type[i]]
+            row["type"] = names[run.resolved.fleet.type_of[identity]]
         row |= {"operations": figures.pop("operations")}
         row |= actions | {"utilization": _ratio(active, elapsed)} | figures
         rows.append(row | ({"slowdown_ticks": int(world.tally.slowdown_ticks[i])} if slows else {}))
@@ -305,7 +305,7 @@ def metrics_by_type(run: Measured) -> list[dict[str, Any]]:
     done = world.orders.dispatched_type[world.orders.state == ORDER_DELIVERED]
     rows = []
     for number, kind in enumerate(run.resolved.scenario.fleet.types):
-        mine = world.robots.type == number
+        mine = run.resolved.fleet.type_of[world.robots.identity] == number
         spent = {
             ACTION_NAMES[a]: int(ticks[mine, a].sum())
             for a in (ACTION_MOVE, ACTION_TURN, ACTION_PICK, ACTION_DROP)

@@ -71,7 +71,7 @@ def starved_robots(world: World) -> Array:
 
 
 def oldest_order(world: World) -> int:
-    """Ticks since the release of the order that has been open for longest; 0 if none is."""
+    """Ticks since the release of the order that has been open for longest, taken or not; 0: none is."""
     orders = asked_orders(world)
     if not orders.is_open.any():
         return 0

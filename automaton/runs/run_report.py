@@ -7,12 +7,12 @@ from collections.abc import Iterator
 from automaton.build.resolve import Resolved
 from automaton.runs.console_output import ConsoleBlock, console, print_blocks
 from automaton.runs.headless import Outcome
-from automaton.runs.metric_catalogue import units_of
+from automaton.runs.metric_catalogue import PER_1000_TICKS, units_of
 from automaton.runs.metrics import METRIC_CATALOGUE
 from automaton.runs.report_document import Table
 from automaton.runs.run_diagnosis import describe_jam, describe_wait_cycles
 from automaton.strategy.lookup import NO_STRATEGY
-from automaton.units import Unit, count, duration, number, percent
+from automaton.units import SECONDS_PER_UNIT, Unit, count, duration, number, percent
 
 LOST_METRIC_PREFIX = "lost_"
 ROBOT_COLUMNS = {  # head: what of the robot's metrics
@@ -101,7 +101,7 @@ def out_of_orders(outcome: Outcome) -> list[str]:
 def metrics_table(outcome: Outcome, tick: Unit, cell: Unit | None) -> Table:
     """The metrics of the fleet with their units and meanings.
 
-    Where the scenario says what a tick or a cell is, ticks and cells stand beside the translated values.
+    Where the scenario says what a tick or a cell is, ticks and cells stand behind the translated values.
     """
     rows, in_both = [], cell is not None or tick.seconds is not None
     for name in outcome.metrics:
@@ -109,10 +109,17 @@ def metrics_table(outcome: Outcome, tick: Unit, cell: Unit | None) -> Table:
             continue
         kind, meaning = METRIC_CATALOGUE.get(name, ("times", "counted by a strategy"))
         value, in_unit = in_units(outcome.metrics[name], kind, tick, cell)
-        raw = f"{number(outcome.metrics[name])} {kind}" if kind in ("ticks", "cells") else ""
-        rows.append([name, value, in_unit, *([raw] if in_both else []), meaning])
-    heads = ("metric", "value", "unit", *(["of the grid"] if in_both else []), "meaning")
-    return Table(heads, rows, also_left=(2,), folded=True)
+        if in_both and kind in ("ticks", "cells"):
+            in_unit += f" ({number(outcome.metrics[name])} {kind})"
+        rows.append([name, value, in_unit, meaning + by_hour(outcome.metrics[name], kind, tick)])
+    return Table(("metric", "value", "unit", "meaning"), rows, also_left=(2,), folded=True)
+
+
+def by_hour(value: float, kind: str, tick: Unit) -> str:
+    """A rate in 1,000 ticks as one in an hour: "; 120 /h"; "" of others, or without times."""
+    if PER_1000_TICKS not in kind or tick.seconds is None:
+        return ""
+    return f"; {number(value * SECONDS_PER_UNIT['h'] / (1000 * tick.seconds))} /h"
 
 
 def in_units(value: float, kind: str, tick: Unit, cell: Unit | None) -> tuple[str, str]:
@@ -124,8 +131,6 @@ def in_units(value: float, kind: str, tick: Unit, cell: Unit | None) -> tuple[st
         return number(amount), told
     if kind == "cells" and cell is not None:
         return number(cell.of(value)), cell.name
-    if "1000 ticks" in kind:
-        return number(value / tick.size), kind.replace("ticks", tick.plural)
     return number(value), kind
 
 

@@ -372,6 +372,12 @@ class Simulation:
             return f"{int(combine(self.digests())):016x}"
 
 
+def compile_strategy(kind: type[Strategy]) -> None:
+    """Compile what a strategy decides with, once a loop has been compiled. Raises InputError."""
+    if kind.compiled is not None:
+        compiled_decide(kind.compiled, _LOOPS["loop"][1])
+
+
 def constants_of(world: World) -> list[tuple[str, Array, Array]]:
     """Name, array and value of all that no run changes."""
     return [

@@ -94,6 +94,17 @@ def take_over(
     ):
         np.copyto(rows, others)
     copy_clock(world.clock, other_world.clock)
+    if world.rules.loaded_types != other_world.rules.loaded_types:
+        split_by_load(world, other_world)
+
+
+def split_by_load(world: World, other_world: World) -> None:
+    """Robots with a load have types of their own from here on, or have them no longer."""
+    robots, known = world.robots, other_world.slots.accessible
+    types = world.rules.loaded_types or len(world.rules.duration)
+    robots.type[:] %= types
+    robots.type[robots.load != NIL] += np.uint8(world.rules.loaded_types)
+    world.slots.accessible[:] = np.tile(known[:types], (len(world.slots.accessible) // types, 1))
 
 
 def plan_anew(world: World) -> None:

@@ -37,7 +37,7 @@ def min_drive_ticks(view, workspace, which, out):
         order = which[k]
         start = orders.dispatched_from[order] * view.grid.headings
         start += orders.dispatched_heading[order]
-        robot_type = orders.dispatched_type[order]
+        robot_type = np.int64(orders.dispatched_type[order])
         origin = np.int64(orders.dispatched_from[order])
         if not has_load(orders, order):
             heading = np.int64(orders.dispatched_heading[order])
@@ -47,7 +47,8 @@ def min_drive_ticks(view, workspace, which, out):
         if orders.first_stop[order] < orders.first_stop[order + 1]:
             heading = np.int64(orders.dispatched_heading[order])
             ticks = distance(view, workspace, robot_type, origin, heading, access_cell)
-            ticks += least_over_stops(view, workspace, robot_type, access_cell, NIL, order)
+            loaded = robot_type + view.rules.loaded_types
+            ticks += least_over_stops(view, workspace, loaded, access_cell, NIL, order)
             out[order] = min(ticks, UNREACHABLE)
             continue
         end = dropoff_cell(view, robot_type, last_slot(orders, order), access_cell)
@@ -75,6 +76,8 @@ def least_leg(view, workspace, robot_type, here, heading, to):
 def least_over_stops(view, workspace, robot_type, here, heading, order):
     """Least ticks from a cell over the stops of an order, and to its target; UNREACHABLE if no way.
 
+    `robot_type`: with the load, if the order has one.
+
     A bound: each leg but the first one begins with the heading that is best for it. Only the stops
     that were done since the order was last taken count. A stop takes its SERVE, and a tick at least
     but for the first one of a load.
@@ -96,14 +99,17 @@ def least_over_stops(view, workspace, robot_type, here, heading, order):
 
 @kernel
 def least_by(view, workspace, robot_type, start, access_cell, end):
-    """Least ticks from a pose to a cell, and from there to another one; UNREACHABLE if there is no way.
+    """Least ticks from a pose to a cell, and from there with a load to another one.
+
+    UNREACHABLE if there is no way.
 
     A* with the Manhattan estimate, to every heading in which the first cell is reached soonest.
     """
     headings = view.grid.headings
     if headings == 1:
         to_access_cell = distance(view, workspace, robot_type, start, 0, access_cell)
-        return to_access_cell + distance(view, workspace, robot_type, access_cell, 0, end)
+        loaded = robot_type + view.rules.loaded_types
+        return to_access_cell + distance(view, workspace, loaded, access_cell, 0, end)
     search = begin_search(workspace)
     size = reach(
         workspace, search, 0, start, 0, estimate(view, robot_type, start, access_cell), STARTED
@@ -120,9 +126,10 @@ def least_by(view, workspace, robot_type, start, access_cell, end):
             continue  # a better way to this pose was found meanwhile
         if pose // headings == access_cell:
             least = ticks
+            loaded = robot_type + view.rules.loaded_types
             best = min(
                 best,
-                ticks + distance(view, workspace, robot_type, access_cell, pose % headings, end),
+                ticks + distance(view, workspace, loaded, access_cell, pose % headings, end),
             )
         size = go_on(view, workspace, search, size, robot_type, pose, ticks, access_cell)
     return best

@@ -106,8 +106,8 @@ def least_times(run: Measured, tasks: Array) -> Array:
     if len(unknown):
         with interruptible(run.workspace.stop):
             min_drive_ticks(run.view, run.workspace, unknown, run.least)
-    duration = run.world.rules.duration[0]  # types differ in their moves alone
-    handling = int(duration[ACTION_PICK]) + min(1, int(duration[ACTION_DROP]))
+    duration = run.world.rules.duration[run.world.orders.dispatched_type[tasks]]
+    handling = duration[:, ACTION_PICK].astype(np.int64) + np.minimum(1, duration[:, ACTION_DROP])
     has_load = run.world.orders.source[tasks] != NIL
     times: Array = run.least[tasks] + handling * has_load
     return times

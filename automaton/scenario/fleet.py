@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Final, Literal
 
 import msgspec
 from msgspec import Meta
 
+from automaton.scenario.durations import TypeDurations
 from automaton.scenario.field_types import (
     ConfigSection,
     Direction,
@@ -16,9 +17,20 @@ from automaton.scenario.field_types import (
     Weight,
 )
 
+ONE_CELL: Final = dict.fromkeys(
+    ("size", "trailers", "swept_turns"),
+    "a robot takes one cell: choose units.cell at least as large as the largest robot",
+)
+ALL, EMPTY, LOADED = GROUPS = ("all", "empty", "loaded")  # of robots, to which areas may be closed
+
 
 class FleetType(ConfigSection, frozen=True, kw_only=True):
     """Robots that are alike; where the fleet has several types, robots have them by identity."""
+
+    refused: ClassVar[dict[str, str]] = {
+        **ONE_CELL,
+        "kinematics": "all robots have the same; set fleet.kinematics",
+    }
 
     name: Annotated[SingleLine, Meta(description="What areas, priorities and reports call them.")]
     robots: Annotated[
@@ -28,6 +40,9 @@ class FleetType(ConfigSection, frozen=True, kw_only=True):
     move_time_factor: Annotated[
         int, Meta(ge=1, le=1000, description="A move takes so many times durations.move.")
     ] = 1
+    durations: Annotated[
+        TypeDurations, Meta(description="How long its operations take; left out: as in durations.")
+    ] = TypeDurations()
     payload: Annotated[
         Weight | None, Meta(description="The heaviest order that it carries; left out: any.")
     ] = None
@@ -47,6 +62,8 @@ class StartFile(ConfigSection, frozen=True, kw_only=True):
 
 class Fleet(ConfigSection, frozen=True, kw_only=True):
     """The robots."""
+
+    refused: ClassVar[dict[str, str]] = ONE_CELL
 
     robots: Annotated[int, Meta(ge=1, le=1_000_000, description="Number of robots.")]
     kinematics: Annotated[
@@ -91,6 +108,14 @@ class Fleet(ConfigSection, frozen=True, kw_only=True):
                 f"heading lists {len(self.heading)} directions, but fleet.robots is {self.robots}"
             )
         names = [kind.name for kind in self.types]
+        for kind in self.types:
+            if kind.name in GROUPS:
+                raise ValueError(f"types must not name a type {kind.name}: areas mean others by it")
+            if kind.durations.turn is not None and self.kinematics == "omni":
+                raise ValueError(
+                    f"types gives {kind.name} durations.turn, but omni robots do not turn; leave it "
+                    "out, or set fleet.kinematics"
+                )
         for name in names:
             if names.count(name) > 1:
                 raise ValueError(f"types names {name} twice")
@@ -116,7 +141,7 @@ class Fleet(ConfigSection, frozen=True, kw_only=True):
 
 
 class Area(ConfigSection, frozen=True, kw_only=True):
-    """A rectangle of the floor that is closed to some types of robots."""
+    """A rectangle of the floor that is closed to some robots."""
 
     first: Annotated[Pair, Meta(description="A corner of it.")] = msgspec.field(name="from")
     last: Annotated[Pair, Meta(description="The opposite corner; both belong to it.")] = (
@@ -124,9 +149,17 @@ class Area(ConfigSection, frozen=True, kw_only=True):
     )
     closed_to: Annotated[
         tuple[SingleLine, ...],
-        Meta(description="The types that must not enter it, by name."),
+        Meta(
+            description="Who must not enter it: types by name, all, empty (robots without a load) or "
+            "loaded (those with one)."
+        ),
     ]
+
+    def holds(self, x: int, y: int) -> bool:
+        """Whether a cell belongs to it."""
+        (x0, y0), (x1, y1) = self.first, self.last
+        return min(x0, x1) <= x <= max(x0, x1) and min(y0, y1) <= y <= max(y0, y1)
 
     def __post_init__(self) -> None:
         if not self.closed_to:
-            raise ValueError("closed_to must name a type of robots")
+            raise ValueError("closed_to must name a type of robots, or be all, empty or loaded")

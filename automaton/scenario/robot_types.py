@@ -13,6 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from automaton.floor.floor_plan import FloorPlan
+from automaton.scenario.durations import ByLoad, Durations
+from automaton.scenario.fleet import ALL, EMPTY, LOADED, FleetType
 from automaton.scenario.schema import Fleet, Scenario
 
 ANY_WEIGHT = 2**31 - 1  # payload of a robot that carries everything
@@ -28,23 +30,67 @@ class RobotType(NamedTuple):
     move_time_factor: int = 1  # a move takes so many times its duration
     payload: int = ANY_WEIGHT  # the heaviest order it carries
     closed: tuple[Rectangle, ...] = ()  # areas that it must not enter
+    durations: Durations = Durations()  # its own where it has some; a move without the factor
+    closed_empty: tuple[Rectangle, ...] = ()  # further areas, without a load
+    closed_loaded: tuple[Rectangle, ...] = ()  # further areas, with a load
+
+    @property
+    def moves(self) -> ByLoad:
+        """Ticks of a move, the factor included."""
+        empty, loaded = self.durations.moves
+        return ByLoad(empty * self.move_time_factor, loaded * self.move_time_factor)
+
+    @property
+    def loads_differ(self) -> bool:
+        """Whether robots of this type drive otherwise with a load than without one."""
+        return (
+            self.durations.moves.differ
+            or self.durations.turns.differ
+            or self.closed_empty != self.closed_loaded
+        )
+
+    @property
+    def driving(self) -> RobotType:
+        """The type with what decides on how its robots drive, and nothing else."""
+        durations = Durations(move=self.durations.move, turn=self.durations.turn)
+        return self._replace(name="", payload=ANY_WEIGHT, durations=durations)
+
+    def carrying(self, loaded: bool) -> RobotType:
+        """The type while its robots carry a load, or none: then alone these areas are closed."""
+        own = self.closed_loaded if loaded else self.closed_empty
+        return self._replace(closed=(*self.closed, *own), closed_empty=(), closed_loaded=())
 
 
 def types_of(scenario: Scenario) -> tuple[RobotType, ...]:
     """The types of a scenario's robots, at least one."""
+    kinds = scenario.fleet.types or (FleetType(name=""),)
     return tuple(
         RobotType(
             kind.name,
             kind.move_time_factor,
             ANY_WEIGHT if kind.payload is None else kind.payload,
-            tuple(
-                (*area.first, *area.last)
-                for area in scenario.areas.values()
-                if kind.name in area.closed_to
-            ),
+            _closed_to(scenario, kind.name, ALL),
+            kind.durations.within(scenario.durations),
+            _closed_to(scenario, EMPTY),
+            _closed_to(scenario, LOADED),
         )
-        for kind in scenario.fleet.types
-    ) or (RobotType(),)
+        for kind in kinds
+    )
+
+
+def _closed_to(scenario: Scenario, *names: str) -> tuple[Rectangle, ...]:
+    """The areas that are closed to one of some names."""
+    return tuple(
+        (*area.first, *area.last)
+        for area in scenario.areas.values()
+        if any(name in area.closed_to for name in names)
+    )
+
+
+def rows_of(types: tuple[RobotType, ...], loads_differ: bool) -> tuple[RobotType, ...]:
+    """The types without a load; where loads make a difference, then those with one."""
+    rows = tuple(one.carrying(False) for one in types)
+    return rows + tuple(one.carrying(True) for one in types) if loads_differ else rows
 
 
 def type_of_each(fleet: Fleet) -> npt.NDArray[np.uint8]:

@@ -14,6 +14,7 @@ from msgspec import Meta
 from automaton.errors import InputError
 from automaton.scenario.cell_names import Locations
 from automaton.scenario.clock_times import read_clock
+from automaton.scenario.durations import Durations as Durations
 from automaton.scenario.energy_and_faults import Battery as Battery
 from automaton.scenario.energy_and_faults import ChargeRange as ChargeRange
 from automaton.scenario.energy_and_faults import Drain as Drain
@@ -23,13 +24,12 @@ from automaton.scenario.field_types import ConfigSection as ConfigSection
 from automaton.scenario.field_types import Direction as Direction
 from automaton.scenario.field_types import NonEmptyText as NonEmptyText
 from automaton.scenario.field_types import SingleLine as SingleLine
-from automaton.scenario.field_types import Ticks, TicksOrNone
 from automaton.scenario.fleet import Area as Area
 from automaton.scenario.fleet import Fleet as Fleet
 from automaton.scenario.handling import Handling as Handling
 from automaton.scenario.orders import Orders as Orders
 from automaton.scenario.pods import Pods, PodStation
-from automaton.scenario.quantities import CELLS, STEP, TIME, TURN, Scale, quantity
+from automaton.scenario.quantities import CELLS, TIME, Scale, quantity
 from automaton.units import ticks_and_time, unit
 
 Parameters = dict[str, Any]
@@ -52,7 +52,6 @@ StrategySpec = str | Parameters  # a strategy: its name, or {name: NAME, ...para
 TICK_PATTERN = r"^(?=[^a-zA-Z]*[1-9])\d{1,9}(\.\d{1,12})? ?(?![eE][-+]?\d)[^\s\d.]\S*$"
 MEMORY_PATTERN = r"^(?=[^a-zA-Z]*[1-9])\d{1,9}(\.\d+)? [KMGT]iB$"
 
-MAX_DURATION = 10_000  # ticks of an operation
 MAX_MOVE_TICKS = 65_535  # ticks
 
 LAYER_NAMES = ("zoning", "charging", "allocation", "routing", "right_of_way")
@@ -94,40 +93,6 @@ class Units(ConfigSection, frozen=True, kw_only=True):
     def scale(self) -> Scale:
         """What texts with units are measured by."""
         return Scale(self.tick, self.cell, read_clock(self.clock) if self.clock else None)
-
-
-class Durations(ConfigSection, frozen=True, kw_only=True):
-    """How many ticks each operation takes."""
-
-    move: Annotated[int, quantity(STEP, ge=1, le=MAX_DURATION, description="To the next cell.")] = 1
-    turn: Annotated[int, quantity(TURN, ge=1, le=MAX_DURATION, description="By 90 degrees.")] = 1
-    pick: Annotated[
-        TicksOrNone, Meta(description="Take a load from a slot; 0: on arrival, within the move.")
-    ] = 1
-    drop: Annotated[
-        TicksOrNone, Meta(description="Drop a load; 0: on arrival, within the move.")
-    ] = 1
-    try_drop: Annotated[Ticks, Meta(description="Look whether a load can be dropped.")] = 1
-    handling_jitter: Annotated[
-        int,
-        quantity(
-            TIME,
-            ge=0,
-            le=MAX_DURATION,
-            description="Each pick and each drop takes up to this many ticks more, uniformly "
-            "random.",
-        ),
-    ] = 0
-
-    handling: Annotated[
-        Handling, Meta(description="How long a visit at a station takes, for its lines.")
-    ] = Handling()
-
-    def __post_init__(self) -> None:
-        if self.handling_jitter and not (self.pick and self.drop):
-            raise ValueError(
-                "handling_jitter makes picks and drops longer, so set both to at least 1"
-            )
 
 
 class Strategies(ConfigSection, frozen=True, kw_only=True):
@@ -284,10 +249,13 @@ class Scenario(ConfigSection, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         tick = unit(self.units.tick)
-        slowest = (
-            max((kind.move_time_factor for kind in self.fleet.types), default=1)
-            * self.durations.move
-        )
+        slowest = max(self.durations.moves)
+        for kind in self.fleet.types:
+            try:
+                own = kind.durations.within(self.durations)
+            except ValueError as error:
+                raise ValueError(f"fleet has robots of the type {kind.name}, but {error}") from None
+            slowest = max(slowest, kind.move_time_factor * max(own.moves))
         if slowest > MAX_MOVE_TICKS:
             raise ValueError(
                 f"fleet has robots whose moves take {ticks_and_time(slowest, tick)} (move_time_factor x "

@@ -73,6 +73,10 @@ def _explained(
     field = FIELD.search(what)
     if field and what.startswith("Object contains unknown"):
         names = _names(expected)
+        refusals = [getattr(getattr(one, "cls", None), "refused", {}) for one in _options(expected)]
+        if any(field[1] in one for one in refusals):
+            said = next(one[field[1]] for one in refusals if field[1] in one)
+            return document.error((*keys, field[1]), f"{dotted((*keys, field[1]))}: {said}")
         return document.error(
             (*keys, field[1]),
             f"unknown key '{field[1]}'{_inside(keys)}{nearest(field[1], names)}; "

@@ -11,6 +11,7 @@ import numpy as np
 
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.next_stop import end_of_stops, has_load, next_stop_cell
+from automaton.engine.operations import with_load
 from automaton.engine.state import NIL
 from automaton.engine.visits import is_assigned
 
@@ -24,6 +25,7 @@ def access_cell(view, robot_type, slot, turned, origin):
     turned: 0 to pick up, 2 to drop; origin: the cell from which the robot comes, NIL if unknown.
     """
     one = view.slots.reachable.shape[0] == 1  # then access holds only what it gets to
+    robot_type = with_load(view, robot_type)
     is_nearest = view.rules.nearest_access != 0 and origin != NIL
     width = view.grid.width
     best, least = np.int64(NIL), np.int64(0)
@@ -93,6 +95,8 @@ def reaches_stops(view, robot_type, order):
     """Whether robots of a type get to all stops of an order that are left, and back."""
     orders, reachable = view.orders, view.slots.reachable
     if reachable.shape[0] > 1:
+        if has_load(orders, order):
+            robot_type = with_load(view, robot_type)
         first = np.int64(orders.first_stop[order]) + np.int64(orders.stops_done[order])
         for stop in range(first, end_of_stops(view, order)):
             if reachable[robot_type, view.stops.cell[stop]] == 0:

@@ -11,6 +11,7 @@ from automaton.engine.holders import lane_of
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import direction_between, has_room
 from automaton.engine.next_stop import end_of_stops, has_load, next_stop_cell
+from automaton.engine.operations import types_of_robots, with_load, without_load
 from automaton.engine.prefetch import prefetch
 from automaton.engine.random_numbers import (
     STREAM_ABORTS,
@@ -104,8 +105,11 @@ __all__ = [
     "random_bits",
     "splitmix64",
     "table_of",
+    "types_of_robots",
     "ways_on",
     "weighted_table_of",
+    "with_load",
+    "without_load",
     "write_path",
 ]
 

@@ -10,6 +10,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from automaton.engine import distance_tables, search
+from automaton.engine.operations import with_load
 from automaton.engine.state import NIL, Workspace, World
 from automaton.strategy import access_cells as slot_access
 
@@ -67,7 +68,7 @@ def dropoff_cell(view: World, robot: int, slot: int) -> int | None:
 
 def access_cells(view: World, robot: int, slot: int) -> list[int]:
     """The cells from which a robot can serve a slot: east, south, west and north of it."""
-    reachable = view.slots.reachable[view.robots.type[robot]]
+    reachable = view.slots.reachable[with_load(view, int(view.robots.type[robot]))]
     return [int(cell) for cell in view.slots.access[slot] if cell != NIL and reachable[cell]]
 
 

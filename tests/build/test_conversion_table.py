@@ -33,6 +33,14 @@ def resolved(folder: Path, *settings: str) -> Resolved:
     [
         ("durations.move=1.5 m/s", "durations.move 1.5 m/s: 1.6 ticks -> 2, 25 % slower"),
         ("durations.move=1 m/s", "durations.move 1 m/s: 2.4 ticks -> 2, 17 % faster"),
+        (
+            "durations.move={empty: 1.5 m/s, loaded: 1.2 m/s}",
+            "durations.move.empty 1.5 m/s: 1.6 ticks -> 2, 25 % slower",
+        ),
+        (
+            "durations.move={empty: 1.2 m/s, loaded: 1.5 m/s}",
+            "durations.move.loaded 1.5 m/s: 1.6 ticks -> 2, 25 % slower",
+        ),
         ("durations.turn=100 deg/s", "durations.turn 100 deg/s: 1.8 ticks -> 2, 11 % slower"),
         ("durations.pick=10.2 s", "durations.pick 10.2 s: 20.4 ticks -> 20, 2 % shorter"),
         ("durations.pick=10.3 s", "durations.pick 10.3 s: 20.6 ticks -> 21, 1.9 % longer"),

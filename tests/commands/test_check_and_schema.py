@@ -111,6 +111,71 @@ def test_robots_that_stay_on_stations_and_batteries_for_nothing_are_warned_of(
     assert warned in said and bool(warned) == ("warning" in said)
 
 
+@pytest.mark.parametrize(
+    ("settings", "warned"),
+    [
+        ([], ""),
+        (
+            [
+                "stop.max_duration=90",
+                "orders={parts: [{route: [1, 2], count: 3, first_release: 90}]}",
+            ],
+            "the last of 3 parts comes after about 90 ticks, when the run is over "
+            "(stop.max_duration 90 ticks), so it may not finish",
+        ),
+        (["stop={when: never, max_duration: 90}", "ORDERS, mean_interarrival_time: 60}"], ""),
+        (
+            ["stop.max_duration=90", "orders={list: [LATE, {from: [1, 0], to: [4, 0]}]}"],
+            "1 of 2 orders in the list comes after 95 ticks or later",
+        ),
+        (
+            ["stop={when: never, max_duration: 90}", "orders={list: [LATE]}"],
+            "1 of 1 order in the list comes after 95 ticks or later, when the run is over "
+            "(stop.max_duration 90 ticks)\n",
+        ),
+        (["stop.max_duration=90", "ORDERS, mean_interarrival_time: 9}"], ""),
+        (
+            ["stop.max_duration=90", "ORDERS, mean_interarrival_time: 10}"],
+            "the last of 10 orders comes after about 90 ticks",
+        ),
+        (
+            ["stop.max_duration=90", "ORDERS, arrivals: {bursts: {size: 4, every: {mean: 50}}}}"],
+            "the last of 10 orders comes after about 100 ticks",
+        ),
+    ],
+)
+def test_orders_that_come_when_the_run_is_over_are_warned_of(
+    settings: list[str], warned: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "yard.yaml"
+    path.write_text(STATIONS)
+    short = {
+        "LATE": "{from: [1, 0], to: [4, 0], release: 95}",
+        "ORDERS": "orders={generator: stations, count: 10",
+    }
+    for name, text in short.items():
+        settings = [setting.replace(name, text) for setting in settings]
+    assert main(["check", str(path), *(part for one in settings for part in ("--set", one))]) == 0
+    said = capsys.readouterr().err
+    assert warned in said and bool(warned) == ("warning" in said)
+
+
+def test_check_warns_of_the_points_of_a_study_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "yard.yaml").write_text(STATIONS)
+    (tmp_path / "all.yaml").write_text(
+        "name: all\nscenario: yard.yaml\nfactors: {stop.max_duration: [2, 3, 9],"
+        " orders.parts: [[{route: [1, 2], first_release: 5}]]}\nreplications: 1\n"
+    )
+    assert main(["check", str(tmp_path / "all.yaml")]) == 0
+    out, err = capsys.readouterr()
+    assert out == "all: 3 points x 1 replication, 3 runs, ok\n"
+    assert err.startswith("automaton: all: warning: the last of 1 part comes after about 5 ticks")
+    assert "(point 0: yard.yaml, stop.max_duration 2, " in err
+    assert err.endswith("; 1 more point likewise)\n") and err.count("\n") == 1
+
+
 @pytest.mark.parametrize("key", ["precision", "recall"])
 def test_a_share_out_of_range_is_told_the_whole_range(
     key: str, capsys: pytest.CaptureFixture[str]

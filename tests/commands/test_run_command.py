@@ -145,9 +145,25 @@ def test_times_are_told_in_the_units_of_the_scenario(capsys: pytest.CaptureFixtu
     run = as_json(capsys, "tabletop-mini", *settings)
     also = f"({number(run['ticks'] / 120)} min, {run['ticks']:,} ticks)"
     assert f"finished after {number(run['ticks'] / 2)} s {also}" in text
-    assert "orders/1000 s" in text
     makespan = next(line for line in text.splitlines() if line.startswith("makespan"))
-    assert f"{run['ticks']:,} ticks" in makespan
+    assert f"{number(run['ticks'] / 2)}  s ({run['ticks']:,} ticks)" in makespan
+
+
+def test_a_throughput_is_in_orders_by_1000_ticks_whatever_a_tick_is(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As in reports and sizes, which compare scenarios; beside it, by the hour."""
+    monkeypatch.setenv("COLUMNS", "80")
+    told = []
+    for settings in (["--set", "units.tick=1 cycle"], ["--set", "units={tick: 0.5 s, cell: 1 m}"]):
+        assert main(["run", "tabletop-mini", *settings]) == 0
+        lines = capsys.readouterr().out.splitlines()
+        told.append(next(line.split() for line in lines if line.startswith("throughput")))
+        assert max(map(len, lines[3:])) <= 80
+    plain, timed = told
+    assert plain[:4] == timed[:4] and plain[2:4] == ["orders/1000", "ticks"]
+    hourly = number(as_json(capsys, "tabletop-mini")["metrics"]["throughput"] * 7.2)
+    assert plain[-1] == "time" and timed[-2:] == [hourly, "/h"]
 
 
 @pytest.mark.parametrize(

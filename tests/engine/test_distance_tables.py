@@ -69,7 +69,7 @@ class Case:
         return np.asarray(step[:, None, None] * factors)
 
     def tables(self) -> DistanceTables:
-        grid = floor_for(self.floor_plan, self.kinematics, 1, 1, "undirected").grid
+        grid = floor_for(self.floor_plan, self.kinematics, "undirected").grid
         kinds = self.floor_plan.kind.reshape(-1)
         turns = [
             CostSet(self.floor_plan, self.kinematics, 1, 1).may_turn(c) for c in range(len(kinds))

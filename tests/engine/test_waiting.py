@@ -79,6 +79,22 @@ def test_head_on() -> None:
     assert floor.cause("A") == floor.cause("B") == "head-on"
 
 
+def test_head_on_without_a_route() -> None:
+    """A retreat that finds no way waits for what is ahead, and not for its goal, which is free."""
+    answers = Answers(A=(CMD_WAIT, 3))
+    floor = SmallRun("AB.\n##C", {"A": "EE", "B": "W"}, strategies={"right_of_way": answers})
+    floor.world.robots.route_length[floor.index("A")] = 0
+    floor.tick()
+    assert floor.why("A") == ("head-on", "B", (1, 0)) and floor.blocker("B") == "A"
+    assert floor.ring("A") == floor.ring("B") == 1
+
+
+def test_a_wait_without_a_route_where_a_way_is_open() -> None:
+    floor = SmallRun("A..", {"A": "EE"}, strategies={"right_of_way": Answers(A=(CMD_WAIT, 3))})
+    floor.world.robots.route_length[floor.index("A")] = 0
+    assert floor.tick().why("A") == ("random wait", "", None)
+
+
 def test_at_work() -> None:
     floor = SmallRun(
         "A..\n.B.", {"A": "SE", "B": "E"}, kinematics="differential", durations=Durations(turn=9)

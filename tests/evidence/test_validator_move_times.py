@@ -16,6 +16,7 @@ from automaton.engine.random_numbers import STREAM_EXTRA_TICKS, random_bits
 from automaton.engine.record_codes import CHANGE_DURATION, LEFT_PARKING_BAY
 from automaton.evidence.recording.frames import FRAME_KIND_TICKS, Recording
 from automaton.evidence.verification.move_time_rules import MoveTimes, zones_by_cell
+from automaton.evidence.verification.type_rules import Types
 from automaton.evidence.verification.validator import validate_stored
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.traffic_zones import MODES, traffic_zones_of
@@ -102,7 +103,7 @@ def test_without_slow_zones_every_move_takes_its_duration() -> None:
 
 def test_an_extra_tick_must_be_the_one_that_was_drawn() -> None:
     head = header(CORNER, [(2, 1)], world={"extra_tick_probability": 0.5})
-    pace = MoveTimes(head["floor"], head["seed"], [1] * len(head["robots"]["home"]))
+    pace = MoveTimes(head["floor"], head["seed"], Types(head["floor"], head["scenario"]))
     late = [tick for tick in range(1, 40) if pace.draw(tick, 0) < 2**31]
     assert 5 < len(late) < 35
     for tick in (late[0], next(tick for tick in range(1, 40) if tick not in late)):
@@ -120,7 +121,8 @@ def test_an_extra_tick_must_be_the_one_that_was_drawn() -> None:
 
 @given(st.integers(0, 2**63 - 1), st.integers(0, 2**40), st.integers(0, 10**6))
 def test_its_draws_are_those_of_the_world(seed: int, tick: int, robot: int) -> None:
-    mine = MoveTimes({}, seed, []).draw(tick, robot)
+    head = header(CORNER, [(2, 1)])
+    mine = MoveTimes({}, seed, Types(head["floor"], head["scenario"])).draw(tick, robot)
     with np.errstate(over="ignore"):
         assert mine == int(random_bits(np.uint64(seed), STREAM_EXTRA_TICKS, tick, robot)) >> 32
 

@@ -33,6 +33,7 @@ ONLY_READ: Final = {
     "serve": "test_serve_command",
     "train": "test_training",
     "bench": "test_bench",
+    "compile": "test_compile_command",
     "report --plots": "test_report",
     "reproduce tabletop": "test_reproduce_tabletop",
     "reproduce traffic": "test_reproduce_traffic",

@@ -19,6 +19,7 @@ from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.reachability import around_home
 from automaton.floor.traffic_zones import MODES
+from automaton.scenario.durations import MoveByLoad, TypeDurations
 from automaton.scenario.fleet import FleetType
 from automaton.scenario.orders import WeightRange
 from automaton.scenario.robot_types import floor_by_type, types_of
@@ -246,11 +247,21 @@ def cases(draw: Any, types: bool = False, ticks: int = TICKS) -> Case:
 
 @st.composite
 def typed(draw: Any, scenario: Scenario, floor_plan: FloorPlan, start: Any) -> Scenario:
-    """The same with two types of robots, and perhaps an area that is closed to one of them."""
+    """The same with two types of robots, for which a load may make a difference.
+
+    And perhaps an area that is closed to one of them, or to robots with a load.
+    """
     fleet = scenario.fleet
     few = draw(st.integers(1, max(1, fleet.robots - 1)))
     factor, payload = draw(st.integers(1, 3)), draw(st.sampled_from([1, 2, None]))
-    kinds = [FleetType(name="slow", robots=few, move_time_factor=factor, payload=payload)]
+    ticks = st.integers(1, 3)
+    own = TypeDurations(
+        move=draw(st.none() | st.builds(MoveByLoad, empty=ticks, loaded=ticks)),
+        try_drop=draw(st.none() | ticks),
+    )
+    kinds = [
+        FleetType(name="slow", robots=few, move_time_factor=factor, payload=payload, durations=own)
+    ]
     kinds += [FleetType(name="other", payload=2)] if few < fleet.robots else []
     fleet = msgspec.structs.replace(fleet, types=tuple(kinds))
     orders = scenario.orders
@@ -258,9 +269,10 @@ def typed(draw: Any, scenario: Scenario, floor_plan: FloorPlan, start: Any) -> S
     scenario = msgspec.structs.replace(
         scenario, fleet=fleet, orders=msgspec.structs.replace(orders, weight=weight)
     )
+    closed_to = st.sampled_from([("slow",), ("loaded",), ("slow", "loaded")])
     columns = sorted(draw(st.integers(0, floor_plan.width - 1)) for _ in range(2))
     rows = sorted(draw(st.integers(0, floor_plan.height - 1)) for _ in range(2))
-    area = Area(first=(columns[0], rows[0]), last=(columns[1], rows[1]), closed_to=("slow",))
+    area = Area(first=(columns[0], rows[0]), last=(columns[1], rows[1]), closed_to=draw(closed_to))
     closed = msgspec.structs.replace(scenario, areas={"area": area})
     shut = floor_by_type(floor_plan, types_of(closed)).closed[0]
     homes = floor_plan.bays[:, 1].tolist() if start == "parking-bays" else start

@@ -12,6 +12,8 @@ from reference_paths import Pose, Ways
 from automaton.build.prepared_floor import Floor, floor_for
 from automaton.engine.state import ACTION_COUNT, ACTION_MOVE, ACTION_TURN, Array
 from automaton.floor.drawn_floors import draw_floor
+from automaton.scenario.robot_types import RobotType
+from automaton.scenario.schema import Durations
 from strategies.routing.astar.route_workspace import RouteSpace, route_space
 
 SYMBOLS = ".......++--||==~><v^##"
@@ -27,7 +29,8 @@ class Case(NamedTuple):
 
     def built(self) -> tuple[Floor, Array, RouteSpace]:
         ways = self.ways
-        floor = floor_for(ways.floor_plan, ways.kinematics, ways.move, ways.turn, self.mode)
+        alike = RobotType(durations=Durations(move=ways.move, turn=ways.turn))
+        floor = floor_for(ways.floor_plan, ways.kinematics, self.mode, (alike,))
         duration = np.ones(ACTION_COUNT, np.int32)
         duration[ACTION_MOVE], duration[ACTION_TURN] = ways.move, ways.turn
         return (

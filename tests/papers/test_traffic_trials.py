@@ -85,7 +85,7 @@ def test_trial_and_automaton_take_the_same_ticks(floor_plan: FloorPlan) -> None:
 
 def test_racks_are_served_from_the_aisle_and_docks_from_their_right(floor_plan: FloorPlan) -> None:
     where = warehouse()
-    floor = floor_for(floor_plan, "omni", 1, 1, "undirected")
+    floor = floor_for(floor_plan, "omni", "undirected")
     aisles = {floor_plan.xy(int(cell))[1] % 3 for cell in stands(floor, RACK)}
     assert aisles == {1}
     assert {floor_plan.xy(int(cell))[0] for cell in where.docks} == {3}

@@ -27,6 +27,7 @@ from automaton.runs.pictures import (
     world_from,
 )
 from automaton.runs.pictures.phrases import read_route, write_route
+from automaton.runs.pictures.picture_writing import CROWD_LEGEND
 from automaton.runs.simulation import Simulation
 from automaton.runs.state_copy import OF_THE_BUFFERS
 from layouts.tabletop import Tabletop
@@ -245,6 +246,15 @@ def test_a_brief_picture_leaves_out_what_tells_a_person_nothing() -> None:
     assert "asks for charging" in whole and "asks for charging" not in brief
     assert "bound, " in whole and "bound, " not in brief, "depots has robots that never turn"
     assert re.search(r"charge \d+(\.\d+)? %", brief)
+
+
+def test_a_brief_picture_says_what_stands_for_robots_beyond_the_letters() -> None:
+    running = Simulation(resolve("random-400", ("fleet.robots=27",)))
+    brief = picture_of(running, brief=True)
+    rows, legend = brief.split(CROWD_LEGEND)
+    assert rows.count("@") == 1 and "\n26 (" in legend
+    few = Simulation(resolve("random-400", ("fleet.robots=26",)))
+    assert CROWD_LEGEND not in picture_of(few, brief=True)
 
 
 # Contradictions

@@ -31,7 +31,7 @@ from automaton.runs.report_document import (
 from automaton.studies.inference.effects import effect
 from automaton.studies.reports.comparisons import comparisons, declared_pairs
 from automaton.studies.reports.html_output import as_html
-from automaton.studies.reports.metric_tables import metric_section
+from automaton.studies.reports.metric_tables import metric_section, summary
 from automaton.studies.reports.sections import comparison_section, remarks
 from automaton.studies.reports.study_results import columns_of
 from automaton.studies.reports.text_output import (
@@ -289,6 +289,15 @@ def test_of_many_warnings_the_most_skewed_point_is_named() -> None:
         "5 points have fewer than 60 runs (least 10); the most skewed: robots 3" in listed.items[0]
     )
     assert "skew -2.7" in listed.items[0]
+
+
+def test_no_interval_of_a_metric_reaches_below_0() -> None:
+    study = study_of({"fleet.robots": (1, 2)}, replications=10)
+    results = synthetic_store(study, lambda p, r: 9.0 * (r == 0) if p == 0 else noise(p, r))
+    rare, usual = (summary(results, {}, point, "makespan").interval for point in results.points)
+    assert rare is not None and usual is not None
+    assert rare.low == 0 and rare.high == pytest.approx(0.9 + 2.262157 * 0.9)
+    assert usual.low is not None and usual.low > 90
 
 
 def test_a_chart_by_hand() -> None:

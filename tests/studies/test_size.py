@@ -31,7 +31,7 @@ from automaton.studies.sizing.fleet_runs import (
 )
 from automaton.studies.sizing.fleet_search import Candidate, FleetConfig, Run, Search, judged
 from automaton.studies.sizing.question import Target, make_question, read_target
-from automaton.studies.sizing.sizing_report import picture, print_answer
+from automaton.studies.sizing.sizing_report import picture, print_answer, with_half
 from automaton.studies.sizing.sizing_session import RunBudget, SizingSession
 from automaton.units import Unit
 
@@ -300,6 +300,16 @@ def test_shares_and_means_are_plotted(capsys: Any, tmp_path: Path) -> None:
         f"{name}.{form}" for name in names for form in ("png", "svg")
     ]
     assert err.count("automaton: wrote ") == 4
+
+
+def test_a_mean_whose_interval_would_reach_below_0_is_told_with_its_ends() -> None:
+    one = Candidate(FleetConfig(1))
+    one.runs = [Run(True, {"starved_robots": count}) for count in (0.0, 0.0, 0.0, 4.0)]
+    mean = one.mean("starved_robots")
+    assert mean is not None and with_half(mean) == "1 (0 to 4.182)"
+    one.runs = [Run(True, {"starved_robots": count}) for count in (4.0, 4.0, 4.0, 5.0)]
+    mean = one.mean("starved_robots")
+    assert mean is not None and with_half(mean) == "4.25 +- 0.7956"
 
 
 def test_means_are_drawn_on_a_scale_that_holds_them_and_the_zone() -> None:

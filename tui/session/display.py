@@ -209,7 +209,7 @@ class Display:
             changed |= self.status.set_words([word(state, styles.COLOUR_DIM)])
             return changed
         words = time_words(playback, choice.side, session.speed, self._unit, session.glyphs)
-        words += fleet_words(playback.snapshots[choice.side])
+        words += fleet_words(playback.snapshots[choice.side], playback.figures[choice.side])
         words += choice_words(choice.robot, choice.following, choice.laid)
         changed |= self.status.set_words(words, [self.mode(playback)])
         changed |= self.timeline.set_content(self._past(playback))

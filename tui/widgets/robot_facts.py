@@ -28,7 +28,7 @@ from tui.widgets.charge_facts import battery, charging_plan, condition
 from tui.widgets.due_facts import due_facts
 from tui.widgets.event_rows import event_line
 from tui.widgets.pod_facts import carried_pod, has_pods, robot_trip, station_link
-from tui.widgets.robot_type_facts import type_of
+from tui.widgets.robot_type_facts import own_durations, type_of
 from tui.widgets.service_zone_facts import robot_zone
 from tui.widgets.signs import UNICODE, Signs
 from tui.widgets.styled_lines import (
@@ -86,7 +86,7 @@ def _type(view: View, robot: int) -> list[str | Span]:
     if kind is None:
         return []
     facts = [f"{kind.move_time_factor} x durations.move" if kind.move_time_factor > 1 else ""]
-    facts += [f"carries up to {kind.payload:,}" if kind.payload else ""]
+    facts += [own_durations(kind), f"carries up to {kind.payload:,}" if kind.payload else ""]
     told = ", ".join(fact for fact in facts if fact)
     return [kind.name, f": {told}" if told else ""]
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import msgspec
+
 from automaton.scenario.fleet import FleetType
 from tui.playback.panel_view import View
 
@@ -18,7 +20,17 @@ def type_of(view: View, robot: int) -> FleetType | None:
 
 
 def closed_to(view: View, cell: int) -> list[str]:
-    """The types of robots to which a cell is closed."""
-    fleet = view.run.resolved.fleet
-    pairs = zip(fleet.types, fleet.closed[:, cell], strict=True)
-    return [robot_type.name for robot_type, is_closed in pairs if is_closed]
+    """To whom a cell is closed: types of robots, all, or those without a load or with one."""
+    x, y = view.run.resolved.floor_plan.xy(cell)
+    areas = view.run.resolved.scenario.areas.values()
+    return list(dict.fromkeys(who for area in areas if area.holds(x, y) for who in area.closed_to))
+
+
+def own_durations(kind: FleetType) -> str:
+    """What operations take that take robots of a type otherwise than others: "move 2, turn 1 / 3"."""
+    given = msgspec.to_builtins(kind.durations)
+    ticks = {name: value for name, value in given.items() if value is not None}
+    return ", ".join(
+        f"{name} {' / '.join(map(str, value.values())) if isinstance(value, dict) else value}"
+        for name, value in ticks.items()
+    )

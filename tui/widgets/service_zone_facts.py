@@ -11,6 +11,7 @@ from automaton.build.rules import duration_table, tick_length
 from automaton.engine.service_zones import ServiceZones
 from automaton.engine.state import NIL, ORDER_CARRIED, ORDER_WAITING
 from automaton.errors import InputError
+from automaton.scenario.robot_types import RobotType
 from automaton.units import count
 from strategies.zoning.design.zone_work import minutes_of_zones
 from tui.layers.service_zones import transfer_pairs
@@ -164,7 +165,7 @@ def work_words(view: View, zones: list[int]) -> str:
     """The load of zones: what lies in their queues, is fetched and carried, in minutes (eq. 1-4)."""
     scenario, shown = view.run.resolved.scenario, view.snapshot
     tick_s = (tick_length(scenario.units.tick) or 1_000_000) / 1e6
-    duration = duration_table(scenario.durations)
+    duration = duration_table(RobotType(durations=scenario.durations), loaded=True)
     minutes = minutes_of_zones(shown.service_zones, shown.orders, zones, tick_s, duration)
     return f"{minutes:.1f} minutes of driving and handling"
 

@@ -18,8 +18,8 @@ from tui.widgets.word_row import Word, word
 
 if TYPE_CHECKING:
     from automaton.evidence.history.snapshot import Snapshot
-    from tui.playback.playback_state import PlaybackState
-    from tui.terminal.frame_pacing import Figures
+    from tui.playback.playback_state import Figures, PlaybackState
+    from tui.terminal.frame_pacing import Figures as LinkFigures
 
 NEARLY_DONE = 0.9  # of the speed that was asked for counts as reached
 
@@ -91,9 +91,9 @@ def _time(ticks: int, tick: Unit) -> list[Word]:
     return [word(f"{number(tick.of(ticks))} {tick.plural}", styles.COLOUR_DIM, rank=6)]
 
 
-def fleet_words(snapshot: Snapshot) -> list[Word]:
-    """How many robots work and wait, and how many orders are done."""
-    now = summarize(snapshot)
+def fleet_words(snapshot: Snapshot, figures: Figures) -> list[Word]:
+    """How many robots work, wait and finish nothing, and how many orders are done."""
+    now, starved, jam = summarize(snapshot), len(figures.starved), figures.jam
     said = [
         word(f"{now.working:,} work", styles.COLOUR_ROBOT, "robots", 2),
         word(
@@ -109,6 +109,10 @@ def fleet_words(snapshot: Snapshot) -> list[Word]:
         said.append(lines)
     if now.circling:
         said.insert(2, word(f"{now.circling:,} in a wait cycle", styles.COLOUR_FAULT, "why", 4))
+    if starved:
+        said.insert(2, word(f"{starved:,} starved", styles.COLOUR_FAULT, "robots", 1))
+    if jam is not None:
+        said.insert(3, word(f"jam {len(jam.robots):,}", styles.COLOUR_FAULT, "jam", 1))
     return said
 
 
@@ -148,7 +152,7 @@ def long_tick_words(tick: int, seconds: float, waited: bool) -> str:
     return f"computing tick {tick:,}, {took} s{waits}"
 
 
-def link_words(figures: Figures) -> list[Word]:
+def link_words(figures: LinkFigures) -> list[Word]:
     """What the connection to the terminal carries."""
     trip = "-" if math.isnan(figures.round_trip) else f"{1000 * figures.round_trip:.0f} ms"
     trip = trip if figures.answers else "no answer"

@@ -89,6 +89,11 @@ def _slow(view: View) -> bool:
     return view.run.resolved.scenario.world.slowdown == "zones"
 
 
+def pace_words(many: int, move: int) -> str:
+    """What a move of so many ticks takes in a zone with so many robots."""
+    return f"{many} x {move} = {many * move} ticks" if move != 1 else count(many, "tick")
+
+
 def _free(view: View) -> Parts:
     return [", which slows no robot down"] if _slow(view) else []
 
@@ -97,9 +102,11 @@ def _pace(view: View, zone: int) -> Parts:
     """How long a move takes that begins now in a zone; nothing to say where zones slow no robot."""
     if not _slow(view):
         return []
-    move = int(view.run.resolved.scenario.durations.move)
+    moves = view.run.resolved.scenario.durations.moves
     many = max(1, len(robots_in(view, zone)))
-    ticks = f"{many} x {move} = {many * move} ticks" if move != 1 else count(many, "tick")
+    ticks = pace_words(many, moves.empty)
+    if moves.differ:
+        ticks += f", with a load {pace_words(many, moves.loaded)}"
     types = view.run.resolved.scenario.fleet.types
     slower = (
         ", times the move_time_factor of its type"

@@ -30,7 +30,7 @@ from automaton.engine.record_codes import (
     TURN_RIGHT,
 )
 from automaton.evidence.verification.motion_rules import Acts, Complaint, Motion
-from automaton.evidence.verification.move_time_rules import NIL
+from automaton.evidence.verification.type_rules import NIL
 from automaton.floor.cells import CHARGER
 
 BATTERY_FULL: Final = 1_000_000_000
@@ -75,7 +75,7 @@ class Energy:
         """Take over what a scenario says of batteries and faults."""
         self.battery = scenario.get("battery")
         self.faults = scenario["faults"]
-        self.duration = scenario["durations"]
+        self.jitter: int = scenario["durations"]["handling_jitter"]
         if self.battery is None:
             return
         drain = self.battery["drain"]
@@ -101,8 +101,7 @@ class Energy:
             code, loaded = did & ACTION_MASK, int(load[r] != NIL)
             if code in OPERATION_BY_CODE:
                 name = OPERATION_BY_CODE[code]
-                usual = max(1, self.duration[name])
-                ticks = lengths.get(r, self.motion.pace.usual_of(r) if name == "move" else usual)
+                ticks = lengths.get(r, max(1, self.motion.types.ticks_of(r, name)))
                 self._operate(r, name, ticks * self.rates[name][loaded])
             elif code in WAIT_CODES:
                 self._stand(r, lengths.get(r, 1) * self.rates["wait"][loaded])
@@ -185,11 +184,9 @@ class Energy:
         if self.battery is None:
             return 0
         around = 1 if self.motion.pace.usual else len(self.charge) + 1
-        slowest = max(self.motion.types.move_time_factor)
-        longer = self.duration["handling_jitter"]  # of a pick or a drop
+        slowest = self.motion.types.slowest
         prices = [
-            max(rates) * (max(1, self.duration.get(n, 1)) * slowest + longer)
-            for n, rates in self.rates.items()
+            max(rates) * (max(1, slowest(name)) + self.jitter) for name, rates in self.rates.items()
         ]
         dearest: int = max(prices) * around
         return dearest

@@ -31,9 +31,9 @@ from automaton.engine.record_codes import (
     PICKED_ON_ARRIVAL,
 )
 from automaton.evidence.verification.motion_rules import Acts, Complaint, Motion
-from automaton.evidence.verification.move_time_rules import NIL
 from automaton.evidence.verification.pod_rules import Trips
 from automaton.evidence.verification.station_rules import Work
+from automaton.evidence.verification.type_rules import NIL
 from automaton.evidence.verification.visit_rules import (
     ORDER_CARRIED,
     ORDER_DELIVERED,
@@ -231,10 +231,8 @@ class Loads:
 
     def _check_arrival(self, r: int, name: str) -> None:
         cell = self.motion.cell[r]
-        if self.motion.given[name]:
-            text = (
-                f"handles its load on arrival, but a {name} takes {self.motion.given[name]} ticks"
-            )
+        if ticks := self.motion.types.ticks_of(r, name):
+            text = f"handles its load on arrival, but a {name} takes {ticks} ticks"
             self.report_violation("arrival", [r], cell, text)
         elif r not in self.motion.arrived:
             text = "handles its load on arrival, but none of its moves ends in this tick"
@@ -260,7 +258,7 @@ class Loads:
 
     def _check_length(self, r: int, ticks: int, code: int) -> None:
         if code in (EXECUTED_PICK, EXECUTED_DROP):
-            least = self.motion.duration[code]
+            least = self.motion.handling(r, code)
             if not least <= ticks <= least + self.motion.given["handling_jitter"]:
                 text = f"handles its load for {ticks} ticks, which no rule gives"
                 self.report_violation("duration", [r], self.motion.cell[r], text)
@@ -391,6 +389,7 @@ class Loads:
             self.work.deliver(tick + self._handling(r, EXECUTED_PICK), order)
             return
         self.place[order], self.state[order], self.load[r] = NIL, ORDER_CARRIED, order
+        self.motion.check_area(r, self.motion.cell[r])
         self.picking[r] = tick + self._handling(r, EXECUTED_PICK) - 1
         if slot >= self.spare:
             self.slot_cell[slot], self.endless[slot] = NIL, True
@@ -418,6 +417,7 @@ class Loads:
         if self.trips.there:
             self.trips.store(r, order, slot)
         self.load[r], self.place[order] = NIL, slot
+        self.motion.check_area(r, self.motion.cell[r])
         delivered = slot == self.target[order] or self.trips.there
         self.state[order] = ORDER_DELIVERED if delivered else ORDER_WAITING
         self.undelivered -= delivered
@@ -428,7 +428,7 @@ class Loads:
         """Ticks that a robot handles its load for; none as it arrives."""
         if self._arriving:
             return 0
-        return self._lengths.get(r, self.motion.duration[code])
+        return self._lengths.get(r, self.motion.handling(r, code))
 
     def check_parked(self, acts: Acts) -> None:
         """A robot parks only with nothing to do."""

@@ -3,8 +3,7 @@
 A *resource* is a cell of capacity 1, or one lane of a cell of capacity 2 (east and south share
 lane 0, west and north lane 1). A resource has one holder; a cell without limit has no resources.
 Of each tick: parking bays open, operations begin, all moves happen at once, robots at home park.
-Robots that leave the floor when they are done are at home wherever they stand. What a robot's type
-asks of it (move time, payload, areas) is read from the recorded scenario a second time.
+Robots that leave the floor when they are done are at home wherever they stand.
 """
 
 from __future__ import annotations
@@ -20,16 +19,20 @@ from automaton.engine.record_codes import (
     EXECUTED_ILLEGAL,
     EXECUTED_PICK,
     EXECUTED_TRY_DROP,
-    EXECUTED_WAIT,
     LEFT_PARKING_BAY,
     MOVE_NORTH,
     TURN_LEFT,
     TURN_RIGHT,
 )
-from automaton.evidence.verification.move_time_rules import NIL, MoveTimes
+from automaton.evidence.verification.move_time_rules import MoveTimes
+from automaton.evidence.verification.type_rules import NIL, Types
 from automaton.floor.cells import CELL_KINDS, EAST, NORTH, SOUTH, WEST
 
-ANY: Final = 1 << 60  # payload of a robot that carries everything
+HANDLING: Final = {
+    EXECUTED_PICK: "pick",
+    EXECUTED_DROP: "drop",
+    EXECUTED_TRY_DROP: "try_drop",
+}  # by code of recorded action: the duration that it takes
 HEADING_COUNTS: Final = {"omni": 1, "rail": 2, "differential": 4}
 
 Acts = list[tuple[int, int]]  # (robot, what the recording says it did), robots ascending
@@ -50,7 +53,7 @@ class Motion:
         self.kind: list[int] = floor["kind"].ravel().tolist()
         self.headings = HEADING_COUNTS[scenario["fleet"]["kinematics"]]
         self.types = Types(floor, scenario)
-        self.pace = MoveTimes(floor, header["seed"], self.types.move_time_factor)
+        self.pace = MoveTimes(floor, header["seed"], self.types)
         self.apply_rules(scenario)
         self.leave: bool = scenario["fleet"].get("when_idle") == "leave"
         self.home: list[int] = robots["home"].tolist()
@@ -73,8 +76,8 @@ class Motion:
     def apply_rules(self, scenario: dict[str, Any]) -> None:
         """Take over what a scenario says of motion."""
         self.following: bool = scenario["world"]["following"]
-        self.given: dict[str, int] = scenario["durations"]
-        self.duration = _durations(self.given)
+        self.given: dict[str, Any] = scenario["durations"]
+        self.types.apply_rules(scenario)
         self.pace.apply_rules(scenario)
 
     def _check_start(self, bays: list[list[int]]) -> None:
@@ -91,7 +94,7 @@ class Motion:
                 continue
             if not CELL_KINDS[self.kind[cell]].drivable:
                 self.report_violation("exits", [r], cell, "it starts where no robot can stand")
-            self._check_area(r, cell)
+            self.check_area(r, cell)
             self._take(r, cell, self.heading[r])
 
     # Resources
@@ -141,7 +144,7 @@ class Motion:
             if other != NIL:
                 text = "leaves its parking bay although its home cell is held"
                 self.report_violation("bay", [r, other], home, text)
-            self._check_area(r, home)
+            self.check_area(r, home)
             self.cell[r], self.heading[r], self.travel[r] = home, heading, heading
             self.parked[r] = False
             self.holder[self.resource(home, heading)] = r
@@ -171,9 +174,9 @@ class Motion:
                 self.free[r] = tick + lengths.get(r, self.pace.usual_of(r))
             elif code <= TURN_RIGHT:
                 self._turn(tick, r, code)
-                self.free[r] = tick + self.duration[code]
+                self.free[r] = tick + self.types.ticks_of(r, "turn")
             else:
-                self.free[r] = tick + lengths.get(r, self.duration[code])
+                self.free[r] = tick + lengths.get(r, self.handling(r, code))
         if movers:
             self._check_moves(tick, movers, placed)
         self._carry_out(tick, movers)
@@ -211,12 +214,21 @@ class Motion:
         elif direction & (self.headings - 1) != self.heading[r]:
             self.report_violation("heading", [r], cell, "moves across its heading")
         else:
-            self._check_area(r, cell + self.step[direction])
+            self.check_area(r, cell + self.step[direction])
             movers.append((r, cell, cell + self.step[direction], direction))
 
-    def _check_area(self, r: int, cell: int) -> None:
-        if cell in self.types.closed[r]:
-            text = f"is in an area that is closed to robots of the type {self.types.name[r]}"
+    def handling(self, r: int, code: int) -> int:
+        """Ticks of what a robot does besides driving, by the scenario; 1 where that says nothing.
+
+        A pick or a drop that takes no time costs a tick where no move precedes it.
+        """
+        name = HANDLING.get(code)
+        return 1 if name is None else max(1, self.types.ticks_of(r, name))
+
+    def check_area(self, r: int, cell: int) -> None:
+        """A robot may be in a cell, with what it carries now."""
+        if self.types.is_closed(r, cell):
+            text = f"is in an area that is closed to {self.types.called(r)}"
             self.report_violation("area", [r], cell, text)
 
     def _check_pace(
@@ -246,7 +258,7 @@ class Motion:
         if self.capacity[cell] == 2:
             self._take(r, cell, self.travel[r] ^ 2)
             self.claim[r] = (cell, self.travel[r])
-            self._turned.setdefault(tick + self.duration[code] - 1, []).append(r)
+            self._turned.setdefault(tick + self.types.ticks_of(r, "turn") - 1, []).append(r)
 
     def _check_moves(self, tick: int, movers: list[Mover], placed: set[int]) -> None:
         for r, start, to, direction in movers:
@@ -329,51 +341,3 @@ class Motion:
     def busy(self, tick: int) -> list[int]:
         """Ticks that each robot still needs after this one."""
         return [max(0, free - tick - 1) for free in self.free]
-
-
-def _durations(given: dict[str, int]) -> list[int]:
-    """Ticks by code of recorded action; 1 for those that have none of their own."""
-    ticks = [1] * (ACTION_MASK + 1)
-    ticks[1 : MOVE_NORTH + 1] = [given["move"]] * 4
-    ticks[TURN_LEFT] = ticks[TURN_RIGHT] = given["turn"]
-    # One that takes no time costs a tick where no move precedes it.
-    ticks[EXECUTED_PICK], ticks[EXECUTED_DROP] = max(1, given["pick"]), max(1, given["drop"])
-    ticks[EXECUTED_TRY_DROP] = given["try_drop"]
-    ticks[EXECUTED_WAIT] = 1  # the recording says how long
-    return ticks
-
-
-class Types:
-    """By robot: its type, how many times as long its moves take, what it carries, where it may not go."""
-
-    def __init__(self, floor: dict[str, Any], scenario: dict[str, Any]) -> None:
-        fleet = scenario["fleet"]
-        kinds: list[dict[str, Any]] = list(fleet.get("types") or ({"name": ""},))
-        counted = sum(kind.get("robots") or 0 for kind in kinds)
-        shut = {
-            kind["name"]: closed_to(floor, scenario.get("areas") or {}, kind["name"])
-            for kind in kinds
-        }
-        self.name: list[str] = []
-        self.move_time_factor: list[int] = []
-        self.payload: list[int] = []
-        self.closed: list[set[int]] = []  # flat cells
-        for kind in kinds:
-            robots = kind.get("robots") or fleet["robots"] - counted
-            self.name += [kind["name"]] * robots
-            self.move_time_factor += [kind.get("move_time_factor", 1)] * robots
-            self.payload += [kind.get("payload") or ANY] * robots
-            self.closed += [shut[kind["name"]]] * robots
-
-
-def closed_to(floor: dict[str, Any], areas: dict[str, Any], name: str) -> set[int]:
-    """The flat cells of the areas that are closed to a type."""
-    stride = floor["width"] + 2
-    cells: set[int] = set()
-    for area in areas.values():
-        if name in area["closed_to"]:
-            (x, y), (u, v) = area["from"], area["to"]
-            for row in range(min(y, v), max(y, v) + 1):
-                first = (row + 1) * stride + 1
-                cells.update(range(first + min(x, u), first + max(x, u) + 1))
-    return cells

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from typing import Any, Final
 
+from automaton.evidence.verification.type_rules import NIL, Types
 from automaton.floor.cells import CELL_KINDS, EAST, NORTH, SOUTH, WEST
 
-NIL: Final = -1
 MAX_MOVE_TICKS: Final = 65_535  # of a move
 EXTRA_TICKS: Final = 6  # the stream of draws that say whether a move takes a tick more
 ALL_BITS: Final = 2**64 - 1
@@ -20,9 +20,9 @@ STEP_OF_STATE: Final = 0x9E3779B97F4A7C15
 class MoveTimes:
     """The rules about the length of a move: its duration, slow zones, extra ticks."""
 
-    def __init__(self, floor: dict[str, Any], seed: int, pace: list[int]) -> None:
+    def __init__(self, floor: dict[str, Any], seed: int, types: Types) -> None:
         self.floor = floor
-        self.pace = pace  # by robot: how many times as long its moves take
+        self.types = types
         self.seed = seed
         self.zones: list[tuple[int, int]] = []  # by cell: of robots that travel E or S, W or N
         self.crowd: dict[int, int] = {}  # robots by zone as the tick began
@@ -30,7 +30,6 @@ class MoveTimes:
     def apply_rules(self, scenario: dict[str, Any]) -> None:
         """Take over what a scenario says of the length of moves."""
         world = scenario["world"]
-        self.move: int = scenario["durations"]["move"]
         self.slow: bool = world.get("slowdown", "none") == "zones"
         self.extra = round(world.get("extra_tick_probability", 0.0) * 2**32)
         self.usual = not self.slow and not self.extra
@@ -46,7 +45,7 @@ class MoveTimes:
 
     def usual_of(self, robot: int) -> int:
         """What a move of a robot takes where nothing slows it down."""
-        return self.move * self.pace[robot]
+        return self.types.ticks_of(robot, "move")
 
     def due(
         self, tick: int, robot: int, cell: int, direction: int, came: int | None

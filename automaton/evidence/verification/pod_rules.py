@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from automaton.engine.record_codes import ACTION_MASK, MOVE_NORTH
 from automaton.evidence.verification.motion_rules import Acts, Complaint, Motion
-from automaton.evidence.verification.move_time_rules import NIL
+from automaton.evidence.verification.type_rules import NIL
 
 PARTS: Final = 1_000_000  # of a tick, in which handling is told
 LONGEST: Final = 65_535  # ticks of a visit

@@ -36,7 +36,7 @@ from automaton.evidence.verification.due_rules import check_due_times
 from automaton.evidence.verification.energy_rules import Energy, parted_faults
 from automaton.evidence.verification.load_rules import Loads, parted, parted_visits
 from automaton.evidence.verification.motion_rules import Acts, Motion
-from automaton.evidence.verification.move_time_rules import NIL
+from automaton.evidence.verification.type_rules import NIL
 
 RULE_TEXTS: Final = {
     "busy": "a robot begins something only when its last operation is over",
@@ -163,6 +163,7 @@ class Validator:
         self.loads = Loads(self.header, self.motion, self._report_violation)
         self.energy = Energy(self.header, self.motion, self._report_violation)
         self.loads.status = self.energy.status
+        self.motion.types.load = self.loads.load
 
     def ticks(self, content: dict[str, Any]) -> None:
         """Replay the ticks of a frame."""

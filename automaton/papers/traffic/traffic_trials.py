@@ -56,7 +56,7 @@ class Setting:
 def warehouse(side: int = SIDE) -> Warehouse:
     """The warehouse E1, or one of another size like it; undirected zones, a move takes a tick."""
     plan = generator_type("racks")(preset="E1", rows=side, columns=side).build()  # type: ignore[attr-defined]
-    floor = floor_for(plan, "omni", 1, 1, "undirected")
+    floor = floor_for(plan, "omni", "undirected")
     duration = np.ones(ACTION_COUNT, np.int32)
     duration.setflags(write=False)
     grid = floor.grid.read_only()

@@ -21,6 +21,7 @@ from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.floor.cells import DOCK, RACK
 from automaton.papers.training.prediction_metrics import measured
+from automaton.scenario.robot_types import RobotType
 from strategies.routing.astar.frontier import FIFO
 from strategies.routing.astar.route_workspace import route_space
 from strategies.routing.traffic_avoidance import training_legs
@@ -69,13 +70,12 @@ def site_of(resolved: Resolved) -> Site:
     On a floor with neither, legs lead from any cell to any other. Raises InputError for a floor
     without zones: nothing could be learnt there.
     """
-    fleet, durations = resolved.scenario.fleet, resolved.scenario.durations
+    fleet, all_alike = resolved.scenario.fleet, RobotType(durations=resolved.scenario.durations)
     floor = floor_for(
         resolved.floor_plan,
         fleet.kinematics,
-        durations.move,
-        durations.turn,
         resolved.scenario.world.traffic_zones,
+        (all_alike,),
     )
     if floor.grid.traffic_zone_count == 0:
         raise InputError(f"{resolved.scenario.name}: this floor has no zones to learn")
@@ -86,7 +86,7 @@ def site_of(resolved: Resolved) -> Site:
     racks, docks = _access(floor, inner), _access(floor, outer)
     if not racks.size or not docks.size:
         racks = docks = np.flatnonzero(resolved.floor_plan.drivable).astype(np.int32)
-    duration = frozen(duration_table(durations))  # as strategies see it: the same compiled search
+    duration = frozen(duration_table(all_alike))  # as strategies see it: the same compiled search
     return Site(floor, duration, racks, docks)
 
 

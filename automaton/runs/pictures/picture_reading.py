@@ -235,9 +235,8 @@ def set_reservations(world: World) -> None:
 
 def set_occupancy(world: World, resolved: Resolved) -> None:
     """Let every robot hold its cell, and the one that a long move or a turn claims."""
-    durations, mode = resolved.scenario.durations, resolved.scenario.world.traffic_zones
-    kinematics = resolved.scenario.fleet.kinematics
-    floor = floor_for(resolved.floor_plan, kinematics, durations.move, durations.turn, mode)
+    mode = resolved.scenario.world.traffic_zones
+    floor = floor_for(resolved.floor_plan, resolved.scenario.fleet.kinematics, mode)
     robots, occupancy = world.robots, world.traffic.occupancy
     occupancy[:] = floor.occupancy
     on_floor = robots.cell != NIL

@@ -43,6 +43,9 @@ if TYPE_CHECKING:
     from automaton.runs.simulation import Simulation
 
 CROWD = "@"
+CROWD_LEGEND = (
+    "@ is a robot whose name is a number (letters end with robot 25), or several in a cell"
+)
 CLAIMED = "*"
 EMPTY_SHELF, FULL_SHELF = "s", "$"
 EMPTY_STORAGE, POD = "q", "p"
@@ -60,7 +63,10 @@ def picture_of(
     )
     if floor_plan is None:
         raise TypeError("the picture of a world needs its plan: picture_of(world, plan)")
-    lines = [head_line(world), "", *map_rows(world, floor_plan), "", *legend_lines(floor_plan)]
+    rows = map_rows(world, floor_plan)
+    lines = [head_line(world), "", *rows, "", *legend_lines(floor_plan)]
+    if brief and any(CROWD in row for row in rows):
+        lines += [CROWD_LEGEND, ""]
     lines += [robot_line(world, floor_plan, int(i), brief) for i in world.robots.at_index]
     delivered = world.orders.state == ORDER_DELIVERED
     for order in np.flatnonzero(~delivered) if brief else range(len(delivered)):

@@ -45,6 +45,10 @@ class Interval(NamedTuple):
             return None
         return (self.high - self.low) / 2
 
+    def not_below_zero(self) -> Interval:
+        """The interval of what is never negative: without what lies below 0 it holds it as often."""
+        return self if self.low is None or self.low >= 0 else self._replace(low=0.0)
+
     def holds(self, truth: float) -> bool:
         """Whether it contains a value; False without bounds."""
         if self.low is None or self.high is None:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from automaton.build.bounds import bounds, least_ticks
 from automaton.build.resolve import Resolved
+from automaton.runs.metric_catalogue import METRIC_CATALOGUE
 from automaton.runs.report_document import (
     Block,
     Curves,
@@ -39,6 +40,7 @@ from automaton.studies.reports.study_results import (
     same_cells,
     same_heads,
 )
+from automaton.studies.sweeps.result_columns import RUN_METRICS
 from automaton.studies.sweeps.study import Point
 from automaton.units import count, number, percent
 
@@ -60,7 +62,7 @@ class Summary(NamedTuple):
 def summary(results: Results, scenarios: Scenarios, point: Point, metric: str) -> Summary:
     """The mean of a metric over the runs that finished, and what became of the others."""
     values = list(results.values(point, metric).values())
-    interval, sd = interval_of(results, values), None
+    interval, sd = interval_of(results, metric, values), None
     if interval is not None and len(values) > 1:
         sd = math.sqrt(math.fsum((v - interval.value) ** 2 for v in values) / (len(values) - 1))
     skew = skewness(values) if values else 0.0
@@ -69,9 +71,13 @@ def summary(results: Results, scenarios: Scenarios, point: Point, metric: str) -
     )
 
 
-def interval_of(results: Results, values: Sequence[float]) -> Interval | None:
-    """The mean of these metrics of runs; None without any."""
-    return mean_interval(values, 1 - results.analysis.error) if values else None
+def interval_of(results: Results, metric: str, values: Sequence[float]) -> Interval | None:
+    """The mean of a metric over runs; None without any. No metric of ours is ever negative."""
+    if not values:
+        return None
+    interval = mean_interval(values, 1 - results.analysis.error)
+    is_ours = metric in METRIC_CATALOGUE or metric in RUN_METRICS
+    return interval.not_below_zero() if is_ours else interval
 
 
 def bound(scenarios: Scenarios, point: Point, metric: str) -> str:
@@ -227,7 +233,7 @@ def _others(results: Results, point: Point, factor: str) -> str:
 def line(results: Results, metric: str, points: list[Point], factor: str) -> Line:
     """One curve."""
     runs = [list(results.values(point, metric).values()) for point in points]
-    found = [interval_of(results, values) for values in runs]
+    found = [interval_of(results, metric, values) for values in runs]
     value = [math.nan if one is None else one.value for one in found]
     low = [math.nan if one is None or one.low is None else one.low for one in found]
     high = [math.nan if one is None or one.high is None else one.high for one in found]

@@ -11,6 +11,7 @@ from typing import Final
 
 import numpy as np
 
+from automaton.runs.metric_catalogue import PER_1000_TICKS
 from automaton.runs.report_document import Block, Heading, Listed, Table, Text
 from automaton.scenario.unavailable_metrics import warm_up_of
 from automaton.studies.inference.intervals import NO_SPREAD_WARNING, STUDENT_MIN_RUNS, Interval
@@ -338,10 +339,10 @@ def steady_throughput(results: Results, point: Point, cut: Cut) -> Interval | st
     try:
         if len(series) >= ENOUGH_REPLICATIONS:
             runs = [[value] for value in results.values(point, "throughput").values()]
-            return replication_deletion(runs, 0, level)
+            return replication_deletion(runs, 0, level).not_below_zero()
         length, first = min(map(len, series)), math.ceil(cut.ticks / cut.window)
         y = np.array([one[first:length] for one in series], np.float64) * (1000 / cut.window)
-        return batch_means(y, level)
+        return batch_means(y, level).not_below_zero()
     except NotSteadyError as why:
         return str(why)
     except ValueError as why:
@@ -371,6 +372,6 @@ def steady_section(results: Results) -> Iterator[Block]:
         cells += ["-" if own is None else f"{own:,}"]
         cells += [found.method if isinstance(found, Interval) else "-"]
         rows.append(cells)
-    yield point_table(results, ("orders/1000 ticks", "low", "high", "MSER-5", "by"), rows)
+    yield point_table(results, (PER_1000_TICKS, "low", "high", "MSER-5", "by"), rows)
     if refused:
         yield Listed(refused)

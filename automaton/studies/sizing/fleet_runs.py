@@ -6,11 +6,13 @@ Replication r has the same seed for every fleet and strategy, hash(seed, r): the
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from automaton.build.bounds import bounds, least_ticks, most_throughput
@@ -24,7 +26,7 @@ from automaton.runs.process_pool import PersistentPool
 from automaton.runs.simulation import Simulation
 from automaton.runs.task_metrics import TASK_METRICS
 from automaton.scenario.document import Override, keys_of, parse_setting
-from automaton.scenario.schema import Durations, Scenario
+from automaton.scenario.schema import Scenario
 from automaton.scenario.unavailable_metrics import (
     OF_DUE_TIMES,
     OF_TIMES,
@@ -40,6 +42,7 @@ from automaton.units import Unit, ticks_and_time, unit
 ORDER_METRICS = (*OF_TIMES, "legs_per_order")  # once an order is delivered
 STATION_USE = "station_use"  # share of the time of all stations in which a robot works there
 MEASURED = "measured"  # ticks of which the metrics are
+MOVE_KEY = re.compile(r"durations\.move[.=]")
 CHARGER_USE = "charger_use"  # share of the time of all chargers in which a robot charges
 
 
@@ -252,13 +255,12 @@ def longer(resolved: Resolved, percent: int) -> list[str]:
     """
     scenario = resolved.scenario
     settings = []
-    for name in Durations.__struct_fields__:
-        ticks = getattr(scenario.durations, name)
+    for key, ticks in ticks_by_key(scenario).items():
         other = round(ticks * (1 + percent / 100))
         if other != ticks:
-            settings.append(f"durations.{name}={other}")
-    chance = scenario.durations.move * percent / 100
-    moves_as_before = not any(setting.startswith("durations.move=") for setting in settings)
+            settings.append(f"{key}={other}")
+    chance = max(scenario.durations.moves) * percent / 100
+    moves_as_before = not any(MOVE_KEY.search(setting) for setting in settings)
     if (
         moves_as_before
         and percent > 0
@@ -267,3 +269,19 @@ def longer(resolved: Resolved, percent: int) -> list[str]:
     ):
         settings.append(f"{MOVES_LATE}={chance:g}")
     return settings
+
+
+def ticks_by_key(scenario: Scenario) -> dict[str, int]:
+    """All durations of operations that a scenario gives, of types as well, by their keys."""
+    found: dict[str, int] = {}
+    given = [("durations", scenario.durations)] + [
+        (f"fleet.types.{number}.durations", kind.durations)
+        for number, kind in enumerate(scenario.fleet.types)
+    ]
+    for key, durations in given:
+        for name, value in msgspec.to_builtins(durations).items():
+            if isinstance(value, int):
+                found[f"{key}.{name}"] = value
+            elif name in ("move", "turn") and value is not None:
+                found |= {f"{key}.{name}.{load}": ticks for load, ticks in value.items()}
+    return found

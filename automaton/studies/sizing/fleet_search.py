@@ -93,7 +93,7 @@ class Candidate:
     def mean(self, metric: str) -> Interval | None:
         """The mean of a metric over the runs that finished, or None."""
         values = self.values(metric)
-        return mean_interval(values) if values else None
+        return mean_interval(values).not_below_zero() if values else None
 
 
 def meets(run: Run, question: Question) -> bool:

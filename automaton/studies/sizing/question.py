@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from automaton.errors import InputError, alternatives, nearest
-from automaton.runs.metric_catalogue import METRIC_CATALOGUE
+from automaton.runs.metric_catalogue import METRIC_CATALOGUE, PER_1000_TICKS
 from automaton.scenario.amounts import Dimension, read_amount
 from automaton.scenario.schema import LAYER_NAMES
 from automaton.strategy import lookup
@@ -25,7 +25,6 @@ DEFAULT_SUCCESS_SHARE, DEFAULT_INDIFFERENCE, DEFAULT_ALPHA, DEFAULT_MAX_RUNS = (
 DEFAULT_MEAN_INDIFFERENCE: Final = 0.01  # of the target, where a mean is asked for without a zone
 MAX_FLEET_SIZE: Final = 1_000_000
 
-PER_1000_TICKS: Final = "orders/1000 ticks"  # units of metrics that a rate says, too
 _TARGET: Final = re.compile(r"\s*([^\s<>=]+)\s*(<=|>=|<|>|==?)\s*(\S.*?)\s*")
 _VALUE: Final = re.compile(r"([-+]?[\d.,_]+(?:[eE][-+]?\d+)?)\s*(\D.*)?")
 _DECIMAL_COMMA: Final = re.compile(r",(?!\d{3}(?!\d))")  # no separator of thousands

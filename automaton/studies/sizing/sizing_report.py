@@ -183,9 +183,13 @@ def between(interval: Interval) -> str:
 
 
 def with_half(interval: Interval) -> str:
-    """A mean with half of its interval."""
-    half = interval.half
-    return number(interval.value) + ("" if half is None else f" +- {number(half)}")
+    """A mean with half of its interval, or with the ends of one that is cut off at 0."""
+    value, low, high = interval.value, interval.low, interval.high
+    if low is None or high is None:
+        return number(value)
+    if low == 0 and high > 2 * value:
+        return f"{number(value)} (0 to {number(high)})"
+    return f"{number(value)} +- {number(high - value)}"
 
 
 def spent_time(candidate: Candidate) -> Iterator[str]:

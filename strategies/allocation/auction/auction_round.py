@@ -9,7 +9,7 @@ import numpy as np
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.robot_status import STATUS_UP
 from automaton.engine.state import CLOCK_NEXT_RELEASE, CLOCK_TICK, KEEP, NIL, ORDER_WAITING
-from automaton.strategy.kernels import can_do
+from automaton.strategy.kernels import can_do, types_of_robots
 from strategies.allocation.auction.floor_market import (
     count_queues,
     enter_robot,
@@ -87,7 +87,7 @@ def open_auction(view, out, workspace, market, sellable, count):
         r = taking_part
         enter_robot(view, workspace, market, r, i)
         for k in range(planned_count(view, out, i)):
-            for robot_type in range(view.grid.type_cell_flags.shape[0]):
+            for robot_type in range(types_of_robots(view)):
                 enter_task(
                     view, workspace, market, robot_type, tasks, planned_order(view, out, i, k)
                 )
@@ -100,14 +100,14 @@ def open_auction(view, out, workspace, market, sellable, count):
         fleet.ready[r] = 0
         fleet.may_bid[r, :] = 0
     for k in range(count):
-        for robot_type in range(view.grid.type_cell_flags.shape[0]):
+        for robot_type in range(types_of_robots(view)):
             enter_task(view, workspace, market, robot_type, tasks, np.int64(sellable[k]))
         market.item[k] = tasks
         tasks += 1
     for r in range(taking_part):
         for task in range(tasks):
             fleet.may_bid[r, task] = can_do(view, market.robot[r], market.order[task])
-    for robot_type in range(view.grid.type_cell_flags.shape[0]):
+    for robot_type in range(types_of_robots(view)):
         measure_distances(view, workspace, market, robot_type, taking_part, tasks)
     count_queues(view, market, NIL)
     settle_all(market.costs, market.battery, fleet, market.scratch)

@@ -30,8 +30,11 @@ from automaton.strategy.kernels import (
     charging_ticks,
     distance,
     dropoff_cell,
+    end_of_stops,
     first_cell,
     pickup_cell,
+    with_load,
+    without_load,
 )
 from strategies.allocation.auction.market import INF_COST, Battery, Fleet, Scratch, TaskCosts
 from strategies.allocation.auction.market_preparation import (
@@ -114,6 +117,29 @@ def way_from(view, workspace, i, end):
 
 
 @kernel
+def destination(view, order):
+    """The slot to which an order is brought; a pod goes back to where it stands, or stood first."""
+    target = np.int64(view.orders.target[order])
+    if view.trips.pod.shape[0] == 0:
+        return target
+    slot = np.int64(view.orders.current_slot[order])
+    return np.int64(view.pods.home[view.trips.pod[order]]) if slot == NIL else slot
+
+
+@kernel
+def way_with_load(view, workspace, robot_type, order, start, end):
+    """Ticks of robots of a type, with the load of an order, over the stops that are left to a cell."""
+    ticks, here = np.int64(0), start
+    if view.trips.pod.shape[0]:
+        first = np.int64(view.orders.first_stop[order]) + np.int64(view.orders.stops_done[order])
+        for stop in range(first, end_of_stops(view, order)):
+            to = np.int64(view.stops.cell[stop])
+            ticks += longest_way(view, workspace, robot_type, here, to) + view.stops.ticks[stop]
+            here = to
+    return min(ticks + longest_way(view, workspace, robot_type, here, end), CAPPED)
+
+
+@kernel
 def rate_of_driving(rules, headings, loaded):
     """Units that a tick on the way takes at most."""
     rate = np.int64(rules.drain[ACTION_MOVE, loaded])
@@ -126,7 +152,8 @@ def rate_of_driving(rules, headings, loaded):
 def enter_task(view, workspace, market, robot_type, task, order):
     """Task number `task` of the site is to carry this order to its target, by robots of a type."""
     costs, duration, drain = market.costs, view.rules.duration[robot_type], view.rules.drain
-    slot, target = np.int64(view.orders.current_slot[order]), np.int64(view.orders.target[order])
+    slot, target = np.int64(view.orders.current_slot[order]), destination(view, order)
+    drops = slot != target or view.trips.pod.shape[0] > 0  # a visit ends where it is picked up
     if view.service_zones.queue.shape[0] and dropoff_cell(view, robot_type, target, NIL) == NIL:
         target = np.int64(view.service_zones.next_slot[order])  # the robot hands it over there
     begin = pickup_cell(view, robot_type, slot, NIL)  # it is not known yet from where a robot comes
@@ -140,14 +167,13 @@ def enter_task(view, workspace, market, robot_type, task, order):
         costs.inside[robot_type, task] = CAPPED
         costs.use[robot_type, task] = CAPPED_ENERGY
         return
-    drive = longest_way(view, workspace, robot_type, begin, end) if slot != target else 0
+    carrying = with_load(view, robot_type)
+    drive = way_with_load(view, workspace, carrying, order, begin, end) if drops else 0
     loaded = rate_of_driving(view.rules, view.grid.headings, 1)
     picking, dropping = np.int64(duration[ACTION_PICK]), np.int64(duration[ACTION_DROP])
-    costs.inside[robot_type, task] = min(
-        drive + picking + (dropping if slot != target else 0), CAPPED
-    )
+    costs.inside[robot_type, task] = min(drive + picking + (dropping if drops else 0), CAPPED)
     energy = drive * loaded + max(picking, 1) * drain[ACTION_PICK, 0]
-    if slot != target:
+    if drops:
         energy += max(dropping, 1) * drain[ACTION_DROP, 1]
     costs.use[robot_type, task] = min(energy, CAPPED_ENERGY)
 
@@ -156,7 +182,8 @@ def enter_task(view, workspace, market, robot_type, task, order):
 def enter_robot(view, workspace, market, r, i):
     """Robot i, stored at that index, is number r of the site: where it is free next, and then."""
     robots, fleet, rules = view.robots, market.fleet, view.rules
-    robot_type = np.int64(robots.type[i])
+    robot_type = without_load(view, np.int64(robots.type[i]))
+    carrying = with_load(view, robot_type)
     duration = rules.duration[robot_type]
     empty = rate_of_driving(rules, view.grid.headings, 0)
     loaded = rate_of_driving(rules, view.grid.headings, 1)
@@ -172,24 +199,25 @@ def enter_robot(view, workspace, market, r, i):
             ready += max(np.int64(0), charging_queue_ticks(view, i) - drive)
         charge = max(charge, np.int64(robots.charge_target[i]))
     elif robots.load[i] != NIL:
-        target = np.int64(view.orders.target[robots.load[i]])
-        place = dropoff_cell(view, robot_type, target, first_cell(robots, i))
+        order = np.int64(robots.load[i])
+        place = dropoff_cell(view, robot_type, destination(view, order), first_cell(robots, i))
         if place == NIL:
             place = first_cell(robots, i)
         drive = way_from(view, workspace, i, place)
+        if view.trips.pod.shape[0]:
+            here = first_cell(robots, i)
+            drive = way_with_load(view, workspace, carrying, order, here, place)
         ready += drive + duration[ACTION_DROP]
         charge -= (
             drive * loaded + max(np.int64(duration[ACTION_DROP]), 1) * rules.drain[ACTION_DROP, 1]
         )
     elif order != NIL and robots.goal_type[i] == GOAL_PICK:
-        slot, target = (
-            np.int64(view.orders.current_slot[order]),
-            np.int64(view.orders.target[order]),
-        )
+        slot, target = np.int64(view.orders.current_slot[order]), destination(view, order)
+        drops = slot != target or view.trips.pod.shape[0] > 0
         begin = np.int64(robots.goal_cell[i])
         drive = way_from(view, workspace, i, begin)
-        place = begin if slot == target else dropoff_cell(view, robot_type, target, begin)
-        inside = longest_way(view, workspace, robot_type, begin, place) if slot != target else 0
+        place = dropoff_cell(view, robot_type, target, begin) if drops else begin
+        inside = way_with_load(view, workspace, carrying, order, begin, place) if drops else 0
         ready += drive + inside + duration[ACTION_PICK] + duration[ACTION_DROP]
         charge -= drive * empty + inside * loaded
         charge -= max(np.int64(duration[ACTION_PICK]), 1) * rules.drain[ACTION_PICK, 0]

@@ -26,6 +26,7 @@ from automaton.strategy.kernels import (
     kernel,
     next_stop_cell,
     pickup_cell,
+    types_of_robots,
 )
 
 TICK = 1000  # the cost of a tick on the way to an order
@@ -109,8 +110,9 @@ def weigh_rest(view, workspace, open_orders, first, weight):
         for stop in range(orders.first_stop[order] + 1, end_of_stops(view, order)):
             here, to = np.int64(view.stops.cell[stop - 1]), np.int64(view.stops.cell[stop])
             leg = np.int64(UNREACHABLE)
+            robot_type = view.rules.loaded_types if has_load(orders, order) else 0
             for heading in range(headings):
-                leg = min(leg, distance(view, workspace, 0, here, heading, to))
+                leg = min(leg, distance(view, workspace, robot_type, here, heading, to))
             served = np.int64(view.stops.ticks[stop])
             ticks += max(leg + served, 1) if leg < UNREACHABLE else 0
         priority = np.int64(view.orders.priority[order])
@@ -194,7 +196,7 @@ def mark_load(view, marks, order, place):
             if cell != NIL:
                 mark(marks, cell, place)
         return
-    for robot_type in range(view.slots.reachable.shape[0]):
+    for robot_type in range(types_of_robots(view)):
         cell = pickup_cell(view, robot_type, slot, NIL)
         known = cell == NIL
         for other in range(robot_type):

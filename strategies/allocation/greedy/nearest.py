@@ -22,6 +22,7 @@ from automaton.strategy.kernels import (
     kernel,
     next_stop_cell,
     pickup_cell,
+    types_of_robots,
 )
 from strategies.allocation.greedy.candidates import TICK, rest_of
 
@@ -179,7 +180,7 @@ def find_robot(view, stop, search, open_orders, seekers, place):
     """search.found: the cheapest robot for the order at a place, of equal ones the least identity."""
     order = np.int64(open_orders.order[place])
     search.found[0] = NOTHING
-    for robot_type in range(view.slots.reachable.shape[0]):
+    for robot_type in range(types_of_robots(view)):
         cost, robot = search.found[0], search.found[1]
         begin(search)
         search.found[0], search.found[1] = cost, robot

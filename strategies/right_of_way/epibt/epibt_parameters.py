@@ -53,17 +53,18 @@ class EpibtParameters(SteeringParameters, forbid_unknown_fields=True, frozen=Tru
         """Return what this scenario asks for that EPIBT does not plan, or None."""
         if has_lines(scenario.orders):
             return "it knows no queues of stations, in which robots with pods stand; use pibt"
-        durations = scenario.durations
-        factors = [robot_type.move_time_factor for robot_type in types_of(scenario)]
+        types = types_of(scenario)
+        move = max(ticks for one in types for ticks in one.moves)
+        turn = max(ticks for one in types for ticks in one.durations.turns)
         if scenario.fleet.kinematics != "differential":
             return (
                 "it plans for robots with kinematics differential, found "
                 f"{scenario.fleet.kinematics}; use pibt"
             )
-        if durations.move * max(factors) > 1 or durations.turn > 1:
+        if move > 1 or turn > 1:
             return (
-                "it plans moves and turns of one tick, found durations.move "
-                f"{durations.move * max(factors)} and durations.turn {durations.turn}; use pibt"
+                f"it plans moves and turns of one tick, found durations.move {move} and "
+                f"durations.turn {turn}; use pibt"
             )
         if not scenario.world.following:
             return "it plans with world.following true, found false; use pibt"

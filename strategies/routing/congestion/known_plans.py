@@ -9,7 +9,7 @@ import numpy as np
 
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import GOAL_DROP, GOAL_NONE, GOAL_PICK, NIL
-from automaton.strategy.kernels import dropoff_cell, first_cell
+from automaton.strategy.kernels import dropoff_cell, first_cell, with_load
 from strategies.routing.astar.astar import astar
 from strategies.routing.astar.frontier import LARGER_G
 
@@ -45,6 +45,7 @@ def begin_plan(view, state, i):
     state.step_count[i] = 0
     state.visit_count[i] = 0
     state.in_bay[i] = cell == NIL
+    state.robot_type[i] = robots.type[i]
 
 
 @kernel
@@ -68,14 +69,15 @@ def append_rest(view, workspace, state, i, heading):
         access_cell = dropoff_cell(view, robots.type[i], target, pick)
         if access_cell != NIL:
             pose = np.int64(robots.goal_cell[i]) * view.grid.headings + heading
-            append_path(view, workspace, state, i, pose, access_cell)
+            robot_type = with_load(view, np.int64(robots.type[i]))
+            append_path(view, workspace, state, i, robot_type, pose, access_cell)
             append(state, i, DROPS)
 
 
 @kernel
-def append_path(view, workspace, state, i, pose, target):
-    """Add the path of plain A* from a pose to a cell."""
-    rules, robot_type = view.rules, view.robots.type[i]
+def append_path(view, workspace, state, i, robot_type, pose, target):
+    """Add the path of plain A* of a type from a pose to a cell to the plan of robot i."""
+    rules = view.rules
     length = astar(
         view.grid,
         robot_type,

@@ -10,6 +10,7 @@ import numpy as np
 
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import ACTION_DROP, ACTION_MOVE, ACTION_PICK, ACTION_TURN, NIL
+from automaton.strategy.kernels import with_load, without_load
 from strategies.routing.congestion.known_plans import (
     DROPS,
     PICKS,
@@ -115,13 +116,13 @@ def zone_left(view, state, i):
 @kernel
 def ticks_of_step(view, state, i, others):
     """The ticks that the next step of robot i takes, beside `others` in its zone."""
-    duration = view.rules.duration[view.robots.type[i]]
+    duration = view.rules.duration[state.robot_type[i]]
     step = next_step(state, i)
     if step >= PICKS:
         return np.int64(duration[ACTION_DROP if step == DROPS else ACTION_PICK])
     if step & (view.grid.headings - 1) != state.heading[i]:
         return np.int64(duration[ACTION_TURN])
-    return ticks_of_move(view, i, others)
+    return ticks_of_move(view, state.robot_type[i], others)
 
 
 @kernel
@@ -138,12 +139,16 @@ def begin_step(view, state, i):
     if step < PICKS:
         state.place[i] += view.grid.offset[step]
         state.travel[i] = step
+    elif step == PICKS:
+        state.robot_type[i] = with_load(view, state.robot_type[i])
+    else:
+        state.robot_type[i] = without_load(view, state.robot_type[i])
 
 
 @kernel
-def ticks_of_move(view, i, others):
-    """What a move of robot i takes beside so many others."""
-    usual = np.int64(view.rules.duration[view.robots.type[i], ACTION_MOVE])
+def ticks_of_move(view, robot_type, others):
+    """What a move of a robot of a type takes beside so many others."""
+    usual = np.int64(view.rules.duration[robot_type, ACTION_MOVE])
     return usual * (1 + (others if view.rules.slowdown else 0))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import CLOCK_TICK, NIL
-from automaton.strategy.kernels import dropoff_cell, pickup_cell
+from automaton.strategy.kernels import dropoff_cell, pickup_cell, with_load, without_load
 from strategies.routing.congestion.known_plans import DROPS, PICKS, append, append_path, zone_of
 from strategies.routing.congestion.plan_forecast import begin_step, ticks_of_step
 from strategies.routing.congestion.zone_forecast import WHOLE, enter_zone, forget
@@ -57,17 +57,19 @@ def plan_task(view, workspace, state, i):
     state.step_count[i] = 0
     if orders.source[order] == NIL:
         return  # without a load: its stops are planned one by one
-    robot_type, origin = view.robots.type[i], np.int64(orders.dispatched_from[order])
+    robot_type = without_load(view, np.int64(view.robots.type[i]))
+    origin = np.int64(orders.dispatched_from[order])
     access_cell = pickup_cell(view, robot_type, np.int64(orders.source[order]), origin)
     end = dropoff_cell(view, robot_type, np.int64(orders.target[order]), access_cell)
     if access_cell == NIL or end == NIL:
         return  # another type does a part of the way
     heading = np.int64(orders.dispatched_heading[order])
-    append_path(view, workspace, state, i, origin * headings + heading, access_cell)
+    append_path(view, workspace, state, i, robot_type, origin * headings + heading, access_cell)
     if state.step_count[i] > 0:
         heading = np.int64(state.steps[i, state.step_count[i] - 1]) & (headings - 1)
     append(state, i, PICKS)
-    append_path(view, workspace, state, i, access_cell * headings + heading, end)
+    loaded = with_load(view, robot_type)
+    append_path(view, workspace, state, i, loaded, access_cell * headings + heading, end)
     append(state, i, DROPS)
 
 
@@ -80,6 +82,7 @@ def begin_task(view, state, i):
     state.travel[i] = state.heading[i]
     state.step[i] = 0
     state.in_bay[i] = 0
+    state.robot_type[i] = without_load(view, np.int64(view.robots.type[i]))
 
 
 @kernel

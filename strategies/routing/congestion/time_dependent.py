@@ -67,7 +67,7 @@ def time_dependent_path(view, workspace, state, i, around, steps):
                 continue
             others = occupancy(state, zone_of(grid, cell, way), now)  # in thousandths
             dearer = cost + move * (UNIT + state.beta * others // 1000)
-            later = now + ticks_of_move(view, i, others // 1000)
+            later = now + ticks_of_move(view, state.robot_type[i], others // 1000)
             to = after * headings + heading
             size = label(
                 view, state, move, workspace, search, bits, size, to, dearer, later, target, way

@@ -38,6 +38,7 @@ class CongestionState(Struct):
     travel: Array = field("(n,) int64", "direction in which it comes there", role=SCRATCH)
     heading: Array = field("(n,) int64", role=SCRATCH)
     free: Array = field("(n,) int64", "tick in which the next step begins", role=SCRATCH)
+    robot_type: Array = field("(n,) int64", "its type then, with a load or not", role=SCRATCH)
     in_bay: Array = field(
         "(n,) int64",
         "1: its first step begins in a parking bay; k > 1: it has left it, its step ends in k ticks",

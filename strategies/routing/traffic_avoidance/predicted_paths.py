@@ -4,7 +4,7 @@ import numpy as np
 
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import GOAL_PICK, NIL
-from automaton.strategy.kernels import dropoff_cell, first_cell
+from automaton.strategy.kernels import dropoff_cell, first_cell, with_load
 from strategies.routing.astar.astar import astar
 
 
@@ -32,16 +32,19 @@ def count_predicted(view, workspace, ties, besides, steps, visible_world, field)
                 steps[s] = robots.route[i, route_index + s]
             follow(view.grid, cell, steps, length, i + 1, visible_world, field)
         else:
-            pose = cell * headings + heading
+            pose, robot_type = cell * headings + heading, np.int64(robots.type[i])
             length = follow_path(
-                view, workspace, ties, i, pose, goal_cell, steps, visible_world, field
+                view, workspace, ties, i, robot_type, pose, goal_cell, steps, visible_world, field
             )
         if length > 0:
             heading = np.int64(steps[length - 1]) & (headings - 1)
         beyond = next_goal_cell(view, i)
         if beyond != NIL:
             pose = goal_cell * headings + heading
-            follow_path(view, workspace, ties, i, pose, beyond, steps, visible_world, field)
+            robot_type = with_load(view, np.int64(robots.type[i]))
+            follow_path(
+                view, workspace, ties, i, robot_type, pose, beyond, steps, visible_world, field
+            )
 
 
 @kernel
@@ -55,9 +58,12 @@ def next_goal_cell(view, i):
 
 
 @kernel
-def follow_path(view, workspace, ties, i, pose, target, steps, visible_world, field):
-    """Count the cells of robot i's path of A* from a pose to a cell; its length, NIL: none."""
-    rules, robot_type = view.rules, view.robots.type[i]
+def follow_path(view, workspace, ties, i, robot_type, pose, target, steps, visible_world, field):
+    """Count the cells of robot i's path of A* from a pose to a cell, as one of a type; its length.
+
+    NIL: none.
+    """
+    rules = view.rules
     duration = rules.duration[robot_type]
     length = astar(
         view.grid, robot_type, duration, workspace, ties, rules.seed, pose, target, False, steps

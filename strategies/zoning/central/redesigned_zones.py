@@ -179,6 +179,7 @@ class GeneticZones(RedesignedZones):
         cells = view.service_zones.roads.cell[view.service_zones.roads.point]
         across, down = cells % view.grid.width, cells // view.grid.width
         zones, kinds = len(view.service_zones.server), view.robots.type[view.robots.at_index]
+        kinds = kinds % view.rules.loaded_types if view.rules.loaded_types else kinds
         name = np.full(zones, NIL, np.int32)
         for robot in range(zones):
             x, y = poses[robot]

@@ -59,7 +59,9 @@ def work_of_each(world: World) -> Array:
     A tick is a second where the scenario does not say.
     """
     tick_s = world.rules.tick_us / 1e6 if world.rules.tick_us else 1.0
-    kinds = world.robots.type[world.robots.at_index[world.service_zones.server]]
+    kinds = world.robots.type[world.robots.at_index[world.service_zones.server]].astype(np.int64)
+    if loaded := world.rules.loaded_types:
+        kinds = loaded + kinds % loaded  # work is to carry loads
     return np.array(
         [
             minutes_of_zones(

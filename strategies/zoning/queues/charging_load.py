@@ -13,7 +13,7 @@ def charging_minutes(view, rules, i):
     if view.rules.battery == 0:
         return 0.0
     ticks = charging_ticks(view.rules.curve, np.int64(view.robots.charge[i]), BATTERY_FULL)
-    return ticks / (rules.speed * view.rules.duration[0, ACTION_MOVE])
+    return ticks / (rules.speed * view.rules.duration[view.rules.loaded_types, ACTION_MOVE])
 
 
 @kernel

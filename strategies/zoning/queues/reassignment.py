@@ -4,7 +4,7 @@ import numpy as np
 
 from automaton.engine.robot_status import STATUS_EXHAUSTED
 from automaton.engine.state import ACTION_MOVE, KEEP, NIL, ORDER_WAITING
-from automaton.strategy.kernels import can_bring, kernel
+from automaton.strategy.kernels import can_bring, kernel, types_of_robots, with_load
 
 
 @kernel
@@ -54,7 +54,7 @@ def enter(out, order, queue, stop, direct):
 @kernel
 def are_several(view):
     """Whether there are robots of several types."""
-    return view.grid.type_cell_flags.shape[0] > 1
+    return types_of_robots(view) > 1
 
 
 @kernel
@@ -63,8 +63,11 @@ def set_zone_move_time_factors(view, workspace):
     for zone in range(workspace.move_time_factor.shape[0]):
         server = np.int64(view.service_zones.server[zone])
         i = np.int64(view.robots.at_index[zone if server == NIL else server])
-        ticks = float(view.rules.duration[view.robots.type[i], ACTION_MOVE])
-        workspace.move_time_factor[zone] = ticks / float(view.rules.duration[0, ACTION_MOVE])
+        robot_type = with_load(view, np.int64(view.robots.type[i]))
+        first = view.rules.duration[view.rules.loaded_types, ACTION_MOVE]
+        workspace.move_time_factor[zone] = float(
+            view.rules.duration[robot_type, ACTION_MOVE]
+        ) / float(first)
 
 
 @kernel

@@ -15,6 +15,8 @@ from automaton.strategy.kernels import (
     kernel,
     pickup_cell,
     position,
+    with_load,
+    without_load,
 )
 from strategies.zoning.design.part_routing import route
 from strategies.zoning.queues.reassignment import (
@@ -139,7 +141,8 @@ def first_for(view, out, workspace, zone, other, taker, direct, near, age, job):
     if server == NIL:
         return found
     i = np.int64(view.robots.at_index[server])
-    robot_type, heading = np.int64(view.robots.type[i]), np.int64(view.robots.heading[i])
+    robot_type = without_load(view, np.int64(view.robots.type[i]))
+    heading = np.int64(view.robots.heading[i])
     for order in range(view.orders.state.shape[0]):
         if not is_free(view, order) or view.service_zones.queue[order] != zone:
             continue
@@ -161,7 +164,7 @@ def first_for(view, out, workspace, zone, other, taker, direct, near, age, job):
         pick = pickup_cell(view, robot_type, np.int64(view.orders.current_slot[order]), here)
         drop = dropoff_cell(view, robot_type, next_slot, pick)
         ticks = distance(view, workspace, robot_type, here, heading, pick)
-        ticks += distance(view, workspace, robot_type, pick, heading, drop)
+        ticks += distance(view, workspace, with_load(view, robot_type), pick, heading, drop)
         if ticks >= UNREACHABLE:
             continue
         worth = age * (view.clock[CLOCK_TICK] - view.orders.release_tick[order]) - job * ticks

@@ -30,7 +30,7 @@ def cells(view: World, length: float) -> float:
 def rules_of_zones(view: World, adjacency: float | None, decentralized: bool = False) -> ZoneRules:
     """The numbers by which zones are made; those of robots that negotiate are whole millionths."""
     tick = seconds_of_tick(view)
-    duration = view.rules.duration[0]
+    duration = view.rules.duration[view.rules.loaded_types]  # of the first type, with its loads
     between = view.service_zones.roads.between
     adjacent = typical_distance(between) if adjacency is None else cells(view, adjacency)
     speed = SECONDS_PER_UNIT["min"] / (tick * float(duration[ACTION_MOVE]))

@@ -22,9 +22,13 @@ from textual.pilot import Pilot
 from automaton.engine.observation import CAUSE_NO_ORDER, CAUSE_NOT_WAITING, CAUSES
 from automaton.evidence.history.event_history import Curve
 from automaton.runs.metrics import METRIC_CATALOGUE
+from automaton.units import Unit
+from tui.render.glyphs import ASCII
 from tui.widgets import metric_curve
 from tui.widgets.lost_time import CAUSE_LETTERS
 from tui.widgets.metrics_panel import Figures
+from tui.widgets.status import fleet_words, time_words
+from tui.widgets.word_row import Word, _fitting
 
 
 @pytest.mark.parametrize("width", [NARROW, WIDE])
@@ -53,6 +57,23 @@ def test_a_fleet_that_is_stuck_shows_how_long_and_where(width: int) -> None:
     assert "oldest order 700 ticks" in told
     assert "starved 4 robots in a jam 4 robots at (7, 0)" in told
     assert "starved" not in shown(Figures(), busy(), width, 10)
+
+
+def test_the_status_line_says_so_where_there_is_no_room_for_the_panel() -> None:
+    """In 80 columns; the words that go first say what the map shows, too."""
+    view = moment(700, "tabletop-1", "fleet.robots=5", "strategy.right_of_way=wait")
+    playback = replace(view.playback, playing=1, achieved=40.0, asked=40.0, ends=(None,))
+    words = time_words(playback, 0, 4.0, Unit(1.0, "cycle"), ASCII)
+    words += fleet_words(view.snapshot, playback.figures[0])
+    said_words, _ = _fitting(words[1:], [Word((), rank=5)], 78, 2)
+    told = "  ".join(one.text for one in said_words)
+    assert "4 starved  jam 4" in told and "0/50 delivered" not in told and "delivered" in told
+    assert {one.action for one in said_words if one.text.startswith("jam")} == {"jam"}
+    calm = busy()
+    assert not any(
+        one.text.startswith("jam") or one.text.endswith("starved")
+        for one in fleet_words(calm.snapshot, calm.playback.figures[0])
+    )
 
 
 def test_every_cause_of_lost_time_stands_apart_from_its_bar() -> None:

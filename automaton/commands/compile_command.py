@@ -1,0 +1,105 @@
+"""Compile before a batch what its runs need, so that none of them has to.
+
+What is compiled is kept for each version in `~/.cache/automaton`, or where AUTOMATON_CACHE_DIR says; all
+processes that see that folder, on machines with the same processor, find it there.
+
+Exit code 0: done; 2: bad input, such as a strategy that does not compile.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import msgspec
+
+from automaton.build.resolve import Resolved, resolve
+from automaton.commands.check import names_study
+from automaton.errors import InputError
+from automaton.scenario.reading import shipped
+from automaton.scenario.schema import LAYER_NAMES, Measure
+from automaton.strategy import lookup
+from automaton.studies.sweeps.sweep_plan import check_study
+from automaton.units import count
+
+TICKS = 100  # of each run: enough to pick, to drop, and to be measured
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `automaton compile`."""
+    parser.add_argument(
+        "file",
+        nargs="*",
+        metavar="FILE",
+        help="scenarios and studies; none: the world, the shipped scenarios and all strategies",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Begin a run with each set of strategies, and say how long compiling took."""
+    from automaton.engine.jit.kernel import cache_root, jit_is_on, seconds_compiled
+
+    if not jit_is_on():
+        raise InputError("nothing is compiled under NUMBA_DISABLE_JIT; unset it")
+    used = set()
+    for resolved in first_of_each(scenarios_in(args.file or list(shipped()))):
+        begin_run(resolved)
+        used |= {(layer, choice.name) for layer, choice in resolved.strategies.items()}
+    if not args.file:
+        used |= compile_others(used)
+    strategies = count(
+        sum(name != lookup.NO_STRATEGY for _, name in used), "strategy", "strategies"
+    )
+    spent = f"{seconds_compiled():,.0f} s"
+    print(f"the world and {strategies}: compiled in {spent}, kept in {cache_root()}")
+    return 0
+
+
+def scenarios_in(files: Sequence[str]) -> Iterator[Resolved]:
+    """The scenarios of files, and those of the points of studies. Raises InputError."""
+    for file in files:
+        if names_study(file):
+            _, scenarios = check_study(file)
+            yield from scenarios
+        else:
+            yield resolve(file)
+
+
+def first_of_each(scenarios: Iterator[Resolved]) -> Iterator[Resolved]:
+    """Of the scenarios with the same strategies the first one."""
+    known = set()
+    for resolved in scenarios:
+        names = tuple(choice.name for choice in resolved.strategies.values())
+        if names not in known:
+            known.add(names)
+            yield resolved
+
+
+def begin_run(resolved: Resolved) -> None:
+    """Run a scenario for some ticks, recorded, observed and measured. Raises InputError."""
+    from automaton.evidence.history.event_history import EventHistory
+    from automaton.evidence.recording.recorder import MemoryRecorder
+    from automaton.runs.headless import attribute_strategy_errors
+    from automaton.runs.metrics import metrics_of
+    from automaton.runs.simulation import Simulation
+
+    measured = msgspec.structs.replace(resolved.scenario, measure=Measure())
+    resolved = replace(resolved, scenario=measured)
+    with attribute_strategy_errors(resolved):
+        simulation = Simulation(
+            resolved, on_record=MemoryRecorder(resolved), on_observe=EventHistory()
+        )
+        simulation.run(TICKS)
+    metrics_of(simulation)
+
+
+def compile_others(used: set[tuple[str, str]]) -> set[tuple[str, str]]:
+    """Compile the decisions of the strategies that no shipped scenario names; what these are."""
+    from automaton.runs.simulation import compile_strategy
+
+    others = {(layer, name) for layer in LAYER_NAMES for name in lookup.names(layer)} - used
+    for layer, name in sorted(others):
+        if name != lookup.NO_STRATEGY:
+            compile_strategy(lookup.load(layer, name))
+    return others

@@ -104,7 +104,7 @@ def _link(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> Link:
         because = out_of_order(snapshot, robot)
     elif station_of(snapshot, robot) != NIL and code in STATION_WORDS:
         because = STATION_WORDS[code](snapshot, robot)
-    elif code == CAUSE_NO_ORDER and (full := no_place_words(snapshot)):
+    elif code == CAUSE_NO_ORDER and (full := no_place_words(snapshot, robot)):
         because = f"{because}: {full}"
     ticks = snapshot.tick - int(fleet.since[robot])
     since = f"has waited {ticks:,} tick{'s' if ticks != 1 else ''}"
@@ -137,7 +137,8 @@ def doing(snapshot: Snapshot, robot: int) -> str:
     if fleet.status[robot] in (STATUS_TOWED, STATUS_REMOVED):
         return out_of_order(snapshot, robot).removeprefix(f"robot {robot} ")
     if fleet.parked[robot]:
-        return "is parked"
+        full = "" if fleet.order[robot] != NIL else no_place_words(snapshot, robot)
+        return f"is parked: {full}" if full else "is parked"
     action, busy = ACTION_NAMES[fleet.action[robot]], int(fleet.busy[robot])
     texts = {
         "move": "drives",

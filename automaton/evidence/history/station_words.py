@@ -147,10 +147,11 @@ def full_stations(snapshot: Snapshot) -> Array:
     return full
 
 
-def no_place_words(snapshot: Snapshot) -> str:
-    """Say that all trips that wait are for stations without a free place; "" if it is not so."""
+def no_place_words(snapshot: Snapshot, robot: int) -> str:
+    """Say that all trips that a robot could have are for stations without a free place, or ""."""
     orders = snapshot.orders
-    waits = np.flatnonzero((orders.state == ORDER_WAITING) & (orders.reserved_by == NIL))
+    may_have = (orders.reserved_by == NIL) | (orders.reserved_by == robot)
+    waits = np.flatnonzero((orders.state == ORDER_WAITING) & may_have)
     stations = next_stations(snapshot, waits) if carries_pods(snapshot) else waits
     if not len(stations) or (stations == NIL).any() or not full_stations(snapshot)[stations].all():
         return ""

@@ -56,8 +56,7 @@ def cell_lines(view: View, cell: int, width: int) -> list[Line]:
     lines = [line(title(f"cell ({x}, {y}) "), kind.name.replace("-", " ")), line(dim(kind.meaning))]
     facts = [
         *_ground(view, cell),
-        *station_facts(view, cell),
-        *pod_station_facts(view, cell),
+        *(pod_station_facts if has_pods(view) else station_facts)(view, cell),
         *zone_facts(view, cell),
         *_traffic(view, cell),
         *_stored(view, cell),

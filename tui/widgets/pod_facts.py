@@ -142,8 +142,6 @@ def _stops_left(view: View, trip: int) -> str:
 
 def pod_station_facts(view: View, cell: int) -> Facts:
     """The station in a cell, or the one to whose queue it belongs."""
-    if not has_pods(view):
-        return []
     stations = view.snapshot.pod_stations
     station, queue = int(stations.station_at[cell]), int(stations.queue_at[cell])
     if station == NIL:

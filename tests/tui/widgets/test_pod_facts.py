@@ -44,6 +44,7 @@ def test_a_station_tells_whom_it_serves() -> None:
         "open lines 2",
     ):
         assert words in told, told
+    assert "parts" not in told
     assert "queue of station P1" in shown(Inspector(), of_cell(goods(30), 7, 3), WIDE)
 
 

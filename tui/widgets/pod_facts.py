@@ -19,7 +19,6 @@ from automaton.evidence.history.station_words import (
     carries_pods,
     is_served,
     robot_at,
-    station_name,
     station_of,
     station_queue,
 )
@@ -62,7 +61,7 @@ def trip_link(trip: int) -> Span:
 def station_link(view: View, station: int) -> Span:
     """A station by its name; it leads to its cell."""
     cell = int(view.snapshot.pod_stations.cell[station])
-    return Span(station_name(view.snapshot, station), "link", ("cell", cell))
+    return Span(view.snapshot.station_names[station], "link", ("cell", cell))
 
 
 def chained_lines(view: View, first: int) -> list[int]:

@@ -42,7 +42,7 @@ SHORT_CAUSES: Final = {
     "none": "",
     "reduced speed": "slow",
     "station break": "break",
-    "station queue": "queue",
+    "station queue": "for station",
     "vertex conflict": "conflict",
     "working ahead": "working",
 }

@@ -201,7 +201,7 @@ def _goal(view: View, robot: int) -> list[str | Span]:
         return ["to charge at ", cell_link(view.floor_plan, int(fleet.goal_cell[robot]))]
     station = station_of(view.snapshot, robot)
     if station != NIL:
-        return ["to ", station_link(view, station)]
+        return ["to station ", station_link(view, station)]
     if goal == GOAL_STOP:
         return ["to a stop at ", cell_link(view.floor_plan, int(fleet.goal_cell[robot]))]
     if goal == GOAL_PICK:

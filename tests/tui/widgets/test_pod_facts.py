@@ -45,7 +45,7 @@ def test_a_station_tells_whom_it_serves() -> None:
     ):
         assert words in told, told
     assert "parts" not in told
-    assert "queue of station P1" in shown(Inspector(), of_cell(goods(30), 7, 3), WIDE)
+    assert "queue of P1" in shown(Inspector(), of_cell(goods(30), 7, 3), WIDE)
 
 
 def test_a_robot_tells_of_its_trip() -> None:
@@ -54,7 +54,7 @@ def test_a_robot_tells_of_its_trip() -> None:
         "load pod 1",
         "trip trip 0 of pod 1",
         "stops P1 (1 line)",
-        "station station P1, 1 of 1 in the queue",
+        "station P1, 1 of 1 in the queue",
         "goal to station P1",
         "lifts the pod of trip 0",
     ):
@@ -69,7 +69,7 @@ def test_a_trip_has_its_stops() -> None:
     panel._chosen = (view.robot, view.cell, view.zone)
     told = shown(panel, view, WIDE)
     assert "trip 1 over, its pod is stored" in told
-    assert "stops station P1: 1 line, done in tick 37" in told
+    assert "stops P1: 1 line, done in tick 37" in told
 
 
 def test_orders_and_lines_are_counted_not_trips() -> None:

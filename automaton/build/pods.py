@@ -11,14 +11,14 @@ from automaton.build.lines import LineColumns, class_ends, line_columns
 from automaton.build.prepared_floor import Floor
 from automaton.build.queues import queue_path
 from automaton.build.resolve import Resolved
+from automaton.build.visit_bounds import loaded_driving
 from automaton.engine.facilities import Slots
 from automaton.engine.pods import Lines, Pods, PodStations, Trips
-from automaton.engine.state import HEADING_COUNTS, NEVER, NIL, ORDER_UNRELEASED, Array, Orders
+from automaton.engine.state import NEVER, NIL, ORDER_UNRELEASED, Array, Orders
 from automaton.engine.stops import Stops
 from automaton.floor.cells import STORAGE
 from automaton.floor.floor_plan import FloorPlan
-from automaton.floor.travel_ticks import Driving, ticks_between
-from automaton.scenario.robot_types import types_of
+from automaton.floor.travel_ticks import ticks_between
 from automaton.scenario.schema import Handling, Scenario
 
 
@@ -148,18 +148,6 @@ def ticks_to_stations(resolved: Resolved) -> Array:
     ]
     nearest: Array = np.min(ways, axis=0)
     return nearest
-
-
-def loaded_driving(scenario: Scenario) -> Driving:
-    """How robots of the first type drive with a load."""
-    kinematics, first = scenario.fleet.kinematics, types_of(scenario)[0]
-    return Driving(
-        headings=HEADING_COUNTS[kinematics],
-        move=first.moves.loaded,
-        turn=first.durations.turns.loaded,
-        rail=kinematics == "rail",
-        loaded=True,
-    )
 
 
 def lines_of(columns: LineColumns, rules: list[Handling], seed: int) -> Lines:

@@ -29,10 +29,16 @@ class Driving(NamedTuple):
     loaded: bool = False  # they pass through no storage
 
 
-def ticks_between(floor_plan: FloorPlan, driving: Driving, cell: int, backwards: bool) -> Ticks:
-    """(cells, headings) ticks to a cell in any heading, or, not `backwards`, from there in any heading.
+def ticks_between(
+    floor_plan: FloorPlan,
+    driving: Driving,
+    cell: int,
+    backwards: bool,
+    heading_there: int | None = None,
+) -> Ticks:
+    """(cells, headings) ticks to a cell, or, not `backwards`, from there; NO_WAY where there is none.
 
-    NO_WAY where there is none.
+    With this heading there, or in any.
     """
     headings, cells = driving.headings, floor_plan.kind.size
     kind = floor_plan.kind.reshape(-1)
@@ -44,6 +50,8 @@ def ticks_between(floor_plan: FloorPlan, driving: Driving, cell: int, backwards:
     waiting: dict[int, list[npt.NDArray[np.int64]]] = {
         0: [cell * headings + np.arange(headings, dtype=np.int64)]
     }
+    if heading_there is not None:
+        waiting[0] = [np.array([cell * headings + heading_there], np.int64)]
     while waiting:
         now = min(waiting)
         poses = np.unique(np.concatenate(waiting.pop(now)))

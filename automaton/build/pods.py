@@ -85,6 +85,18 @@ def station_numbers(scenario: Scenario, floor_plan: FloorPlan) -> dict[str, int]
     return numbers | named
 
 
+def station_names(resolved: Resolved) -> tuple[str, ...]:
+    """The name of each station, its number from 1 where it has none; () without lines."""
+    scenario, floor_plan = resolved.scenario, resolved.floor_plan
+    if scenario.orders.lines is None:
+        return ()
+    names = [str(k + 1) for k in range(len(floor_plan.stations))]
+    for name, number in station_numbers(scenario, floor_plan).items():
+        if name in scenario.stations:
+            names[number] = name
+    return tuple(names)
+
+
 def handling_rules(scenario: Scenario, floor_plan: FloorPlan) -> list[Handling]:
     """How long a visit takes, by station."""
     usual = scenario.durations.handling

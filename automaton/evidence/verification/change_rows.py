@@ -16,7 +16,7 @@ from automaton.engine.record_codes import (
     PICKED_ON_ARRIVAL,
 )
 from automaton.evidence.verification.motion_rules import Acts
-from automaton.evidence.verification.move_time_rules import NIL
+from automaton.evidence.verification.type_rules import NIL
 
 Rows = list[list[int]]  # (tick, code, subject, value)
 

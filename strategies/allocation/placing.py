@@ -10,10 +10,9 @@ import numpy as np
 
 from automaton.engine.jit.fields import field
 from automaton.engine.jit.structs import Struct
-from automaton.engine.random_numbers import STREAM_STORAGE
 from automaton.engine.state import CLOCK_TICK, CMD_DROP_AT, NIL, REASON_PICKED, REASON_SERVED
-from automaton.floor.cells import STORAGE
 from automaton.strategy.kernels import (
+    STREAM_STORAGE,
     begin_search,
     dropoff_cell,
     kernel,
@@ -86,7 +85,7 @@ def place_load(view, out, workspace, k, i, policy):
 @kernel
 def is_free(view, out, i, slot):
     """Whether robot i may store a pod in a slot."""
-    if view.grid.kind[view.slots.cell[slot]] != STORAGE or not takes_load(view, out, slot):
+    if view.pods.slot_class[slot] == NIL or not takes_load(view, out, slot):
         return False
     return dropoff_cell(view, view.robots.type[i], slot, position(view, i)) != NIL
 

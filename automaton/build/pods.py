@@ -132,12 +132,12 @@ def pods_of(resolved: Resolved, columns: LineColumns, home: Array, slot_of: Arra
 
 def ranked(values: Array, shares: list[float]) -> Array:
     """(n,) int16: the class of each by its rank, the least value first, ties the lower number."""
-    found = np.zeros(len(values), np.int16)
+    result = np.zeros(len(values), np.int16)
     ranks = np.arange(len(values))
-    found[np.argsort(values, kind="stable")] = np.searchsorted(
+    result[np.argsort(values, kind="stable")] = np.searchsorted(
         class_ends(shares, len(values)), ranks, side="right"
     )
-    return found
+    return result
 
 
 def ticks_to_stations(resolved: Resolved) -> Array:

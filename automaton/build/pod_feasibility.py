@@ -20,8 +20,8 @@ from automaton.units import count
 def check_pods(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
     """Stations are stations, queues paths, and lines want pods that there are. Raises InputError."""
     if scenario.orders.lines is None:
-        for key, given in (("stations", scenario.stations), ("pods", scenario.pods != Pods())):
-            if given:
+        for key, is_set in (("stations", scenario.stations), ("pods", scenario.pods != Pods())):
+            if is_set:
                 raise document.error((key,), f"{key} belong to orders.lines, and there are none")
         return
     if not len(floor_plan.stations):

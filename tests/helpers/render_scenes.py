@@ -60,6 +60,7 @@ def make_scene(
             content=np.array([*content, *left.values()]),
             reserved_by=np.full(len(cells) + len(left), NIL),
         ),
+        pods=SimpleNamespace(slot=np.zeros(0, np.int32)),
         orders=SimpleNamespace(
             current_slot=np.flatnonzero(loaded),
             target=np.full(orders, len(cells) - 1),

@@ -23,7 +23,11 @@ def check_pods(document: Document, scenario: Scenario, floor_plan: FloorPlan) ->
     if scenario.orders.lines is None:
         for key, is_set in (("stations", scenario.stations), ("pods", scenario.pods != Pods())):
             if is_set:
+<<<<<<< HEAD
                 raise document.error((key,), f"{key} belong to orders.lines")
+=======
+                raise document.error((key,), f"{key} belong to orders.lines, and there are none")
+>>>>>>> podcheck
         return
     if scenario.information != "everything":
         text = "pods are carried where strategies see everything; set information: everything"

@@ -24,6 +24,7 @@ REFUSED = {  # array, what becomes of it, what the sentence says
     "for ever": ("lines.handling", lambda a: a + 2**62, "lines.handling has the value 46"),
     "no such rule": ("pod_stations.rule", lambda a: a + 1, "pod_stations.rule has the value 1"),
     "off the floor": ("pod_stations.cell", lambda a: a + 999, "pod_stations.cell has the value"),
+    "no station": ("pod_stations.cell", lambda a: a - 1, "its stations are not those of its floor"),
     "a long visit": ("pod_stations.visit", lambda a: a + 2**60, "pod_stations.visit has the value"),
     "a line less": ("lines.due", lambda a: a[1:], "lines.due has 2 rows"),
     "of another kind": ("lines.due", lambda a: a.astype(np.int64), "lines.due has the type int64"),

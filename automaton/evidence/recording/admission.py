@@ -125,6 +125,9 @@ class Admission:
         cells, spare = header["slots"]["cell"], self.sizes["spare"]
         if not 0 <= spare <= len(cells) or not np.array_equal(cells[:spare], self.floor_plan.slots):
             raise InvalidFrameError("its slots are not those of its floor")
+        stations = header.get("pod_stations", {}).get("cell", self.floor_plan.stations)
+        if not np.array_equal(stations, self.floor_plan.stations):
+            raise InvalidFrameError("its stations are not those of its floor")
 
     def _check_stops(self, header: Content) -> None:
         """Each order has a load or stops, or both; the stops are the orders' one after another."""

@@ -28,7 +28,11 @@ def parted(rows: Rows, acts: Acts) -> tuple[Rows, Rows]:
     arriving = {r for r, did in acts if did & (PICKED_ON_ARRIVAL | DROPPED_ON_ARRIVAL)}
     for at, (_, code, subject, _) in enumerate(rows if arriving else ()):
         if code in (CHANGE_PICKED, CHANGE_DROPPED) and subject in arriving:
+<<<<<<< HEAD
             # How long moves and waits take is said in between.
+=======
+            # How long moves and waits take stands in between.
+>>>>>>> podcheck
             lengths = [row for row in rows[at:] if row[1] == CHANGE_DURATION]
             return rows[:at] + lengths, [row for row in rows[at:] if row[1] != CHANGE_DURATION]
     return rows, []

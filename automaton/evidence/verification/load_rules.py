@@ -275,8 +275,13 @@ class Loads:
             self.visits.served.pop(had, None)
 
     def _give_out(self, order: int, had: int, r: int) -> None:
+<<<<<<< HEAD
         stays = had == r and self.trips.offered[r] == order
         if (had != NIL and not stays) or self.state[order] != ORDER_WAITING:
+=======
+        is_offered = had == r and self.trips.offered[r] == order
+        if (had != NIL and not is_offered) or self.state[order] != ORDER_WAITING:
+>>>>>>> podcheck
             robots = [r] if had == NIL else [r, had]
             text = f"order {order} is given out although it is not free"
             self.report_violation("order", robots, NIL, text)

@@ -11,14 +11,14 @@ from automaton.build.lines import LineColumns, class_ends, line_columns
 from automaton.build.prepared_floor import Floor
 from automaton.build.queues import queue_path
 from automaton.build.resolve import Resolved
+from automaton.build.visit_bounds import loaded_driving
 from automaton.engine.facilities import Slots
 from automaton.engine.pods import Lines, Pods, PodStations, Trips
-from automaton.engine.state import HEADING_COUNTS, NEVER, NIL, ORDER_UNRELEASED, Array, Orders
+from automaton.engine.state import NEVER, NIL, ORDER_UNRELEASED, Array, Orders
 from automaton.engine.stops import Stops
 from automaton.floor.cells import STORAGE
 from automaton.floor.floor_plan import FloorPlan
-from automaton.floor.travel_ticks import Driving, ticks_between
-from automaton.scenario.robot_types import types_of
+from automaton.floor.travel_ticks import ticks_between
 from automaton.scenario.schema import Handling, Scenario
 
 
@@ -85,6 +85,18 @@ def station_numbers(scenario: Scenario, floor_plan: FloorPlan) -> dict[str, int]
     return numbers | named
 
 
+def station_names(resolved: Resolved) -> tuple[str, ...]:
+    """The name of each station, its number from 1 where it has none; () without lines."""
+    scenario, floor_plan = resolved.scenario, resolved.floor_plan
+    if scenario.orders.lines is None:
+        return ()
+    names = [str(k + 1) for k in range(len(floor_plan.stations))]
+    for name, number in station_numbers(scenario, floor_plan).items():
+        if name in scenario.stations:
+            names[number] = name
+    return tuple(names)
+
+
 def handling_rules(scenario: Scenario, floor_plan: FloorPlan) -> list[Handling]:
     """How long a visit takes, by station."""
     usual = scenario.durations.handling
@@ -99,14 +111,15 @@ def pods_of(resolved: Resolved, columns: LineColumns, home: Array, slot_of: Arra
     """The pods in their slots, and the classes of pods and of storage cells."""
     floor_plan, classes = resolved.floor_plan, resolved.scenario.pods.classes
     slots = len(floor_plan.slots)
-    pod_class, slot_class = np.zeros(len(home), np.int16), np.zeros(slots, np.int16)
+    pod_class, slot_class = np.zeros(len(home), np.int16), np.full(slots, NIL, np.int16)
+    cells = np.flatnonzero(floor_plan.kind.reshape(-1) == STORAGE)
+    slot_class[slot_of[cells]] = 0
     if classes is not None:
         shares = list(classes.values())
         pod_class = columns.pod_class.astype(np.int16)
         if not len(pod_class):
             demand = np.bincount(columns.pod, minlength=len(home))
             pod_class = ranked(-demand, shares)
-        cells = np.flatnonzero(floor_plan.kind.reshape(-1) == STORAGE)
         slot_class[slot_of[cells]] = ranked(ticks_to_stations(resolved)[cells], shares)
     return Pods.sized(
         {"p": len(home), "s": slots},
@@ -119,12 +132,12 @@ def pods_of(resolved: Resolved, columns: LineColumns, home: Array, slot_of: Arra
 
 def ranked(values: Array, shares: list[float]) -> Array:
     """(n,) int16: the class of each by its rank, the least value first, ties the lower number."""
-    found = np.zeros(len(values), np.int16)
+    result = np.zeros(len(values), np.int16)
     ranks = np.arange(len(values))
-    found[np.argsort(values, kind="stable")] = np.searchsorted(
+    result[np.argsort(values, kind="stable")] = np.searchsorted(
         class_ends(shares, len(values)), ranks, side="right"
     )
-    return found
+    return result
 
 
 def ticks_to_stations(resolved: Resolved) -> Array:
@@ -136,18 +149,6 @@ def ticks_to_stations(resolved: Resolved) -> Array:
     ]
     nearest: Array = np.min(ways, axis=0)
     return nearest
-
-
-def loaded_driving(scenario: Scenario) -> Driving:
-    """How robots of the first type drive with a load."""
-    kinematics, first = scenario.fleet.kinematics, types_of(scenario)[0]
-    return Driving(
-        headings=HEADING_COUNTS[kinematics],
-        move=first.moves.loaded,
-        turn=first.durations.turns.loaded,
-        rail=kinematics == "rail",
-        loaded=True,
-    )
 
 
 def lines_of(columns: LineColumns, rules: list[Handling], seed: int) -> Lines:

@@ -18,6 +18,7 @@ from automaton.build.conversion_table import conversion_lines
 from automaton.build.default_right_of_way import why_not_steered
 from automaton.build.resolve import Resolved, document_of, resolve
 from automaton.build.scenario_warnings import scenario_warnings
+from automaton.build.visit_bounds import bounds_in_words
 from automaton.commands.arguments import add_settings_argument, note, print_warnings
 from automaton.errors import InputError
 from automaton.floor.cells import DESTINATION, DOCK, RACK, SHELF
@@ -69,6 +70,8 @@ def run(args: argparse.Namespace) -> int:
             check_files(resolved, document)
             print(described(resolved, names_right_of_way(document)))
             for line in (*resolved.file_notes, *conversion_lines(resolved)):
+                print(f"  {line}")
+            for line in bounds_in_words(resolved):
                 print(f"  {line}")
             print_warnings(resolved)
         except InputError as error:

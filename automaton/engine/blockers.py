@@ -27,8 +27,10 @@ from automaton.engine.observation import (
     CAUSE_LANE,
     CAUSE_NO_ORDER,
     CAUSE_NOT_WAITING,
+    CAUSE_POD_AHEAD,
     CAUSE_QUEUE,
     CAUSE_RANDOM_WAIT,
+    CAUSE_STATION_QUEUE,
     CAUSE_UNDECIDED,
     CAUSE_VERTEX_CONFLICT,
     CAUSE_WORKING_AHEAD,
@@ -125,7 +127,9 @@ def enter_blocker(world, observation, i):
     if holder >= 0:
         observation.blocker[U(i)] = world.robots.identity[U(holder)]
     elif (
-        observation.cause[U(i)] == CAUSE_BAY_HELD or observation.cause[U(i)] == CAUSE_CHARGER_QUEUE
+        observation.cause[U(i)] == CAUSE_BAY_HELD
+        or observation.cause[U(i)] == CAUSE_CHARGER_QUEUE
+        or observation.cause[U(i)] == CAUSE_STATION_QUEUE
     ):
         observation.cause[U(i)] = CAUSE_FOLLOWING_CONFLICT
     elif observation.cause[U(i)] == CAUSE_LANE:
@@ -155,6 +159,8 @@ def find_refused_swap(world, observation, i):
     q = np.int64(robots.at_index[U(observation.blocker[U(i)])])
     if np.int64(world.traffic.intent[U(q)]) & REFUSED == 0 or observation.blocker[U(q)] != NIL:
         return
+    if observation.cause[U(q)] == CAUSE_POD_AHEAD:
+        return  # a pod keeps it, no robot
     if (
         observation.wanted[U(q)] == robots.cell[U(i)]
         and observation.wanted[U(i)] == robots.cell[U(q)]

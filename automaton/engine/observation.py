@@ -52,6 +52,9 @@ CAUSE_FAULT: Final = 18
 CAUSE_REDUCED_SPEED: Final = 19  # in observation.lost alone: who does is not waiting
 CAUSE_REDESIGN: Final = 20
 CAUSE_HELD_BACK: Final = 21
+CAUSE_STATION_QUEUE: Final = 22
+CAUSE_POD_AHEAD: Final = 23
+CAUSE_STATION_BREAK: Final = 24
 CAUSE_UNDECIDED: Final = 255  # within a tick: waits for a cell; why depends on its holder
 
 _HELD = "rule of occupancy: a cell holds no more robots than its capacity"
@@ -151,6 +154,24 @@ CAUSES: Final = (
         "held back",
         "right of way lets {robot} stay where it is: others come first",
         "right of way steers the robots, and says in each tick who goes and who stays",
+        False,
+    ),
+    Cause(
+        "station queue",
+        "{robot} queues for its station: {blocker} holds {cell}",
+        "stations serve robots in the sequence of their queue",
+        True,
+    ),
+    Cause(
+        "pod ahead",
+        "a pod stands in {cell}, and {robot} carries a load",
+        "robots with a load do not drive under pods",
+        False,
+    ),
+    Cause(
+        "station break",
+        "{robot} stands at its station, which has a break",
+        "no visit begins in a break of its station",
         False,
     ),
 )

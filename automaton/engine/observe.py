@@ -37,10 +37,13 @@ from automaton.engine.observation import (
     CAUSE_NO_ORDER,
     CAUSE_NO_ROUTE,
     CAUSE_NOT_WAITING,
+    CAUSE_POD_AHEAD,
     CAUSE_RANDOM_WAIT,
     CAUSE_REDESIGN,
     CAUSE_REDUCED_SPEED,
     CAUSE_RETREAT,
+    CAUSE_STATION_BREAK,
+    CAUSE_STATION_QUEUE,
     CAUSE_UNDECIDED,
     COUNT_CURVE_ROWS,
     DELIVERED_ORDERS,
@@ -70,14 +73,17 @@ from automaton.engine.slow_zones import robots_in_zone
 from automaton.engine.state import (
     ACTION_MOVE,
     ACTION_QUEUE,
+    ACTION_STATION_QUEUE,
     ACTION_WAIT,
     CLOCK_HALTED_UNTIL,
     CLOCK_ORDERS_DONE,
     CLOCK_TICK,
     CLOCK_UNDELIVERED,
     GOAL_NONE,
+    GOAL_STOP,
     NIL,
 )
+from automaton.engine.trips import has_break, has_trips
 
 MARKS = 8  # in a word
 EVENT_FLAGS = LEFT_PARKING_BAY | ENTERED_PARKING_BAY  # flags and actions that are events
@@ -267,6 +273,14 @@ def find_wait(world, observation, i, want, did):
         return wait_for(world, observation, i, charger, direction, CAUSE_CHARGER_QUEUE)
     if want & HELD:
         return note_held_back(world, observation, i, want)
+    if want & REFUSED and did == EXECUTED_BLOCKED and has_trips(world):
+        direction = want & 3
+        cell = np.int64(robots.cell[U(i)]) + world.grid.offset[U(direction)]
+        if want & LIVE == 0:
+            observation.wanted[U(i)] = cell
+            return CAUSE_POD_AHEAD
+        if robots.action[U(i)] == ACTION_STATION_QUEUE:
+            return wait_for(world, observation, i, cell, direction, CAUSE_STATION_QUEUE)
     if did == EXECUTED_RETREAT:
         return CAUSE_RETREAT
     if did == EXECUTED_ILLEGAL:
@@ -396,4 +410,7 @@ def find_idleness(world, observation, i):
             return CAUSE_NOT_WAITING
         observation.wanted[U(i)] = robots.goal_cell[U(i)]
         return CAUSE_HELD_BACK if world.rules.steered[0] else CAUSE_NO_ROUTE
+    if robots.goal_type[U(i)] == GOAL_STOP and robots.busy[U(i)] == 0 and has_trips(world):
+        if has_break(world, np.int64(robots.order[U(i)])):
+            return CAUSE_STATION_BREAK
     return CAUSE_NOT_WAITING

@@ -35,13 +35,16 @@ def find_step_costs(view, workspace, robots, count, table, out):
 
 @kernel
 def close_storage(view, robots, count, out):
-    """Robots with a load step into no cell through which no way of theirs leads, but into their goal."""
+    """Robots step into no cell through which no way with a load leads, but into their goal.
+
+    Those without a load could, but would find no place there to make way for one with a load.
+    """
     grid, first_loaded = view.grid, view.rules.loaded_types
     for k in range(count if first_loaded else 0):
         i = np.int64(robots[U(k)])
         robot_type = np.int64(view.robots.type[U(i)])
         if robot_type < first_loaded:
-            continue
+            robot_type += first_loaded
         for direction in range(4):
             to = np.int64(view.robots.cell[U(i)]) + grid.offset[direction]
             is_barred = np.int64(grid.type_cell_flags[robot_type, to]) & NO_WAY_THROUGH

@@ -29,10 +29,16 @@ class Driving(NamedTuple):
     loaded: bool = False  # they pass through no storage
 
 
-def ticks_between(floor_plan: FloorPlan, driving: Driving, cell: int, backwards: bool) -> Ticks:
-    """(cells, headings) ticks to a cell in any heading, or, not `backwards`, from there in any heading.
+def ticks_between(
+    floor_plan: FloorPlan,
+    driving: Driving,
+    cell: int,
+    backwards: bool,
+    heading_there: int | None = None,
+) -> Ticks:
+    """(cells, headings) ticks to a cell, or, not `backwards`, from there; or NO_WAY.
 
-    NO_WAY where there is none.
+    With this heading there, or in any.
     """
     headings, cells = driving.headings, floor_plan.kind.size
     kind = floor_plan.kind.reshape(-1)
@@ -40,15 +46,17 @@ def ticks_between(floor_plan: FloorPlan, driving: Driving, cell: int, backwards:
     turns = CAN_TURN[kind] if driving.rail else DRIVABLE[kind]
     through = np.ones(cells, np.bool_) if not driving.loaded else kind != STORAGE
     through[cell] = True
-    found = np.full(cells * headings, NO_WAY, np.int64)
+    result = np.full(cells * headings, NO_WAY, np.int64)
     waiting: dict[int, list[npt.NDArray[np.int64]]] = {
         0: [cell * headings + np.arange(headings, dtype=np.int64)]
     }
+    if heading_there is not None:
+        waiting[0] = [np.array([cell * headings + heading_there], np.int64)]
     while waiting:
         now = min(waiting)
         poses = np.unique(np.concatenate(waiting.pop(now)))
-        poses = poses[found[poses] > now]
-        found[poses] = now
+        poses = poses[result[poses] > now]
+        result[poses] = now
         at, heading = poses // headings, poses % headings
         on = through[at]
         for direction, offset in enumerate(floor_plan.offsets):
@@ -61,7 +69,7 @@ def ticks_between(floor_plan: FloorPlan, driving: Driving, cell: int, backwards:
             for way in (1, headings - 1):
                 turned = base - base % headings + (base % headings + way) % headings
                 _add(waiting, now + driving.turn, turned)
-    return found.reshape(cells, headings)
+    return result.reshape(cells, headings)
 
 
 def _add(

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from automaton.engine.pods import Lines
 from automaton.engine.state import (
     CLOCK_TICK,
     NEVER,
@@ -16,6 +17,7 @@ from automaton.engine.state import (
     ORDER_DELIVERED,
     ORDER_UNRELEASED,
     Array,
+    Orders,
     World,
 )
 
@@ -65,3 +67,10 @@ def asked_orders(world: World) -> AskedOrders:
 def asked_count(world: World) -> int:
     """How many orders there are."""
     return len(world.lines.left) if has_lines(world) else len(world.orders.state)
+
+
+def done_count(orders: Orders, lines: Lines) -> int:
+    """How many of them are done."""
+    if len(lines.order):
+        return int(np.count_nonzero(lines.order_done != NIL))
+    return int(np.count_nonzero(orders.state == ORDER_DELIVERED))

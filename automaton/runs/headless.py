@@ -27,6 +27,7 @@ from automaton.engine.state import (
     Array,
 )
 from automaton.errors import InputError
+from automaton.runs.asked_orders import asked_orders
 from automaton.runs.metrics import (
     OPERATIONS,
     Counted,
@@ -161,13 +162,13 @@ def run_once(
         wall = run_to_end(simulation, on_window, last_worked, until)
     if on_end is not None:
         on_end(simulation)
-    state = simulation.world.orders.state
+    orders = asked_orders(simulation.world)
     finished = is_finished(simulation)
     return Outcome(
         finished=finished,
         ticks=simulation.tick,
-        orders=len(state),
-        delivered=int((state == ORDER_DELIVERED).sum()),
+        orders=len(orders.done),
+        delivered=int((orders.done != NIL).sum()),
         digest=simulation.digest,
         wall_s=wall,
         metrics=metrics_of(simulation),

@@ -288,7 +288,8 @@ def test_held_back() -> None:
 
 
 def test_every_cause_has_a_floor_here() -> None:
-    told = set(Path(__file__).read_text().split('"'))
+    files = (Path(__file__), Path(__file__).with_name("test_pod_waits.py"))
+    told = set().union(*(file.read_text().split('"') for file in files))
     assert {cause.name for cause in CAUSES} <= told
 
 

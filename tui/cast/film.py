@@ -143,7 +143,9 @@ class Film:
         scenario = self._resolved.scenario
         chosen = [request.layer] if request.layer else []
         chosen += [f"robot {request.follow}"] if request.follow != NIL else []
-        orders = len(self.recording.header["orders"]["source"])
+        lines = self.recording.header.get("lines")
+        orders = max(lines["order"], default=-1) + 1 if lines else 0
+        orders = orders or len(self.recording.header["orders"]["source"])
         tick = unit(scenario.units.tick)
         scene = self._pictures.scene(None, self._choice, 0)
         key = layer_named(request.layer).key_words(scene, self._resolved, self.glyphs)

@@ -1,4 +1,4 @@
-"""How a fleet does at a moment, in five numbers."""
+"""How a fleet does at a moment, in a few numbers."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from automaton.engine.observation import CAUSE_NOT_WAITING, is_waiting
-from automaton.engine.state import ORDER_DELIVERED, Array
+from automaton.engine.pods import Lines
+from automaton.engine.state import NIL, Array, Orders
+from automaton.runs.asked_orders import done_count
 
 if TYPE_CHECKING:  # it needs Numba
     from automaton.evidence.history.snapshot import Snapshot
@@ -15,34 +17,41 @@ if TYPE_CHECKING:  # it needs Numba
 
 
 class FleetSummary(NamedTuple):
-    """Robots that work, are held up, and form a wait cycle; orders."""
+    """Robots that work, are held up, and form a wait cycle; orders, and lines of which they consist."""
 
     working: int
     waiting: int
     circling: int  # some of those who wait
     delivered: int
     orders: int
+    lines_done: int = 0
+    lines: int = 0  # 0: orders do not consist of lines
 
 
 def summarize(snapshot: Snapshot) -> FleetSummary:
     """Count them. Who is parked or has no order neither works nor waits."""
     robots = snapshot.robots
-    return _summary(robots.cause, robots.parked, robots.wait_cycle_ticks, snapshot.orders.state)
+    return _summary(
+        robots.cause, robots.parked, robots.wait_cycle_ticks, snapshot.orders, snapshot.lines
+    )
 
 
 def summary_of(simulation: Simulation) -> FleetSummary:
     """The same of an observed simulation."""
     world, observation = simulation.world, simulation.observation
-    return _summary(
-        observation.cause, world.robots.parked, observation.wait_cycle_ticks, world.orders.state
-    )
+    cycle = observation.wait_cycle_ticks
+    return _summary(observation.cause, world.robots.parked, cycle, world.orders, world.lines)
 
 
-def _summary(cause: Array, parked: Array, ring: Array, orders: Array) -> FleetSummary:
+def _summary(
+    cause: Array, parked: Array, ring: Array, orders: Orders, lines: Lines
+) -> FleetSummary:
     return FleetSummary(
         working=int(np.count_nonzero((cause == CAUSE_NOT_WAITING) & (parked == 0))),
         waiting=int(np.count_nonzero(is_waiting(cause))),
         circling=int(np.count_nonzero(ring)),
-        delivered=int(np.count_nonzero(orders == ORDER_DELIVERED)),
-        orders=len(orders),
+        delivered=done_count(orders, lines),
+        orders=len(lines.left) if len(lines.order) else len(orders.state),
+        lines_done=int(np.count_nonzero(lines.done != NIL)),
+        lines=len(lines.order),
     )

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from automaton.engine.state import NIL
-from automaton.floor.cells import BAY, CHARGER, DESTINATION, DOCK, RACK, SHELF, STATION, WALL
+from automaton.floor.cells import BAY, CHARGER, DESTINATION, DOCK, STATION, WALL
 from tui.render import robot_marks as fleet
 from tui.render import styles
 from tui.render.blocks import Part, blocks, part_of
 from tui.render.camera import Camera, Rectangle
-from tui.render.cell_looks import FAR_SHELF, look
+from tui.render.cell_looks import FAR_SHELF, STORING_KINDS, look
 from tui.render.glyphs import Codes, GlyphSet, code
 from tui.render.scene import DETAIL_OUTSIDE, Floor, Scene
 from tui.render.styles import style
@@ -73,7 +73,7 @@ def floor_in_dots(floor: Floor, shown: Rectangle, k: int, glyphs: GlyphSet) -> C
     """The whole floor without robots."""
     looks = floor.looks[shown.top : shown.bottom, shown.left : shown.right]
     kind = floor.floor_plan.kind[shown.top : shown.bottom, shown.left : shown.right]
-    shelves = (kind == SHELF) | (kind == RACK)
+    shelves = np.isin(kind, STORING_KINDS)
     walls = (kind == WALL) & (looks != look(WALL, DETAIL_OUTSIDE))
     area = blocks(np.ones(kind.shape, np.uint8), k)
     pattern = _patterns(2 * blocks(shelves | walls, k) >= area)

@@ -19,6 +19,7 @@ from automaton.floor.cells import (
     RACK,
     SHELF,
     STATION,
+    STORAGE,
     TRACK,
     TURNTABLE,
     WALL,
@@ -30,6 +31,7 @@ from tui.render.scene import (
     DETAIL_ONE_WAY,
     DETAIL_OUTSIDE,
     DETAIL_PASSING,
+    DETAIL_POD,
     DETAIL_SHIFT,
     DETAIL_UNLIMITED,
     KIND_MASK,
@@ -49,11 +51,13 @@ KIND_COLOURS = {  # of a kind of cell
     RACK: styles.COLOUR_RACK,
     DOCK: styles.COLOUR_DOCK,
     STATION: styles.COLOUR_STATION,
+    STORAGE: styles.COLOUR_FLOOR_MARK,
 }
 
 
 # From afar a cell is a block of dots, which has more ink than a sign: shelves take the colours of
-# marks there, so that robots stand out.
+# marks there, so that robots stand out. So do storage cells.
+STORING_KINDS = (SHELF, RACK, STORAGE)
 FAR_SHELF = styles.COLOUR_FLOOR_MARK
 FAR_LOAD = styles.COLOUR_TRACK
 
@@ -67,6 +71,8 @@ def colour_of(number: int) -> int:
     """The colour of a look."""
     kind, detail = number & KIND_MASK, number >> DETAIL_SHIFT
     if kind == SHELF and detail == DETAIL_FULL_SHELF:
+        return styles.COLOUR_LOAD
+    if kind == STORAGE and detail == DETAIL_POD:
         return styles.COLOUR_LOAD
     if kind == WALL and detail == DETAIL_OUTSIDE:
         return styles.COLOUR_FLOOR
@@ -105,6 +111,8 @@ def _characters(glyphs: GlyphSet, kind: int, detail: int) -> tuple[int, int]:
         return sign, line if detail & EXIT_EAST else blank
     if kind == SHELF:
         return glyphs.load if detail == DETAIL_FULL_SHELF else glyphs.shelf, blank
+    if kind == STORAGE:
+        return glyphs.pod if detail == DETAIL_POD else glyphs.storage, blank
     signs = {
         DESTINATION: glyphs.destination,
         CHARGER: glyphs.charger,

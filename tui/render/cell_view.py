@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from automaton.engine.state import NIL
-from automaton.floor.cells import SHELF
+from automaton.floor.cells import SHELF, STORAGE
 from tui.render import robot_marks as fleet
 from tui.render import styles
 from tui.render.camera import Camera
@@ -23,8 +23,8 @@ from tui.render.canvas import Canvas, Cells
 from tui.render.cell_looks import cell_codes, look
 from tui.render.field import HEAT_LEVELS
 from tui.render.glyphs import GLYPH_BITS, GLYPHS, Codes, GlyphSet, code
-from tui.render.scene import DETAIL_FULL_SHELF, Scene
-from tui.render.shelf_marks import full_shelves
+from tui.render.scene import DETAIL_FULL_SHELF, DETAIL_POD, Scene
+from tui.render.shelf_marks import full_shelves, pods_in
 from tui.render.styles import style
 from tui.render.tints import draw_tints
 
@@ -56,9 +56,11 @@ def near_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
 
 
 def draw_loads(canvas: Canvas) -> None:
-    """Shelves that hold a load."""
+    """Shelves that hold a load, and pods in storage."""
+    codes = cell_codes(canvas.glyphs, canvas.width)
     full = full_shelves(canvas.scene, canvas.seen)
-    canvas.flat[full] = cell_codes(canvas.glyphs, canvas.width)[look(SHELF, DETAIL_FULL_SHELF)]
+    canvas.flat[full] = codes[look(SHELF, DETAIL_FULL_SHELF)]
+    canvas.flat[pods_in(canvas.scene, canvas.seen)] = codes[look(STORAGE, DETAIL_POD)]
 
 
 # Layers.

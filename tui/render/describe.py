@@ -2,6 +2,7 @@
 
 (12, 4) shelf with load 7 for (20, 3), reserved by robot 2
 (3, 0) track along x, robot 1 with load 4, waits: head-on
+(5, 3) station P1 with 2 open lines, 1 in its queue, robot 1 with pod 2 (serve)
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import numpy as np
 from automaton.engine.observation import CAUSES
 from automaton.engine.robot_status import BATTERY_PERCENT, STATUS_TOWED
 from automaton.engine.state import ACTION_IDLE, ACTION_NAMES, NIL, ORDER_DELIVERED, ORDER_WAITING
+from automaton.evidence.history.station_words import carries_pods, load_words, station_queue
 from automaton.floor.cells import ANY, CELL_KINDS, DIRECTIONS, EXIT_EAST, EXIT_WEST, FLOOR, TRACK
 from tui.registration import layers
 from tui.render.scene import (
@@ -62,6 +64,8 @@ def _content(scene: Scene, cell: int) -> str:
         return ""
     if slot == NIL:
         return _left(scene, cell)
+    if carries_pods(snapshot):
+        return _pod_words(scene, cell, slot)
     orders, slots = snapshot.orders, snapshot.slots
     text = ""
     kind = scene.floor.floor_plan.kind_of(cell)
@@ -86,6 +90,24 @@ def _content(scene: Scene, cell: int) -> str:
     return text + (
         f", reserved by robot {slots.reserved_by[slot]}" if slots.reserved_by[slot] != NIL else ""
     )
+
+
+def _pod_words(scene: Scene, cell: int, slot: int) -> str:
+    """The pod in a storage cell, or how busy a station is."""
+    assert scene.snapshot is not None
+    snapshot = scene.snapshot
+    station = int(snapshot.pod_stations.station_at[cell])
+    if station != NIL:
+        queue = len(station_queue(snapshot, station))
+        lines = int(snapshot.pod_stations.open_lines[station])
+        return f" {snapshot.station_names[station]} with {lines:,} open lines, {queue} in its queue"
+    pod, keeper = int(snapshot.slots.content[slot]), int(snapshot.slots.reserved_by[slot])
+    if pod == NIL:
+        return ", empty" + (f", reserved by robot {keeper}" if keeper != NIL else "")
+    trip = int(snapshot.pods.trip[pod])
+    fetcher = NIL if trip == NIL else int(snapshot.orders.reserved_by[trip])
+    text = f" with pod {pod + 1}" + (f", wanted by trip {trip}" if trip != NIL else "")
+    return text + (f", to be fetched by robot {fetcher}" if fetcher != NIL else "")
 
 
 def _left(scene: Scene, cell: int) -> str:
@@ -115,7 +137,7 @@ def _robot(scene: Scene, robot: int) -> str:
     robots = scene.snapshot.robots
     words = [f"robot {robot}"]
     if robots.load[robot] != NIL:
-        words.append(f"with load {robots.load[robot]}")
+        words.append(f"with {load_words(scene.snapshot, int(robots.load[robot]))}")
     if scene.floor.battery:
         words.append(f"at {robots.charge[robot] / BATTERY_PERCENT:.0f} %")
     if robots.status[robot] >= STATUS_TOWED:

@@ -4,10 +4,10 @@ A glyph is an index into the characters of either set, so that a picture can be 
 or the other. Glyphs 32 to 126 are the printable ASCII characters themselves; 0 is the blank.
 
     unicode   ▹▿◃▵ empty  ▸▾◂▴ loaded  ⊡ parked  ▯▮ shelf  ⊔ destination  ◍ turntable  ↯ charger
-              ◫ rack  ⊏ dock  ⌂ station  ⋈ transfer station
+              ◫ rack  ⊏ dock  ⌂ station  ⋈ transfer station  ⊓ pod  ▫ storage without
               ≻⋎≺⋏ battery low  ⍄⍌⍃⍓ the same, loaded  ⊞ charges  ∅ battery empty  ✗ broken  ▬ load
     ascii     >v<^ empty  }V{A loaded  p parked  #$ shelf  = destination  @ turntable  c charger
-              H rack  [ dock  t station  T transfer station
+              H rack  [ dock  t station  T transfer station  P pod  _ storage without
               ! battery low  & the same, loaded  C charges  E battery empty  X broken  * load
 
 Every character is one column wide. None but the blocks ▀ ▄ █ is "ambiguous" in Unicode's table of
@@ -87,6 +87,8 @@ class GlyphSet:
     dock: Final = _shape("⊏", "[")
     station: Final = _shape("⌂", "t")
     transfer: Final = _shape("⋈", "T")  # a station between two zones
+    pod: Final = _shape("⊓", "P")  # in a storage cell
+    storage: Final = _shape("▫", "_")  # without a pod
     left_load: Final = _shape("▬", "*")  # on the floor, where a robot had to leave it
     # What is laid over them.
     route: Final = _shape("∙", "o")

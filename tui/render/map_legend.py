@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from automaton.engine.robot_status import BATTERY_PERCENT
-from automaton.floor.cells import CELL_KINDS, FLOOR, RACK, SHELF, TRACK, WALL
+from automaton.floor.cells import CELL_KINDS, FLOOR, SHELF, STORAGE, TRACK, WALL
 from tui.render import robot_marks as fleet
 from tui.render import styles
 from tui.render.camera import Zoom
-from tui.render.cell_looks import FAR_SHELF, cell_codes, colour_of, look
+from tui.render.cell_looks import FAR_SHELF, STORING_KINDS, cell_codes, colour_of, look
 from tui.render.cell_view import flow_codes, heat_codes
 from tui.render.field import HEAT_LEVELS
 from tui.render.glyphs import GlyphSet, code
@@ -20,6 +20,7 @@ from tui.render.scene import (
     DETAIL_FULL_SHELF,
     DETAIL_OUTSIDE,
     DETAIL_PASSING,
+    DETAIL_POD,
     DETAIL_SHIFT,
     DETAIL_UNLIMITED,
     KIND_MASK,
@@ -63,9 +64,10 @@ def _robots(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
         return tuple(int(code(fg, shapes[shape, d])) for d in directions)
 
     ways = (0, 1, 2, 3)
+    load = "pod" if (scene.floor.floor_plan.kind == STORAGE).any() else "load"
     entries = [
         Entry(signs(fleet.DRAW_EMPTY, fleet.SHAPE_HOLLOW, ways), "robot, and the way it faces"),
-        Entry(signs(fleet.DRAW_LOADED, fleet.SHAPE_FILLED, ways), "robot with a load"),
+        Entry(signs(fleet.DRAW_LOADED, fleet.SHAPE_FILLED, ways), f"robot with a {load}"),
         Entry(signs(fleet.DRAW_WAITING, fleet.SHAPE_HOLLOW, (0,)), "waits"),
         Entry(signs(fleet.DRAW_DEADLOCK, fleet.SHAPE_HOLLOW, (0,)), "waits in a wait cycle"),
         Entry(signs(fleet.DRAW_PARKED, fleet.SHAPE_SQUARE, (0,)), "parked"),
@@ -157,6 +159,8 @@ def _cells(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
     numbers = set(np.unique(scene.floor.looks).tolist())
     if look(SHELF) in numbers:
         numbers.add(look(SHELF, DETAIL_FULL_SHELF))
+    if look(STORAGE) in numbers:
+        numbers.add(look(STORAGE, DETAIL_POD))
     for number in sorted(numbers - {look(WALL, DETAIL_OUTSIDE)}):
         signs = lines.setdefault(_meaning(number), [])
         if int(codes[number, 0]) not in signs:
@@ -168,7 +172,7 @@ def _far_cells(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
     kinds = [kind for kind in np.unique(scene.floor.floor_plan.kind).tolist() if kind not in DRIVEN]
 
     def sign(kind: int) -> int:
-        fg = FAR_SHELF if kind in (SHELF, RACK) else colour_of(look(kind))
+        fg = FAR_SHELF if kind in STORING_KINDS else colour_of(look(kind))
         return int(code(style(fg, styles.COLOUR_FLOOR), glyphs.braille[255]))
 
     return [Entry((sign(kind),), CELL_KINDS[kind].name.replace("-", " ")) for kind in kinds]
@@ -178,6 +182,8 @@ def _meaning(number: int) -> str:
     kind, detail = number & KIND_MASK, number >> DETAIL_SHIFT
     if kind == SHELF:
         return "shelf with a load" if detail == DETAIL_FULL_SHELF else "empty shelf"
+    if kind == STORAGE:
+        return "pod in storage" if detail == DETAIL_POD else "storage without a pod"
     if kind == TRACK:
         return "track, driven along"
     if kind == FLOOR and detail:

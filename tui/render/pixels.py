@@ -20,8 +20,6 @@ from automaton.floor.cells import (
     DESTINATION,
     DOCK,
     FLOOR,
-    RACK,
-    SHELF,
     STATION,
     TRACK,
     TURNTABLE,
@@ -32,11 +30,18 @@ from tui.render import styles
 from tui.render.blocks import Part, blocks, part_of
 from tui.render.braille_view import draw_over
 from tui.render.camera import Camera, Rectangle
-from tui.render.cell_looks import FAR_LOAD, FAR_SHELF, KIND_COLOURS, colour_of, look
+from tui.render.cell_looks import (
+    FAR_LOAD,
+    FAR_SHELF,
+    KIND_COLOURS,
+    STORING_KINDS,
+    colour_of,
+    look,
+)
 from tui.render.cell_view import heat_codes
 from tui.render.glyphs import Codes, GlyphSet, code
 from tui.render.scene import KIND_MASK, LOOK_COUNT, Floor, Scene
-from tui.render.shelf_marks import full_shelves
+from tui.render.shelf_marks import full_shelves, pods_in
 from tui.render.styles import style
 from tui.render.tints import paint_tints, sign_tints
 
@@ -64,7 +69,8 @@ def pixel_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
     pixels = whole[2 * part.top : 2 * part.bottom, part.left : part.right].copy()
     canvas = Pixels(pixels, part, camera)
     if k == 1:
-        canvas.flat[full_shelves(scene, camera.visible())] = FAR_LOAD
+        for full in (full_shelves, pods_in):
+            canvas.flat[full(scene, camera.visible())] = FAR_LOAD
     signed = draw_layer(canvas, scene)
     canvas.paint(scene.zone_cells, styles.COLOUR_MARKED)
     if scene.tints is not None or scene.values is not None:
@@ -148,7 +154,7 @@ def floor_in_pixels(floor: Floor, shown: Rectangle, k: int) -> Colours:
         area = blocks(np.ones(kind.shape, np.uint8), k)
         pixels = np.full(area.shape, styles.COLOUR_FLOOR, np.uint8)
         inner = floor.looks[rows, columns] == look(WALL)
-        solid = (kind == SHELF) | (kind == RACK) | inner
+        solid = np.isin(kind, STORING_KINDS) | inner
         pixels[2 * blocks(solid, k) >= area] = FAR_SHELF
         for station in STATION_KINDS:
             pixels[blocks(kind == station, k) > 0] = KIND_COLOURS[station]
@@ -160,7 +166,7 @@ def _pixel_colour(number: int) -> int:
     kind = number & KIND_MASK
     if kind in DRIVEN or kind not in KIND_COLOURS:
         return styles.COLOUR_FLOOR
-    return FAR_SHELF if kind in (SHELF, RACK) else colour_of(number)
+    return FAR_SHELF if kind in STORING_KINDS else colour_of(number)
 
 
 class Pixels:

@@ -18,6 +18,7 @@ from automaton.floor.cells import (
     EXIT_SOUTH,
     EXIT_WEST,
     FLOOR,
+    STORAGE,
     TRACK,
     TURNTABLE,
     UNLIMITED,
@@ -42,6 +43,7 @@ DETAIL_ONE_WAY: Final = 1  # to 4: details of floor; 1 + direction
 DETAIL_PASSING: Final = 5
 DETAIL_UNLIMITED: Final = 6  # any number of robots
 DETAIL_FULL_SHELF: Final = 1  # detail of a shelf: it holds a load
+DETAIL_POD: Final = 1  # detail of a storage cell: a pod stands there
 NO_CELLS: Final = np.zeros(0, np.int32)
 
 
@@ -59,10 +61,19 @@ def looks_of(floor_plan: FloorPlan) -> NDArray[np.uint8]:
     ):  # else there is nothing to tell apart
         detail[(kind == FLOOR) & (floor_plan.capacity == 2)] = DETAIL_PASSING
         detail[(kind == FLOOR) & (floor_plan.capacity == UNLIMITED)] = DETAIL_UNLIMITED
+    onwards = exits & ~_exits_into(kind == STORAGE)
     for direction in range(4):
-        detail[(kind == FLOOR) & _one_way(exits, direction)] = DETAIL_ONE_WAY + direction
+        detail[(kind == FLOOR) & _one_way(onwards, direction)] = DETAIL_ONE_WAY + direction
     detail[(kind == WALL) & ~_beside_something(kind)] = DETAIL_OUTSIDE
     return np.asarray(kind | detail << DETAIL_SHIFT, np.uint8)
+
+
+def _exits_into(cells: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """The exits that lead into some cells: an aisle is one-way, though robots turn off into storage."""
+    sides = np.zeros(cells.shape, np.uint8)
+    for direction, (dx, dy) in enumerate(DIRECTION_VECTORS):
+        sides |= np.where(np.roll(cells, (-dy, -dx), (0, 1)), np.uint8(1 << direction), np.uint8(0))
+    return sides
 
 
 def _one_way(exits: NDArray[np.uint8], direction: int) -> NDArray[np.bool_]:

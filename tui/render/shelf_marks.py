@@ -1,4 +1,4 @@
-"""The shelves on the screen, and which of them hold a load."""
+"""The shelves and storage cells on the screen, and which of them hold a load or a pod."""
 
 from __future__ import annotations
 
@@ -9,31 +9,36 @@ import numpy as np
 from numpy.typing import NDArray
 
 from automaton.engine.state import NIL
-from automaton.floor.cells import SHELF
+from automaton.floor.cells import SHELF, STORAGE
 from tui.render.camera import Rectangle
 from tui.render.scene import Floor, Scene
 
 
 class Shelves(NamedTuple):
-    """Shelves within a rectangle of cells."""
+    """Shelves, or storage cells, within a rectangle of cells."""
 
     slot: NDArray[np.int32]
     at: NDArray[np.intp]  # index into the cells of the rectangle
 
 
 @lru_cache(maxsize=8)
-def shelves_in(floor: Floor, seen: Rectangle) -> Shelves:
-    """Kept until the camera moves."""
-    rows, columns = slice(seen.top, seen.bottom), slice(seen.left, seen.right)
+def shelves_in(floor: Floor, visible: Rectangle, kind: int = SHELF) -> Shelves:
+    """Those of one kind; kept until the camera moves."""
+    rows, columns = slice(visible.top, visible.bottom), slice(visible.left, visible.right)
     slots = floor.slot_in.reshape(floor.looks.shape)[rows, columns].reshape(-1)
-    index = np.flatnonzero(floor.floor_plan.kind[rows, columns].reshape(-1) == SHELF)
+    index = np.flatnonzero(floor.floor_plan.kind[rows, columns].reshape(-1) == kind)
     index = index[slots[index] != NIL]
     return Shelves(slots[index], index)
 
 
-def full_shelves(scene: Scene, seen: Rectangle) -> NDArray[np.intp]:
+def pods_in(scene: Scene, visible: Rectangle) -> NDArray[np.intp]:
+    """The storage cells in which a pod stands, in cells of the rectangle."""
+    return full_shelves(scene, visible, STORAGE)
+
+
+def full_shelves(scene: Scene, visible: Rectangle, kind: int = SHELF) -> NDArray[np.intp]:
     """Those with a load, in cells of the rectangle; before the run begins, as they are drawn."""
-    shelves = shelves_in(scene.floor, seen)
+    shelves = shelves_in(scene.floor, visible, kind)
     if scene.snapshot is not None:
         full = scene.snapshot.slots.content[shelves.slot] != NIL
     else:

@@ -12,6 +12,7 @@ from textual.widgets import Input, Static
 
 from automaton.engine.state import NIL
 from automaton.errors import InputError
+from automaton.evidence.history.station_words import load_words
 from automaton.units import count
 from tui.playback.panel_view import View
 from tui.screens.dialog import Dialog
@@ -23,7 +24,7 @@ from tui.widgets.styled_lines import Line, cell_link, dim, line
 from tui.widgets.traffic_zone_facts import robots_in
 
 EXAMPLES: Final = (
-    "17, robot 17, load 7, order 7, 12,4, station 11, zone 9, "
+    "17, robot 17, load 7, order 7, pod 12, 12,4, station 11, zone 9, "
     "or a condition: waiting > 20 and loaded, deadlock, stalled > 50, battery < 20, "
     "queueing, jam, starved"
 )
@@ -69,10 +70,11 @@ class MatchList(Rows, can_focus=False):
         robot, fleet = self.found.robots[index], view.snapshot.robots
         off = fleet.home[robot] if fleet.bay[robot] == NIL else fleet.bay[robot]
         cell = off if fleet.cell[robot] == NIL else fleet.cell[robot]
-        load = f", load {fleet.load[robot]}" if fleet.load[robot] != NIL else ""
+        load = int(fleet.load[robot])
+        words = "" if load == NIL else f", {load_words(view.snapshot, load)}"
         return line(
             f"robot {robot}  ",
-            dim(f"{doing(fleet, robot)} at {view.floor_plan.xy(int(cell))}{load}"),
+            dim(f"{doing(fleet, robot)} at {view.floor_plan.xy(int(cell))}{words}"),
         )
 
     def chosen(self, index: int) -> None:

@@ -1,6 +1,6 @@
 """Robots, cells, zones by what a user types.
 
-17, load 7, 12,4, station 11, zone 9, waiting > 20, jam, starved
+17, load 7, pod 12, 12,4, station 11, station P1, zone 9, waiting > 20, jam, starved
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from automaton.floor.cells import KIND_BY_NAME, WALL
 from automaton.units import count
 from tui.playback.jam_place import middle_robot
 from tui.playback.panel_view import View
+from tui.widgets.pod_facts import has_pods
 from tui.widgets.service_zone_facts import checked_station
 from tui.widgets.traffic_zone_facts import checked_zone
 
@@ -50,6 +51,8 @@ def find(text: str, view: View) -> Found:
     words = " ".join(text.lower().split())
     if number := re.fullmatch(r"(?:robot )?(\d{1,9})", words):
         return Found(words, robots=(_robot(int(number[1]), view),))
+    if has_pods(view) and (places := _with_pods(words, view)):
+        return places
     if number := re.fullmatch(r"(?:load|order) (\d{1,9})", words):
         return _order(words, int(number[1]), view)
     if number := re.fullmatch(r"zone (\d{1,9})", words):
@@ -86,6 +89,30 @@ def _without_progress(words: str, view: View) -> Found:
         return Found(words)
     first = middle_robot(figures.jam, view.snapshot, view.floor_plan)
     return Found(words, robots=figures.jam.robots, first=first)
+
+
+def _with_pods(words: str, view: View) -> Found | None:
+    """A pod by its number, a trip, or a station by its name or number, where pods are carried."""
+    snapshot = view.snapshot
+    if number := re.fullmatch(r"pod (\d{1,9})", words):
+        pod, pods = int(number[1]) - 1, len(snapshot.pods.slot)
+        if not 0 <= pod < pods:
+            raise InputError(f"there is no pod {number[1]}; pods are numbered from 1 to {pods}")
+        slot = int(snapshot.pods.slot[pod])
+        if slot != NIL:
+            return Found(words, cells=(int(snapshot.slots.cell[slot]),))
+        return Found(words, robots=(int(snapshot.orders.reserved_by[snapshot.pods.trip[pod]]),))
+    if number := re.fullmatch(r"trip (\d{1,9})", words):
+        return _order(words, int(number[1]), view)
+    names = [name.lower() for name in snapshot.station_names]
+    name = words.removeprefix("station ")
+    if name in names and (name != words or not name.isdigit()):
+        return Found(words, cells=(int(snapshot.pod_stations.cell[names.index(name)]),))
+    if name != words:
+        raise InputError(
+            f"there is no station {name}; stations are {', '.join(snapshot.station_names)}"
+        )
+    return None
 
 
 def _order(words: str, number: int, view: View) -> Found:

@@ -8,10 +8,11 @@ from typing import Final
 import numpy as np
 
 from automaton.build.resolve import Resolved
-from automaton.engine.state import ORDER_DELIVERED
+from automaton.engine.state import NIL
 from automaton.evidence.history.divergence import first_difference
 from automaton.evidence.history.watched_run import Run
 from automaton.evidence.recording.header import changed, resolved_of
+from automaton.runs.asked_orders import asked_orders
 from automaton.runs.headless import Outcome, operations, orders_exhausted, record_work
 from automaton.runs.metrics import metrics_by_robot, metrics_by_type, metrics_of
 from automaton.runs.progress import largest_jam
@@ -93,12 +94,12 @@ def _outcome(run: Run, last_worked: np.ndarray) -> Outcome:
     front = run.leading_simulation
     stop = _scenario_at_end(run).scenario.stop
     finished = front.finished or (stop.when == "never" and front.tick >= stop.max_duration)
-    state = front.world.orders.state
+    orders = asked_orders(front.world)
     return Outcome(
         finished=finished,
         ticks=front.tick,
-        orders=len(state),
-        delivered=int((state == ORDER_DELIVERED).sum()),
+        orders=len(orders.done),
+        delivered=int((orders.done != NIL).sum()),
         digest=front.digest,
         wall_s=None,
         metrics=metrics_of(front),

@@ -14,13 +14,14 @@ from automaton.engine.state import (
     ORDER_UNRELEASED,
     ORDER_WAITING,
 )
-from automaton.floor.cells import ANY, BAY, CHARGER, DIRECTIONS, UNLIMITED
+from automaton.floor.cells import ANY, BAY, CHARGER, DIRECTIONS, STORAGE, UNLIMITED
 from automaton.floor.floor_plan import DRIVABLE
 from automaton.units import count
 from tui.playback.panel_view import View
 from tui.registration import layer_named
 from tui.widgets.charge_facts import charger_lines
 from tui.widgets.due_facts import due_facts
+from tui.widgets.pod_facts import has_pods, pod_station_facts, storage_facts, trip_lines
 from tui.widgets.robot_type_facts import closed_to
 from tui.widgets.service_zone_facts import order_zone, part_of_order, station_facts
 from tui.widgets.styled_lines import (
@@ -55,7 +56,7 @@ def cell_lines(view: View, cell: int, width: int) -> list[Line]:
     lines = [line(title(f"cell ({x}, {y}) "), kind.name.replace("-", " ")), line(dim(kind.meaning))]
     facts = [
         *_ground(view, cell),
-        *station_facts(view, cell),
+        *(pod_station_facts if has_pods(view) else station_facts)(view, cell),
         *zone_facts(view, cell),
         *_traffic(view, cell),
         *_stored(view, cell),
@@ -120,6 +121,8 @@ def _stored(view: View, cell: int) -> list[tuple[str, Parts]]:
     found = np.flatnonzero(slots.cell == cell)
     if not len(found):
         return []
+    if has_pods(view):  # orders are trips
+        return storage_facts(view, cell) if kind.code == STORAGE else []
     slot = int(found[0])
     keeper: Parts = (
         [] if slots.reserved_by[slot] == NIL else [robot_link(int(slots.reserved_by[slot]))]
@@ -166,7 +169,9 @@ def _place(view: View, slot: int) -> Parts:
 
 
 def order_lines(view: View, order: int, width: int) -> list[Line]:
-    """Everything about one order and its load."""
+    """Everything about one order and its load, or one trip of a pod."""
+    if has_pods(view):
+        return trip_lines(view, order, width)
     orders = view.snapshot.orders
     state, reserved_by = int(orders.state[order]), int(orders.reserved_by[order])
     stops = int(orders.first_stop[order + 1] - orders.first_stop[order])

@@ -49,6 +49,13 @@ TEXTS: Final = {
     codes.EVENT_ZONES_REDESIGNED: "zones redesigned: {value} station{s}",
     codes.EVENT_VISITED: "does a stop of order {subject}",
 }
+TRIP_TEXTS: Final = TEXTS | {  # where orders are trips of pods
+    codes.EVENT_ORDER_TAKEN: "takes trip {subject}",
+    codes.EVENT_PICKED: "lifts the pod of trip {subject}",
+    codes.EVENT_DELIVERED: "stores the pod of trip {subject}",
+    codes.EVENT_ORDER_RETURNED: "returns trip {subject}",
+    codes.EVENT_VISITED: "was served for trip {subject}",
+}
 ROBOT_COLUMN_WIDTH: Final = 6  # columns for the number of a robot
 EVENT_LOOKS: Final = {
     codes.EVENT_DELIVERED: "good",
@@ -71,23 +78,23 @@ SUBJECTS: Final = (
 )
 
 
-def event_words(event: Event) -> str:
+def event_words(event: Event, trips: bool = False) -> str:
     """An event in a few words, without the robot."""
     plural = "" if event.value == 1 else "s"
     percent = f"{event.value / BATTERY_PERCENT:.0f} %"
     words = {"subject": event.subject, "value": event.value, "s": plural, "percent": percent}
     words["station"] = event.value + 1
-    return TEXTS[event.code].format(**words)
+    return (TRIP_TEXTS if trips else TEXTS)[event.code].format(**words)
 
 
-def event_line(event: Event, who: bool = True, tick_width: int = 7) -> Line:
-    """Tick, robot and what happened; the tick leads there."""
+def event_line(event: Event, who: bool = True, tick_width: int = 7, trips: bool = False) -> Line:
+    """Tick, robot and what happened, to orders or to trips of pods; the tick leads there."""
     tick = Span(f"{event.tick:,}", "link", ("tick", event.tick))
     gap = " " * (tick_width - len(tick.text))
     number = "" if event.robot == NIL else event.robot
     robot = f"{number:>{ROBOT_COLUMN_WIDTH}}" if who else ""
     look = EVENT_LOOKS.get(event.code, "plain")
-    return line(gap, tick, robot, Span(f" {event_words(event)}", look))
+    return line(gap, tick, robot, Span(f" {event_words(event, trips)}", look))
 
 
 class Wanted(NamedTuple):
@@ -103,14 +110,14 @@ class Wanted(NamedTuple):
         if self.robot != NIL:
             holds &= events[:, 2] == self.robot
         rest = self.words.lower()
-        for name, number in re.findall(r"(robot|load|order|part)\s*(\d+)", rest):
+        for name, number in re.findall(r"(robot|load|order|trip|part)\s*(\d+)", rest):
             column = 2 if name == "robot" else 3
             holds &= events[:, column] == int(number)
             if column == 3:
                 holds &= np.isin(
                     events[:, 1], EVENT_GROUPS["parts"] if name == "part" else SUBJECTS
                 )
-        for word in re.sub(r"(robot|load|order|part)\s*\d+", " ", rest).split():
+        for word in re.sub(r"(robot|load|order|trip|part)\s*\d+", " ", rest).split():
             holds &= self._called(word, events)
         return holds
 
@@ -123,7 +130,7 @@ class Wanted(NamedTuple):
         hits = [
             code
             for code, text in TEXTS.items()
-            if word in f"{text} {EVENT_NAMES[code]} {kinds[code]}"
+            if word in f"{text} {TRIP_TEXTS[code]} {EVENT_NAMES[code]} {kinds[code]}"
         ]
         called: Array = np.isin(events[:, 1], hits)
         return called

@@ -15,6 +15,7 @@ from automaton.evidence.history.charging_words import charging, is_queueing
 from automaton.evidence.history.event_history import Curve
 from automaton.runs.metrics import METRIC_CATALOGUE
 from automaton.units import count, number, percent
+from tui.playback.fleet_summary import FleetSummary, summarize
 from tui.playback.jam_place import middle_robot
 from tui.playback.panel_view import JamChosen, TickChosen, View
 from tui.render.robot_marks import LOW_CHARGE
@@ -65,10 +66,10 @@ class Figures(TextPanel):
     def _now(self, view: View, width: int) -> list[Line]:
         metrics = view.playback.figures[view.side].metrics
         curve_now = _known(view)
-        orders = view.snapshot.orders.state
-        done = int(np.count_nonzero(orders == ORDER_DELIVERED))
-        share = done / max(1, len(orders))
-        of_all = f"{done:,} of {len(orders):,} "
+        fleet = summarize(view.snapshot)
+        done = fleet.delivered
+        share = done / max(1, fleet.orders)
+        of_all = f"{done:,} of {fleet.orders:,} "
         of_all = of_all if len(of_all) <= width - NAME_COLUMNS else f"{done:,} "
         room = max(0, width - NAME_COLUMNS - len(of_all))
         rate, now = float(metrics["throughput"]), metric_curve.now_throughput(curve_now)
@@ -76,6 +77,7 @@ class Figures(TextPanel):
         unit = UNIT if width >= NAME_COLUMNS + longest + 1 + len(UNIT) else SHORT_UNIT
         return [
             _figure("delivered", of_all, bar(share, room, self.signs)),
+            *_lines(fleet, view),
             _figure("throughput", f"{_short(rate)} {unit}"),
             _figure(f"  last {metric_curve.NOW_TICKS}", f"{_short(now)} {unit}"),
             *self._share("utilization", "utilization", view, width),
@@ -262,6 +264,15 @@ def _out_of_order(view: View, width: int) -> list[Line]:
 
 def _figure(name: str, *parts: str) -> Line:
     return (dim(name.ljust(NAME_COLUMNS)), *line(*parts))
+
+
+def _lines(fleet: FleetSummary, view: View) -> list[Line]:
+    """Lines that are done, and the trips that are over, where orders consist of lines."""
+    if not fleet.lines:
+        return []
+    trips = int(np.count_nonzero(view.snapshot.orders.state == ORDER_DELIVERED))
+    done = f"{fleet.lines_done:,} of {fleet.lines:,}, {count(trips, 'trip')}"
+    return [_figure("lines done", done)]
 
 
 def _short(value: float) -> str:

@@ -15,9 +15,10 @@ from automaton.engine.robot_status import (
     STATUS_REMOVED,
     STATUS_TOWED,
 )
-from automaton.engine.state import ACTION_NAMES, NIL, Array
+from automaton.engine.state import ACTION_NAMES, ACTION_SERVE, NIL, Array
 from automaton.evidence.history.charging_words import is_queueing
 from automaton.evidence.history.snapshot import Fleet
+from automaton.evidence.history.station_words import carries_pods
 from automaton.units import percent
 from tui.playback.panel_view import View
 from tui.widgets.charge_facts import has_batteries
@@ -31,6 +32,7 @@ DOWN_WORDS: Final = {
     STATUS_REMOVED: "towed",
 }
 ACTION_WORDS: Final = ("idle", "drives", "turns", "picks", "drops", "tries", "waits", "charges")
+SERVED_WORD: Final = "served"
 PARKED_WORD: Final = "parked"
 SHORT_CAUSES: Final = {
     "driving ahead": "driving",
@@ -39,6 +41,8 @@ SHORT_CAUSES: Final = {
     "no drop-off slot": "no slot",
     "none": "",
     "reduced speed": "slow",
+    "station break": "break",
+    "station queue": "for station",
     "vertex conflict": "conflict",
     "working ahead": "working",
 }
@@ -66,6 +70,8 @@ def doing(fleet: Fleet, robot: int) -> str:
         return "queues"
     if is_waiting(fleet.cause[robot]):
         return "waits"
+    if fleet.action[robot] == ACTION_SERVE:
+        return SERVED_WORD
     return ACTION_WORDS[min(int(fleet.action[robot]), len(ACTION_WORDS) - 1)]
 
 
@@ -73,11 +79,12 @@ def _doing_keys(view: View) -> Array:
     """In the order of ACTION_WORDS: idle, at work, waiting; then parked, last down and towed."""
     fleet = view.snapshot.robots
     keys = np.minimum(fleet.action, len(ACTION_WORDS) - 1).astype(np.int64)
+    keys[fleet.action == ACTION_SERVE] = len(ACTION_WORDS)
     keys[is_waiting(fleet.cause)] = ACTION_NAMES.index("wait")
-    keys[is_queueing(fleet)] = len(ACTION_WORDS)
-    keys[fleet.parked != 0] = len(ACTION_WORDS) + 1
+    keys[is_queueing(fleet)] = len(ACTION_WORDS) + 1
+    keys[fleet.parked != 0] = len(ACTION_WORDS) + 2
     out = fleet.status >= STATUS_DEPLETED
-    keys[out] = len(ACTION_WORDS) + fleet.status[out]
+    keys[out] = len(ACTION_WORDS) + 1 + fleet.status[out]
     return keys
 
 
@@ -90,6 +97,13 @@ def _waited(view: View) -> Array:
 def _cause(view: View, robot: int) -> str:
     name = CAUSES[int(view.snapshot.robots.cause[robot])].name
     return SHORT_CAUSES.get(name, name)
+
+
+def _load(view: View, robot: int) -> str:
+    """Its load, or the number of its pod."""
+    load = int(view.snapshot.robots.load[robot])
+    pods = carries_pods(view.snapshot) and load != NIL
+    return _or_blank(int(view.snapshot.trips.pod[load]) + 1 if pods else load, NIL)
 
 
 def _cell(view: View, robot: int) -> str:
@@ -137,7 +151,7 @@ ROBOT_TABLE_COLUMNS: Final = (
         "load",
         5,
         lambda v: v.snapshot.robots.load,
-        lambda v, r: _or_blank(int(v.snapshot.robots.load[r]), NIL),
+        _load,
         True,
     ),
     Column(

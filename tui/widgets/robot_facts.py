@@ -20,12 +20,14 @@ from automaton.engine.state import (
 )
 from automaton.evidence.history.event_history import Event
 from automaton.evidence.history.explanation import doing
+from automaton.evidence.history.station_words import station_of
 from automaton.floor.cells import CELL_KINDS, DIRECTIONS
 from automaton.units import count, percent
 from tui.playback.panel_view import View
 from tui.widgets.charge_facts import battery, charging_plan, condition
 from tui.widgets.due_facts import due_facts
 from tui.widgets.event_rows import event_line
+from tui.widgets.pod_facts import carried_pod, has_pods, robot_trip, station_link
 from tui.widgets.robot_type_facts import own_durations, type_of
 from tui.widgets.service_zone_facts import robot_zone
 from tui.widgets.signs import UNICODE, Signs
@@ -63,9 +65,7 @@ def robot_lines(view: View, robot: int, width: int, signs: Signs = UNICODE) -> l
         ("condition", condition(view, robot)),
         ("cell", _place(view, robot)),
         ("heading", [_heading(view, robot)]),
-        ("load", _load(view, robot)),
-        ("order", _order(view, robot)),
-        ("due", due_facts(view, int(fleet.order[robot]))),
+        *_task(view, robot),
         ("ahead", _ahead(view, robot)),
         ("goal", _goal(view, robot)),
         ("route", _route(view, robot)),
@@ -144,6 +144,17 @@ def _heading(view: View, robot: int) -> str:
     return names[int(view.snapshot.robots.heading[robot])]
 
 
+def _task(view: View, robot: int) -> list[tuple[str, list[str | Span]]]:
+    """Its load and its order; or its pod and its trip."""
+    if has_pods(view):
+        return [("load", carried_pod(view, robot)), *robot_trip(view, robot)]
+    return [
+        ("load", _load(view, robot)),
+        ("order", _order(view, robot)),
+        ("due", due_facts(view, int(view.snapshot.robots.order[robot]))),
+    ]
+
+
 def _load(view: View, robot: int) -> list[str | Span]:
     load = int(view.snapshot.robots.load[robot])
     if load == NIL:
@@ -188,11 +199,15 @@ def _goal(view: View, robot: int) -> list[str | Span]:
         return ["to park"]
     if goal == GOAL_CHARGE:
         return ["to charge at ", cell_link(view.floor_plan, int(fleet.goal_cell[robot]))]
+    station = station_of(view.snapshot, robot)
+    if station != NIL:
+        return ["to station ", station_link(view, station)]
     if goal == GOAL_STOP:
         return ["to a stop at ", cell_link(view.floor_plan, int(fleet.goal_cell[robot]))]
     if goal == GOAL_PICK:
         slot = NIL if order == NIL else int(orders.current_slot[order])
-    parts: list[str | Span] = ["to drop" if goal == GOAL_DROP else "to pick up"]
+    words = ("to store its pod", "to lift a pod") if has_pods(view) else ("to drop", "to pick up")
+    parts: list[str | Span] = [words[goal != GOAL_DROP]]
     return parts if slot == NIL else [*parts, " at ", _slot(view, slot)]
 
 
@@ -225,7 +240,10 @@ def _last_events(view: View, robot: int) -> list[Line]:
     if not len(indices):
         return [line(title("no events yet"))]
     rows = (Event(*(int(value) for value in events[index])) for index in reversed(indices))
-    return [line(title("last events")), *(event_line(event, who=False) for event in rows)]
+    return [
+        line(title("last events")),
+        *(event_line(event, who=False, trips=has_pods(view)) for event in rows),
+    ]
 
 
 def last_of(events: Array, robot: int, most: int) -> Array:

@@ -104,6 +104,9 @@ def fleet_words(snapshot: Snapshot, figures: Figures) -> list[Word]:
         ),
         word(f"{now.delivered:,}/{now.orders:,} delivered", styles.COLOUR_DONE, "events", 1),
     ]
+    if now.lines:
+        lines = word(f"{now.lines_done:,}/{now.lines:,} lines", styles.COLOUR_DONE, "events", 5)
+        said.append(lines)
     if now.circling:
         said.insert(2, word(f"{now.circling:,} in a wait cycle", styles.COLOUR_FAULT, "why", 4))
     if starved:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -11,7 +11,10 @@ from automaton.engine.observation import (
     CAUSE_CHARGER_QUEUE,
     CAUSE_FAULT,
     CAUSE_NO_ENERGY,
+    CAUSE_NO_ORDER,
     CAUSE_NOT_WAITING,
+    CAUSE_STATION_BREAK,
+    CAUSE_STATION_QUEUE,
     CAUSES,
 )
 from automaton.engine.robot_status import (
@@ -24,6 +27,14 @@ from automaton.engine.robot_status import (
 from automaton.engine.state import ACTION_NAMES, NIL
 from automaton.evidence.history.charging_words import charging, queueing_words, up_to
 from automaton.evidence.history.snapshot import Snapshot
+from automaton.evidence.history.station_words import (
+    break_words,
+    carries_pods,
+    no_place_words,
+    queue_words,
+    station_name,
+    station_of,
+)
 from automaton.floor.floor_plan import FloorPlan
 from automaton.units import count, percent
 
@@ -71,6 +82,9 @@ def explain(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> Explanatio
     return Explanation(tuple(chain), NIL if member == NIL else names.index(member))
 
 
+STATION_WORDS: Final = {CAUSE_STATION_QUEUE: queue_words, CAUSE_STATION_BREAK: break_words}
+
+
 def _link(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> Link:
     fleet = snapshot.robots
     code = int(fleet.cause[robot])
@@ -88,6 +102,10 @@ def _link(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> Link:
         because = queueing_words(snapshot, robot, f"({cell[0]}, {cell[1]})")
     elif code in (CAUSE_NO_ENERGY, CAUSE_FAULT):
         because = out_of_order(snapshot, robot)
+    elif station_of(snapshot, robot) != NIL and code in STATION_WORDS:
+        because = STATION_WORDS[code](snapshot, robot)
+    elif code == CAUSE_NO_ORDER and (full := no_place_words(snapshot, robot)):
+        because = f"{because}: {full}"
     ticks = snapshot.tick - int(fleet.since[robot])
     since = f"has waited {ticks:,} tick{'s' if ticks != 1 else ''}"
     return Link(
@@ -119,7 +137,8 @@ def doing(snapshot: Snapshot, robot: int) -> str:
     if fleet.status[robot] in (STATUS_TOWED, STATUS_REMOVED):
         return out_of_order(snapshot, robot).removeprefix(f"robot {robot} ")
     if fleet.parked[robot]:
-        return "is parked"
+        full = "" if fleet.order[robot] != NIL else no_place_words(snapshot, robot)
+        return f"is parked: {full}" if full else "is parked"
     action, busy = ACTION_NAMES[fleet.action[robot]], int(fleet.busy[robot])
     texts = {
         "move": "drives",
@@ -130,6 +149,8 @@ def doing(snapshot: Snapshot, robot: int) -> str:
         "charge": "has charged",
         "serve": "stands at its stop",
     }
+    if carries_pods(snapshot):
+        texts |= _pod_texts(snapshot, robot)
     if charging(fleet)[robot]:
         return f"charges {up_to(snapshot, robot)}"
     text = texts.get(action, "is about to go on")
@@ -142,3 +163,14 @@ def doing(snapshot: Snapshot, robot: int) -> str:
         held = f"zone {fleet.slow_zone[robot]} held {fleet.slow_zone_occupancy[robot]} robots"
         text += f": {held} when this move began"
     return text
+
+
+def _pod_texts(snapshot: Snapshot, robot: int) -> dict[str, str]:
+    """The same of robots that carry pods."""
+    load, station = int(snapshot.robots.load[robot]), station_of(snapshot, robot)
+    texts = {"drop": "stores its pod"}
+    if load != NIL:
+        texts["pick"] = f"lifts pod {snapshot.trips.pod[load] + 1}"
+    if station != NIL:
+        texts["serve"] = f"is served at {station_name(snapshot, station)}"
+    return texts

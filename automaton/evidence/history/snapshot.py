@@ -7,12 +7,15 @@ from typing import TYPE_CHECKING, Final, TypeVar
 
 import numpy as np
 
+from automaton.build.pods import station_names
 from automaton.engine.facilities import Slots, Stations
 from automaton.engine.jit.fields import CARRIED
 from automaton.engine.jit.structs import Struct
 from automaton.engine.observation import Observation
+from automaton.engine.pods import Lines, Pods, PodStations, Trips
 from automaton.engine.service_zones import ServiceZones
 from automaton.engine.state import CLOCK_TICK, NIL, Array, Orders, Robots
+from automaton.engine.stops import Stops
 from automaton.runs.simulation import Simulation
 
 S = TypeVar("S", bound=Struct)
@@ -60,6 +63,13 @@ class Snapshot:
     orders: Orders
     slots: Slots
     stations: Stations  # that work on parts
+    pods: Pods
+    lines: Lines
+    trips: Trips
+    stops: Stops
+    pod_stations: PodStations  # to which pods are carried
+    station_names: tuple[str, ...]  # of these
+    stride: int  # from a cell to the one below it
     service_zones: ServiceZones  # that robots serve; its roads are those of the world
     redesigns: int  # ticks so far in which stations changed their zones
     selected: int  # the robot whose route and plan are given, or NIL
@@ -86,6 +96,13 @@ def take_snapshot(simulation: Simulation, selected: int = NIL, layer: str = "") 
         orders=_copied(world.orders),
         slots=_copied(world.slots),
         stations=_copied(world.stations),
+        pods=_copied(world.pods),
+        lines=_copied(world.lines),
+        trips=_copied(world.trips),
+        stops=_copied(world.stops),
+        pod_stations=_copied(world.pod_stations),
+        station_names=station_names(simulation.resolved),
+        stride=simulation.resolved.floor_plan.stride,
         service_zones=_copied(world.service_zones).replaced(
             design=world.service_zones.design.copied()
         ),

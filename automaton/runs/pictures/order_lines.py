@@ -22,6 +22,7 @@ from automaton.engine.state import (
 )
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
+from automaton.runs.asked_orders import has_lines
 from automaton.runs.pictures.phrases import Facts, Phrase, Value, read_facts, write_facts
 
 ORDER_NUMBERS = ("state", "delivered", "legs")
@@ -31,6 +32,7 @@ STATE_PHRASES = (
     Phrase("lies at {current_slot} as load {spare} for {target}", state=ORDER_WAITING),
     Phrase("waits on {current_slot} for {target}", state=ORDER_WAITING),
     Phrase("on its way to {target}", state=ORDER_CARRIED),
+    Phrase("on its way", state=ORDER_CARRIED),
     Phrase("done in tick {delivered}", state=ORDER_DELIVERED),
     Phrase("waits again", state=ORDER_WAITING),
     Phrase("under way", state=ORDER_STARTED),
@@ -49,7 +51,8 @@ def order_line(world: World, floor_plan: FloorPlan, order: int) -> str | None:
     stops_done = int(world.orders.stops_done[order])
     if facts["state"] == ORDER_CARRIED and facts["legs"] == 1 and not stops_done:
         return None  # the robot's line says it
-    line = f"order {order} {', '.join(write_facts(PHRASE_GROUPS, facts, default_facts(facts)))}"
+    name = "trip" if has_lines(world) else "order"
+    line = f"{name} {order} {', '.join(write_facts(PHRASE_GROUPS, facts, default_facts(facts)))}"
     first = int(world.orders.first_stop[order])
     ticks = world.stops.done[first : first + stops_done].tolist()
     return line + (f"; stops in ticks {' '.join(map(str, ticks))}" if ticks else "")

@@ -48,6 +48,7 @@ from automaton.engine.state import (
 )
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
+from automaton.runs.asked_orders import has_lines
 from automaton.runs.pictures.order_lines import OrderLine, read_order
 from automaton.runs.pictures.phrases import Facts, Pair, Value
 from automaton.runs.pictures.picture_writing import picture_of
@@ -88,6 +89,11 @@ def world_from(text: str, resolved: Resolved) -> Simulation:
     if world.rules.assigned:
         raise InputError(
             "a picture does not show which orders are known where robots have their own"
+        )
+    if has_lines(world):
+        raise InputError(
+            "a picture does not show the lines of orders, nor the trips that pods make for them; "
+            "use a recording, or run the scenario up to this tick"
         )
     check_names(said, world)
     for identity, line in said.robots.items():

@@ -4,7 +4,8 @@
 
     b+-+d
     bA$|d      the floor's symbols; robots A to Z over them; 's' an empty shelf, '$' a full one
-    b+-+#      '@' several robots, or one beyond the 26th; '*' a cell that a long move has claimed
+    b+-+#      '@' several robots, or one beyond the 26th; '*' a cell that a long move has claimed;
+               storage 'p' with a pod, 'q' without
 
     A (0, 1) vertical, fetches 3 from (1, 1) via (2, 1), moved; route nESS
 
@@ -30,8 +31,10 @@ from automaton.engine.state import (
     ORDER_DELIVERED,
     World,
 )
+from automaton.floor.cells import STORAGE
 from automaton.floor.floor_drawing import Drawing, floor_drawing, legend_entry
 from automaton.floor.floor_plan import FloorPlan
+from automaton.runs.asked_orders import asked_orders
 from automaton.runs.pictures.order_lines import order_line
 from automaton.runs.pictures.robot_lines import name_of, robot_line
 from automaton.units import count
@@ -45,6 +48,7 @@ CROWD_LEGEND = (
 )
 CLAIMED = "*"
 EMPTY_SHELF, FULL_SHELF = "s", "$"
+EMPTY_STORAGE, POD = "q", "p"
 
 
 def picture_of(
@@ -69,8 +73,9 @@ def picture_of(
         line = order_line(world, floor_plan, int(order))
         if line is not None:
             lines.append(line)
-    if brief and delivered.any():
-        lines.append(f"{count(int(np.count_nonzero(delivered)), 'order')} delivered")
+    done = int(np.count_nonzero(asked_orders(world).done != NIL))
+    if brief and done:
+        lines.append(f"{count(done, 'order')} delivered")
     return "\n".join(lines)
 
 
@@ -99,7 +104,10 @@ def map_rows(world: World, floor_plan: FloorPlan) -> list[str]:
     for slot, cell in enumerate(world.slots.cell.tolist()):
         if not world.slots.unbounded[slot]:
             x, y = floor_plan.xy(cell)
-            text[y, x + first] = EMPTY_SHELF if world.slots.content[slot] == NIL else FULL_SHELF
+            signs = (EMPTY_SHELF, FULL_SHELF)
+            if floor_plan.kind[y + 1, x + 1] == STORAGE:
+                signs = (EMPTY_STORAGE, POD)
+            text[y, x + first] = signs[int(world.slots.content[slot] != NIL)]
     robots = world.robots
     for claim in robots.claim[robots.claim != NIL].tolist():
         x, y = floor_plan.xy(claim)

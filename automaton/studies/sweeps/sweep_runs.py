@@ -16,9 +16,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from automaton.build.resolve import Resolved
-from automaton.engine.state import ORDER_DELIVERED
+from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.printable import one_line
+from automaton.runs.asked_orders import asked_orders
 from automaton.runs.headless import (
     Marks,
     attribute_strategy_errors,
@@ -155,13 +156,13 @@ def blank(run: Run, failed: str | None = None) -> Row:
 
 def figures_of(simulation: Simulation, window: int, marks: Marks) -> Row:
     """What a row tells of a run that is over; `window`: ticks of one, 0 for none."""
-    orders = simulation.world.orders
-    delivered = orders.delivered[orders.state == ORDER_DELIVERED]
+    orders = asked_orders(simulation.world)
+    delivered = orders.done[orders.done != NIL]
     metrics = metrics_of(simulation, marks.warm_up)
     row: Row = {
         "finished": is_finished(simulation),
         "ticks": simulation.tick,
-        "orders": len(orders.state),
+        "orders": len(orders.done),
         "delivered": metrics["delivered"],
         "digest": simulation.digest,
         "metrics": metrics,

@@ -24,6 +24,7 @@ from automaton.strategy.kernels import (
     kernel,
     splitmix64,
     table_of,
+    with_load,
 )
 from strategies.right_of_way.pibt.alleys import has_to_leave
 from strategies.right_of_way.pibt.detours import (
@@ -164,7 +165,8 @@ def find_table(view, state, workspace, i):
     table = np.int64(NIL)
     if robots.goal_type[U(i)] != GOAL_NONE:
         goal = np.int64(robots.goal_cell[U(i)])
-        table = table_of(view, workspace, np.int64(robots.type[U(i)]), goal)
+        robot_type = with_load(view, np.int64(robots.type[U(i)]))  # not through storage
+        table = table_of(view, workspace, robot_type, goal)
     state.table[U(i)] = table
 
 

@@ -16,6 +16,7 @@ One robot is let into a dead end at a time, if its goal is there; who leaves one
 
 import numpy as np
 
+from automaton.engine.facilities import NO_WAY_THROUGH
 from automaton.engine.robot_status import STATUS_UP
 from automaton.engine.state import (
     ACTION_TURN,
@@ -304,6 +305,16 @@ def decide(view, batch, decisions, memory, workspace):
     give_commands(view, batch, decisions, state)
 
 
+def exits_to_pass_by(grid):
+    """(k, C) uint8: the exits of each type, less those from storage into storage."""
+    flags = grid.type_cell_flags.copy()
+    storage = (flags & NO_WAY_THROUGH != 0).any(axis=0)
+    for direction, offset in enumerate(grid.offset.tolist()):
+        inside = storage & np.roll(storage, -offset)
+        flags[:, inside] &= np.uint8(255 ^ (1 << direction))
+    return flags & np.uint8(15)
+
+
 class Pibt(Strategy):
     """Robots make way by inherited priority (PIBT), turns and moves of any length."""
 
@@ -317,7 +328,7 @@ class Pibt(Strategy):
     def reset(self, view):
         """All robots have an equal claim at the start: the queue begins in an order by hash."""
         n, cells = len(view.robots.cell), len(view.grid.cell_flags)
-        exits, single = view.grid.type_cell_flags & 15, view.grid.cell_flags >> 5 & 3 == 1
+        exits, single = exits_to_pass_by(view.grid), view.grid.cell_flags >> 5 & 3 == 1
         ends = dead_ends_of_types(exits, single, view.grid.offset)
         with np.errstate(over="ignore"):
             draws = [int(splitmix64(np.uint64(view.rules.seed) ^ np.uint64(r))) for r in range(n)]

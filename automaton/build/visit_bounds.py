@@ -1,0 +1,139 @@
+"""How many visits robots and stations can make at most, where pods are carried to stations.
+
+A trip of one visit takes a robot its pick, the least drive with the pod to the station and back to the
+same cell, the handling and the drop. A station whose robots leave it over another cell than they came
+over is passed by a full queue every handling + turns in its cell + 2 d - 1 ticks, with moves of d.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from automaton.build.resolve import Resolved
+from automaton.engine.state import HEADING_COUNTS
+from automaton.floor.cells import STORAGE
+from automaton.floor.travel_ticks import Driving, ticks_between
+from automaton.scenario.handling import Distribution, Handling
+from automaton.scenario.pods import LineDemand
+from automaton.scenario.robot_types import types_of
+from automaton.scenario.schema import Scenario
+from automaton.units import count
+
+HOUR: float = 3600.0  # seconds
+
+Ticks = npt.NDArray[np.int64]
+
+
+class VisitBounds(NamedTuple):
+    """Ticks of trips and visits with one line each."""
+
+    robots: int
+    stations: int
+    trip: float  # of a robot, on average over pods and stations
+    visit: float  # of a station
+
+    def visits(self, ticks: float) -> tuple[float, float]:
+        """How many visits all robots and all stations can make in some time."""
+        return self.robots * ticks / self.trip, self.stations * ticks / self.visit
+
+
+def loaded_driving(scenario: Scenario) -> Driving:
+    """How robots of the first type drive with a load."""
+    kinematics, first = scenario.fleet.kinematics, types_of(scenario)[0]
+    return Driving(
+        headings=HEADING_COUNTS[kinematics],
+        move=first.moves.loaded,
+        turn=first.durations.turns.loaded,
+        rail=kinematics == "rail",
+        loaded=True,
+    )
+
+
+def round_trips(resolved: Resolved) -> Ticks:
+    """(pods, stations) least ticks with a pod to a station and back, turns included."""
+    floor_plan, driving = resolved.floor_plan, loaded_driving(resolved.scenario)
+    pods = np.flatnonzero((floor_plan.kind == STORAGE) & (floor_plan.loads != 0))
+    result = np.zeros((len(pods), len(floor_plan.stations)), np.int64)
+    for number, cell in enumerate(floor_plan.stations.tolist()):
+        ways = [
+            ticks_between(floor_plan, driving, cell, True, heading)[pods].min(axis=1)
+            + ticks_between(floor_plan, driving, cell, False, heading)[pods].min(axis=1)
+            for heading in range(driving.headings)
+        ]
+        result[:, number] = np.min(ways, axis=0)
+    return result
+
+
+def visit_bounds(resolved: Resolved) -> VisitBounds | None:
+    """The bounds of a scenario; None where no pods are carried."""
+    scenario, floor_plan = resolved.scenario, resolved.floor_plan
+    if scenario.orders.lines is None:
+        return None
+    handling, durations = mean_handling(scenario), scenario.durations
+    drive = float(round_trips(resolved).mean())
+    driving = loaded_driving(scenario)
+    passing = handling + least_turns(resolved) * driving.turn + 2 * driving.move - 1
+    return VisitBounds(
+        scenario.fleet.robots,
+        len(floor_plan.stations),
+        durations.pick + drive + handling + durations.drop,
+        passing,
+    )
+
+
+def least_turns(resolved: Resolved) -> int:
+    """Quarter turns that a robot makes at least in the cell of a station, on its way through."""
+    floor_plan = resolved.floor_plan
+    if HEADING_COUNTS[resolved.scenario.fleet.kinematics] == 1:
+        return 0
+    least = 2
+    for cell in floor_plan.stations.tolist():
+        exits = int(floor_plan.exits.flat[cell])
+        for way, offset in enumerate(floor_plan.offsets):
+            if not int(floor_plan.exits.flat[cell - offset]) >> way & 1:
+                continue  # no robot comes in this direction
+            for out in range(4):
+                if exits >> out & 1:
+                    turns = (out - way) % 4
+                    least = min(least, 1 if turns == 3 else turns)
+    return least
+
+
+def mean_handling(scenario: Scenario) -> float:
+    """Mean ticks of a visit for one line, of durations.handling."""
+    handling: Handling = scenario.durations.handling
+    line = mean_of(handling.line) if isinstance(handling.line, Distribution) else handling.line
+    units = 1.0
+    if not isinstance(scenario.orders.lines, LineDemand) and scenario.orders.lines:
+        units = float(np.mean([line.units for line in scenario.orders.lines]))
+    return handling.visit + line + units * handling.unit
+
+
+def mean_of(distribution: Distribution) -> float:
+    """The mean of a distribution, in ticks."""
+    if distribution.uniform is not None:
+        return (distribution.uniform.least + distribution.uniform.most) / 2
+    if distribution.lognormal is not None:
+        return distribution.lognormal.mean
+    if distribution.exponential is not None:
+        return distribution.exponential
+    assert isinstance(distribution.empirical, tuple), "its file has been read"
+    return float(np.mean(distribution.empirical))
+
+
+def bounds_in_words(resolved: Resolved) -> list[str]:
+    """What `check` says of them."""
+    bounds = visit_bounds(resolved)
+    if bounds is None:
+        return []
+    seconds = resolved.scenario.units.scale.unit.seconds
+    ticks, each = (1000.0, "1,000 ticks") if seconds is None else (HOUR / seconds, "hour")
+    robots, stations = bounds.visits(ticks)
+    article = "in" if seconds is None else "an"
+    return [
+        f"at most {robots:,.0f} visits {article} {each} by {count(bounds.robots, 'robot')}, "
+        f"{stations:,.0f} by {count(bounds.stations, 'station')}, with one line each"
+    ]

@@ -1,0 +1,59 @@
+"""Why robots that carry pods wait, in one sentence each."""
+
+from __future__ import annotations
+
+from pod_scenes import pod_scene
+
+from automaton.build.resolve import Resolved, resolve
+from automaton.evidence.history.event_history import EventHistory
+from automaton.evidence.history.explanation import explain
+from automaton.evidence.history.snapshot import Snapshot, take_snapshot
+from automaton.evidence.history.station_words import station_queue
+from automaton.runs.simulation import Simulation
+
+FLEET = {"kinematics": "omni", "start": [[2, 1], [3, 1], [4, 1]], "robots": 3}
+
+
+def moment(scene: Resolved, tick: int) -> Snapshot:
+    run = Simulation(scene, on_observe=EventHistory())
+    run.run(tick)
+    return take_snapshot(run)
+
+
+def said(scene: Resolved, tick: int, robot: int) -> str:
+    return explain(moment(scene, tick), scene.floor_plan, robot).lines[0]
+
+
+def lines(*pods: int) -> list[dict[str, object]]:
+    return [{"pod": pod, "station": "P1"} for pod in pods]
+
+
+def test_the_place_in_the_queue_and_who_is_served() -> None:
+    assert said(resolve("goods-mini"), 18, 0) == (
+        "robot 0 has waited 1 tick: robot 0 queues for station P1: first in line, "
+        "robot 1 is served there for 19 more ticks"
+    )
+    assert said(resolve("goods-mini"), 18, 1) == "robot 1 is served at station P1 for 19 more ticks"
+
+
+def test_a_queue_is_told_in_its_sequence() -> None:
+    scene = pod_scene(lines(1, 2, 3), fleet=FLEET)
+    assert station_queue(moment(scene, 30), 0) == [1, 0], "robot 2 is served"
+    assert "robot 0 queues for station P1: second in line, robot 2 is" in said(scene, 30, 0)
+
+
+def test_a_break_says_how_long_it_lasts() -> None:
+    stations = {"P1": {"at": [5, 3], "breaks": [{"from": 10, "for": 40}]}}
+    text = said(pod_scene(lines(1), stations=stations), 30, 0)
+    assert text.endswith("robot 0 stands at station P1, which has a break for 20 more ticks")
+
+
+def test_a_free_robot_says_that_the_stations_are_full() -> None:
+    stations = {"P1": {"at": [5, 3], "max_trips": 1}}
+    text = said(pod_scene(lines(1, 2), stations=stations, fleet=FLEET), 5, 1)
+    assert text == "robot 1 is parked: 1 trip waits, but station P1 has no free place"
+
+
+def test_a_station_without_a_name_goes_by_its_number() -> None:
+    scene = pod_scene([{"pod": 1, "station": 1}], stations={})
+    assert said(scene, 25, 0).startswith("robot 0 is served at station 1 for ")

@@ -1,0 +1,261 @@
+"""What the inspector says about pods: of a storage cell, a station, a trip and a robot."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from automaton.engine.state import (
+    ACTION_SERVE,
+    NIL,
+    ORDER_CARRIED,
+    ORDER_DELIVERED,
+    ORDER_UNRELEASED,
+    ORDER_WAITING,
+)
+from automaton.evidence.history.station_words import (
+    break_end,
+    carries_pods,
+    is_served,
+    robot_at,
+    station_of,
+    station_queue,
+)
+from automaton.units import count
+from tui.playback.panel_view import View
+from tui.widgets.due_facts import due_facts
+from tui.widgets.styled_lines import (
+    Line,
+    Span,
+    cell_link,
+    fact,
+    line,
+    order_link,
+    robot_link,
+    several,
+    tick_link,
+    title,
+)
+
+Parts = list[str | Span]
+Facts = list[tuple[str, Parts]]
+TRIP_STATE_WORDS: Final = {
+    ORDER_WAITING: "waits for a robot",
+    ORDER_CARRIED: "under way",
+    ORDER_DELIVERED: "over, its pod is stored",
+    ORDER_UNRELEASED: "not made yet",
+}
+
+
+def has_pods(view: View) -> bool:
+    """Whether robots carry pods here."""
+    return carries_pods(view.snapshot)
+
+
+def trip_link(trip: int) -> Span:
+    """A trip, which is an order of the world."""
+    return order_link(trip, "trip")
+
+
+def station_link(view: View, station: int) -> Span:
+    """A station by its name; it leads to its cell."""
+    cell = int(view.snapshot.pod_stations.cell[station])
+    return Span(view.snapshot.station_names[station], "link", ("cell", cell))
+
+
+def chained_lines(view: View, first: int) -> list[int]:
+    """The lines from one on: of a stop, or that wait for a pod."""
+    lines = []
+    while first != NIL:
+        lines.append(first)
+        first = int(view.snapshot.lines.following[first])
+    return lines
+
+
+def pod_in(view: View, cell: int) -> int:
+    """The pod that stands in a storage cell, or NIL."""
+    slots = np.flatnonzero(view.snapshot.slots.cell == cell)
+    return int(view.snapshot.slots.content[slots[0]]) if len(slots) else NIL
+
+
+def storage_facts(view: View, cell: int) -> Facts:
+    """The pod in a storage cell, its trip, and the lines that wait for it."""
+    snapshot = view.snapshot
+    slot = int(np.flatnonzero(snapshot.slots.cell == cell)[0])
+    pod, keeper = int(snapshot.slots.content[slot]), int(snapshot.slots.reserved_by[slot])
+    away = [int(one) for one in np.flatnonzero(snapshot.pods.home == slot) if one != pod]
+    classes = _class_names(view)
+    own_class = classes[int(snapshot.pods.slot_class[slot])] if classes else ""
+    return [
+        ("pod", _pod(view, pod) if pod != NIL else ["none"]),
+        *(_pod_facts(view, pod) if pod != NIL else []),
+        ("cell class", [own_class] if own_class else []),
+        ("stood here", several([Span(f"pod {one + 1}") for one in away])),
+        ("kept for", [] if keeper == NIL else [robot_link(keeper)]),
+    ]
+
+
+def _class_names(view: View) -> list[str]:
+    return list(view.run.resolved.scenario.pods.classes or {})
+
+
+def _pod(view: View, pod: int) -> Parts:
+    names = _class_names(view)
+    known = f", class {names[int(view.snapshot.pods.pod_class[pod])]}" if names else ""
+    return [f"{pod + 1}{known}"]
+
+
+def _pod_facts(view: View, pod: int) -> Facts:
+    snapshot = view.snapshot
+    trip, waiting = int(snapshot.pods.trip[pod]), int(snapshot.pods.first_line[pod])
+    many = len(chained_lines(view, waiting))
+    fetcher = NIL if trip == NIL else int(snapshot.orders.reserved_by[trip])
+    return [
+        ("trip", ["none"] if trip == NIL else [trip_link(trip), f": {_stops_left(view, trip)}"]),
+        ("fetched by", [] if fetcher == NIL else [robot_link(fetcher)]),
+        ("waiting", [f"{count(many, 'line')} for the trip after it"] if many else []),
+    ]
+
+
+def stops_of(view: View, trip: int) -> range:
+    """The stops of a trip that are planned, done or not."""
+    orders, stations = view.snapshot.orders, view.snapshot.trips.station
+    first, end = int(orders.first_stop[trip]), int(orders.first_stop[trip + 1])
+    while end > first and stations[end - 1] == NIL:
+        end -= 1
+    return range(first, end)
+
+
+def _stops_left(view: View, trip: int) -> str:
+    """Where a trip goes next, and for how many lines: "P1 (2 lines), then P3 (1 line)"."""
+    names, trips = view.snapshot.station_names, view.snapshot.trips
+    left = stops_of(view, trip)[int(view.snapshot.orders.stops_done[trip]) :]
+    parts_said = [
+        f"{names[trips.station[stop]]} "
+        f"({count(len(chained_lines(view, int(trips.first_line[stop]))), 'line')})"
+        for stop in left
+    ]
+    return ", then ".join(parts_said) if parts_said else "to storage"
+
+
+def pod_station_facts(view: View, cell: int) -> Facts:
+    """The station in a cell, or the one to whose queue it belongs."""
+    stations = view.snapshot.pod_stations
+    station, queue = int(stations.station_at[cell]), int(stations.queue_at[cell])
+    if station == NIL:
+        return [("queue of", [] if queue == NIL else [station_link(view, queue)])]
+    taken, places = int(stations.taken[station]), int(stations.places[station])
+    of = "any number" if places == NIL else f"{places:,}"
+    standing = [robot_link(robot) for robot in station_queue(view.snapshot, station)]
+    return [
+        ("station", [view.snapshot.station_names[station]]),
+        ("serves", _served(view, station)),
+        ("queue", several(standing) or ["no robot"]),
+        ("places", [f"{taken:,} of {of} taken"]),
+        ("open lines", [f"{int(stations.open_lines[station]):,}"]),
+        ("break", _break(view, station)),
+    ]
+
+
+def _served(view: View, station: int) -> Parts:
+    snapshot = view.snapshot
+    robot = robot_at(snapshot, station)
+    if robot == NIL:
+        return ["no robot"]
+    if not is_served(snapshot, robot):
+        done = int(snapshot.robots.action[robot]) == ACTION_SERVE
+        return [robot_link(robot), " is done" if done else " stands there"]
+    left = count(int(snapshot.robots.busy[robot]), "more tick")
+    trip = int(snapshot.robots.order[robot])
+    stop = int(snapshot.orders.first_stop[trip] + snapshot.orders.stops_done[trip])
+    lines = len(chained_lines(view, int(snapshot.trips.first_line[stop])))
+    return [robot_link(robot), f" for {left}: {count(lines, 'line')}"]
+
+
+def _break(view: View, station: int) -> Parts:
+    """The break that a station has, or its next one."""
+    end = break_end(view.snapshot, station)
+    if end != NIL:
+        return [Span("now, until ", "warn"), tick_link(end)]
+    rows = view.snapshot.pod_stations.breaks
+    coming = rows[(rows[:, 0] == station) & (rows[:, 1] > view.snapshot.tick)]
+    return ["from ", tick_link(int(coming[0, 1]))] if len(coming) else []
+
+
+def carried_pod(view: View, robot: int) -> Parts:
+    """The pod on a robot."""
+    trip = int(view.snapshot.robots.load[robot])
+    return ["none"] if trip == NIL else ["pod ", *_pod(view, int(view.snapshot.trips.pod[trip]))]
+
+
+def robot_trip(view: View, robot: int) -> Facts:
+    """The trip of a robot, the stops that are left, and how late its next lines are."""
+    snapshot = view.snapshot
+    trip = int(snapshot.robots.order[robot])
+    if trip == NIL:
+        offered = int(snapshot.trips.offered[robot])
+        retained: Parts = [] if offered == NIL else [trip_link(offered), " is retained for it"]
+        return [("trip", retained or ["none"])]
+    pod = int(snapshot.trips.pod[trip]) + 1
+    is_left = int(snapshot.orders.stops_done[trip]) < len(stops_of(view, trip))
+    return [
+        ("trip", [trip_link(trip), f" of pod {pod}"]),
+        ("stops", [_stops_left(view, trip)]),
+        ("station", _next_station(view, robot)),
+        ("due", due_facts(view, trip) if is_left else []),
+    ]
+
+
+def _next_station(view: View, robot: int) -> Parts:
+    """The station to which a robot drives or at which it is, and its place in the queue."""
+    station = station_of(view.snapshot, robot)
+    if station == NIL:
+        return []
+    queue = station_queue(view.snapshot, station)
+    rank = f", {queue.index(robot) + 1} of {len(queue)} in the queue" if robot in queue else ""
+    return [station_link(view, station), rank]
+
+
+def trip_lines(view: View, trip: int, width: int) -> list[Line]:
+    """Everything about one trip."""
+    snapshot = view.snapshot
+    orders, state = snapshot.orders, int(snapshot.orders.state[trip])
+    lines = [line(title(f"trip {trip} "), TRIP_STATE_WORDS.get(state, "under way"))]
+    if state == ORDER_UNRELEASED:
+        return lines
+    pod, robot = int(snapshot.trips.pod[trip]), int(orders.reserved_by[trip])
+    done = state == ORDER_DELIVERED
+    stops = [
+        ("stops" if k == 0 else "", _stop(view, s)) for k, s in enumerate(stops_of(view, trip))
+    ]
+    facts: Facts = [
+        ("pod", _pod(view, pod)),
+        ("from", _place(view, int(orders.source[trip]))),
+        ("stored at" if done else "lies at", _place(view, int(orders.current_slot[trip]))),
+        (
+            "carried by" if state == ORDER_CARRIED else "taken by",
+            [] if robot == NIL else [robot_link(robot)],
+        ),
+        *stops,
+        ("first line", ["known from ", tick_link(int(orders.release_tick[trip]))]),
+        ("due", [] if done else due_facts(view, trip)),
+        ("stored", [tick_link(int(orders.delivered[trip]))] if done else []),
+    ]
+    for name, parts in facts:
+        lines += fact(name, *parts, width=width) if parts else []
+    return lines
+
+
+def _stop(view: View, stop: int) -> Parts:
+    """The station of a stop, its lines, and when it was done."""
+    snapshot = view.snapshot
+    lines = chained_lines(view, int(snapshot.trips.first_line[stop]))
+    when = int(snapshot.stops.done[stop])
+    station = station_link(view, int(snapshot.trips.station[stop]))
+    parts_said: Parts = [station, f": {count(len(lines), 'line')}"]
+    return parts_said if when == NIL else [*parts_said, ", done in ", tick_link(when)]
+
+
+def _place(view: View, slot: int) -> Parts:
+    return [] if slot == NIL else [cell_link(view.floor_plan, int(view.snapshot.slots.cell[slot]))]

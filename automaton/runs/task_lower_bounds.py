@@ -82,7 +82,10 @@ def least_over_stops(view, workspace, robot_type, here, heading, order):
         ticks = min(ticks + max(leg + stops.ticks[stop], least), UNREACHABLE)
         here, heading, least = to, np.int64(NIL), np.int64(1)
     if has_load(orders, order):
-        end = dropoff_cell(view, robot_type, np.int64(orders.target[order]), here)
+        target = np.int64(orders.target[order])
+        if target == NIL:
+            target = np.int64(orders.current_slot[order])  # where its pod was stored
+        end = dropoff_cell(view, robot_type, target, here)
         ticks += least_leg(view, workspace, robot_type, here, heading, end)
     return min(ticks, UNREACHABLE)
 

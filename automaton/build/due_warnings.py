@@ -14,7 +14,10 @@ def due_warnings(resolved: Resolved) -> list[str]:
 
 def due_too_early(resolved: Resolved) -> str:
     """Warn about orders that are due before they are released, which real files have."""
-    listed = resolved.scenario.orders.listed or ()
+    orders = resolved.scenario.orders
+    lines = orders.lines if isinstance(orders.lines, tuple) else ()
+    listed = orders.listed or lines
+    what = "line" if lines else "order"
     early = [
         number
         for number, line in enumerate(listed)
@@ -23,10 +26,10 @@ def due_too_early(resolved: Resolved) -> str:
     if not early:
         return ""
     if len(early) == 1:
-        return f"order {early[0]:,} is due before it is released, and so late at once"
+        return f"{what} {early[0]:,} is due before it is released, and so late at once"
     return (
-        f"{count(len(early), 'order')} are due before they are released, and so late at once; the first "
-        f"of them is order {early[0]:,}"
+        f"{count(len(early), what)} are due before they are released, and so late at once; the first "
+        f"of them is {what} {early[0]:,}"
     )
 
 

@@ -29,7 +29,7 @@ from automaton.scenario.order_fields import (
     TextField,
 )
 from automaton.scenario.order_file import TransportFile
-from automaton.scenario.order_notes import reading_notes, reading_warnings
+from automaton.scenario.order_notes import reading_notes, start_warnings
 from automaton.scenario.pods import Line, LineDemand
 from automaton.scenario.schema import Scenario
 
@@ -72,7 +72,7 @@ def with_lines_of_file(
         columns.content_hash,
         columns,
         tuple(reading_notes(columns, scale)),
-        tuple(reading_warnings(columns)),
+        tuple(start_warnings(columns)),
     )
     document = replace(document, listed=(*document.listed, listed))
     return document, msgspec.structs.replace(scenario, orders=orders), file

@@ -25,7 +25,7 @@ from automaton.scenario.field_types import DueAt
 from automaton.scenario.locations import names_of_cells
 from automaton.scenario.order_columns import read_columns
 from automaton.scenario.order_fields import NO_DUE, NameField, OrderColumns
-from automaton.scenario.order_notes import reading_notes, reading_warnings
+from automaton.scenario.order_notes import reading_notes, start_warnings
 from automaton.scenario.orders import OrderLine
 from automaton.scenario.schema import Scenario
 from automaton.scenario.transports import FIELDS, PLACES
@@ -77,7 +77,7 @@ def with_orders_of_file(
         columns.content_hash,
         columns,
         tuple(reading_notes(columns, scale)),
-        tuple(reading_warnings(columns)),
+        tuple(start_warnings(columns)),
     )
     return document, msgspec.structs.replace(scenario, orders=orders), file
 
@@ -90,7 +90,7 @@ def _lines(columns: OrderColumns, cells: list[Cell]) -> tuple[OrderLine, ...]:
         _shared(values["released"].tolist()),
         values["weight"].tolist(),
         values["priority"].tolist(),
-        values["due"].tolist(),
+        _due(values["released"].tolist(), values["due"].tolist()),
         strict=True,
     )
     return tuple(
@@ -100,10 +100,22 @@ def _lines(columns: OrderColumns, cells: list[Cell]) -> tuple[OrderLine, ...]:
             release=release,
             weight=weight,
             priority=priority,
-            due=None if due == NO_DUE else DueAt(at=due),
+            due=due,
         )
         for source, target, release, weight, priority, due in rows
     )
+
+
+def _due(released: list[int], due: list[int]) -> Iterator[int | DueAt | None]:
+    """Ticks after its release until which each order is to be done; before it: the tick itself."""
+    known: dict[int, int] = {}
+    for release, tick in zip(released, due, strict=True):
+        if tick == NO_DUE:
+            yield None
+        elif tick < release:
+            yield DueAt(at=tick)
+        else:
+            yield known.setdefault(tick - release, tick - release)
 
 
 def _shared(numbers: list[int]) -> Iterator[int]:

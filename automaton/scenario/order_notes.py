@@ -30,14 +30,10 @@ def reading_notes(columns: OrderColumns, scale: Scale) -> list[str]:
     return [f"{name}: {note}" for note in notes]
 
 
-def reading_warnings(columns: OrderColumns) -> list[str]:
-    """Return warnings of times that are odd, and that files of running warehouses have."""
-    counts, name = columns.counts, os.path.basename(columns.path)
-    warnings = []
-    if counts.before_start:
-        rows = count(counts.before_start, "row")
-        warnings.append(f"{name}: {rows} released before tick 0, so known from the start")
-    if counts.late_at_once:
-        rows = count(counts.late_at_once, "row")
-        warnings.append(f"{name}: {rows} due before the release, so late at once")
-    return warnings
+def start_warnings(columns: OrderColumns) -> list[str]:
+    """Warn of rows that were released before tick 0, as files of running warehouses have them."""
+    if not columns.counts.before_start:
+        return []
+    rows = count(columns.counts.before_start, "row")
+    name = os.path.basename(columns.path)
+    return [f"{name}: {rows} released before tick 0, so known from the start"]

@@ -51,13 +51,6 @@ def check_shares(name: str, shares: dict[str, float]) -> None:
 class Pods(ConfigSection, frozen=True, kw_only=True):
     """Pods: what stands in storage cells, and is carried to stations and back."""
 
-    under: Annotated[
-        Literal["empty", "none"],
-        Meta(
-            description="Who drives under a pod that stands: robots without a load, or none but the "
-            "one that has its order."
-        ),
-    ] = "empty"
     join: Annotated[
         bool,
         Meta(description="Lines join a trip of their pod under way; false: each is a trip alone."),

@@ -27,7 +27,7 @@ strategy: {allocation: ALLOCATION, right_of_way: wait}
 stop: {when: delivered, max_duration: 500}
 """
 LIST = "{list: [{from: [0, 0], to: [4, 0], release: 100, due: DUE}]}"
-HEAD = "tick,from_x,from_y,to_x,to_y,due\n"
+HEAD = "released,from_x,from_y,to_x,to_y,due\n"
 
 
 def scenario(
@@ -45,7 +45,7 @@ def listed(folder: Path, due: str, units: str = UNITS) -> Resolved:
 
 def in_file(folder: Path, due: str, units: str = UNITS) -> Resolved:
     (folder / "orders.csv").write_text(HEAD + f"100,0,0,4,0,{due}\n0,0,0,4,0,\n")
-    return scenario(folder, "{arrivals: {file: orders.csv}}", units)
+    return scenario(folder, "{transports: {file: orders.csv}}", units)
 
 
 def due_ticks(resolved: Resolved) -> list[int | None]:
@@ -112,19 +112,17 @@ NO_CLOCK, NO_TIME = "units: {tick: 0.5 s}", "units: {tick: 1 cycle}"
 def test_a_wrong_one_gets_one_sentence_with_its_line(
     due: str, units: str, words: str, tmp_path: Path
 ) -> None:
-    for written, file in ((listed, "due.yaml:7: "), (in_file, "orders.csv:2: due: ")):
-        with pytest.raises(InputError) as error:
-            written(tmp_path, due, units)
-        assert file in str(error.value) and words in str(error.value), str(error.value)
+    with pytest.raises(InputError) as error:
+        listed(tmp_path, due, units)
+    assert "due.yaml:7: " in str(error.value) and words in str(error.value), str(error.value)
 
 
-@pytest.mark.parametrize(("due", "words"), [("-5", "from 0 to"), ("soon", "found 'soon'")])
-def test_a_wrong_number_too(due: str, words: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("due", ["-5", "soon"])
+def test_a_wrong_number_too(due: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"due\.yaml:7: .*due"):
         listed(tmp_path, due)
-    with pytest.raises(InputError, match=r"orders\.csv:2: due must be a whole number") as error:
+    with pytest.raises(InputError, match=rf"orders\.csv:2: due '{due}' is not a time"):
         in_file(tmp_path, due)
-    assert words in str(error.value)
 
 
 def test_what_is_due_before_its_release_is_counted(tmp_path: Path) -> None:

@@ -160,9 +160,9 @@ def test_a_shift_of_a_warehouse_system_is_read_as_it_is(
 ) -> None:
     path = warehouse(tmp_path)
     lines = resolve(path).scenario.orders.listed or ()
-    assert [(line.release, line.source, line.target) for line in lines] == [
-        (120, (0, 0), (4, 0)),
-        (0, (4, 0), (0, 0)),
+    assert [(line.release, line.source, line.target, line.due_tick) for line in lines] == [
+        (120, (0, 0), (4, 0), 14_400),
+        (0, (4, 0), (0, 0), -7200),
     ]
     assert main(["check", str(path)]) == 0
     told = capsys.readouterr()
@@ -172,7 +172,7 @@ def test_a_shift_of_a_warehouse_system_is_read_as_it_is(
     ]
     assert [line.partition("warning: ")[2] for line in told.err.splitlines()] == [
         "schicht.csv: 1 row released before tick 0, so known from the start",
-        "schicht.csv: 1 row due before the release, so late at once",
+        "order 1 is due before it is released, and so late at once",
     ]
 
 

@@ -31,9 +31,9 @@ def shelves_in(floor: Floor, seen: Rectangle, kind: int = SHELF) -> Shelves:
     return Shelves(slots[index], index)
 
 
-def pods_in(scene: Scene, seen: Rectangle) -> NDArray[np.intp]:
+def pods_in(scene: Scene, rectangle: Rectangle) -> NDArray[np.intp]:
     """The storage cells in which a pod stands, in cells of the rectangle."""
-    return full_shelves(scene, seen, STORAGE)
+    return full_shelves(scene, rectangle, STORAGE)
 
 
 def full_shelves(scene: Scene, seen: Rectangle, kind: int = SHELF) -> NDArray[np.intp]:

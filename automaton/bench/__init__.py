@@ -35,6 +35,9 @@ PARTS: Final[dict[str, Part]] = {
         False,
         "a tick of 400 and 10,000 robots under each right of way; some minutes",
     ),
+    "pods": Part(
+        "automaton.bench.pod_speed", False, "a tick of 30 robots that carry pods to six stations"
+    ),
     "tables": Part("automaton.bench.table_speed", True, "distance tables: computed and looked up"),
     "plans": Part(
         "automaton.bench.warehouse_speed", True, "A* and traffic avoidance on three warehouses"

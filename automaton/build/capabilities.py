@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from automaton.build.loaded_reach import (
     LoadEnds,
+    has_closed_ways,
     parted_ends,
     reached_with_load,
     served_with_load,
@@ -140,6 +141,8 @@ class FleetOnFloor:
     def with_load(self, service: Service) -> Mask:
         """The same for robots that begin in other places."""
         within = service.reachable.astype(np.bool_)
+        if not has_closed_ways(self.floor_plan, self.types):
+            return within
         return reached_with_load(self.floor_plan, self.types, within, self.load_ends, self.rail)
 
     @cached_property

@@ -68,14 +68,14 @@ def handling_of_lines(handling: Handling, units: Whole, seed: int) -> Whole:
         line = drawn_durations(handling.line, len(units), seed)
     else:
         line += handling.line
-    found: Whole = whole_micro(line) + units * whole_micro(np.array([handling.unit]))
-    return np.minimum(found, LONGEST_VISIT * MICRO)  # so that sums of them do not overflow
+    result: Whole = whole_micro(line) + units * whole_micro(np.array([handling.unit]))
+    return np.minimum(result, LONGEST_VISIT * MICRO)  # so that sums of them do not overflow
 
 
 def whole_micro(ticks: Floats) -> Whole:
     """Millionths of a tick, half up."""
-    whole: Whole = np.floor(ticks * MICRO + 0.5).astype(np.int64)
-    return whole
+    rounded: Whole = np.floor(ticks * MICRO + 0.5).astype(np.int64)
+    return rounded
 
 
 def drawn_durations(distribution: Distribution, count: int, seed: int) -> Floats:
@@ -98,8 +98,8 @@ def drawn_durations(distribution: Distribution, count: int, seed: int) -> Floats
         return exponential(centre + np.sqrt(variance) * normal_quantile(u))
     assert isinstance(distribution.empirical, tuple), "its file has been read"
     values = np.array(distribution.empirical, np.float64)
-    found: Floats = values[np.minimum((u * len(values)).astype(np.int64), len(values) - 1)]
-    return found
+    result: Floats = values[np.minimum((u * len(values)).astype(np.int64), len(values) - 1)]
+    return result
 
 
 def uniform_draws(count: int, seed: int) -> Floats:
@@ -121,8 +121,8 @@ def normal_quantile(u: Floats) -> Floats:
     centre = q * _ratio(CENTRE, np.where(near, r, 0.0))
     root = np.sqrt(-logarithm(np.where(near, 0.5, np.minimum(u, 1 - u))))
     tail = np.where(root <= 5, _ratio(TAIL, root - 1.6), _ratio(FAR_TAIL, root - 5))
-    found: Floats = np.where(near, centre, np.where(q < 0, -tail, tail))
-    return found
+    result: Floats = np.where(near, centre, np.where(q < 0, -tail, tail))
+    return result
 
 
 def _ratio(polynomials: tuple[tuple[float, ...], tuple[float, ...]], x: Floats) -> Floats:
@@ -144,8 +144,8 @@ def exponential(x: Floats) -> Floats:
     total = np.ones_like(rest)
     for k in range(17, 0, -1):
         total = 1 + total * rest / k
-    found: Floats = np.ldexp(total, power.astype(np.int64))
-    return found
+    result: Floats = np.ldexp(total, power.astype(np.int64))
+    return result
 
 
 def logarithm(x: Floats) -> Floats:
@@ -157,5 +157,5 @@ def logarithm(x: Floats) -> Floats:
     total = np.zeros_like(s)
     for k in range(41, 0, -2):
         total = total * (s * s) + 1.0 / k
-    found: Floats = power * LN2_HIGH + (2 * s * total + power * LN2_LOW)
-    return found
+    result: Floats = power * LN2_HIGH + (2 * s * total + power * LN2_LOW)
+    return result

@@ -94,8 +94,8 @@ def _orders_of_lines(lines: LineDemand, seed: int) -> Column:
     else:
         each = np.full(lines.drawn, lines.per_order, np.int64)
     ends = np.cumsum(each)
-    found: Column = np.searchsorted(ends, np.arange(lines.drawn), side="right")
-    return found
+    result: Column = np.searchsorted(ends, np.arange(lines.drawn), side="right")
+    return result
 
 
 def _pods_of_lines(

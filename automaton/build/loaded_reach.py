@@ -39,20 +39,18 @@ def reached_with_load(
 
     `within`: (K, C) those that they get to without one, from where they begin and back.
     """
-    if not has_closed_ways(floor_plan, types):
-        return within
     by_row = floor_by_type(floor_plan, rows_of(types, True))
-    found = within.copy()
+    result = within.copy()
     for kind in range(len(types)):
         plan = by_row.floor_plans[len(types) + kind]
-        found[kind] &= ~by_row.closed[len(types) + kind]
+        result[kind] &= ~by_row.closed[len(types) + kind]
         if has_storage(floor_plan):
             for station in floor_plan.stations.tolist():
-                found[kind] &= to_and_from(plan, station, rail)
+                result[kind] &= to_and_from(plan, station, rail)
             continue
-        begin, end = (stands(floor_plan, cells, ends.stops, found[kind]) for cells in ends[:2])
-        found[kind] &= reached(plan, begin, rail) & reached(plan, end, rail, backwards=True)
-    return found
+        begin, end = (stands(floor_plan, cells, ends.stops, result[kind]) for cells in ends[:2])
+        result[kind] &= reached(plan, begin, rail) & reached(plan, end, rail, backwards=True)
+    return result
 
 
 def stands(floor_plan: FloorPlan, slots: Array, stops: Array, usable: Mask) -> list[int]:
@@ -61,8 +59,8 @@ def stands(floor_plan: FloorPlan, slots: Array, stops: Array, usable: Mask) -> l
     number[floor_plan.slots] = np.arange(len(floor_plan.slots))
     access = slot_access(floor_plan)[number[slots]].reshape(-1)
     cells = np.unique(np.concatenate([access[access != NIL], stops])).astype(np.int64)
-    found: list[int] = cells[usable[cells]].tolist()
-    return found
+    result: list[int] = cells[usable[cells]].tolist()
+    return result
 
 
 def served_with_load(access: Array, loaded: Mask) -> Mask:
@@ -77,7 +75,7 @@ def served_with_load(access: Array, loaded: Mask) -> Mask:
 def parted_ends(
     plan: FloorPlan, begin: list[int], end: list[int], rail: bool, known: dict[int, Mask]
 ) -> tuple[int, int]:
-    """A cell where loads are picked up and one where they are set down, without a way; else (NIL, NIL).
+    """A cell where loads are picked up and one where they are dropped, without a way; else (NIL, NIL).
 
     `plan`: with the exits that are open to robots with a load. `known`: what is reached from cells, on
     this plan; what is found is added.

@@ -21,9 +21,9 @@ from automaton.units import count
 def check_pods(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
     """Stations are stations, queues paths, and lines want pods that there are. Raises InputError."""
     if scenario.orders.lines is None:
-        for key, given in (("stations", scenario.stations), ("pods", scenario.pods != Pods())):
-            if given:
-                raise document.error((key,), f"{key} belong to orders.lines, and there are none")
+        for key, is_set in (("stations", scenario.stations), ("pods", scenario.pods != Pods())):
+            if is_set:
+                raise document.error((key,), f"{key} belong to orders.lines")
         return
     if scenario.information != "everything":
         text = "pods are carried where strategies see everything; set information: everything"
@@ -51,7 +51,7 @@ def check_classes(document: Document, orders: Orders, scenario: Scenario) -> Non
     for name in wanted:
         if name not in known:
             there = f"pods.classes has {', '.join(known)}" if known else "pods have no classes"
-            text = f"'{name}' is no class of pods{nearest(name, known)}: {there}"
+            text = f"'{name}' is not a class of pods{nearest(name, known)}: {there}"
             raise document.error(("orders", "lines", "classes", name), text)
 
 
@@ -61,12 +61,12 @@ def check_line(
     """A line wants a pod that there is at a station that there is. Raises InputError."""
     if line.pod > pods:
         there = f"there are {count(pods, 'pod')}, numbered from 1 as one reads the picture"
-        raise document.error((*keys, "pod"), f"'{line.pod}' is no pod: {there}")
+        raise document.error((*keys, "pod"), f"'{line.pod}' is not a pod: {there}")
     if line.station is None or line.station in names:
         return
     if not isinstance(line.station, int) or not 1 <= line.station <= stations:
         known = [*names, *(str(k + 1) for k in range(stations))]
-        text = f"'{line.station}' is no station{nearest(str(line.station), names)}"
+        text = f"'{line.station}' is not a station{nearest(str(line.station), names)}"
         raise document.error((*keys, "station"), f"{text}; there are {', '.join(known)}")
 
 
@@ -82,7 +82,7 @@ def check_stations(document: Document, scenario: Scenario, floor_plan: FloorPlan
         if not inside or floor_plan.kind.flat[cell] != STATION:
             there = f"a {floor_plan.kind_of(cell).name} is there" if inside else "it lies outside"
             raise document.error(
-                (*keys, "at"), f"station {name} is at [{x}, {y}], but {there}, no station"
+                (*keys, "at"), f"station {name} is at [{x}, {y}], but {there}, not a station"
             )
         if cell in named:
             raise document.error(

@@ -111,14 +111,15 @@ def pods_of(resolved: Resolved, columns: LineColumns, home: Array, slot_of: Arra
     """The pods in their slots, and the classes of pods and of storage cells."""
     floor_plan, classes = resolved.floor_plan, resolved.scenario.pods.classes
     slots = len(floor_plan.slots)
-    pod_class, slot_class = np.zeros(len(home), np.int16), np.zeros(slots, np.int16)
+    pod_class, slot_class = np.zeros(len(home), np.int16), np.full(slots, NIL, np.int16)
+    cells = np.flatnonzero(floor_plan.kind.reshape(-1) == STORAGE)
+    slot_class[slot_of[cells]] = 0
     if classes is not None:
         shares = list(classes.values())
         pod_class = columns.pod_class.astype(np.int16)
         if not len(pod_class):
             demand = np.bincount(columns.pod, minlength=len(home))
             pod_class = ranked(-demand, shares)
-        cells = np.flatnonzero(floor_plan.kind.reshape(-1) == STORAGE)
         slot_class[slot_of[cells]] = ranked(ticks_to_stations(resolved)[cells], shares)
     return Pods.sized(
         {"p": len(home), "s": slots},
@@ -131,12 +132,12 @@ def pods_of(resolved: Resolved, columns: LineColumns, home: Array, slot_of: Arra
 
 def ranked(values: Array, shares: list[float]) -> Array:
     """(n,) int16: the class of each by its rank, the least value first, ties the lower number."""
-    found = np.zeros(len(values), np.int16)
+    result = np.zeros(len(values), np.int16)
     ranks = np.arange(len(values))
-    found[np.argsort(values, kind="stable")] = np.searchsorted(
+    result[np.argsort(values, kind="stable")] = np.searchsorted(
         class_ends(shares, len(values)), ranks, side="right"
     )
-    return found
+    return result
 
 
 def ticks_to_stations(resolved: Resolved) -> Array:

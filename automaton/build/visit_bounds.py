@@ -56,15 +56,15 @@ def round_trips(resolved: Resolved) -> Ticks:
     """(pods, stations) least ticks with a pod to a station and back, turns included."""
     floor_plan, driving = resolved.floor_plan, loaded_driving(resolved.scenario)
     pods = np.flatnonzero((floor_plan.kind == STORAGE) & (floor_plan.loads != 0))
-    found = np.zeros((len(pods), len(floor_plan.stations)), np.int64)
+    result = np.zeros((len(pods), len(floor_plan.stations)), np.int64)
     for number, cell in enumerate(floor_plan.stations.tolist()):
         ways = [
             ticks_between(floor_plan, driving, cell, True, heading)[pods].min(axis=1)
             + ticks_between(floor_plan, driving, cell, False, heading)[pods].min(axis=1)
             for heading in range(driving.headings)
         ]
-        found[:, number] = np.min(ways, axis=0)
-    return found
+        result[:, number] = np.min(ways, axis=0)
+    return result
 
 
 def visit_bounds(resolved: Resolved) -> VisitBounds | None:
@@ -94,7 +94,7 @@ def least_turns(resolved: Resolved) -> int:
         exits = int(floor_plan.exits.flat[cell])
         for way, offset in enumerate(floor_plan.offsets):
             if not int(floor_plan.exits.flat[cell - offset]) >> way & 1:
-                continue  # nobody comes in this direction
+                continue  # no robot comes in this direction
             for out in range(4):
                 if exits >> out & 1:
                     turns = (out - way) % 4

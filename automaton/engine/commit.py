@@ -42,7 +42,6 @@ from automaton.engine.state import (
 )
 from automaton.engine.trips import give_place_back, has_place, has_trips, take_place, withdraw_offer
 from automaton.engine.visits import has_started, is_assigned, lose_order
-from automaton.floor.cells import STORAGE
 
 GIVEN = 255  # in out.order_taken: a robot got the order in this batch
 
@@ -242,7 +241,7 @@ def choose_slot(world, record, i, slot, goal_cell, try_drop):
     robots, slots = world.robots, world.slots
     legal = robots.load[i] != NIL and serves(world, i, goal_cell, slot)
     legal = legal and next_stop(world, np.int64(robots.load[i])) == NIL
-    legal = legal and (world.grid.kind[world.slots.cell[slot]] == STORAGE or not has_trips(world))
+    legal = legal and (not has_trips(world) or world.pods.slot_class[slot] != NIL)
     if legal and slots.unbounded[slot]:  # at a station a load may lie on its way
         legal = slot == world.orders.target[robots.load[i]] or world.stations.at[slot] != NIL
     elif legal:

@@ -422,7 +422,7 @@ def replan(world, i):
 
 @kernel
 def stop_before_pod(world, i):
-    """Robot i carries a load and would drive under a pod: the tick is lost, it plans anew."""
+    """Robot i carries a load and would drive under a pod: the tick is lost, it plans again."""
     robots = world.robots
     count_lost_tick(world, i, ACTION_BLOCKED)
     robots.executed[i] = np.int64(robots.executed[i]) | EXECUTED_BLOCKED

@@ -34,7 +34,7 @@ class Pods(Struct, role=STATIC):
     stored: Array = field(
         "(p,) int32", "those stored in this tick that lines wait for", role=DERIVED
     )
-    slot_class: Array = field("(s,) int16", "the class of a storage cell, from 0")
+    slot_class: Array = field("(s,) int16", "the class of a storage cell, from 0; other slots: NIL")
 
 
 class Lines(Struct, role=STATIC):

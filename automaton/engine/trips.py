@@ -1,12 +1,12 @@
 """From lines to trips of pods, by rule: what strategies decide does not change what a line becomes.
 
-A line that becomes known gets a station and joins the trip of its pod if that has a stop there which is
+A line that is released gets a station and joins the trip of its pod if that has a stop there which is
 not begun; else the trip gets one more stop, if its last one is not over; else there is a new trip, if
 the pod stands without one. What is left waits, and is taken in the tick after the pod was stored.
 
 Each trip needs a place at the station of its next stop. It is taken with the trip, and given back when
 the robot has left the station's cell; after a stop that is done, the next one's is taken at once, and
-where there is none the trip ends in storage. So no robot waits for a place with a pod on it.
+without one the trip ends in storage. So no robot waits for a place with a pod on it.
 """
 
 import numpy as np
@@ -40,7 +40,7 @@ def has_trips(world):
 
 @kernel
 def plan_trips(world, record):
-    """New trips of pods that were stored in the last tick, then the lines that become known."""
+    """New trips of pods that were stored in the last tick, then the lines that are released."""
     clock, lines = world.clock, world.lines
     for k in range(clock[CLOCK_STORED_PODS]):
         take_waiting_lines(world, record, np.int64(world.pods.stored[k]))
@@ -134,7 +134,7 @@ def new_trip(world, record, pod):
 
 @kernel
 def add_to_trip(world, trip, line):
-    """Serve a line at a stop of a trip that is not begun, or at one more; False if there is none."""
+    """Serve a line at a stop of a trip that is not begun, or at one more; False: there is not one."""
     orders, stops, trips = world.orders, world.stops, world.trips
     station = np.int64(world.lines.served_at[line])
     first = np.int64(orders.first_stop[trip])
@@ -209,7 +209,7 @@ def reserve(world, record, trip, identity):
 
 @kernel
 def withdraw_offer(world, record, identity):
-    """The trip that is reserved for a robot without being its own is anybody's."""
+    """The trip that is reserved for a robot without being its own is for any robot."""
     trip = np.int64(world.trips.offered[identity])
     world.trips.offered[identity] = NIL
     if world.orders.reserved_by[trip] == identity:

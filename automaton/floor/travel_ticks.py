@@ -36,7 +36,7 @@ def ticks_between(
     backwards: bool,
     heading_there: int | None = None,
 ) -> Ticks:
-    """(cells, headings) ticks to a cell, or, not `backwards`, from there; NO_WAY where there is none.
+    """(cells, headings) ticks to a cell, or, not `backwards`, from there; or NO_WAY.
 
     With this heading there, or in any.
     """
@@ -46,7 +46,7 @@ def ticks_between(
     turns = CAN_TURN[kind] if driving.rail else DRIVABLE[kind]
     through = np.ones(cells, np.bool_) if not driving.loaded else kind != STORAGE
     through[cell] = True
-    found = np.full(cells * headings, NO_WAY, np.int64)
+    result = np.full(cells * headings, NO_WAY, np.int64)
     waiting: dict[int, list[npt.NDArray[np.int64]]] = {
         0: [cell * headings + np.arange(headings, dtype=np.int64)]
     }
@@ -55,8 +55,8 @@ def ticks_between(
     while waiting:
         now = min(waiting)
         poses = np.unique(np.concatenate(waiting.pop(now)))
-        poses = poses[found[poses] > now]
-        found[poses] = now
+        poses = poses[result[poses] > now]
+        result[poses] = now
         at, heading = poses // headings, poses % headings
         on = through[at]
         for direction, offset in enumerate(floor_plan.offsets):
@@ -69,7 +69,7 @@ def ticks_between(
             for way in (1, headings - 1):
                 turned = base - base % headings + (base % headings + way) % headings
                 _add(waiting, now + driving.turn, turned)
-    return found.reshape(cells, headings)
+    return result.reshape(cells, headings)
 
 
 def _add(

@@ -217,15 +217,15 @@ def sums_of_orders(world: World, borders: Array) -> dict[str, Array]:
     orders = asked_orders(world)
     done = np.flatnonzero(orders.done != NIL)
     at = np.maximum(orders.done[done], 1)  # ticks count from 1
-    found = {"delivered": summed(at, np.ones(len(done)), borders)}
+    sums = {"delivered": summed(at, np.ones(len(done)), borders)}
     if has_lines(world):
-        found |= sums_of_lines(world, borders)
+        sums |= sums_of_lines(world, borders)
     else:
-        found["legs"] = summed(at, world.orders.legs[done], borders)
+        sums["legs"] = summed(at, world.orders.legs[done], borders)
     if orders.release.any():
         times = orders.done[done] - orders.release[done]
-        found |= {"timed": found["delivered"], "lead_times": summed(at, times, borders)}
-    return found | sums_of_due_times(world, borders)
+        sums |= {"timed": sums["delivered"], "lead_times": summed(at, times, borders)}
+    return sums | sums_of_due_times(world, borders)
 
 
 def sums_of_lines(world: World, borders: Array) -> dict[str, Array]:

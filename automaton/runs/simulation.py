@@ -128,7 +128,12 @@ class Simulation:
             self.update_finished()
         with self._constants_kept():
             self._states = [self._state(strategy) for strategy in self._strategies]
-        if after is not None and strategies is None:
+        # What strategies keep by types no longer fits where loads begin or cease to matter.
+        if (
+            after is not None
+            and strategies is None
+            and self.world.rules.loaded_types == after.world.rules.loaded_types
+        ):
             self._restore_states(after)
         self._ticks = self._start()
 

@@ -106,12 +106,12 @@ class TypeDurations(ConfigSection, frozen=True, kw_only=True):
     def within(self, usual: Durations) -> Durations:
         """These durations, and the usual ones for what is left out. Raises ValueError."""
         own = {name: getattr(self, name) for name in self.__struct_fields__}
-        given = {name: value for name, value in own.items() if value is not None}
-        return Durations(**(msgspec.structs.asdict(usual) | given))
+        stated = {name: value for name, value in own.items() if value is not None}
+        return Durations(**(msgspec.structs.asdict(usual) | stated))
 
 
-def by_load(given: int | MoveByLoad | TurnByLoad) -> ByLoad:
+def by_load(stated: int | MoveByLoad | TurnByLoad) -> ByLoad:
     """A number for both, or a number for each."""
-    if isinstance(given, int):
-        return ByLoad(given, given)
-    return ByLoad(given.empty, given.loaded)
+    if isinstance(stated, int):
+        return ByLoad(stated, stated)
+    return ByLoad(stated.empty, stated.loaded)

@@ -59,8 +59,8 @@ class Distribution(ConfigSection, frozen=True, kw_only=True):
     ] = None
 
     def __post_init__(self) -> None:
-        given = (self.uniform, self.lognormal, self.empirical, self.exponential)
-        if sum(form is not None for form in given) != 1:
+        stated = (self.uniform, self.lognormal, self.empirical, self.exponential)
+        if sum(form is not None for form in stated) != 1:
             raise ValueError(
                 "a distribution is one of uniform, lognormal, empirical and exponential"
             )

@@ -16,6 +16,7 @@ from automaton.engine.prefetch import prefetch
 from automaton.engine.random_numbers import (
     STREAM_ABORTS,
     STREAM_RETREATS,
+    STREAM_STORAGE,
     STREAM_STRATEGY,
     random_between,
     random_bits,
@@ -61,6 +62,7 @@ __all__ = [
     "STARTED",
     "STREAM_ABORTS",
     "STREAM_RETREATS",
+    "STREAM_STORAGE",
     "STREAM_STRATEGY",
     "TURNED_AHEAD",
     "TURNED_BEHIND",

@@ -117,14 +117,14 @@ def first_trip(view, out, state, i):
     A trip may have to wait for a place at its station, so that no cursor passes it.
     """
     orders = view.orders
-    found, first, least = np.int64(NIL), np.int64(0), highest_priority(view, out, i)
+    best, first, least = np.int64(NIL), np.int64(0), highest_priority(view, out, i)
     for order in range(view.clock[CLOCK_FIRST_OPEN], view.clock[CLOCK_KNOWN_ORDERS]):
         if orders.priority[order] < least or not is_open(view, out, i, order):
             continue
         when = np.int64(orders.due[order] if state.by_due else orders.release_tick[order])
-        if (found == NIL or when < first) and can_do(view, i, order):
-            found, first = np.int64(order), when
-    return found
+        if (best == NIL or when < first) and can_do(view, i, order):
+            best, first = np.int64(order), when
+    return best
 
 
 @kernel

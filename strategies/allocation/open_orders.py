@@ -12,7 +12,7 @@ LEAST_PRIORITY = -(1 << 15)  # below that of any order
 def is_open(view, out, i, order):
     """Whether an order waits for robot i, and no earlier decision of this batch took it.
 
-    It is reserved for nobody, or as a trip for the robot beneath its pod; and its station lets one come.
+    It is reserved for no robot, or as a trip for the one beneath its pod; and its station lets one come.
     """
     if view.orders.state[order] != ORDER_WAITING or out.order_taken[order]:
         return False

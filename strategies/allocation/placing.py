@@ -1,4 +1,4 @@
-"""Where a load is set down; of a pod after its trip: the parameter `storage` of allocations.
+"""Where a load is dropped; of a pod after its trip: the parameter `storage` of allocations.
 
 fixed     where it stood at the start; if another pod was put there, as nearest
 nearest   the free cell of least ticks with a load from where the robot is; ties: the lowest slot
@@ -10,10 +10,9 @@ import numpy as np
 
 from automaton.engine.jit.fields import field
 from automaton.engine.jit.structs import Struct
-from automaton.engine.random_numbers import STREAM_STORAGE
 from automaton.engine.state import CLOCK_TICK, CMD_DROP_AT, NIL, REASON_PICKED, REASON_SERVED
-from automaton.floor.cells import STORAGE
 from automaton.strategy.kernels import (
+    STREAM_STORAGE,
     begin_search,
     dropoff_cell,
     kernel,
@@ -86,7 +85,7 @@ def place_load(view, out, workspace, k, i, policy):
 @kernel
 def is_free(view, out, i, slot):
     """Whether robot i may store a pod in a slot."""
-    if view.grid.kind[view.slots.cell[slot]] != STORAGE or not takes_load(view, out, slot):
+    if view.pods.slot_class[slot] == NIL or not takes_load(view, out, slot):
         return False
     return dropoff_cell(view, view.robots.type[i], slot, position(view, i)) != NIL
 
@@ -115,15 +114,15 @@ def storage_for(view, out, workspace, i, policy):
 def nearest_free(view, out, workspace, i, wanted):
     """The free slot of a class, or of any, that robot i gets to soonest with its load; NIL: none."""
     search = begin_search(workspace)
-    found = False
+    result = False
     robot_type, here = view.robots.type[i], position(view, i)
     for slot in range(view.slots.first_spare):
         if wanted != ANY_CLASS and view.pods.slot_class[slot] != wanted:
             continue
         if is_free(view, out, i, slot):
             mark_goal(workspace, search, dropoff_cell(view, robot_type, slot, here), slot)
-            found = True
-    if not found:
+            result = True
+    if not result:
         return np.int64(NIL)
     heading = np.int64(view.robots.heading[i])
     return np.int64(nearest_mark(view, workspace, search, robot_type, here, heading, False))

@@ -15,6 +15,7 @@ from automaton.bench import (
     PARTS,
     crowd_speed,
     loop_speed,
+    pod_speed,
     route_speed,
     steering_speed,
     table_speed,
@@ -202,6 +203,10 @@ def test_every_sampler_returns_a_figure() -> None:
     assert isinstance(route_speed.prepare_observing(60, 10, 30, at_random=True)(), float)
     small = steering_speed.CASES[0]._replace(robots=8, floor=SMALL_FLOOR, started=2, ticks=3)
     assert steering_speed.prepare_fleet("pibt", small)() > 0
+
+
+def test_pods_are_timed() -> None:
+    assert pod_speed.prepare_pods("pibt", 3, 5)() > 0
     assert table_speed.prepare_tables((17, 5), 2, True, 3)() > 0
     assert table_speed.prepare_options(20)() > 0
     assert tabletop_speed.prepare([1])() > 0

@@ -141,7 +141,7 @@ def test_check_prints_the_table_and_the_warning(
     assert main(command) == 0
     out, err = capsys.readouterr()
     assert out.splitlines() == [
-        "yard: 6 shelves, 5 destinations, 2 robots, ok",
+        "yard: 6 shelves, 5 destinations, 2 robots, right of way pibt by default, ok",
         "  durations.move 1.5 m/s: 1.6 ticks -> 2, 25 % slower",
     ]
     assert err == (

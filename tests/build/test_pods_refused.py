@@ -24,7 +24,7 @@ def refused(lines: Any = (LINE,), **parts: Any) -> str:
 @pytest.mark.parametrize(
     ("station", "says"),
     [
-        ({"at": [1, 1]}, "station P1 is at [1, 1], but a wall is there, no station"),
+        ({"at": [1, 1]}, "station P1 is at [1, 1], but a wall is there, not a station"),
         ({"at": [50, 1]}, "it lies outside"),
         ({"at": [5, 3], "queue": [[7, 2]]}, "along neither a row nor a column"),
         ({"at": [5, 3], "queue": [[12, 3]]}, "[12, 3] lies outside the floor"),
@@ -58,9 +58,9 @@ def test_no_place_at_a_station() -> None:
 
 def test_a_pod_or_a_station_that_there_is_not() -> None:
     says = refused(({"pod": 5},))
-    assert says.startswith("'5' is no pod: there are 4 pods, numbered from 1")
+    assert says.startswith("'5' is not a pod: there are 4 pods, numbered from 1")
     says = refused(({"pod": 1, "station": "P2"},))
-    assert says == "'P2' is no station; there are P1, 1"
+    assert says == "'P2' is not a station; there are P1, 1"
 
 
 def test_pods_without_a_way_for_their_robots() -> None:
@@ -73,7 +73,7 @@ def test_pods_without_a_way_for_their_robots() -> None:
 def test_classes_that_are_none_or_do_not_add_up() -> None:
     drawn = {"count": 5, "classes": {"A": 0.5, "X": 0.5}}
     says = refused(drawn, pods={"classes": {"A": 0.5, "B": 0.5}})
-    assert says == "'X' is no class of pods: pods.classes has A, B"
+    assert says == "'X' is not a class of pods: pods.classes has A, B"
     with pytest.raises(Exception, match=r"must add up to 1, found 0\.9"):
         pod_scene([LINE], pods={"classes": {"A": 0.5, "B": 0.4}})
 

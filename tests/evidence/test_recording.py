@@ -449,6 +449,9 @@ header    orders         source target release_tick weight priority due release_
 header    stops          cell ticks
 header    stations       processing_time arrival_tick
 header    slots          cell
+header    pods           slot
+header    lines          order pod station release_tick due priority handling
+header    pod_stations   cell places rule visit
 keyframe  robots         cell claim heading travel action busy priority load order slot goal_type
 keyframe  robots         goal_cell charge_target try_drop retreat_moves failed_retries retry_state
 keyframe  robots         parked service_zone charge status need reason
@@ -456,6 +459,10 @@ keyframe  orders         state current_slot reserved_by release_tick delivered l
 keyframe  slots          cell content reserved_by
 keyframe  stations       in_service job_done_tick arrival_tick completion_tick
 keyframe  stops          done
+keyframe  pods           slot trip first_line
+keyframe  lines          served_at trip done
+keyframe  trips          begun station place leaving offered
+keyframe  pod_stations   taken open_lines
 keyframe  service_zones  server queue next_slot skips_transfer halt
 """
 

@@ -14,6 +14,10 @@ TICKS = 300  # of a run
 WAYS = {"omni": ("..", "==", "><", "<>"), "differential": ("..", "==", "><"), "rail": ("++",)}
 ALLOCATIONS = ("first-come", "shortest-job", "independent")
 STORAGE = ("fixed", "nearest", "class", "random")
+DRIVING = (  # routing, right of way
+    *(("shortest", "wait"), ("shortest", "retreat"), ("astar", "retreat")),
+    *(("shortest", "pibt"), ("shortest", "pibt")),
+)
 CLASSES = {"A": 0.3, "B": 0.7}
 Place = tuple[int, int]
 
@@ -54,8 +58,7 @@ def drawn_pods(number: int, ticks: int = TICKS) -> Resolved:
         "orders": {"lines": orders},
         "strategy": {
             "allocation": allocation,
-            "routing": chance.choice(("shortest", "shortest", "astar")),
-            "right_of_way": chance.choice(("wait", "retreat", "retreat", "pibt")),
+            **dict(zip(("routing", "right_of_way"), chance.choice(DRIVING), strict=True)),
         },
         "stop": {"when": "delivered", "max_duration": ticks},
         "seed": number,
@@ -130,7 +133,7 @@ def drawn_handling(chance: Random) -> dict[str, Any]:
 
 def drawn_lines(chance: Random, pods: int, stations: int, ticks: int) -> Any:
     """Lines, listed or drawn."""
-    count = chance.randint(1, 25)
+    count = chance.randint(1, chance.choice((6, 25)))
     if chance.random() < 0.4:
         return {
             "count": count,

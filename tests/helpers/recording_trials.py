@@ -42,6 +42,7 @@ CASES: dict[str, tuple[str, ...]] = {
     "crossing": (),
     "depots": ("stop.max_duration=100",),
     "factory": ("stop.max_duration=120",),
+    "goods-mini": (),
     "factory-single": (
         "stop.max_duration=120",
         "faults={failure_probability: 0.01, tow_after: 20, repair_time: 20}",

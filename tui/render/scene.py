@@ -70,10 +70,10 @@ def looks_of(floor_plan: FloorPlan) -> NDArray[np.uint8]:
 
 def _exits_into(cells: NDArray[np.bool_]) -> NDArray[np.uint8]:
     """The exits that lead into some cells: an aisle is one-way, though robots turn off into storage."""
-    into = np.zeros(cells.shape, np.uint8)
+    sides = np.zeros(cells.shape, np.uint8)
     for direction, (dx, dy) in enumerate(DIRECTION_VECTORS):
-        into |= np.where(np.roll(cells, (-dy, -dx), (0, 1)), np.uint8(1 << direction), np.uint8(0))
-    return into
+        sides |= np.where(np.roll(cells, (-dy, -dx), (0, 1)), np.uint8(1 << direction), np.uint8(0))
+    return sides
 
 
 def _one_way(exits: NDArray[np.uint8], direction: int) -> NDArray[np.bool_]:

@@ -22,23 +22,23 @@ class Shelves(NamedTuple):
 
 
 @lru_cache(maxsize=8)
-def shelves_in(floor: Floor, seen: Rectangle, kind: int = SHELF) -> Shelves:
+def shelves_in(floor: Floor, visible: Rectangle, kind: int = SHELF) -> Shelves:
     """Those of one kind; kept until the camera moves."""
-    rows, columns = slice(seen.top, seen.bottom), slice(seen.left, seen.right)
+    rows, columns = slice(visible.top, visible.bottom), slice(visible.left, visible.right)
     slots = floor.slot_in.reshape(floor.looks.shape)[rows, columns].reshape(-1)
     index = np.flatnonzero(floor.floor_plan.kind[rows, columns].reshape(-1) == kind)
     index = index[slots[index] != NIL]
     return Shelves(slots[index], index)
 
 
-def pods_in(scene: Scene, rectangle: Rectangle) -> NDArray[np.intp]:
+def pods_in(scene: Scene, visible: Rectangle) -> NDArray[np.intp]:
     """The storage cells in which a pod stands, in cells of the rectangle."""
-    return full_shelves(scene, rectangle, STORAGE)
+    return full_shelves(scene, visible, STORAGE)
 
 
-def full_shelves(scene: Scene, seen: Rectangle, kind: int = SHELF) -> NDArray[np.intp]:
+def full_shelves(scene: Scene, visible: Rectangle, kind: int = SHELF) -> NDArray[np.intp]:
     """Those with a load, in cells of the rectangle; before the run begins, as they are drawn."""
-    shelves = shelves_in(scene.floor, seen, kind)
+    shelves = shelves_in(scene.floor, visible, kind)
     if scene.snapshot is not None:
         full = scene.snapshot.slots.content[shelves.slot] != NIL
     else:

@@ -51,8 +51,8 @@ def find(text: str, view: View) -> Found:
     words = " ".join(text.lower().split())
     if number := re.fullmatch(r"(?:robot )?(\d{1,9})", words):
         return Found(words, robots=(_robot(int(number[1]), view),))
-    if has_pods(view) and (match := _with_pods(words, view)):
-        return match
+    if has_pods(view) and (places := _with_pods(words, view)):
+        return places
     if number := re.fullmatch(r"(?:load|order) (\d{1,9})", words):
         return _order(words, int(number[1]), view)
     if number := re.fullmatch(r"zone (\d{1,9})", words):

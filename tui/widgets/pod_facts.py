@@ -131,12 +131,12 @@ def _stops_left(view: View, trip: int) -> str:
     """Where a trip goes next, and for how many lines: "P1 (2 lines), then P3 (1 line)"."""
     names, trips = view.snapshot.station_names, view.snapshot.trips
     left = stops_of(view, trip)[int(view.snapshot.orders.stops_done[trip]) :]
-    words = [
+    parts_said = [
         f"{names[trips.station[stop]]} "
         f"({count(len(chained_lines(view, int(trips.first_line[stop]))), 'line')})"
         for stop in left
     ]
-    return ", then ".join(words) if words else "to storage"
+    return ", then ".join(parts_said) if parts_said else "to storage"
 
 
 def pod_station_facts(view: View, cell: int) -> Facts:
@@ -195,8 +195,8 @@ def robot_trip(view: View, robot: int) -> Facts:
     trip = int(snapshot.robots.order[robot])
     if trip == NIL:
         offered = int(snapshot.trips.offered[robot])
-        offer: Parts = [] if offered == NIL else [trip_link(offered), " is kept for it"]
-        return [("trip", offer or ["none"])]
+        retained: Parts = [] if offered == NIL else [trip_link(offered), " is retained for it"]
+        return [("trip", retained or ["none"])]
     pod = int(snapshot.trips.pod[trip]) + 1
     is_left = int(snapshot.orders.stops_done[trip]) < len(stops_of(view, trip))
     return [
@@ -253,8 +253,8 @@ def _stop(view: View, stop: int) -> Parts:
     lines = chained_lines(view, int(snapshot.trips.first_line[stop]))
     when = int(snapshot.stops.done[stop])
     station = station_link(view, int(snapshot.trips.station[stop]))
-    words: Parts = [station, f": {count(len(lines), 'line')}"]
-    return words if when == NIL else [*words, ", done in ", tick_link(when)]
+    parts_said: Parts = [station, f": {count(len(lines), 'line')}"]
+    return parts_said if when == NIL else [*parts_said, ", done in ", tick_link(when)]
 
 
 def _place(view: View, slot: int) -> Parts:

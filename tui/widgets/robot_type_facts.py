@@ -28,8 +28,8 @@ def closed_to(view: View, cell: int) -> list[str]:
 
 def own_durations(kind: FleetType) -> str:
     """What operations take that take robots of a type otherwise than others: "move 2, turn 1 / 3"."""
-    given = msgspec.to_builtins(kind.durations)
-    ticks = {name: value for name, value in given.items() if value is not None}
+    stated = msgspec.to_builtins(kind.durations)
+    ticks = {name: value for name, value in stated.items() if value is not None}
     return ", ".join(
         f"{name} {' / '.join(map(str, value.values())) if isinstance(value, dict) else value}"
         for name, value in ticks.items()

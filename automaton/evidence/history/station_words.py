@@ -135,9 +135,9 @@ def next_stations(snapshot: Snapshot, trips: Array) -> Array:
     orders = snapshot.orders
     stop = orders.first_stop[trips] + orders.stops_done[trips]
     left = stop < orders.first_stop[trips + 1]
-    stations: Array = np.full(len(trips), NIL, np.int32)
-    stations[left] = snapshot.trips.station[stop[left]]
-    return stations
+    result: Array = np.full(len(trips), NIL, np.int32)
+    result[left] = snapshot.trips.station[stop[left]]
+    return result
 
 
 def full_stations(snapshot: Snapshot) -> Array:

@@ -102,6 +102,9 @@ class Admission:
         header["scenario"] = msgspec.to_builtins(self.scenario)
         check_layout(self.scenario.layout)
         sizes["robots"] = self.scenario.fleet.robots
+        wanted = self.scenario.orders.lines is not None
+        if [name in header for name in ("pods", "lines", "pod_stations")] != [wanted] * 3:
+            raise InvalidFrameError("it has not the pods, lines and stations of its scenario")
         check_arrays(header, HEADER_ARRAYS, sizes)
         self._check_stops(header)
         self._check_trips(header)
@@ -122,6 +125,9 @@ class Admission:
         cells, spare = header["slots"]["cell"], self.sizes["spare"]
         if not 0 <= spare <= len(cells) or not np.array_equal(cells[:spare], self.floor_plan.slots):
             raise InvalidFrameError("its slots are not those of its floor")
+        stations = header.get("pod_stations", {}).get("cell", self.floor_plan.stations)
+        if not np.array_equal(stations, self.floor_plan.stations):
+            raise InvalidFrameError("its stations are not those of its floor")
 
     def _check_stops(self, header: Content) -> None:
         """Each order has a load or stops, or both; the stops are the orders' one after another."""
@@ -139,15 +145,11 @@ class Admission:
             raise InvalidFrameError("it has an order with neither a load nor stops")
 
     def _check_trips(self, header: Content) -> None:
-        """Pods, lines and their stations are there where orders are lines; no trip is known yet."""
-        given = [name in header for name in ("pods", "lines", "pod_stations")]
-        wanted = self.scenario.orders.lines is not None
-        if given != [wanted] * 3:
-            raise InvalidFrameError("it has pods, lines or their stations, and its scenario not")
+        """Where orders are lines, there are as many trips, and none is known yet."""
         cells = header["stops"]["cell"] if "stops" in header else np.zeros(0, np.int32)
-        if not wanted and (cells == NIL).any():
-            raise InvalidFrameError("a stop of its orders is nowhere")
-        if not wanted:
+        if self.scenario.orders.lines is None:
+            if (cells == NIL).any():
+                raise InvalidFrameError("a stop of its orders is nowhere")
             return
         orders, sizes = header["orders"], self.sizes
         stops = sizes["lines"] * self.scenario.pods.max_stops

@@ -13,13 +13,9 @@ from automaton.engine.record_codes import (
     ACTION_MASK,
     CHANGE_DROPPED,
     CHANGE_DURATION,
-    CHANGE_LOAD_LEFT,
     CHANGE_ORDER_RESERVED,
     CHANGE_PICKED,
     CHANGE_SLOT_RESERVED,
-    CHANGE_STATUS,
-    CHANGE_VISITED,
-    CHANGE_ZONE,
     DROPPED_ON_ARRIVAL,
     ENTERED_PARKING_BAY,
     EXECUTED_DROP,
@@ -30,6 +26,7 @@ from automaton.engine.record_codes import (
     MOVE_NORTH,
     PICKED_ON_ARRIVAL,
 )
+from automaton.evidence.verification.change_rows import Rows, names_what_is_there
 from automaton.evidence.verification.motion_rules import Acts, Complaint, Motion
 from automaton.evidence.verification.pod_rules import Trips
 from automaton.evidence.verification.station_rules import Work
@@ -40,13 +37,11 @@ from automaton.evidence.verification.visit_rules import (
     ORDER_STARTED,
     ORDER_UNRELEASED,
     ORDER_WAITING,
-    Rows,
     Visits,
 )
 from automaton.floor.cells import ABOVE_OR_BELOW, ANY, BESIDE, CELL_KINDS, ON_IT, STATION
 
 STATUS_DEPLETED: Final = 3  # from here on a robot is down
-STATUS_REMOVED: Final = 6  # the last status of a robot
 
 LASTING: Final = (EXECUTED_WAIT, EXECUTED_SERVE)  # their length stands beside them
 
@@ -55,25 +50,6 @@ ON_ARRIVAL: Final = (
     (PICKED_ON_ARRIVAL, EXECUTED_PICK, "pick"),
     (DROPPED_ON_ARRIVAL, EXECUTED_DROP, "drop"),
 )
-
-
-def parted(rows: Rows, acts: Acts) -> tuple[Rows, Rows]:
-    """The changes before the moves of a tick have ended, and those of robots that arrive."""
-    arriving = {r for r, did in acts if did & (PICKED_ON_ARRIVAL | DROPPED_ON_ARRIVAL)}
-    for at, (_, code, subject, _) in enumerate(rows if arriving else ()):
-        if code in (CHANGE_PICKED, CHANGE_DROPPED) and subject in arriving:
-            # How long moves and waits take is told in between.
-            lengths = [row for row in rows[at:] if row[1] == CHANGE_DURATION]
-            return rows[:at] + lengths, [row for row in rows[at:] if row[1] != CHANGE_DURATION]
-    return rows, []
-
-
-def parted_visits(rows: Rows) -> tuple[Rows, Rows]:
-    """The changes of a tick before stops are done, at its very end, and those from then on."""
-    for at, row in enumerate(rows):
-        if row[1] == CHANGE_VISITED:
-            return rows[:at], rows[at:]
-    return rows, []
 
 
 class Loads:
@@ -240,21 +216,9 @@ class Loads:
 
     def exists(self, code: int, subject: int, value: int) -> bool:
         """Whether a change names things that there are."""
-        robots, orders, slots = len(self.load), len(self.place), len(self.slot_cell)
-        limits = {
-            CHANGE_ORDER_RESERVED: (orders, robots),
-            CHANGE_SLOT_RESERVED: (slots, robots),
-            CHANGE_DURATION: (robots, 1 << 31),
-            CHANGE_PICKED: (robots, orders),
-            CHANGE_DROPPED: (robots, slots),
-            CHANGE_LOAD_LEFT: (robots, slots),
-            CHANGE_STATUS: (robots, STATUS_REMOVED + 1),
-            CHANGE_ZONE: (robots, 1 << 31),
-            CHANGE_VISITED: (robots, orders),
-        }
-        subjects, values = limits.get(code, (0, 0))
-        least = NIL if code in (CHANGE_ORDER_RESERVED, CHANGE_SLOT_RESERVED, CHANGE_ZONE) else 0
-        return 0 <= subject < subjects and least <= value < values
+        return names_what_is_there(
+            code, subject, value, len(self.load), len(self.place), len(self.slot_cell)
+        )
 
     def _check_length(self, r: int, ticks: int, code: int) -> None:
         if code in (EXECUTED_PICK, EXECUTED_DROP):
@@ -311,8 +275,8 @@ class Loads:
             self.visits.served.pop(had, None)
 
     def _give_out(self, order: int, had: int, r: int) -> None:
-        kept = had == r and self.trips.offered[r] == order
-        if (had != NIL and not kept) or self.state[order] != ORDER_WAITING:
+        is_offered = had == r and self.trips.offered[r] == order
+        if (had != NIL and not is_offered) or self.state[order] != ORDER_WAITING:
             robots = [r] if had == NIL else [r, had]
             text = f"order {order} is given out although it is not free"
             self.report_violation("order", robots, NIL, text)

@@ -14,7 +14,7 @@ from automaton.engine.record_codes import ACTION_MASK, MOVE_NORTH
 from automaton.evidence.verification.motion_rules import Acts, Complaint, Motion
 from automaton.evidence.verification.type_rules import NIL
 
-PARTS: Final = 1_000_000  # of a tick, in which handling is told
+PARTS: Final = 1_000_000  # of a tick, in which handling is recorded
 LONGEST: Final = 65_535  # ticks of a visit
 NOT_YET: Final = (1 << 31) - 1  # release of a trip without lines
 
@@ -25,7 +25,7 @@ class Trips:
     def __init__(self, header: dict[str, Any], motion: Motion, report_violation: Complaint) -> None:
         self.motion = motion
         self.report_violation = report_violation
-        self.there = "lines" in header  # otherwise orders are no trips, and all this is empty
+        self.there = "lines" in header  # otherwise orders are not trips, and all this is empty
         scenario = header["scenario"]
         rules = scenario.get("pods") or {}
         self._joins: bool = rules.get("join", True)
@@ -65,16 +65,17 @@ class Trips:
         self.place, self.leaving, self.offered = [NIL] * robots, [NIL] * robots, [NIL] * robots
         self.offers: dict[int, int] = {}  # trips of this tick -> who stands beneath its pod
         self._withdrawn: list[tuple[int, int]] = []  # (robot, trip) of this tick
-        # A robot that is about to fail gets no offer, and actions do not tell of it.
+        # A robot that is about to fail gets no offer, which actions do not show.
         faults = scenario["faults"]
         self._may_fail = bool(faults.get("listed") or faults.get("failure_probability"))
         self._may_fail |= scenario.get("battery") is not None
+        self.ended_early = 0  # trips without a place where they would have gone next
         self.open_ticks = 0  # sum over ticks of the lines that are known and not done
 
     # Lines become trips
 
     def plan(self, tick: int, is_free: Callable[[int, int], bool]) -> list[tuple[int, int]]:
-        """Lines become known; returns new trips with their slots. `is_free`: robot, trip."""
+        """Lines are released; returns new trips with their slots. `is_free`: robot, trip."""
         before = self.known
         for pod in sorted(self._stored):
             lines, self.waiting[pod] = self.waiting[pod], []
@@ -150,8 +151,8 @@ class Trips:
         station = self.stops[trip][stop]
         by_line = self._handling[self._rule[station]]
         parts = self._visit[station] + sum(by_line[line] for line in self.served[trip][stop])
-        whole = (2 * parts + PARTS) // (2 * PARTS)
-        return min(max(whole, 1), LONGEST) if parts else 0
+        ticks = (2 * parts + PARTS) // (2 * PARTS)
+        return min(max(ticks, 1), LONGEST) if parts else 0
 
     def has_break(self, tick: int, trip: int) -> bool:
         """Whether no visit begins at the next station of a trip."""
@@ -252,6 +253,7 @@ class Trips:
         left = [line for lines in self.served[trip][self.over[trip] :] for line in lines]
         for line in left:
             self.in_trip[line] = NIL
+        self.ended_early += 1
         del self.stops[trip][self.over[trip] :], self.served[trip][self.over[trip] :]
         pod = self.pod_of[trip]
         self.waiting[pod] = left + self.waiting[pod]
@@ -329,9 +331,9 @@ def _lists(arrays: dict[str, Any] | None) -> dict[str, Any]:
 def _breaks(header: dict[str, Any], cells: list[int]) -> list[tuple[int, int, int]]:
     """Station, first tick and the tick after the last of all breaks."""
     stride = header["floor"]["width"] + 2
-    found = []
+    breaks = []
     for station in (header["scenario"].get("stations") or {}).values():
         x, y = station["at"]
         number = cells.index((y + 1) * stride + x + 1)
-        found += [(number, one["from"], one["from"] + one["for"]) for one in station["breaks"]]
-    return found
+        breaks += [(number, one["from"], one["from"] + one["for"]) for one in station["breaks"]]
+    return breaks

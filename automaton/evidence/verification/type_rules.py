@@ -70,12 +70,12 @@ def kinds_of(scenario: dict[str, Any]) -> list[tuple[dict[str, Any], int]]:
     return [(kind, kind.get("robots") or fleet["robots"] - counted) for kind in kinds]
 
 
-def ticks_of_type(given: dict[str, Any], kind: dict[str, Any]) -> Ticks:
+def ticks_of_type(durations: dict[str, Any], kind: dict[str, Any]) -> Ticks:
     """What the operations of a type take; what it does not say is as for all."""
     own = kind.get("durations") or {}
     ticks: Ticks = {}
     for name in OPERATIONS:
-        value = given[name] if own.get(name) is None else own[name]
+        value = durations[name] if own.get(name) is None else own[name]
         pair = (value["empty"], value["loaded"]) if isinstance(value, dict) else (value, value)
         times = kind.get("move_time_factor", 1) if name == "move" else 1
         ticks[name] = (pair[0] * times, pair[1] * times)

@@ -32,9 +32,10 @@ from automaton.evidence.recording.contents import (
     FRAME_KIND_TICKS,
     Frame,
 )
+from automaton.evidence.verification.change_rows import parted, parted_visits
 from automaton.evidence.verification.due_rules import check_due_times
 from automaton.evidence.verification.energy_rules import Energy, parted_faults
-from automaton.evidence.verification.load_rules import Loads, parted, parted_visits
+from automaton.evidence.verification.load_rules import Loads
 from automaton.evidence.verification.motion_rules import Acts, Motion
 from automaton.evidence.verification.type_rules import NIL
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import Any, Final, Protocol
 
 from automaton.engine.record_codes import CHANGE_ORDER_RESERVED, CHANGE_VISITED
+from automaton.evidence.verification.change_rows import Rows
 from automaton.evidence.verification.motion_rules import Complaint, Motion
 from automaton.evidence.verification.pod_rules import Trips
 
@@ -19,8 +20,6 @@ ORDER_CARRIED: Final = 1
 ORDER_DELIVERED: Final = 2
 ORDER_UNRELEASED: Final = 3
 ORDER_STARTED: Final = 4
-
-Rows = list[list[int]]  # (tick, code, subject, value)
 
 
 class Holders(Protocol):

@@ -273,15 +273,15 @@ def longer(resolved: Resolved, percent: int) -> list[str]:
 
 def ticks_by_key(scenario: Scenario) -> dict[str, int]:
     """All durations of operations that a scenario gives, of types as well, by their keys."""
-    found: dict[str, int] = {}
-    given = [("durations", scenario.durations)] + [
+    ticks: dict[str, int] = {}
+    sections = [("durations", scenario.durations)] + [
         (f"fleet.types.{number}.durations", kind.durations)
         for number, kind in enumerate(scenario.fleet.types)
     ]
-    for key, durations in given:
+    for key, durations in sections:
         for name, value in msgspec.to_builtins(durations).items():
             if isinstance(value, int):
-                found[f"{key}.{name}"] = value
+                ticks[f"{key}.{name}"] = value
             elif name in ("move", "turn") and value is not None:
-                found |= {f"{key}.{name}.{load}": ticks for load, ticks in value.items()}
-    return found
+                ticks |= {f"{key}.{name}.{load}": one for load, one in value.items()}
+    return ticks

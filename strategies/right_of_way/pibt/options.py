@@ -165,7 +165,7 @@ def find_table(view, state, workspace, i):
     table = np.int64(NIL)
     if robots.goal_type[U(i)] != GOAL_NONE:
         goal = np.int64(robots.goal_cell[U(i)])
-        robot_type = with_load(view, np.int64(robots.type[U(i)]))  # nobody through storage
+        robot_type = with_load(view, np.int64(robots.type[U(i)]))  # not through storage
         table = table_of(view, workspace, robot_type, goal)
     state.table[U(i)] = table
 

@@ -21,6 +21,7 @@ from automaton.engine.robot_status import STATUS_REMOVED, STATUS_UP
 from automaton.engine.state import (
     CLOCK_ALLOCATION_REVISION,
     CLOCK_FINISHED,
+    CLOCK_FIRST_OPEN,
     CLOCK_FRESH_ALLOCATION,
     CLOCK_KNOWN_ORDERS,
     CLOCK_NEEDING_CHARGING,
@@ -256,7 +257,9 @@ def set_clock(world: World, said: Said, resolved: Resolved) -> None:
     clock[CLOCK_TICK] = said.tick
     clock[CLOCK_REVISION] = said.changes
     clock[CLOCK_ALLOCATION_REVISION] = said.seen
-    clock[CLOCK_UNDELIVERED] = np.count_nonzero(world.orders.state != ORDER_DELIVERED)
+    is_open = world.orders.state != ORDER_DELIVERED
+    clock[CLOCK_UNDELIVERED] = np.count_nonzero(is_open)
+    clock[CLOCK_FIRST_OPEN] = np.argmax(is_open) if is_open.any() else len(is_open)
     clock[CLOCK_UNPARKED] = np.count_nonzero(robots.parked == 0)
     orders = world.orders
     if world.rules.in_system:

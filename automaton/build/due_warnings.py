@@ -16,12 +16,11 @@ def due_too_early(resolved: Resolved) -> str:
     """Warn about orders that are due before they are released, which real files have."""
     orders = resolved.scenario.orders
     lines = orders.lines if isinstance(orders.lines, tuple) else ()
-    listed = orders.listed or lines
     what = "line" if lines else "order"
+    times = [(one.due_tick, one.release) for one in orders.listed or ()]
+    times += [(one.due_tick, one.release) for one in lines]
     early = [
-        number
-        for number, line in enumerate(listed)
-        if line.due_tick is not None and line.due_tick < line.release
+        number for number, (due, release) in enumerate(times) if due is not None and due < release
     ]
     if not early:
         return ""

@@ -29,6 +29,7 @@ from automaton.strategy.kernels import (
     position,
 )
 from automaton.strategy.layer import Strategy
+from strategies.allocation.load_parameters import Storing
 from strategies.allocation.open_orders import highest_priority, is_open
 from strategies.allocation.placing import POLICIES, PlacingState, place_load, places_load
 
@@ -100,6 +101,7 @@ class Independent(Strategy):
     """Every robot takes the nearest unreserved order and carries it to its destination."""
 
     layer = "allocation"
+    Parameters = Storing
     compiled = decide
 
     def reset(self, view):

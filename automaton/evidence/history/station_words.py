@@ -149,10 +149,12 @@ def full_stations(snapshot: Snapshot) -> Array:
 
 def no_place_words(snapshot: Snapshot, robot: int) -> str:
     """Say that all trips that a robot could have are for stations without a free place, or ""."""
+    if not carries_pods(snapshot):
+        return ""
     orders = snapshot.orders
     may_have = (orders.reserved_by == NIL) | (orders.reserved_by == robot)
     waits = np.flatnonzero((orders.state == ORDER_WAITING) & may_have)
-    stations = next_stations(snapshot, waits) if carries_pods(snapshot) else waits
+    stations = next_stations(snapshot, waits)
     if not len(stations) or (stations == NIL).any() or not full_stations(snapshot)[stations].all():
         return ""
     names = [snapshot.station_names[k] for k in np.unique(stations).tolist()]

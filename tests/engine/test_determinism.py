@@ -185,6 +185,8 @@ def test_the_digest_changes_with_every_field(name: str) -> None:
     part, _, field = name.partition(".")
     if part in ("stations", "service_zones"):
         run = simulation("factory")
+    elif part in ("pods", "lines", "trips", "pod_stations"):
+        run = simulation("goods-mini")
     elif part == "stops":
         run = simulation("crossing", "orders={generator: tours, count: 100}")
     else:
@@ -198,7 +200,7 @@ def test_the_digest_changes_with_every_field(name: str) -> None:
     else:
         told_by = {"route": "route_hash", "order_queue": "order_queue_length"}
         values = getattr(getattr(run.world, part), told_by.get(field, field)).reshape(-1)
-        element = 2
+        element = min(2, len(values) - 1)
     with np.errstate(over="ignore"):
         values[element : element + 1] += values.dtype.type(1)
     changed = [DIGEST_NAMES[k] for k in np.flatnonzero(run.digests() != arrays)]

@@ -30,7 +30,9 @@ def test_a_scenario_has_the_floor_the_starts_and_the_tasks_of_its_problem(folder
     assert list(texts) == ["floor-starts.csv", "floor.tasks", "floor.yaml"]
     scenario = yaml.safe_load(texts["floor.yaml"])
     assert scenario["layout"]["picture"] == "..#\n..#\n"
-    assert read_starts(texts["floor-starts.csv"], "").cells == ((1, 0), (0, 1))
+    starts = folder / "floor-starts.csv"
+    starts.write_text(texts[starts.name])
+    assert read_starts(starts).cells == ((1, 0), (0, 1))
     assert texts["floor.tasks"] == "2\n0\n4\n"
     assert scenario["fleet"] == {
         "robots": 2,

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from automaton.runs.task_metrics import TASK_METRICS
-from automaton.scenario.unavailable_metrics import OF_DUE_TIMES, OF_TIMES
+from automaton.scenario.unavailable_metrics import OF_DUE_TIMES, OF_LINES, OF_TIMES
 
 # Shown where tasks are measured, moves may take longer, a strategy counts them, orders come later
-# or have due times, robots run on batteries or may fail, right of way steers, stations work on parts,
-# cells have a side.
+# have due times or are lines, robots run on batteries or may fail, right of way steers, stations work
+# on parts, cells have a side.
 OF_OTHER_RUNS = (
-    *(*TASK_METRICS, "slowdown_ticks", "alternative_routes", *OF_TIMES, *OF_DUE_TIMES),
+    *(*TASK_METRICS, "slowdown_ticks", "alternative_routes", *OF_TIMES, *OF_DUE_TIMES, *OF_LINES),
     *(
         "lost_queueing",
         "lost_held_back",

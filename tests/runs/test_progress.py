@@ -71,6 +71,7 @@ def test_the_oldest_order_is_that_released_first_of_those_open():
     assert oldest_order(run.world) == 4
     assert (run.world.orders.state == ORDER_WAITING).all()
     run.world.orders.state[:] = 2
+    run.world.orders.delivered[:] = 5
     assert oldest_order(run.world) == 0
 
 

@@ -31,7 +31,7 @@ from automaton.floor.reachability import rack_stands
 from automaton.runs.metrics import METRIC_CATALOGUE, metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.runs.task_metrics import TASK_METRICS, quantile
-from automaton.scenario.unavailable_metrics import OF_DUE_TIMES, OF_TIMES
+from automaton.scenario.unavailable_metrics import OF_DUE_TIMES, OF_LINES, OF_TIMES
 from automaton.strategy.layer import Strategy
 from layouts.racks import Racks
 from strategies.allocation.independent import take_order
@@ -159,7 +159,8 @@ def test_a_lone_robot_serves_the_orders_in_turn_without_delay(scenario):
     assert list(figures) == [name for name in METRIC_CATALOGUE if name not in NOT_HERE]
 
 
-NOT_HERE = (  # no slow zones, no avoidance, no batteries, no faults, no orders that come later
+NOT_HERE = (  # no slow zones, no avoidance, no batteries, no faults, no lines, no orders that come later
+    *OF_LINES,
     *(
         "slowdown_ticks",
         "alternative_routes",

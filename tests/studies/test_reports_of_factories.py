@@ -106,8 +106,8 @@ def test_the_report_tells_hours_and_feet_beside_ticks_and_cells(
     assert f"({minutes:.4g} min, {ticks:,} ticks)" in lines[0]
     assert "1 cell = 2.5 ft" in "".join(lines[:4])
     rows = {line.split()[0]: line.split() for line in lines if line.strip()}
-    assert rows["makespan"][1:5] == [f"{minutes:.4g}", "min", f"{ticks:,}", "ticks"]
-    assert rows["distance"][1:5] == [f"{2.5 * distance:,.0f}", "ft", f"{distance:,}", "cells"]
+    assert rows["makespan"][1:5] == [f"{minutes:.4g}", "min", f"({ticks:,}", "ticks)"]
+    assert rows["distance"][1:5] == [f"{2.5 * distance:,.0f}", "ft", f"({distance:,}", "cells)"]
     assert rows["robot"][-1] == "ft"
     told = run["metrics_in_units"]
     assert told["makespan"] == {"value": pytest.approx(minutes), "unit": "min"}

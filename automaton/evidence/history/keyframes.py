@@ -27,6 +27,9 @@ class Delta(NamedTuple):
     values: Array
 
 
+UNCHANGED: Final = Delta(np.zeros(0, np.int32), np.zeros(0, np.int32))  # one for all arrays
+
+
 class Keyframe(NamedTuple):
     """The state after a tick."""
 
@@ -38,7 +41,8 @@ class Keyframe(NamedTuple):
 
     @property
     def nbytes(self) -> int:
-        parts = [a for delta in self.arrays.values() for a in delta if a is not None]
+        deltas = (delta for delta in self.arrays.values() if delta is not UNCHANGED)
+        parts = [a for delta in deltas for a in delta if a is not None]
         return sum(
             part.nbytes + OBJECT_BYTES for part in (*parts, self.routes, self.plans, self.clock)
         )
@@ -137,6 +141,8 @@ def _delta(array: Array, base: Array) -> Delta:
     if array.shape != base.shape:  # a branch has other zones
         return Delta(None, array.copy())
     where = np.flatnonzero(array.reshape(-1) != base.reshape(-1)).astype(np.int32)
+    if not where.size:
+        return UNCHANGED
     values = array.reshape(-1)[where]
     if where.nbytes + values.nbytes < array.nbytes:
         return Delta(where, values)

@@ -10,7 +10,7 @@ import pytest
 from manual_clock import FLEET, ManualClock, clock, live, manual_player
 
 from automaton.errors import InputError
-from automaton.evidence.history.keyframes import OBJECT_BYTES, Keyframes
+from automaton.evidence.history.keyframes import OBJECT_BYTES, UNCHANGED, Keyframes
 from automaton.evidence.history.live_run import LiveRun, branch_of
 from automaton.evidence.recording.frames import StoredFrames
 from automaton.strategy.layer import Strategy
@@ -109,6 +109,11 @@ def test_a_folder_that_is_gone_is_said_and_the_other_run_is_closed(tmp_path: Pat
 
 def test_the_budget_of_keyframes_counts_what_an_array_costs() -> None:
     run: LiveRun = live(*FLEET)
-    keyframes = Keyframes(run.leading_simulation.world, run.leading_simulation.observation)
-    arrays = len(keyframes._frames[0].arrays)
-    assert keyframes._frames[0].nbytes > arrays * OBJECT_BYTES
+    simulation = run.leading_simulation
+    keyframes = Keyframes(simulation.world, simulation.observation)
+    simulation.run(20)
+    keyframes.keep(simulation.world, simulation.observation)
+    first, later = keyframes._frames
+    changed = [delta for delta in later.arrays.values() if delta is not UNCHANGED]
+    assert 10 < len(changed) < len(later.arrays), "the others share one object"
+    assert later.nbytes > len(changed) * OBJECT_BYTES > first.nbytes

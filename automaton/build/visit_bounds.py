@@ -134,6 +134,7 @@ def bounds_in_words(resolved: Resolved) -> list[str]:
     robots, stations = bounds.visits(ticks)
     article = "in" if seconds is None else "an"
     return [
-        f"at most {robots:,.0f} visits {article} {each} by {count(bounds.robots, 'robot')}, "
-        f"{stations:,.0f} by {count(bounds.stations, 'station')}, with one line each"
+        f"{robots:,.0f} visits {article} {each} by {count(bounds.robots, 'robot')} and "
+        f"{stations:,.0f} by {count(bounds.stations, 'station')} at most, if lines want all pods alike, "
+        "each is a trip of its own, and pods go back to where they stood"
     ]

@@ -197,6 +197,22 @@ def test_a_state_kept_at_the_branch_has_not_the_zones_that_follow(
         assert same(go(branch, tick).shown, go(fresh(), tick).shown), tick
 
 
+def test_a_branch_of_zones_can_be_branched_off_at_once() -> None:
+    zoned = branch_of(go(live(*FLEET), 300), CHANGES["zoning"])
+    other = branch_of(zoned, ("durations.move=3",))
+    assert same(other.shown, zoned.shown)
+    assert not same(go(other, 400).shown, go(zoned, 400).shown)
+
+
+def test_a_recorded_branch_and_its_run_show_the_same_with_all_states_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    keep_all_states(monkeypatch)
+    path = tmp_path / "branch.rec"
+    branch = go(branch_of(go(live(*FLEET), 300), CHANGES["zoning"], path), 350)
+    check_file(branch, path, [350, 301, 300, 299])
+
+
 def keep_all_states(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("KEYFRAME_S", "KEYFRAME_TIME_RATIO"):
         monkeypatch.setattr(f"automaton.evidence.history.watched_run.{name}", 0.0)

@@ -99,6 +99,7 @@ class Playback:
             self.simulation.update_finished()
         while self.tick < tick:
             self._advance(tick)
+        self._rebuild_for(tick)  # as a run shows it that was branched off there
 
     def _advance(self, tick: int) -> None:
         """Play to a tick, or to the end of the frame that is in memory."""

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from example_counts import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_floors import pictures
@@ -118,7 +119,7 @@ def cases(draw: Any) -> Case:
     )
 
 
-@settings(max_examples=300)
+@settings(max_examples=examples(100))
 @given(cases(), st.randoms(use_true_random=False))
 def test_tables_hold_what_dijkstra_finds_from_every_pose(case: Case, random: Any) -> None:
     """Asked for in any sequence; those that are kept for the tick are still right at its end."""

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from example_counts import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_floors import pictures
@@ -75,7 +76,7 @@ def found(case: Case, target: int, around: bool, how: Any = search.find_path) ->
     return None if length == NIL else steps[:length].tolist()
 
 
-@settings(max_examples=250)
+@settings(max_examples=examples(100))
 @given(cases())
 def test_a_table_holds_the_ticks_from_every_pose(case: Case) -> None:
     view, workspace = case.built()
@@ -86,7 +87,7 @@ def test_a_table_holds_the_ticks_from_every_pose(case: Case) -> None:
                 assert ticks == case.ways.cost_to((cell, heading), target)
 
 
-@settings(max_examples=250)
+@settings(max_examples=examples(100))
 @given(cases())
 def test_a_star_and_the_descent_take_the_least_ticks(case: Case) -> None:
     for target in case.targets:
@@ -100,7 +101,7 @@ def test_a_star_and_the_descent_take_the_least_ticks(case: Case) -> None:
                 assert case.ways.driven(case.start, route) == (expected, target)
 
 
-@settings(max_examples=250)
+@settings(max_examples=examples(100))
 @given(cases(symbols=".....++--||><v^##"))
 def test_around_robots_means_through_no_cell_without_room(case: Case) -> None:
     closed = case.closed()
@@ -115,7 +116,7 @@ def test_around_robots_means_through_no_cell_without_room(case: Case) -> None:
             assert case.ways.driven(case.start, route, open_target) == (expected, target)
 
 
-@settings(max_examples=250)
+@settings(max_examples=examples(100))
 @given(cases(symbols=".....++--||><v^##"), st.booleans())
 def test_the_nearest_mark_is_the_nearest_and_ties_go_to_the_lowest(
     case: Case, around: bool
@@ -131,7 +132,7 @@ def test_the_nearest_mark_is_the_nearest_and_ties_go_to_the_lowest(
     assert best == expected, (costs, closed)
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(60))
 @given(cases())
 def test_what_was_searched_before_decides_no_tie(case: Case) -> None:
     target = case.targets[0]

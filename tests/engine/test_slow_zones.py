@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from example_counts import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_floors import pictures
@@ -231,7 +232,7 @@ def test_a_move_takes_what_its_zone_held_when_it_began() -> None:
     held: set[tuple[str, int]] = set()
     free = 0
 
-    @settings(max_examples=300)
+    @settings(max_examples=examples(100))
     @given(cases())
     def check(case: Case) -> None:
         nonlocal free

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from example_counts import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from played_back import check_at, digests_of, playback_of, recorded
@@ -60,7 +61,7 @@ def test_a_whole_run(way: str) -> None:
     assert playback.simulation.finished == (len(digests) < 3000)
 
 
-@settings(max_examples=150)
+@settings(max_examples=examples(60))
 @given(cases())
 def test_random_decisions_legal_and_illegal(case: Case) -> None:
     check_everywhere(recorded(case.resolved, storage=case.storage))
@@ -258,7 +259,7 @@ def test_a_missing_frame_is_told(long: Recording) -> None:
         run.show(1500, 99)
 
 
-@settings(max_examples=300)
+@settings(max_examples=examples(100))
 @given(data=st.data())
 def test_no_altered_stream_crashes_or_goes_on_for_ever(data: Any, long: Recording) -> None:
     recording, ticks = altered(long)

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from example_counts import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from reference_paths import Pose, Ways
@@ -109,7 +110,7 @@ def assert_done(run: Simulation) -> None:
     assert metrics_of(run)["delivered"] == len(orders.state)
 
 
-@settings(max_examples=1000)
+@settings(max_examples=examples(300))
 @given(floors(), st.integers(0, 10**6))
 def test_every_floor_is_emptied_and_every_robot_parked(floor: Floor, seed: int) -> None:
     run = Simulation(floor.resolved(), seed=seed)
@@ -187,7 +188,7 @@ def lone_robot_ticks(resolved: Resolved, run: Simulation) -> int:
     return ticks + drive(pose, home)[0]
 
 
-@settings(max_examples=200)
+@settings(max_examples=examples(80))
 @given(floors(), st.integers(0, 10**6))
 def test_one_robot_takes_the_ticks_that_the_rules_give(floor: Floor, seed: int) -> None:
     alone = Floor(floor.tables, floor.positions, floor.destinations, 1, "independent")

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from example_counts import examples
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -344,7 +345,7 @@ def test_interruption_ends_with_130(
     assert capsys.readouterr().err == "automaton: interrupted\n"
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=examples(80), deadline=None, suppress_health_check=list(HealthCheck))
 @given(st.data())
 def test_no_damage_to_a_file_gets_past_with_anything_but_a_sentence(
     tmp_path_factory: pytest.TempPathFactory, data: st.DataObject

@@ -11,6 +11,7 @@ from typing import Any
 import jsonschema
 import numpy as np
 import pytest
+from example_counts import examples
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -267,7 +268,7 @@ def test_a_warm_up_that_cannot_be_found_is_refused_before_anything_runs(
     assert said.startswith(f"FILE:{line}: "), said
 
 
-@settings(max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=examples(100), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_no_mutation_of_a_study_gives_a_traceback(data: st.DataObject, tmp_path: Path) -> None:
     text = data.draw(st.sampled_from((GOOD, LISTED)))

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from example_counts import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_legs import Case, cases
@@ -49,7 +50,7 @@ def found(
     return None if length == NIL else (int(workspace.state[OPEN_COST]), steps[:length].tolist())
 
 
-@settings(max_examples=300)
+@settings(max_examples=examples(100))
 @given(cases(), st.sampled_from(TIES))
 def test_every_rule_takes_the_least_ticks(case: Case, ties: str) -> None:
     expected = case.ways.cost_to(case.start, case.target)
@@ -61,7 +62,7 @@ def test_every_rule_takes_the_least_ticks(case: Case, ties: str) -> None:
         assert case.ways.driven(case.start, leg[1]) == (expected, case.target)
 
 
-@settings(max_examples=300)
+@settings(max_examples=examples(100))
 @given(cases(), st.sampled_from(PLAIN_RULES))
 def test_lane_and_heap_give_the_order_of_one_heap(case: Case, ties: str) -> None:
     assert found(case, ties) == path(case.ways, case.start, case.target, ties)
@@ -78,7 +79,7 @@ def test_turns_of_no_ticks_do_not_mix_the_order_up(kinematics: str) -> None:
             assert found(case, "larger_g") == path(ways, (start, 0), target, "larger_g")
 
 
-@settings(max_examples=200)
+@settings(max_examples=examples(80))
 @given(cases(), st.sampled_from(PLAIN_RULES), st.data())
 def test_closed_zones_are_not_entered(case: Case, ties: str, data: Any) -> None:
     floor, _, _ = case.built()
@@ -99,7 +100,7 @@ def test_closed_zones_are_not_entered(case: Case, ties: str, data: Any) -> None:
     assert found(case, ties, closed=closed) == path(case.ways, case.start, case.target, ties, pairs)
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(60))
 @given(cases(), st.sampled_from(TIES))
 def test_what_was_searched_before_decides_nothing(case: Case, ties: str) -> None:
     first = found(case, ties)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from example_counts import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_legs import Case, cases
@@ -77,7 +78,7 @@ def foreseen(case: Case, pick: int, count: list[int], closed: set[int]) -> int:
     return ticks
 
 
-@settings(max_examples=200)
+@settings(max_examples=examples(80))
 @given(tasks())
 def test_the_plan_of_least_foreseen_time_is_chosen(task: tuple[Case, int, list[int]]) -> None:
     case, pick, count = task

@@ -1,6 +1,7 @@
-"""Make a film of a recording, to be played by asciinema, or a picture of one tick.
+"""Make a film of a recording, to be played by asciinema or a browser, or a picture of one tick.
 
-Both are drawn as the viewer draws, but without a terminal. Exit code 0: made; 2: bad input.
+Films for asciinema and pictures are drawn as the viewer draws, but without a terminal; a film for a
+browser is one HTML file. Exit code 0: made; 2: bad input.
 """
 
 from __future__ import annotations
@@ -43,6 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--theme", choices=("dark", "light"), default="dark", help="dark unless given")
     add("--color", choices=("true", "256", "16", "none"), default="true", help="depth")
     add("--ascii", action="store_true", help="no characters beyond ASCII")
+    add("--html", type=Path, metavar="FILE", help="make this page instead: it plays in a browser")
     add("--picture", type=Path, metavar="FILE", help="make this picture instead: .svg or .txt")
     add("--at", type=tick, metavar="TICK", help="the tick of the picture; else the last one")
 
@@ -71,6 +73,17 @@ def size(text: str) -> tuple[int, int]:
 def run(args: argparse.Namespace) -> int:
     """Make the one or the other."""
     _check_together(args)
+    if args.html is not None:
+        viewer("web_film.film_page").make_page(
+            args.file,
+            args.html,
+            args.first,
+            args.last,
+            speed=float(args.speed or 1),
+            follow=args.follow,
+            theme=args.theme,
+        )
+        return 0
     how = ("size", "zoom", "follow", "layer", "theme", "color", "ascii")
     chosen = {name: getattr(args, name) for name in how}
     when = {name: getattr(args, name) for name in ("first", "last", "speed", "fps")}
@@ -84,7 +97,9 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check_together(args: argparse.Namespace) -> None:
-    """A picture has a tick, a film has a stretch of them."""
+    """A picture has a tick, a film has a stretch of them, and a page draws by itself."""
+    if args.html is not None:
+        _check_page(args)
     of_films = {"--out": args.out, "--from": args.first, "--to": args.last}
     of_films |= {"--speed": args.speed, "--fps": args.fps}
     given = [name for name, value in of_films.items() if value is not None]
@@ -92,3 +107,15 @@ def _check_together(args: argparse.Namespace) -> None:
         raise InputError(f"{given[0]} is for films: it does not go together with --picture")
     if args.picture is None and args.at is not None:
         raise InputError("--at is for pictures: it goes together with --picture")
+
+
+def _check_page(args: argparse.Namespace) -> None:
+    if args.html.suffix not in (".html", ".htm"):
+        raise InputError(f"{str(args.html)!r} names no page: allowed is FILE.html")
+    others = {"--out": args.out, "--picture": args.picture, "--fps": args.fps, "--size": args.size}
+    others |= {"--layer": args.layer or None, "--ascii": args.ascii or None}
+    others |= {"--zoom": None if args.zoom == "fit" else args.zoom}
+    others |= {"--color": None if args.color == "true" else args.color}
+    named = [name for name, value in others.items() if value is not None]
+    if named:
+        raise InputError(f"{named[0]} does not go together with --html")

@@ -19,7 +19,7 @@ from automaton.evidence.recording.header import changed, resolved_of
 from automaton.runs.headless import attribute_strategy_errors
 from automaton.runs.simulation import Simulation
 
-ZONES = "service_zones."  # the arrays of the state that other rules begin anew
+ZONES = "service_zones."  # arrays of the state that change with the rules
 
 
 class LiveRun(Run):

@@ -1,0 +1,225 @@
+"""A recording as a page: its columns are the run, it loads nothing, and a browser plays it."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import shutil
+import subprocess
+import zlib
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from automaton.build.resolve import resolve
+from automaton.commands import Parser, cast_command
+from automaton.engine.state import NIL
+from automaton.errors import InputError
+from automaton.evidence.history.playback import Playback
+from automaton.evidence.history.snapshot import Snapshot, take_snapshot
+from automaton.evidence.recording.recorder import Recorder
+from automaton.evidence.recording.recording_reader import read_recording
+from automaton.runs.simulation import Simulation
+from tui.playback.fleet_summary import summarize
+from tui.web_film import film_columns
+from tui.web_film.film_page import page_of
+
+BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
+LAST = 205  # tick of the scenario crossing
+
+
+def recorded(path: Path, name: str, *settings: str, until: int | None = None) -> Path:
+    resolved = resolve(name, settings)
+    with Recorder(path, resolved, 1) as recorder:
+        Simulation(resolved, 1, on_record=recorder).run(until)
+        recorder.end()
+    return path
+
+
+@pytest.fixture(scope="module")
+def crossing(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Four robots, recorded."""
+    return recorded(tmp_path_factory.mktemp("film") / "crossing.rec", "crossing")
+
+
+def cast(*arguments: object) -> int:
+    parser = Parser(prog="automaton cast", allow_abbrev=False)
+    cast_command.add_arguments(parser)
+    return cast_command.run(parser.parse_args([str(argument) for argument in arguments]))
+
+
+def page(recording: Path, *arguments: object) -> str:
+    out = recording.with_name("film.html")
+    assert cast(recording, "--html", out, *arguments) == 0
+    return out.read_text(encoding="utf-8")
+
+
+def film_of(text: str) -> dict[str, Any]:
+    found = re.search(r'<script type="application/json" id="film">(.*?)</script>', text, re.DOTALL)
+    assert found is not None
+    film: dict[str, Any] = json.loads(found[1])
+    return film
+
+
+def column(film: dict[str, Any], name: str, rows: int) -> np.ndarray:
+    """(rows, ticks) numbers of a column, by what its format says."""
+    raw = zlib.decompress(base64.b64decode(film["columns"][name]))
+    return np.cumsum(np.frombuffer(raw, "<i4").reshape(rows, -1), axis=1)
+
+
+def snapshots(recording: Path, ticks: list[int]) -> list[Snapshot]:
+    run = read_recording(recording)
+    playback = Playback(run.header, run.stored())
+    found = []
+    for tick in ticks:
+        playback.go_to(tick)
+        found.append(take_snapshot(playback.simulation))
+    return found
+
+
+def test_its_columns_are_the_run(crossing: Path) -> None:
+    film = film_of(page(crossing))
+    robots, figures, stride = film["robots"], film["figures"], film["stride"]
+    of_robots = {name: column(film, name, robots) for name in ("x", "y", "cause", "blocker")}
+    of_fleet = column(film, "figures", len(figures))
+    for shown in snapshots(crossing, list(range(LAST + 1))):
+        fleet, tick = shown.robots, shown.tick
+        for robot in np.flatnonzero(fleet.cell != NIL):
+            y, x = divmod(int(fleet.cell[robot]), stride)
+            at = (of_robots["x"][robot, tick], of_robots["y"][robot, tick])
+            assert at == ((x - 1) * film["parts"], (y - 1) * film["parts"])
+        assert of_robots["cause"][:, tick].tolist() == fleet.cause.tolist()
+        assert of_robots["blocker"][:, tick].tolist() == fleet.blocker.tolist()
+        now = summarize(shown)
+        assert of_fleet[:, tick].tolist() == [getattr(now, name) for name in figures]
+
+
+def test_loads_are_on_shelves_until_they_are_picked(crossing: Path) -> None:
+    film = film_of(page(crossing))
+    full = np.frombuffer(zlib.decompress(base64.b64decode(film["columns"]["full"])), np.uint8)
+    changes = column(film, "changes", 2).T.tolist()
+    ticks = [0, 17, 60, 140, LAST]
+    for shown in snapshots(crossing, ticks):
+        expected = (shown.slots.content[: len(full)] != NIL).tolist()
+        toggled = [
+            sum(k <= shown.tick for k, s in changes if s == slot) for slot in range(len(full))
+        ]
+        assert [bool(one) != bool(n % 2) for one, n in zip(full, toggled, strict=True)] == expected
+    assert changes
+
+
+def test_a_move_of_several_ticks_goes_from_cell_to_cell_in_equal_steps(tmp_path: Path) -> None:
+    slow = recorded(tmp_path / "slow.rec", "crossing", "durations.move=4", until=60)
+    film = film_of(page(slow))
+    x, y = (column(film, name, film["robots"]) for name in ("x", "y"))
+    steps = np.abs(np.diff(x, axis=1)) + np.abs(np.diff(y, axis=1))
+    on_floor = (x[:, :-1] >= 0) & (x[:, 1:] >= 0) & (y[:, :-1] >= 0) & (y[:, 1:] >= 0)
+    assert set(np.unique(steps[on_floor]).tolist()) == {0, film["parts"] // 4}
+
+
+def test_a_part_of_a_run_begins_at_its_tick(crossing: Path) -> None:
+    film = film_of(page(crossing, "--from", 50, "--to", 70, "--speed", 2, "--theme", "light"))
+    assert (film["first"], film["last"], film["speed"], film["theme"]) == (50, 70, 2.0, "light")
+    (shown,) = snapshots(crossing, [50])
+    assert column(film, "cause", 4)[:, 0].tolist() == shown.robots.cause.tolist()
+    assert column(film, "cause", 4).shape == (4, 21)
+
+
+def test_it_loads_nothing_from_elsewhere(crossing: Path) -> None:
+    text = page(crossing)
+    attributes: list[tuple[str, str | None]] = []
+
+    class Reader(HTMLParser):
+        def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+            attributes.extend(attrs)
+
+    Reader().feed(text)
+    assert not [name for name, _ in attributes if name in ("src", "href", "srcset", "action")]
+    policy = [value for _, value in attributes if value and value.startswith("default-src")]
+    assert policy == ["default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'"]
+    assert not re.search(r"https?:|url\(|@import|fetch\(|XMLHttp", text)
+
+
+def test_the_same_recording_gives_the_same_bytes(crossing: Path) -> None:
+    assert page(crossing) == page(crossing)
+
+
+def test_names_cannot_break_out_of_their_place() -> None:
+    text = page_of("</title><script>[[FILM]]", {"title": "</script><b>"})
+    assert "</title><script>" not in text and "</script><b>" not in text
+    assert text.count("[[FILM]]") == 2  # in the title as it was written, and in its heading
+    assert film_of(text) == {"title": "</script><b>"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--html", "film.mp4"), "'film.mp4' names no page: allowed is FILE.html"),
+        (("--html", "f.html", "--fps", 5), "--fps does not go together with --html"),
+        (("--html", "f.html", "--zoom", "1x1"), "--zoom does not go together with --html"),
+        (("--html", "f.html", "--picture", "f.svg"), "--picture does not go together with --html"),
+        (("--html", "f.html", "--to", 206), "there is no tick 206: the recording ends at tick 205"),
+        (("--html", "f.html", "--from", 9, "--to", 8), "there is nothing from tick 9 to tick 8"),
+        (("--html", "f.html", "--follow", 4), "there is no robot 4: the last one is robot 3"),
+    ],
+)
+def test_what_does_not_do_is_one_sentence(
+    arguments: tuple[object, ...],
+    said: str,
+    crossing: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match=re.escape(said)):
+        cast(crossing, *arguments)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_more_than_a_browser_holds_is_refused(
+    crossing: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(film_columns, "ROBOT_TICKS", 823)
+    with pytest.raises(
+        InputError, match="4 robots in 206 ticks are more than a page plays, 823 tog"
+    ):
+        page(crossing)
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium here")
+def test_a_browser_seeks_follows_and_plays(crossing: Path, tmp_path: Path) -> None:
+    page(crossing)
+    film = crossing.with_name("film.html")
+    moment = seen(film, "tick=60&robot=2", tmp_path)
+    (shown,) = snapshots(crossing, [60])
+    y, x = divmod(int(shown.robots.cell[2]), shown.stride)
+    assert moment["tick"] == "tick 60, 30 s" and f"at ({x - 1}, {y - 1})" in moment["robot"]
+    assert f"{summarize(shown).delivered} of 16 orders done" in moment["figures"]
+    page(crossing, "--speed", 100)
+    played = seen(film, "tick=60&play=1", tmp_path)
+    assert int(re.findall(r"tick (\d+)", played["tick"])[0]) > 60
+
+
+def seen(film: Path, address: str, home: Path) -> dict[str, str]:
+    """What a browser writes into the places of the page."""
+    done = subprocess.run(
+        [
+            *(str(BROWSER), "--headless", "--no-sandbox", "--disable-gpu", "--dump-dom"),
+            *(
+                "--virtual-time-budget=3000",
+                f"--user-data-dir={home}",
+                f"{film.as_uri()}#{address}",
+            ),
+        ],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=120,
+    )
+    places = r'<(p|output|section)\b[^>]* ?id="(\w+)"[^>]*>(.*?)</\1>'
+    found = re.findall(places, done.stdout, re.DOTALL)
+    return {name: re.sub(r"<[^>]+>", " ", inner) for _, name, inner in found}

@@ -1,0 +1,567 @@
+"use strict";
+// Cells are counted as a user counts them; around the floor there is a frame of cells, for bays.
+// Plays the film that stands in the page. What is drawn at a moment follows from `now` alone.
+
+const film = JSON.parse(document.getElementById("film").textContent);
+const $ = (id) => document.getElementById(id);
+const TICKS = film.last - film.first + 1;
+const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10, 20, 50, 100]; // 1 is ten ticks a second
+const ONE_WAY = 1, POD = 1; // details of cells
+const LETTERS = { destination: "D", charger: "C", "parking-bay": "P", dock: "D", station: "S" };
+const [X0, Y0, X1, Y1] = film.box;
+const SIDES = [[1, 0], [0, 1], [-1, 0], [0, -1]]; // east, south, west, north
+
+let now = 0; // ticks since the first, with a fraction while playing
+let playing = false;
+let speed = film.speed;
+let selected = film.follow;
+let following = selected >= 0;
+let theme = film.theme;
+let scale = 1, left = 0, top_ = 0; // pixels a cell; the cell at the upper left of the map
+let columns = null, looks = null, toggles = null;
+
+async function inflated(text) {
+  const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
+  return new Response(stream).arrayBuffer();
+}
+
+function summed(buffer, rows) { // differences along each row become values
+  const values = new Int32Array(buffer), length = rows ? values.length / rows : 0;
+  for (let row = 0; row < rows; row++)
+    for (let k = 1, at = row * length + 1; k < length; k++, at++) values[at] += values[at - 1];
+  return values;
+}
+
+async function unpacked() {
+  const out = {}, rows = { figures: film.figures.length, changes: 2 };
+  for (const [name, text] of Object.entries(film.columns)) {
+    const buffer = await inflated(text);
+    out[name] = name === "full" ? new Uint8Array(buffer) : summed(buffer, rows[name] ?? film.robots);
+  }
+  return out;
+}
+
+const of = (name, robot, tick) => columns[name][robot * TICKS + tick];
+const figure = (name, tick) => columns.figures[film.figures.indexOf(name) * TICKS + tick];
+const colours = () => film.colours[theme];
+const tickNow = () => Math.min(TICKS - 1, Math.floor(now));
+
+function isFull(slot, tick) { // filled at the start, and changed so often until then
+  const ticks = toggles[slot];
+  if (!ticks) return columns.full[slot] === 1;
+  let low = 0, high = ticks.length;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (ticks[middle] <= tick) low = middle + 1; else high = middle;
+  }
+  return (columns.full[slot] === 1) !== (low % 2 === 1);
+}
+
+function placeOf(robot) { // [x, y] in cells, or null while it is off the floor
+  const k = tickNow(), x = of("x", robot, k), y = of("y", robot, k);
+  if (x === -1 && y === -1) return null;
+  const next = Math.min(TICKS - 1, k + 1), part = now - k;
+  let x2 = of("x", robot, next), y2 = of("y", robot, next);
+  const far = Math.abs(x2 - x) + Math.abs(y2 - y) > film.parts; // towed, not driven
+  if ((x2 === -1 && y2 === -1) || far) { x2 = x; y2 = y; }
+  return [(x + (x2 - x) * part) / film.parts, (y + (y2 - y) * part) / film.parts];
+}
+
+// The floor
+
+function drawCell(ctx, look, x, y, size) {
+  const kind = film.kinds[look & film.kind_mask], detail = look >> film.detail_shift;
+  const colour = colours().looks[look];
+  if (kind === "wall") {
+    ctx.fillStyle = detail ? colours().void : colour;
+    ctx.fillRect(x, y, size + 0.5, size + 0.5);
+    return;
+  }
+  ctx.fillStyle = colours().floor;
+  ctx.fillRect(x, y, size + 0.5, size + 0.5);
+  ctx.fillStyle = ctx.strokeStyle = colour;
+  const middle = [x + size / 2, y + size / 2];
+  if (kind === "floor") {
+    if (detail >= ONE_WAY && detail < ONE_WAY + 4 && size >= 8) chevron(ctx, ...middle, size * 0.16, detail - ONE_WAY);
+    else ctx.fillRect(middle[0] - size * 0.04, middle[1] - size * 0.04, size * 0.08, size * 0.08);
+  } else if (kind === "track" || kind === "turntable") {
+    ctx.lineWidth = Math.max(1, size * 0.12);
+    for (let side = 0; side < 4; side++) if (detail & (1 << side)) line(ctx, ...middle, SIDES[side], size / 2);
+    if (kind === "turntable") ring(ctx, ...middle, size * 0.3);
+  } else if (kind === "storage") {
+    ctx.lineWidth = Math.max(0.5, size * 0.04);
+    ctx.strokeRect(x + size * 0.08, y + size * 0.08, size * 0.84, size * 0.84);
+  } else {
+    ctx.globalAlpha = 0.55;
+    ctx.fillRect(x + size * 0.06, y + size * 0.06, size * 0.88, size * 0.88);
+    ctx.globalAlpha = 1;
+    if (size >= 14 && LETTERS[kind]) letter(ctx, ...middle, size, LETTERS[kind]);
+  }
+}
+
+function chevron(ctx, x, y, r, direction) {
+  const [dx, dy] = SIDES[direction];
+  ctx.lineWidth = Math.max(1, r * 0.4);
+  ctx.beginPath();
+  ctx.moveTo(x - dx * r - dy * r, y - dy * r + dx * r);
+  ctx.lineTo(x + dx * r, y + dy * r);
+  ctx.lineTo(x - dx * r + dy * r, y - dy * r - dx * r);
+  ctx.stroke();
+}
+
+function line(ctx, x, y, [dx, dy], length) {
+  ctx.beginPath();
+  ctx.moveTo(x, y);
+  ctx.lineTo(x + dx * length, y + dy * length);
+  ctx.stroke();
+}
+
+function ring(ctx, x, y, r) {
+  ctx.beginPath();
+  ctx.arc(x, y, r, 0, 7);
+  ctx.stroke();
+}
+
+function letter(ctx, x, y, size, text) {
+  ctx.fillStyle = colours().text;
+  ctx.font = `${Math.round(size * 0.45)}px system-ui, sans-serif`;
+  ctx.textAlign = "center";
+  ctx.textBaseline = "middle";
+  ctx.fillText(text, x, y);
+}
+
+const lookAt = (x, y) => looks[(y + 1) * film.stride + x + 1];
+
+let kept = null; // the floor drawn once, for views of many cells
+
+function keptFloor() {
+  const size = Math.max(2, Math.min(16, Math.floor(4096 / Math.max(X1 - X0, Y1 - Y0))));
+  if (kept && kept.theme === theme) return kept;
+  const canvas = document.createElement("canvas");
+  canvas.width = (X1 - X0) * size;
+  canvas.height = (Y1 - Y0) * size;
+  const ctx = canvas.getContext("2d");
+  for (let y = Y0; y < Y1; y++)
+    for (let x = X0; x < X1; x++) drawCell(ctx, lookAt(x, y), (x - X0) * size, (y - Y0) * size, size);
+  kept = { canvas, size, theme };
+  return kept;
+}
+
+function drawFloor(ctx, width, height) {
+  const x0 = Math.max(X0, Math.floor(left)), y0 = Math.max(Y0, Math.floor(top_));
+  const x1 = Math.min(X1, Math.ceil(left + width / scale));
+  const y1 = Math.min(Y1, Math.ceil(top_ + height / scale));
+  if ((x1 - x0) * (y1 - y0) > 5000) {
+    const { canvas, size } = keptFloor();
+    ctx.imageSmoothingEnabled = scale < size;
+    ctx.drawImage(canvas, (X0 - left) * scale, (Y0 - top_) * scale, (X1 - X0) * scale, (Y1 - Y0) * scale);
+  } else {
+    for (let y = y0; y < y1; y++)
+      for (let x = x0; x < x1; x++)
+        drawCell(ctx, lookAt(x, y), (x - left) * scale, (y - top_) * scale, scale);
+  }
+}
+
+function drawLoads(ctx, width, height) {
+  const k = tickNow();
+  ctx.fillStyle = colours().load;
+  film.slots.forEach((cell, slot) => {
+    if (film.endless[slot] || !isFull(slot, k)) return;
+    const x = ((cell % film.stride) - 1 - left) * scale, y = (Math.floor(cell / film.stride) - 1 - top_) * scale;
+    if (x < -scale || y < -scale || x > width || y > height) return;
+    ctx.fillRect(x + scale * 0.2, y + scale * 0.2, scale * 0.6, scale * 0.6);
+  });
+}
+
+// Robots
+
+// Shapes: hollow, filled (with a load), square (parked), plug, void, cross, thin, boxed.
+function drawRobot(ctx, x, y, size, mark, name) {
+  const state = mark & 7, direction = (mark >> 3) & 3, shape = mark >> 5;
+  const colour = colours().states[state], r = Math.max(size * 0.42, 3.5);
+  ctx.fillStyle = ctx.strokeStyle = colour;
+  ctx.beginPath();
+  if (shape === 2) ctx.rect(x - r * 0.8, y - r * 0.8, r * 1.6, r * 1.6);
+  else ctx.arc(x, y, r, 0, 7);
+  ctx.fill();
+  if (size < 6) return;
+  ctx.lineWidth = Math.max(1, size * 0.06);
+  ctx.strokeStyle = colours().floor;
+  ctx.stroke();
+  if (shape === 5) return cross(ctx, x, y, r * 0.5);
+  if (shape !== 2 && shape !== 3) nose(ctx, x, y, r, direction);
+  if (shape === 1 || shape === 7) {
+    ctx.fillStyle = colours().load;
+    ctx.fillRect(x - r * 0.5, y - r * 0.5, r, r);
+    ctx.strokeRect(x - r * 0.5, y - r * 0.5, r, r);
+  }
+  if (size >= 22) {
+    ctx.fillStyle = shape === 1 || shape === 7 ? colours().text : colours().floor;
+    ctx.font = `600 ${Math.round(size * 0.3)}px system-ui, sans-serif`;
+    ctx.textAlign = "center";
+    ctx.textBaseline = "middle";
+    ctx.fillText(name, x, y);
+  }
+}
+
+function cross(ctx, x, y, r) {
+  ctx.beginPath();
+  for (const side of [-1, 1]) {
+    ctx.moveTo(x - r, y - r * side);
+    ctx.lineTo(x + r, y + r * side);
+  }
+  ctx.stroke();
+}
+
+function nose(ctx, x, y, r, direction) {
+  const [dx, dy] = SIDES[direction];
+  ctx.fillStyle = colours().floor;
+  ctx.beginPath();
+  ctx.arc(x + dx * r * 0.72, y + dy * r * 0.72, r * 0.2, 0, 7);
+  ctx.fill();
+}
+
+function drawRobots(ctx, width, height) {
+  const k = tickNow();
+  for (let robot = 0; robot < film.robots; robot++) {
+    const place = placeOf(robot);
+    if (!place) continue;
+    const x = (place[0] + 0.5 - left) * scale, y = (place[1] + 0.5 - top_) * scale;
+    if (x < -scale || y < -scale || x > width + scale || y > height + scale) continue;
+    drawRobot(ctx, x, y, scale, of("mark", robot, k), robot);
+    if (robot === selected) {
+      ctx.strokeStyle = colours().selected;
+      ctx.lineWidth = 2;
+      ring(ctx, x, y, Math.max(scale * 0.6, 7));
+    }
+  }
+}
+
+function drawWait(ctx) { // from the robot that is selected to the one that keeps it
+  if (selected < 0) return;
+  const blocker = of("blocker", selected, tickNow());
+  if (of("cause", selected, tickNow()) === 0 || blocker < 0) return;
+  const from = placeOf(selected), to = placeOf(blocker);
+  if (!from || !to) return;
+  ctx.strokeStyle = colours().waiting;
+  ctx.lineWidth = 2;
+  ctx.setLineDash([4, 3]);
+  ctx.beginPath();
+  ctx.moveTo((from[0] + 0.5 - left) * scale, (from[1] + 0.5 - top_) * scale);
+  ctx.lineTo((to[0] + 0.5 - left) * scale, (to[1] + 0.5 - top_) * scale);
+  ctx.stroke();
+  ctx.setLineDash([]);
+}
+
+// What is written
+
+const number = (value) => value.toLocaleString("en-US", { maximumFractionDigits: 1 });
+
+function timeWords(tick) {
+  const { size, name } = film.unit, ticks = `tick ${number(tick)}`;
+  return size === 1 && name.startsWith("tick") ? ticks : `${ticks}, ${number(tick * size)} ${name}`;
+}
+
+function robotWords() {
+  if (selected < 0) return ["No robot is chosen: click one."];
+  const k = tickNow(), code = of("cause", selected, k), words = [];
+  if (code === 0) words.push(film.states[of("mark", selected, k) & 7]);
+  else {
+    let since = k;
+    while (since > 0 && of("cause", selected, since - 1) === code) since--;
+    const blocker = of("blocker", selected, k), cell = of("wanted", selected, k);
+    const at = cell < 0 ? "its next cell" : `(${(cell % film.stride) - 1}, ${Math.floor(cell / film.stride) - 1})`;
+    const sentence = film.causes[code].text
+      .replaceAll("{robot}", `robot ${selected}`)
+      .replaceAll("{blocker}", blocker < 0 ? "no robot" : `robot ${blocker}`)
+      .replaceAll("{cell}", at);
+    words.push(`waits for ${number(k - since + 1)} ticks: ${film.causes[code].name}`, sentence);
+  }
+  const place = placeOf(selected);
+  words.push(place ? `at (${Math.round(place[0])}, ${Math.round(place[1])})` : "off the floor");
+  if (film.battery) words.push(`battery ${of("charge", selected, k)} %`);
+  return words;
+}
+
+let written = "";
+
+function write() {
+  const k = tickNow(), robots = robotWords();
+  const figures = [
+    `${number(figure("working", k))} work`, `${number(figure("waiting", k))} wait`,
+    `${number(figure("delivered", k))} of ${number(figure("orders", k))} orders done`,
+  ];
+  if (figure("circling", k)) figures.push(`${number(figure("circling", k))} in a wait cycle`);
+  const all = [timeWords(film.first + k), ...figures, ...robots, selected, following, theme].join("|");
+  $("play").textContent = playing ? "pause" : "play";
+  if (all === written) return;
+  written = all;
+  $("figures").textContent = figures.join("   ·   ");
+  $("tick").textContent = timeWords(film.first + k);
+  $("time").value = k;
+  const head = document.createElement("h2");
+  head.textContent = selected < 0 ? "Robot" : `Robot ${selected}${following ? ", followed" : ""}`;
+  $("robot").replaceChildren(head, ...robots.map((text) => {
+    const line = document.createElement("p");
+    line.textContent = text;
+    return line;
+  }));
+}
+
+function drawKey() {
+  const head = document.createElement("h2");
+  head.textContent = "Robots";
+  const shapes = [2, 3, 0, 1, 6, 0, 5];
+  const rows = film.states.slice(0, 7).flatMap((words, state) => {
+    if (!film.battery && (state === 1 || state === 4)) return [];
+    const sign = document.createElement("canvas"), text = document.createElement("span");
+    sign.width = sign.height = 44;
+    drawRobot(sign.getContext("2d"), 22, 22, 40, state | (shapes[state] << 5), "");
+    text.textContent = words;
+    return [sign, text];
+  });
+  $("key").replaceChildren(head, ...rows);
+}
+
+function drawCurve() { // robots that wait, by tick, with a mark at the moment
+  const canvas = $("curve"), ctx = sized(canvas), width = canvas.clientWidth, height = canvas.clientHeight;
+  ctx.clearRect(0, 0, width, height);
+  let most = 1;
+  for (let k = 0; k < TICKS; k++) most = Math.max(most, figure("waiting", k));
+  ctx.fillStyle = colours().waiting;
+  const long = width - 16; // as far as the thumb of the slider below goes
+  for (let x = 0; x < long; x++) {
+    const from = Math.floor((x / long) * TICKS), to = Math.max(from + 1, Math.floor(((x + 1) / long) * TICKS));
+    let peak = 0;
+    for (let k = from; k < to && k < TICKS; k++) peak = Math.max(peak, figure("waiting", k));
+    ctx.fillRect(x + 8, height - (peak / most) * (height - 14), 1, (peak / most) * (height - 14));
+  }
+  ctx.fillStyle = colours().text;
+  ctx.font = "11px system-ui, sans-serif";
+  ctx.fillText(`robots that wait, at most ${number(most)}`, 8, 10);
+  ctx.fillStyle = colours().cursor;
+  ctx.fillRect(8 + (now / Math.max(1, TICKS - 1)) * (width - 16) - 1, 0, 2, height);
+}
+
+// The view
+
+function sized(canvas) {
+  const dense = window.devicePixelRatio || 1;
+  const width = Math.round(canvas.clientWidth * dense), height = Math.round(canvas.clientHeight * dense);
+  if (canvas.width !== width || canvas.height !== height) { canvas.width = width; canvas.height = height; }
+  const ctx = canvas.getContext("2d");
+  ctx.setTransform(dense, 0, 0, dense, 0, 0);
+  return ctx;
+}
+
+function fit() {
+  const { clientWidth: width, clientHeight: height } = $("map");
+  scale = Math.max(0.5, Math.min(width / (X1 - X0 + 0.5), height / (Y1 - Y0 + 0.5)));
+  left = (X0 + X1 - width / scale) / 2;
+  top_ = (Y0 + Y1 - height / scale) / 2;
+}
+
+function zoom(factor, x, y) { // the point (x, y) of the map stays where it is
+  const next = Math.max(0.5, Math.min(160, scale * factor));
+  left += x / scale - x / next;
+  top_ += y / scale - y / next;
+  scale = next;
+}
+
+function centre() {
+  const place = following && selected >= 0 ? placeOf(selected) : null;
+  if (!place) return;
+  left = within(place[0] + 0.5, $("map").clientWidth / scale, X0, X1);
+  top_ = within(place[1] + 0.5, $("map").clientHeight / scale, Y0, Y1);
+}
+
+function within(middle, shown, low, high) { // where a view begins that shows no more beyond the floor than it must
+  if (shown >= high - low) return (low + high - shown) / 2;
+  return Math.max(low, Math.min(high - shown, middle - shown / 2));
+}
+
+function draw() {
+  const canvas = $("map"), ctx = sized(canvas), width = canvas.clientWidth, height = canvas.clientHeight;
+  centre();
+  ctx.fillStyle = colours().void;
+  ctx.fillRect(0, 0, width, height);
+  drawFloor(ctx, width, height);
+  drawLoads(ctx, width, height);
+  drawWait(ctx);
+  drawRobots(ctx, width, height);
+  drawCurve();
+  write();
+}
+
+let before = 0;
+
+function frame(at) {
+  if (playing) {
+    now = Math.min(TICKS - 1, now + ((at - before) / 1000) * 10 * speed);
+    if (now >= TICKS - 1) playing = false;
+    draw();
+    requestAnimationFrame(frame);
+  }
+  before = at;
+}
+
+function play(on) {
+  if (on && now >= TICKS - 1) now = 0;
+  playing = on;
+  draw();
+  if (on) requestAnimationFrame((at) => { before = at; requestAnimationFrame(frame); });
+}
+
+function goTo(tick) {
+  playing = false;
+  now = Math.max(0, Math.min(TICKS - 1, tick));
+  draw();
+}
+
+function choose(robot, follow = following) {
+  selected = robot;
+  following = follow && robot >= 0;
+  if (following && scale < 12) scale = 24;
+  draw();
+}
+
+function showTheme() {
+  for (const name of ["floor", "void", "text", "dim", "cursor"])
+    document.documentElement.style.setProperty(`--${name}`, colours()[name]);
+  $("theme").textContent = theme === "dark" ? "light" : "dark";
+  drawKey();
+  draw();
+}
+
+function otherTheme() {
+  theme = theme === "dark" ? "light" : "dark";
+  showTheme();
+}
+
+function setSpeed(value) {
+  speed = value;
+  $("speed").value = String(value);
+}
+
+function otherSpeed(step) {
+  const faster = SPEEDS.find((one) => one > speed), slower = SPEEDS.findLast((one) => one < speed);
+  setSpeed((step > 0 ? faster : slower) ?? speed);
+}
+
+function listenToKeys() {
+  const pan = (dx, dy) => { following = false; left += (dx * 60) / scale; top_ += (dy * 60) / scale; draw(); };
+  const zoomIn = (factor) => { zoom(factor, $("map").clientWidth / 2, $("map").clientHeight / 2); draw(); };
+  const step = (ticks) => goTo(tickNow() + ticks);
+  const actions = {
+    " ": () => play(!playing), ArrowLeft: (e) => step(e.shiftKey ? -100 : -1),
+    ArrowRight: (e) => step(e.shiftKey ? 100 : 1), Home: () => goTo(0), End: () => goTo(TICKS - 1),
+    "<": () => otherSpeed(-1), ">": () => otherSpeed(1), "+": () => zoomIn(1.25), "=": () => zoomIn(1.25),
+    "-": () => zoomIn(0.8), w: () => pan(0, -1), a: () => pan(-1, 0), s: () => pan(0, 1), d: () => pan(1, 0),
+    0: () => { following = false; fit(); draw(); }, t: otherTheme, Escape: () => choose(-1),
+    n: () => choose((selected + 1) % film.robots), p: () => choose((Math.max(selected, 0) + film.robots - 1) % film.robots),
+    f: () => choose(selected, !following),
+  };
+  document.addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.altKey || event.metaKey || !actions[event.key]) return;
+    if (event.target.matches("select") || (event.key === " " && event.target.matches("button"))) return;
+    event.preventDefault();
+    actions[event.key](event);
+  });
+}
+
+function robotAt(x, y) {
+  let best = -1, least = Math.max(0.7, 12 / scale);
+  for (let robot = 0; robot < film.robots; robot++) {
+    const place = placeOf(robot);
+    const far = place ? Math.hypot(place[0] + 0.5 - left - x / scale, place[1] + 0.5 - top_ - y / scale) : Infinity;
+    if (far < least) { best = robot; least = far; }
+  }
+  return best;
+}
+
+function listenToPointer() {
+  const map = $("map"), held = new Map();
+  let moved = 0;
+  map.addEventListener("pointerdown", (event) => {
+    map.setPointerCapture(event.pointerId);
+    held.set(event.pointerId, [event.offsetX, event.offsetY]);
+    moved = 0;
+  });
+  map.addEventListener("pointermove", (event) => {
+    const last = held.get(event.pointerId);
+    if (!last) return;
+    const [dx, dy] = [event.offsetX - last[0], event.offsetY - last[1]];
+    moved += Math.abs(dx) + Math.abs(dy);
+    if (held.size === 2) pinch(event, last);
+    else if (moved > 4) { following = false; left -= dx / scale; top_ -= dy / scale; }
+    held.set(event.pointerId, [event.offsetX, event.offsetY]);
+    draw();
+  });
+  const pinch = (event, last) => {
+    const other = [...held].find(([id]) => id !== event.pointerId)[1];
+    const was = Math.hypot(last[0] - other[0], last[1] - other[1]);
+    const is = Math.hypot(event.offsetX - other[0], event.offsetY - other[1]);
+    if (was > 0 && is > 0) zoom(is / was, (event.offsetX + other[0]) / 2, (event.offsetY + other[1]) / 2);
+  };
+  map.addEventListener("pointerup", (event) => {
+    held.delete(event.pointerId);
+    if (moved <= 4) choose(robotAt(event.offsetX, event.offsetY), true);
+  });
+  map.addEventListener("pointercancel", (event) => held.delete(event.pointerId));
+  map.addEventListener("wheel", (event) => {
+    event.preventDefault();
+    zoom(Math.exp(-event.deltaY * 0.002), event.offsetX, event.offsetY);
+    draw();
+  }, { passive: false });
+}
+
+function listen() {
+  listenToKeys();
+  listenToPointer();
+  const time = $("time");
+  time.min = 0;
+  time.max = TICKS - 1;
+  time.addEventListener("input", () => goTo(Number(time.value)));
+  const seek = (event) => goTo(Math.round(((event.offsetX - 8) / ($("curve").clientWidth - 16)) * (TICKS - 1)));
+  $("curve").addEventListener("pointerdown", seek);
+  $("curve").addEventListener("pointermove", (event) => event.buttons && seek(event));
+  $("play").addEventListener("click", () => play(!playing));
+  $("fit").addEventListener("click", () => { following = false; fit(); draw(); });
+  $("theme").addEventListener("click", otherTheme);
+  for (const value of [...new Set([...SPEEDS, speed])].sort((a, b) => a - b))
+    $("speed").add(new Option(`×${value}`, String(value)));
+  $("speed").addEventListener("change", () => setSpeed(Number($("speed").value)));
+  setSpeed(speed);
+  new ResizeObserver(draw).observe($("map"));
+}
+
+// film.html#tick=120&robot=3&play=1 opens at that tick, with that robot, and plays.
+function readAddress() {
+  const asked = new URLSearchParams(location.hash.slice(1));
+  const robot = Number(asked.get("robot") ?? selected);
+  if (Number.isInteger(robot) && robot < film.robots) selected = robot;
+  following = selected >= 0;
+  if (asked.has("tick")) now = Math.max(0, Math.min(TICKS - 1, Number(asked.get("tick")) - film.first || 0));
+  play(asked.has("play"));
+}
+
+async function begin() {
+  columns = await unpacked();
+  looks = new Uint8Array(await inflated(film.looks));
+  toggles = {};
+  const count = columns.changes.length / 2;
+  for (let k = 0; k < count; k++) (toggles[columns.changes[count + k]] ??= []).push(columns.changes[k]);
+  listen();
+  fit();
+  showTheme();
+  readAddress();
+  addEventListener("hashchange", readAddress);
+  if (following && scale < 12) scale = 24;
+  draw();
+  document.body.dataset.ready = "true";
+}
+
+begin().catch((error) => {
+  $("figures").textContent = `This browser cannot play the film: ${error.message}`;
+});

@@ -210,7 +210,8 @@ def seen(film: Path, address: str, home: Path) -> dict[str, str]:
         [
             *(str(BROWSER), "--headless", "--no-sandbox", "--disable-gpu", "--dump-dom"),
             *(
-                "--virtual-time-budget=3000",
+                "--virtual-time-budget=20000",
+                "--run-all-compositor-stages-before-draw",
                 f"--user-data-dir={home}",
                 f"{film.as_uri()}#{address}",
             ),

@@ -113,7 +113,7 @@ def ticks(
         clock[CLOCK_TICK] += 1
         world.robots.executed[:] = 0
         if world.rules.may_fail:
-            break_down_and_repair(world, record)
+            break_down_and_repair(world, record, workspace)
         release_orders(world)
         if has_trips(world):
             plan_trips(world, record)

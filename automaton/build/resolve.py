@@ -21,6 +21,7 @@ from automaton.scenario.conversions import Conversion, with_numbers
 from automaton.scenario.document import Document, Keys, Override, override
 from automaton.scenario.floor_section import floor_of
 from automaton.scenario.line_file import with_lines_of_file
+from automaton.scenario.line_table import plain_data
 from automaton.scenario.locations import names_of_cells, with_locations_of_file
 from automaton.scenario.order_file import with_orders_of_file
 from automaton.scenario.reading import SHIPPED_FOLDER, STUDIES_ARE_SWEPT, is_study, read
@@ -199,7 +200,7 @@ def document_of(
         if is_study(found.data):
             raise InputError(f"this is a study; {STUDIES_ARE_SWEPT}", found.file)
         return override(found, settings)
-    return override(Document(data=copy.deepcopy(msgspec.to_builtins(scenario))), settings)
+    return override(Document(data=copy.deepcopy(plain_data(scenario))), settings)
 
 
 def _choose_strategy(document: Document, scenario: Scenario, layer: str) -> StrategyChoice:

@@ -58,7 +58,7 @@ def _of_table(lines: LineTable, stations: dict[str, int]) -> LineColumns:
     named = values["order"] != NOTHING
     alike = np.where(named, values["order"], np.arange(count) + len(lines.orders))
     _, first, which = np.unique(alike, return_index=True, return_inverse=True)
-    numbers = np.array([stations[name] for name in lines.stations], np.int64)
+    numbers = np.array([stations[str(name)] for name in lines.stations], np.int64)
     at = np.where(values["station"] == NOTHING, NIL, numbers[values["station"]])
     order = np.argsort(np.argsort(first))[which]  # in the sequence of their first lines
     columns = (order, values["pod"], at, values["released"], values["due"], values["priority"])

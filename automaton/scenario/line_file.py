@@ -47,14 +47,13 @@ def with_lines_of_file(
     if not os.path.isfile(path):
         raise document.error(FILE, f"there is no file of lines '{demand.file}'")
     pods = int(np.count_nonzero((floor_plan.kind == STORAGE) & (floor_plan.loads != 0)))
-    numbers = [str(k + 1) for k in range(len(floor_plan.stations))]
-    stations = [*scenario.stations, *numbers]
+    stations = [*scenario.stations, *range(1, len(floor_plan.stations) + 1)]
     fields: list[Field] = [
         ReleaseField(),
         DueField(),
         TextField("order"),
         NameField("pod", {str(k + 1): k for k in range(pods)}, "pod", is_required=True),
-        NameField("station", {name: k for k, name in enumerate(stations)}, "station"),
+        NameField("station", {str(name): k for k, name in enumerate(stations)}, "station"),
         NumberField("priority", -100, 100, default=0),
         NumberField("units", 0, MOST_UNITS, default=1),
     ]

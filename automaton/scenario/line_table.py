@@ -29,7 +29,7 @@ class LineTable(Sequence[Line]):
     """
 
     def __init__(
-        self, values: Mapping[str, Column], orders: Sequence[str], stations: Sequence[str]
+        self, values: Mapping[str, Column], orders: Sequence[str], stations: Sequence[str | int]
     ) -> None:
         self.values, self.orders, self.stations = values, orders, stations
 

@@ -127,7 +127,7 @@ def _named(name: str, column: Column, names: list[Any]) -> list[Any]:
     """What the codes of a column stand for."""
     codes = _values(column)
     if any(code is not None and not 0 <= code < len(names) for code in codes):
-        raise InvalidFrameError(f"its lines name a {name} that it does not tell")
+        raise InvalidFrameError(f"an unnamed {name} is in its lines")
     return [None if code is None else names[code] for code in codes]
 
 

@@ -61,9 +61,16 @@ def _of_table(lines: LineTable, stations: dict[str, int]) -> LineColumns:
     numbers = np.array([stations[str(name)] for name in lines.stations], np.int64)
     at = np.where(values["station"] == NOTHING, NIL, numbers[values["station"]])
     order = np.argsort(np.argsort(first))[which]  # in the sequence of their first lines
-    columns = (order, values["pod"], at, values["released"], values["due"], values["priority"])
-    whole = [column.astype(np.int64) for column in columns]
-    return LineColumns(*whole, values["units"].astype(np.int64), np.zeros(0, np.int64))
+    return LineColumns(
+        order=order,
+        pod=values["pod"].astype(np.int64),
+        station=at,
+        release=values["released"].astype(np.int64),
+        due=values["due"].astype(np.int64),
+        priority=values["priority"].astype(np.int64),
+        units=values["units"].astype(np.int64),
+        pod_class=np.zeros(0, np.int64),
+    )
 
 
 def _listed(lines: Sequence[Line], stations: dict[str, int]) -> LineColumns:

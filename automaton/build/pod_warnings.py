@@ -81,12 +81,12 @@ def without(floor_plan: FloorPlan, cells: list[int]) -> FloorPlan:
 
 
 def robots_that_wait(resolved: Resolved) -> Iterator[str]:
-    """Warn about robots that have nothing to do, or stand where nobody else may be."""
+    """Warn about robots that have nothing to do, or stand where no other robot may be."""
     scenario, floor_plan = resolved.scenario, resolved.floor_plan
-    given = [places_of(floor_plan, station) for station in scenario.stations.values()]
-    places = [1] * (len(floor_plan.stations) - len(given)) + [one or 0 for one in given]
+    named = [places_of(floor_plan, station) for station in scenario.stations.values()]
+    places = [1] * (len(floor_plan.stations) - len(named)) + [one or 0 for one in named]
     robots = scenario.fleet.robots
-    if None not in given and robots > sum(places):
+    if None not in named and robots > sum(places):
         yield (
             f"{count(robots, 'robot')}, but stations let {count(sum(places), 'trip')} come at a time: "
             "the others have nothing to do"

@@ -32,7 +32,7 @@ def put_pod_aside(world, record, workspace, i):
     put_pod_into(world.traffic.occupancy, cell)
     give_place_back(world, identity)
     orders.current_slot[order] = slot
-    trips.begun[order] = orders.stops_done[order]  # a visit that was cut short begins anew
+    trips.begun[order] = orders.stops_done[order]  # a visit that was cut short begins again
     if next_stop(world, order) == NIL:
         complete_order(world, order)
         store_pod(world, order, slot)

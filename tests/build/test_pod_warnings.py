@@ -43,8 +43,8 @@ def test_a_station_lets_more_come_than_its_queue_holds() -> None:
 
 
 def test_a_queue_on_the_way_to_another_station() -> None:
-    told = warned(picture=ONE_LANE, stations={"A": A, "B": B})
-    assert [text.partition(":")[0] for text in told] == [
+    found = warned(picture=ONE_LANE, stations={"A": A, "B": B})
+    assert [text.partition(":")[0] for text in found] == [
         "the queue of station A is on the only way between [2, 1] and station B",
         "the queue of station B is on the only way between [2, 1] and station A",
     ]

@@ -105,6 +105,9 @@ def identities(
     by_lines = handling_of_visits(world, lines)
     if told.served != by_lines:
         wrong.append(f"{told.served} ticks of SERVE, {by_lines} by handling")
+    stations = world.pod_stations.served_ticks.sum()
+    if told.serving != stations:
+        wrong.append(f"{told.serving} ticks of SERVE up to now, {stations} by station")
     wrong += told.short_trips(world)
     figures.update(
         lines=int(known.sum()),
@@ -141,11 +144,12 @@ class Told:
         frames = [frame.content for frame in recording.frames if frame.kind == FRAME_KIND_TICKS]
         self.did = np.concatenate([content["executed"] for content in frames])
         self.changes = np.concatenate([content["changes"] for content in frames])
-        self.served = self.put_aside = 0
+        self.served = self.serving = self.put_aside = 0
         for tick, code, r, ticks in self.changes.tolist():
             serves = code == CHANGE_DURATION and self.did[tick - 1, r] & ACTION_MASK
-            if serves == EXECUTED_SERVE and tick + ticks - 1 <= len(self.did):
-                self.served += ticks
+            if serves == EXECUTED_SERVE:
+                self.serving += min(ticks, len(self.did) - tick + 1)
+                self.served += ticks if tick + ticks - 1 <= len(self.did) else 0
 
     def short_trips(self, world: Any) -> list[str]:
         """The trips that drive less with their load than the way from slot to slot is long."""

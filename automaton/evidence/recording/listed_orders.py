@@ -107,7 +107,7 @@ def _column(name: str, values: list[Any]) -> Column | None:
 
 
 def _rows(columns: dict[str, Column], names: dict[str, list[Any]]) -> list[dict[str, Any]]:
-    """The list that columns tell of. Raises InvalidFrameError."""
+    """The list that is stored as columns. Raises InvalidFrameError."""
     if len({len(column) for column in columns.values()}) != 1 or any(
         (name in CELLS) != (column.ndim == 2) for name, column in columns.items()
     ):

@@ -1,4 +1,4 @@
-"""`pods: {under: none}`: nobody enters the cell of a pod but the robot that lifts it."""
+"""`pods: {under: none}`: no robot enters the cell of a pod but the robot that lifts it."""
 
 from __future__ import annotations
 

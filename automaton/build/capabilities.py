@@ -24,7 +24,9 @@ from automaton.build.loaded_reach import (
     stands,
 )
 from automaton.engine.state import NIL
+from automaton.floor.cells import STORAGE
 from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.loaded_ways import to_and_from
 from automaton.floor.reachability import around_home, rack_stands, slot_access
 from automaton.scenario.document import Keys
 from automaton.scenario.orders import ENDS
@@ -54,13 +56,18 @@ class Service(NamedTuple):
 
 @lru_cache(maxsize=64)
 def service_for(
-    floor_plan: FloorPlan, types: tuple[RobotType, ...], homes: tuple[int, ...], rail: bool
+    floor_plan: FloorPlan,
+    types: tuple[RobotType, ...],
+    homes: tuple[int, ...],
+    rail: bool,
+    drives_under: bool,
 ) -> Service:
-    """Who serves what; `homes`: (K,) where a robot of each type begins."""
+    """Who serves what; `homes`: (K,) where a robot of each type begins; `drives_under`: pods."""
     pairs = zip(floor_by_type(floor_plan, rows_of(types, False)).floor_plans, homes, strict=True)
-    within = np.stack([around_home(floor, home, rail) for floor, home in pairs])
-    around = slot_access(floor_plan)
-    access = np.where(np.logical_or.reduce(within)[around], around, NIL).astype(np.int32)
+    around = around_home if drives_under else to_and_from
+    within = np.stack([around(floor, home, rail) for floor, home in pairs])
+    beside = slot_access(floor_plan)
+    access = np.where(np.logical_or.reduce(within)[beside], beside, NIL).astype(np.int32)
     serves = ((access != NIL) & within[:, access]).any(axis=2)
     service = Service(within.astype(np.uint8), access, serves.astype(np.uint8))
     for array in service:
@@ -79,7 +86,11 @@ class FleetOnFloor:
         self.type_of = type_of_each(scenario.fleet)  # (n,) by identity
         self.counts = np.bincount(self.type_of, minlength=len(self.types)).tolist()
         self.rail = scenario.fleet.kinematics == "rail"
-        self.closed = floor_by_type(floor_plan, rows_of(self.types, False)).closed  # (K, C)
+        self.drives_under = scenario.pods.under == "empty"  # pods that others are to lift
+        # (K, C) where robots of a type may not begin: nor in storage, where they would bar a pod.
+        self.closed = floor_by_type(floor_plan, rows_of(self.types, False)).closed
+        if not self.drives_under:
+            self.closed = self.closed | (floor_plan.kind.reshape(-1) == STORAGE)
         self.payload = max(robot_type.payload for robot_type in self.types)
         # Ticks that they take the fastest robots, without a load or with one.
         self.least_move = min(move for one in self.types for move in one.moves)
@@ -118,7 +129,7 @@ class FleetOnFloor:
     def service(self) -> Service:
         """Who serves what, from the first cells where robots may begin."""
         homes = tuple(int(cells[0]) for cells in self.starts)
-        return service_for(self.floor_plan, self.types, homes, self.rail)
+        return service_for(self.floor_plan, self.types, homes, self.rail, self.drives_under)
 
     @cached_property
     def within(self) -> Mask:

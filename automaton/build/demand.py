@@ -48,7 +48,11 @@ def build_orders(
     fleet = resolved.fleet
     first = np.cumsum([0, *fleet.counts[:-1]])  # robots of each type begin in one part of the floor
     service = service_for(
-        resolved.floor_plan, fleet.types, tuple(homes[first].tolist()), fleet.rail
+        resolved.floor_plan,
+        fleet.types,
+        tuple(homes[first].tolist()),
+        fleet.rail,
+        fleet.drives_under,
     )
     if resolved.scenario.orders.parts is not None:
         source, target, released = part_orders(resolved, floor.grid.slot)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from automaton.build.resolve import Resolved
-from automaton.scenario.orders import has_due_times
+from automaton.scenario.line_table import line_column
+from automaton.scenario.orders import has_due_times, listed_lines
 from automaton.units import count
 
 
@@ -15,13 +18,13 @@ def due_warnings(resolved: Resolved) -> list[str]:
 def due_too_early(resolved: Resolved) -> str:
     """Warn about orders that are due before they are released, which real files have."""
     orders = resolved.scenario.orders
-    lines = orders.lines if isinstance(orders.lines, tuple) else ()
+    lines = listed_lines(orders)
     what = "line" if lines else "order"
     times = [(one.due_tick, one.release) for one in orders.listed or ()]
-    times += [(one.due_tick, one.release) for one in lines]
     early = [
         number for number, (due, release) in enumerate(times) if due is not None and due < release
     ]
+    early += np.flatnonzero(line_column(lines, "due") < line_column(lines, "release")).tolist()
     if not early:
         return ""
     if len(early) == 1:

@@ -22,6 +22,7 @@ from automaton.floor.cells import (
     RACK,
     SHELF,
     STATION,
+    STORAGE,
     UNLIMITED,
 )
 from automaton.floor.floor_plan import DRIVABLE, FloorPlan
@@ -196,6 +197,9 @@ def check_starts(document: Document, fleet: FleetOnFloor) -> None:
     for robot, (cell, number) in enumerate(zip(start, fleet.type_of, strict=True)):
         if fleet.closed[number, cell]:
             x, y = floor_plan.xy(cell)
+            if floor_plan.kind.flat[cell] == STORAGE and not fleet.drives_under:
+                text = f"robot {robot} would start at [{x}, {y}], in storage, where it bars pods"
+                raise document.error(("fleet", "start", robot), f"{text} (pods.under: none)")
             robot_type = fleet.types[number]
             area = area_at(fleet.scenario, robot_type, x, y)
             text = (

@@ -6,6 +6,7 @@ strategies face the same demand.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,9 @@ from automaton.engine import random_numbers
 from automaton.engine.random_numbers import STREAM_LINE_DEMAND
 from automaton.engine.releases import draw_releases
 from automaton.engine.state import NEVER, NIL
+from automaton.scenario.line_table import LineTable
+from automaton.scenario.order_fields import NOTHING
+from automaton.scenario.orders import listed_lines
 from automaton.scenario.pods import Line, LineDemand, PerOrder
 from automaton.scenario.schema import Scenario
 
@@ -43,10 +47,33 @@ def line_columns(scenario: Scenario, pods: int, stations: dict[str, int], seed: 
     assert lines is not None, "the scenario has lines"
     if isinstance(lines, LineDemand):
         return _drawn(lines, scenario, pods, max(stations.values()) + 1, seed)
-    return _listed(lines, stations)
+    listed = listed_lines(scenario.orders)
+    return (
+        _of_table(listed, stations) if isinstance(listed, LineTable) else _listed(listed, stations)
+    )
 
 
-def _listed(lines: tuple[Line, ...], stations: dict[str, int]) -> LineColumns:
+def _of_table(lines: LineTable, stations: dict[str, int]) -> LineColumns:
+    values, count = lines.values, len(lines)
+    named = values["order"] != NOTHING
+    alike = np.where(named, values["order"], np.arange(count) + len(lines.orders))
+    _, first, which = np.unique(alike, return_index=True, return_inverse=True)
+    numbers = np.array([stations[str(name)] for name in lines.stations], np.int64)
+    at = np.where(values["station"] == NOTHING, NIL, numbers[values["station"]])
+    order = np.argsort(np.argsort(first))[which]  # in the sequence of their first lines
+    return LineColumns(
+        order=order,
+        pod=values["pod"].astype(np.int64),
+        station=at,
+        release=values["released"].astype(np.int64),
+        due=values["due"].astype(np.int64),
+        priority=values["priority"].astype(np.int64),
+        units=values["units"].astype(np.int64),
+        pod_class=np.zeros(0, np.int64),
+    )
+
+
+def _listed(lines: Sequence[Line], stations: dict[str, int]) -> LineColumns:
     known: dict[int | str, int] = {}
     order = [
         known.setdefault(f" {k}" if line.order is None else line.order, len(known))

@@ -35,7 +35,7 @@ def check_pods(document: Document, scenario: Scenario, floor_plan: FloorPlan) ->
         raise document.error(("layout",), "lines want pods, and the floor has none: draw them as p")
     check_stations(document, scenario, floor_plan)
     names = list(scenario.stations)
-    if isinstance(scenario.orders.lines, tuple):
+    if isinstance(scenario.orders.lines, tuple):  # those of a file were checked as it was read
         for index, line in enumerate(scenario.orders.lines):
             keys: Keys = ("orders", "lines", index)
             check_line(document, line, keys, pods, names, len(floor_plan.stations))

@@ -61,14 +61,23 @@ def floor_for(
     kinematics: str,
     mode: str,
     types: tuple[RobotType, ...] = (RobotType(),),
+    drives_under: bool = True,
 ) -> Floor:
-    """The floor for a plan, kinematics, mode of zones and types; built once for all that drive alike."""
-    return _floor_for(floor_plan, kinematics, mode, tuple(one.driving for one in types))
+    """The floor for a plan, kinematics, mode of zones and types; built once for all that drive alike.
+
+    `drives_under`: robots without a load pass through storage, under pods.
+    """
+    driving = tuple(one.driving for one in types)
+    return _floor_for(floor_plan, kinematics, mode, driving, drives_under)
 
 
 @lru_cache(maxsize=16)
 def _floor_for(
-    floor_plan: FloorPlan, kinematics: str, mode: str, types: tuple[RobotType, ...]
+    floor_plan: FloorPlan,
+    kinematics: str,
+    mode: str,
+    types: tuple[RobotType, ...],
+    drives_under: bool,
 ) -> Floor:
     headings = HEADING_COUNTS[kinematics]
     rows = rows_of(types, loads_differ(floor_plan, types))
@@ -90,7 +99,9 @@ def _floor_for(
         headings=headings,
         kind=frozen(kind.copy()),
         cell_flags=frozen(rule),
-        type_cell_flags=frozen(flags_by_type(by_type.floor_plans, kinematics, len(types))),
+        type_cell_flags=frozen(
+            flags_by_type(by_type.floor_plans, kinematics, len(types) if drives_under else 0)
+        ),
         drivable=frozen(np.flatnonzero(DRIVABLE[kind]).astype(np.int32)),
         offset=frozen(np.array(floor_plan.offsets, np.int64)),
         slot=frozen(slot),
@@ -117,14 +128,14 @@ def loads_differ(floor_plan: FloorPlan, types: Iterable[RobotType]) -> bool:
     return has_storage(floor_plan) or any(one.loads_differ for one in types)
 
 
-def flags_by_type(floor_plans: Sequence[FloorPlan], kinematics: str, types: int) -> Array:
+def flags_by_type(floor_plans: Sequence[FloorPlan], kinematics: str, first: int) -> Array:
     """(K, C) uint8: the flags of cells for robots of each type, then for those of each with a load.
 
-    `types`: how many there are. Robots with a load pass through no storage.
+    `first`: those from this one on pass through no storage.
     """
     by_type: Array = np.stack([cell_flags_of(plan, kinematics) for plan in floor_plans])
     storage = floor_plans[0].kind.reshape(-1) == STORAGE
-    by_type[types:, storage] |= np.uint8(NO_WAY_THROUGH)
+    by_type[first:, storage] |= np.uint8(NO_WAY_THROUGH)
     return by_type
 
 

@@ -20,7 +20,9 @@ from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.conversions import Conversion, with_numbers
 from automaton.scenario.document import Document, Keys, Override, override
 from automaton.scenario.floor_section import floor_of
+from automaton.scenario.handling_file import with_handling_of_files
 from automaton.scenario.line_file import with_lines_of_file
+from automaton.scenario.line_table import plain_data
 from automaton.scenario.locations import names_of_cells, with_locations_of_file
 from automaton.scenario.order_file import with_orders_of_file
 from automaton.scenario.reading import SHIPPED_FOLDER, STUDIES_ARE_SWEPT, is_study, read
@@ -93,6 +95,7 @@ def resolve(
     document, checked, conversions = checked_scenario(document)
     document, checked, order_file = with_orders_of_file(document, checked)
     document, checked, start_file = with_starts_of_file(document, checked)
+    checked, handling_files = with_handling_of_files(document, checked)
     floor = floor_of(document, checked.layout)
     document, checked, task_file = with_tasks_of_file(document, checked, floor.floor_plan)
     document, checked, line_file = with_lines_of_file(document, checked, floor.floor_plan)
@@ -112,7 +115,7 @@ def resolve(
         ),
         files=tuple(
             (file.path, file.content_hash)
-            for file in (location_file, order_file, start_file, task_file)
+            for file in (location_file, order_file, start_file, task_file, *handling_files)
             if file is not None
         ),
         conversions=conversions,
@@ -199,7 +202,7 @@ def document_of(
         if is_study(found.data):
             raise InputError(f"this is a study; {STUDIES_ARE_SWEPT}", found.file)
         return override(found, settings)
-    return override(Document(data=copy.deepcopy(msgspec.to_builtins(scenario))), settings)
+    return override(Document(data=copy.deepcopy(plain_data(scenario))), settings)
 
 
 def _choose_strategy(document: Document, scenario: Scenario, layer: str) -> StrategyChoice:

@@ -48,6 +48,7 @@ def rules_for(scenario: Scenario, seed: int, loaded_differ: bool = False) -> Rul
         skip_reached=int(scenario.orders.skip_reached),
         priorities=np.array(priorities_of(scenario.orders), np.int16),
         join=int(scenario.pods.join),
+        under=int(scenario.pods.under == "empty"),
         loaded_types=len(types) if loaded_differ else 0,
         own_zones=int(getattr(scenario.information, "orders", "all") == "zones"),
         tick_us=tick_length(scenario.units.tick),

@@ -8,6 +8,7 @@ from automaton.build.conversion_table import coarse_conversions
 from automaton.build.due_warnings import due_warnings
 from automaton.build.fleet_warnings import fleet_warnings
 from automaton.build.late_releases import late_releases
+from automaton.build.pod_warnings import pod_warnings
 from automaton.build.resolve import Resolved
 from automaton.errors import alternatives
 from automaton.floor.cells import CHARGER, STATION, UNLIMITED
@@ -42,6 +43,7 @@ def scenario_warnings(resolved: Resolved) -> list[str]:
         *late_releases(resolved),
         *coarse_conversions(resolved),
         *fleet_warnings(resolved),
+        *pod_warnings(resolved),
     ]
 
 

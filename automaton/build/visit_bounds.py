@@ -17,7 +17,8 @@ from automaton.engine.state import HEADING_COUNTS
 from automaton.floor.cells import STORAGE
 from automaton.floor.travel_ticks import Driving, ticks_between
 from automaton.scenario.handling import Distribution, Handling
-from automaton.scenario.pods import LineDemand
+from automaton.scenario.line_table import line_column
+from automaton.scenario.orders import listed_lines
 from automaton.scenario.robot_types import types_of
 from automaton.scenario.schema import Scenario
 from automaton.units import count
@@ -107,8 +108,9 @@ def mean_handling(scenario: Scenario) -> float:
     handling: Handling = scenario.durations.handling
     line = mean_of(handling.line) if isinstance(handling.line, Distribution) else handling.line
     units = 1.0
-    if not isinstance(scenario.orders.lines, LineDemand) and scenario.orders.lines:
-        units = float(np.mean([line.units for line in scenario.orders.lines]))
+    lines = listed_lines(scenario.orders)
+    if lines:
+        units = float(line_column(lines, "units").mean())
     return handling.visit + line + units * handling.unit
 
 

@@ -56,6 +56,8 @@ from automaton.floor.cells import CHARGER
 
 MAX_QUEUE_LENGTH = 64  # orders of a robot
 MAX_QUEUED_ORDERS = 4_000_000  # of all robots: bounds the memory of large fleets
+ORDERS_DIGESTED = 20_000  # in a tick, on average: some 25 ns each, so half a millisecond
+LONGEST_DIGEST_INTERVAL = 64  # ticks
 CROWDED = 12  # cells per robot below which each cell has its entry in the contest
 
 
@@ -65,6 +67,11 @@ class Buffers(NamedTuple):
     full_batch: Batch  # the robots concerned
     batch: Batch  # those that one call of decide is about
     decisions: Decisions
+
+
+def digest_interval(orders: int) -> int:
+    """Ticks from one digest of a recording to the next, where there are so many orders."""
+    return min(1 + orders // ORDERS_DIGESTED, LONGEST_DIGEST_INTERVAL)
 
 
 def build_world(
@@ -81,7 +88,8 @@ def build_world(
     scenario = resolved.scenario
     kinematics, zones = scenario.fleet.kinematics, scenario.world.traffic_zones
     types = resolved.fleet.types
-    floor = floor_for(resolved.floor_plan, kinematics, zones, types)
+    drives_under = resolved.fleet.drives_under
+    floor = floor_for(resolved.floor_plan, kinematics, zones, types, drives_under)
     starts = homes(resolved, seed)
     orders, slots, stops = build_orders(resolved, floor, seed, starts[0])
     carried = build_pods(resolved, floor, slots, seed)
@@ -110,7 +118,7 @@ def build_world(
     clock[CLOCK_UNPARKED] = n - int(robots.parked.sum())
     clock[CLOCK_FRESH_ALLOCATION] = n
     clock[CLOCK_ALLOCATION_REVISION] = NIL
-    clock[CLOCK_DIGEST_EVERY] = 1
+    clock[CLOCK_DIGEST_EVERY] = digest_interval(most)
     traffic = build_traffic(n, occupancy, floor.grid.traffic_zone_count)
     world = World(
         grid=floor.grid,

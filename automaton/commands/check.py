@@ -143,7 +143,8 @@ def grid_and_durations(resolved: Resolved) -> tuple[Grid, Array]:
 
     scenario = resolved.scenario
     driving = (scenario.fleet.kinematics, scenario.world.traffic_zones)
-    grid = floor_for(resolved.floor_plan, *driving, resolved.fleet.types).grid
+    fleet = resolved.fleet
+    grid = floor_for(resolved.floor_plan, *driving, fleet.types, fleet.drives_under).grid
     return grid, rules_for(scenario, scenario.seed).duration[0]
 
 

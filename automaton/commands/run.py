@@ -199,5 +199,6 @@ def as_json(resolved: Resolved, outcome: Outcome) -> dict[str, Any]:
         "metrics": outcome.metrics,
         "robots": outcome.robots,
         **({"types": list(outcome.types)} if outcome.types else {}),
+        **({"stations": list(outcome.stations)} if outcome.stations else {}),
         **({"metrics_in_units": told} if told else {}),
     }

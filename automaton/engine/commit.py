@@ -40,7 +40,14 @@ from automaton.engine.state import (
     REASON_NO_ORDER,
     REASON_ORDER_TAKEN,
 )
-from automaton.engine.trips import give_place_back, has_place, has_trips, take_place, withdraw_offer
+from automaton.engine.trips import (
+    give_place_back,
+    has_place,
+    has_trips,
+    next_station,
+    take_place,
+    withdraw_offer,
+)
 from automaton.engine.visits import has_started, is_assigned, lose_order
 
 GIVEN = 255  # in out.order_taken: a robot got the order in this batch
@@ -201,7 +208,8 @@ def take(world, record, i, order, goal_cell, out):
         refuse(world, LAYER_ALLOCATION, i)
         return
     if has_trips(world) and robots.order[i] != order:
-        if not has_place(world, order):
+        own = world.trips.place[robots.identity[i]]  # it is free when this robot changes its trip
+        if not has_place(world, order) and own != next_station(world, order):
             return  # another robot got the last place in this batch: it is asked again
         take_trip(world, record, np.int64(robots.identity[i]), order)
     out.order_taken[order] = GIVEN

@@ -86,7 +86,8 @@ from automaton.engine.state import (
     RETRY_NONE,
     RETRY_WAITED,
 )
-from automaton.engine.trips import has_trips, is_in_own_queue, is_queueing_at_station
+from automaton.engine.station_queues import is_in_own_queue, is_queueing_at_station
+from automaton.engine.trips import has_trips
 from automaton.engine.visits import serve
 
 

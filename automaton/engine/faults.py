@@ -1,8 +1,9 @@
 """Robots that go down, are towed, and come back.
 
 An empty battery or a fault takes a robot out where it stands. Its orders are given back; its load
-becomes a waiting order in its cell, to be picked up from the cells beside it. It holds its cell
-until it is towed; where robots are not repaired, it is gone.
+becomes a waiting order in its cell, to be picked up from the cells beside it; a pod stays on it. It
+holds its cell until it is towed, and its pod is put into storage; where robots are not repaired, it is
+gone.
 """
 
 import numpy as np
@@ -54,12 +55,13 @@ from automaton.engine.state import (
     REASON_PICKED,
     RETRY_NONE,
 )
+from automaton.engine.towing import put_pod_aside
 from automaton.engine.trips import has_trips
 from automaton.engine.visits import return_order
 
 
 @kernel
-def break_down_and_repair(world, record):
+def break_down_and_repair(world, record, workspace):
     """At the start of a tick: robots are towed and come back; others fail, or lack energy."""
     clock, faults = world.clock, world.rules.faults
     while (
@@ -71,7 +73,7 @@ def break_down_and_repair(world, record):
     if world.rules.breakdown:
         draw_faults(world)
     if clock[CLOCK_ROBOTS_DOWN]:
-        tow_and_repair(world, record)
+        tow_and_repair(world, record, workspace)
         take_all_out(world, record)
 
 
@@ -98,7 +100,8 @@ def draw_faults(world):
 
 
 @kernel
-def tow_and_repair(world, record):
+def tow_and_repair(world, record, workspace):
+    """Robots come back, or are towed; one with a pod as soon as there is a cell to put it into."""
     robots, tick = world.robots, world.clock[CLOCK_TICK]
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
@@ -112,7 +115,9 @@ def tow_and_repair(world, record):
         if status == STATUS_TOWED:
             come_back(world, record, i)
         elif status != STATUS_REMOVED:
-            tow(world, record, i)
+            carries_pod = has_trips(world) and robots.load[i] != NIL
+            if not carries_pod or put_pod_aside(world, record, workspace, i):
+                tow(world, record, i)
 
 
 @kernel

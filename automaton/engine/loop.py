@@ -60,14 +60,9 @@ from automaton.engine.state import (
     STOP_DELIVERED,
     STOP_PARKED,
 )
+from automaton.engine.station_queues import clear_queues, count_starved, mark_queues
 from automaton.engine.stations import work_at_stations
-from automaton.engine.trips import (
-    clear_queues,
-    has_trips,
-    leave_stations_and_pods,
-    mark_queues,
-    plan_trips,
-)
+from automaton.engine.trips import has_trips, leave_stations_and_pods, plan_trips
 from automaton.engine.visibility import begin_call, call_count, end_call, name_robots
 from automaton.engine.visits import complete_visits
 from automaton.engine.zoning_commit import commit_zoning, judge_zoning
@@ -113,7 +108,7 @@ def ticks(
         clock[CLOCK_TICK] += 1
         world.robots.executed[:] = 0
         if world.rules.may_fail:
-            break_down_and_repair(world, record)
+            break_down_and_repair(world, record, workspace)
         release_orders(world)
         if has_trips(world):
             plan_trips(world, record)
@@ -207,6 +202,7 @@ def motion(world, record):
     carries_pods = has_trips(world)
     if carries_pods:
         mark_queues(world)
+        count_starved(world)
     apply_move_outcomes(world, record)
     if carries_pods:
         clear_queues(world)

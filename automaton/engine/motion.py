@@ -26,14 +26,14 @@ import numpy as np
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.prefetch import prefetch
 from automaton.engine.random_numbers import splitmix64
-from automaton.engine.state import NIL
+from automaton.engine.state import GOAL_PICK, NIL
 
 LIVE = 4  # bits of traffic.intent; bits 0-1 are the direction
 ENTERED = 8  # it left its parking bay this tick: no robot may follow into its cell
 NO_TURN = 8  # without LIVE: a turn that found the other lane held
 MOVED = 16  # outcomes
 REFUSED = 32
-POD_AHEAD = 32  # REFUSED, without LIVE: a robot with a load does not drive under a pod
+POD_AHEAD = 32  # REFUSED, without LIVE: a robot that does not drive under this pod
 ARRIVED = 64  # a long move ended, or a robot stands at its goal already
 HELD = 128  # right of way holds it back; bits 0-1 are where it would like to go, if TOWARDS is set
 TOWARDS = 8
@@ -41,7 +41,7 @@ TOWARDS = 8
 CLAIMS = 31
 FLAGS_SHIFT = 8  # shift of the rule in a word
 CAPACITY_SHIFT = 13  # shift of the class of capacity in a word
-POD = 1 << 15  # bit of a word: a pod stands here, no robot with a load enters
+POD = 1 << 15  # bit of a word: a pod stands here, no robot with a load enters (rules.under: none)
 ROOM_TAKEN_BITS = (
     0b10_01_11_11_00_00  # room that a robot takes, by class (unlimited, 1, 2) and lane
 )
@@ -223,7 +223,7 @@ def move_all(grid, rules, robots, traffic, tick):
     Reads traffic.intent (LIVE | direction, or 0) and traffic.move_ticks of robots that are not
     busy; leaves MOVED, REFUSED or ARRIVED there. A want against the cell's exits becomes 0.
     """
-    arriving = claim_cells(grid, robots, traffic)
+    arriving = claim_cells(grid, rules, robots, traffic)
     releases, dirty = end_moves(grid, rules, robots, traffic, arriving)
     releases, pending, dirty = move_uncontested(grid, rules, robots, traffic, releases, dirty)
     if pending:
@@ -236,7 +236,7 @@ def move_all(grid, rules, robots, traffic, tick):
 
 
 @kernel
-def claim_cells(grid, robots, traffic):
+def claim_cells(grid, rules, robots, traffic):
     """First pass: busy robots count down, the others write their claims.
 
     Returns how many robots arrive, which are then listed in traffic.dirty.
@@ -257,7 +257,7 @@ def claim_cells(grid, robots, traffic):
             if (np.int64(occupancy[U(cell)]) >> (FLAGS_SHIFT + direction)) & 1:
                 target = U(cell + grid.offset[U(direction)])
                 word = np.int64(occupancy[target])
-                if word & POD and robots.load[U(i)] != NIL:
+                if word & POD and not drives_under(rules, robots, i, target):
                     intent[U(i)] = POD_AHEAD | direction
                     continue
                 twice = ((word >> direction) & 1) << 4
@@ -265,6 +265,15 @@ def claim_cells(grid, robots, traffic):
             else:
                 intent[U(i)] = 0
     return arriving
+
+
+@kernel
+def drives_under(rules, robots, i, target):
+    """Whether robot i may drive under the pod in a cell: without a load, or only to lift that pod."""
+    if robots.load[U(i)] != NIL:
+        return False
+    lifts = robots.goal_type[U(i)] == GOAL_PICK and robots.goal_cell[U(i)] == target
+    return rules.under != 0 or lifts
 
 
 @kernel

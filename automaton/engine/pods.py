@@ -12,7 +12,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from automaton.engine.jit.fields import DERIVED, NIL, SCRATCH, STATIC, field
+from automaton.engine.jit.fields import DERIVED, MEASURED, NIL, SCRATCH, STATIC, field
 from automaton.engine.jit.structs import Struct
 
 Array = NDArray[Any]
@@ -114,3 +114,12 @@ class PodStations(Struct, role=STATIC):
         "(c,) uint8", "1 = its holder queues there, or is at the station", role=SCRATCH
     )
     breaks: Array = field("(b, 3) int64", "station, first tick, tick after the last; by tick")
+    served_ticks: Array = field("(k,) int64", "ticks in which it served a robot", role=MEASURED)
+    starved_ticks: Array = field(
+        "(k,) int64",
+        "ticks with lines open for it, no break, and no robot in its cell or queue",
+        role=MEASURED,
+    )
+    visited_at: Array = field(
+        "(k,) int64", "the last tick in which a robot was in its cell or queue", role=MEASURED
+    )

@@ -192,6 +192,9 @@ class Rules(Struct, role=STATIC):
     )
     priorities: Array = field("(p,) int16", "those that orders have, the highest first")
     join: int = field("int64", "1: lines join trips under way; 0: each is a trip of its own")
+    under: int = field(
+        "int64", "1: robots without a load drive under pods; 0: only the one that lifts it"
+    )
     loaded_types: int = field(
         "int64", "what is added to the type of a robot that carries a load; 0: it drives as without"
     )

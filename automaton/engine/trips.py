@@ -23,7 +23,6 @@ from automaton.engine.state import (
     CLOCK_STORED_PODS,
     CLOCK_TICK,
     CLOCK_UNDELIVERED,
-    GOAL_STOP,
     NIL,
     ORDER_WAITING,
 )
@@ -277,8 +276,13 @@ def give_place_back(world, identity):
 @kernel
 def has_break(world, trip):
     """Whether no visit begins now at the station of a trip's next stop."""
-    station, tick = next_station(world, trip), world.clock[CLOCK_TICK]
-    breaks = world.pod_stations.breaks
+    return is_in_break(world, next_station(world, trip))
+
+
+@kernel
+def is_in_break(world, station):
+    """Whether no visit begins now at a station."""
+    tick, breaks = world.clock[CLOCK_TICK], world.pod_stations.breaks
     for row in range(breaks.shape[0]):
         if breaks[row, 0] == station and breaks[row, 1] <= tick < breaks[row, 2]:
             return True
@@ -376,59 +380,3 @@ def store_pod(world, trip, slot):
             place -= 1
         pods.stored[place] = pod
         world.clock[CLOCK_STORED_PODS] += 1
-
-
-@kernel
-def mark_queues(world):
-    """After motion: which cells of stations and queues are held by robots that go there, or are there."""
-    robots = world.robots
-    for i in range(robots.cell.shape[0]):
-        cell = robots.cell[i]
-        if cell == NIL:
-            continue
-        mark_if_queueing(world, i, cell)
-        if robots.claim[i] != NIL:
-            mark_if_queueing(world, i, robots.claim[i])
-
-
-@kernel
-def mark_if_queueing(world, i, cell):
-    """Mark a cell that robot i holds, if that is a station, or in the queue of the one it goes to."""
-    robots, stations = world.robots, world.pod_stations
-    station = stations.queue_at[cell]
-    queues = robots.goal_type[i] == GOAL_STOP and station != NIL
-    if stations.station_at[cell] != NIL or (
-        queues and robots.goal_cell[i] == stations.cell[station]
-    ):
-        stations.held_back[cell] = 1
-
-
-@kernel
-def clear_queues(world):
-    robots, stations = world.robots, world.pod_stations
-    for i in range(robots.cell.shape[0]):
-        if robots.cell[i] != NIL:
-            stations.held_back[robots.cell[i]] = 0
-            if robots.claim[i] != NIL:
-                stations.held_back[robots.claim[i]] = 0
-
-
-@kernel
-def is_in_own_queue(view, i):
-    """Whether robot i stands in the queue of the station to which it goes: the queue alone moves it."""
-    if view.trips.pod.shape[0] == 0 or view.robots.goal_type[i] != GOAL_STOP:
-        return False
-    station = view.pod_stations.queue_at[view.robots.cell[i]]
-    return station != NIL and view.pod_stations.cell[station] == view.robots.goal_cell[i]
-
-
-@kernel
-def is_queueing_at_station(world, i, ahead):
-    """Whether robot i, whose stop is a station, finds its place in the queue, or the station, held."""
-    robots, stations = world.robots, world.pod_stations
-    if robots.goal_type[i] != GOAL_STOP or stations.held_back[ahead] == 0:
-        return False
-    station = stations.station_at[robots.goal_cell[i]]
-    if station == NIL:
-        return False
-    return ahead == robots.goal_cell[i] or stations.queue_at[ahead] == station

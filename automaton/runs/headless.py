@@ -41,6 +41,7 @@ from automaton.runs.metrics import (
 from automaton.runs.progress import Jam, largest_jam
 from automaton.runs.run_diagnosis import describe_unfinished_run, find_wait_cycles, stalled_robots
 from automaton.runs.simulation import RECORD_TICKS, Simulation
+from automaton.runs.station_metrics import metrics_by_station
 from automaton.runs.strategy_failure import is_from_outside, strategy_failure
 from automaton.runs.task_metrics import summed, tasks_after
 from automaton.scenario.unavailable_metrics import warm_up_of
@@ -78,6 +79,7 @@ class Outcome(NamedTuple):
     jam: Jam | None  # most robots that stand together at the end and get nothing done
     ran_out: OrdersExhausted | None  # None: there were orders to the end, or it ends with them
     types: Sequence[dict[str, Any]] = ()  # metrics by type of robot, where there are several
+    stations: Sequence[dict[str, Any]] = ()  # metrics by station, where pods are carried there
 
 
 def run_to_end(
@@ -179,6 +181,7 @@ def run_once(
         jam=largest_jam(simulation.world, simulation.resolved.floor_plan),
         ran_out=orders_exhausted(simulation),
         types=metrics_by_type(simulation),
+        stations=metrics_by_station(simulation),
     )
 
 

@@ -32,7 +32,7 @@ ROBOT_COLUMNS = {  # head: what of the robot's metrics
     "slowdown": "slowdown_ticks",
 }
 SLOWDOWN = "slowdown_ticks"  # shown with the lost time, though it is none of its causes
-ROBOTS_SHOWN = 50
+ROBOTS_SHOWN = STATIONS_SHOWN = 50
 NEVER_WITH_CELLS = ("try_drops",)  # makes room for the distance
 
 
@@ -47,7 +47,8 @@ def blocks(resolved: Resolved, outcome: Outcome) -> Iterator[ConsoleBlock]:
     yield from heading(resolved, outcome, tick)
     tables = metrics_table(outcome, tick, cell), lost_table(outcome, tick)
     by_type = [types_table(outcome, tick)] if outcome.types else []
-    for table in (*tables, *by_type, robots_table(outcome, tick, cell)):
+    by_station = [stations_table(outcome)] if outcome.stations else []
+    for table in (*tables, *by_type, *by_station, robots_table(outcome, tick, cell)):
         yield ""
         yield table
     if len(outcome.robots) > ROBOTS_SHOWN:
@@ -164,6 +165,15 @@ def types_table(outcome: Outcome, tick: Unit) -> Table:
         used = percent(row["utilization"], 0)
         rows.append([row["type"], *counted, payload, done, driving, handling, used])
     return Table(heads, rows, gap=1)
+
+
+def stations_table(outcome: Outcome) -> Table:
+    """One line for each station to which pods are carried, at most STATIONS_SHOWN."""
+    rows = []
+    for row in outcome.stations[:STATIONS_SHOWN]:
+        shares = (percent(row[name]) for name in ("service_share", "starved_share"))
+        rows.append([row["station"], number(row["visits"]), number(row["lines_done"]), *shares])
+    return Table(("station", "visits", "lines", "serves", "starved"), rows)
 
 
 def robots_table(outcome: Outcome, tick: Unit, cell: Unit | None) -> Table:

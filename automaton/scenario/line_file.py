@@ -16,21 +16,19 @@ import numpy as np
 from automaton.floor.cells import STORAGE
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.document import Document, Keys, ListFile
-from automaton.scenario.field_types import DueAt
+from automaton.scenario.line_table import LineTable
 from automaton.scenario.order_columns import read_columns
 from automaton.scenario.order_fields import (
-    NO_DUE,
     DueField,
     Field,
     NameField,
     NumberField,
-    OrderColumns,
     ReleaseField,
     TextField,
 )
 from automaton.scenario.order_file import TransportFile
 from automaton.scenario.order_notes import reading_notes, start_warnings
-from automaton.scenario.pods import Line, LineDemand
+from automaton.scenario.pods import LineDemand
 from automaton.scenario.schema import Scenario
 
 FILE: Final[Keys] = ("orders", "lines", "file")
@@ -49,14 +47,13 @@ def with_lines_of_file(
     if not os.path.isfile(path):
         raise document.error(FILE, f"there is no file of lines '{demand.file}'")
     pods = int(np.count_nonzero((floor_plan.kind == STORAGE) & (floor_plan.loads != 0)))
-    numbers = [str(k + 1) for k in range(len(floor_plan.stations))]
-    stations = [*scenario.stations, *numbers]
+    stations = [*scenario.stations, *range(1, len(floor_plan.stations) + 1)]
     fields: list[Field] = [
         ReleaseField(),
         DueField(),
         TextField("order"),
         NameField("pod", {str(k + 1): k for k in range(pods)}, "pod", is_required=True),
-        NameField("station", {name: k for k, name in enumerate(stations)}, "station"),
+        NameField("station", {str(name): k for k, name in enumerate(stations)}, "station"),
         NumberField("priority", -100, 100, default=0),
         NumberField("units", 0, MOST_UNITS, default=1),
     ]
@@ -65,7 +62,7 @@ def with_lines_of_file(
     columns = read_columns(path, fields, demand, named, scale, PLACES)
     columns.errors.raise_any()
     listed = ListFile(("orders", "lines"), columns.path, columns.lines)
-    lines = _lines(columns, stations)
+    lines = LineTable(columns.values, columns.names["order"], stations)
     orders = msgspec.structs.replace(scenario.orders, lines=lines)
     file = TransportFile(
         str(path.resolve()),
@@ -76,29 +73,3 @@ def with_lines_of_file(
     )
     document = replace(document, listed=(*document.listed, listed))
     return document, msgspec.structs.replace(scenario, orders=orders), file
-
-
-def _lines(columns: OrderColumns, stations: list[str]) -> tuple[Line, ...]:
-    values, orders = columns.values, columns.names["order"]
-    rows = zip(
-        values["order"].tolist(),
-        values["pod"].tolist(),
-        values["station"].tolist(),
-        values["released"].tolist(),
-        values["due"].tolist(),
-        values["priority"].tolist(),
-        values["units"].tolist(),
-        strict=True,
-    )
-    return tuple(
-        Line(
-            order=None if order < 0 else orders[order],
-            pod=pod + 1,
-            station=None if station < 0 else stations[station],
-            release=release,
-            due=None if due == NO_DUE else DueAt(at=due),
-            priority=priority,
-            units=units,
-        )
-        for order, pod, station, release, due, priority, units in rows
-    )

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from typing import Annotated, Final, Literal
 
+import numpy as np
 from msgspec import Meta, field
 
 from automaton.floor.cells import DESTINATION, DOCK, RACK, SHELF, STATION
@@ -21,6 +23,8 @@ from automaton.scenario.field_types import (
     Ticks,
     Weight,
 )
+from automaton.scenario.line_table import line_column
+from automaton.scenario.order_fields import NO_DUE
 from automaton.scenario.pods import Line, LineDemand
 from automaton.scenario.quantities import GAP, TIME, quantity
 from automaton.scenario.transports import Transports
@@ -417,20 +421,25 @@ def has_lines(orders: Orders) -> bool:
     return orders.lines is not None
 
 
+def listed_lines(orders: Orders) -> Sequence[Line]:
+    """Return the lines that are listed, one by one or in a file."""
+    lines: Sequence[Line] | LineDemand | None = orders.lines
+    return () if lines is None or isinstance(lines, LineDemand) else lines
+
+
 def has_due_times(orders: Orders) -> bool:
     """Return whether any of the orders has a due time."""
     if isinstance(orders.lines, LineDemand):
         return orders.lines.due is not None
-    return any(order.due is not None for order in orders.listed or ()) or any(
-        line.due is not None for line in orders.lines or ()
+    return any(order.due is not None for order in orders.listed or ()) or bool(
+        (line_column(listed_lines(orders), "due") != NO_DUE).any()
     )
 
 
 def priorities_of(orders: Orders) -> list[int]:
     """Return the priorities that orders have, the highest first."""
-    lines = orders.lines if isinstance(orders.lines, tuple) else ()
     priorities = {line.priority for line in orders.listed or ()}
-    priorities |= {line.priority for line in lines}
+    priorities.update(np.unique(line_column(listed_lines(orders), "priority")).tolist())
     return sorted(priorities or {0}, reverse=True)
 
 

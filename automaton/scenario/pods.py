@@ -51,6 +51,13 @@ def check_shares(name: str, shares: dict[str, float]) -> None:
 class Pods(ConfigSection, frozen=True, kw_only=True):
     """Pods: what stands in storage cells, and is carried to stations and back."""
 
+    under: Annotated[
+        Literal["empty", "none"],
+        Meta(
+            description="Who drives under pods. empty: robots without a load; none: only the robot that "
+            "is to lift the pod."
+        ),
+    ] = "empty"
     join: Annotated[
         bool,
         Meta(description="Lines join a trip of their pod under way; false: each is a trip alone."),

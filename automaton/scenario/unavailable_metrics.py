@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from automaton.scenario.orders import has_due_times
+from automaton.scenario.line_table import line_column
+from automaton.scenario.orders import has_due_times, listed_lines
 from automaton.scenario.schema import ROUTE_FOLLOWERS, Scenario
 
 TASK_METRICS: Final = ("task_time", "delay", "delay_p95", "throughput_per_robot")
@@ -46,8 +47,7 @@ def not_measured(scenario: Scenario) -> dict[str, str]:
     orders, world, faults = scenario.orders, scenario.world, scenario.faults
     powered = scenario.battery is not None
     later = any(order.release > 0 for order in orders.listed or ())  # also those of a file
-    lines: Any = orders.lines if isinstance(orders.lines, tuple) else ()
-    later = later or any(line.release > 0 for line in lines)
+    later = later or bool((line_column(listed_lines(orders), "release") > 0).any())
     come_in = (
         later
         or getattr(orders.lines, "mean_interarrival_time", 0) > 0

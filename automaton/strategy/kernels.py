@@ -44,9 +44,10 @@ from automaton.engine.search import (
     weighted_table_of,
     write_path,
 )
+from automaton.engine.station_queues import is_in_own_queue
 from automaton.engine.step_costs import find_step_costs
 from automaton.engine.table_rows import cost_in, has_room_for
-from automaton.engine.trips import has_place, is_in_own_queue
+from automaton.engine.trips import has_place
 from automaton.engine.zone_segments import copy_segment
 from automaton.strategy.access_cells import (
     begin_cell,

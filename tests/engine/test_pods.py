@@ -8,9 +8,10 @@ import numpy as np
 from pod_scenes import line_ticks, played, pod_scene, trips
 
 from automaton.build.resolve import resolve
-from automaton.engine.state import ACTION_STATION_QUEUE, NIL
+from automaton.engine.state import ACTION_STATION_QUEUE, CLOCK_TICK, CMD_TAKE_ORDER, NIL
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
+from automaton.strategy.layer import Strategy
 
 TWO_STATIONS = """\
 >>>>>>>>>v
@@ -123,6 +124,34 @@ def test_a_station_that_lets_one_trip_come_is_asked_for_one_after_the_other() ->
         run.run(run.tick + 1)
         assert run.world.pod_stations.taken[0] <= 1
     assert run.world.tally.illegal.sum() == 0
+
+
+class Changes(Strategy):
+    """Allocation: the one robot takes trip 0 in tick 1, and trip 1 instead in tick 2."""
+
+    layer = "allocation"
+    period = 1
+
+    def decide(self, view, batch, decisions, memory, workspace):
+        trip = view.clock[CLOCK_TICK] - 1
+        if trip < 2:
+            slot = view.orders.current_slot[trip]
+            decisions.allocation.command[0] = CMD_TAKE_ORDER
+            decisions.allocation.order[0] = trip
+            decisions.allocation.goal_cell[0] = view.slots.cell[slot]
+
+
+def test_a_robot_that_changes_its_trip_takes_its_place_along() -> None:
+    """The station lets one trip come: the robot's own, so that its place is free for the other one."""
+    fleet = {"robots": 1, "kinematics": "omni", "start": [[1, 0]]}
+    stations = {"P1": {"at": [5, 3], "max_trips": 1}}
+    scene = pod_scene([pod(4), pod(3)], stations=stations, fleet=fleet)
+    run = Simulation(scene, strategies=[None, None, Changes(), None, None])
+    run.run(1)
+    assert run.world.robots.order.tolist() == [0]
+    run.run(2)
+    assert run.world.robots.order.tolist() == [1]
+    assert run.world.pod_stations.taken.tolist() == [1] and not run.world.tally.illegal.any()
 
 
 def test_the_robot_beneath_a_pod_gets_its_trip() -> None:

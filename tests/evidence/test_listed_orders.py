@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import msgspec
@@ -11,7 +12,10 @@ import pytest
 from automaton.evidence.recording.contents import FRAME_KIND_CONDITIONS, InvalidFrameError
 from automaton.evidence.recording.frames import decode, payload_of
 from automaton.evidence.recording.listed_orders import MIN_PACKED, pack_listed, unpack_listed
+from automaton.scenario.field_types import DueAt
+from automaton.scenario.line_table import plain_data
 from automaton.scenario.orders import OrderLine, Orders
+from automaton.scenario.pods import Line
 from automaton.scenario.schema import Fleet, Scenario
 
 
@@ -66,6 +70,59 @@ def test_a_long_list_is_stored_as_columns() -> None:
 def test_other_lists_stay_as_they_are(lines: list[OrderLine]) -> None:
     content = conditions(lines)
     assert pack_listed(content) is content
+
+
+def lines(count: int) -> list[Line]:
+    return [
+        Line(
+            pod=1 + k % 9,
+            station=(None, "P1", 2)[k % 3],
+            order=None if k % 5 == 0 else f"order {k // 2}",
+            release=k,
+            due=(None, 20, DueAt(at=7 * k))[k % 3],
+            priority=k % 4,
+            units=k % 3,
+        )
+        for k in range(count)
+    ]
+
+
+def with_lines(given: Sequence[Line]) -> dict[str, Any]:
+    orders = Orders(lines=given)  # type: ignore[arg-type]
+    content = conditions(transports(1))
+    scenario = Scenario(name="long", layout={}, fleet=Fleet(robots=1), orders=orders)
+    return {**content, "scenario": plain_data(scenario)}
+
+
+def test_long_lists_of_lines_are_columns_and_come_back_as_they_were() -> None:
+    content = with_lines(tuple(lines(MIN_PACKED)))
+    stored = pack_listed(content)
+    assert stored["scenario"]["orders"]["lines"] is None
+    assert stored["line_names"]["station"] == ["P1", 2]
+    payload = payload_of(FRAME_KIND_CONDITIONS, content)
+    again = decode(FRAME_KIND_CONDITIONS, payload.data)
+    assert not {"listed_lines", "line_names"} & set(again)
+    assert msgspec.convert(again["scenario"], Scenario) == msgspec.convert(
+        content["scenario"], Scenario
+    )
+    assert pack_listed(with_lines(tuple(lines(MIN_PACKED - 1)))).keys() == content.keys()
+
+
+def test_orders_due_at_a_tick_are_columns_too() -> None:
+    listed = [msgspec.structs.replace(one, due=DueAt(at=9)) for one in transports(MIN_PACKED)]
+    content = conditions(listed)
+    payload = payload_of(FRAME_KIND_CONDITIONS, content)
+    assert pack_listed(content)["listed"]["due at"].tolist() == [9] * MIN_PACKED
+    assert decode(FRAME_KIND_CONDITIONS, payload.data)["scenario"] == msgspec.msgpack.decode(
+        msgspec.msgpack.encode(content["scenario"])
+    )
+
+
+def test_lines_that_name_what_is_not_told_are_refused() -> None:
+    stored = pack_listed(with_lines(tuple(lines(MIN_PACKED))))
+    stored["line_names"]["order"] = []
+    with pytest.raises(InvalidFrameError, match="an unnamed order is in its lines"):
+        unpack_listed(stored)
 
 
 @pytest.mark.parametrize(

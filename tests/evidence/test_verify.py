@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from automaton.build import world
 from automaton.build.resolve import resolve
 from automaton.commands import main
 from automaton.engine.digest import DIGEST_NAMES
@@ -53,6 +54,28 @@ def test_a_good_recording_is_verified(good: Recording) -> None:
     found = verify_recording(good)
     assert found.passed and found.difference is None and found.same_sources
     assert found.report.ticks == 1000
+
+
+def test_long_lists_of_orders_have_digests_every_few_ticks(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(world, "ORDERS_DIGESTED", 20)
+    resolved = resolve("tabletop-1", ["fleet.robots=3", "stop.max_duration=300"])
+    memory = MemoryRecorder(resolved, 4)
+    Simulation(resolved, 4, on_record=memory).run()
+    recording = memory.recording()
+    every = recording.header["digest_every"]
+    rows = np.concatenate(
+        [one.content["digests"] for one in recording.frames if one.kind == FRAME_KIND_TICKS]
+    )
+    due = np.flatnonzero(rows.any(axis=1)) + 1
+    assert 1 < every < 64 and due.tolist() == list(range(every, 301, every))
+    monkeypatch.undo()
+    assert verify_recording(recording).passed, "whatever the world is made with now"
+    recording, ticks = altered(recording)
+    ticks[0].content["digests"][2 * every - 1, 0] ^= np.uint64(1)
+    difference = verify_recording(recording).difference
+    assert difference is not None and difference.tick == 2 * every
 
 
 def test_a_changed_digest_names_tick_and_array(good: Recording) -> None:

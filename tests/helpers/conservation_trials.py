@@ -24,6 +24,7 @@ from automaton.engine.record_codes import (
     ACTION_MASK,
     CHANGE_DROPPED,
     CHANGE_DURATION,
+    CHANGE_LOAD_LEFT,
     CHANGE_PICKED,
     CHANGE_VISITED,
     EXECUTED_SERVE,
@@ -104,6 +105,9 @@ def identities(
     by_lines = handling_of_visits(world, lines)
     if told.served != by_lines:
         wrong.append(f"{told.served} ticks of SERVE, {by_lines} by handling")
+    stations = world.pod_stations.served_ticks.sum()
+    if told.serving != stations:
+        wrong.append(f"{told.serving} ticks of SERVE up to now, {stations} by station")
     wrong += told.short_trips(world)
     figures.update(
         lines=int(known.sum()),
@@ -114,6 +118,7 @@ def identities(
         stored=int((world.orders.delivered[:count] >= 0).sum()),
         joined=int((lines.trip >= 0).sum()) - count,
         early=trips.ended_early,
+        aside=told.put_aside,
         queued=int(world.tally.ticks[:, ACTION_STATION_QUEUE].sum()),
     )
     return wrong
@@ -139,17 +144,19 @@ class Told:
         frames = [frame.content for frame in recording.frames if frame.kind == FRAME_KIND_TICKS]
         self.did = np.concatenate([content["executed"] for content in frames])
         self.changes = np.concatenate([content["changes"] for content in frames])
-        self.served = 0
+        self.served = self.serving = self.put_aside = 0
         for tick, code, r, ticks in self.changes.tolist():
             serves = code == CHANGE_DURATION and self.did[tick - 1, r] & ACTION_MASK
-            if serves == EXECUTED_SERVE and tick + ticks - 1 <= len(self.did):
-                self.served += ticks
+            if serves == EXECUTED_SERVE:
+                self.serving += min(ticks, len(self.did) - tick + 1)
+                self.served += ticks if tick + ticks - 1 <= len(self.did) else 0
 
     def short_trips(self, world: Any) -> list[str]:
         """The trips that drive less with their load than the way from slot to slot is long."""
         slots, wrong = self.header["slots"]["cell"].tolist(), []
         stands = [slots[slot] for slot in self.header["pods"]["slot"].tolist()]
         under_way: dict[int, tuple[int, int, list[int]]] = {}
+        done: Counter[int] = Counter()  # stops, by trip
         most = world.stops.cell.shape[0] // max(1, len(world.orders.state))
         moves = (self.did & ACTION_MASK > 0) & (self.did & ACTION_MASK <= MOVE_NORTH)
         for tick, code, subject, value in self.changes.tolist():
@@ -158,8 +165,13 @@ class Told:
                 under_way[subject] = tick, value, [stands[pod]]
             elif code == CHANGE_VISITED:
                 trip, way = under_way[subject][1:]
-                station = int(world.trips.station[trip * most + len(way) - 1])
+                station = int(world.trips.station[trip * most + done[trip]])
+                done[trip] += 1
                 way.append(int(world.pod_stations.cell[station]))
+            elif code == CHANGE_LOAD_LEFT:  # it may be put anywhere
+                _, trip, way = under_way.pop(subject)
+                stands[int(world.trips.pod[trip])] = slots[value]
+                self.put_aside += 1
             elif code == CHANGE_DROPPED:
                 begun, trip, way = under_way.pop(subject)
                 way.append(slots[value])

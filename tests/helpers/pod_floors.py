@@ -30,7 +30,10 @@ def drawn_pods(number: int, ticks: int = TICKS) -> Resolved:
     stations = named_stations(chance, rows)
     pods = sum(row.count("p") for row in rows)
     robots = chance.randint(1, 6)
-    free = [(x, y) for x, y in cells(rows) if rows[y][x] not in "#t"]
+    hardships = Random(f"hardships {number}")
+    under = hardships.choice(("empty", "empty", "none"))
+    barred = "#t" if under == "empty" else "#tpq"
+    free = [(x, y) for x, y in cells(rows) if rows[y][x] not in barred]
     orders = drawn_lines(chance, pods, len(stations), ticks)
     allocation = {"name": chance.choice(ALLOCATIONS), "storage": chance.choice(STORAGE)}
     scenario = {
@@ -50,6 +53,7 @@ def drawn_pods(number: int, ticks: int = TICKS) -> Resolved:
         },
         "world": {"following": chance.random() < 0.8},
         "pods": {
+            "under": under,
             "join": chance.random() < 0.7,
             "max_stops": chance.choice((1, 2, 4)),
             "classes": CLASSES if chance.random() < 0.5 else None,
@@ -60,10 +64,20 @@ def drawn_pods(number: int, ticks: int = TICKS) -> Resolved:
             "allocation": allocation,
             **dict(zip(("routing", "right_of_way"), chance.choice(DRIVING), strict=True)),
         },
+        "faults": drawn_faults(hardships),
         "stop": {"when": "delivered", "max_duration": ticks},
         "seed": number,
     }
     return resolve(msgspec.convert(scenario, Scenario))
+
+
+def drawn_faults(chance: Random) -> dict[str, Any]:
+    """Robots that go down and are towed, on every other floor."""
+    return {
+        "failure_probability": chance.choice((0, 0, 0.002, 0.01)),
+        "tow_after": chance.choice((1, 3, 20, None)),
+        "repair_time": chance.choice((1, 30, None)),
+    }
 
 
 def cells(rows: list[list[str]]) -> list[Place]:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-import msgspec
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.widgets import Static, TextArea
 
 from automaton.build.resolve import CHANGEABLE, branched
 from automaton.errors import InputError
+from automaton.scenario.line_table import plain_data
 from automaton.scenario.schema import Scenario
 from tui.playback.panel_view import View
 from tui.screens.dialog import Dialog
@@ -20,7 +20,7 @@ from tui.widgets.styled_lines import Line, Span
 
 def settings_of(scenario: Scenario) -> list[str]:
     """KEY=VALUE of everything that may change while a run goes on, as it is."""
-    data = msgspec.to_builtins(scenario)
+    data = plain_data(scenario)
     return [text for name in CHANGEABLE for text in _flat(name, data[name])]
 
 

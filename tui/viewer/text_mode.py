@@ -18,6 +18,7 @@ from automaton.runs.metrics import metrics_by_robot, metrics_by_type, metrics_of
 from automaton.runs.progress import largest_jam
 from automaton.runs.run_diagnosis import describe_unfinished_run, find_wait_cycles, stalled_robots
 from automaton.runs.run_report import print_report
+from automaton.runs.station_metrics import metrics_by_station
 from tui.playback.fleet_summary import summary_of
 from tui.playback.run_source import Opening
 from tui.playback.titles import branches_of
@@ -110,4 +111,5 @@ def _outcome(run: Run, last_worked: np.ndarray) -> Outcome:
         jam=largest_jam(front.world, front.resolved.floor_plan),
         ran_out=orders_exhausted(front),
         types=metrics_by_type(front),
+        stations=metrics_by_station(front),
     )

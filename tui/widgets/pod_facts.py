@@ -22,7 +22,7 @@ from automaton.evidence.history.station_words import (
     station_of,
     station_queue,
 )
-from automaton.units import count
+from automaton.units import count, percent
 from tui.playback.panel_view import View
 from tui.widgets.due_facts import due_facts
 from tui.widgets.styled_lines import (
@@ -154,6 +154,7 @@ def pod_station_facts(view: View, cell: int) -> Facts:
         ("queue", several(standing) or ["no robot"]),
         ("places", [f"{taken:,} of {of} taken"]),
         ("open lines", [f"{int(stations.open_lines[station]):,}"]),
+        ("so far", _shares_of_time(view, station)),
         ("break", _break(view, station)),
     ]
 
@@ -171,6 +172,18 @@ def _served(view: View, station: int) -> Parts:
     stop = int(snapshot.orders.first_stop[trip] + snapshot.orders.stops_done[trip])
     lines = len(chained_lines(view, int(snapshot.trips.first_line[stop])))
     return [robot_link(robot), f" for {left}: {count(lines, 'line')}"]
+
+
+def _shares_of_time(view: View, station: int) -> Parts:
+    """In which part of the time a station served a robot, and in which it lacked one."""
+    stations, elapsed = view.snapshot.pod_stations, view.snapshot.tick
+    if not elapsed:
+        return []
+    serves, starved = (
+        percent(int(ticks[station]) / elapsed, 0)
+        for ticks in (stations.served_ticks, stations.starved_ticks)
+    )
+    return [f"served {serves}, starved {starved} of the time"]
 
 
 def _break(view: View, station: int) -> Parts:

@@ -34,6 +34,7 @@ from automaton.floor.cells import CELL_KINDS, DIRECTION_VECTORS, NIL, SHELF, STA
 from automaton.floor.floor_plan import FloorPlan, bays_of
 from automaton.scenario.document import Document
 from automaton.scenario.floor_section import Floor, generator_type, is_shipped
+from automaton.scenario.line_table import plain_data
 from automaton.scenario.orders import MAX_STOPS
 from automaton.scenario.pods import LineDemand
 from automaton.scenario.schema import LAYER_NAMES, Scenario
@@ -99,7 +100,7 @@ class Admission:
         sizes |= {"rows": height + 2, "columns": width + 2, "cells": (width + 2) * (height + 2)}
         sizes |= {"spare": header["slots"]["first_spare"], "names": len(header["digest_names"])}
         self.scenario = scenario_of(header["scenario"])
-        header["scenario"] = msgspec.to_builtins(self.scenario)
+        header["scenario"] = plain_data(self.scenario)
         check_layout(self.scenario.layout)
         sizes["robots"] = self.scenario.fleet.robots
         wanted = self.scenario.orders.lines is not None
@@ -187,7 +188,7 @@ class Admission:
                     f"strategy.{layer} is {name} here and {given[layer].name} there"
                 )
         known = [layer for layer in LAYER_NAMES if lookup.is_built_in(layer, given[layer].name)]
-        document = Document(msgspec.to_builtins(scenario))
+        document = Document(plain_data(scenario))
         for layer, strategy in choose_strategies(
             document, scenario, self.floor_plan, known
         ).items():
@@ -199,7 +200,7 @@ class Admission:
     def _admit_conditions(self, content: Content) -> None:
         check_arrays(content, CONDITIONS_ARRAYS, {})
         scenario = scenario_of(content["scenario"])
-        content["scenario"] = msgspec.to_builtins(scenario)
+        content["scenario"] = plain_data(scenario)
         for name in Scenario.__struct_fields__:
             same = getattr(scenario, name) == getattr(self.scenario, name)
             if not same and (

@@ -102,6 +102,10 @@ _Labels = Annotated[tuple[str, ...], Meta(max_length=MAX_LABELS)]
 _Named = Annotated[dict[str, str], Meta(max_length=MAX_LABELS)]
 _Text = Annotated[str, Meta(max_length=MAX_TEXT)]
 _Columns = Annotated[dict[str, np.ndarray], Meta(max_length=20)]
+_Name = Annotated[str, Meta(max_length=MAX_TEXT)] | int
+_Names = Annotated[
+    dict[str, Annotated[list[_Name], Meta(max_length=MAX_PLACES)]], Meta(max_length=2)
+]
 _FLOOR = _part(
     "Floor",
     ("kind", "exits", "capacity", "bays", "loads", "opens"),
@@ -142,6 +146,8 @@ class _Header(_Frame):
     files: _Named | UnsetType = UNSET
     stops: _part("Stops", Stops.fields_where(IN_HEADER)) | UnsetType = UNSET  # type: ignore[valid-type]
     listed: _Columns | UnsetType = UNSET
+    listed_lines: _Columns | UnsetType = UNSET
+    line_names: _Names | UnsetType = UNSET
     pods: _part("Pods", Pods.fields_where(IN_HEADER)) | UnsetType = UNSET  # type: ignore[valid-type]
     lines: _part("Lines", Lines.fields_where(IN_HEADER)) | UnsetType = UNSET  # type: ignore[valid-type]
     pod_stations: _part("PodStations", PodStations.fields_where(IN_HEADER)) | UnsetType = UNSET  # type: ignore[valid-type]
@@ -157,6 +163,8 @@ class _Conditions(_Frame):
     steered: np.ndarray
     files: _Named | UnsetType = UNSET
     listed: _Columns | UnsetType = UNSET
+    listed_lines: _Columns | UnsetType = UNSET
+    line_names: _Names | UnsetType = UNSET
 
 
 class _Ticks(_Frame):

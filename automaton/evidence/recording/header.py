@@ -18,6 +18,7 @@ from automaton.errors import InputError
 from automaton.evidence.recording.contents import IN_HEADER, Content
 from automaton.floor.floor_plan import FloorPlan
 from automaton.runs.provenance import file_hashes, recorded_files, source_hash, versions
+from automaton.scenario.line_table import plain_data
 from automaton.scenario.schema import LAYER_NAMES, Scenario
 from automaton.strategy import lookup
 from automaton.strategy.entry import AsRecorded
@@ -40,7 +41,7 @@ def header_of(resolved: Resolved, seed: int, world: Any, digest_names: tuple[str
         left_out.add("first_stop")
     plugins = tuple(choice.name for choice in resolved.strategies.values() if ":" in choice.name)
     return {
-        "scenario": msgspec.to_builtins(resolved.scenario),
+        "scenario": plain_data(resolved.scenario),
         "seed": seed,
         "strategies": _strategies(resolved),
         "start": resolved.start,
@@ -85,7 +86,7 @@ def rules_of(simulation: Any, settings: tuple[str, ...] = ()) -> Content:
     return {
         "tick": simulation.tick,
         "settings": settings,
-        "scenario": msgspec.to_builtins(resolved.scenario),
+        "scenario": plain_data(resolved.scenario),
         "strategies": _strategies(resolved),
         **file_hashes(resolved),
         "period": rules.period.copy(),

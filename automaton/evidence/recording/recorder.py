@@ -25,6 +25,7 @@ from automaton.engine.record_codes import KEYFRAME_TICKS
 from automaton.engine.state import (
     CLOCK_CHANGE_ROWS,
     CLOCK_DECISION_WORDS,
+    CLOCK_DIGEST_EVERY,
     CLOCK_RECORDED_TICKS,
     CLOCK_TICK,
     Array,
@@ -65,12 +66,13 @@ Rows = tuple[Array, Array, Array, Array]  # did (T, n), decisions (Y,), changes 
 class BaseRecorder:
     """What all recorders do: give one to Simulation as `on_record`; subclasses `write` frames."""
 
-    digest_every: ClassVar[int] = 1  # tick that has digests
+    digest_every: ClassVar[int | None] = None  # tick that has digests; None: as the world says
 
     def __init__(self, resolved: Resolved, seed: int) -> None:
         self._start, _ = build_world(resolved, seed)
         found = header_of(resolved, seed, self._start, DIGEST_NAMES)
-        self.header = {**found, "digest_every": self.digest_every}
+        every = self.digest_every or int(self._start.clock[CLOCK_DIGEST_EVERY])
+        self.header = {**found, "digest_every": every}
         self.ended = False
         self._simulation: Simulation | None = None
         self._pending: list[Rows] = []

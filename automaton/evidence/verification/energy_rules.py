@@ -7,7 +7,7 @@ happens exactly when the scenario says so, and comes back with the charge that i
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 from automaton.engine.record_codes import (
     ACTION_MASK,
@@ -30,6 +30,7 @@ from automaton.engine.record_codes import (
     TURN_RIGHT,
 )
 from automaton.evidence.verification.motion_rules import Acts, Complaint, Motion
+from automaton.evidence.verification.pod_rules import Trips
 from automaton.evidence.verification.type_rules import NIL
 from automaton.floor.cells import CHARGER
 
@@ -53,6 +54,14 @@ WAIT_CODES: Final = (
 )
 
 Rows = list[list[int]]  # (tick, code, subject, value)
+
+
+class Pods(Protocol):
+    """What becomes of the pods of robots that are towed."""
+
+    trips: Trips
+    load: list[int]
+    put_aside: set[int]
 
 
 def units(percent: float) -> int:
@@ -130,8 +139,8 @@ class Energy:
         rate = max(step for step in self.curve if step[0] <= self.charge[r])[1]
         self.charge[r] += min(rate, BATTERY_FULL - self.charge[r])
 
-    def become(self, tick: int, r: int, status: int) -> None:
-        """A robot goes down, is towed, or comes back."""
+    def become(self, tick: int, r: int, status: int, pods: Pods) -> None:
+        """A robot goes down, is towed, or comes back; it is towed when there is room for its pod."""
         before, since = self.status[r], self.since[r]
         cell = self.motion.cell[r]
         if status in (STATUS_DEPLETED, STATUS_FAILED):
@@ -140,10 +149,9 @@ class Energy:
             self.motion.unsure.discard(r)
         elif status in (STATUS_TOWED, STATUS_REMOVED):
             wait = self.faults["tow_after"]
-            in_bay = cell == NIL
-            if before not in (STATUS_DEPLETED, STATUS_FAILED) or not (
-                in_bay or tick - since == wait
-            ):
+            in_time = cell == NIL or tick - since == wait
+            in_time |= r in pods.put_aside and wait is not None and tick - since > wait
+            if before not in (STATUS_DEPLETED, STATUS_FAILED) or not in_time:
                 self.report_violation(
                     "energy", [r], cell, "is towed at another time than it must be"
                 )
@@ -153,6 +161,9 @@ class Energy:
                 )
             if status == STATUS_TOWED and self.battery is not None:
                 self._mend(r, before == STATUS_DEPLETED, units(self.battery["reserve"]))
+            if pods.trips.there and pods.load[r] != NIL:
+                self.report_violation("pod", [r], cell, "is towed with its pod")
+            pods.put_aside.discard(r)
             self.motion.tow(r)
         elif before != STATUS_TOWED or tick - since != self.faults["repair_time"]:
             self.report_violation("energy", [r], cell, "comes back at another time than it must")

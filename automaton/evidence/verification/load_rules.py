@@ -39,7 +39,15 @@ from automaton.evidence.verification.visit_rules import (
     ORDER_WAITING,
     Visits,
 )
-from automaton.floor.cells import ABOVE_OR_BELOW, ANY, BESIDE, CELL_KINDS, ON_IT, STATION
+from automaton.floor.cells import (
+    ABOVE_OR_BELOW,
+    ANY,
+    BESIDE,
+    CELL_KINDS,
+    ON_IT,
+    STATION,
+    STORAGE,
+)
 
 STATUS_DEPLETED: Final = 3  # from here on a robot is down
 
@@ -100,6 +108,7 @@ class Loads:
         self.order = [NIL] * len(motion.home)  # reserved or carried by each robot
         self.slot = [NIL] * len(motion.home)  # shelf reserved by each robot
         self.undelivered = len(self.place)
+        self.put_aside: set[int] = set()  # robots that are towed now, whose pods are in storage
         self._lengths: dict[int, int] = {}  # recorded durations of this tick
         self._arriving = False
         for order, (start, end) in self.work.ends.items():
@@ -139,7 +148,10 @@ class Loads:
         return idle and self.weight[trip] <= self.motion.types.payload[r]
 
     def leave(self, r: int, slot: int) -> None:
-        """A robot that goes down leaves its load in a spare slot in its cell."""
+        """A robot that goes down leaves its load in a spare slot in its cell, a pod in storage."""
+        if self.trips.there:
+            self._put_aside(r, slot)
+            return
         order, cell = self.load[r], self.motion.cell[r]
         if order == NIL or slot < self.spare or self.slot_cell[slot] != NIL:
             self.report_violation(
@@ -149,6 +161,28 @@ class Loads:
         self.visits.served.pop(r, None)
         self.load[r], self.place[order], self.state[order] = NIL, slot, ORDER_WAITING
         self.slot_cell[slot], self.content[slot], self.endless[slot] = cell, order, False
+
+    def _put_aside(self, r: int, slot: int) -> None:
+        """The pod of a robot that is about to be towed stands in a slot."""
+        order = self.load[r]
+        if order == NIL or self.status[r] < STATUS_DEPLETED:
+            text = "has no pod, or is not down, and a pod of its is put into storage"
+            self.report_violation("pod", [r], self.motion.cell[r], text)
+            return
+        free = {
+            cell: number
+            for number, cell in enumerate(self.slot_cell[: self.spare])
+            if self.motion.kind[cell] == STORAGE
+            and self.content[number] == self.reserved[number] == NIL
+        }
+        self.trips.put_aside(r, slot, self.load, free, self._is_free)
+        self.visits.served.pop(r, None)
+        self.content[slot] = self.trips.pod_of[order]
+        over = self.visits.is_over(order)
+        self.load[r], self.place[order] = NIL, slot
+        self.state[order] = ORDER_DELIVERED if over else ORDER_WAITING
+        self.undelivered -= over
+        self.put_aside.add(r)
 
     def apply(self, tick: int, rows: Rows, acts: Acts) -> dict[int, int]:
         """Carry out the changes of a tick in their order; returns lengths of waits and charging."""

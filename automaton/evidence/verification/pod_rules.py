@@ -12,11 +12,14 @@ from typing import Any, Final
 
 from automaton.engine.record_codes import ACTION_MASK, MOVE_NORTH
 from automaton.evidence.verification.motion_rules import Acts, Complaint, Motion
+from automaton.evidence.verification.tow_rules import LoadedWays
 from automaton.evidence.verification.type_rules import NIL
 
 PARTS: Final = 1_000_000  # of a tick, in which handling is recorded
 LONGEST: Final = 65_535  # ticks of a visit
 NOT_YET: Final = (1 << 31) - 1  # release of a trip without lines
+
+Idle = Callable[[int, int], bool]  # whether a robot may have a trip kept for it
 
 
 class Trips:
@@ -29,6 +32,7 @@ class Trips:
         scenario = header["scenario"]
         rules = scenario.get("pods") or {}
         self._joins: bool = rules.get("join", True)
+        self._drives_under: bool = rules.get("under", "empty") == "empty"
         self._most_stops: int = rules.get("max_stops", 0)
         self.slot_cell: list[int] = header["slots"]["cell"].tolist()
         lines = _lists(header.get("lines"))
@@ -53,6 +57,7 @@ class Trips:
         self._rule: list[int] = stations.get("rule", [])
         self._visit: list[int] = stations.get("visit", [])
         self.taken, self.open = [0] * len(self.cell), [0] * len(self.cell)
+        self._ways = LoadedWays(motion, self.cell)
         self._breaks = _breaks(header, self.cell)
         self._serving: dict[int, tuple[int, int]] = {}  # station -> its robot, and the last tick
         self.known = 0  # trips
@@ -74,7 +79,7 @@ class Trips:
 
     # Lines become trips
 
-    def plan(self, tick: int, is_free: Callable[[int, int], bool]) -> list[tuple[int, int]]:
+    def plan(self, tick: int, is_free: Idle) -> list[tuple[int, int]]:
         """Lines are released; returns new trips with their slots. `is_free`: robot, trip."""
         before = self.known
         for pod in sorted(self._stored):
@@ -99,7 +104,7 @@ class Trips:
         self.served_at[line] = self._station_of_order[order] = station
         self.open[station] += 1
 
-    def _take_line(self, line: int, is_free: Callable[[int, int], bool]) -> None:
+    def _take_line(self, line: int, is_free: Idle) -> None:
         pod = self._pod[line]
         trip = self.trip[pod]
         if trip == NIL and not self.waiting[pod]:
@@ -108,15 +113,18 @@ class Trips:
         elif trip == NIL or not self._joins or not self._add(trip, line):
             self.waiting[pod].append(line)
 
-    def _new_trip(self, pod: int, is_free: Callable[[int, int], bool]) -> int:
+    def _new_trip(self, pod: int, is_free: Idle) -> int:
         trip = self.known
         self.known += 1
         self.pod_of[trip], self.trip[pod] = pod, trip
-        cell = self.slot_cell[self.slot[pod]]
+        self._offer(trip, self.slot_cell[self.slot[pod]], is_free)
+        return trip
+
+    def _offer(self, trip: int, cell: int, is_free: Idle) -> None:
+        """A trip may be kept for the robot that stands beneath its pod."""
         for r, where in enumerate(self.motion.cell):
             if where == cell and r not in self.motion.claim and is_free(r, trip):
                 self.offers[trip] = r
-        return trip
 
     def _add(self, trip: int, line: int) -> bool:
         """A stop that is not begun serves a line, or one more stop does; False: neither can be."""
@@ -214,6 +222,29 @@ class Trips:
         if self.waiting[pod]:
             self._stored.append(pod)
 
+    def put_aside(
+        self, r: int, slot: int, load: Sequence[int], free: dict[int, int], idle: Idle
+    ) -> None:
+        """The pod of a robot that is towed stands in a slot; `free`: empty ones, by cell."""
+        trip, motion = load[r], self.motion
+        for other, cell in enumerate(motion.cell):
+            if other != r and cell != NIL and (load[other] != NIL or not self._drives_under):
+                free.pop(cell, None)
+                free.pop(motion.claim.get(other, (cell, 0))[0], None)
+        if self._ways.nearest(r, free) != slot:
+            text = (
+                f"is towed, and pod {self.pod_of[trip] + 1} put into slot {slot}: not the nearest"
+            )
+            self.report_violation("pod", [r], motion.cell[r], text)
+        self._serving = {k: one for k, one in self._serving.items() if one[0] != r}
+        self.begun[trip] = self.over[trip]
+        pod = self.pod_of[trip]
+        if self.next_station(trip) == NIL:
+            self.store(r, trip, slot)
+            return
+        self.slot[pod], self.standing[self.slot_cell[slot]] = slot, pod
+        self._offer(trip, self.slot_cell[slot], idle)
+
     def serve(self, tick: int, r: int, trip: int, ticks: int) -> None:
         """A visit begins at the next stop of a trip."""
         station, cell = self.next_station(trip), self.motion.cell[r]
@@ -260,15 +291,18 @@ class Trips:
 
     # Every tick
 
-    def check_moves(self, acts: Acts, load: Sequence[int]) -> None:
-        """No robot with a load drives under a pod."""
+    def check_moves(self, acts: Acts, load: Sequence[int], order: Sequence[int]) -> None:
+        """No robot with a load drives under a pod; where the rules say so, none but who lifts it."""
         for r, did in acts:
             code = did & ACTION_MASK
-            if not 0 < code <= MOVE_NORTH or load[r] == NIL:
+            if not 0 < code <= MOVE_NORTH or (load[r] == NIL and self._drives_under):
                 continue
             to = self.motion.cell[r] + self.motion.step[code - 1]
-            if to in self.standing:
+            pod = self.standing.get(to, NIL)
+            if pod != NIL and load[r] != NIL:
                 self.report_violation("pod", [r], to, "drives with a load under a pod")
+            elif pod != NIL and (order[r] == NIL or self.pod_of[order[r]] != pod):
+                self.report_violation("pod", [r], to, "drives under a pod that it does not lift")
 
     def end(self, tick: int, load: Sequence[int], order: Sequence[int]) -> None:
         """After motion: places at stations that robots left are free, and so are pods they left."""

@@ -202,7 +202,7 @@ class Validator:
         before, after = parted(rows, acts)
         lengths = self.loads.apply(tick, before, acts)
         if trips.there:
-            trips.check_moves(acts, self.loads.load)
+            trips.check_moves(acts, self.loads.load, self.loads.order)
         self.motion.execute(tick, acts, lengths, placed)
         self.loads.arrive(tick, after, acts)
         self.loads.check_parked(acts)
@@ -217,11 +217,13 @@ class Validator:
             _, code, subject, value = row
             known = self.loads.exists(code, subject, value)
             if known and code == CHANGE_STATUS and value in STATUSES:
-                self.energy.become(tick, subject, value)
+                self.energy.become(tick, subject, value, self.loads)
             elif known and code == CHANGE_LOAD_LEFT:
                 self.loads.leave(subject, value)
             elif code in (CHANGE_ORDER_RESERVED, CHANGE_SLOT_RESERVED) and value == NIL:
                 self.loads.apply(tick, [row], [])
+            elif code == CHANGE_ORDER_RESERVED and self.loads.trips.offers.get(subject) == value:
+                self.loads.apply(tick, [row], [])  # it stands beneath a pod that was put there
             else:
                 text = f"a change among faults: {code} {subject} {value}"
                 self._report_violation("record", [], NIL, text)

@@ -19,6 +19,7 @@ import msgspec
 from automaton.build.resolve import Resolved
 from automaton.errors import InputError
 from automaton.runs.provenance import DECIDING, PACKAGES, file_hashes
+from automaton.scenario.line_table import plain_data
 from automaton.scenario.unavailable_metrics import warm_up_of
 from automaton.strategy import lookup
 from automaton.studies.sweeps.study import Levels, Study
@@ -139,7 +140,7 @@ def fingerprint(resolved: Resolved, windows: Windows = WHOLE_RUNS) -> str:
     Files count by their contents and not by their places, so that it is the same in another folder
     and on another machine; of a floor, what was built. `windows`: of its rows.
     """
-    scenario = msgspec.to_builtins(resolved.scenario)
+    scenario = plain_data(resolved.scenario)
     del scenario["seed"], scenario["summary"]
     for form in DRAWN_ELSEWHERE:
         scenario["layout"].pop(form, None)

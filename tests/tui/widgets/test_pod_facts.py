@@ -42,6 +42,7 @@ def test_a_station_tells_whom_it_serves() -> None:
         "queue robot 0",
         "places 2 of 5 taken",
         "open lines 2",
+        "so far served 43 %, starved 40 % of the time",
     ):
         assert words in told, told
     assert "parts" not in told

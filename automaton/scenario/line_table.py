@@ -1,0 +1,91 @@
+"""The lines of a file, kept as columns: a tuple of a million of them would take 400 MB.
+
+A table is to be used as a tuple of lines, which are made when they are asked for. What goes through
+all of them takes a column of `line_column`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, overload
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from automaton.scenario.field_types import DueAt
+from automaton.scenario.order_fields import NO_DUE, NOTHING
+from automaton.scenario.pods import Line
+
+Column = NDArray[np.int32]
+FIELDS = {"release": "released", "due": "due", "priority": "priority", "units": "units"}
+
+
+class LineTable(Sequence[Line]):
+    """The lines of a file: 28 bytes each, and the texts of their orders.
+
+    `values`: (n,) by field, as automaton.scenario.line_file reads it: pods from 0, places among
+    `orders` and `stations`, or NOTHING, and the tick in which a line is due, or NO_DUE.
+    """
+
+    def __init__(
+        self, values: Mapping[str, Column], orders: Sequence[str], stations: Sequence[str | int]
+    ) -> None:
+        self.values, self.orders, self.stations = values, orders, stations
+
+    def __len__(self) -> int:
+        return len(self.values["pod"])
+
+    @overload
+    def __getitem__(self, index: int) -> Line: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> LineTable: ...
+
+    def __getitem__(self, index: int | slice) -> Line | LineTable:
+        if isinstance(index, slice):
+            values = {name: column[index] for name, column in self.values.items()}
+            return LineTable(values, self.orders, self.stations)
+        return next(iter(self[index:][:1] if index >= 0 else self[index:]))
+
+    def __iter__(self) -> Iterator[Line]:
+        names = ("order", "pod", "station", "released", "due", "priority", "units")
+        rows = zip(*(self.values[name].tolist() for name in names), strict=True)
+        for order, pod, station, release, due, priority, units in rows:
+            yield Line(
+                order=None if order == NOTHING else self.orders[order],
+                pod=pod + 1,
+                station=None if station == NOTHING else self.stations[station],
+                release=release,
+                due=None if due == NO_DUE else DueAt(at=due),
+                priority=priority,
+                units=units,
+            )
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Sequence) or len(self) != len(other):
+            return False
+        return all(mine == theirs for mine, theirs in zip(self, other, strict=True))
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+def line_column(lines: Sequence[Line], name: str) -> Column:
+    """(n,) int32: the release, due, priority or units of lines; due: the tick, or NO_DUE."""
+    if isinstance(lines, LineTable):
+        return lines.values[FIELDS[name]]
+    if name == "due":
+        ticks = (line.due_tick for line in lines)
+        return np.array([NO_DUE if tick is None else min(tick, NO_DUE) for tick in ticks], np.int32)
+    return np.array([getattr(line, name) for line in lines], np.int32)
+
+
+def plain_data(value: Any) -> Any:
+    """What a scenario, or a part of it, holds, as msgspec.to_builtins gives it; tables as lists."""
+    return msgspec.to_builtins(value, enc_hook=_listed)
+
+
+def _listed(value: Any) -> Any:
+    if isinstance(value, LineTable):
+        return list(value)
+    raise NotImplementedError(f"no data: {type(value).__name__}")

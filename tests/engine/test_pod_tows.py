@@ -1,0 +1,95 @@
+"""Robots that are towed with a pod: it is put into storage, and its trip goes on from there."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from handmade_recordings import rules
+from pod_scenes import line_ticks, pod_scene
+
+from automaton.build.resolve import Resolved
+from automaton.engine.state import NIL, ORDER_DELIVERED, ORDER_WAITING
+from automaton.evidence.recording.recorder import MemoryRecorder
+from automaton.evidence.verification.validator import Report, validate_stored
+from automaton.runs.simulation import Simulation
+
+LINE = {"pod": 1, "station": "P1"}
+FULL = """\
+>>>>>>>>>v
+^#pp##q##v
+^########v
+^<<<<t<<<<"""
+
+
+def failing(at: int, *starts: list[int], **parts: Any) -> Resolved:
+    """Robot 0, of those with these starts, fails in a tick and is towed for good 5 ticks later."""
+    faults = {"list": [{"robot": 0, "at": at}], "tow_after": 5, "repair_time": None}
+    fleet = {"robots": len(starts), "kinematics": "omni", "start": list(starts)}
+    return pod_scene(parts.pop("lines", [LINE]), fleet=fleet, faults=faults, **parts)
+
+
+def played(scene: Resolved, until: int | None = None) -> tuple[Simulation, Report]:
+    recorder = MemoryRecorder(scene)
+    run = Simulation(scene, on_record=recorder)
+    run.run(until)
+    recorder(run)
+    return run, validate_stored(recorder.recording())
+
+
+def slot_at(run: Simulation, x: int, y: int) -> int:
+    return int(run.world.grid.slot[run.resolved.floor_plan.cell(x, y)])
+
+
+def test_a_pod_is_put_into_the_nearest_free_cell_and_its_trip_waits_there() -> None:
+    """Robot 0 fails in the column of 9, with the pod from (2, 1); (2, 1) and (7, 1) are free."""
+    scene = failing(13, [2, 1], [0, 0])
+    run = Simulation(scene)
+    run.run(17)
+    pods, orders = run.world.pods, run.world.orders
+    assert pods.slot[0] == NIL and run.world.robots.load[0] == 0, "it stands with its pod"
+    run.run(18)
+    assert run.world.slots.content[pods.slot[0]] == 0 and orders.current_slot[0] == pods.slot[0]
+    assert orders.state[0] == ORDER_WAITING and pods.trip[0] == 0
+    assert run.world.robots.cell[0] == NIL and run.world.robots.load[0] == NIL
+    assert run.world.pod_stations.taken.tolist() == [1], "the place is given to robot 1"
+    run, report = played(scene)
+    assert run.finished and rules(report) == []
+    assert run.world.lines.trip.tolist() == [0] and run.world.orders.legs.tolist() == [2]
+
+
+def test_a_trip_with_no_stop_left_is_over() -> None:
+    run, report = played(failing(40, [2, 1]))
+    assert line_ticks(run) == [38]
+    assert run.finished and rules(report) == []
+    assert run.world.orders.state.tolist() == [ORDER_DELIVERED] and run.world.pods.trip[0] == NIL
+
+
+def test_who_stands_beneath_a_pod_that_is_put_there_gets_its_trip() -> None:
+    """Robot 1 stands in the one cell that is free once (2, 1) is reserved."""
+    run = Simulation(failing(13, [2, 1], [6, 1], picture=FULL))
+    run.run(17)
+    here, there = slot_at(run, 2, 1), slot_at(run, 6, 1)
+    run.world.slots.reserved_by[here] = 1
+    run.run(18)
+    assert run.world.robots.load.tolist() == [NIL, 0], "robot 1 lifts it at once, where it stands"
+    assert run.world.robots.cell[1] == run.world.slots.cell[there]
+
+
+def test_a_robot_is_towed_when_there_is_room_for_its_pod() -> None:
+    run = Simulation(failing(13, [2, 1], [0, 0], picture=FULL))
+    run.run(17)
+    here, there = slot_at(run, 2, 1), slot_at(run, 6, 1)
+    run.world.slots.reserved_by[[here, there]] = 1
+    run.run(30)
+    assert run.world.robots.load[0] == 0 and run.world.robots.cell[0] != NIL
+    run.world.slots.reserved_by[there] = NIL
+    run.run(31)
+    assert run.world.pods.slot[0] == there and run.world.robots.cell[0] == NIL
+
+
+@pytest.mark.parametrize("join", [True, False])
+def test_lines_that_came_meanwhile_are_done(join: bool) -> None:
+    lines = [LINE, {**LINE, "release": 15}, {**LINE, "release": 17}]
+    run, report = played(failing(13, [2, 1], [0, 0], lines=lines, pods={"join": join}))
+    assert run.finished and rules(report) == [] and max(run.world.lines.trip) == (0 if join else 2)

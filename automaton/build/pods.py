@@ -19,6 +19,7 @@ from automaton.engine.stops import Stops
 from automaton.floor.cells import STORAGE
 from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.travel_ticks import ticks_between
+from automaton.scenario.pod_file import pod_cells, skus_of
 from automaton.scenario.schema import Handling, Scenario
 
 
@@ -46,7 +47,7 @@ def build_pods(resolved: Resolved, floor: Floor, slots: Slots, seed: int) -> Pod
             Trips.sized(NOTHING),
             PodStations.sized(NOTHING),
         )
-    cells = pod_cells(floor_plan)
+    cells = pod_cells(scenario, floor_plan)
     home = floor.grid.slot[cells].astype(np.int32)
     slots.content[home] = np.arange(len(home), dtype=np.int32)
     numbers = station_numbers(scenario, floor_plan)
@@ -54,24 +55,19 @@ def build_pods(resolved: Resolved, floor: Floor, slots: Slots, seed: int) -> Pod
     rules = handling_rules(scenario, floor_plan)
     count, stops = len(columns.order), scenario.pods.max_stops
     lines = lines_of(columns, list(dict.fromkeys(rules)), seed)
+    away = ticks_from_slots(resolved, floor.grid.slot) if (columns.sku != NIL).any() else None
     sizes = {"l": count, "w": count * stops, "r": scenario.fleet.robots}
     return PodWorld(
         pods=pods_of(resolved, columns, home, floor.grid.slot),
         lines=lines,
         trips=Trips.sized(sizes),
-        stations=stations_of(scenario, floor_plan, rules),
+        stations=stations_of(scenario, floor_plan, rules, away),
         orders=trip_orders(count, stops),
         stops=Stops.sized({"v": count * stops}, cell=np.full(count * stops, NIL, np.int32)),
     )
 
 
-NOTHING = dict.fromkeys("plqhswrkcb", 0)
-
-
-def pod_cells(floor_plan: FloorPlan) -> Array:
-    """Flat cells of pods 0, 1, ..., in reading order."""
-    stands = (floor_plan.kind == STORAGE) & (floor_plan.loads != 0)
-    return np.flatnonzero(stands)
+NOTHING = dict.fromkeys((*"plqhswrkcbd", "skus", "held"), 0)
 
 
 def station_numbers(scenario: Scenario, floor_plan: FloorPlan) -> dict[str, int]:
@@ -118,16 +114,32 @@ def pods_of(resolved: Resolved, columns: LineColumns, home: Array, slot_of: Arra
         shares = list(classes.values())
         pod_class = columns.pod_class.astype(np.int16)
         if not len(pod_class):
-            demand = np.bincount(columns.pod, minlength=len(home))
+            demand = np.bincount(columns.pod[columns.pod != NIL], minlength=len(home))
             pod_class = ranked(-demand, shares)
         slot_class[slot_of[cells]] = ranked(ticks_to_stations(resolved)[cells], shares)
+    first, holders = pods_by_sku(resolved.scenario)
+    listed = resolved.scenario.pods.listed
+    weight = [1] * len(home) if listed is None else [pod.weight for pod in listed]
     return Pods.sized(
         {"p": len(home), "s": slots},
         slot=home,
         home=home.copy(),
         pod_class=pod_class,
         slot_class=slot_class,
+        weight=np.array(weight, np.int32),
+        sku_first=first,
+        sku_pod=holders,
     )
+
+
+def pods_by_sku(scenario: Scenario) -> tuple[Array, Array]:
+    """(skus + 1,) and (held,) int32: where the pods of each SKU begin among the pods by SKU."""
+    numbers = skus_of(scenario)
+    listed = scenario.pods.listed or ()
+    pairs = {(numbers[sku], pod) for pod, one in enumerate(listed) for sku in one.skus}
+    held = np.array(sorted(pairs), np.int32).reshape(-1, 2)
+    first = np.searchsorted(held[:, 0], np.arange(len(numbers) + 1)).astype(np.int32)
+    return first, held[:, 1].copy()
 
 
 def ranked(values: Array, shares: list[float]) -> Array:
@@ -142,13 +154,26 @@ def ranked(values: Array, shares: list[float]) -> Array:
 
 def ticks_to_stations(resolved: Resolved) -> Array:
     """(cells,) least ticks with a load from a cell, in its best heading, to the nearest station."""
+    nearest: Array = np.min(ticks_to_each_station(resolved), axis=0)
+    return nearest
+
+
+def ticks_to_each_station(resolved: Resolved) -> list[Array]:
+    """Of each station the least ticks with a load from each cell, in its best heading: (cells,)."""
     floor_plan, driving = resolved.floor_plan, loaded_driving(resolved.scenario)
-    ways = [
+    return [
         ticks_between(floor_plan, driving, int(cell), backwards=True).min(axis=1)
         for cell in floor_plan.stations
     ]
-    nearest: Array = np.min(ways, axis=0)
-    return nearest
+
+
+def ticks_from_slots(resolved: Resolved, slot_of: Array) -> Array:
+    """(stations, slots) int32: the same from each slot."""
+    cells = np.flatnonzero(slot_of != NIL)
+    found = np.zeros((len(resolved.floor_plan.stations), len(cells)), np.int32)
+    for row, ticks in zip(found, ticks_to_each_station(resolved), strict=True):
+        row[slot_of[cells]] = np.minimum(ticks[cells], NEVER)
+    return found
 
 
 def lines_of(columns: LineColumns, rules: list[Handling], seed: int) -> Lines:
@@ -159,6 +184,7 @@ def lines_of(columns: LineColumns, rules: list[Handling], seed: int) -> Lines:
         {"l": count, "q": orders},
         order=columns.order.astype(np.int32),
         pod=columns.pod.astype(np.int32),
+        sku=columns.sku.astype(np.int32),
         station=columns.station.astype(np.int32),
         release_tick=columns.release.astype(np.int32),
         due=columns.due.astype(np.int32),
@@ -169,7 +195,9 @@ def lines_of(columns: LineColumns, rules: list[Handling], seed: int) -> Lines:
     )
 
 
-def stations_of(scenario: Scenario, floor_plan: FloorPlan, rules: list[Handling]) -> PodStations:
+def stations_of(
+    scenario: Scenario, floor_plan: FloorPlan, rules: list[Handling], ticks_from: Array | None
+) -> PodStations:
     cells = floor_plan.stations
     distinct = list(dict.fromkeys(rules))
     numbers = station_numbers(scenario, floor_plan)
@@ -197,6 +225,7 @@ def stations_of(scenario: Scenario, floor_plan: FloorPlan, rules: list[Handling]
         station_at=at,
         queue_at=queue_at,
         queue_way=way,
+        ticks_from=np.zeros((0, 0), np.int32) if ticks_from is None else ticks_from,
         breaks=np.array(sorted(breaks, key=lambda row: row[1]), np.int64).reshape(-1, 3),
     )
 

@@ -35,13 +35,33 @@ class Pods(Struct, role=STATIC):
         "(p,) int32", "those stored in this tick that lines wait for", role=DERIVED
     )
     slot_class: Array = field("(s,) int16", "the class of a storage cell, from 0; other slots: NIL")
+    weight: Array = field(
+        "(p,) int32", "what a robot must be able to carry", default=1, header=True
+    )
+    open_lines: Array = field(
+        "(p,) int32", "lines for it that are known and not done", role=DERIVED
+    )
+    sku_first: Array = field(
+        "(skus + 1,) int32",
+        "sku_pod[sku_first[u]: sku_first[u + 1]] are the pods with SKU u",
+        header=True,
+    )
+    sku_pod: Array = field("(held,) int32", "pods, by SKU and number", header=True)
 
 
 class Lines(Struct, role=STATIC):
     """What orders want of pods at stations."""
 
     order: Array = field("(l,) int32", "the order that it belongs to", header=True)
-    pod: Array = field("(l,) int32", "the pod that is wanted", header=True)
+    pod: Array = field(
+        "(l,) int32", "the pod that it asks for; NIL: any with its SKU", default=NIL, header=True
+    )
+    sku: Array = field(
+        "(l,) int32", "the SKU that is wanted of any pod, or NIL", default=NIL, header=True
+    )
+    taken_from: Array = field(
+        "(l,) int32", "the pod that has it, NIL: not known yet", default=NIL, role=DERIVED
+    )
     station: Array = field(
         "(l,) int32", "the station that it asks for; NIL: any", default=NIL, header=True
     )
@@ -112,5 +132,10 @@ class PodStations(Struct, role=STATIC):
     queue_way: Array = field("(c,) uint8", "direction from a cell of a queue to the next one")
     held_back: Array = field(
         "(c,) uint8", "1 = its holder queues there, or is at the station", role=SCRATCH
+    )
+    ticks_from: Array = field(
+        "(d, s) int32",
+        "least ticks with a load from a slot to each station; no rows where no line has a SKU",
+        header=True,
     )
     breaks: Array = field("(b, 3) int64", "station, first tick, tick after the last; by tick")

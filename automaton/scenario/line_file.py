@@ -1,25 +1,29 @@
 """The lines of a CSV file, as warehouse systems write them, as the lines of a scenario.
 
-released;pod;station;units      released: a tick, a time such as 20 s, or a clock time
-07:31;12;P1;2                   pod: its number from 1; station: its name or number, or nothing
+released;pod;sku;station;units  released: a tick, a time such as 20 s, or a clock time
+07:31;12;;P1;2                  pod, station: name or number; station may be empty
+07:31;;4711;;1                  sku: of any pod that holds it
 """
 
 from __future__ import annotations
 
 import os
+from collections.abc import Collection
 from dataclasses import replace
 from typing import Final
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
-from automaton.floor.cells import STORAGE
+from automaton.errors import nearest
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.document import Document, Keys, ListFile
 from automaton.scenario.field_types import DueAt
 from automaton.scenario.order_columns import read_columns
 from automaton.scenario.order_fields import (
     NO_DUE,
+    NOTHING,
     DueField,
     Field,
     NameField,
@@ -30,12 +34,14 @@ from automaton.scenario.order_fields import (
 )
 from automaton.scenario.order_file import TransportFile
 from automaton.scenario.order_notes import reading_notes, start_warnings
+from automaton.scenario.pod_file import pod_cells, pod_names, pod_numbers, skus_of
 from automaton.scenario.pods import Line, LineDemand
 from automaton.scenario.schema import Scenario
+from automaton.scenario.text_lines import quoted
 
 FILE: Final[Keys] = ("orders", "lines", "file")
 MOST_UNITS: Final = 1_000_000
-PLACES: Final = ((("pod",),),)  # what must be there, beside the release
+PLACES: Final = ((("pod",), ("sku",)),)  # what must be there, beside the release
 
 
 def with_lines_of_file(
@@ -48,14 +54,14 @@ def with_lines_of_file(
     path = document.folder / demand.file
     if not os.path.isfile(path):
         raise document.error(FILE, f"there is no file of lines '{demand.file}'")
-    pods = int(np.count_nonzero((floor_plan.kind == STORAGE) & (floor_plan.loads != 0)))
     numbers = [str(k + 1) for k in range(len(floor_plan.stations))]
     stations = [*scenario.stations, *numbers]
     fields: list[Field] = [
         ReleaseField(),
         DueField(),
         TextField("order"),
-        NameField("pod", {str(k + 1): k for k in range(pods)}, "pod", is_required=True),
+        TextField("pod"),
+        TextField("sku"),
         NameField("station", {name: k for k, name in enumerate(stations)}, "station"),
         NumberField("priority", -100, 100, default=0),
         NumberField("units", 0, MOST_UNITS, default=1),
@@ -63,9 +69,11 @@ def with_lines_of_file(
     named = None if demand.columns is None else demand.columns.of_fields
     scale = scenario.units.scale
     columns = read_columns(path, fields, demand, named, scale, PLACES)
+    count = len(pod_cells(scenario, floor_plan))
+    pods = _pods_of_rows(columns, pod_numbers(scenario, count), skus_of(scenario))
     columns.errors.raise_any()
     listed = ListFile(("orders", "lines"), columns.path, columns.lines)
-    lines = _lines(columns, stations)
+    lines = _lines(columns, pods, pod_names(scenario, count), stations)
     orders = msgspec.structs.replace(scenario.orders, lines=lines)
     file = TransportFile(
         str(path.resolve()),
@@ -78,11 +86,48 @@ def with_lines_of_file(
     return document, msgspec.structs.replace(scenario, orders=orders), file
 
 
-def _lines(columns: OrderColumns, stations: list[str]) -> tuple[Line, ...]:
-    values, orders = columns.values, columns.names["order"]
+def _pods_of_rows(
+    columns: OrderColumns, numbers: dict[str, int], skus: Collection[str]
+) -> NDArray[np.int32]:
+    """(n,) the pod that each row names, NOTHING where it has a SKU alone.
+
+    Rows with neither, or with one that is not known, go to the errors of the columns.
+    """
+    values, names = columns.values, columns.names
+    pod, sku = values["pod"], values["sku"]
+    of_pod = np.array([*(numbers.get(text, NOTHING) for text in names["pod"]), NOTHING], np.int32)
+    is_sku = np.array([*(text in skus for text in names["sku"]), False])
+    found: NDArray[np.int32] = of_pod[pod]
+    wants_sku = (pod == NOTHING) & (sku != NOTHING)
+
+    def is_no_pod(row: int) -> str:
+        text = names["pod"][pod[row]]
+        return f"{columns.column_of['pod']} {quoted(text)} is not a pod{nearest(text, numbers)}"
+
+    def is_no_sku(row: int) -> str:
+        text = names["sku"][sku[row]]
+        like = (
+            nearest(text, skus) if skus else ": pods have none; set skus in pods.list or its file"
+        )
+        return f"{columns.column_of['sku']} {quoted(text)} is not a SKU of a pod{like}"
+
+    columns.refuse("unknown", "pod", (pod != NOTHING) & (found == NOTHING), is_no_pod)
+    columns.refuse("unknown", "sku", wants_sku & ~is_sku[sku], is_no_sku)
+    empty = (pod == NOTHING) & (sku == NOTHING)
+    wanted = [columns.column_of[name] for name in ("pod", "sku") if name in columns.column_of]
+    verb = "is" if len(wanted) == 1 else "are"
+    columns.refuse("empty", "pod", empty, lambda row: f"{' and '.join(wanted)} {verb} empty")
+    return found
+
+
+def _lines(
+    columns: OrderColumns, pods: NDArray[np.int32], pod_names: list[str], stations: list[str]
+) -> tuple[Line, ...]:
+    values, orders, skus = columns.values, columns.names["order"], columns.names["sku"]
     rows = zip(
         values["order"].tolist(),
-        values["pod"].tolist(),
+        pods.tolist(),
+        values["sku"].tolist(),
         values["station"].tolist(),
         values["released"].tolist(),
         values["due"].tolist(),
@@ -93,12 +138,13 @@ def _lines(columns: OrderColumns, stations: list[str]) -> tuple[Line, ...]:
     return tuple(
         Line(
             order=None if order < 0 else orders[order],
-            pod=pod + 1,
+            pod=None if pod < 0 else pod_names[pod],
+            sku=None if sku < 0 else skus[sku],
             station=None if station < 0 else stations[station],
             release=release,
             due=None if due == NO_DUE else DueAt(at=due),
             priority=priority,
             units=units,
         )
-        for order, pod, station, release, due, priority, units in rows
+        for order, pod, sku, station, release, due, priority, units in rows
     )

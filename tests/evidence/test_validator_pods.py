@@ -101,6 +101,14 @@ def test_the_trip_of_a_pod_is_kept_for_who_stands_beneath() -> None:
     assert "order" in broken(floor(robots=2), [OFFERED, reserved(1, 0, 1)], [0], [0])
 
 
+def test_a_line_by_sku_is_for_the_nearest_pod() -> None:
+    """Pod 2 is a cell from station 1, pod 1 two; the robot beneath pod 2 has the trip."""
+    pods = [{"at": [0, 0], "skus": ["X"]}, {"at": [1, 0], "skus": ["X"]}]
+    head = floor({"sku": "X", "station": 1}, robots=2, list=pods)
+    assert broken(head, [reserved(1, 0, 1)], [0], [0]) == []
+    assert "order" in broken(head, [reserved(1, 0, 0)], [0], [0])
+
+
 def test_it_is_kept_until_that_robot_leaves() -> None:
     withdrawn = reserved(2, 0, -1)
     assert broken(floor(), [OFFERED, withdrawn], [0, S]) == []

@@ -107,6 +107,7 @@ def identities(
     wrong += told.short_trips(world)
     figures.update(
         lines=int(known.sum()),
+        skus=int((known & (lines.sku >= 0)).sum()),
         done=int((lines.done >= 0).sum()),
         trips=count,
         visits=int(world.tally.visits.sum()),

@@ -30,8 +30,11 @@ def drawn_pods(number: int, ticks: int = TICKS) -> Resolved:
     stations = named_stations(chance, rows)
     pods = sum(row.count("p") for row in rows)
     robots = chance.randint(1, 6)
+    listed = listed_pods(chance, rows) if chance.random() < 0.4 else None
     free = [(x, y) for x, y in cells(rows) if rows[y][x] not in "#t"]
     orders = drawn_lines(chance, pods, len(stations), ticks)
+    if listed is not None and isinstance(orders, list):
+        orders = by_sku(chance, orders)
     allocation = {"name": chance.choice(ALLOCATIONS), "storage": chance.choice(STORAGE)}
     scenario = {
         "name": f"pods-{number}",
@@ -53,6 +56,7 @@ def drawn_pods(number: int, ticks: int = TICKS) -> Resolved:
             "join": chance.random() < 0.7,
             "max_stops": chance.choice((1, 2, 4)),
             "classes": CLASSES if chance.random() < 0.5 else None,
+            "list": listed,
         },
         "stations": stations,
         "orders": {"lines": orders},
@@ -90,6 +94,24 @@ def picture(chance: Random, kinematics: str) -> list[list[str]]:
             x, y = chance.randrange(1, width + 1), len(drawn) - 1
         drawn[y][x] = "t"
     return drawn
+
+
+def listed_pods(chance: Random, rows: list[list[str]]) -> list[dict[str, Any]]:
+    """The pods that are drawn and some more, in any sequence, with some SKUs each."""
+    spots = [(x, y) for x, y in cells(rows) if rows[y][x] == "p"]
+    spots += [(x, y) for x, y in cells(rows) if rows[y][x] == "q" and chance.random() < 0.3]
+    chance.shuffle(spots)
+    pods = [{"at": at, "skus": chance.sample("ABCD", chance.choice((0, 1, 1, 3)))} for at in spots]
+    pods[0]["skus"] = list("ABCD")
+    return pods
+
+
+def by_sku(chance: Random, lines: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Two thirds of the lines want a SKU, and not a pod."""
+    return [
+        {**line, "pod": None, "sku": chance.choice("ABCD")} if chance.random() < 0.67 else line
+        for line in lines
+    ]
 
 
 def named_stations(chance: Random, rows: list[list[str]]) -> dict[str, Any]:

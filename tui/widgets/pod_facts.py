@@ -18,6 +18,7 @@ from automaton.evidence.history.station_words import (
     break_end,
     carries_pods,
     is_served,
+    pod_name,
     robot_at,
     station_of,
     station_queue,
@@ -91,7 +92,7 @@ def storage_facts(view: View, cell: int) -> Facts:
         ("pod", _pod(view, pod) if pod != NIL else ["none"]),
         *(_pod_facts(view, pod) if pod != NIL else []),
         ("cell class", [own_class] if own_class else []),
-        ("stood here", several([Span(f"pod {one + 1}") for one in away])),
+        ("stood here", several([Span(pod_name(snapshot, one)) for one in away])),
         ("kept for", [] if keeper == NIL else [robot_link(keeper)]),
     ]
 
@@ -103,7 +104,7 @@ def _class_names(view: View) -> list[str]:
 def _pod(view: View, pod: int) -> Parts:
     names = _class_names(view)
     known = f", class {names[int(view.snapshot.pods.pod_class[pod])]}" if names else ""
-    return [f"{pod + 1}{known}"]
+    return [f"{view.snapshot.pod_names[pod]}{known}"]
 
 
 def _pod_facts(view: View, pod: int) -> Facts:
@@ -197,10 +198,10 @@ def robot_trip(view: View, robot: int) -> Facts:
         offered = int(snapshot.trips.offered[robot])
         retained: Parts = [] if offered == NIL else [trip_link(offered), " is retained for it"]
         return [("trip", retained or ["none"])]
-    pod = int(snapshot.trips.pod[trip]) + 1
+    pod = pod_name(snapshot, int(snapshot.trips.pod[trip]))
     is_left = int(snapshot.orders.stops_done[trip]) < len(stops_of(view, trip))
     return [
-        ("trip", [trip_link(trip), f" of pod {pod}"]),
+        ("trip", [trip_link(trip), f" of {pod}"]),
         ("stops", [_stops_left(view, trip)]),
         ("station", _next_station(view, robot)),
         ("due", due_facts(view, trip) if is_left else []),

@@ -23,7 +23,14 @@ def carries_pods(snapshot: Snapshot) -> bool:
 
 def load_words(snapshot: Snapshot, load: int) -> str:
     """Say "load 7", or "pod 12" where loads are pods."""
-    return f"pod {snapshot.trips.pod[load] + 1}" if carries_pods(snapshot) else f"load {load}"
+    return (
+        pod_name(snapshot, snapshot.trips.pod[load]) if carries_pods(snapshot) else f"load {load}"
+    )
+
+
+def pod_name(snapshot: Snapshot, pod: int) -> str:
+    """Say "pod A-17-3", or "pod 12" of one without a name."""
+    return f"pod {snapshot.pod_names[pod]}"
 
 
 def station_name(snapshot: Snapshot, station: int) -> str:

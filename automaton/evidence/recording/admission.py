@@ -21,6 +21,7 @@ from automaton.evidence.recording.contents import (
     FRAME_KIND_KEYFRAME,
     FRAME_KIND_TICKS,
     HEADER_ARRAYS,
+    OF_SKUS,
     Content,
     InvalidFrameError,
     check_arrays,
@@ -161,6 +162,29 @@ class Admission:
         slots = header["pods"]["slot"]
         if len(np.unique(slots)) != len(slots):
             raise InvalidFrameError("two of its pods stand in one cell")
+        self._check_skus(header)
+
+    def _check_skus(self, header: Content) -> None:
+        """Each line wants a pod, or a SKU that some pod holds."""
+        there = [name in header[part] for part, arrays in OF_SKUS.items() for name in arrays]
+        wants_any = header["lines"]["pod"] == NIL
+        if not any(there) and not wants_any.any():
+            return
+        if not all(there):
+            raise InvalidFrameError("it has only a part of what its lines by SKU need")
+        first, held, wanted = (
+            header["pods"]["sku_first"],
+            header["pods"]["sku_pod"],
+            header["lines"]["sku"][wants_any],
+        )
+        ends = len(first) > 1 and (first[0], first[-1]) == (0, len(held))
+        if not ends or (np.diff(first) < 1).any():
+            raise InvalidFrameError("a SKU of its pods is in none of them")
+        if ((wanted < 0) | (wanted >= len(first) - 1)).any():
+            raise InvalidFrameError("a line wants a SKU that no pod holds")
+        ticks = header["pod_stations"]["ticks_from"]
+        if ticks.shape != (self.sizes["stations"], self.sizes["spare"]):
+            raise InvalidFrameError("its ways from slots to stations are not those of its floor")
 
     def _check_counts(self, header: Content) -> None:
         """As many orders and jobs as the scenario has, before a world is built for them."""

@@ -13,9 +13,9 @@ import numpy as np
 
 from automaton.build.resolve import Resolved, StrategyChoice
 from automaton.engine.jit.structs import Struct
-from automaton.engine.state import NEVER
+from automaton.engine.state import NEVER, NIL
 from automaton.errors import InputError
-from automaton.evidence.recording.contents import IN_HEADER, Content
+from automaton.evidence.recording.contents import IN_HEADER, OF_SKUS, Content
 from automaton.floor.floor_plan import FloorPlan
 from automaton.runs.provenance import file_hashes, recorded_files, source_hash, versions
 from automaton.scenario.schema import LAYER_NAMES, Scenario
@@ -70,7 +70,12 @@ def _of_pods(world: Any) -> Content:
     """What a header has of pods, the lines that want them, and the stations to which they go."""
     if not len(world.lines.order):
         return {}
-    return {name: _copies(getattr(world, name)) for name in ("pods", "lines", "pod_stations")}
+    left_out = {name: set(arrays) for name, arrays in OF_SKUS.items()}
+    if (world.lines.sku != NIL).any():
+        left_out = {part: set() for part in OF_SKUS}
+    if not (world.pods.weight != 1).any():
+        left_out["pods"] = {*left_out["pods"], "weight"}
+    return {name: _copies(getattr(world, name), left_out[name]) for name in OF_SKUS}
 
 
 def _copies(struct: Struct, left_out: Container[str] = ()) -> Content:

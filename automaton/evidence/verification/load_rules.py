@@ -131,12 +131,14 @@ class Loads:
         self.visits.announced.clear()
         for trip, slot in self.trips.plan(tick, self._is_free) if self.trips.there else ():
             self.place[trip], self.state[trip] = slot, ORDER_WAITING
+            self.weight[trip] = self.trips.weight[self.trips.pod_of[trip]]
             self.undelivered += 1
 
     def _is_free(self, r: int, trip: int) -> bool:
         """Whether the trip of the pod above it may be kept for a robot."""
         idle = self.order[r] == NIL and self.load[r] == NIL and self.status[r] == 0
-        return idle and self.weight[trip] <= self.motion.types.payload[r]
+        weight = self.trips.weight[self.trips.pod_of[trip]]
+        return idle and weight <= self.motion.types.payload[r]
 
     def leave(self, r: int, slot: int) -> None:
         """A robot that goes down leaves its load in a spare slot in its cell."""

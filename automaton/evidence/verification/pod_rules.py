@@ -8,6 +8,7 @@ actions and changes, all else is worked out again from the lines of the header.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from typing import Any, Final
 
 from automaton.engine.record_codes import ACTION_MASK, MOVE_NORTH
@@ -43,6 +44,11 @@ class Trips:
         self._asks: list[int] = lines.get("station", [])
         self._release: list[int] = lines.get("release_tick", [])
         self._priority: list[int] = lines.get("priority", [])
+        self._sku: list[int] = lines.get("sku", [])
+        self._holders = _holders(header.get("pods") or {})
+        self.weight: list[int] = _lists(header.get("pods")).get("weight", [1] * len(self.slot))
+        self.taken_from = list(self._pod)
+        self.wanted = [0] * len(self.slot)  # lines of each pod that are known and not done
         self._handling: list[list[int]] = lines.get("handling", [])
         count = len(self._pod)
         self._coming = sorted(range(count), key=lambda line: (-self._release[line], -line))
@@ -52,6 +58,7 @@ class Trips:
         self._places: list[int] = stations.get("places", [])
         self._rule: list[int] = stations.get("rule", [])
         self._visit: list[int] = stations.get("visit", [])
+        self._ticks_from: list[list[int]] = stations.get("ticks_from", [])
         self.taken, self.open = [0] * len(self.cell), [0] * len(self.cell)
         self._breaks = _breaks(header, self.cell)
         self._serving: dict[int, tuple[int, int]] = {}  # station -> its robot, and the last tick
@@ -87,6 +94,7 @@ class Trips:
         while self._coming and self._release[self._coming[-1]] <= tick:
             line = self._coming.pop()
             self._choose_station(line)
+            self._choose_pod(line)
             self._take_line(line, is_free)
         return [(trip, self.slot[self.pod_of[trip]]) for trip in range(before, self.known)]
 
@@ -99,8 +107,25 @@ class Trips:
         self.served_at[line] = self._station_of_order[order] = station
         self.open[station] += 1
 
+    def _choose_pod(self, line: int) -> None:
+        """One that has the SKU: with a stop to come there, else stored and near, else little wanted."""
+        if self._pod[line] == NIL:
+            station, pods = self.served_at[line], self._holders[self._sku[line]]
+            calling = [pod for pod in pods if self._joins and self._calls_at(pod, station)]
+            at_rest = [pod for pod in pods if self.trip[pod] == NIL and self.slot[pod] != NIL]
+            ticks = self._ticks_from[station] if at_rest else []
+            at_rest.sort(key=lambda pod: (ticks[self.slot[pod]], pod))
+            rarely = sorted(pods, key=lambda pod: (self.wanted[pod], pod))
+            self.taken_from[line] = (calling or at_rest or rarely)[0]
+        self.wanted[self.taken_from[line]] += 1
+
+    def _calls_at(self, pod: int, station: int) -> bool:
+        """Whether a stop of a pod's trip at a station is not begun."""
+        trip = self.trip[pod]
+        return trip != NIL and station in self.stops[trip][self.begun[trip] :]
+
     def _take_line(self, line: int, is_free: Callable[[int, int], bool]) -> None:
-        pod = self._pod[line]
+        pod = self.taken_from[line]
         trip = self.trip[pod]
         if trip == NIL and not self.waiting[pod]:
             trip = self._new_trip(pod, is_free)
@@ -236,6 +261,7 @@ class Trips:
             if self.done[line] != NIL:
                 self.report_violation("line", [r], NIL, f"line {line} is done twice")
             self.done[line] = tick
+            self.wanted[self.taken_from[line]] -= 1
             self.open[station] -= 1
         self.over[trip] = self.begun[trip] = stop + 1
         following = self.next_station(trip)
@@ -326,6 +352,12 @@ class Trips:
 def _lists(arrays: dict[str, Any] | None) -> dict[str, Any]:
     """Arrays of a header as lists."""
     return {name: array.tolist() for name, array in (arrays or {}).items()}
+
+
+def _holders(pods: dict[str, Any]) -> list[list[int]]:
+    """The pods that hold each SKU, by number."""
+    first, held = (pods.get(name, []) for name in ("sku_first", "sku_pod"))
+    return [sorted(held[a:b].tolist()) for a, b in pairwise(first)]
 
 
 def _breaks(header: dict[str, Any], cells: list[int]) -> list[tuple[int, int, int]]:

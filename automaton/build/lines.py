@@ -67,7 +67,7 @@ def _listed(
         due,
         [line.priority for line in lines],
         [line.units for line in lines],
-        _classes_given(scenario),
+        classes_given(scenario),
     )
     return LineColumns(*(np.array(column, np.int64) for column in columns))
 
@@ -92,7 +92,7 @@ def _drawn(
     return LineColumns(order, pod, none + NIL, station, release, due, none, none + 1, pod_class)
 
 
-def _classes_given(scenario: Scenario) -> list[int]:
+def classes_given(scenario: Scenario) -> list[int]:
     """The class of each pod from 0, if they are listed with their classes; else nothing."""
     numbers = {name: number for number, name in enumerate(scenario.pods.classes or ())}
     listed = scenario.pods.listed or ()
@@ -116,10 +116,10 @@ def _pods_of_lines(
 ) -> tuple[Column, Column]:
     """The pod of each line, and the class of each pod where lines are drawn by class."""
     if lines.classes is None or scenario.pods.classes is None:
-        given = np.array(_classes_given(scenario), np.int64)
+        given = np.array(classes_given(scenario), np.int64)
         return _integers(pods, lines.drawn, seed, DRAW_POD), given
     names = list(scenario.pods.classes)
-    pod_class = np.array(_classes_given(scenario), np.int64)
+    pod_class = np.array(classes_given(scenario), np.int64)
     if not len(pod_class):
         bounds = class_ends(list(scenario.pods.classes.values()), pods)
         mixed = np.argsort(_integers(2**31 - 1, pods, seed, DRAW_POD_CLASS), kind="stable")

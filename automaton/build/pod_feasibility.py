@@ -12,6 +12,7 @@ from automaton.floor.cells import DIRECTIONS, STATION, STORAGE
 from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.loaded_ways import to_and_from
 from automaton.floor.reachability import Mask
+from automaton.scenario.carried_pods import carries_pods, is_of_pod
 from automaton.scenario.document import Document, Keys
 from automaton.scenario.orders import Orders
 from automaton.scenario.pod_file import pod_cells, pod_names, pod_numbers, skus_of
@@ -21,22 +22,26 @@ from automaton.units import count
 
 
 def check_pods(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
-    """Stations are stations, queues paths, and lines want pods that there are. Raises InputError."""
-    if scenario.orders.lines is None:
+    """Stations are stations, queues paths, and orders want pods that there are. Raises InputError."""
+    if not carries_pods(scenario, floor_plan):
         for key, is_set in (("stations", scenario.stations), ("pods", scenario.pods != Pods())):
             if is_set:
-                raise document.error((key,), f"{key} belong to orders.lines")
+                text = f"{key} belong to orders.lines, or to orders of a list that begin in storage"
+                raise document.error((key,), text)
         return
     if scenario.information != "everything":
         text = "pods are carried where strategies see everything; set information: everything"
         raise document.error(("information",), text)
+    check_listed_pods(document, scenario, floor_plan)
+    check_stations(document, scenario, floor_plan)
+    if scenario.orders.lines is None:
+        check_pod_orders(document, scenario, floor_plan)
+        return
     if not len(floor_plan.stations):
         raise document.error(("layout",), "lines are done at stations, and the floor has none")
-    check_listed_pods(document, scenario, floor_plan)
     pods = len(pod_cells(scenario, floor_plan))
     if not pods:
         raise document.error(("layout",), "lines want pods, and the floor has none: draw them as p")
-    check_stations(document, scenario, floor_plan)
     if isinstance(scenario.orders.lines, tuple):
         known = pod_numbers(scenario, pods), skus_of(scenario)
         stations = len(floor_plan.stations)
@@ -45,6 +50,32 @@ def check_pods(document: Document, scenario: Scenario, floor_plan: FloorPlan) ->
             check_wanted(document, line, keys, pods, *known)
             check_station(document, line, keys, list(scenario.stations), stations)
     check_classes(document, scenario.orders, scenario)
+
+
+def check_pod_orders(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
+    """Orders of a list carry pods that there are, into storage, and no other loads. Raises InputError."""
+    standing = set(pod_cells(scenario, floor_plan).tolist())
+    for index, order in enumerate(scenario.orders.listed or ()):
+        if order.source is None:
+            continue
+        keys: Keys = ("orders", "list", index)
+        x, y = order.source
+        if not is_of_pod(order, floor_plan):
+            text = f"order {index} takes a load at [{x}, {y}], and other orders carry pods from storage"
+            raise document.error((*keys, "from"), f"{text}: a list has one or the other")
+        if floor_plan.cell(x, y) not in standing:
+            raise document.error((*keys, "from"), f"no pod stands at [{x}, {y}] at the start")
+        if order.target is None:
+            continue
+        if order.target == order.source and order.stops is None:
+            raise document.error((*keys, "to"), "an order ends where it begins")
+        u, v = order.target
+        inside = floor_plan.holds(u, v)
+        cell = floor_plan.cell(u, v) if inside else 0
+        if not inside or floor_plan.kind.flat[cell] != STORAGE:
+            what = f"is a {floor_plan.kind_of(cell).name}" if inside else "lies outside"
+            text = f"the order of a pod ends in storage, but [{u}, {v}] {what}"
+            raise document.error((*keys, "to"), text)
 
 
 def check_classes(document: Document, orders: Orders, scenario: Scenario) -> None:
@@ -198,11 +229,14 @@ def check_queue(
 def check_pod_ways(document: Document, fleet: FleetOnFloor) -> None:
     """Every pod gets to every station and back, over other storage not at all. Raises InputError."""
     floor_plan = fleet.floor_plan
-    if fleet.scenario.orders.lines is None:
+    if not carries_pods(fleet.scenario, floor_plan):
         return
     cells = pod_cells(fleet.scenario, floor_plan)
     names = pod_names(fleet.scenario, len(cells))
     carried = carried_from(document, fleet, cells)
+    if fleet.scenario.orders.lines is None:
+        check_ways_of_orders(document, fleet, dict(zip(cells.tolist(), carried, strict=True)))
+        return
     within: Mask = np.logical_or.reduce(fleet.within)
     for number, station in enumerate(floor_plan.stations.tolist(), 1):
         x, y = floor_plan.xy(station)
@@ -216,6 +250,36 @@ def check_pod_ways(document: Document, fleet: FleetOnFloor) -> None:
             text = f"pod {names[pod]} at ({u}, {v}) has no way to station {number} at ({x}, {y})"
             text = f"{text} and back that leads through no other storage"
             raise document.error(pod_place(fleet.scenario, pod), text)
+
+
+def check_ways_of_orders(document: Document, fleet: FleetOnFloor, carried: dict[int, bool]) -> None:
+    """The pods of listed orders get to all stops and to where they go. Raises InputError."""
+    floor_plan = fleet.floor_plan
+    for index, order in enumerate(fleet.scenario.orders.listed or ()):
+        if order.source is None:
+            continue
+        keys: Keys = ("orders", "list", index)
+        x, y = order.source
+        begin = floor_plan.cell(x, y)
+        ends = () if order.target is None else (order.target,)
+        for u, v in (*order.stop_cells, *ends):
+            if not (carried[begin] and joined(fleet, floor_plan.cell(u, v))[begin]):
+                text = f"the pod at [{x}, {y}] has no way to [{u}, {v}] and back"
+                raise document.error(keys, f"{text} that leads through no other storage")
+
+
+def joined(fleet: FleetOnFloor, cell: int) -> Mask:
+    """(C,) the cells from which a load gets to a cell, and to which it comes back."""
+    floor_plan = fleet.floor_plan
+    kind = floor_plan.kind.reshape(-1)
+    if kind[cell] != STORAGE:
+        return to_and_from(floor_plan, cell, fleet.rail)
+    found: Mask = np.zeros(kind.size, np.bool_)
+    for offset in floor_plan.offsets:
+        if kind[cell + offset] != STORAGE and floor_plan.drivable.flat[cell + offset]:
+            ways = to_and_from(floor_plan, cell + offset, fleet.rail)
+            found |= ways & ways[cell]
+    return found
 
 
 def pod_place(scenario: Scenario, pod: int) -> Keys:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from automaton.build.handling_times import handling_of_lines, whole_micro
-from automaton.build.lines import LineColumns, class_ends, line_columns
+from automaton.build.lines import LineColumns, class_ends, classes_given, line_columns
 from automaton.build.prepared_floor import Floor
 from automaton.build.queues import queue_path
 from automaton.build.resolve import Resolved
@@ -19,6 +19,7 @@ from automaton.engine.stops import Stops
 from automaton.floor.cells import STORAGE
 from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.travel_ticks import ticks_between
+from automaton.scenario.carried_pods import carries_pods
 from automaton.scenario.pod_file import pod_cells, skus_of
 from automaton.scenario.schema import Handling, Scenario
 
@@ -34,13 +35,16 @@ class PodWorld(NamedTuple):
     stops: Stops | None = None
 
 
-def build_pods(resolved: Resolved, floor: Floor, slots: Slots, seed: int) -> PodWorld:
-    """Pods where the picture draws them, the stations, and lines with room for their trips.
+def build_pods(
+    resolved: Resolved, floor: Floor, slots: Slots, listed: Orders, seed: int
+) -> PodWorld:
+    """Pods where they are listed or drawn, the stations, and lines with room for their trips.
 
-    Enters the pods into `slots.content`.
+    Enters the pods into `slots.content`; `listed`: the orders of a list, none of which is known yet
+    where some carry pods.
     """
     scenario, floor_plan = resolved.scenario, resolved.floor_plan
-    if scenario.orders.lines is None:
+    if not carries_pods(scenario, floor_plan):
         return PodWorld(
             Pods.sized(NOTHING),
             Lines.sized(NOTHING),
@@ -50,15 +54,18 @@ def build_pods(resolved: Resolved, floor: Floor, slots: Slots, seed: int) -> Pod
     cells = pod_cells(scenario, floor_plan)
     home = floor.grid.slot[cells].astype(np.int32)
     slots.content[home] = np.arange(len(home), dtype=np.int32)
+    if scenario.orders.lines is None:
+        return of_listed_orders(resolved, home, floor.grid.slot, listed)
     numbers = station_numbers(scenario, floor_plan)
     columns = line_columns(scenario, len(home), numbers, seed)
     rules = handling_rules(scenario, floor_plan)
     count, stops = len(columns.order), scenario.pods.max_stops
     lines = lines_of(columns, list(dict.fromkeys(rules)), seed)
     away = ticks_from_slots(resolved, floor.grid.slot) if (columns.sku != NIL).any() else None
-    sizes = {"l": count, "w": count * stops, "r": scenario.fleet.robots}
+    sizes = {"l": count, "w": count * stops, "r": scenario.fleet.robots, "listed": 0}
+    demand = np.bincount(columns.pod[columns.pod != NIL], minlength=len(home))
     return PodWorld(
-        pods=pods_of(resolved, columns, home, floor.grid.slot),
+        pods=pods_of(resolved, demand, columns.pod_class, home, floor.grid.slot),
         lines=lines,
         trips=Trips.sized(sizes),
         stations=stations_of(scenario, floor_plan, rules, away),
@@ -67,7 +74,32 @@ def build_pods(resolved: Resolved, floor: Floor, slots: Slots, seed: int) -> Pod
     )
 
 
-NOTHING = dict.fromkeys((*"plqhswrkcbd", "skus", "held"), 0)
+def of_listed_orders(resolved: Resolved, home: Array, slot_of: Array, listed: Orders) -> PodWorld:
+    """The pods that orders of a list carry; which of them each order is about."""
+    scenario, floor_plan = resolved.scenario, resolved.floor_plan
+    pod_in = np.full(len(floor_plan.slots) + 1, NIL, np.int32)  # the last one: no slot
+    pod_in[home] = np.arange(len(home), dtype=np.int32)
+    pod = pod_in[listed.source]
+    carries = pod != NIL
+    pods = pods_of(
+        resolved,
+        np.bincount(pod[carries], minlength=len(home)),
+        np.array(classes_given(scenario), np.int64),
+        home,
+        slot_of,
+    )
+    listed.state[:] = ORDER_UNRELEASED
+    listed.weight[carries] = np.maximum(listed.weight[carries], pods.weight[pod[carries]])
+    sizes = {"w": int(listed.first_stop[-1]), "r": scenario.fleet.robots, "listed": len(pod)}
+    return PodWorld(
+        pods=pods,
+        lines=Lines.sized(NOTHING),
+        trips=Trips.sized(sizes, pod=pod),
+        stations=stations_of(scenario, floor_plan, handling_rules(scenario, floor_plan), None),
+    )
+
+
+NOTHING = dict.fromkeys((*"plqhswrkcbd", "skus", "held", "listed"), 0)
 
 
 def station_numbers(scenario: Scenario, floor_plan: FloorPlan) -> dict[str, int]:
@@ -82,9 +114,9 @@ def station_numbers(scenario: Scenario, floor_plan: FloorPlan) -> dict[str, int]
 
 
 def station_names(resolved: Resolved) -> tuple[str, ...]:
-    """The name of each station, its number from 1 where it has none; () without lines."""
+    """The name of each station, its number from 1 where it has none; () without pods."""
     scenario, floor_plan = resolved.scenario, resolved.floor_plan
-    if scenario.orders.lines is None:
+    if not carries_pods(scenario, floor_plan):
         return ()
     names = [str(k + 1) for k in range(len(floor_plan.stations))]
     for name, number in station_numbers(scenario, floor_plan).items():
@@ -103,8 +135,11 @@ def handling_rules(scenario: Scenario, floor_plan: FloorPlan) -> list[Handling]:
     return rules
 
 
-def pods_of(resolved: Resolved, columns: LineColumns, home: Array, slot_of: Array) -> Pods:
-    """The pods in their slots, and the classes of pods and of storage cells."""
+def pods_of(resolved: Resolved, demand: Array, given: Array, home: Array, slot_of: Array) -> Pods:
+    """The pods in their slots, and the classes of pods and of storage cells.
+
+    `demand`: (p,) how often each is wanted; `given`: (p,) its class, or nothing: by demand.
+    """
     floor_plan, classes = resolved.floor_plan, resolved.scenario.pods.classes
     slots = len(floor_plan.slots)
     pod_class, slot_class = np.zeros(len(home), np.int16), np.full(slots, NIL, np.int16)
@@ -112,10 +147,7 @@ def pods_of(resolved: Resolved, columns: LineColumns, home: Array, slot_of: Arra
     slot_class[slot_of[cells]] = 0
     if classes is not None:
         shares = list(classes.values())
-        pod_class = columns.pod_class.astype(np.int16)
-        if not len(pod_class):
-            demand = np.bincount(columns.pod[columns.pod != NIL], minlength=len(home))
-            pod_class = ranked(-demand, shares)
+        pod_class = given.astype(np.int16) if len(given) else ranked(-demand, shares)
         slot_class[slot_of[cells]] = ranked(ticks_to_stations(resolved)[cells], shares)
     first, holders = pods_by_sku(resolved.scenario)
     listed = resolved.scenario.pods.listed

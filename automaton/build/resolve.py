@@ -17,6 +17,7 @@ from automaton.build.feasibility import check_energy, check_feasible
 from automaton.build.table_memory import check_table_memory
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
+from automaton.scenario.carried_pods import carries_pods
 from automaton.scenario.conversions import Conversion, with_numbers
 from automaton.scenario.document import Document, Keys, Override, override
 from automaton.scenario.floor_section import floor_of
@@ -66,7 +67,7 @@ class Resolved:
     @cached_property
     def pod_names(self) -> tuple[str, ...]:
         """The name of each pod, its number from 1 where it has none; () where none is carried."""
-        if self.scenario.orders.lines is None:
+        if not carries_pods(self.scenario, self.floor_plan):
             return ()
         return tuple(pod_names(self.scenario, len(pod_cells(self.scenario, self.floor_plan))))
 

@@ -28,7 +28,10 @@ class Pods(Struct, role=STATIC):
     pod_class: Array = field("(p,) int16", "its class, from 0")
     trip: Array = field("(p,) int32", "its trip that is not over, or NIL", default=NIL, digest=62)
     first_line: Array = field(
-        "(p,) int32", "the first line that waits for its next trip, or NIL", default=NIL, digest=63
+        "(p,) int32",
+        "the first line, or order of a list, that waits for its next trip, or NIL",
+        default=NIL,
+        digest=63,
     )
     last_line: Array = field("(p,) int32", "the last of them", default=NIL, role=DERIVED)
     stored: Array = field(
@@ -96,6 +99,11 @@ class Trips(Struct, role=DERIVED):
     """Trips, beside what is kept of every order; and what robots hold for them, by identity."""
 
     pod: Array = field("(l,) int32", "its pod, NIL: not known yet", default=NIL)
+    following: Array = field(
+        "(listed,) int32",
+        "of an order of a list: the next one that waits for the same pod, or NIL",
+        default=NIL,
+    )
     begun: Array = field("(l,) int32", "how many of its stops were begun", digest=67)
     station: Array = field("(w,) int32", "the station of a stop, or NIL", default=NIL, digest=68)
     handling: Array = field("(w,) int64", "millionths of a tick that its lines take")

@@ -12,6 +12,7 @@ without one the trip ends in storage. So no robot waits for a place with a pod o
 import numpy as np
 
 from automaton.engine.jit.kernel import kernel
+from automaton.engine.next_stop import next_stop_cell
 from automaton.engine.record_changes import record_change
 from automaton.engine.record_codes import CHANGE_ORDER_RESERVED
 from automaton.engine.state import (
@@ -34,8 +35,14 @@ LONGEST_VISIT = 65_535  # ticks: robots.busy has no more
 
 @kernel
 def has_trips(world):
-    """Whether the orders of this world are trips of pods."""
+    """Whether orders of this world carry pods: all are trips, or those of a list that have one."""
     return world.trips.pod.shape[0] > 0
+
+
+@kernel
+def has_lines(world):
+    """Whether its trips are made of lines; otherwise orders of a list carry pods."""
+    return world.lines.order.shape[0] > 0
 
 
 @kernel
@@ -324,11 +331,12 @@ def give_place_back(world, identity):
 
 @kernel
 def has_break(world, trip):
-    """Whether no visit begins now at the station of a trip's next stop."""
-    station, tick = next_station(world, trip), world.clock[CLOCK_TICK]
+    """Whether no visit begins now at the next stop of an order: it is a station that has a break."""
+    station = world.pod_stations.station_at[next_stop_cell(world, trip)]
+    tick = world.clock[CLOCK_TICK]
     breaks = world.pod_stations.breaks
     for row in range(breaks.shape[0]):
-        if breaks[row, 0] == station and breaks[row, 1] <= tick < breaks[row, 2]:
+        if station != NIL and breaks[row, 0] == station and breaks[row, 1] <= tick < breaks[row, 2]:
             return True
     return False
 
@@ -412,12 +420,14 @@ def lift_pod(world, trip):
 
 
 @kernel
-def store_pod(world, trip, slot):
-    """The pod of a trip stands in a slot; the trip is over, and lines that wait make a new one."""
+def store_pod(world, trip, slot, is_over):
+    """The pod of a trip stands in a slot; if the trip is over, what waits for the pod is next."""
     pods, pod = world.pods, np.int64(world.trips.pod[trip])
     pods.slot[pod] = slot
-    pods.trip[pod] = NIL
     world.slots.content[slot] = pod
+    if not is_over:
+        return
+    pods.trip[pod] = NIL
     if pods.first_line[pod] != NIL:
         place = world.clock[CLOCK_STORED_PODS]
         while place > 0 and pods.stored[place - 1] > pod:  # robots store pods in any sequence

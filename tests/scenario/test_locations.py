@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import jsonschema
 import pytest
@@ -80,10 +81,17 @@ def test_an_unknown_name_is_told_with_its_order(
 
 
 def test_further_names_do_not_contradict_those_of_locations() -> None:
-    document = Document({"locations": {"P1": [1, 1]}})
-    assert names_of_cells(document, {"P1": (1, 1), "P2": (2, 2)}) == {"P1": (1, 1), "P2": (2, 2)}
-    with pytest.raises(InputError, match=r"the location P1 is \[1, 1\], but the station P1 is"):
-        names_of_cells(document, {"P1": (3, 1)})
+    """Stations and pods have names, too."""
+    stations = {"P1": {"at": [1, 1]}, "P2": {"at": "gate"}}
+    pods = {"list": [{"at": [5, 5], "name": "rack-7"}, {"at": [6, 5]}]}
+    named: dict[str, Any] = {"locations": {"P1": [1, 1], "gate": [2, 2]}}
+    found = names_of_cells(Document({**named, "stations": stations, "pods": pods}))
+    assert found == {"P1": (1, 1), "P2": (2, 2), "gate": (2, 2), "rack-7": (5, 5)}
+    with pytest.raises(InputError, match=r"the location P1 is at \[1, 1\], but the station P1 is"):
+        names_of_cells(Document({**named, "stations": {"P1": {"at": [3, 1]}}}))
+    pods = {"list": [{"at": [5, 5], "name": "gate"}]}
+    with pytest.raises(InputError, match=r"the location gate is at \[2, 2\], but the pod gate is"):
+        names_of_cells(Document({**named, "pods": pods}))
 
 
 def test_editors_know_that_names_are_possible() -> None:

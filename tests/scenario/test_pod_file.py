@@ -145,3 +145,18 @@ def test_a_row_may_have_any_sku_beside_its_pod(tmp_path: Path) -> None:
     resolved = shift(tmp_path, lines="T;LOCATION;ITEM\n0;1;plum\n")
     lines: Any = resolved.scenario.orders.lines
     assert [(line.pod, line.sku) for line in lines] == [("A-17-2", "plum")]
+
+
+def test_orders_of_a_list_name_pods_and_stations(tmp_path: Path) -> None:
+    """Where pods stand first is where they are told to go, too."""
+    old = "{lines: {file: lines.csv, columns: {released: T, pod: LOCATION, sku: ITEM}}}"
+    new = "{list: [{from: A-17-8, stops: [{at: P1, for: 20}], to: A-17-2}]}"
+    order = (shift(tmp_path, **{old: new}).scenario.orders.listed or ())[0]
+    assert (order.source, order.stop_cells, order.target) == ((3, 1), ((5, 3),), (5, 1))
+    said = refused(tmp_path, **{old: new.replace("A-17-8", "A-17-3")})
+    assert said == "shift.yaml:12: 'A-17-3' is not a location (did you mean 'A-17-8'?)"
+
+
+def test_a_pod_and_a_station_of_one_name(tmp_path: Path) -> None:
+    said = refused(tmp_path, pods="x,y,name\n2,1,P1\n", lines="T;LOCATION;ITEM\n0;P1;\n")
+    assert said == "pods.csv:2: the station P1 is at [5, 3], but the pod P1 is at [2, 1]"

@@ -18,7 +18,7 @@ from automaton.floor.cells import KIND_BY_NAME, WALL
 from automaton.units import count
 from tui.playback.jam_place import middle_robot
 from tui.playback.panel_view import View
-from tui.widgets.pod_facts import has_pods
+from tui.widgets.pod_facts import has_pods, makes_trips
 from tui.widgets.service_zone_facts import checked_station
 from tui.widgets.traffic_zone_facts import checked_zone
 
@@ -97,7 +97,7 @@ def _with_pods(words: str, view: View) -> Found | None:
     snapshot = view.snapshot
     if words.startswith("pod ") and snapshot.pod_names:
         return _pod(words, snapshot)
-    if number := re.fullmatch(r"trip (\d{1,9})", words):
+    if (number := re.fullmatch(r"trip (\d{1,9})", words)) and makes_trips(view):
         return _order(words, int(number[1]), view)
     names = [name.lower() for name in snapshot.station_names]
     name = words.removeprefix("station ")

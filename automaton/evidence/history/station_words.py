@@ -17,8 +17,13 @@ ORDINALS: Final = ("first", "second", "third", "fourth", "fifth", "sixth", "seve
 
 
 def carries_pods(snapshot: Snapshot) -> bool:
-    """Whether the orders of this run are trips of pods."""
+    """Whether orders of this run carry pods."""
     return len(snapshot.pods.slot) > 0
+
+
+def has_trips(snapshot: Snapshot) -> bool:
+    """Whether the orders of this run are trips, which are made of lines."""
+    return len(snapshot.lines.order) > 0
 
 
 def load_words(snapshot: Snapshot, load: int) -> str:

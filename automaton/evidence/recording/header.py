@@ -68,14 +68,15 @@ def header_of(resolved: Resolved, seed: int, world: Any, digest_names: tuple[str
 
 def _of_pods(world: Any) -> Content:
     """What a header has of pods, the lines that want them, and the stations to which they go."""
-    if not len(world.lines.order):
+    if not len(world.pods.slot):
         return {}
     left_out = {name: set(arrays) for name, arrays in OF_SKUS.items()}
     if (world.lines.sku != NIL).any():
         left_out = {part: set() for part in OF_SKUS}
     if not (world.pods.weight != 1).any():
         left_out["pods"] = {*left_out["pods"], "weight"}
-    return {name: _copies(getattr(world, name), left_out[name]) for name in OF_SKUS}
+    parts = OF_SKUS if len(world.lines.order) else ("pods", "pod_stations")
+    return {name: _copies(getattr(world, name), left_out[name]) for name in parts}
 
 
 def _copies(struct: Struct, left_out: Container[str] = ()) -> Content:

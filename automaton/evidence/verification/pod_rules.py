@@ -26,7 +26,10 @@ class Trips:
     def __init__(self, header: dict[str, Any], motion: Motion, report_violation: Complaint) -> None:
         self.motion = motion
         self.report_violation = report_violation
-        self.there = "lines" in header  # otherwise orders are not trips, and all this is empty
+        self.there = "pods" in header  # otherwise all this is empty
+        self.of_lines = (
+            "lines" in header
+        )  # otherwise trips are orders of a list, and have their stops
         scenario = header["scenario"]
         rules = scenario.get("pods") or {}
         self._joins: bool = rules.get("join", True)
@@ -63,7 +66,14 @@ class Trips:
         self._breaks = _breaks(header, self.cell)
         self._serving: dict[int, tuple[int, int]] = {}  # station -> its robot, and the last tick
         self.known = 0  # trips
+        if not self.of_lines:
+            count = len(header["orders"]["source"]) if self.there else 0
         self.pod_of = [NIL] * count  # by trip
+        if not self.of_lines:
+            stands = {slot: pod for pod, slot in enumerate(self.slot)}
+            self.pod_of = [
+                stands.get(slot, NIL) for slot in header["orders"]["source"][:count].tolist()
+            ]
         self.begun, self.priority, self.release = [0] * count, [0] * count, [NOT_YET] * count
         self.stops: list[list[int]] = [[] for _ in range(count)]  # stations
         self.served: list[list[list[int]]] = [[] for _ in range(count)]  # lines, by stop
@@ -97,6 +107,26 @@ class Trips:
             self._choose_pod(line)
             self._take_line(line, is_free)
         return [(trip, self.slot[self.pod_of[trip]]) for trip in range(before, self.known)]
+
+    def line_up(
+        self, released: list[int], is_free: Callable[[int, int], bool]
+    ) -> list[tuple[int, int]]:
+        """Orders of a list whose pods stand without one, with their slots; the others wait.
+
+        `released`: those of this tick that carry pods.
+        """
+        begun = [(pod, self.waiting[pod].pop(0)) for pod in sorted(self._stored)]
+        self._stored.clear()
+        for pod, order in begun:
+            self._begin(pod, order, is_free)
+        for order in released:
+            pod = self.pod_of[order]
+            if self.trip[pod] == NIL:
+                self._begin(pod, order, is_free)
+                begun.append((pod, order))
+            else:
+                self.waiting[pod].append(order)
+        return [(order, self.slot[pod]) for pod, order in begun]
 
     def _choose_station(self, line: int) -> None:
         order = self._order[line]
@@ -136,12 +166,17 @@ class Trips:
     def _new_trip(self, pod: int, is_free: Callable[[int, int], bool]) -> int:
         trip = self.known
         self.known += 1
-        self.pod_of[trip], self.trip[pod] = pod, trip
+        self.pod_of[trip] = pod
+        self._begin(pod, trip, is_free)
+        return trip
+
+    def _begin(self, pod: int, trip: int, is_free: Callable[[int, int], bool]) -> None:
+        """A trip may be taken; it is kept for a robot beneath its pod."""
+        self.trip[pod] = trip
         cell = self.slot_cell[self.slot[pod]]
         for r, where in enumerate(self.motion.cell):
             if where == cell and r not in self.motion.claim and is_free(r, trip):
                 self.offers[trip] = r
-        return trip
 
     def _add(self, trip: int, line: int) -> bool:
         """A stop that is not begun serves a line, or one more stop does; False: neither can be."""
@@ -179,9 +214,9 @@ class Trips:
         ticks = (2 * parts + PARTS) // (2 * PARTS)
         return min(max(ticks, 1), LONGEST) if parts else 0
 
-    def has_break(self, tick: int, trip: int) -> bool:
-        """Whether no visit begins at the next station of a trip."""
-        station = self.next_station(trip)
+    def has_break(self, tick: int, cell: int) -> bool:
+        """Whether no visit begins in a cell: it is a station that has a break."""
+        station = self.cell.index(cell) if cell in self.cell else NIL
         return any(k == station and a <= tick < b for k, a, b in self._breaks)
 
     # What robots do
@@ -228,28 +263,32 @@ class Trips:
         self.standing.pop(self.slot_cell[self.slot[pod]], None)
         self.slot[pod] = NIL
 
-    def store(self, r: int, trip: int, slot: int) -> None:
-        """A robot sets the pod of a trip down."""
+    def store(self, r: int, trip: int, slot: int, is_over: bool) -> None:
+        """A robot sets the pod of a trip down, which may have to go on from there."""
         pod, cell = self.pod_of[trip], self.slot_cell[slot]
         if pod == NIL or self.slot[pod] != NIL or cell in self.standing:
             text = "stores a pod that it has not, or where one stands"
             self.report_violation("pod", [r], cell, text)
             return
-        self.slot[pod], self.trip[pod], self.standing[cell] = slot, NIL, pod
+        self.slot[pod], self.standing[cell] = slot, pod
+        if not is_over:
+            return
+        self.trip[pod] = NIL
         if self.waiting[pod]:
             self._stored.append(pod)
 
-    def serve(self, tick: int, r: int, trip: int, ticks: int) -> None:
-        """A visit begins at the next stop of a trip."""
-        station, cell = self.next_station(trip), self.motion.cell[r]
-        if self.has_break(tick, trip):
+    def serve(self, tick: int, r: int, trip: int, ticks: int, stop: int) -> None:
+        """A visit begins at a stop of a trip, its next one."""
+        cell = self.motion.cell[r]
+        station = self.cell.index(cell) if cell in self.cell else NIL
+        if self.has_break(tick, cell):
             self.report_violation("visit", [r], cell, "begins a visit in a break of its station")
         other, until = self._serving.get(station, (r, 0))
-        if until >= tick:
+        if station != NIL and until >= tick:
             text = "begins a visit at a station that serves another robot"
             self.report_violation("visit", [other, r], cell, text)
         self._serving[station] = r, tick + ticks - 1
-        self.begun[trip] = self.over[trip] + 1
+        self.begun[trip] = stop + 1
 
     def finish_stop(self, tick: int, r: int, trip: int) -> int:
         """A visit is over, and its lines are done; returns how many."""
@@ -325,22 +364,25 @@ class Trips:
     def _stands_beneath(self, r: int, trip: int) -> bool:
         return self.standing.get(self.motion.cell[r], NIL) == self.pod_of[trip]
 
+    def _stations(self) -> list[int]:
+        """Of each stop of all trips, as many as they may have; lists have stops of their own."""
+        stations = [(stops + [NIL] * self._most_stops)[: self._most_stops] for stops in self.stops]
+        return [station for stops in stations for station in stops]
+
     def state(self) -> dict[str, dict[str, list[int]]]:
         """What a recorded state must have, by array."""
-        stations = [
-            (self.stops[trip] + [NIL] * self._most_stops)[: self._most_stops]
-            for trip in range(len(self.stops))
-        ]
+        lines = {"served_at": self.served_at, "trip": self.in_trip, "done": self.done}
+        stations = {"station": self._stations()} if self.of_lines else {}
         return {
             "pods": {
                 "slot": self.slot,
                 "trip": self.trip,
                 "first_line": [lines[0] if lines else NIL for lines in self.waiting],
             },
-            "lines": {"served_at": self.served_at, "trip": self.in_trip, "done": self.done},
+            "lines": lines,
             "trips": {
                 "begun": self.begun,
-                "station": [station for stops in stations for station in stops],
+                **stations,
                 "place": self.place,
                 "leaving": self.leaving,
                 "offered": self.offered,

@@ -115,8 +115,10 @@ def _pods_of_rows(
     columns.refuse("unknown", "sku", wants_sku & ~is_sku[sku], is_no_sku)
     empty = (pod == NOTHING) & (sku == NOTHING)
     wanted = [columns.column_of[name] for name in ("pod", "sku") if name in columns.column_of]
-    verb = "is" if len(wanted) == 1 else "are"
-    columns.refuse("empty", "pod", empty, lambda row: f"{' and '.join(wanted)} {verb} empty")
+    says = " and ".join(wanted) + (" are empty" if len(wanted) > 1 else " is empty")
+    if "sku" not in columns.column_of:
+        says += "; a line without a pod needs a SKU, in a column of its own"
+    columns.refuse("empty", "pod", empty, lambda row: says)
     return found
 
 

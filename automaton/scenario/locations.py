@@ -10,7 +10,7 @@ import os
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final, NamedTuple, cast
+from typing import Any, Final, Literal, NamedTuple, cast
 
 import numpy as np
 
@@ -59,7 +59,7 @@ def with_locations_of_file(document: Document) -> tuple[Document, LocationFile |
 
 def read_locations(path: Path) -> tuple[dict[str, list[int]], dict[str, int], str]:
     """Read the cell and the line of each name in a file, and its hash. Raises InputError."""
-    file = OrderFile(file=path.name)
+    file = OrderFile(file=path.name, encoding=_encoding_of(path))
     columns = read_columns(path, FIELDS, file, None, Scale("1 tick"), NEEDED)
     codes, names = columns.values["name"], columns.names["name"]
     _, first = np.unique(codes, return_index=True)
@@ -80,6 +80,19 @@ def read_locations(path: Path) -> tuple[dict[str, list[int]], dict[str, int], st
     for name, x, y, line in rows:
         cells[name], lines[name] = [x, y], line
     return cells, lines, columns.content_hash
+
+
+def _encoding_of(path: Path) -> Literal["utf-8", "cp1252"]:
+    """UTF-8, or cp1252 where that cannot be: a scenario has no place to say it for these files."""
+    try:
+        with path.open(encoding="utf-8-sig") as stream:
+            for _ in stream:
+                pass
+    except UnicodeDecodeError:
+        return "cp1252"
+    except OSError:  # told by who reads it
+        pass
+    return "utf-8"
 
 
 def names_of_cells(document: Document) -> dict[str, Cell]:

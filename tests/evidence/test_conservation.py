@@ -25,7 +25,7 @@ def test_on_drawn_floors_everything_adds_up() -> None:
     wrong, figures = trials(FLOORS)
     assert wrong == []
     assert figures["floors"] > 25 and figures["finished"] > 5
-    for name in ("visits", "joined", "queued", "early", "stored"):
+    for name in ("visits", "joined", "queued", "early", "stored", "skus", "listed"):
         assert figures[name] > 0, f"no floor tells of {name}"
 
 

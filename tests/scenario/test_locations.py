@@ -12,7 +12,7 @@ import yaml
 from automaton.build.resolve import resolve
 from automaton.errors import InputError
 from automaton.scenario.document import Document
-from automaton.scenario.locations import names_of_cells
+from automaton.scenario.locations import names_of_cells, read_locations
 from automaton.scenario.scenario_schema import json_schema
 
 SCENARIO = """name: named
@@ -101,3 +101,15 @@ def test_editors_know_that_names_are_possible() -> None:
     validator.validate(data | {"locations": "places.csv"})
     data["orders"]["list"][0]["to"] = 3
     assert not validator.is_valid(data)
+
+
+def test_names_in_a_file_of_windows(tmp_path: Path) -> None:
+    (tmp_path / "places.csv").write_bytes("name;x;y\nGang Süd;1;1\n".encode("cp1252"))
+    assert read_locations(tmp_path / "places.csv")[0] == {"Gang Süd": [1, 1]}
+
+
+def test_a_file_whose_columns_have_their_names(tmp_path: Path) -> None:
+    (tmp_path / "places.csv").write_text("Ort;x;y\nA;1;1\n", encoding="utf-8")
+    with pytest.raises(InputError) as error:
+        read_locations(tmp_path / "places.csv")
+    assert error.value.message == "there is no column for name; the columns are Ort, x, y"

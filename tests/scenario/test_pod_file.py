@@ -130,6 +130,10 @@ def test_a_file_that_is_not_there(tmp_path: Path) -> None:
         ),
         ("T;LOCATION\n0;3\n", "lines.csv:2: LOCATION '3' is not a pod"),
         ("T;ITEM\n0;aple\n", "ITEM 'aple' is not a SKU of a pod (did you mean 'apple'?)"),
+        (
+            "T;LOCATION\n0;1\n0;\n",
+            "lines.csv:3: LOCATION is empty; a line without a pod needs a SKU",
+        ),
         ("T;LOCATION;ITEM\n0;1;\n0;;\n", "lines.csv:3: LOCATION and ITEM are empty"),
     ],
 )
@@ -154,7 +158,10 @@ def test_orders_of_a_list_name_pods_and_stations(tmp_path: Path) -> None:
     order = (shift(tmp_path, **{old: new}).scenario.orders.listed or ())[0]
     assert (order.source, order.stop_cells, order.target) == ((3, 1), ((5, 3),), (5, 1))
     said = refused(tmp_path, **{old: new.replace("A-17-8", "A-17-3")})
-    assert said == "shift.yaml:12: 'A-17-3' is not a location (did you mean 'A-17-8'?)"
+    assert (
+        said
+        == "shift.yaml:12: orders.list[0].from: 'A-17-3' is not a location (did you mean 'A-17-8'?)"
+    )
 
 
 def test_a_pod_and_a_station_of_one_name(tmp_path: Path) -> None:

@@ -116,8 +116,8 @@ def _pods_of_lines(
 ) -> tuple[Column, Column]:
     """The pod of each line, and the class of each pod where lines are drawn by class."""
     if lines.classes is None or scenario.pods.classes is None:
-        given = np.array(classes_given(scenario), np.int64)
-        return _integers(pods, lines.drawn, seed, DRAW_POD), given
+        pod_class = np.array(classes_given(scenario), np.int64)
+        return _integers(pods, lines.drawn, seed, DRAW_POD), pod_class
     names = list(scenario.pods.classes)
     pod_class = np.array(classes_given(scenario), np.int64)
     if not len(pod_class):

@@ -274,12 +274,12 @@ def joined(fleet: FleetOnFloor, cell: int) -> Mask:
     kind = floor_plan.kind.reshape(-1)
     if kind[cell] != STORAGE:
         return to_and_from(floor_plan, cell, fleet.rail)
-    found: Mask = np.zeros(kind.size, np.bool_)
+    ways_in: Mask = np.zeros(kind.size, np.bool_)
     for offset in floor_plan.offsets:
         if kind[cell + offset] != STORAGE and floor_plan.drivable.flat[cell + offset]:
             ways = to_and_from(floor_plan, cell + offset, fleet.rail)
-            found |= ways & ways[cell]
-    return found
+            ways_in |= ways & ways[cell]
+    return ways_in
 
 
 def pod_place(scenario: Scenario, pod: int) -> Keys:

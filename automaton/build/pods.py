@@ -135,10 +135,12 @@ def handling_rules(scenario: Scenario, floor_plan: FloorPlan) -> list[Handling]:
     return rules
 
 
-def pods_of(resolved: Resolved, demand: Array, given: Array, home: Array, slot_of: Array) -> Pods:
+def pods_of(
+    resolved: Resolved, demand: Array, as_listed: Array, home: Array, slot_of: Array
+) -> Pods:
     """The pods in their slots, and the classes of pods and of storage cells.
 
-    `demand`: (p,) how often each is wanted; `given`: (p,) its class, or nothing: by demand.
+    `demand`: (p,) how often each is wanted; `as_listed`: (p,) its class, or nothing: by demand.
     """
     floor_plan, classes = resolved.floor_plan, resolved.scenario.pods.classes
     slots = len(floor_plan.slots)
@@ -147,7 +149,7 @@ def pods_of(resolved: Resolved, demand: Array, given: Array, home: Array, slot_o
     slot_class[slot_of[cells]] = 0
     if classes is not None:
         shares = list(classes.values())
-        pod_class = given.astype(np.int16) if len(given) else ranked(-demand, shares)
+        pod_class = as_listed.astype(np.int16) if len(as_listed) else ranked(-demand, shares)
         slot_class[slot_of[cells]] = ranked(ticks_to_stations(resolved)[cells], shares)
     first, holders = pods_by_sku(resolved.scenario)
     listed = resolved.scenario.pods.listed
@@ -202,10 +204,10 @@ def ticks_to_each_station(resolved: Resolved) -> list[Array]:
 def ticks_from_slots(resolved: Resolved, slot_of: Array) -> Array:
     """(stations, slots) int32: the same from each slot."""
     cells = np.flatnonzero(slot_of != NIL)
-    found = np.zeros((len(resolved.floor_plan.stations), len(cells)), np.int32)
-    for row, ticks in zip(found, ticks_to_each_station(resolved), strict=True):
+    away = np.zeros((len(resolved.floor_plan.stations), len(cells)), np.int32)
+    for row, ticks in zip(away, ticks_to_each_station(resolved), strict=True):
         row[slot_of[cells]] = np.minimum(ticks[cells], NEVER)
-    return found
+    return away
 
 
 def lines_of(columns: LineColumns, rules: list[Handling], seed: int) -> Lines:

@@ -97,7 +97,7 @@ def _pods_of_rows(
     pod, sku = values["pod"], values["sku"]
     of_pod = np.array([*(numbers.get(text, NOTHING) for text in names["pod"]), NOTHING], np.int32)
     is_sku = np.array([*(text in skus for text in names["sku"]), False])
-    found: NDArray[np.int32] = of_pod[pod]
+    numbered: NDArray[np.int32] = of_pod[pod]
     wants_sku = (pod == NOTHING) & (sku != NOTHING)
 
     def is_no_pod(row: int) -> str:
@@ -111,7 +111,7 @@ def _pods_of_rows(
         )
         return f"{columns.column_of['sku']} {quoted(text)} is not a SKU of a pod{like}"
 
-    columns.refuse("unknown", "pod", (pod != NOTHING) & (found == NOTHING), is_no_pod)
+    columns.refuse("unknown", "pod", (pod != NOTHING) & (numbered == NOTHING), is_no_pod)
     columns.refuse("unknown", "sku", wants_sku & ~is_sku[sku], is_no_sku)
     empty = (pod == NOTHING) & (sku == NOTHING)
     wanted = [columns.column_of[name] for name in ("pod", "sku") if name in columns.column_of]
@@ -119,7 +119,7 @@ def _pods_of_rows(
     if "sku" not in columns.column_of:
         says += "; a line without a pod needs a SKU, in a column of its own"
     columns.refuse("empty", "pod", empty, lambda row: says)
-    return found
+    return numbered
 
 
 def _lines(

@@ -90,7 +90,7 @@ def _encoding_of(path: Path) -> Literal["utf-8", "cp1252"]:
                 pass
     except UnicodeDecodeError:
         return "cp1252"
-    except OSError:  # told by who reads it
+    except OSError:  # its reader says why
         pass
     return "utf-8"
 

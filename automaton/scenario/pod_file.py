@@ -62,10 +62,10 @@ class PodFile(NamedTuple):
 
 def with_pods_of_file(document: Document) -> tuple[Document, PodFile | None]:
     """The document with the pods of its file as a list, if it names one. Raises InputError."""
-    given = document.data.get("pods")
-    if not isinstance(given, dict) or given.get("file") is None:
+    section = document.data.get("pods")
+    if not isinstance(section, dict) or section.get("file") is None:
         return document, None
-    pods = validated(document, given, Pods, PODS)
+    pods = validated(document, section, Pods, PODS)
     path = document.folder / str(pods.file)
     if not os.path.isfile(path):
         raise document.error((*PODS, "file"), f"there is no file of pods '{pods.file}'")
@@ -74,10 +74,10 @@ def with_pods_of_file(document: Document) -> tuple[Document, PodFile | None]:
     rows = _sequence(columns)
     _check_rows(columns, list(pods.classes or ()))
     columns.errors.raise_any()
-    kept = {key: value for key, value in given.items() if key not in ("file", "encoding")}
+    rest = {key: value for key, value in section.items() if key not in ("file", "encoding")}
     document = replace(
         document,
-        data={**document.data, "pods": {**kept, "list": _pods(columns, rows)}},
+        data={**document.data, "pods": {**rest, "list": _pods(columns, rows)}},
         listed=(*document.listed, ListFile((*PODS, "list"), str(path), columns.lines[rows])),
     )
     return document, PodFile(str(path.resolve()), columns.content_hash)

@@ -16,7 +16,6 @@ from msgspec import UNSET, Meta, UnsetType, defstruct
 from numpy.typing import NDArray
 
 from automaton.engine.facilities import Slots, Stations
-from automaton.engine.jit.structs import Struct
 from automaton.engine.pods import Lines, Pods, PodStations
 from automaton.engine.record_codes import (
     ACTION_MASK,
@@ -120,7 +119,7 @@ OF_SKUS: Final = {
 }
 
 
-def _part_of(struct: type[Struct], optional: tuple[str, ...]) -> type[msgspec.Struct]:
+def _part_of(struct: Any, optional: tuple[str, ...]) -> type[msgspec.Struct]:
     """The arrays of a struct that a header has, of which it may leave some out."""
     always = tuple(name for name in struct.fields_where(IN_HEADER) if name not in optional)
     return _part(struct.__name__, always, *((name, _MAYBE, UNSET) for name in optional))

@@ -31,6 +31,7 @@ from automaton.engine.state import NIL, Array
 from automaton.floor.cells import CHARGER, STATION
 from automaton.floor.floor_plan import CAN_TURN
 from automaton.floor.reachability import backward_exits, slot_access
+from automaton.scenario.carried_pods import transports_of
 from automaton.scenario.orders import DRAWN, ENDS, Orders, Parts
 from automaton.scenario.schema import Battery, ChargeRange
 
@@ -132,8 +133,7 @@ def min_drive_cost(resolved: Resolved, price: Price) -> tuple[Array, int, int]:
     if orders.listed is not None:
         pairs = [
             (floor_plan.cell(*line.ends[0]), floor_plan.cell(*line.ends[1]))
-            for line in orders.listed
-            if line.has_load
+            for _, line in transports_of(scenario, floor_plan)
         ]
         if len(pairs) < len(orders.listed):  # what is between stops counts as nothing
             return np.zeros(len(orders.listed)), 0, 0

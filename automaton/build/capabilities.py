@@ -28,6 +28,7 @@ from automaton.floor.cells import STORAGE
 from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.loaded_ways import to_and_from
 from automaton.floor.reachability import around_home, rack_stands, slot_access
+from automaton.scenario.carried_pods import transports_of
 from automaton.scenario.document import Keys
 from automaton.scenario.orders import ENDS
 from automaton.scenario.robot_types import (
@@ -209,9 +210,7 @@ class FleetOnFloor:
         """
         orders, floor_plan = self.scenario.orders, self.floor_plan
         known: set[tuple[Any, ...]] = set()
-        for index, line in enumerate(orders.listed or ()):
-            if not line.has_load:
-                continue
+        for index, line in transports_of(self.scenario, floor_plan):
             weight, (begin, end) = line.weight, line.ends
             apart = ((begin, None, weight), (None, end, weight))
             facts = apart if by_ends else ((begin, end, weight),)

@@ -164,7 +164,7 @@ def sources_and_targets(
     if orders.listed is not None:
         cell, slot_of = resolved.floor_plan.cell, floor.grid.slot
         ends = [
-            [slot_of[cell(*end)] for end in line.ends] if line.has_load else (NIL, NIL)
+            [NIL if end is None else slot_of[cell(*end)] for end in (line.source, line.target)]
             for line in orders.listed
         ]
         source, target = np.array(ends, np.int32).T

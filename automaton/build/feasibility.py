@@ -33,6 +33,7 @@ from automaton.floor.reachability import (
     slot_access,
     slots_beside,
 )
+from automaton.scenario.carried_pods import transports_of
 from automaton.scenario.document import Document, Keys
 from automaton.scenario.fleet import ALL, EMPTY, GROUPS, StartFile
 from automaton.scenario.floor_section import Floor
@@ -262,12 +263,23 @@ def check_orders(document: Document, scenario: Scenario, floor: Floor) -> None:
     begins: dict[tuple[int, int], bool] = {}  # by cell, whether several orders may begin there
     ends: set[tuple[int, int]] = set()
     for index, order in enumerate(scenario.orders.listed):
-        keys: Keys = ("orders", "list", index)
         if order.stops is not None:
-            check_stops(document, order.stop_cells, (*keys, "stops"), floor.floor_plan)
-        if not order.has_load:
-            continue
+            keys: Keys = ("orders", "list", index, "stops")
+            check_stops(document, order.stop_cells, keys, floor.floor_plan)
+    for index, order in transports_of(scenario, floor.floor_plan):
+        keys = ("orders", "list", index)
+        if order.target is None:
+            text = (
+                "the key 'to' is missing; only the order of a pod, from storage, may leave it out"
+            )
+            raise document.error(keys, text)
         source, target = order.ends
+        if order.stops is not None and source == target:
+            text = (
+                "an order with from and to brings a load from one to the other; leave both out if "
+                "a robot has only to come to its stops"
+            )
+            raise document.error(keys, text)
         if source not in begins or target not in ends or source == target:
             _check_order(document, order, keys, floor.floor_plan)
             slot_kind = floor.floor_plan.kind_of(floor.floor_plan.cell(*source))
@@ -408,7 +420,7 @@ def check_service(document: Document, fleet: FleetOnFloor) -> None:
         if order.stops is not None:
             keys: Keys = ("orders", "list", index)
             check_reached(document, fleet, order.stop_cells, order.weight, keys, order.has_load)
-        if not order.has_load or is_served.issuperset(order.ends):
+        if order.target is None or is_served.issuperset(order.ends):
             continue
         for name, (x, y) in zip(("from", "to"), order.ends, strict=True):
             cell = floor_plan.cell(x, y)

@@ -20,6 +20,7 @@ from automaton.engine.state import NEVER, NIL
 from automaton.scenario.line_table import LineTable
 from automaton.scenario.order_fields import NOTHING
 from automaton.scenario.orders import listed_lines
+from automaton.scenario.pod_file import pod_numbers, skus_of
 from automaton.scenario.pods import Line, LineDemand, PerOrder
 from automaton.scenario.schema import Scenario
 
@@ -32,7 +33,8 @@ class LineColumns(NamedTuple):
     """(l,) each, by line."""
 
     order: Column
-    pod: Column
+    pod: Column  # NIL: any with the SKU
+    sku: Column  # NIL: none, or a pod is wanted
     station: Column  # NIL: any
     release: Column
     due: Column  # NEVER: none
@@ -48,32 +50,39 @@ def line_columns(scenario: Scenario, pods: int, stations: dict[str, int], seed: 
     if isinstance(lines, LineDemand):
         return _drawn(lines, scenario, pods, max(stations.values()) + 1, seed)
     listed = listed_lines(scenario.orders)
-    return (
-        _of_table(listed, stations) if isinstance(listed, LineTable) else _listed(listed, stations)
-    )
+    if isinstance(listed, LineTable):
+        return _of_table(listed, scenario, stations)
+    return _listed(listed, scenario, pod_numbers(scenario, pods), stations)
 
 
-def _of_table(lines: LineTable, stations: dict[str, int]) -> LineColumns:
+def _of_table(lines: LineTable, scenario: Scenario, stations: dict[str, int]) -> LineColumns:
     values, count = lines.values, len(lines)
     named = values["order"] != NOTHING
     alike = np.where(named, values["order"], np.arange(count) + len(lines.orders))
     _, first, which = np.unique(alike, return_index=True, return_inverse=True)
     numbers = np.array([stations[str(name)] for name in lines.stations], np.int64)
     at = np.where(values["station"] == NOTHING, NIL, numbers[values["station"]])
+    known = skus_of(scenario)
+    skus = np.array([*(known[sku] for sku in lines.skus), NIL], np.int64)
+    has_pod = values["pod"] != NOTHING
     order = np.argsort(np.argsort(first))[which]  # in the sequence of their first lines
     return LineColumns(
         order=order,
-        pod=values["pod"].astype(np.int64),
+        pod=np.where(has_pod, values["pod"], NIL).astype(np.int64),
+        sku=np.where(has_pod | (values["sku"] == NOTHING), NIL, skus[values["sku"]]),
         station=at,
         release=values["released"].astype(np.int64),
         due=values["due"].astype(np.int64),
         priority=values["priority"].astype(np.int64),
         units=values["units"].astype(np.int64),
-        pod_class=np.zeros(0, np.int64),
+        pod_class=np.array(classes_given(scenario), np.int64),
     )
 
 
-def _listed(lines: Sequence[Line], stations: dict[str, int]) -> LineColumns:
+def _listed(
+    lines: Sequence[Line], scenario: Scenario, pods: dict[str, int], stations: dict[str, int]
+) -> LineColumns:
+    skus = skus_of(scenario)
     known: dict[int | str, int] = {}
     order = [
         known.setdefault(f" {k}" if line.order is None else line.order, len(known))
@@ -82,13 +91,14 @@ def _listed(lines: Sequence[Line], stations: dict[str, int]) -> LineColumns:
     due = [NEVER if line.due_tick is None else line.due_tick for line in lines]
     columns: tuple[list[int], ...] = (
         order,
-        [line.pod - 1 for line in lines],
+        [NIL if line.pod is None else pods[str(line.pod)] for line in lines],
+        [skus[str(line.sku)] if line.pod is None else NIL for line in lines],
         [NIL if line.station is None else stations[str(line.station)] for line in lines],
         [line.release for line in lines],
         due,
         [line.priority for line in lines],
         [line.units for line in lines],
-        [],
+        classes_given(scenario),
     )
     return LineColumns(*(np.array(column, np.int64) for column in columns))
 
@@ -110,7 +120,14 @@ def _drawn(
     release = released[order]
     none = np.zeros(lines.drawn, np.int64)
     due = none + NEVER if lines.due is None else np.minimum(release + lines.due, NEVER)
-    return LineColumns(order, pod, station, release, due, none, none + 1, pod_class)
+    return LineColumns(order, pod, none + NIL, station, release, due, none, none + 1, pod_class)
+
+
+def classes_given(scenario: Scenario) -> list[int]:
+    """The class of each pod from 0, if they are listed with their classes; else nothing."""
+    numbers = {name: number for number, name in enumerate(scenario.pods.classes or ())}
+    listed = scenario.pods.listed or ()
+    return [numbers[pod.pod_class] for pod in listed if pod.pod_class is not None]
 
 
 def _orders_of_lines(lines: LineDemand, seed: int) -> Column:
@@ -130,12 +147,15 @@ def _pods_of_lines(
 ) -> tuple[Column, Column]:
     """The pod of each line, and the class of each pod where lines are drawn by class."""
     if lines.classes is None or scenario.pods.classes is None:
-        return _integers(pods, lines.drawn, seed, DRAW_POD), np.zeros(0, np.int64)
+        pod_class = np.array(classes_given(scenario), np.int64)
+        return _integers(pods, lines.drawn, seed, DRAW_POD), pod_class
     names = list(scenario.pods.classes)
-    bounds = class_ends(list(scenario.pods.classes.values()), pods)
-    mixed = np.argsort(_integers(2**31 - 1, pods, seed, DRAW_POD_CLASS), kind="stable")
-    pod_class = np.zeros(pods, np.int64)
-    pod_class[mixed] = np.searchsorted(bounds, np.arange(pods), side="right")
+    pod_class = np.array(classes_given(scenario), np.int64)
+    if not len(pod_class):
+        bounds = class_ends(list(scenario.pods.classes.values()), pods)
+        mixed = np.argsort(_integers(2**31 - 1, pods, seed, DRAW_POD_CLASS), kind="stable")
+        pod_class = np.zeros(pods, np.int64)
+        pod_class[mixed] = np.searchsorted(bounds, np.arange(pods), side="right")
     shares = np.array([lines.classes.get(name, 0.0) for name in names])
     wanted = np.minimum(
         np.searchsorted(np.cumsum(shares), _fractions(lines.drawn, seed), side="right"),

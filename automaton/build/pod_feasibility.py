@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from automaton.build.capabilities import FleetOnFloor
 from automaton.build.queues import queue_path
@@ -11,35 +12,70 @@ from automaton.floor.cells import DIRECTIONS, STATION, STORAGE
 from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.loaded_ways import to_and_from
 from automaton.floor.reachability import Mask
+from automaton.scenario.carried_pods import carries_pods, is_of_pod
 from automaton.scenario.document import Document, Keys
 from automaton.scenario.orders import Orders
+from automaton.scenario.pod_file import pod_cells, pod_names, pod_numbers, skus_of
 from automaton.scenario.pods import Line, Pods, PodStation
 from automaton.scenario.schema import Scenario
 from automaton.units import count
 
 
 def check_pods(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
-    """Stations are stations, queues paths, and lines want pods that there are. Raises InputError."""
-    if scenario.orders.lines is None:
+    """Stations are stations, queues paths, and orders want pods that there are. Raises InputError."""
+    if not carries_pods(scenario, floor_plan):
         for key, is_set in (("stations", scenario.stations), ("pods", scenario.pods != Pods())):
             if is_set:
-                raise document.error((key,), f"{key} belong to orders.lines")
+                text = f"{key} belong to orders.lines, or to orders of a list that begin in storage"
+                raise document.error((key,), text)
         return
     if scenario.information != "everything":
         text = "pods are carried where strategies see everything; set information: everything"
         raise document.error(("information",), text)
+    check_listed_pods(document, scenario, floor_plan)
+    check_stations(document, scenario, floor_plan)
+    if scenario.orders.lines is None:
+        check_pod_orders(document, scenario, floor_plan)
+        return
     if not len(floor_plan.stations):
         raise document.error(("layout",), "lines are done at stations, and the floor has none")
-    pods = int(((floor_plan.kind == STORAGE) & (floor_plan.loads != 0)).sum())
+    pods = len(pod_cells(scenario, floor_plan))
     if not pods:
         raise document.error(("layout",), "lines want pods, and the floor has none: draw them as p")
-    check_stations(document, scenario, floor_plan)
-    names = list(scenario.stations)
-    if isinstance(scenario.orders.lines, tuple):  # those of a file were checked as it was read
+    if isinstance(scenario.orders.lines, tuple):
+        known = pod_numbers(scenario, pods), skus_of(scenario)
+        stations = len(floor_plan.stations)
         for index, line in enumerate(scenario.orders.lines):
             keys: Keys = ("orders", "lines", index)
-            check_line(document, line, keys, pods, names, len(floor_plan.stations))
+            check_wanted(document, line, keys, pods, *known)
+            check_station(document, line, keys, list(scenario.stations), stations)
     check_classes(document, scenario.orders, scenario)
+
+
+def check_pod_orders(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
+    """Orders of a list carry pods that there are, into storage, and no other loads. Raises InputError."""
+    standing = set(pod_cells(scenario, floor_plan).tolist())
+    for index, order in enumerate(scenario.orders.listed or ()):
+        if order.source is None:
+            continue
+        keys: Keys = ("orders", "list", index)
+        x, y = order.source
+        if not is_of_pod(order, floor_plan):
+            text = f"order {index} takes a load at [{x}, {y}], and other orders carry pods from storage"
+            raise document.error((*keys, "from"), f"{text}: a list has one or the other")
+        if floor_plan.cell(x, y) not in standing:
+            raise document.error((*keys, "from"), f"no pod stands at [{x}, {y}] at the start")
+        if order.target is None:
+            continue
+        if order.target == order.source and order.stops is None:
+            raise document.error((*keys, "to"), "an order ends where it begins")
+        u, v = order.target
+        inside = floor_plan.holds(u, v)
+        cell = floor_plan.cell(u, v) if inside else 0
+        if not inside or floor_plan.kind.flat[cell] != STORAGE:
+            what = f"is a {floor_plan.kind_of(cell).name}" if inside else "lies outside"
+            text = f"the order of a pod ends in storage, but [{u}, {v}] {what}"
+            raise document.error((*keys, "to"), text)
 
 
 def check_classes(document: Document, orders: Orders, scenario: Scenario) -> None:
@@ -50,18 +86,78 @@ def check_classes(document: Document, orders: Orders, scenario: Scenario) -> Non
     known = list(scenario.pods.classes or ())
     for name in wanted:
         if name not in known:
-            there = f"pods.classes has {', '.join(known)}" if known else "pods have no classes"
-            text = f"'{name}' is not a class of pods{nearest(name, known)}: {there}"
-            raise document.error(("orders", "lines", "classes", name), text)
+            raise document.error(("orders", "lines", "classes", name), no_class(name, known))
 
 
-def check_line(
-    document: Document, line: Line, keys: Keys, pods: int, names: list[str], stations: int
+def check_listed_pods(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
+    """Pods that are listed stand in storage, one in each cell, and all that are drawn are listed.
+
+    Raises InputError.
+    """
+    listed, classes = scenario.pods.listed, list(scenario.pods.classes or ())
+    if listed is None:
+        return
+    standing: dict[int, str] = {}
+    names: set[str] = set()
+    for number, pod in enumerate(listed):
+        keys: Keys = ("pods", "list", number)
+        x, y = pod.at
+        who = f"pod {number + 1}" if pod.name is None else f"pod {pod.name}"
+        inside = floor_plan.holds(x, y)
+        cell = floor_plan.cell(x, y) if inside else 0
+        if not inside or floor_plan.kind.flat[cell] != STORAGE:
+            there = f"a {floor_plan.kind_of(cell).name} is there" if inside else "it lies outside"
+            raise document.error(keys, f"{who} stands at [{x}, {y}], but {there}, not storage")
+        if cell in standing:
+            raise document.error(keys, f"{standing[cell]} and {who} both stand at [{x}, {y}]")
+        if pod.name in names:
+            raise document.error((*keys, "name"), f"two pods are called {pod.name}")
+        if pod.pod_class is not None and pod.pod_class not in classes:
+            raise document.error((*keys, "class"), no_class(pod.pod_class, classes))
+        if (pod.pod_class is None) != (listed[0].pod_class is None):
+            without = who if pod.pod_class is None else "pod 1"
+            raise document.error(keys, f"{without} has no class, and others have one")
+        standing[cell] = who
+        names |= set() if pod.name is None else {pod.name}
+    drawn = (floor_plan.kind.reshape(-1) == STORAGE) & (floor_plan.loads.reshape(-1) != 0)
+    drawn[list(standing)] = False
+    if drawn.any():
+        x, y = floor_plan.xy(int(np.argmax(drawn)))
+        text = f"the layout has a pod at [{x}, {y}], and pods.list has none there: draw it as q"
+        raise document.error(("layout",), text)
+
+
+def no_class(name: str, classes: list[str]) -> str:
+    """Say that there is no such class of pods."""
+    there = f"pods.classes has {', '.join(classes)}" if classes else "pods have no classes"
+    return f"'{name}' is not a class of pods{nearest(name, classes)}: {there}"
+
+
+def check_wanted(
+    document: Document,
+    line: Line,
+    keys: Keys,
+    pods: int,
+    numbers: dict[str, int],
+    skus: dict[str, int],
 ) -> None:
-    """A line wants a pod that there is at a station that there is. Raises InputError."""
-    if line.pod > pods:
+    """A line wants a pod, or a SKU, that there is. Raises InputError."""
+    if line.pod is None:
+        if str(line.sku) not in skus:
+            like = (
+                nearest(str(line.sku), skus) if skus else ": pods have none; set skus in pods.list"
+            )
+            raise document.error((*keys, "sku"), f"'{line.sku}' is not a SKU of a pod{like}")
+    elif str(line.pod) not in numbers:
+        like = nearest(str(line.pod), numbers) if isinstance(line.pod, str) else ""
         there = f"there are {count(pods, 'pod')}, numbered from 1 as one reads the picture"
-        raise document.error((*keys, "pod"), f"'{line.pod}' is not a pod: {there}")
+        raise document.error((*keys, "pod"), f"'{line.pod}' is not a pod{like or f': {there}'}")
+
+
+def check_station(
+    document: Document, line: Line, keys: Keys, names: list[str], stations: int
+) -> None:
+    """A line wants its pod at a station that there is. Raises InputError."""
     if line.station is None or line.station in names:
         return
     if not isinstance(line.station, int) or not 1 <= line.station <= stations:
@@ -133,21 +229,78 @@ def check_queue(
 def check_pod_ways(document: Document, fleet: FleetOnFloor) -> None:
     """Every pod gets to every station and back, over other storage not at all. Raises InputError."""
     floor_plan = fleet.floor_plan
-    if fleet.scenario.orders.lines is None:
+    if not carries_pods(fleet.scenario, floor_plan):
         return
-    pods: Mask = (floor_plan.kind == STORAGE).reshape(-1) & (floor_plan.loads != 0).reshape(-1)
+    cells = pod_cells(fleet.scenario, floor_plan)
+    names = pod_names(fleet.scenario, len(cells))
+    carried = carried_from(document, fleet, cells)
+    if fleet.scenario.orders.lines is None:
+        check_ways_of_orders(document, fleet, dict(zip(cells.tolist(), carried, strict=True)))
+        return
     within: Mask = np.logical_or.reduce(fleet.within)
     for number, station in enumerate(floor_plan.stations.tolist(), 1):
         x, y = floor_plan.xy(station)
         if not within[station]:
             text = f"no robot gets to station {number} at ({x}, {y}) and back"
             raise document.error(("layout",), text)
-        apart: Mask = pods & ~(
-            to_and_from(floor_plan, station, fleet.rail) & fleet.loaded.any(axis=0)
-        )
+        apart: Mask = ~(to_and_from(floor_plan, station, fleet.rail)[cells] & carried)
         if apart.any():
-            cell = int(np.argmax(apart))
-            pod = int(np.count_nonzero(pods[: cell + 1]))
-            u, v = floor_plan.xy(cell)
-            text = f"pod {pod} at ({u}, {v}) has no way to station {number} at ({x}, {y}) and back"
-            raise document.error(("layout",), f"{text} that leads through no other storage")
+            pod = int(np.argmax(apart))
+            u, v = floor_plan.xy(int(cells[pod]))
+            text = f"pod {names[pod]} at ({u}, {v}) has no way to station {number} at ({x}, {y})"
+            text = f"{text} and back that leads through no other storage"
+            raise document.error(pod_place(fleet.scenario, pod), text)
+
+
+def check_ways_of_orders(document: Document, fleet: FleetOnFloor, carried: dict[int, bool]) -> None:
+    """The pods of listed orders get to all stops and to where they go. Raises InputError."""
+    floor_plan = fleet.floor_plan
+    for index, order in enumerate(fleet.scenario.orders.listed or ()):
+        if order.source is None:
+            continue
+        keys: Keys = ("orders", "list", index)
+        x, y = order.source
+        begin = floor_plan.cell(x, y)
+        ends = () if order.target is None else (order.target,)
+        for u, v in (*order.stop_cells, *ends):
+            if not (carried[begin] and joined(fleet, floor_plan.cell(u, v))[begin]):
+                text = f"the pod at [{x}, {y}] has no way to [{u}, {v}] and back"
+                raise document.error(keys, f"{text} that leads through no other storage")
+
+
+def joined(fleet: FleetOnFloor, cell: int) -> Mask:
+    """(C,) the cells from which a load gets to a cell, and to which it comes back."""
+    floor_plan = fleet.floor_plan
+    kind = floor_plan.kind.reshape(-1)
+    if kind[cell] != STORAGE:
+        return to_and_from(floor_plan, cell, fleet.rail)
+    ways_in: Mask = np.zeros(kind.size, np.bool_)
+    for offset in floor_plan.offsets:
+        if kind[cell + offset] != STORAGE and floor_plan.drivable.flat[cell + offset]:
+            ways = to_and_from(floor_plan, cell + offset, fleet.rail)
+            ways_in |= ways & ways[cell]
+    return ways_in
+
+
+def pod_place(scenario: Scenario, pod: int) -> Keys:
+    """Where a scenario says of a pod where it stands."""
+    return ("layout",) if scenario.pods.listed is None else ("pods", "list", pod)
+
+
+def carried_from(document: Document, fleet: FleetOnFloor, cells: npt.NDArray[np.intp]) -> Mask:
+    """(p,) whether a robot that carries it gets to where a pod stands. Raises InputError."""
+    listed = fleet.scenario.pods.listed
+    weights: npt.NDArray[np.int64] = np.ones(len(cells), np.int64)
+    if listed is not None:
+        weights[:] = [pod.weight for pod in listed]
+    carried: Mask = np.zeros(len(cells), np.bool_)
+    for weight in np.unique(weights).tolist():
+        here = weights == weight
+        carries = [robot_type.payload >= weight for robot_type in fleet.types]
+        if not any(carries):
+            pod = int(np.argmax(here))
+            name = pod_names(fleet.scenario, len(cells))[pod]
+            text = f"pod {name} weighs {weight:,}, but no robot carries more than {fleet.payload:,}"
+            raise document.error((*pod_place(fleet.scenario, pod), "weight"), text)
+        carried[here] = fleet.loaded[carries][:, cells[here]].any(axis=0)
+    return carried

@@ -17,6 +17,7 @@ from automaton.build.feasibility import check_energy, check_feasible
 from automaton.build.table_memory import check_table_memory
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
+from automaton.scenario.carried_pods import carries_pods
 from automaton.scenario.conversions import Conversion, with_numbers
 from automaton.scenario.document import Document, Keys, Override, override
 from automaton.scenario.floor_section import floor_of
@@ -25,6 +26,7 @@ from automaton.scenario.line_file import with_lines_of_file
 from automaton.scenario.line_table import plain_data
 from automaton.scenario.locations import names_of_cells, with_locations_of_file
 from automaton.scenario.order_file import with_orders_of_file
+from automaton.scenario.pod_file import pod_cells, pod_names, with_pods_of_file
 from automaton.scenario.reading import SHIPPED_FOLDER, STUDIES_ARE_SWEPT, is_study, read
 from automaton.scenario.schema import LAYER_NAMES, Scenario, Units
 from automaton.scenario.start_file import with_starts_of_file
@@ -64,6 +66,13 @@ class Resolved:
         """The robots on the floor: types, starts, what they reach."""
         return FleetOnFloor(self.scenario, self.floor_plan, self.start)
 
+    @cached_property
+    def pod_names(self) -> tuple[str, ...]:
+        """The name of each pod, its number from 1 where it has none; () where none is carried."""
+        if not carries_pods(self.scenario, self.floor_plan):
+            return ()
+        return tuple(pod_names(self.scenario, len(pod_cells(self.scenario, self.floor_plan))))
+
     def __getstate__(self) -> dict[str, Any]:
         """All but the fleet, which follows from the rest and may be larger than all of it."""
         return {name: value for name, value in vars(self).items() if name != "fleet"}
@@ -92,6 +101,7 @@ def resolve(
         data = {**document.data, "seed": seed}
         document = replace(document, data=data, overrides=(*document.overrides, seeded))
     document, location_file = with_locations_of_file(document)
+    document, pod_file = with_pods_of_file(document)
     document, checked, conversions = checked_scenario(document)
     document, checked, order_file = with_orders_of_file(document, checked)
     document, checked, start_file = with_starts_of_file(document, checked)
@@ -115,7 +125,14 @@ def resolve(
         ),
         files=tuple(
             (file.path, file.content_hash)
-            for file in (location_file, order_file, start_file, task_file, *handling_files)
+            for file in (
+                location_file,
+                pod_file,
+                order_file,
+                start_file,
+                task_file,
+                *handling_files,
+            )
             if file is not None
         ),
         conversions=conversions,

@@ -13,6 +13,7 @@ from automaton.build.resolve import Resolved
 from automaton.errors import alternatives
 from automaton.floor.cells import CHARGER, STATION, UNLIMITED
 from automaton.floor.reachability import steps_from
+from automaton.scenario.carried_pods import transports_of
 from automaton.units import SECONDS_PER_UNIT, count, unit
 
 AVOIDS_TRAFFIC = ("traffic-avoidance", "congestion")  # routing strategies
@@ -183,7 +184,8 @@ def served_stations(resolved: Resolved) -> set[int]:
         ends = {
             floor_plan.cell(*cell)
             for line in orders.listed
-            for cell in (*line.stop_cells, *(line.ends if line.has_load else ()))
+            for cell in (*line.stop_cells, line.source, line.target)
+            if cell is not None
         }
         return ends & set(stations)
     return set(stations) if orders.generator in ("stations", "visits") else set()
@@ -196,8 +198,7 @@ def station_pairs(resolved: Resolved) -> list[tuple[int, int]]:
     if orders.listed is not None:
         ends = [
             (floor_plan.cell(*line.ends[0]), floor_plan.cell(*line.ends[1]))
-            for line in orders.listed
-            if line.has_load
+            for _, line in transports_of(resolved.scenario, floor_plan)
         ]
         return [pair for pair in ends[:MOST_STATIONS] if set(pair) <= set(stations)]
     if len(stations) > MOST_STATIONS:

@@ -14,11 +14,11 @@ import numpy.typing as npt
 
 from automaton.build.resolve import Resolved
 from automaton.engine.state import HEADING_COUNTS
-from automaton.floor.cells import STORAGE
 from automaton.floor.travel_ticks import Driving, ticks_between
 from automaton.scenario.handling import Distribution, Handling
 from automaton.scenario.line_table import line_column
 from automaton.scenario.orders import listed_lines
+from automaton.scenario.pod_file import pod_cells
 from automaton.scenario.robot_types import types_of
 from automaton.scenario.schema import Scenario
 from automaton.units import count
@@ -56,7 +56,7 @@ def loaded_driving(scenario: Scenario) -> Driving:
 def round_trips(resolved: Resolved) -> Ticks:
     """(pods, stations) least ticks with a pod to a station and back, turns included."""
     floor_plan, driving = resolved.floor_plan, loaded_driving(resolved.scenario)
-    pods = np.flatnonzero((floor_plan.kind == STORAGE) & (floor_plan.loads != 0))
+    pods = pod_cells(resolved.scenario, floor_plan)
     result = np.zeros((len(pods), len(floor_plan.stations)), np.int64)
     for number, cell in enumerate(floor_plan.stations.tolist()):
         ways = [

@@ -35,6 +35,7 @@ from automaton.engine.state import (
     CLOCK_UNPARKED,
     CLOCK_UNQUEUED_ORDERS,
     NIL,
+    ORDER_WAITING,
     REASON_IDLE,
     AllocationDecisions,
     Array,
@@ -92,7 +93,7 @@ def build_world(
     floor = floor_for(resolved.floor_plan, kinematics, zones, types, drives_under)
     starts = homes(resolved, seed)
     orders, slots, stops = build_orders(resolved, floor, seed, starts[0])
-    carried = build_pods(resolved, floor, slots, seed)
+    carried = build_pods(resolved, floor, slots, orders, seed)
     if carried.orders is not None and carried.stops is not None:
         orders, stops = carried.orders, carried.stops
     occupancy = floor.occupancy.copy()
@@ -111,8 +112,8 @@ def build_world(
     )  # zoning is asked in the first tick
     clock[CLOCK_NEXT_WAKEUP] = NIL
     clock[CLOCK_HALTED_UNTIL] = NIL
-    clock[CLOCK_NEXT_RELEASE] = int(np.count_nonzero(orders.release_tick == 0))
-    known = np.flatnonzero(orders.release_tick == 0)
+    known = np.flatnonzero((orders.release_tick == 0) & (orders.state == ORDER_WAITING))
+    clock[CLOCK_NEXT_RELEASE] = len(known)
     clock[CLOCK_KNOWN_ORDERS] = int(known[-1]) + 1 if len(known) else 0
     clock[CLOCK_SEQUENCED] = clock[CLOCK_NEXT_RELEASE]
     clock[CLOCK_UNPARKED] = n - int(robots.parked.sum())

@@ -74,7 +74,7 @@ def pick_up(world, record, i, ticks):
     drop_route(robots, i)
     orders.legs[order] += 1
     record_change(world.clock, record, CHANGE_PICKED, robots.identity[i], order)
-    if slot == orders.target[order]:
+    if slot == orders.target[order] and not has_trips(world):
         visit(world, record, i, order, ticks)
         return
     empty_slot(world, slot)
@@ -155,14 +155,15 @@ def set_down(world, record, i, ticks):
     drop_route(robots, i)
     record_change(world.clock, record, CHANGE_DROPPED, robots.identity[i], slot)
     orders.current_slot[order] = slot
-    if slot == orders.target[order] or has_trips(world):
+    is_over = slot == orders.target[order] or orders.target[order] == NIL
+    if is_over:
         complete_order(world, order)
         deliver(world, order, ticks)
     else:
         orders.state[order] = ORDER_WAITING
         leave_queue(world, order)
     if has_trips(world):
-        store_pod(world, order, slot)
+        store_pod(world, order, slot, is_over)
         put_pod_into(world.traffic.occupancy, world.slots.cell[slot])
     elif world.slots.unbounded[slot] == 0:
         world.slots.content[slot] = order

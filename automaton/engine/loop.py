@@ -28,6 +28,7 @@ from automaton.engine.events import find_cycles, max_events, note_events
 from automaton.engine.faults import break_down_and_repair
 from automaton.engine.holders import enter_holders, remove_holders
 from automaton.engine.jit.kernel import jit_is_on, kernel
+from automaton.engine.listed_pods import take_turns
 from automaton.engine.motion import move_all
 from automaton.engine.observation import COUNT_CURVE_ROWS, COUNT_EVENTS
 from automaton.engine.observe import observe
@@ -42,6 +43,7 @@ from automaton.engine.state import (
     CLOCK_FINISHED,
     CLOCK_HALTED_UNTIL,
     CLOCK_KNOWN_ORDERS,
+    CLOCK_NEXT_RELEASE,
     CLOCK_OBSERVING,
     CLOCK_OPEN_JOBS,
     CLOCK_PHASE,
@@ -62,7 +64,7 @@ from automaton.engine.state import (
 )
 from automaton.engine.station_queues import clear_queues, count_starved, mark_queues
 from automaton.engine.stations import work_at_stations
-from automaton.engine.trips import has_trips, leave_stations_and_pods, plan_trips
+from automaton.engine.trips import has_lines, has_trips, leave_stations_and_pods, plan_trips
 from automaton.engine.visibility import begin_call, call_count, end_call, name_robots
 from automaton.engine.visits import complete_visits
 from automaton.engine.zoning_commit import commit_zoning, judge_zoning
@@ -109,9 +111,12 @@ def ticks(
         world.robots.executed[:] = 0
         if world.rules.may_fail:
             break_down_and_repair(world, record, workspace)
+        first = clock[CLOCK_NEXT_RELEASE]
         release_orders(world)
-        if has_trips(world):
+        if has_lines(world):
             plan_trips(world, record)
+        elif has_trips(world):
+            take_turns(world, record, first)
         if world.stations.part_arrivals.shape[0]:
             work_at_stations(world)
         for phase in range(PHASES):

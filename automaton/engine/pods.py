@@ -28,20 +28,43 @@ class Pods(Struct, role=STATIC):
     pod_class: Array = field("(p,) int16", "its class, from 0")
     trip: Array = field("(p,) int32", "its trip that is not over, or NIL", default=NIL, digest=62)
     first_line: Array = field(
-        "(p,) int32", "the first line that waits for its next trip, or NIL", default=NIL, digest=63
+        "(p,) int32",
+        "the first line, or order of a list, that waits for its next trip, or NIL",
+        default=NIL,
+        digest=63,
     )
     last_line: Array = field("(p,) int32", "the last of them", default=NIL, role=DERIVED)
     stored: Array = field(
         "(p,) int32", "those stored in this tick that lines wait for", role=DERIVED
     )
     slot_class: Array = field("(s,) int16", "the class of a storage cell, from 0; other slots: NIL")
+    weight: Array = field(
+        "(p,) int32", "what a robot must be able to carry", default=1, header=True
+    )
+    open_lines: Array = field(
+        "(p,) int32", "lines for it that are known and not done", role=DERIVED
+    )
+    sku_first: Array = field(
+        "(skus + 1,) int32",
+        "sku_pod[sku_first[u]: sku_first[u + 1]] are the pods with SKU u",
+        header=True,
+    )
+    sku_pod: Array = field("(held,) int32", "pods, by SKU and number", header=True)
 
 
 class Lines(Struct, role=STATIC):
     """What orders want of pods at stations."""
 
     order: Array = field("(l,) int32", "the order that it belongs to", header=True)
-    pod: Array = field("(l,) int32", "the pod that is wanted", header=True)
+    pod: Array = field(
+        "(l,) int32", "the pod that it asks for; NIL: any with its SKU", default=NIL, header=True
+    )
+    sku: Array = field(
+        "(l,) int32", "the SKU that is wanted of any pod, or NIL", default=NIL, header=True
+    )
+    taken_from: Array = field(
+        "(l,) int32", "the pod that has it, NIL: not known yet", default=NIL, role=DERIVED
+    )
     station: Array = field(
         "(l,) int32", "the station that it asks for; NIL: any", default=NIL, header=True
     )
@@ -76,6 +99,11 @@ class Trips(Struct, role=DERIVED):
     """Trips, beside what is kept of every order; and what robots hold for them, by identity."""
 
     pod: Array = field("(l,) int32", "its pod, NIL: not known yet", default=NIL)
+    following: Array = field(
+        "(listed,) int32",
+        "of an order of a list: the next one that waits for the same pod, or NIL",
+        default=NIL,
+    )
     begun: Array = field("(l,) int32", "how many of its stops were begun", digest=67)
     station: Array = field("(w,) int32", "the station of a stop, or NIL", default=NIL, digest=68)
     handling: Array = field("(w,) int64", "millionths of a tick that its lines take")
@@ -112,6 +140,11 @@ class PodStations(Struct, role=STATIC):
     queue_way: Array = field("(c,) uint8", "direction from a cell of a queue to the next one")
     held_back: Array = field(
         "(c,) uint8", "1 = its holder queues there, or is at the station", role=SCRATCH
+    )
+    ticks_from: Array = field(
+        "(d, s) int32",
+        "least ticks with a load from a slot to each station; no rows where no line has a SKU",
+        header=True,
     )
     breaks: Array = field("(b, 3) int64", "station, first tick, tick after the last; by tick")
     served_ticks: Array = field("(k,) int64", "ticks in which it served a robot", role=MEASURED)

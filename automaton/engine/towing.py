@@ -1,6 +1,7 @@
 """What becomes of the pod of a robot that is towed: it is put into the nearest free storage cell.
 
-Its trip waits there with the stops that are left, for any robot; one with none left is over.
+Its order waits there with the stops that are left, for any robot; one with none left is over, unless it
+names another cell.
 """
 
 import numpy as np
@@ -25,7 +26,7 @@ def put_pod_aside(world, record, workspace, i):
     if slot == NIL:
         return False
     order, identity = np.int64(robots.load[i]), np.int64(robots.identity[i])
-    pod, cell = np.int64(trips.pod[order]), np.int64(world.slots.cell[slot])
+    cell = np.int64(world.slots.cell[slot])
     put_off(world, i)
     robots.order[i] = NIL
     record_change(world.clock, record, CHANGE_LOAD_LEFT, identity, slot)
@@ -33,14 +34,14 @@ def put_pod_aside(world, record, workspace, i):
     give_place_back(world, identity)
     orders.current_slot[order] = slot
     trips.begun[order] = orders.stops_done[order]  # a visit that was cut short begins again
-    if next_stop(world, order) == NIL:
+    stays = orders.target[order] == NIL or orders.target[order] == slot
+    if stays and next_stop(world, order) == NIL:
         complete_order(world, order)
-        store_pod(world, order, slot)
+        store_pod(world, order, slot, True)
         reserve_order(world, record, order, NIL)
         return True
     orders.state[order] = ORDER_WAITING
-    world.pods.slot[pod] = slot
-    world.slots.content[slot] = pod
+    store_pod(world, order, slot, False)
     reserve_order(world, record, order, NIL)
     offer(world, record, order, cell)
     return True

@@ -12,6 +12,7 @@ without one the trip ends in storage. So no robot waits for a place with a pod o
 import numpy as np
 
 from automaton.engine.jit.kernel import kernel
+from automaton.engine.next_stop import next_stop_cell
 from automaton.engine.record_changes import record_change
 from automaton.engine.record_codes import CHANGE_ORDER_RESERVED
 from automaton.engine.state import (
@@ -33,8 +34,14 @@ LONGEST_VISIT = 65_535  # ticks: robots.busy has no more
 
 @kernel
 def has_trips(world):
-    """Whether the orders of this world are trips of pods."""
+    """Whether orders of this world carry pods: all are trips, or those of a list that have one."""
     return world.trips.pod.shape[0] > 0
+
+
+@kernel
+def has_lines(world):
+    """Whether its trips are made of lines; otherwise orders of a list carry pods."""
+    return world.lines.order.shape[0] > 0
 
 
 @kernel
@@ -50,6 +57,7 @@ def plan_trips(world, record):
             return
         clock[CLOCK_NEXT_LINE] += 1
         choose_station(world, line)
+        choose_pod(world, line)
         take_line(world, record, line)
 
 
@@ -72,10 +80,42 @@ def choose_station(world, line):
 
 
 @kernel
+def choose_pod(world, line):
+    """The pod of a line: its own, or one with its SKU."""
+    lines = world.lines
+    pod = np.int64(lines.pod[line])
+    if pod == NIL:
+        pod = pod_with_sku(world, np.int64(lines.sku[line]), np.int64(lines.served_at[line]))
+    lines.taken_from[line] = pod
+    world.pods.open_lines[pod] += 1
+
+
+@kernel
+def pod_with_sku(world, sku, station):
+    """Of the pods with a SKU one that can be joined at a station; else of those in storage without a
+    trip the one nearest to it; else the one with the fewest open lines; ties the lowest number."""
+    pods, nearest, fewest = world.pods, np.int64(NIL), np.int64(NIL)
+    ticks = np.int64(0)
+    for k in range(pods.sku_first[sku], pods.sku_first[sku + 1]):
+        pod = np.int64(pods.sku_pod[k])
+        trip, slot = np.int64(pods.trip[pod]), np.int64(pods.slot[pod])
+        if trip != NIL:
+            if world.rules.join and has_stop_at(world, find_stop(world, trip, station), station):
+                return pod
+        elif slot != NIL:
+            away = np.int64(world.pod_stations.ticks_from[station, slot])
+            if nearest == NIL or away < ticks:
+                nearest, ticks = pod, away
+        if fewest == NIL or pods.open_lines[pod] < pods.open_lines[fewest]:
+            fewest = pod
+    return fewest if nearest == NIL else nearest
+
+
+@kernel
 def take_line(world, record, line):
     """A line joins the trip of its pod, makes one, or waits for the next."""
     pods = world.pods
-    pod = np.int64(world.lines.pod[line])
+    pod = np.int64(world.lines.taken_from[line])
     trip = np.int64(pods.trip[pod])
     if trip == NIL and pods.slot[pod] != NIL and pods.first_line[pod] == NIL:
         add_to_trip(world, new_trip(world, record, pod), line)
@@ -119,6 +159,7 @@ def new_trip(world, record, pod):
     slot = np.int64(pods.slot[pod])
     world.trips.pod[trip] = pod
     pods.trip[pod] = trip
+    orders.weight[trip] = pods.weight[pod]
     orders.source[trip] = slot
     orders.current_slot[trip] = slot
     orders.state[trip] = ORDER_WAITING
@@ -132,16 +173,30 @@ def new_trip(world, record, pod):
 
 
 @kernel
+def find_stop(world, trip, station):
+    """The first stop of a trip at a station that is not begun, else its first free one, or NIL."""
+    orders, trips = world.orders, world.trips
+    end = np.int64(orders.first_stop[trip + 1])
+    stop = np.int64(orders.first_stop[trip]) + trips.begun[trip]
+    while stop < end and world.stops.cell[stop] != NIL and trips.station[stop] != station:
+        stop += 1
+    return stop if stop < end else np.int64(NIL)
+
+
+@kernel
+def has_stop_at(world, stop, station):
+    """Whether there is such a stop, and it is one at a station."""
+    return stop != NIL and world.trips.station[stop] == station
+
+
+@kernel
 def add_to_trip(world, trip, line):
     """Serve a line at a stop of a trip that is not begun, or at one more; False: there is not one."""
     orders, stops, trips = world.orders, world.stops, world.trips
     station = np.int64(world.lines.served_at[line])
     first = np.int64(orders.first_stop[trip])
-    end = np.int64(orders.first_stop[trip + 1])
-    stop = first + trips.begun[trip]
-    while stop < end and stops.cell[stop] != NIL and trips.station[stop] != station:
-        stop += 1
-    if stop == end:
+    stop = find_stop(world, trip, station)
+    if stop == NIL:
         return False
     if stops.cell[stop] == NIL:
         if stop > first and orders.stops_done[trip] == stop - first:
@@ -275,16 +330,16 @@ def give_place_back(world, identity):
 
 @kernel
 def has_break(world, trip):
-    """Whether no visit begins now at the station of a trip's next stop."""
-    return is_in_break(world, next_station(world, trip))
+    """Whether no visit begins now at the next stop of an order: it is a station that has a break."""
+    return is_in_break(world, world.pod_stations.station_at[next_stop_cell(world, trip)])
 
 
 @kernel
 def is_in_break(world, station):
-    """Whether no visit begins now at a station."""
+    """Whether no visit begins now at a station, or NIL."""
     tick, breaks = world.clock[CLOCK_TICK], world.pod_stations.breaks
     for row in range(breaks.shape[0]):
-        if breaks[row, 0] == station and breaks[row, 1] <= tick < breaks[row, 2]:
+        if station != NIL and breaks[row, 0] == station and breaks[row, 1] <= tick < breaks[row, 2]:
             return True
     return False
 
@@ -325,6 +380,7 @@ def complete_line(world, line):
         lines.order_done[order] = tick
         world.clock[CLOCK_ORDERS_DONE] += 1
     world.pod_stations.open_lines[lines.served_at[line]] -= 1
+    world.pods.open_lines[lines.taken_from[line]] -= 1
     world.clock[CLOCK_UNDELIVERED] -= 1
 
 
@@ -367,12 +423,14 @@ def lift_pod(world, trip):
 
 
 @kernel
-def store_pod(world, trip, slot):
-    """The pod of a trip stands in a slot; the trip is over, and lines that wait make a new one."""
+def store_pod(world, trip, slot, is_over):
+    """The pod of a trip stands in a slot; if the trip is over, what waits for the pod is next."""
     pods, pod = world.pods, np.int64(world.trips.pod[trip])
     pods.slot[pod] = slot
-    pods.trip[pod] = NIL
     world.slots.content[slot] = pod
+    if not is_over:
+        return
+    pods.trip[pod] = NIL
     if pods.first_line[pod] != NIL:
         place = world.clock[CLOCK_STORED_PODS]
         while place > 0 and pods.stored[place - 1] > pod:  # robots store pods in any sequence

@@ -41,7 +41,7 @@ from automaton.engine.state import (
     REASON_SERVED,
     RETRY_NONE,
 )
-from automaton.engine.trips import end_visit, give_place_back, has_break, has_trips
+from automaton.engine.trips import end_visit, give_place_back, has_break, has_lines, has_trips
 
 
 @kernel
@@ -176,7 +176,7 @@ def complete_visit(world, record, i):
         robots.action[i] = ACTION_IDLE  # the next stop may be in the same cell
     start(orders, order)
     cell = next_stop_cell(world, order)
-    if has_trips(world):
+    if has_lines(world):
         cell = end_visit(world, np.int64(robots.identity[i]), order, stop)
     if cell != NIL:
         set_goal(world, i, GOAL_STOP, cell)

@@ -54,6 +54,8 @@ def asked_orders(world: World) -> AskedOrders:
         is_done = orders.state == ORDER_DELIVERED
         done = np.where(is_done, orders.delivered, NIL).astype(np.int64)
         known = orders.state != ORDER_UNRELEASED
+        if len(world.pods.slot):  # some may wait for their pods
+            known |= orders.release_tick <= world.clock[CLOCK_TICK]
         return AskedOrders(
             orders.release_tick.astype(np.int64), orders.due.astype(np.int64), done, known
         )

@@ -255,17 +255,23 @@ def _not_lost(world: World) -> list[str]:
     """The metrics of lost ticks that a run does not have."""
     absent = {
         "lost_queueing": not world.rules.battery,
-        "lost_station_queue": not has_lines(world),
+        "lost_station_queue": not (has_lines(world) or _has_queues(world)),
         "lost_held_back": not world.rules.steered[0],
     }
     return [name for name, is_absent in absent.items() if is_absent]
+
+
+def _has_queues(world: World) -> bool:
+    """Whether stations to which pods are carried have queues."""
+    return bool((world.pod_stations.queue_at != NIL).any())
 
 
 def metrics_by_robot(run: Measured) -> list[dict[str, Any]]:
     """For each robot, in the order of identities: operations, lost ticks, utilization.
 
     `slowdown_ticks` is there if moves may take longer, `lost_queueing` if robots run on batteries,
-    `lost_station_queue` if they carry pods, `lost_held_back` if right of way steers them.
+    `lost_station_queue` if they carry pods for lines or to queues,
+    `lost_held_back` if right of way steers them.
     """
     world = run.world
     elapsed = int(world.clock[CLOCK_TICK])
@@ -280,7 +286,7 @@ def metrics_by_robot(run: Measured) -> list[dict[str, Any]]:
         actions = {
             ACTION_NAMES[a] + "s": int(world.tally.operations[i, a].sum())
             for a in OPERATIONS
-            if a != ACTION_SERVE or world.stops.ticks.any() or has_lines(world)
+            if a != ACTION_SERVE or world.stops.ticks.any() or len(world.pods.slot)
         }
         row: dict[str, Any] = {"robot": identity}
         if names:

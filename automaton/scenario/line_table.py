@@ -22,16 +22,22 @@ FIELDS = {"release": "released", "due": "due", "priority": "priority", "units": 
 
 
 class LineTable(Sequence[Line]):
-    """The lines of a file: 28 bytes each, and the texts of their orders.
+    """The lines of a file: 32 bytes each, and the texts of their orders.
 
-    `values`: (n,) by field, as automaton.scenario.line_file reads it: pods from 0, places among
-    `orders` and `stations`, or NOTHING, and the tick in which a line is due, or NO_DUE.
+    `values`: (n,) by field, as automaton.scenario.line_file reads it: places among `orders`, `pods`,
+    `skus` and `stations`, or NOTHING, and the tick in which a line is due, or NO_DUE.
     """
 
     def __init__(
-        self, values: Mapping[str, Column], orders: Sequence[str], stations: Sequence[str | int]
+        self,
+        values: Mapping[str, Column],
+        orders: Sequence[str],
+        pods: Sequence[str],
+        skus: Sequence[str],
+        stations: Sequence[str],
     ) -> None:
         self.values, self.orders, self.stations = values, orders, stations
+        self.pods, self.skus = pods, skus
 
     def __len__(self) -> int:
         return len(self.values["pod"])
@@ -45,16 +51,17 @@ class LineTable(Sequence[Line]):
     def __getitem__(self, index: int | slice) -> Line | LineTable:
         if isinstance(index, slice):
             values = {name: column[index] for name, column in self.values.items()}
-            return LineTable(values, self.orders, self.stations)
+            return LineTable(values, self.orders, self.pods, self.skus, self.stations)
         return next(iter(self[index:][:1] if index >= 0 else self[index:]))
 
     def __iter__(self) -> Iterator[Line]:
-        names = ("order", "pod", "station", "released", "due", "priority", "units")
+        names = ("order", "pod", "sku", "station", "released", "due", "priority", "units")
         rows = zip(*(self.values[name].tolist() for name in names), strict=True)
-        for order, pod, station, release, due, priority, units in rows:
+        for order, pod, sku, station, release, due, priority, units in rows:
             yield Line(
                 order=None if order == NOTHING else self.orders[order],
-                pod=pod + 1,
+                pod=None if pod == NOTHING else self.pods[pod],
+                sku=None if sku == NOTHING else self.skus[sku],
                 station=None if station == NOTHING else self.stations[station],
                 release=release,
                 due=None if due == NO_DUE else DueAt(at=due),

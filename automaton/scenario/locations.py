@@ -7,10 +7,10 @@ packing,4,2
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final, NamedTuple, cast
+from typing import Any, Final, Literal, NamedTuple, cast
 
 import numpy as np
 
@@ -59,7 +59,7 @@ def with_locations_of_file(document: Document) -> tuple[Document, LocationFile |
 
 def read_locations(path: Path) -> tuple[dict[str, list[int]], dict[str, int], str]:
     """Read the cell and the line of each name in a file, and its hash. Raises InputError."""
-    file = OrderFile(file=path.name)
+    file = OrderFile(file=path.name, encoding=_encoding_of(path))
     columns = read_columns(path, FIELDS, file, None, Scale("1 tick"), NEEDED)
     codes, names = columns.values["name"], columns.names["name"]
     _, first = np.unique(codes, return_index=True)
@@ -82,23 +82,57 @@ def read_locations(path: Path) -> tuple[dict[str, list[int]], dict[str, int], st
     return cells, lines, columns.content_hash
 
 
-def names_of_cells(
-    document: Document, further: Mapping[str, Cell] | None = None, what: str = "station"
-) -> dict[str, Cell]:
-    """The cell of each name of a document whose locations are a mapping, and of further names.
+def _encoding_of(path: Path) -> Literal["utf-8", "cp1252"]:
+    """UTF-8, or cp1252 where that cannot be: a scenario has no place to say it for these files."""
+    try:
+        with path.open(encoding="utf-8-sig") as stream:
+            for _ in stream:
+                pass
+    except UnicodeDecodeError:
+        return "cp1252"
+    except OSError:  # its reader says why
+        pass
+    return "utf-8"
 
-    `what`: a further name is of. Raises InputError where both name another cell alike.
+
+def names_of_cells(document: Document) -> dict[str, Cell]:
+    """The cell of each name: of the locations, the stations, and the pods where these stand first.
+
+    The files of a document have been read. Raises InputError where two things at different cells have
+    one name.
     """
     named = _locations(document)
     assert not isinstance(named, str), "its file has been read"
     names: dict[str, Cell] = dict(named)
-    for name, cell in (further or {}).items():
+    what = dict.fromkeys(names, "location")
+    for kind, keys, name, at in _named_things(document):
+        cell = named.get(at) if isinstance(at, str) else _cell(at)
+        if cell is None:
+            continue  # it is checked with the section where it stands
         if names.setdefault(name, cell) != cell:
-            text = (
-                f"the location {name} is {list(names[name])}, but the {what} {name} is {list(cell)}"
-            )
-            raise document.error((*LOCATIONS, name), text)
+            other = f"the {what[name]} {name} is at {list(names[name])}"
+            raise document.error(keys, f"{other}, but the {kind} {name} is at {list(cell)}")
+        what.setdefault(name, kind)
     return names
+
+
+def _named_things(document: Document) -> Iterator[tuple[str, Keys, str, Any]]:
+    """What it is, where it stands in the document, its name and its cell: of stations and pods."""
+    stations, pods = document.data.get("stations"), document.data.get("pods")
+    for name, station in (stations if isinstance(stations, dict) else {}).items():
+        if isinstance(station, dict):
+            yield "station", ("stations", name), name, station.get("at")
+    listed = pods.get("list") if isinstance(pods, dict) else None
+    for number, pod in enumerate(listed if isinstance(listed, list | tuple) else ()):
+        if isinstance(pod, dict) and isinstance(pod.get("name"), str):
+            yield "pod", ("pods", "list", number), pod["name"], pod.get("at")
+
+
+def _cell(at: Any) -> Cell | None:
+    """A cell as a document has it, or None."""
+    if isinstance(at, list | tuple) and len(at) == 2 and all(type(one) is int for one in at):
+        return at[0], at[1]
+    return None
 
 
 def _locations(document: Document) -> dict[str, Cell] | str:

@@ -64,7 +64,8 @@ def read_columns(
     the answer.
     """
     errors = RowErrors(str(path))
-    chooser = _Chooser(fields, columns, options.where, needed, str(path))
+    may_rename = hasattr(options, "columns")
+    chooser = _Chooser(fields, columns, options.where, needed, str(path), may_rename)
     table = read_csv_columns(path, options.encoding, chooser, errors)
     counts = Counts(rows=len(table.lines), ignored=chooser.ignored)
     table = _selected(table, options.where, counts, str(path))
@@ -92,6 +93,7 @@ class _Chooser:
         where: Mapping[str, object],
         needed: Sequence[Alternatives],
         file: str,
+        may_rename: bool,
     ) -> None:
         self.names = [field.name for field in fields]
         of_groups = {name for one in needed for group in one for name in group}
@@ -99,6 +101,7 @@ class _Chooser:
             field.name for field in fields if _needs_column(field) and field.name not in of_groups
         ]
         self.columns, self.where, self.needed, self.file = columns, where, needed, file
+        self.may_rename = may_rename  # whether the scenario can say what columns are called
         self.column_of: dict[str, str] = {}
         self.ignored: tuple[str, ...] = ()
 
@@ -133,7 +136,8 @@ class _Chooser:
             missing = [name for names in group for name in names if name not in self.column_of]
             like = next((hint for hint in (nearest(name, others) for name in missing) if hint), "")
             columns = f"the columns are {', '.join(filter(None, head))}"
-            hint = "" if self.columns is not None else "; columns: {...} says what they are called"
+            renames = self.columns is None and self.may_rename
+            hint = "; columns: {...} says what they are called" if renames else ""
             text = f"there is no column for {wanted}{like}; {columns}{hint}"
             raise InputError(text, self.file, line)
 

@@ -129,7 +129,11 @@ class OrderLine(ConfigSection, frozen=True, kw_only=True, gc=False):
         name="from", default=None
     )
     target: Annotated[
-        NamedCell | None, Meta(description="Where to bring it; a station itself: a visit.")
+        NamedCell | None,
+        Meta(
+            description="Where to bring it; a station itself: a visit. Left out for a pod: allocation "
+            "chooses a storage cell."
+        ),
     ] = field(name="to", default=None)
     stops: Annotated[
         Annotated[tuple[NamedCell | Stop, ...], Meta(min_length=1, max_length=MAX_STOPS)] | None,
@@ -156,14 +160,8 @@ class OrderLine(ConfigSection, frozen=True, kw_only=True, gc=False):
             if self.stops is None:
                 raise ValueError("an order needs from and to, or stops")
             return
-        for name, end in (("from", self.source), ("to", self.target)):
-            if end is None:
-                raise ValueError(f"the key '{name}' is missing")
-        if self.stops is not None and self.source == self.target:
-            raise ValueError(
-                "an order with from and to brings a load from one to the other; leave both out if "
-                "a robot has only to come to its stops"
-            )
+        if self.source is None:
+            raise ValueError("the key 'from' is missing")
 
     @property
     def due_tick(self) -> int | None:
@@ -189,9 +187,9 @@ class OrderLine(ConfigSection, frozen=True, kw_only=True, gc=False):
 
     @property
     def ends(self) -> tuple[tuple[int, int], tuple[int, int]]:
-        """Where an order with a load begins and ends."""
+        """Where an order with a load begins and ends; that of a pod may have no end."""
         if self.source is None or self.target is None:
-            raise ValueError("an order without a load has no ends")
+            raise ValueError("an order without a load, or a target, has no ends")
         return self.source, self.target
 
 
@@ -416,11 +414,6 @@ def has_tours(orders: Orders) -> bool:
     return any(line.stops is not None for line in listed)
 
 
-def has_lines(orders: Orders) -> bool:
-    """Return whether orders are lines, for which pods are carried to stations."""
-    return orders.lines is not None
-
-
 def listed_lines(orders: Orders) -> Sequence[Line]:
     """Return the lines that are listed, one by one or in a file."""
     lines: Sequence[Line] | LineDemand | None = orders.lines
@@ -446,9 +439,9 @@ def priorities_of(orders: Orders) -> list[int]:
 def kinds_of_sources(orders: Orders, floor_plan: FloorPlan) -> set[int]:
     """Return the kinds of slots where orders begin."""
     found = {
-        int(floor_plan.kind.flat[floor_plan.cell(*line.ends[0])])
+        int(floor_plan.kind.flat[floor_plan.cell(*line.source)])
         for line in orders.listed or ()
-        if line.has_load
+        if line.source is not None
     }
     if orders.generator in ENDS:
         found.add(ENDS[orders.generator][0])

@@ -15,6 +15,7 @@ from automaton.scenario.field_types import (
     NonEmptyText,
     SingleLine,
     Tick,
+    Weight,
 )
 from automaton.scenario.handling import Handling
 from automaton.scenario.order_fields import OrderFile
@@ -48,6 +49,23 @@ def check_shares(name: str, shares: dict[str, float]) -> None:
         raise ValueError(f"{name} must add up to 1, found {total:.4g}")
 
 
+class Pod(ConfigSection, frozen=True, kw_only=True):
+    """A pod: where it stands at the start, and what is known of it."""
+
+    at: Annotated[NamedCell, Meta(description="The storage cell in which it stands.")]
+    name: Annotated[
+        SingleLine | None, Meta(description="What lines and orders call it, beside its number.")
+    ] = None
+    pod_class: Annotated[
+        SingleLine | None,
+        Meta(description="Its class, one of pods.classes; all pods have one, or none."),
+    ] = field(name="class", default=None)
+    weight: Weight = 1
+    skus: Annotated[
+        tuple[SingleLine, ...], Meta(description="What it holds, for lines with a sku.")
+    ] = ()
+
+
 class Pods(ConfigSection, frozen=True, kw_only=True):
     """Pods: what stands in storage cells, and is carried to stations and back."""
 
@@ -58,6 +76,20 @@ class Pods(ConfigSection, frozen=True, kw_only=True):
             "is to lift the pod."
         ),
     ] = "empty"
+    file: Annotated[
+        NonEmptyText | None,
+        Meta(
+            description="A CSV file with a pod in each row: x, y, and if wanted pod, name, class, weight "
+            "and skus, between blanks; path relative to the scenario."
+        ),
+    ] = None
+    encoding: Annotated[
+        Literal["utf-8", "cp1252"], Meta(description="How the text of the file is stored.")
+    ] = "utf-8"
+    listed: Annotated[
+        tuple[Pod, ...] | None,
+        Meta(description="The pods, in the sequence of their numbers; left out: as drawn."),
+    ] = field(name="list", default=None)
     join: Annotated[
         bool,
         Meta(description="Lines join a trip of their pod under way; false: each is a trip alone."),
@@ -76,6 +108,12 @@ class Pods(ConfigSection, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         if self.classes is not None:
             check_shares("classes", self.classes)
+        if self.file is not None and self.listed is not None:
+            raise ValueError("pods have either a file or a list")
+        if self.file is None and self.encoding != "utf-8":
+            raise ValueError("encoding belongs to pods with a file")
+        if self.listed == ():
+            raise ValueError("list must hold at least one pod")
 
 
 class Break(ConfigSection, frozen=True, kw_only=True):
@@ -114,7 +152,14 @@ class PodStation(ConfigSection, frozen=True, kw_only=True):
 class Line(ConfigSection, frozen=True, kw_only=True):
     """What an order wants of one pod, or of any pod with some SKU, at a station."""
 
-    pod: Annotated[int, Meta(ge=1, le=1_000_000, description="The pod, by its number from 1.")]
+    pod: Annotated[
+        Annotated[int, Meta(ge=1, le=1_000_000)] | SingleLine | None,
+        Meta(description="The pod, by name or number from 1."),
+    ] = None
+    sku: Annotated[
+        int | SingleLine | None,
+        Meta(description="What is wanted, of any pod that holds it; read where no pod is named."),
+    ] = None
     station: Annotated[
         int | SingleLine | None,
         Meta(
@@ -134,6 +179,10 @@ class Line(ConfigSection, frozen=True, kw_only=True):
     priority: Annotated[int, Meta(ge=-100, le=100, description="Larger ones come first.")] = 0
     units: Annotated[int, Meta(ge=0, le=1_000_000, description="Units that are picked.")] = 1
 
+    def __post_init__(self) -> None:
+        if self.pod is None and self.sku is None:
+            raise ValueError("a line needs a pod or a sku")
+
     @property
     def due_tick(self) -> int | None:
         """The tick until which it is to be done; None: it has no due time."""
@@ -152,7 +201,8 @@ class LineColumns(ConfigSection, frozen=True, kw_only=True):
     """What the columns of a file of lines are called; others are not read."""
 
     released: Annotated[Column, Meta(description="When the line is released.")] = None
-    pod: Annotated[Column, Meta(description="The pod, by its number from 1.")] = None
+    pod: Annotated[Column, Meta(description="The pod, by name or number from 1.")] = None
+    sku: Annotated[Column, Meta(description="What is wanted, where no pod is named.")] = None
     station: Annotated[Column, Meta(description="The station, by name or number; empty: any.")] = (
         None
     )

@@ -24,10 +24,7 @@ OF_BATTERIES: Final = (
         "battery_depletions",
     ),
 )
-OF_LINES: Final = (
-    *("lines_done", "visits", "lines_per_visit", "trips", "pod_moves"),
-    "lost_station_queue",
-)
+OF_LINES: Final = ("lines_done", "visits", "lines_per_visit", "trips", "pod_moves")
 OF_FAULTS: Final = ("breakdowns", "towed", "downtime")
 OF_STATIONS: Final = (
     "parts_finished",
@@ -77,6 +74,11 @@ def not_measured(scenario: Scenario) -> dict[str, str]:
             "faults, or a battery",
         ),
         (OF_LINES, orders.lines is not None, "orders.lines"),
+        (
+            ("lost_station_queue",),
+            orders.lines is not None or any(one.queue for one in scenario.stations.values()),
+            "orders.lines, or stations with a queue",
+        ),
         (("legs_per_order",), orders.lines is None, "orders that are not lines"),
         (OF_STATIONS, orders.parts is not None, "orders.parts"),
         (

@@ -21,7 +21,7 @@ class Alleys(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
         """
         if scenario.world.access_cell != "fixed":
             return "its alleys are where loads are picked up; it needs world.access_cell: fixed"
-        if refusal := refusal_of_tours(scenario) or refusal_of_priorities(scenario):
+        if refusal := refusal_of_tours(scenario, floor_plan) or refusal_of_priorities(scenario):
             return refusal
         begun = kinds_of_sources(scenario.orders, floor_plan)
         names = [f"{kind.name}s" for kind in CELL_KINDS if kind.holds == ANY and kind.code in begun]

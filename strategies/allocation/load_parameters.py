@@ -8,13 +8,14 @@ import msgspec
 from msgspec import Meta
 
 from automaton.floor.floor_plan import FloorPlan
-from automaton.scenario.orders import has_lines, has_tours, priorities_of
+from automaton.scenario.carried_pods import carries_pods
+from automaton.scenario.orders import has_tours, priorities_of
 from automaton.scenario.schema import Scenario
 
 
-def refusal_of_pods(scenario: Scenario) -> str | None:
+def refusal_of_pods(scenario: Scenario, floor_plan: FloorPlan) -> str | None:
     """Return why a strategy that brings each load to a target does not fit, None if it does."""
-    if not has_lines(scenario.orders):
+    if not carries_pods(scenario, floor_plan):
         return None
     return (
         "it does not know pods, which go to stations and back into storage; shortest-job, first-come "
@@ -22,10 +23,10 @@ def refusal_of_pods(scenario: Scenario) -> str | None:
     )
 
 
-def refusal_of_tours(scenario: Scenario) -> str | None:
+def refusal_of_tours(scenario: Scenario, floor_plan: FloorPlan) -> str | None:
     """Return why an allocation that prices loads alone does not fit, None if it does."""
-    if has_lines(scenario.orders):
-        return refusal_of_pods(scenario)
+    if carries_pods(scenario, floor_plan):
+        return refusal_of_pods(scenario, floor_plan)
     if not has_tours(scenario.orders):
         return None
     return "it knows only orders with a load, and some have stops; greedy and first-come do those"
@@ -82,4 +83,4 @@ class LoadsAlone(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         """Orders without a load lie nowhere, and are brought nowhere."""
-        return refusal_of_tours(scenario)
+        return refusal_of_tours(scenario, floor_plan)

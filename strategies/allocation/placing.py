@@ -72,7 +72,7 @@ def deliver(view, out, k, i):
 @kernel
 def place_load(view, out, workspace, k, i, policy):
     """Decision k: robot i brings its load to its target, or its pod into storage."""
-    if view.trips.pod.shape[0] == 0:
+    if view.orders.target[view.robots.load[i]] != NIL:
         deliver(view, out, k, i)
         return
     slot = storage_for(view, out, workspace, i, policy)

@@ -8,7 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from automaton.floor.floor_plan import FloorPlan
-from automaton.scenario.orders import has_lines
+from automaton.scenario.carried_pods import carries_pods
 from automaton.scenario.schema import Scenario
 from strategies.allocation.load_parameters import refusal_of_tours
 
@@ -24,7 +24,9 @@ class Quotes(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=Tr
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         """Orders without a load are not priced."""
-        return None if has_lines(scenario.orders) else refusal_of_tours(scenario)
+        return (
+            None if carries_pods(scenario, floor_plan) else refusal_of_tours(scenario, floor_plan)
+        )
 
 
 class Insertion(Quotes, forbid_unknown_fields=True, frozen=True, kw_only=True):

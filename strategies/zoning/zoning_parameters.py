@@ -94,7 +94,7 @@ class Zones(ZoningParameters, forbid_unknown_fields=True, frozen=True, kw_only=T
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         """Each robot has a zone with a station in it; a design says how many robots there are, and
         priority names types and stations."""
-        wrong = refusal_of_tours(scenario) or self._wrong_priority(scenario, floor_plan)
+        wrong = refusal_of_tours(scenario, floor_plan) or self._wrong_priority(scenario, floor_plan)
         if wrong:
             return wrong
         zones = self.design.get("zones") if isinstance(self.design, dict) else None

@@ -90,3 +90,55 @@ def test_stations_without_lines() -> None:
     text = "orders.lines"
     with pytest.raises(InputError, match=text):
         resolve("tabletop-mini", ("stations={P1: {at: [1, 1]}}",))
+
+
+def listed(*pods: dict[str, Any], **more: Any) -> dict[str, Any]:
+    drawn = [{"at": [x, 1]} for x in (2, 3, 4, 5)]
+    return {"list": [*drawn, *pods], **more}
+
+
+def test_listed_pods_stand_in_storage_one_in_each_cell() -> None:
+    pods = listed({"at": [1, 1], "name": "A"})
+    assert refused(pods=pods) == "pod A stands at [1, 1], but a wall is there, not storage"
+    pods = listed({"at": [2, 1]})
+    assert refused(pods=pods) == "pod 1 and pod 5 both stand at [2, 1]"
+    pods = listed({"at": [7, 1], "name": "A"}, {"at": [7, 1], "name": "A"})
+    assert refused(pods=pods) == "pod A and pod A both stand at [7, 1]"
+
+
+def test_pods_with_the_same_name_or_without_their_classes() -> None:
+    pods = {"list": [{"at": [x, 1], "name": "A"} for x in (2, 3, 4, 5)]}
+    assert refused(pods=pods) == "two pods are called A"
+    pods = {"list": [{"at": [x, 1], "class": "Z"} for x in (2, 3, 4, 5)], "classes": {"A": 1}}
+    assert refused(pods=pods) == "'Z' is not a class of pods: pods.classes has A"
+    pods = listed({"at": [7, 1], "class": "A"}, classes={"A": 1})
+    assert refused(pods=pods) == "pod 1 has no class, and others have one"
+
+
+def test_a_pod_that_is_drawn_and_not_listed() -> None:
+    says = refused(pods={"list": [{"at": [2, 1]}]})
+    assert says == "the layout has a pod at [3, 1], and pods.list has none there: draw it as q"
+
+
+def test_a_line_by_sku_that_no_pod_holds() -> None:
+    assert refused(({"sku": 7},)) == (
+        "'7' is not a SKU of a pod: pods have none; set skus in pods.list"
+    )
+    pods = {"list": [{"at": [x, 1], "skus": ["apple"]} for x in (2, 3, 4, 5)]}
+    assert refused(({"sku": "appel"},), pods=pods) == (
+        "'appel' is not a SKU of a pod (did you mean 'apple'?)"
+    )
+    with pytest.raises(msgspec.ValidationError, match="a line needs a pod or a sku"):
+        pod_scene([{"station": "P1"}])
+
+
+def test_a_pod_that_no_robot_carries() -> None:
+    fleet = {
+        "robots": 1,
+        "kinematics": "omni",
+        "start": [[2, 1]],
+        "types": [{"name": "lift", "robots": 1, "payload": 9}],
+    }
+    pods = listed({"at": [7, 1], "weight": 10, "name": "A"})
+    says = refused(pods=pods, fleet=fleet)
+    assert says == "pod A weighs 10, but no robot carries more than 9"

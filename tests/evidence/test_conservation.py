@@ -18,14 +18,14 @@ from conservation_trials import digests, trials
 from automaton.runs.simulation import Simulation
 
 HELPERS = Path(__file__).parents[1] / "helpers"
-FLOORS, WITHOUT_JIT = range(40), range(100, 108)
+FLOORS, WITHOUT_JIT = range(260, 300), range(100, 108)
 
 
 def test_on_drawn_floors_everything_adds_up() -> None:
     wrong, figures = trials(FLOORS)
     assert wrong == []
     assert figures["floors"] > 25 and figures["finished"] > 5
-    for name in ("visits", "joined", "queued", "early", "stored", "aside"):
+    for name in ("visits", "joined", "queued", "early", "stored", "aside", "skus", "listed"):
         assert figures[name] > 0, f"no floor tells of {name}"
 
 

@@ -75,6 +75,30 @@ def test_what_was_not_so_is_found(
     assert f"header differs: {name} is not as scenario" in capsys.readouterr().out
 
 
+def test_lines_by_sku_need_pods_that_hold_it(
+    mini: Recording, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    nowhere = np.full(3, -1, np.int32)
+    for skus, says in (
+        ({}, "it has only a part of what its lines by SKU need"),
+        ({"first": [0, 0]}, "a SKU of its pods is in none of them"),
+        ({"first": [0, 1], "held": [9]}, "pods.sku_pod has the value 9"),
+        ({"first": [0, 1], "held": [2], "wanted": 1}, "a line wants a SKU that no pod holds"),
+        ({"first": [0, 1], "held": [2], "wanted": 0}, "its ways from slots to stations are not"),
+    ):
+        header = copy.deepcopy(mini.header)
+        header["lines"]["pod"] = nowhere
+        if skus:
+            header["pods"]["sku_first"] = np.array(skus["first"], np.int32)
+            header["pods"]["sku_pod"] = np.array(skus.get("held", []), np.int32)
+            header["lines"]["sku"] = nowhere * 0 + skus.get("wanted", 0)
+            header["pod_stations"]["ticks_from"] = np.zeros((1, 2), np.int32)
+        path = tmp_path / "run.rec"
+        path.write_bytes(encoded(header, mini.frames))
+        assert main(["verify", str(path)]) == 2
+        assert says in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("part", ["pods", "lines", "pod_stations"])
 def test_a_header_has_all_of_it_or_nothing(
     part: str, mini: Recording, tmp_path: Path, capsys: pytest.CaptureFixture[str]

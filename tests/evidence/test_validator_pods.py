@@ -101,6 +101,54 @@ def test_the_trip_of_a_pod_is_kept_for_who_stands_beneath() -> None:
     assert "order" in broken(floor(robots=2), [OFFERED, reserved(1, 0, 1)], [0], [0])
 
 
+def listed(*orders: dict[str, Any], robots: int = 1) -> dict[str, Any]:
+    """As `floor`, with orders of a list that carry the pods."""
+    head = floor(robots=robots)
+    return header(
+        FLOOR,
+        [(0, 0), (1, 0)][:robots],
+        orders={"list": list(orders)},
+        durations=head["scenario"]["durations"],
+        strategy={"allocation": "first-come"},
+        stop={"when": "delivered", "max_duration": 100},
+    )
+
+
+TO_STATION = {"from": [0, 0], "stops": [{"at": [1, 1], "for": 2}]}
+
+
+def test_an_order_of_a_list_carries_its_pod_by_the_rules() -> None:
+    report = told(listed(TO_STATION), [*LIFTED, *SERVED, *STORED], WAY, finished=True)
+    assert report.violations == [] and report.counts["visit"] == 1
+    short = [*LIFTED, (4, CHANGE_DURATION, 0, 1), (4, CHANGE_VISITED, 0, 0)]
+    assert "visit" in broken(listed(TO_STATION), short, WAY[:4])
+
+
+def test_a_pod_has_one_order_of_a_list_at_a_time() -> None:
+    """Order 1 waits for the pod of order 0; the pod of order 2 is another one."""
+    orders = (TO_STATION, TO_STATION, {"from": [1, 0], "stops": [[2, 1]]})
+    kept = reserved(1, 2, 1)
+    assert broken(listed(*orders, robots=2), [OFFERED, kept], [0], [0]) == []
+    second = [reserved(1, 1, 0), kept]
+    assert "order" in broken(listed(*orders, robots=2), second, [0], [0])
+
+
+def test_an_order_with_a_target_is_done_there_alone() -> None:
+    """The robot stores the pod in [0, 0]: there the order waits again, and the run is not over."""
+    rows = [*LIFTED, *SERVED, *STORED]
+    elsewhere = {**TO_STATION, "to": [2, 0]}
+    assert rules(told(listed({**TO_STATION, "to": [0, 0]}), rows, WAY, finished=True)) == []
+    assert rules(told(listed(elsewhere), rows, WAY, finished=True)) == ["record"]
+
+
+def test_a_line_by_sku_is_for_the_nearest_pod() -> None:
+    """Pod 2 is a cell from station 1, pod 1 two; the robot beneath pod 2 has the trip."""
+    pods = [{"at": [0, 0], "skus": ["X"]}, {"at": [1, 0], "skus": ["X"]}]
+    head = floor({"sku": "X", "station": 1}, robots=2, list=pods)
+    assert broken(head, [reserved(1, 0, 1)], [0], [0]) == []
+    assert "order" in broken(head, [reserved(1, 0, 0)], [0], [0])
+
+
 def test_it_is_kept_until_that_robot_leaves() -> None:
     withdrawn = reserved(2, 0, -1)
     assert broken(floor(), [OFFERED, withdrawn], [0, S]) == []

@@ -102,6 +102,14 @@ def identities(
     if (world.orders.release_tick[:count] != trips.release[:count]).any():
         wrong.append("releases of trips differ")
     told = Told(recording)
+    if not len(lines.order):  # orders of a list have stops of their own
+        done = world.stops.done >= 0
+        by_stops = int(world.stops.ticks[done].sum())
+        if told.served != by_stops:
+            wrong.append(f"{told.served} ticks of SERVE, {by_stops} by stops")
+        stored = int((world.orders.delivered >= 0).sum())
+        figures.update(listed=len(world.orders.state), visits=int(done.sum()), stored=stored)
+        return wrong
     by_lines = handling_of_visits(world, lines)
     if told.served != by_lines:
         wrong.append(f"{told.served} ticks of SERVE, {by_lines} by handling")
@@ -111,6 +119,7 @@ def identities(
     wrong += told.short_trips(world)
     figures.update(
         lines=int(known.sum()),
+        skus=int((known & (lines.sku >= 0)).sum()),
         done=int((lines.done >= 0).sum()),
         trips=count,
         visits=int(world.tally.visits.sum()),

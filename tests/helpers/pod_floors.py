@@ -34,7 +34,13 @@ def drawn_pods(number: int, ticks: int = TICKS) -> Resolved:
     under = hardships.choice(("empty", "empty", "none"))
     barred = "#t" if under == "empty" else "#tpq"
     free = [(x, y) for x, y in cells(rows) if rows[y][x] not in barred]
-    orders = drawn_lines(chance, pods, len(stations), ticks)
+    listed = listed_pods(chance, rows) if chance.random() < 0.4 else None
+    orders: Any = drawn_lines(chance, pods, len(stations), ticks)
+    if listed is not None and isinstance(orders, list):
+        orders = by_sku(chance, orders)
+    orders = {"lines": orders}
+    if number % 4 == 3:
+        orders = {"list": listed_orders(chance, rows, listed, ticks)}
     allocation = {"name": chance.choice(ALLOCATIONS), "storage": chance.choice(STORAGE)}
     scenario = {
         "name": f"pods-{number}",
@@ -57,9 +63,10 @@ def drawn_pods(number: int, ticks: int = TICKS) -> Resolved:
             "join": chance.random() < 0.7,
             "max_stops": chance.choice((1, 2, 4)),
             "classes": CLASSES if chance.random() < 0.5 else None,
+            "list": listed,
         },
         "stations": stations,
-        "orders": {"lines": orders},
+        "orders": orders,
         "strategy": {
             "allocation": allocation,
             **dict(zip(("routing", "right_of_way"), chance.choice(DRIVING), strict=True)),
@@ -104,6 +111,58 @@ def picture(chance: Random, kinematics: str) -> list[list[str]]:
             x, y = chance.randrange(1, width + 1), len(drawn) - 1
         drawn[y][x] = "t"
     return drawn
+
+
+def listed_pods(chance: Random, rows: list[list[str]]) -> list[dict[str, Any]]:
+    """The pods that are drawn and some more, in any sequence, with some SKUs each."""
+    spots = [(x, y) for x, y in cells(rows) if rows[y][x] == "p"]
+    spots += [(x, y) for x, y in cells(rows) if rows[y][x] == "q" and chance.random() < 0.3]
+    chance.shuffle(spots)
+    pods = [{"at": at, "skus": chance.sample("ABCD", chance.choice((0, 1, 1, 3)))} for at in spots]
+    pods[0]["skus"] = list("ABCD")
+    return pods
+
+
+def listed_orders(
+    chance: Random, rows: list[list[str]], pods: list[dict[str, Any]] | None, ticks: int
+) -> list[dict[str, Any]]:
+    """Pods to stops and to storage, some of them again and again, and tours between."""
+    storage = [(x, y) for x, y in cells(rows) if rows[y][x] in "pq"]
+    drawn = [(x, y) for x, y in storage if rows[y][x] == "p"]
+    empty = [at for at in storage if at not in (drawn if pods is None else [p["at"] for p in pods])]
+    standing = drawn if pods is None else [pod["at"] for pod in pods]
+    standing = standing[: chance.choice((2, 99))]
+    ways = [(x, y) for x, y in cells(rows) if rows[y][x] not in "pq#"]
+    stations = [(x, y) for x, y in ways if rows[y][x] == "t"]
+    orders: list[dict[str, Any]] = []
+    for _ in range(chance.randint(1, chance.choice((5, 20)))):
+        order: dict[str, Any] = {"from": chance.choice(standing)}
+        places = stations if chance.random() < 0.7 else ways
+        order["stops"] = [
+            {"at": chance.choice(places), "for": chance.choice((0, 1, 6))}
+            for _ in range(chance.choice((0, 1, 1, 3)))
+        ]
+        if not order["stops"]:
+            del order["stops"]
+        if chance.random() < 0.4:
+            order["to"] = chance.choice([*empty, *empty, order["from"], *storage[:1]])
+        if order.get("to") == order["from"] and "stops" not in order:
+            del order["to"]
+        if chance.random() < 0.15:
+            order = {"stops": [chance.choice(ways)]}
+        order["release"] = chance.choice((0, 0, chance.randrange(ticks // 2)))
+        order["priority"] = chance.choice((0, 0, 0, 2))
+        orders.append(order)
+    orders[0] = {"from": standing[0], "stops": [stations[0]]}
+    return orders
+
+
+def by_sku(chance: Random, lines: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Two thirds of the lines want a SKU, and not a pod."""
+    return [
+        {**line, "pod": None, "sku": chance.choice("ABCD")} if chance.random() < 0.67 else line
+        for line in lines
+    ]
 
 
 def named_stations(chance: Random, rows: list[list[str]]) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import jsonschema
 import pytest
@@ -11,7 +12,7 @@ import yaml
 from automaton.build.resolve import resolve
 from automaton.errors import InputError
 from automaton.scenario.document import Document
-from automaton.scenario.locations import names_of_cells
+from automaton.scenario.locations import names_of_cells, read_locations
 from automaton.scenario.scenario_schema import json_schema
 
 SCENARIO = """name: named
@@ -80,10 +81,17 @@ def test_an_unknown_name_is_told_with_its_order(
 
 
 def test_further_names_do_not_contradict_those_of_locations() -> None:
-    document = Document({"locations": {"P1": [1, 1]}})
-    assert names_of_cells(document, {"P1": (1, 1), "P2": (2, 2)}) == {"P1": (1, 1), "P2": (2, 2)}
-    with pytest.raises(InputError, match=r"the location P1 is \[1, 1\], but the station P1 is"):
-        names_of_cells(document, {"P1": (3, 1)})
+    """Stations and pods have names, too."""
+    stations = {"P1": {"at": [1, 1]}, "P2": {"at": "gate"}}
+    pods = {"list": [{"at": [5, 5], "name": "rack-7"}, {"at": [6, 5]}]}
+    named: dict[str, Any] = {"locations": {"P1": [1, 1], "gate": [2, 2]}}
+    found = names_of_cells(Document({**named, "stations": stations, "pods": pods}))
+    assert found == {"P1": (1, 1), "P2": (2, 2), "gate": (2, 2), "rack-7": (5, 5)}
+    with pytest.raises(InputError, match=r"the location P1 is at \[1, 1\], but the station P1 is"):
+        names_of_cells(Document({**named, "stations": {"P1": {"at": [3, 1]}}}))
+    pods = {"list": [{"at": [5, 5], "name": "gate"}]}
+    with pytest.raises(InputError, match=r"the location gate is at \[2, 2\], but the pod gate is"):
+        names_of_cells(Document({**named, "pods": pods}))
 
 
 def test_editors_know_that_names_are_possible() -> None:
@@ -93,3 +101,15 @@ def test_editors_know_that_names_are_possible() -> None:
     validator.validate(data | {"locations": "places.csv"})
     data["orders"]["list"][0]["to"] = 3
     assert not validator.is_valid(data)
+
+
+def test_names_in_a_file_of_windows(tmp_path: Path) -> None:
+    (tmp_path / "places.csv").write_bytes("name;x;y\nGang Süd;1;1\n".encode("cp1252"))
+    assert read_locations(tmp_path / "places.csv")[0] == {"Gang Süd": [1, 1]}
+
+
+def test_a_file_whose_columns_have_their_names(tmp_path: Path) -> None:
+    (tmp_path / "places.csv").write_text("Ort;x;y\nA;1;1\n", encoding="utf-8")
+    with pytest.raises(InputError) as error:
+        read_locations(tmp_path / "places.csv")
+    assert error.value.message == "there is no column for name; the columns are Ort, x, y"

@@ -12,7 +12,13 @@ import numpy as np
 from automaton.engine.observation import CAUSES
 from automaton.engine.robot_status import BATTERY_PERCENT, STATUS_TOWED
 from automaton.engine.state import ACTION_IDLE, ACTION_NAMES, NIL, ORDER_DELIVERED, ORDER_WAITING
-from automaton.evidence.history.station_words import carries_pods, load_words, station_queue
+from automaton.evidence.history.station_words import (
+    carries_pods,
+    has_trips,
+    load_words,
+    pod_name,
+    station_queue,
+)
 from automaton.floor.cells import ANY, CELL_KINDS, DIRECTIONS, EXIT_EAST, EXIT_WEST, FLOOR, TRACK
 from tui.registration import layers
 from tui.render.scene import (
@@ -100,13 +106,15 @@ def _pod_words(scene: Scene, cell: int, slot: int) -> str:
     if station != NIL:
         queue = len(station_queue(snapshot, station))
         lines = int(snapshot.pod_stations.open_lines[station])
-        return f" {snapshot.station_names[station]} with {lines:,} open lines, {queue} in its queue"
+        lines_open = f"{lines:,} open lines, " if has_trips(snapshot) else ""
+        return f" {snapshot.station_names[station]} with {lines_open}{queue} in its queue"
     pod, keeper = int(snapshot.slots.content[slot]), int(snapshot.slots.reserved_by[slot])
     if pod == NIL:
         return ", empty" + (f", reserved by robot {keeper}" if keeper != NIL else "")
     trip = int(snapshot.pods.trip[pod])
     fetcher = NIL if trip == NIL else int(snapshot.orders.reserved_by[trip])
-    text = f" with pod {pod + 1}" + (f", wanted by trip {trip}" if trip != NIL else "")
+    trip_name = f"{'trip' if has_trips(snapshot) else 'order'} {trip}"
+    text = f" with {pod_name(snapshot, pod)}" + (f", wanted by {trip_name}" if trip != NIL else "")
     return text + (f", to be fetched by robot {fetcher}" if fetcher != NIL else "")
 
 

@@ -11,13 +11,14 @@ from typing import NamedTuple
 import numpy as np
 
 from automaton.engine.state import NIL
-from automaton.errors import InputError
+from automaton.errors import InputError, nearest
 from automaton.evidence.history.breakpoints import robots_where
+from automaton.evidence.history.snapshot import Snapshot
 from automaton.floor.cells import KIND_BY_NAME, WALL
 from automaton.units import count
 from tui.playback.jam_place import middle_robot
 from tui.playback.panel_view import View
-from tui.widgets.pod_facts import has_pods
+from tui.widgets.pod_facts import has_pods, makes_trips
 from tui.widgets.service_zone_facts import checked_station
 from tui.widgets.traffic_zone_facts import checked_zone
 
@@ -92,17 +93,11 @@ def _without_progress(words: str, view: View) -> Found:
 
 
 def _with_pods(words: str, view: View) -> Found | None:
-    """A pod by its number, a trip, or a station by its name or number, where pods are carried."""
+    """A pod or a station by its name or number, or a trip, where pods are carried."""
     snapshot = view.snapshot
-    if number := re.fullmatch(r"pod (\d{1,9})", words):
-        pod, pods = int(number[1]) - 1, len(snapshot.pods.slot)
-        if not 0 <= pod < pods:
-            raise InputError(f"there is no pod {number[1]}; pods are numbered from 1 to {pods}")
-        slot = int(snapshot.pods.slot[pod])
-        if slot != NIL:
-            return Found(words, cells=(int(snapshot.slots.cell[slot]),))
-        return Found(words, robots=(int(snapshot.orders.reserved_by[snapshot.pods.trip[pod]]),))
-    if number := re.fullmatch(r"trip (\d{1,9})", words):
+    if words.startswith("pod ") and snapshot.pod_names:
+        return _pod(words, snapshot)
+    if (number := re.fullmatch(r"trip (\d{1,9})", words)) and makes_trips(view):
         return _order(words, int(number[1]), view)
     names = [name.lower() for name in snapshot.station_names]
     name = words.removeprefix("station ")
@@ -113,6 +108,22 @@ def _with_pods(words: str, view: View) -> Found | None:
             f"there is no station {name}; stations are {', '.join(snapshot.station_names)}"
         )
     return None
+
+
+def _pod(words: str, snapshot: Snapshot) -> Found:
+    """Where a pod stands, or who carries it."""
+    name = words.removeprefix("pod ")
+    names = [one.lower() for one in snapshot.pod_names]
+    if name not in names and not (name.isdecimal() and 1 <= int(name) <= len(names)):
+        there = f"pods are numbered from 1 to {len(names)}"
+        raise InputError(
+            f"there is no pod {name}{nearest(name, snapshot.pod_names) or f'; {there}'}"
+        )
+    pod = names.index(name) if name in names else int(name) - 1
+    slot = int(snapshot.pods.slot[pod])
+    if slot != NIL:
+        return Found(words, cells=(int(snapshot.slots.cell[slot]),))
+    return Found(words, robots=(int(snapshot.orders.reserved_by[snapshot.pods.trip[pod]]),))
 
 
 def _order(words: str, number: int, view: View) -> Found:

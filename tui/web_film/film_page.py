@@ -127,7 +127,7 @@ def _words(resolved: Resolved, floor: Floor, columns: FilmColumns) -> dict[str, 
 
 
 def _box(floor: Floor) -> list[int]:
-    """Left, top, right and bottom of the floor with its parking bays, as a user counts; the last two excluded."""
+    """Left, top, right and bottom of the floor with its parking bays; the last two excluded."""
     height, width = floor.looks.shape
     rows, columns = np.nonzero(floor.floor_plan.kind == BAY)
     left, top = min(columns, default=1), min(rows, default=1)

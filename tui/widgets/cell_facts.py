@@ -21,7 +21,14 @@ from tui.playback.panel_view import View
 from tui.registration import layer_named
 from tui.widgets.charge_facts import charger_lines
 from tui.widgets.due_facts import due_facts
-from tui.widgets.pod_facts import has_pods, pod_station_facts, storage_facts, trip_lines
+from tui.widgets.pod_facts import (
+    has_pods,
+    makes_trips,
+    ordered_pod,
+    pod_station_facts,
+    storage_facts,
+    trip_lines,
+)
 from tui.widgets.robot_type_facts import closed_to
 from tui.widgets.service_zone_facts import order_zone, part_of_order, station_facts
 from tui.widgets.styled_lines import (
@@ -121,7 +128,7 @@ def _stored(view: View, cell: int) -> list[tuple[str, Parts]]:
     found = np.flatnonzero(slots.cell == cell)
     if not len(found):
         return []
-    if has_pods(view):  # orders are trips
+    if has_pods(view):
         return storage_facts(view, cell) if kind.code == STORAGE else []
     slot = int(found[0])
     keeper: Parts = (
@@ -170,7 +177,7 @@ def _place(view: View, slot: int) -> Parts:
 
 def order_lines(view: View, order: int, width: int) -> list[Line]:
     """Everything about one order and its load, or one trip of a pod."""
-    if has_pods(view):
+    if makes_trips(view):
         return trip_lines(view, order, width)
     orders = view.snapshot.orders
     state, reserved_by = int(orders.state[order]), int(orders.reserved_by[order])
@@ -180,6 +187,7 @@ def order_lines(view: View, order: int, width: int) -> list[Line]:
     lines = [line(title(f"order {order} "), words)]
     done = state == ORDER_DELIVERED
     facts: list[tuple[str, Parts]] = [
+        ("pod", ordered_pod(view, order)),
         ("from", _place(view, int(orders.source[order]))),
         ("to", _place(view, int(orders.target[order]))),
         ("lies at", [] if done else _place(view, int(orders.current_slot[order]))),

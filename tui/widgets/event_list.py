@@ -17,7 +17,7 @@ from tui.playback.panel_view import RobotChosen, TickChosen, View
 from tui.widgets.event_kinds import KindBoxes
 from tui.widgets.event_rows import EVENT_GROUPS, ROBOT_COLUMN_WIDTH, Wanted, event_line
 from tui.widgets.panel import PanelWidget
-from tui.widgets.pod_facts import has_pods
+from tui.widgets.pod_facts import makes_trips
 from tui.widgets.rows import Rows
 from tui.widgets.service_zone_facts import partition_of, parts_finished
 from tui.widgets.signs import UNICODE, Signs
@@ -143,7 +143,7 @@ class EventList(Rows):
         assert self.view is not None
         event = event_of(self.kept.rows[self._found[index]])
         mark = self.signs.here if index == self._present - 1 else " "
-        made = event_line(event, tick_width=self._tick_width(), trips=has_pods(self.view))
+        made = event_line(event, tick_width=self._tick_width(), trips=makes_trips(self.view))
         gap, tick, *rest = made
         made = (gap, tick._replace(look="dim"), *rest)  # the whole row leads there
         if index >= self._present:

@@ -17,7 +17,9 @@ from automaton.engine.state import (
 from automaton.evidence.history.station_words import (
     break_end,
     carries_pods,
+    has_trips,
     is_served,
+    pod_name,
     robot_at,
     station_of,
     station_queue,
@@ -53,9 +55,14 @@ def has_pods(view: View) -> bool:
     return carries_pods(view.snapshot)
 
 
-def trip_link(trip: int) -> Span:
-    """A trip, which is an order of the world."""
-    return order_link(trip, "trip")
+def makes_trips(view: View) -> bool:
+    """Whether all orders are trips, made of lines; otherwise some of a list carry pods."""
+    return has_trips(view.snapshot)
+
+
+def trip_link(view: View, trip: int) -> Span:
+    """A trip, which is an order of the world, or an order of a list."""
+    return order_link(trip, "trip" if makes_trips(view) else "order")
 
 
 def station_link(view: View, station: int) -> Span:
@@ -65,11 +72,13 @@ def station_link(view: View, station: int) -> Span:
 
 
 def chained_lines(view: View, first: int) -> list[int]:
-    """The lines from one on: of a stop, or that wait for a pod."""
+    """The lines from one on: of a stop, or that wait for a pod; or orders of a list that do."""
+    snapshot = view.snapshot
+    following = snapshot.lines.following if makes_trips(view) else snapshot.trips.following
     lines = []
     while first != NIL:
         lines.append(first)
-        first = int(view.snapshot.lines.following[first])
+        first = int(following[first])
     return lines
 
 
@@ -91,7 +100,7 @@ def storage_facts(view: View, cell: int) -> Facts:
         ("pod", _pod(view, pod) if pod != NIL else ["none"]),
         *(_pod_facts(view, pod) if pod != NIL else []),
         ("cell class", [own_class] if own_class else []),
-        ("stood here", several([Span(f"pod {one + 1}") for one in away])),
+        ("stood here", several([Span(pod_name(snapshot, one)) for one in away])),
         ("kept for", [] if keeper == NIL else [robot_link(keeper)]),
     ]
 
@@ -103,7 +112,7 @@ def _class_names(view: View) -> list[str]:
 def _pod(view: View, pod: int) -> Parts:
     names = _class_names(view)
     known = f", class {names[int(view.snapshot.pods.pod_class[pod])]}" if names else ""
-    return [f"{pod + 1}{known}"]
+    return [f"{view.snapshot.pod_names[pod]}{known}"]
 
 
 def _pod_facts(view: View, pod: int) -> Facts:
@@ -111,9 +120,14 @@ def _pod_facts(view: View, pod: int) -> Facts:
     trip, waiting = int(snapshot.pods.trip[pod]), int(snapshot.pods.first_line[pod])
     many = len(chained_lines(view, waiting))
     fetcher = NIL if trip == NIL else int(snapshot.orders.reserved_by[trip])
+    fetched: tuple[str, Parts] = ("fetched by", [] if fetcher == NIL else [robot_link(fetcher)])
+    link: Parts = ["none"] if trip == NIL else [trip_link(view, trip)]
+    if not makes_trips(view):
+        after: Parts = [f"{count(many, 'order')} after it"] if many else []
+        return [("order", link), fetched, ("waiting", after)]
     return [
-        ("trip", ["none"] if trip == NIL else [trip_link(trip), f": {_stops_left(view, trip)}"]),
-        ("fetched by", [] if fetcher == NIL else [robot_link(fetcher)]),
+        ("trip", link if trip == NIL else [*link, f": {_stops_left(view, trip)}"]),
+        fetched,
         ("waiting", [f"{count(many, 'line')} for the trip after it"] if many else []),
     ]
 
@@ -148,13 +162,16 @@ def pod_station_facts(view: View, cell: int) -> Facts:
     taken, places = int(stations.taken[station]), int(stations.places[station])
     of = "any number" if places == NIL else f"{places:,}"
     standing = [robot_link(robot) for robot in station_queue(view.snapshot, station)]
+    of_lines: Facts = [
+        ("places", [f"{taken:,} of {of} taken"]),
+        ("open lines", [f"{int(stations.open_lines[station]):,}"]),
+        ("so far", _shares_of_time(view, station)),
+    ]
     return [
         ("station", [view.snapshot.station_names[station]]),
         ("serves", _served(view, station)),
         ("queue", several(standing) or ["no robot"]),
-        ("places", [f"{taken:,} of {of} taken"]),
-        ("open lines", [f"{int(stations.open_lines[station]):,}"]),
-        ("so far", _shares_of_time(view, station)),
+        *(of_lines if makes_trips(view) else []),
         ("break", _break(view, station)),
     ]
 
@@ -169,6 +186,8 @@ def _served(view: View, station: int) -> Parts:
         return [robot_link(robot), " is done" if done else " stands there"]
     left = count(int(snapshot.robots.busy[robot]), "more tick")
     trip = int(snapshot.robots.order[robot])
+    if not makes_trips(view):
+        return [robot_link(robot), f" for {left}"]
     stop = int(snapshot.orders.first_stop[trip] + snapshot.orders.stops_done[trip])
     lines = len(chained_lines(view, int(snapshot.trips.first_line[stop])))
     return [robot_link(robot), f" for {left}: {count(lines, 'line')}"]
@@ -202,18 +221,26 @@ def carried_pod(view: View, robot: int) -> Parts:
     return ["none"] if trip == NIL else ["pod ", *_pod(view, int(view.snapshot.trips.pod[trip]))]
 
 
+def ordered_pod(view: View, order: int) -> Parts:
+    """The pod that an order of a list carries; nothing, if it carries none."""
+    pod = int(view.snapshot.trips.pod[order]) if has_pods(view) else NIL
+    return [] if pod == NIL else _pod(view, pod)
+
+
 def robot_trip(view: View, robot: int) -> Facts:
     """The trip of a robot, the stops that are left, and how late its next lines are."""
     snapshot = view.snapshot
     trip = int(snapshot.robots.order[robot])
     if trip == NIL:
         offered = int(snapshot.trips.offered[robot])
-        retained: Parts = [] if offered == NIL else [trip_link(offered), " is retained for it"]
+        retained: Parts = (
+            [] if offered == NIL else [trip_link(view, offered), " is retained for it"]
+        )
         return [("trip", retained or ["none"])]
-    pod = int(snapshot.trips.pod[trip]) + 1
+    pod = pod_name(snapshot, int(snapshot.trips.pod[trip]))
     is_left = int(snapshot.orders.stops_done[trip]) < len(stops_of(view, trip))
     return [
-        ("trip", [trip_link(trip), f" of pod {pod}"]),
+        ("trip", [trip_link(view, trip), f" of {pod}"]),
         ("stops", [_stops_left(view, trip)]),
         ("station", _next_station(view, robot)),
         ("due", due_facts(view, trip) if is_left else []),

@@ -100,10 +100,11 @@ def _cause(view: View, robot: int) -> str:
 
 
 def _load(view: View, robot: int) -> str:
-    """Its load, or the number of its pod."""
+    """Its load, or its pod."""
     load = int(view.snapshot.robots.load[robot])
-    pods = carries_pods(view.snapshot) and load != NIL
-    return _or_blank(int(view.snapshot.trips.pod[load]) + 1 if pods else load, NIL)
+    if load != NIL and carries_pods(view.snapshot):
+        return view.snapshot.pod_names[int(view.snapshot.trips.pod[load])]
+    return _or_blank(load, NIL)
 
 
 def _cell(view: View, robot: int) -> str:

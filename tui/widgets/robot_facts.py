@@ -27,7 +27,7 @@ from tui.playback.panel_view import View
 from tui.widgets.charge_facts import battery, charging_plan, condition
 from tui.widgets.due_facts import due_facts
 from tui.widgets.event_rows import event_line
-from tui.widgets.pod_facts import carried_pod, has_pods, robot_trip, station_link
+from tui.widgets.pod_facts import carried_pod, has_pods, makes_trips, robot_trip, station_link
 from tui.widgets.robot_type_facts import own_durations, type_of
 from tui.widgets.service_zone_facts import robot_zone
 from tui.widgets.signs import UNICODE, Signs
@@ -147,9 +147,13 @@ def _heading(view: View, robot: int) -> str:
 def _task(view: View, robot: int) -> list[tuple[str, list[str | Span]]]:
     """Its load and its order; or its pod and its trip."""
     if has_pods(view):
-        return [("load", carried_pod(view, robot)), *robot_trip(view, robot)]
+        load = carried_pod(view, robot)
+        if makes_trips(view):
+            return [("load", load), *robot_trip(view, robot)]
+    else:
+        load = _load(view, robot)
     return [
-        ("load", _load(view, robot)),
+        ("load", load),
         ("order", _order(view, robot)),
         ("due", due_facts(view, int(view.snapshot.robots.order[robot]))),
     ]
@@ -242,7 +246,7 @@ def _last_events(view: View, robot: int) -> list[Line]:
     rows = (Event(*(int(value) for value in events[index])) for index in reversed(indices))
     return [
         line(title("last events")),
-        *(event_line(event, who=False, trips=has_pods(view)) for event in rows),
+        *(event_line(event, who=False, trips=makes_trips(view)) for event in rows),
     ]
 
 

@@ -31,6 +31,7 @@ from automaton.evidence.history.station_words import (
     break_words,
     carries_pods,
     no_place_words,
+    pod_name,
     queue_words,
     station_name,
     station_of,
@@ -170,7 +171,7 @@ def _pod_texts(snapshot: Snapshot, robot: int) -> dict[str, str]:
     load, station = int(snapshot.robots.load[robot]), station_of(snapshot, robot)
     texts = {"drop": "stores its pod"}
     if load != NIL:
-        texts["pick"] = f"lifts pod {snapshot.trips.pod[load] + 1}"
+        texts["pick"] = f"lifts {pod_name(snapshot, snapshot.trips.pod[load])}"
     if station != NIL:
         texts["serve"] = f"is served at {station_name(snapshot, station)}"
     return texts

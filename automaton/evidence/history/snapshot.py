@@ -69,6 +69,7 @@ class Snapshot:
     stops: Stops
     pod_stations: PodStations  # to which pods are carried
     station_names: tuple[str, ...]  # of these
+    pod_names: tuple[str, ...]
     stride: int  # from a cell to the one below it
     service_zones: ServiceZones  # that robots serve; its roads are those of the world
     redesigns: int  # ticks so far in which stations changed their zones
@@ -102,6 +103,7 @@ def take_snapshot(simulation: Simulation, selected: int = NIL, layer: str = "") 
         stops=_copied(world.stops),
         pod_stations=_copied(world.pod_stations),
         station_names=station_names(simulation.resolved),
+        pod_names=simulation.resolved.pod_names,
         stride=simulation.resolved.floor_plan.stride,
         service_zones=_copied(world.service_zones).replaced(
             design=world.service_zones.design.copied()

@@ -17,13 +17,25 @@ ORDINALS: Final = ("first", "second", "third", "fourth", "fifth", "sixth", "seve
 
 
 def carries_pods(snapshot: Snapshot) -> bool:
-    """Whether the orders of this run are trips of pods."""
+    """Whether orders of this run carry pods."""
     return len(snapshot.pods.slot) > 0
+
+
+def has_trips(snapshot: Snapshot) -> bool:
+    """Whether the orders of this run are trips, which are made of lines."""
+    return len(snapshot.lines.order) > 0
 
 
 def load_words(snapshot: Snapshot, load: int) -> str:
     """Say "load 7", or "pod 12" where loads are pods."""
-    return f"pod {snapshot.trips.pod[load] + 1}" if carries_pods(snapshot) else f"load {load}"
+    return (
+        pod_name(snapshot, snapshot.trips.pod[load]) if carries_pods(snapshot) else f"load {load}"
+    )
+
+
+def pod_name(snapshot: Snapshot, pod: int) -> str:
+    """Say "pod A-17-3", or "pod 12" of one without a name."""
+    return f"pod {snapshot.pod_names[pod]}"
 
 
 def station_name(snapshot: Snapshot, station: int) -> str:

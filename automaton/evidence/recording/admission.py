@@ -21,6 +21,7 @@ from automaton.evidence.recording.contents import (
     FRAME_KIND_KEYFRAME,
     FRAME_KIND_TICKS,
     HEADER_ARRAYS,
+    OF_SKUS,
     Content,
     InvalidFrameError,
     check_arrays,
@@ -32,6 +33,7 @@ from automaton.evidence.recording.frames import Payload, decode, tick_of
 from automaton.evidence.recording.header import floor_plan_of
 from automaton.floor.cells import CELL_KINDS, DIRECTION_VECTORS, NIL, SHELF, STATION, STORAGE
 from automaton.floor.floor_plan import FloorPlan, bays_of
+from automaton.scenario.carried_pods import carries_pods
 from automaton.scenario.document import Document
 from automaton.scenario.floor_section import Floor, generator_type, is_shipped
 from automaton.scenario.line_table import plain_data
@@ -104,13 +106,16 @@ class Admission:
         check_layout(self.scenario.layout)
         sizes["robots"] = self.scenario.fleet.robots
         wanted = self.scenario.orders.lines is not None
-        if [name in header for name in ("pods", "lines", "pod_stations")] != [wanted] * 3:
+        there = [name in header for name in ("pods", "pod_stations", "lines")]
+        if there[0] != there[1] or there[2] != wanted or there[2] > there[0]:
             raise InvalidFrameError("it has not the pods, lines and stations of its scenario")
         check_arrays(header, HEADER_ARRAYS, sizes)
         self._check_stops(header)
         self._check_trips(header)
         self.floor_plan = floor_plan_of(floor)
         check_plan(self.floor_plan)
+        if there[0] != carries_pods(self.scenario, self.floor_plan):
+            raise InvalidFrameError("it has not the pods, lines and stations of its scenario")
         self._check_slots(header)
         start = check_feasible(
             Document(header["scenario"]), self.scenario, Floor(self.floor_plan, _on_floor)
@@ -142,7 +147,10 @@ class Admission:
         if not ends or (count < 0).any() or (count > MAX_STOPS).any():
             raise InvalidFrameError("its stops are not those of its orders")
         without = orders["source"] == NIL
-        if not np.array_equal(orders["target"] == NIL, without) or (count[without] == 0).any():
+        nowhere = orders["target"] == NIL
+        if "pods" in header:  # the order of one may end anywhere
+            nowhere &= ~np.isin(orders["source"], header["pods"]["slot"])
+        if not np.array_equal(nowhere, without) or (count[without] == 0).any():
             raise InvalidFrameError("it has an order with neither a load nor stops")
 
     def _check_trips(self, header: Content) -> None:
@@ -151,6 +159,8 @@ class Admission:
         if self.scenario.orders.lines is None:
             if (cells == NIL).any():
                 raise InvalidFrameError("a stop of its orders is nowhere")
+            if "pods" in header:
+                self._check_pods(header)
             return
         orders, sizes = header["orders"], self.sizes
         stops = sizes["lines"] * self.scenario.pods.max_stops
@@ -159,9 +169,38 @@ class Admission:
             raise InvalidFrameError("its trips are not as many as its lines, or have other stops")
         if (orders["source"] != NIL).any() or (cells != NIL).any():
             raise InvalidFrameError("a trip is known before its lines are")
-        slots = header["pods"]["slot"]
+        self._check_pods(header)
+        self._check_skus(header)
+
+    def _check_pods(self, header: Content) -> None:
+        """No two pods stand in one cell, and orders of a list carry those that there are."""
+        slots, source = header["pods"]["slot"], header["orders"]["source"]
         if len(np.unique(slots)) != len(slots):
             raise InvalidFrameError("two of its pods stand in one cell")
+        if not np.isin(source[source != NIL], slots).all():
+            raise InvalidFrameError("an order of its list takes no pod")
+
+    def _check_skus(self, header: Content) -> None:
+        """Each line wants a pod, or a SKU that some pod holds."""
+        there = [name in header[part] for part, arrays in OF_SKUS.items() for name in arrays]
+        wants_any = header["lines"]["pod"] == NIL
+        if not any(there) and not wants_any.any():
+            return
+        if not all(there):
+            raise InvalidFrameError("it has only a part of what its lines by SKU need")
+        first, held, wanted = (
+            header["pods"]["sku_first"],
+            header["pods"]["sku_pod"],
+            header["lines"]["sku"][wants_any],
+        )
+        ends = len(first) > 1 and (first[0], first[-1]) == (0, len(held))
+        if not ends or (np.diff(first) < 1).any():
+            raise InvalidFrameError("a SKU of its pods is in none of them")
+        if ((wanted < 0) | (wanted >= len(first) - 1)).any():
+            raise InvalidFrameError("a line wants a SKU that no pod holds")
+        ticks = header["pod_stations"]["ticks_from"]
+        if ticks.shape != (self.sizes["stations"], self.sizes["spare"]):
+            raise InvalidFrameError("its ways from slots to stations are not those of its floor")
 
     def _check_counts(self, header: Content) -> None:
         """As many orders and jobs as the scenario has, before a world is built for them."""

@@ -114,13 +114,25 @@ _FLOOR = _part(
     ("starts", _Places),
     ("numbered", _Places),
 )
-# Arrays of orders that a header may leave out.
+# Arrays that a header may leave out.
 _OPTIONAL: Final = ("release_sequence", "weight", "priority", "due", "first_stop")
-_ORDERS = _part(
-    "Orders",
-    tuple(name for name in Orders.fields_where(IN_HEADER) if name not in _OPTIONAL),
-    *((name, _MAYBE, UNSET) for name in _OPTIONAL),
-)
+OF_SKUS: Final = {
+    "pods": ("sku_first", "sku_pod"),
+    "lines": ("sku",),
+    "pod_stations": ("ticks_from",),
+}
+
+
+def _part_of(struct: Any, optional: tuple[str, ...]) -> type[msgspec.Struct]:
+    """The arrays of a struct that a header has, of which it may leave some out."""
+    always = tuple(name for name in struct.fields_where(IN_HEADER) if name not in optional)
+    return _part(struct.__name__, always, *((name, _MAYBE, UNSET) for name in optional))
+
+
+_ORDERS = _part_of(Orders, _OPTIONAL)
+_PODS = _part_of(Pods, ("weight", *OF_SKUS["pods"]))
+_LINES = _part_of(Lines, OF_SKUS["lines"])
+_POD_STATIONS = _part_of(PodStations, OF_SKUS["pod_stations"])
 
 
 class _Frame(msgspec.Struct, forbid_unknown_fields=True):
@@ -148,9 +160,9 @@ class _Header(_Frame):
     listed: _Columns | UnsetType = UNSET
     listed_lines: _Columns | UnsetType = UNSET
     line_names: _Names | UnsetType = UNSET
-    pods: _part("Pods", Pods.fields_where(IN_HEADER)) | UnsetType = UNSET  # type: ignore[valid-type]
-    lines: _part("Lines", Lines.fields_where(IN_HEADER)) | UnsetType = UNSET  # type: ignore[valid-type]
-    pod_stations: _part("PodStations", PodStations.fields_where(IN_HEADER)) | UnsetType = UNSET  # type: ignore[valid-type]
+    pods: _PODS | UnsetType = UNSET  # type: ignore[valid-type]
+    lines: _LINES | UnsetType = UNSET  # type: ignore[valid-type]
+    pod_stations: _POD_STATIONS | UnsetType = UNSET  # type: ignore[valid-type]
 
 
 class _Conditions(_Frame):
@@ -355,7 +367,12 @@ HEADER_ARRAYS: Final = {
     "lines.handling": Range("i8", ("rules", "lines"), 0, MAX_HANDLING),
     "pod_stations.rule": Range("i4", ("stations",), 0, "rules"),
     "lines.order": Range("i4", ("lines",), 0, "lines"),
-    "lines.pod": Range("i4", ("lines",), 0, "pods"),
+    "pods.weight": Range("i4", ("pods",), 1, MAX_NUMBER),
+    "pods.sku_first": Range("i4", ("skus and one",), 0, MAX_NUMBER),
+    "pods.sku_pod": Range("i4", ("held",), 0, "pods"),
+    "pod_stations.ticks_from": Range("i4", ("rows of ticks", "slots of ticks"), 0, MAX_NUMBER + 1),
+    "lines.pod": Range("i4", ("lines",), -1, "pods"),
+    "lines.sku": Range("i4", ("lines",), -1, MAX_NUMBER),
     "lines.station": Range("i4", ("lines",), -1, "stations"),
     "lines.release_tick": Range("i4", ("lines",), 0, MAX_NUMBER),
     "lines.due": Range("i4", ("lines",), 0, MAX_NUMBER),

@@ -13,9 +13,9 @@ import numpy as np
 
 from automaton.build.resolve import Resolved, StrategyChoice
 from automaton.engine.jit.structs import Struct
-from automaton.engine.state import NEVER
+from automaton.engine.state import NEVER, NIL
 from automaton.errors import InputError
-from automaton.evidence.recording.contents import IN_HEADER, Content
+from automaton.evidence.recording.contents import IN_HEADER, OF_SKUS, Content
 from automaton.floor.floor_plan import FloorPlan
 from automaton.runs.provenance import file_hashes, recorded_files, source_hash, versions
 from automaton.scenario.line_table import plain_data
@@ -69,9 +69,15 @@ def header_of(resolved: Resolved, seed: int, world: Any, digest_names: tuple[str
 
 def _of_pods(world: Any) -> Content:
     """What a header has of pods, the lines that want them, and the stations to which they go."""
-    if not len(world.lines.order):
+    if not len(world.pods.slot):
         return {}
-    return {name: _copies(getattr(world, name)) for name in ("pods", "lines", "pod_stations")}
+    left_out = {name: set(arrays) for name, arrays in OF_SKUS.items()}
+    if (world.lines.sku != NIL).any():
+        left_out = {part: set() for part in OF_SKUS}
+    if not (world.pods.weight != 1).any():
+        left_out["pods"] = {*left_out["pods"], "weight"}
+    parts = OF_SKUS if len(world.lines.order) else ("pods", "pod_stations")
+    return {name: _copies(getattr(world, name), left_out[name]) for name in parts}
 
 
 def _copies(struct: Struct, left_out: Container[str] = ()) -> Content:

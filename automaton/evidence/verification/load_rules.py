@@ -89,8 +89,14 @@ class Loads:
         self.visits = Visits(header, self, self.trips)
         self.picking: dict[int, int] = {}  # robots that picked up: the last tick of that
         self.status = [0] * len(motion.home)  # of each robot, as the rules of energy know it
-        coming = sorted(range(len(released)), key=released.__getitem__, reverse=True)
-        timed = [order for order in coming if released[order] and order not in self.work.ends]
+        coming = sorted(range(len(released)), key=lambda k: (released[k], k), reverse=True)
+        if self.trips.there:  # all are known from tick 1 on at the earliest
+            self.state = [ORDER_UNRELEASED] * len(released)
+        timed = [
+            order
+            for order in coming
+            if self.state[order] == ORDER_UNRELEASED and order not in self.work.ends
+        ]
         self._coming = [(released[order], order) for order in timed]
         arrivals = header["scenario"]["orders"].get("arrivals") or {}
         self._in_system: int = (arrivals.get("closed_loop") or {}).get("in_system", 0)
@@ -118,7 +124,7 @@ class Loads:
         for pod, slot in enumerate(self.trips.slot):
             self.content[slot] = pod
         for order, slot in enumerate(self.place):
-            if slot == NIL or self.dock[slot] or self.station[slot]:
+            if slot == NIL or self.dock[slot] or self.station[slot] or self.trips.there:
                 continue
             if not kinds[slot].is_slot or self.endless[slot]:
                 report_violation(
@@ -130,22 +136,39 @@ class Loads:
 
     def release(self, tick: int) -> None:
         """Orders are released: in their ticks, or one for each that was delivered before this tick."""
+        released: list[int] = []
         while self._coming and self._coming[-1][0] <= tick:
             # Known and not delivered are all but those to come, of those that are left.
             if self._in_system and self.undelivered - len(self._coming) >= self._in_system:
                 break
-            self.state[self._coming.pop()[1]] = ORDER_WAITING
+            released.append(self._coming.pop()[1])
+            self.state[released[-1]] = ORDER_WAITING
         for order in (*self.work.begin(tick), *self.visits.announced):
             self.state[order] = ORDER_WAITING
         self.visits.announced.clear()
-        for trip, slot in self.trips.plan(tick, self._is_free) if self.trips.there else ():
-            self.place[trip], self.state[trip] = slot, ORDER_WAITING
-            self.undelivered += 1
+        if self.trips.of_lines:
+            for trip, slot in self.trips.plan(tick, self._is_free):
+                self.place[trip], self.state[trip] = slot, ORDER_WAITING
+                self.weight[trip] = self.trips.weight[self.trips.pod_of[trip]]
+                self.undelivered += 1
+        elif self.trips.there:
+            self._release_pods(released)
+
+    def _release_pods(self, released: list[int]) -> None:
+        """Orders of a list that carry pods are open when it is their turn."""
+        carrying = [order for order in released if self.trips.pod_of[order] != NIL]
+        for order in carrying:
+            self.state[order] = ORDER_UNRELEASED
+        for order, slot in self.trips.line_up(carrying, self._is_free):
+            self.place[order], self.state[order] = slot, ORDER_WAITING
 
     def _is_free(self, r: int, trip: int) -> bool:
         """Whether the trip of the pod above it may be kept for a robot."""
         idle = self.order[r] == NIL and self.load[r] == NIL and self.status[r] == 0
-        return idle and self.weight[trip] <= self.motion.types.payload[r]
+        weight = self.weight[trip]
+        if self.trips.of_lines:
+            weight = self.trips.weight[self.trips.pod_of[trip]]
+        return idle and weight <= self.motion.types.payload[r]
 
     def leave(self, r: int, slot: int) -> None:
         """A robot that goes down leaves its load in a spare slot in its cell, a pod in storage."""
@@ -175,10 +198,10 @@ class Loads:
             if self.motion.kind[cell] == STORAGE
             and self.content[number] == self.reserved[number] == NIL
         }
-        self.trips.put_aside(r, slot, self.load, free, self._is_free)
+        over = self.visits.is_over(order) and self.target[order] in (slot, NIL)
+        self.trips.put_aside(r, slot, over, self.load, free, self._is_free)
         self.visits.served.pop(r, None)
         self.content[slot] = self.trips.pod_of[order]
-        over = self.visits.is_over(order)
         self.load[r], self.place[order] = NIL, slot
         self.state[order] = ORDER_DELIVERED if over else ORDER_WAITING
         self.undelivered -= over
@@ -381,7 +404,7 @@ class Loads:
             self.content[slot] = NIL
             if self.trips.there:
                 self.trips.lift(r, order)
-        if slot != NIL and slot == self.target[order]:
+        if slot != NIL and slot == self.target[order] and not self.trips.there:
             self.state[order] = ORDER_DELIVERED  # it had only to be visited
             self.undelivered -= 1
             self.work.deliver(tick + self._handling(r, EXECUTED_PICK), order)
@@ -412,11 +435,11 @@ class Loads:
             if self.reserved[slot] != r:
                 self.report_violation("slot", [r], cell, "drops on a shelf it has not reserved")
             self.content[slot] = self.trips.pod_of[order] if self.trips.there else order
+        delivered = self.target[order] in (slot, NIL)
         if self.trips.there:
-            self.trips.store(r, order, slot)
+            self.trips.store(r, order, slot, delivered)
         self.load[r], self.place[order] = NIL, slot
         self.motion.check_area(r, self.motion.cell[r])
-        delivered = slot == self.target[order] or self.trips.there
         self.state[order] = ORDER_DELIVERED if delivered else ORDER_WAITING
         self.undelivered -= delivered
         if delivered:

@@ -8,6 +8,7 @@ actions and changes, all else is worked out again from the lines of the header.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from typing import Any, Final
 
 from automaton.engine.record_codes import ACTION_MASK, MOVE_NORTH
@@ -28,7 +29,10 @@ class Trips:
     def __init__(self, header: dict[str, Any], motion: Motion, report_violation: Complaint) -> None:
         self.motion = motion
         self.report_violation = report_violation
-        self.there = "lines" in header  # otherwise orders are not trips, and all this is empty
+        self.there = "pods" in header  # otherwise all this is empty
+        self.of_lines = (
+            "lines" in header
+        )  # otherwise trips are orders of a list, and have their stops
         scenario = header["scenario"]
         rules = scenario.get("pods") or {}
         self._joins: bool = rules.get("join", True)
@@ -47,6 +51,11 @@ class Trips:
         self._asks: list[int] = lines.get("station", [])
         self._release: list[int] = lines.get("release_tick", [])
         self._priority: list[int] = lines.get("priority", [])
+        self._sku: list[int] = lines.get("sku", [])
+        self._holders = _holders(header.get("pods") or {})
+        self.weight: list[int] = _lists(header.get("pods")).get("weight", [1] * len(self.slot))
+        self.taken_from = list(self._pod)
+        self.wanted = [0] * len(self.slot)  # lines of each pod that are known and not done
         self._handling: list[list[int]] = lines.get("handling", [])
         count = len(self._pod)
         self._coming = sorted(range(count), key=lambda line: (-self._release[line], -line))
@@ -56,12 +65,20 @@ class Trips:
         self._places: list[int] = stations.get("places", [])
         self._rule: list[int] = stations.get("rule", [])
         self._visit: list[int] = stations.get("visit", [])
+        self._ticks_from: list[list[int]] = stations.get("ticks_from", [])
         self.taken, self.open = [0] * len(self.cell), [0] * len(self.cell)
         self._ways = LoadedWays(motion, self.cell)
         self._breaks = _breaks(header, self.cell)
         self._serving: dict[int, tuple[int, int]] = {}  # station -> its robot, and the last tick
         self.known = 0  # trips
+        if not self.of_lines:
+            count = len(header["orders"]["source"]) if self.there else 0
         self.pod_of = [NIL] * count  # by trip
+        if not self.of_lines:
+            stands = {slot: pod for pod, slot in enumerate(self.slot)}
+            self.pod_of = [
+                stands.get(slot, NIL) for slot in header["orders"]["source"][:count].tolist()
+            ]
         self.begun, self.priority, self.release = [0] * count, [0] * count, [NOT_YET] * count
         self.stops: list[list[int]] = [[] for _ in range(count)]  # stations
         self.served: list[list[list[int]]] = [[] for _ in range(count)]  # lines, by stop
@@ -92,8 +109,29 @@ class Trips:
         while self._coming and self._release[self._coming[-1]] <= tick:
             line = self._coming.pop()
             self._choose_station(line)
+            self._choose_pod(line)
             self._take_line(line, is_free)
         return [(trip, self.slot[self.pod_of[trip]]) for trip in range(before, self.known)]
+
+    def line_up(
+        self, released: list[int], is_free: Callable[[int, int], bool]
+    ) -> list[tuple[int, int]]:
+        """Orders of a list whose pods stand without one, with their slots; the others wait.
+
+        `released`: those of this tick that carry pods.
+        """
+        begun = [(pod, self.waiting[pod].pop(0)) for pod in sorted(self._stored)]
+        self._stored.clear()
+        for pod, order in begun:
+            self._begin(pod, order, is_free)
+        for order in released:
+            pod = self.pod_of[order]
+            if self.trip[pod] == NIL:
+                self._begin(pod, order, is_free)
+                begun.append((pod, order))
+            else:
+                self.waiting[pod].append(order)
+        return [(order, self.slot[pod]) for pod, order in begun]
 
     def _choose_station(self, line: int) -> None:
         order = self._order[line]
@@ -104,8 +142,25 @@ class Trips:
         self.served_at[line] = self._station_of_order[order] = station
         self.open[station] += 1
 
+    def _choose_pod(self, line: int) -> None:
+        """One that has the SKU: with a stop to come there, else stored and near, else little wanted."""
+        if self._pod[line] == NIL:
+            station, pods = self.served_at[line], self._holders[self._sku[line]]
+            calling = [pod for pod in pods if self._joins and self._calls_at(pod, station)]
+            at_rest = [pod for pod in pods if self.trip[pod] == NIL and self.slot[pod] != NIL]
+            ticks = self._ticks_from[station] if at_rest else []
+            at_rest.sort(key=lambda pod: (ticks[self.slot[pod]], pod))
+            rarely = sorted(pods, key=lambda pod: (self.wanted[pod], pod))
+            self.taken_from[line] = (calling or at_rest or rarely)[0]
+        self.wanted[self.taken_from[line]] += 1
+
+    def _calls_at(self, pod: int, station: int) -> bool:
+        """Whether a stop of a pod's trip at a station is not begun."""
+        trip = self.trip[pod]
+        return trip != NIL and station in self.stops[trip][self.begun[trip] :]
+
     def _take_line(self, line: int, is_free: Idle) -> None:
-        pod = self._pod[line]
+        pod = self.taken_from[line]
         trip = self.trip[pod]
         if trip == NIL and not self.waiting[pod]:
             trip = self._new_trip(pod, is_free)
@@ -116,9 +171,14 @@ class Trips:
     def _new_trip(self, pod: int, is_free: Idle) -> int:
         trip = self.known
         self.known += 1
-        self.pod_of[trip], self.trip[pod] = pod, trip
-        self._offer(trip, self.slot_cell[self.slot[pod]], is_free)
+        self.pod_of[trip] = pod
+        self._begin(pod, trip, is_free)
         return trip
+
+    def _begin(self, pod: int, trip: int, is_free: Idle) -> None:
+        """A trip may be taken; it is kept for a robot beneath its pod."""
+        self.trip[pod] = trip
+        self._offer(trip, self.slot_cell[self.slot[pod]], is_free)
 
     def _offer(self, trip: int, cell: int, is_free: Idle) -> None:
         """A trip may be kept for the robot that stands beneath its pod."""
@@ -162,9 +222,9 @@ class Trips:
         ticks = (2 * parts + PARTS) // (2 * PARTS)
         return min(max(ticks, 1), LONGEST) if parts else 0
 
-    def has_break(self, tick: int, trip: int) -> bool:
-        """Whether no visit begins at the next station of a trip."""
-        station = self.next_station(trip)
+    def has_break(self, tick: int, cell: int) -> bool:
+        """Whether no visit begins in a cell: it is a station that has a break."""
+        station = self.cell.index(cell) if cell in self.cell else NIL
         return any(k == station and a <= tick < b for k, a, b in self._breaks)
 
     # What robots do
@@ -211,19 +271,28 @@ class Trips:
         self.standing.pop(self.slot_cell[self.slot[pod]], None)
         self.slot[pod] = NIL
 
-    def store(self, r: int, trip: int, slot: int) -> None:
-        """A robot sets the pod of a trip down."""
+    def store(self, r: int, trip: int, slot: int, is_over: bool) -> None:
+        """A robot sets the pod of a trip down, which may have to go on from there."""
         pod, cell = self.pod_of[trip], self.slot_cell[slot]
         if pod == NIL or self.slot[pod] != NIL or cell in self.standing:
             text = "stores a pod that it has not, or where one stands"
             self.report_violation("pod", [r], cell, text)
             return
-        self.slot[pod], self.trip[pod], self.standing[cell] = slot, NIL, pod
+        self.slot[pod], self.standing[cell] = slot, pod
+        if not is_over:
+            return
+        self.trip[pod] = NIL
         if self.waiting[pod]:
             self._stored.append(pod)
 
     def put_aside(
-        self, r: int, slot: int, load: Sequence[int], free: dict[int, int], idle: Idle
+        self,
+        r: int,
+        slot: int,
+        is_over: bool,
+        load: Sequence[int],
+        free: dict[int, int],
+        idle: Idle,
     ) -> None:
         """The pod of a robot that is towed stands in a slot; `free`: empty ones, by cell."""
         trip, motion = load[r], self.motion
@@ -238,24 +307,22 @@ class Trips:
             self.report_violation("pod", [r], motion.cell[r], text)
         self._serving = {k: one for k, one in self._serving.items() if one[0] != r}
         self.begun[trip] = self.over[trip]
-        pod = self.pod_of[trip]
-        if self.next_station(trip) == NIL:
-            self.store(r, trip, slot)
-            return
-        self.slot[pod], self.standing[self.slot_cell[slot]] = slot, pod
-        self._offer(trip, self.slot_cell[slot], idle)
+        self.store(r, trip, slot, is_over)
+        if not is_over:
+            self._offer(trip, self.slot_cell[slot], idle)
 
-    def serve(self, tick: int, r: int, trip: int, ticks: int) -> None:
-        """A visit begins at the next stop of a trip."""
-        station, cell = self.next_station(trip), self.motion.cell[r]
-        if self.has_break(tick, trip):
+    def serve(self, tick: int, r: int, trip: int, ticks: int, stop: int) -> None:
+        """A visit begins at a stop of a trip, its next one."""
+        cell = self.motion.cell[r]
+        station = self.cell.index(cell) if cell in self.cell else NIL
+        if self.has_break(tick, cell):
             self.report_violation("visit", [r], cell, "begins a visit in a break of its station")
         other, until = self._serving.get(station, (r, 0))
-        if until >= tick:
+        if station != NIL and until >= tick:
             text = "begins a visit at a station that serves another robot"
             self.report_violation("visit", [other, r], cell, text)
         self._serving[station] = r, tick + ticks - 1
-        self.begun[trip] = self.over[trip] + 1
+        self.begun[trip] = stop + 1
 
     def finish_stop(self, tick: int, r: int, trip: int) -> int:
         """A visit is over, and its lines are done; returns how many."""
@@ -267,6 +334,7 @@ class Trips:
             if self.done[line] != NIL:
                 self.report_violation("line", [r], NIL, f"line {line} is done twice")
             self.done[line] = tick
+            self.wanted[self.taken_from[line]] -= 1
             self.open[station] -= 1
         self.over[trip] = self.begun[trip] = stop + 1
         following = self.next_station(trip)
@@ -333,22 +401,25 @@ class Trips:
     def _stands_beneath(self, r: int, trip: int) -> bool:
         return self.standing.get(self.motion.cell[r], NIL) == self.pod_of[trip]
 
+    def _stations(self) -> list[int]:
+        """Of each stop of all trips, as many as they may have; lists have stops of their own."""
+        stations = [(stops + [NIL] * self._most_stops)[: self._most_stops] for stops in self.stops]
+        return [station for stops in stations for station in stops]
+
     def state(self) -> dict[str, dict[str, list[int]]]:
         """What a recorded state must have, by array."""
-        stations = [
-            (self.stops[trip] + [NIL] * self._most_stops)[: self._most_stops]
-            for trip in range(len(self.stops))
-        ]
+        lines = {"served_at": self.served_at, "trip": self.in_trip, "done": self.done}
+        stations = {"station": self._stations()} if self.of_lines else {}
         return {
             "pods": {
                 "slot": self.slot,
                 "trip": self.trip,
                 "first_line": [lines[0] if lines else NIL for lines in self.waiting],
             },
-            "lines": {"served_at": self.served_at, "trip": self.in_trip, "done": self.done},
+            "lines": lines,
             "trips": {
                 "begun": self.begun,
-                "station": [station for stops in stations for station in stops],
+                **stations,
                 "place": self.place,
                 "leaving": self.leaving,
                 "offered": self.offered,
@@ -360,6 +431,12 @@ class Trips:
 def _lists(arrays: dict[str, Any] | None) -> dict[str, Any]:
     """Arrays of a header as lists."""
     return {name: array.tolist() for name, array in (arrays or {}).items()}
+
+
+def _holders(pods: dict[str, Any]) -> list[list[int]]:
+    """The pods that hold each SKU, by number."""
+    first, held = (pods.get(name, []) for name in ("sku_first", "sku_pod"))
+    return [sorted(held[a:b].tolist()) for a, b in pairwise(first)]
 
 
 def _breaks(header: dict[str, Any], cells: list[int]) -> list[tuple[int, int, int]]:

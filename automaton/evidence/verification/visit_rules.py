@@ -50,7 +50,7 @@ class Visits:
         self.cell: list[int] = [] if stops is None else stops["cell"].tolist()
         self.ticks: list[int] = [] if stops is None else stops["ticks"].tolist()
         source = header["orders"]["source"].tolist()
-        self.has_load: list[bool] = [slot != NIL or trips.there for slot in source]
+        self.has_load: list[bool] = [slot != NIL or trips.of_lines for slot in source]
         self.touring: set[int] = set()  # robots with an order that has stops
         self.served: dict[int, int] = {}  # robots in SERVE: its last tick
         orders = len(source)
@@ -70,13 +70,13 @@ class Visits:
 
     def lasts(self, order: int) -> int:
         """Ticks of the next stop of an order; NIL: none is left."""
-        if self.trips.there and not self.is_over(order):
+        if self.trips.of_lines and not self.is_over(order):
             return self.trips.ticks(order, self.next[order] - self.first[order])
         return NIL if self.is_over(order) else self.ticks[self.next[order]]
 
     def is_over(self, order: int) -> bool:
         """Whether all stops of an order are done."""
-        if self.trips.there:
+        if self.trips.of_lines:
             return self.trips.next_station(order) == NIL
         return self.next[order] >= self.first[order + 1]
 
@@ -86,7 +86,7 @@ class Visits:
             return False
         cell = self.motion.cell[r]
         entering = self.motion.claim.get(r, (cell, 0))[0]
-        if self.trips.there:
+        if self.trips.of_lines:
             return self.trips.cell[self.trips.next_station(order)] == cell == entering
         return self.cell[self.next[order]] == cell == entering
 
@@ -99,7 +99,7 @@ class Visits:
             return False
         if self.lasts(order):
             return self.served.get(r) == tick
-        if self.trips.there and self.trips.has_break(tick, order):
+        if self.trips.there and self.trips.has_break(tick, self.motion.cell[r]):
             return False
         return not picks
 
@@ -126,7 +126,7 @@ class Visits:
         self.done[self.next[order]] = tick
         self.next[order] += 1
         self.count += 1
-        if self.trips.there:
+        if self.trips.of_lines:
             self.loads.undelivered -= self.trips.finish_stop(tick, r, order)
 
     def serve(self, tick: int, r: int, ticks: int) -> None:
@@ -138,7 +138,7 @@ class Visits:
             return
         self.served[r] = tick + ticks - 1
         if self.trips.there:
-            self.trips.serve(tick, r, order, ticks)
+            self.trips.serve(tick, r, order, ticks, self.next[order] - self.first[order])
         if not self.has_load[order]:
             self.loads.state[order] = ORDER_STARTED
 

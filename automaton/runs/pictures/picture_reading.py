@@ -49,7 +49,6 @@ from automaton.engine.state import (
 )
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
-from automaton.runs.asked_orders import has_lines
 from automaton.runs.pictures.order_lines import OrderLine, read_order
 from automaton.runs.pictures.phrases import Facts, Pair, Value
 from automaton.runs.pictures.picture_writing import picture_of
@@ -91,9 +90,9 @@ def world_from(text: str, resolved: Resolved) -> Simulation:
         raise InputError(
             "a picture does not show which orders are known where robots have their own"
         )
-    if has_lines(world):
+    if len(world.pods.slot):
         raise InputError(
-            "a picture does not show the lines of orders, nor the trips that pods make for them; "
+            "a picture does not show which pod stands where, nor which orders and lines wait for it; "
             "use a recording, or run the scenario up to this tick"
         )
     check_names(said, world)

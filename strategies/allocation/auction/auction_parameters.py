@@ -148,7 +148,7 @@ class Auctions(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         """The optimum is known for small fleets alone, and without charging."""
-        if refusal := refusal_of_tours(scenario) or refusal_of_priorities(scenario):
+        if refusal := refusal_of_tours(scenario, floor_plan) or refusal_of_priorities(scenario):
             return refusal
         robots = scenario.fleet.robots
         if scenario.information != "everything":

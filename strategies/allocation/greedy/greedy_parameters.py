@@ -48,4 +48,4 @@ class GreedyParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True, 
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         """A load is brought to its order's own target."""
-        return refusal_of_pods(scenario)
+        return refusal_of_pods(scenario, floor_plan)

@@ -8,7 +8,7 @@ import numpy as np
 from msgspec import Meta
 
 from automaton.floor.floor_plan import FloorPlan
-from automaton.scenario.orders import has_lines
+from automaton.scenario.carried_pods import carries_pods
 from automaton.scenario.robot_types import types_of
 from automaton.scenario.schema import Scenario
 from strategies.right_of_way.right_of_way_parameters import SteeringParameters
@@ -51,7 +51,7 @@ class EpibtParameters(SteeringParameters, forbid_unknown_fields=True, frozen=Tru
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         """Return what this scenario asks for that EPIBT does not plan, or None."""
-        if has_lines(scenario.orders):
+        if carries_pods(scenario, floor_plan):
             return "it knows no queues of stations, in which robots with pods stand; use pibt"
         types = types_of(scenario)
         move = max(ticks for one in types for ticks in one.moves)

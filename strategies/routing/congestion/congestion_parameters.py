@@ -8,7 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from automaton.floor.floor_plan import FloorPlan
-from automaton.scenario.orders import has_lines
+from automaton.scenario.carried_pods import carries_pods
 from automaton.scenario.quantities import TIME, quantity
 from automaton.scenario.schema import Scenario
 
@@ -51,7 +51,7 @@ class SharedPlans(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         """The plans are kept in memory, 9 bytes for each robot and tick."""
-        if has_lines(scenario.orders):
+        if carries_pods(scenario, floor_plan):
             return WITHOUT_PODS
         robots = scenario.fleet.robots
         if robots * self.horizon <= MOST_PLANNED:

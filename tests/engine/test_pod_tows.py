@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 from handmade_recordings import rules
 from pod_scenes import line_ticks, pod_scene
 
 from automaton.build.resolve import Resolved
+from automaton.engine.record_codes import CHANGE_LOAD_LEFT
 from automaton.engine.state import NIL, ORDER_DELIVERED, ORDER_WAITING
+from automaton.evidence.recording.contents import FRAME_KIND_TICKS
 from automaton.evidence.recording.recorder import MemoryRecorder
 from automaton.evidence.verification.validator import Report, validate_stored
 from automaton.runs.simulation import Simulation
@@ -93,3 +96,21 @@ def test_lines_that_came_meanwhile_are_done(join: bool) -> None:
     lines = [LINE, {**LINE, "release": 15}, {**LINE, "release": 17}]
     run, report = played(failing(13, [2, 1], [0, 0], lines=lines, pods={"join": join}))
     assert run.finished and rules(report) == [] and max(run.world.lines.trip) == (0 if join else 2)
+
+
+def test_the_validator_finds_a_pod_that_is_put_elsewhere_or_stays_on_its_robot() -> None:
+    scene = failing(13, [2, 1], [0, 0])
+    recorder = MemoryRecorder(scene)
+    run = Simulation(scene, on_record=recorder)
+    run.run(20)
+    recorder(run)
+    recording = recorder.recording()
+    (ticks,) = [one.content for one in recording.frames if one.kind == FRAME_KIND_TICKS]
+    (row,) = np.flatnonzero(ticks["changes"][:, 1] == CHANGE_LOAD_LEFT)
+    assert rules(validate_stored(recording)) == []
+    ticks["changes"][row, 3] = slot_at(run, 7, 1)
+    texts = [one.text for one in validate_stored(recording).violations]
+    assert "is towed, and pod 1 put into slot 5: not the nearest" in texts
+    ticks["changes"] = np.delete(ticks["changes"], row, axis=0)
+    texts = [one.text for one in validate_stored(recording).violations]
+    assert "is towed with its pod" in texts

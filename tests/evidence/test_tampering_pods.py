@@ -114,7 +114,7 @@ def test_orders_of_a_list_carry_pods_that_there_are(
     assert "rules: all kept" in capsys.readouterr().out
     stands = run.header["pods"]["slot"]
     for part, array, change, says in (
-        ("orders", "source", lambda a: a + [0, max(stands) + 1, 0], "takes no pod"),
+        ("orders", "source", lambda a: np.add(a, [0, max(stands) + 1, 0]), "takes no pod"),
         ("orders", "target", lambda a: a * 0 - 1, ""),
         ("orders", "source", lambda a: a * 0 - 1, "neither a load nor stops"),
         ("pods", "slot", lambda a: a * 0, "two of its pods stand in one cell"),

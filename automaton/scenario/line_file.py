@@ -32,7 +32,7 @@ from automaton.scenario.order_fields import (
     ReleaseField,
     TextField,
 )
-from automaton.scenario.order_file import TransportFile
+from automaton.scenario.order_file import TransportFile, shared
 from automaton.scenario.order_notes import reading_notes, start_warnings
 from automaton.scenario.pod_file import pod_cells, pod_names, pod_numbers, skus_of
 from automaton.scenario.pods import Line, LineDemand
@@ -131,12 +131,13 @@ def _lines(
         pods.tolist(),
         values["sku"].tolist(),
         values["station"].tolist(),
-        values["released"].tolist(),
+        shared(values["released"].tolist()),
         values["due"].tolist(),
         values["priority"].tolist(),
         values["units"].tolist(),
         strict=True,
     )
+    known: dict[int, DueAt | None] = {NO_DUE: None}
     return tuple(
         Line(
             order=None if order < 0 else orders[order],
@@ -144,7 +145,7 @@ def _lines(
             sku=None if sku < 0 else skus[sku],
             station=None if station < 0 else stations[station],
             release=release,
-            due=None if due == NO_DUE else DueAt(at=due),
+            due=known[due] if due in known else known.setdefault(due, DueAt(at=due)),
             priority=priority,
             units=units,
         )

@@ -87,7 +87,7 @@ def _lines(columns: OrderColumns, cells: list[Cell]) -> tuple[OrderLine, ...]:
     rows = zip(
         _cells(columns, "from", cells),
         _cells(columns, "to", cells),
-        _shared(values["released"].tolist()),
+        shared(values["released"].tolist()),
         values["weight"].tolist(),
         values["priority"].tolist(),
         _due(values["released"].tolist(), values["due"].tolist()),
@@ -118,7 +118,7 @@ def _due(released: list[int], due: list[int]) -> Iterator[int | DueAt | None]:
             yield known.setdefault(tick - release, tick - release)
 
 
-def _shared(numbers: list[int]) -> Iterator[int]:
+def shared(numbers: list[int]) -> Iterator[int]:
     """The same numbers, of which equal ones are one object: 32 bytes less for each."""
     known: dict[int, int] = {}
     return (known.setdefault(number, number) for number in numbers)

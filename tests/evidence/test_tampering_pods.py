@@ -99,6 +99,39 @@ def test_lines_by_sku_need_pods_that_hold_it(
         assert says in capsys.readouterr().err
 
 
+LISTED = (
+    "orders={list: [{from: [2, 1], stops: [{at: [5, 3], for: 9}]}, {from: [2, 1], to: [7, 1]}, "
+    "{stops: [[0, 0]]}]}"
+)
+
+
+def test_orders_of_a_list_carry_pods_that_there_are(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run, path = recorded("goods-mini", LISTED), tmp_path / "run.rec"
+    path.write_bytes(encoded(run.header, run.frames))
+    assert main(["verify", str(path)]) == 0
+    assert "rules: all kept" in capsys.readouterr().out
+    stands = run.header["pods"]["slot"]
+    for part, array, change, says in (
+        ("orders", "source", lambda a: np.add(a, [0, max(stands) + 1, 0]), "takes no pod"),
+        ("orders", "target", lambda a: a * 0 - 1, ""),
+        ("orders", "source", lambda a: a * 0 - 1, "neither a load nor stops"),
+        ("pods", "slot", lambda a: a * 0, "two of its pods stand in one cell"),
+    ):
+        header = copy.deepcopy(run.header)
+        header[part][array] = change(header[part][array]).astype(np.int32)
+        path.write_bytes(encoded(header, run.frames))
+        assert main(["verify", str(path)]) == (2 if says else 1), array
+        said = capsys.readouterr()
+        assert says in said.err if says else "orders.target is not as scenario" in said.out, said
+    for part in ("pods", "pod_stations"):
+        header = {name: value for name, value in run.header.items() if name != part}
+        path.write_bytes(encoded(header, run.frames))
+        assert main(["verify", str(path)]) == 2
+        assert "has not the pods, lines and stations of its scenario" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("part", ["pods", "lines", "pod_stations"])
 def test_a_header_has_all_of_it_or_nothing(
     part: str, mini: Recording, tmp_path: Path, capsys: pytest.CaptureFixture[str]

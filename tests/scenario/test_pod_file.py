@@ -145,6 +145,12 @@ def test_lines_that_name_what_there_is_not(tmp_path: Path, lines: str, says: str
     assert says in refused(tmp_path, lines=lines, **{old: f"{{{names}}}"})
 
 
+def test_a_station_that_there_is_not(tmp_path: Path) -> None:
+    lines = "T;LOCATION;ITEM;DEST\n0;1;;P1\n0;1;;1\n0;1;;\n0;1;;p1\n0;1;;2\n"
+    said = refused(tmp_path, lines=lines, **{"sku: ITEM}": "sku: ITEM, station: DEST}"})
+    assert said == "lines.csv:5: DEST 'p1' is not a station (did you mean 'P1'?); 1 more such row"
+
+
 def test_a_row_may_have_any_sku_beside_its_pod(tmp_path: Path) -> None:
     resolved = shift(tmp_path, lines="T;LOCATION;ITEM\n0;1;plum\n")
     lines: Any = resolved.scenario.orders.lines

@@ -109,6 +109,8 @@ class Admission:
         there = [name in header for name in ("pods", "pod_stations", "lines")]
         if there[0] != there[1] or there[2] != wanted or there[2] > there[0]:
             raise InvalidFrameError("it has not the pods, lines and stations of its scenario")
+        if not wanted:
+            sizes["rules"] = sizes["cells"]  # of handling; without lines stations have them in vain
         check_arrays(header, HEADER_ARRAYS, sizes)
         self._check_stops(header)
         self._check_trips(header)

@@ -14,6 +14,7 @@ import numpy as np
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.record_changes import record_change
 from automaton.engine.record_codes import CHANGE_ORDER_RESERVED
+from automaton.engine.requests import request_allocation
 from automaton.engine.state import (
     CLOCK_KNOWN_ORDERS,
     CLOCK_NEXT_LINE,
@@ -23,9 +24,11 @@ from automaton.engine.state import (
     CLOCK_STORED_PODS,
     CLOCK_TICK,
     CLOCK_UNDELIVERED,
+    GOAL_PARK,
     GOAL_STOP,
     NIL,
     ORDER_WAITING,
+    REASON_REPLAN,
 )
 
 MICRO = 1_000_000  # parts of a tick in which handling is summed
@@ -197,6 +200,8 @@ def offer(world, record, trip, cell):
         if world.orders.weight[trip] <= world.rules.payload[robots.type[i]]:
             world.trips.offered[robots.identity[i]] = trip
             reserve(world, record, trip, np.int64(robots.identity[i]))
+            if robots.goal_type[i] == GOAL_PARK:  # it may not get away from here before it is asked
+                request_allocation(world, i, REASON_REPLAN)
         return
 
 

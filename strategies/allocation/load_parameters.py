@@ -17,8 +17,8 @@ def refusal_of_pods(scenario: Scenario) -> str | None:
     if not has_lines(scenario.orders):
         return None
     return (
-        "it does not know pods, which go to stations and back into storage; shortest-job, first-come "
-        "and independent do"
+        "it does not know pods, which go to stations and back into storage; shortest-job, first-come, "
+        "independent and greedy do"
     )
 
 

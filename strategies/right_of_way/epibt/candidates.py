@@ -45,6 +45,23 @@ def rank_candidates(view, workspace, state, i):
         state.sequence_key[i] = max(LAST_KEY - 1 - age, 0)
     else:
         state.sequence_key[i] = min(way, LAST_KEY - 1)
+    if goal != NIL and state.has_storage:
+        turn_at_pockets(view, state, i, goal)
+
+
+@kernel
+def turn_at_pockets(view, state, i, goal):
+    """Who leaves a pocket comes first, and who wants into one that is taken comes last.
+
+    Else a robot that waits before a charger, which is very near to its goal, would keep the one in it from
+    coming out, and all those behind it from passing.
+    """
+    cell = np.int64(state.pose[i]) >> 2
+    holder = np.int64(state.occupied[goal, 0])
+    if state.is_pocket[cell] and cell != goal:
+        state.sequence_key[i] = 0
+    elif state.is_pocket[goal] and holder != NIL and holder != i:
+        state.sequence_key[i] = LAST_KEY - 1
 
 
 @kernel

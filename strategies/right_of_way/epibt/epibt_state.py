@@ -59,6 +59,8 @@ class EpibtState(Struct):
         "(K, P, W) uint64", "candidates that the exits allow, by type and pose", role=CONSTANT
     )
 
+    is_pocket: Array = field("(C,) uint8", "1 = the only way on is the only way in", role=CONSTANT)
+
     plan: Array = field("(n,) int16", "what each robot has planned: a class")
     expected_pose: Array = field(
         "(n,) int32",
@@ -131,6 +133,7 @@ def epibt_state(view, parameters):
         following=list(operations.following),
         action=[actions[0] for actions in operations.actions],
         aim=[first_aim(actions) for actions in operations.actions],
+        is_pocket=pockets_of(grid).astype(np.uint8).tolist(),
         pace=pace.reshape(-1).tolist(),
         offset=offset,
         left=left,
@@ -150,6 +153,23 @@ def first_aim(actions):
         if action != WAIT:
             heading = heading + (1 if action == RIGHT else 3) & 3
     return NO_AIM
+
+
+def pockets_of(grid):
+    """Return (C,) bool: cells that one gets to from one cell alone, and back there alone.
+
+    Ways from storage into storage do not count, so storage beside one aisle is a pocket.
+    """
+    flags = grid.type_cell_flags
+    storage = (flags & NO_WAY_THROUGH != 0).any(axis=0)
+    ways_on, ways_in, only_way = (np.zeros(len(storage), int) for _ in range(3))
+    for direction, offset in enumerate(grid.offset.tolist()):
+        leads = (flags[0] >> direction & 1).astype(bool) & ~(storage & np.roll(storage, -offset))
+        comes = np.roll(leads, offset)
+        ways_on += leads
+        ways_in += comes
+        only_way += leads & (np.roll(flags[0], -offset) >> (direction ^ 2) & 1).astype(bool)
+    return (ways_on == 1) & (ways_in == 1) & (only_way == 1)
 
 
 def candidates_by_end(operations):

@@ -124,7 +124,7 @@ def flags_by_type(floor_plans: Sequence[FloorPlan], kinematics: str, types: int)
     """
     by_type: Array = np.stack([cell_flags_of(plan, kinematics) for plan in floor_plans])
     storage = floor_plans[0].kind.reshape(-1) == STORAGE
-    by_type[types:, storage] |= np.uint8(NO_WAY_THROUGH)
+    by_type[:, storage] |= np.uint8(NO_WAY_THROUGH)
     return by_type
 
 

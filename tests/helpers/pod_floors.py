@@ -12,11 +12,11 @@ from automaton.scenario.schema import Scenario
 
 TICKS = 300  # of a run
 WAYS = {"omni": ("..", "==", "><", "<>"), "differential": ("..", "==", "><"), "rail": ("++",)}
-ALLOCATIONS = ("first-come", "shortest-job", "independent")
+ALLOCATIONS = ("first-come", "shortest-job", "independent", "greedy", "auction")
 STORAGE = ("fixed", "nearest", "class", "random")
 DRIVING = (  # routing, right of way
     *(("shortest", "wait"), ("shortest", "retreat"), ("astar", "retreat")),
-    *(("shortest", "pibt"), ("shortest", "pibt")),
+    *(("shortest", "pibt"), ("shortest", "epibt")),
 )
 CLASSES = {"A": 0.3, "B": 0.7}
 Place = tuple[int, int]
@@ -33,6 +33,11 @@ def drawn_pods(number: int, ticks: int = TICKS) -> Resolved:
     free = [(x, y) for x, y in cells(rows) if rows[y][x] not in "#t"]
     orders = drawn_lines(chance, pods, len(stations), ticks)
     allocation = {"name": chance.choice(ALLOCATIONS), "storage": chance.choice(STORAGE)}
+    if allocation["name"] == "auction" and isinstance(orders, list):
+        orders = [{**line, "priority": 0} for line in orders]  # of which auctions know none
+    driving, following = chance.choice(DRIVING), chance.random() < 0.8
+    if driving[1] == "epibt" and (kinematics != "differential" or not following):
+        driving = ("shortest", "pibt")
     scenario = {
         "name": f"pods-{number}",
         "layout": {"picture": "\n".join("".join(row) for row in rows)},
@@ -48,7 +53,7 @@ def drawn_pods(number: int, ticks: int = TICKS) -> Resolved:
             "drop": chance.choice((0, 1, 3)),
             "handling": drawn_handling(chance),
         },
-        "world": {"following": chance.random() < 0.8},
+        "world": {"following": following},
         "pods": {
             "join": chance.random() < 0.7,
             "max_stops": chance.choice((1, 2, 4)),
@@ -58,7 +63,7 @@ def drawn_pods(number: int, ticks: int = TICKS) -> Resolved:
         "orders": {"lines": orders},
         "strategy": {
             "allocation": allocation,
-            **dict(zip(("routing", "right_of_way"), chance.choice(DRIVING), strict=True)),
+            **dict(zip(("routing", "right_of_way"), driving, strict=True)),
         },
         "stop": {"when": "delivered", "max_duration": ticks},
         "seed": number,

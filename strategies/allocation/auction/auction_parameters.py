@@ -8,10 +8,12 @@ import msgspec
 from msgspec import Meta
 
 from automaton.floor.floor_plan import FloorPlan
+from automaton.scenario.orders import has_lines
 from automaton.scenario.quantities import CELLS, MOMENT, TIME, quantity
 from automaton.scenario.schema import Scenario
 from strategies.allocation.load_parameters import (
     Storage,
+    Storing,
     refusal_of_own_orders,
     refusal_of_priorities,
     refusal_of_tours,
@@ -48,7 +50,7 @@ class ShortestJob(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
         return refusal_of_own_orders(scenario)
 
 
-class Auctions(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+class Auctions(Storing, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """How orders are auctioned among the robots, and by which auctioneers."""
 
     mechanism: Annotated[
@@ -148,7 +150,8 @@ class Auctions(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         """The optimum is known for small fleets alone, and without charging."""
-        if refusal := refusal_of_tours(scenario) or refusal_of_priorities(scenario):
+        refusal = None if has_lines(scenario.orders) else refusal_of_tours(scenario)
+        if refusal := refusal or refusal_of_priorities(scenario):
             return refusal
         robots = scenario.fleet.robots
         if scenario.information != "everything":

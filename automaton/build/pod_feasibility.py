@@ -25,9 +25,6 @@ def check_pods(document: Document, scenario: Scenario, floor_plan: FloorPlan) ->
             if is_set:
                 raise document.error((key,), f"{key} belong to orders.lines")
         return
-    if scenario.information != "everything":
-        text = "pods are carried where strategies see everything; set information: everything"
-        raise document.error(("information",), text)
     if not len(floor_plan.stations):
         raise document.error(("layout",), "lines are done at stations, and the floor has none")
     pods = int(((floor_plan.kind == STORAGE) & (floor_plan.loads != 0)).sum())

@@ -65,7 +65,7 @@ def take_next_trip(view, out, k, i):
         take_order(view, out, k, i, offered)
         return True
     copy_plan(view, out, i)
-    count, kept, taken = np.int64(out.order_queue_length[i]), 0, False
+    count, remaining, taken = np.int64(out.order_queue_length[i]), 0, False
     for p in range(count):
         order = np.int64(out.order_queue[i, p])
         if view.orders.state[order] != ORDER_WAITING or view.orders.reserved_by[order] != NIL:
@@ -74,10 +74,10 @@ def take_next_trip(view, out, k, i):
             take_order(view, out, k, i, order)
             taken = True
             continue
-        out.order_queue[i, kept] = order
-        kept += 1
-    out.order_queue_length[i] = kept
-    return taken or kept > 0
+        out.order_queue[i, remaining] = order
+        remaining += 1
+    out.order_queue_length[i] = remaining
+    return taken or remaining > 0
 
 
 @kernel

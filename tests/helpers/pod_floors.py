@@ -16,6 +16,7 @@ ALLOCATIONS = ("first-come", "shortest-job", "independent", "greedy", "auction")
 STORAGE = ("fixed", "nearest", "class", "random")
 DRIVING = (  # routing, right of way
     *(("shortest", "wait"), ("shortest", "retreat"), ("astar", "retreat")),
+    ("traffic-avoidance", "retreat"),
     *(("shortest", "pibt"), ("shortest", "epibt")),
 )
 CLASSES = {"A": 0.3, "B": 0.7}
@@ -38,6 +39,9 @@ def drawn_pods(number: int, ticks: int = TICKS) -> Resolved:
     driving, following = chance.choice(DRIVING), chance.random() < 0.8
     if driving[1] == "epibt" and (kinematics != "differential" or not following):
         driving = ("shortest", "pibt")
+    sight: Any = "everything"
+    if allocation["name"] != "auction" and driving[1] != "epibt":
+        sight = chance.choice(("everything", "everything", {"radius": 3}))
     scenario = {
         "name": f"pods-{number}",
         "layout": {"picture": "\n".join("".join(row) for row in rows)},
@@ -65,6 +69,7 @@ def drawn_pods(number: int, ticks: int = TICKS) -> Resolved:
             "allocation": allocation,
             **dict(zip(("routing", "right_of_way"), driving, strict=True)),
         },
+        "information": sight,
         "stop": {"when": "delivered", "max_duration": ticks},
         "seed": number,
     }

@@ -1,7 +1,7 @@
 """Which operations are open to a robot, what each costs it, and whose turn comes first.
 
     cost = 1024 (way from the pose at its end - way from where it is) + rank
-    cost = 1024 (t - T - way from where it is) + rank   where it reaches the goal cell t + 1 ticks from now
+    cost = 1024 (t - T - way from where it is) + rank   where it reaches the goal in t + 1 ticks
 
 The rank is lower the earlier the robot goes forward. A robot without a goal would rather wait.
 """
@@ -53,8 +53,8 @@ def rank_candidates(view, workspace, state, i):
 def turn_at_pockets(view, state, i, goal):
     """Who leaves a pocket comes first, and who wants into one that is taken comes last.
 
-    Else a robot that waits before a charger, which is very near to its goal, would keep the one in it from
-    coming out, and all those behind it from passing.
+    Else a robot that waits before a charger, which is very near to its goal, would keep the one in it
+    from coming out, and all those behind it from passing.
     """
     cell = np.int64(state.pose[i]) >> 2
     holder = np.int64(state.occupied[goal, 0])

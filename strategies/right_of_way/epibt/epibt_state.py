@@ -50,7 +50,9 @@ class EpibtState(Struct):
     pace: Array = field("(K,) uint8", "which b holds for a type of robots", role=CONSTANT)
     offset: Array = field("(Q, O, T) int32", "[4 b + h]: cell after each tick", role=CONSTANT)
     left: Array = field(
-        "(Q, O, T) int32", "[4 b + h]: the cell that is left and still held, or the same", role=CONSTANT
+        "(Q, O, T) int32",
+        "[4 b + h]: the cell that is left and still held, or the same",
+        role=CONSTANT,
     )
     turned: Array = field("(O,) uint8", "last heading, relative to h", role=CONSTANT)
     candidate: Array = field("(J,) int16", "their classes, by end", role=CONSTANT)
@@ -117,7 +119,11 @@ def epibt_state(view, parameters):
     dearest = AGAINST_STREET if guided else int(paces.max())
     candidates, ends = candidates_by_end(operations)
     return EpibtState.sized(
-        {"n": len(view.robots.cell), "C": len(grid.kind), "S": max(4, 1 << (ticks - 1).bit_length())},
+        {
+            "n": len(view.robots.cell),
+            "C": len(grid.kind),
+            "S": max(4, 1 << (ticks - 1).bit_length()),
+        },
         ticks=ticks,
         reach=parameters.depth * dearest,
         holds_two=int(duration[:, 0].max() > 1),

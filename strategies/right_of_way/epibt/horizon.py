@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-MOST_TICKS: Final = 64  # of each cell one word is kept for each
+MOST_TICKS: Final = 64  # each cell needs a word for each
 
 
 def horizon_of(depth: int, longest: int) -> int:

@@ -11,10 +11,12 @@ from automaton.engine.state import ACTION_TURN, NIL
 from automaton.strategy.kernels import kernel
 from strategies.right_of_way.epibt.operations import FORWARD, RIGHT, WAIT
 
+
 def paths_of(offsets, operations, paces, ticks):
     """Return twice (4 B, O, T): the cell after each tick, and the one that is still held.
 
-    Both as offsets, by pace and first heading. `paces`: (move, turn) in ticks; `offsets`: of a move by heading.
+    Both as offsets, by pace and first heading. `paces`: (move, turn) in ticks; `offsets`: of a move,
+    by heading.
     """
     shape = 4 * len(paces), len(operations.actions), ticks
     offset, left = np.zeros(shape, np.int32), np.zeros(shape, np.int32)

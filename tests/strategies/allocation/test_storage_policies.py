@@ -23,7 +23,9 @@ def stored_in(allocation: str, storage: str, **parts: object) -> tuple[int, int]
     )
 
 
-@pytest.mark.parametrize("allocation", ["first-come", "independent", "shortest-job", "greedy", "auction"])
+@pytest.mark.parametrize(
+    "allocation", ["first-come", "independent", "shortest-job", "greedy", "auction"]
+)
 def test_a_pod_goes_back_to_where_it_stood(allocation: str) -> None:
     assert stored_in(allocation, "fixed") == (2, 2)
 

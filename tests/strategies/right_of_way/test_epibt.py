@@ -146,9 +146,7 @@ def test_plans_are_free_of_conflicts(
 
 
 @pytest.mark.parametrize(("move", "turn"), [(2, 1), (1, 3), (3, 4)])
-def test_moves_and_turns_of_several_ticks_are_planned(
-    tmp_path: Path, move: int, turn: int
-) -> None:
+def test_moves_and_turns_of_several_ticks_are_planned(tmp_path: Path, move: int, turn: int) -> None:
     """No move is refused, and no robot is left behind for long."""
     slow = (epibt(), f"durations.move={move}", f"durations.turn={turn}")
     run = run_to_end(crowd(*slow, folder=tmp_path, robots=20, ticks=600, pick=2))

@@ -1,4 +1,4 @@
-"""Robots with pods under each right of way: nobody passes through storage, and nobody is kept for ever."""
+"""Robots with pods under each right of way: nobody passes through storage, nobody waits for ever."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ from automaton.engine.state import NIL
 from automaton.floor.cells import STORAGE
 from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.loaded_ways import to_and_from
-from automaton.floor.reachability import around_home, rack_stands, slot_access
+from automaton.floor.reachability import rack_stands, slot_access
 from automaton.scenario.carried_pods import transports_of
 from automaton.scenario.document import Keys
 from automaton.scenario.orders import ENDS
@@ -61,12 +61,10 @@ def service_for(
     types: tuple[RobotType, ...],
     homes: tuple[int, ...],
     rail: bool,
-    drives_under: bool,
 ) -> Service:
-    """Who serves what; `homes`: (K,) where a robot of each type begins; `drives_under`: pods."""
+    """Who serves what; `homes`: (K,) where a robot of each type begins."""
     pairs = zip(floor_by_type(floor_plan, rows_of(types, False)).floor_plans, homes, strict=True)
-    around = around_home if drives_under else to_and_from
-    within = np.stack([around(floor, home, rail) for floor, home in pairs])
+    within = np.stack([to_and_from(floor, home, rail) for floor, home in pairs])
     beside = slot_access(floor_plan)
     access = np.where(np.logical_or.reduce(within)[beside], beside, NIL).astype(np.int32)
     serves = ((access != NIL) & within[:, access]).any(axis=2)
@@ -130,7 +128,7 @@ class FleetOnFloor:
     def service(self) -> Service:
         """Who serves what, from the first cells where robots may begin."""
         homes = tuple(int(cells[0]) for cells in self.starts)
-        return service_for(self.floor_plan, self.types, homes, self.rail, self.drives_under)
+        return service_for(self.floor_plan, self.types, homes, self.rail)
 
     @cached_property
     def within(self) -> Mask:

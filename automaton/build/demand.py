@@ -52,7 +52,6 @@ def build_orders(
         fleet.types,
         tuple(homes[first].tolist()),
         fleet.rail,
-        fleet.drives_under,
     )
     if resolved.scenario.orders.parts is not None:
         source, target, released = part_orders(resolved, floor.grid.slot)

@@ -8,13 +8,16 @@ import numpy as np
 
 from automaton.build.default_right_of_way import has_ringless_part, why_not_steered
 from automaton.build.resolve import Resolved
-from automaton.floor.cells import CHARGER, STATION
+from automaton.floor.cells import CHARGER, STATION, STORAGE
 from automaton.floor.dead_ends import DeadEnds, dead_ends_of
+from automaton.scenario.carried_pods import carries_pods
 from automaton.scenario.schema import ROUTE_FOLLOWERS
 from automaton.units import count
 
 # Both by `automaton sweep crowds`, shares of the cells for one robot each.
 JAM_SHARE: Final = 0.06  # half of 12 %, where retreat does 23 to 36 % of pibt's orders
+# By `automaton sweep goods-fleet`: of the cells outside storage, 3 % under retreat, 4 % under wait.
+POD_JAM_SHARE: Final = 0.03
 CROWD_SHARE: Final = 0.9  # at 98 % pibt and epibt do fewer orders than at 50 %, on all floors
 FEW_ROBOTS: Final = 10
 MOST_NAMED: Final = 3
@@ -98,13 +101,14 @@ def jams_under_retreat(resolved: Resolved) -> str:
     """Warn about a right of way that follows routes where many robots share cells for one."""
     floor_plan, robots = resolved.floor_plan, resolved.scenario.fleet.robots
     name = resolved.strategies["right_of_way"].name
-    drivable = floor_plan.drivable
+    drivable = floor_plan.drivable & (floor_plan.kind != STORAGE)  # no way leads through that
+    share = POD_JAM_SHARE if carries_pods(resolved.scenario, resolved.floor_plan) else JAM_SHARE
     cells = int(drivable.sum())
     single = int((floor_plan.capacity[drivable] == 1).sum())
     if (
         name not in ROUTE_FOLLOWERS
         or 2 * single < cells
-        or robots <= max(FEW_ROBOTS, JAM_SHARE * cells)
+        or robots <= max(FEW_ROBOTS, share * cells)
     ):
         return ""
     way_out = "; right_of_way pibt gets such fleets through"

@@ -29,9 +29,6 @@ def check_pods(document: Document, scenario: Scenario, floor_plan: FloorPlan) ->
                 text = f"{key} belong to orders.lines, or to orders of a list that begin in storage"
                 raise document.error((key,), text)
         return
-    if scenario.information != "everything":
-        text = "pods are carried where strategies see everything; set information: everything"
-        raise document.error(("information",), text)
     check_listed_pods(document, scenario, floor_plan)
     check_stations(document, scenario, floor_plan)
     if scenario.orders.lines is None:

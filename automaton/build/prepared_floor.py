@@ -61,14 +61,10 @@ def floor_for(
     kinematics: str,
     mode: str,
     types: tuple[RobotType, ...] = (RobotType(),),
-    drives_under: bool = True,
 ) -> Floor:
-    """The floor for a plan, kinematics, mode of zones and types; built once for all that drive alike.
-
-    `drives_under`: robots without a load pass through storage, under pods.
-    """
+    """The floor for a plan, kinematics, mode of zones and types; built once for all that drive alike."""
     driving = tuple(one.driving for one in types)
-    return _floor_for(floor_plan, kinematics, mode, driving, drives_under)
+    return _floor_for(floor_plan, kinematics, mode, driving)
 
 
 @lru_cache(maxsize=16)
@@ -77,7 +73,6 @@ def _floor_for(
     kinematics: str,
     mode: str,
     types: tuple[RobotType, ...],
-    drives_under: bool,
 ) -> Floor:
     headings = HEADING_COUNTS[kinematics]
     rows = rows_of(types, loads_differ(floor_plan, types))
@@ -99,9 +94,7 @@ def _floor_for(
         headings=headings,
         kind=frozen(kind.copy()),
         cell_flags=frozen(rule),
-        type_cell_flags=frozen(
-            flags_by_type(by_type.floor_plans, kinematics, len(types) if drives_under else 0)
-        ),
+        type_cell_flags=frozen(flags_by_type(by_type.floor_plans, kinematics)),
         drivable=frozen(np.flatnonzero(DRIVABLE[kind]).astype(np.int32)),
         offset=frozen(np.array(floor_plan.offsets, np.int64)),
         slot=frozen(slot),
@@ -128,14 +121,14 @@ def loads_differ(floor_plan: FloorPlan, types: Iterable[RobotType]) -> bool:
     return has_storage(floor_plan) or any(one.loads_differ for one in types)
 
 
-def flags_by_type(floor_plans: Sequence[FloorPlan], kinematics: str, first: int) -> Array:
+def flags_by_type(floor_plans: Sequence[FloorPlan], kinematics: str) -> Array:
     """(K, C) uint8: the flags of cells for robots of each type, then for those of each with a load.
 
-    `first`: those from this one on pass through no storage.
+    None passes through storage.
     """
     by_type: Array = np.stack([cell_flags_of(plan, kinematics) for plan in floor_plans])
     storage = floor_plans[0].kind.reshape(-1) == STORAGE
-    by_type[first:, storage] |= np.uint8(NO_WAY_THROUGH)
+    by_type[:, storage] |= np.uint8(NO_WAY_THROUGH)
     return by_type
 
 

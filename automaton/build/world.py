@@ -89,8 +89,7 @@ def build_world(
     scenario = resolved.scenario
     kinematics, zones = scenario.fleet.kinematics, scenario.world.traffic_zones
     types = resolved.fleet.types
-    drives_under = resolved.fleet.drives_under
-    floor = floor_for(resolved.floor_plan, kinematics, zones, types, drives_under)
+    floor = floor_for(resolved.floor_plan, kinematics, zones, types)
     starts = homes(resolved, seed)
     orders, slots, stops = build_orders(resolved, floor, seed, starts[0])
     carried = build_pods(resolved, floor, slots, orders, seed)

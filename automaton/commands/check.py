@@ -144,7 +144,7 @@ def grid_and_durations(resolved: Resolved) -> tuple[Grid, Array]:
     scenario = resolved.scenario
     driving = (scenario.fleet.kinematics, scenario.world.traffic_zones)
     fleet = resolved.fleet
-    grid = floor_for(resolved.floor_plan, *driving, fleet.types, fleet.drives_under).grid
+    grid = floor_for(resolved.floor_plan, *driving, fleet.types).grid
     return grid, rules_for(scenario, scenario.seed).duration[0]
 
 

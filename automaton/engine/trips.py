@@ -15,6 +15,7 @@ from automaton.engine.jit.kernel import kernel
 from automaton.engine.next_stop import next_stop_cell
 from automaton.engine.record_changes import record_change
 from automaton.engine.record_codes import CHANGE_ORDER_RESERVED
+from automaton.engine.requests import request_allocation
 from automaton.engine.state import (
     CLOCK_KNOWN_ORDERS,
     CLOCK_NEXT_LINE,
@@ -24,8 +25,10 @@ from automaton.engine.state import (
     CLOCK_STORED_PODS,
     CLOCK_TICK,
     CLOCK_UNDELIVERED,
+    GOAL_PARK,
     NIL,
     ORDER_WAITING,
+    REASON_REPLAN,
 )
 
 MICRO = 1_000_000  # parts of a tick in which handling is summed
@@ -251,6 +254,8 @@ def offer(world, record, trip, cell):
         if world.orders.weight[trip] <= world.rules.payload[robots.type[i]]:
             world.trips.offered[robots.identity[i]] = trip
             reserve(world, record, trip, np.int64(robots.identity[i]))
+            if robots.goal_type[i] == GOAL_PARK:  # it may not get away from here before it is asked
+                request_allocation(world, i, REASON_REPLAN)
         return
 
 

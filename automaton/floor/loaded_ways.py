@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
+import numpy.typing as npt
 
 from automaton.floor.cells import STORAGE
 from automaton.floor.floor_plan import FloorPlan
@@ -18,7 +19,10 @@ def has_storage(floor_plan: FloorPlan) -> bool:
 
 @lru_cache(maxsize=64)
 def to_and_from(floor_plan: FloorPlan, cell: int, rail: bool) -> Mask:
-    """(cells,) those from which a load gets to a cell that is not storage, and to which it comes back."""
+    """(cells,) those from which a robot gets to a cell, through no storage, and to which it comes back.
+
+    One that begins in storage leaves it first.
+    """
     storage = floor_plan.kind == STORAGE
     if not storage.any():
         return reached(floor_plan, [cell], rail) & reached(floor_plan, [cell], rail, backwards=True)
@@ -28,9 +32,9 @@ def to_and_from(floor_plan: FloorPlan, cell: int, rail: bool) -> Mask:
         ahead = np.roll(flat, -offset).reshape(storage.shape)
         into |= np.where(ahead, np.uint8(1 << direction), np.uint8(0)).astype(np.uint8)
     aisles = floor_plan.with_exits(np.where(storage, 0, floor_plan.exits & ~into).astype(np.uint8))
-    from_it = reached(aisles, [cell], rail)
-    to_it = reached(aisles, [cell], rail, backwards=True)
     exits, entries = floor_plan.exits.reshape(-1), backward_exits(floor_plan)
+    from_it = reached(aisles, _aisles_beside(floor_plan, cell, exits), rail)
+    to_it = reached(aisles, _aisles_beside(floor_plan, cell, entries), rail, backwards=True)
     leaves, enters = (np.zeros(flat.size, np.bool_) for _ in range(2))
     for direction, offset in enumerate(floor_plan.offsets):
         bit = np.uint8(1 << direction)
@@ -39,3 +43,16 @@ def to_and_from(floor_plan: FloorPlan, cell: int, rail: bool) -> Mask:
     mask: Mask = np.where(flat, leaves & enters, from_it & to_it)
     mask.setflags(write=False)
     return mask
+
+
+def _aisles_beside(floor_plan: FloorPlan, cell: int, sides: npt.NDArray[np.uint8]) -> list[int]:
+    """A cell outside storage itself; of one in storage those beside it, over some of its sides."""
+    storage = floor_plan.kind.reshape(-1) == STORAGE
+    if not storage[cell]:
+        return [cell]
+    beside = [
+        cell + offset
+        for direction, offset in enumerate(floor_plan.offsets)
+        if sides[cell] >> direction & 1
+    ]
+    return [one for one in beside if not storage[one]]

@@ -27,15 +27,6 @@ Mask = npt.NDArray[np.bool_]  # (cells,) flat
 
 
 @lru_cache(maxsize=64)
-def around_home(floor_plan: FloorPlan, home: int, rail: bool) -> Mask:
-    """The cells that a robot can drive to from a home and come back from."""
-    mask: Mask = reached(floor_plan, [home], rail) & reached(
-        floor_plan, [home], rail, backwards=True
-    )
-    mask.setflags(write=False)
-    return mask
-
-
 def backward_exits(floor_plan: FloorPlan) -> npt.NDArray[np.uint8]:
     """(cells,) flat: bit d is set where a robot may come from the neighbour in direction d."""
     exits = floor_plan.exits.reshape(-1)

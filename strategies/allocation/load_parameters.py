@@ -18,8 +18,8 @@ def refusal_of_pods(scenario: Scenario, floor_plan: FloorPlan) -> str | None:
     if not carries_pods(scenario, floor_plan):
         return None
     return (
-        "it does not know pods, which go to stations and back into storage; shortest-job, first-come "
-        "and independent do"
+        "it does not know pods, which go to stations and back into storage; shortest-job, first-come, "
+        "independent and greedy do"
     )
 
 

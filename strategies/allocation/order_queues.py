@@ -9,9 +9,10 @@ from automaton.engine.state import (
     ORDER_WAITING,
     REASON_PERIODIC,
 )
-from automaton.strategy.kernels import can_do, kernel
+from automaton.strategy.kernels import can_do, has_place, kernel
 from strategies.allocation.independent import take_order
-from strategies.allocation.placing import deliver, places_load
+from strategies.allocation.open_orders import is_open
+from strategies.allocation.placing import place_load, places_load
 
 
 @kernel
@@ -53,16 +54,47 @@ def take_next(view, out, k, i):
 
 
 @kernel
-def serve(view, batch, out, due):
+def take_next_trip(view, out, k, i):
+    """Decision k, where orders are trips of pods: robot i takes one, or waits; False if it has none.
+
+    The one of the pod above it is reserved for it, and comes first. Then the first one of its list to
+    whose station it may come; those before it stay in the list.
+    """
+    offered = np.int64(view.trips.offered[view.robots.identity[i]])
+    if offered != NIL and is_open(view, out, i, offered):
+        take_order(view, out, k, i, offered)
+        return True
+    copy_plan(view, out, i)
+    count, remaining, taken = np.int64(out.order_queue_length[i]), 0, False
+    for p in range(count):
+        order = np.int64(out.order_queue[i, p])
+        if view.orders.state[order] != ORDER_WAITING or view.orders.reserved_by[order] != NIL:
+            continue
+        if not taken and has_place(view, order) and can_do(view, i, order):
+            take_order(view, out, k, i, order)
+            taken = True
+            continue
+        out.order_queue[i, remaining] = order
+        remaining += 1
+    out.order_queue_length[i] = remaining
+    return taken or remaining > 0
+
+
+@kernel
+def serve(view, batch, out, workspace, due, policy):
     """Decide for a batch: loads go to their targets, free robots take the next order of their lists.
 
-    due[i] = 0 where robot i's list is done; (n,) int64.
+    due[i] = 0 where robot i's list is done; (n,) int64. `policy`: of storage, its place among POLICIES.
     """
+    carries_pods = view.trips.pod.shape[0] > 0
     for k in range(batch.count[0]):
         i = np.int64(batch.robot[k])
         if places_load(batch.reason[k]):
-            deliver(view, out, k, i)
-        elif batch.reason[k] != REASON_PERIODIC and not take_next(view, out, k, i):
+            place_load(view, out, workspace, k, i, policy)
+            continue
+        if batch.reason[k] == REASON_PERIODIC:
+            continue
+        if not (take_next_trip(view, out, k, i) if carries_pods else take_next(view, out, k, i)):
             out.command[k] = CMD_PARK
             due[i] = 0
 

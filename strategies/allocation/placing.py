@@ -4,6 +4,8 @@ fixed     where it stood at the start; if another pod was put there, as nearest
 nearest   the free cell of least ticks with a load from where the robot is; ties: the lowest slot
 class     the nearest free cell of the pod's class; then of the classes after it, then before it
 random    any free cell
+
+A cell in which a robot is counts as free for the first one alone, or where no other one is.
 """
 
 import numpy as np
@@ -15,6 +17,7 @@ from automaton.strategy.kernels import (
     STREAM_STORAGE,
     begin_search,
     dropoff_cell,
+    has_room,
     kernel,
     mark_goal,
     nearest_mark,
@@ -91,35 +94,59 @@ def is_free(view, out, i, slot):
 
 
 @kernel
+def is_left(view, out, i, slot):
+    """Whether robot i may store a pod in a slot in which no robot is.
+
+    One that has lifted a pod there comes out where another one would come in.
+    """
+    return is_free(view, out, i, slot) and has_room(
+        view.traffic.occupancy, view.slots.cell[slot], 0
+    )
+
+
+@kernel
 def storage_for(view, out, workspace, i, policy):
     """The slot for the pod of robot i, NIL if none is free; `policy`: its place among POLICIES."""
     pod = view.trips.pod[view.robots.load[i]]
     if policy == FIXED and is_free(view, out, i, view.pods.home[pod]):
         return np.int64(view.pods.home[pod])
+    slot = np.int64(NIL)
     if policy == RANDOM:
-        return any_free(view, out, i)
-    if policy == CLASS:
-        own, classes = np.int64(view.pods.pod_class[pod]), 0
-        for slot in range(view.pods.slot_class.shape[0]):
-            classes = max(classes, np.int64(view.pods.slot_class[slot]) + 1)
-        for step in range(classes):
-            chosen = own + step if own + step < classes else classes - 1 - step
-            slot = nearest_free(view, out, workspace, i, chosen)
-            if slot != NIL:
-                return slot
-    return nearest_free(view, out, workspace, i, ANY_CLASS)
+        slot = any_left(view, out, i)
+    elif policy == CLASS:
+        slot = nearest_of_classes(view, out, workspace, i, np.int64(view.pods.pod_class[pod]))
+    if slot == NIL:
+        slot = nearest_free(view, out, workspace, i, ANY_CLASS, True)
+    return slot if slot != NIL else nearest_free(view, out, workspace, i, ANY_CLASS, False)
 
 
 @kernel
-def nearest_free(view, out, workspace, i, wanted):
-    """The free slot of a class, or of any, that robot i gets to soonest with its load; NIL: none."""
+def nearest_of_classes(view, out, workspace, i, own):
+    """The nearest slot of a class, or of those after it, or before it, in which no robot is; or NIL."""
+    classes = 0
+    for slot in range(view.pods.slot_class.shape[0]):
+        classes = max(classes, np.int64(view.pods.slot_class[slot]) + 1)
+    for step in range(classes):
+        chosen = own + step if own + step < classes else classes - 1 - step
+        slot = nearest_free(view, out, workspace, i, chosen, True)
+        if slot != NIL:
+            return slot
+    return np.int64(NIL)
+
+
+@kernel
+def nearest_free(view, out, workspace, i, wanted, left):
+    """The free slot of a class, or of any, that robot i gets to soonest with its load; NIL: none.
+
+    `left`: of those in which no robot is.
+    """
     search = begin_search(workspace)
     result = False
     robot_type, here = view.robots.type[i], position(view, i)
     for slot in range(view.slots.first_spare):
         if wanted != ANY_CLASS and view.pods.slot_class[slot] != wanted:
             continue
-        if is_free(view, out, i, slot):
+        if is_left(view, out, i, slot) if left else is_free(view, out, i, slot):
             mark_goal(workspace, search, dropoff_cell(view, robot_type, slot, here), slot)
             result = True
     if not result:
@@ -129,11 +156,11 @@ def nearest_free(view, out, workspace, i, wanted):
 
 
 @kernel
-def any_free(view, out, i):
-    """A free slot, all alike probable."""
+def any_left(view, out, i):
+    """A free slot in which no robot is, all alike probable."""
     count = 0
     for slot in range(view.slots.first_spare):
-        count += is_free(view, out, i, slot)
+        count += is_left(view, out, i, slot)
     if count == 0:
         return np.int64(NIL)
     chosen = random_between(
@@ -145,7 +172,7 @@ def any_free(view, out, i):
         np.int64(view.robots.identity[i]),
     )
     for slot in range(view.slots.first_spare):
-        if is_free(view, out, i, slot):
+        if is_left(view, out, i, slot):
             if chosen == 0:
                 return np.int64(slot)
             chosen -= 1

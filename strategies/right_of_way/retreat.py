@@ -11,7 +11,7 @@ Robots are looked up by cell: in `traffic.holder`, or in lists of those in each 
 
 import numpy as np
 
-from automaton.engine.facilities import MAY_TURN
+from automaton.engine.facilities import MAY_TURN, NO_WAY_THROUGH
 from automaton.engine.jit.fields import CONSTANT, SCRATCH, field
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import (
@@ -178,6 +178,8 @@ def retreat_direction(view, workspace, i):
         to = cell + grid.offset[direction]
         if not has_room(view.traffic.occupancy, to, direction):
             continue
+        if np.int64(grid.type_cell_flags[robot_type, to]) & NO_WAY_THROUGH and to != target:
+            continue  # storage: with a pod it cannot get in, without one others cannot get out
         cost = distance(view, workspace, robot_type, to, direction & mask, target)
         if cost >= UNREACHABLE:
             continue  # there is no way back

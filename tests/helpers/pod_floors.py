@@ -12,11 +12,12 @@ from automaton.scenario.schema import Scenario
 
 TICKS = 300  # of a run
 WAYS = {"omni": ("..", "==", "><", "<>"), "differential": ("..", "==", "><"), "rail": ("++",)}
-ALLOCATIONS = ("first-come", "shortest-job", "independent")
+ALLOCATIONS = ("first-come", "shortest-job", "independent", "greedy", "auction")
 STORAGE = ("fixed", "nearest", "class", "random")
 DRIVING = (  # routing, right of way
     *(("shortest", "wait"), ("shortest", "retreat"), ("astar", "retreat")),
-    *(("shortest", "pibt"), ("shortest", "pibt")),
+    ("traffic-avoidance", "retreat"),
+    *(("shortest", "pibt"), ("shortest", "epibt")),
 )
 CLASSES = {"A": 0.3, "B": 0.7}
 Place = tuple[int, int]
@@ -38,10 +39,19 @@ def drawn_pods(number: int, ticks: int = TICKS) -> Resolved:
     orders: Any = drawn_lines(chance, pods, len(stations), ticks)
     if listed is not None and isinstance(orders, list):
         orders = by_sku(chance, orders)
+    names = [name for name in ALLOCATIONS if number % 4 != 3 or name != "auction"]
+    allocation = {"name": chance.choice(names), "storage": chance.choice(STORAGE)}
+    if allocation["name"] == "auction" and isinstance(orders, list):
+        orders = [{**line, "priority": 0} for line in orders]  # of which auctions know none
     orders = {"lines": orders}
     if number % 4 == 3:
         orders = {"list": listed_orders(chance, rows, listed, ticks)}
-    allocation = {"name": chance.choice(ALLOCATIONS), "storage": chance.choice(STORAGE)}
+    driving, following = chance.choice(DRIVING), chance.random() < 0.8
+    if driving[1] == "epibt" and (kinematics != "differential" or not following):
+        driving = ("shortest", "pibt")
+    sight: Any = "everything"
+    if allocation["name"] != "auction" and driving[1] != "epibt":
+        sight = chance.choice(("everything", "everything", {"radius": 3}))
     scenario = {
         "name": f"pods-{number}",
         "layout": {"picture": "\n".join("".join(row) for row in rows)},
@@ -57,7 +67,7 @@ def drawn_pods(number: int, ticks: int = TICKS) -> Resolved:
             "drop": chance.choice((0, 1, 3)),
             "handling": drawn_handling(chance),
         },
-        "world": {"following": chance.random() < 0.8},
+        "world": {"following": following},
         "pods": {
             "under": under,
             "join": chance.random() < 0.7,
@@ -69,9 +79,10 @@ def drawn_pods(number: int, ticks: int = TICKS) -> Resolved:
         "orders": orders,
         "strategy": {
             "allocation": allocation,
-            **dict(zip(("routing", "right_of_way"), chance.choice(DRIVING), strict=True)),
+            **dict(zip(("routing", "right_of_way"), driving, strict=True)),
         },
         "faults": drawn_faults(hardships),
+        "information": sight,
         "stop": {"when": "delivered", "max_duration": ticks},
         "seed": number,
     }

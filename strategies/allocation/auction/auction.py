@@ -51,6 +51,7 @@ from strategies.allocation.auction.winners import (
     WINNER_REGRET,
 )
 from strategies.allocation.order_queues import has_empty_list, serve
+from strategies.allocation.placing import POLICIES
 
 BID_RULES: Final = {"mixed": BID_MIXED, "average": BID_AVERAGE_ADDED, "average-paper": BID_AVERAGE}
 WINNER_RULES: Final = {
@@ -93,7 +94,8 @@ class Auction(Strategy):
             for center, items in self._auctioneers(view, state, int(count)):
                 self._sell(view, out, state, workspace, int(batch.robot[0]), center, items)
             state.unsold[0], _ = find_items(view, out, delivered, state.sellable)
-        serve(view, batch, out, state.due)
+        policy = POLICIES.index(self.parameters.storage)
+        serve(view, batch, out, workspace, state.due, policy)
 
     def _take_back_late(
         self, view: World, out: Any, state: AuctionState, workspace: Workspace, tolerance: int

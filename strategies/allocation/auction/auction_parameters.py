@@ -12,6 +12,7 @@ from automaton.scenario.quantities import CELLS, MOMENT, TIME, quantity
 from automaton.scenario.schema import Scenario
 from strategies.allocation.load_parameters import (
     Storage,
+    Storing,
     refusal_of_own_orders,
     refusal_of_priorities,
     refusal_of_tours,
@@ -48,7 +49,7 @@ class ShortestJob(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
         return refusal_of_own_orders(scenario)
 
 
-class Auctions(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+class Auctions(Storing, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """How orders are auctioned among the robots, and by which auctioneers."""
 
     mechanism: Annotated[
@@ -148,7 +149,10 @@ class Auctions(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         """The optimum is known for small fleets alone, and without charging."""
-        if refusal := refusal_of_tours(scenario, floor_plan) or refusal_of_priorities(scenario):
+        refusal = (
+            None if scenario.orders.lines is not None else refusal_of_tours(scenario, floor_plan)
+        )
+        if refusal := refusal or refusal_of_priorities(scenario):
             return refusal
         robots = scenario.fleet.robots
         if scenario.information != "everything":

@@ -23,6 +23,7 @@ from automaton.strategy.kernels import (
     end_of_stops,
     first_cell,
     has_load,
+    has_place,
     kernel,
     next_stop_cell,
     pickup_cell,
@@ -101,22 +102,43 @@ def weigh_rest(view, workspace, open_orders, first, weight):
     """Enter what the orders from place `first` on cost beside the way to their first stop.
 
     What follows on it, in thousandths: from stop to stop as the first type of robots drives it, with
-    the heading that is best each time. And more for each priority that is higher than theirs.
+    the heading that is best each time; of a pod from where it stands, and back there. And more for each
+    priority that is higher than theirs. Trips of pods change with their lines, so all are looked at.
     """
-    orders, headings = view.orders, view.grid.headings
-    for place in range(first, open_orders.count[0]):
+    orders = view.orders
+    carries_pods = view.trips.pod.shape[0] > 0
+    for place in range(0 if carries_pods else first, open_orders.count[0]):
         order = np.int64(open_orders.order[place])
-        ticks = np.int64(0)
-        for stop in range(orders.first_stop[order] + 1, end_of_stops(view, order)):
-            here, to = np.int64(view.stops.cell[stop - 1]), np.int64(view.stops.cell[stop])
-            leg = np.int64(UNREACHABLE)
-            robot_type = view.rules.loaded_types if has_load(orders, order) else 0
-            for heading in range(headings):
-                leg = min(leg, distance(view, workspace, robot_type, here, heading, to))
-            served = np.int64(view.stops.ticks[stop])
-            ticks += max(leg + served, 1) if leg < UNREACHABLE else 0
+        ticks, stop = np.int64(0), np.int64(orders.first_stop[order])
+        pod_cell = NIL
+        if weight and carries_pods and orders.current_slot[order] != NIL:
+            pod_cell = np.int64(view.slots.cell[orders.current_slot[order]])
+            ticks = visit_ticks(view, workspace, order, pod_cell, stop)
+        for following in range(stop + 1, end_of_stops(view, order) if weight else stop):
+            here = np.int64(view.stops.cell[following - 1])
+            ticks += visit_ticks(view, workspace, order, here, following)
+            stop = np.int64(following)
+        if pod_cell != NIL:
+            ticks += leg_ticks(view, workspace, order, np.int64(view.stops.cell[stop]), pod_cell)
         priority = np.int64(view.orders.priority[order])
         open_orders.rest[order] = weight * ticks + (MOST_PRIORITY - priority) * PRIORITY
+
+
+@kernel
+def leg_ticks(view, workspace, order, here, to):
+    """Ticks of a leg of an order with the heading that is best, 0 if there is no way."""
+    robot_type = view.rules.loaded_types if has_load(view.orders, order) else 0
+    leg = np.int64(UNREACHABLE)
+    for heading in range(view.grid.headings):
+        leg = min(leg, distance(view, workspace, robot_type, here, heading, to))
+    return leg if leg < UNREACHABLE else np.int64(0)
+
+
+@kernel
+def visit_ticks(view, workspace, order, here, stop):
+    """Ticks from a cell to a stop, and of the visit there."""
+    leg = leg_ticks(view, workspace, order, here, np.int64(view.stops.cell[stop]))
+    return max(leg + np.int64(view.stops.ticks[stop]), 1)
 
 
 @kernel
@@ -172,11 +194,14 @@ def mark_orders(view, out, open_orders, marks, seekers):
         if view.orders.state[order] != ORDER_WAITING or out.order_taken[order]:
             continue
         holder = np.int64(view.orders.reserved_by[order])
+        if view.trips.pod.shape[0] > 0 and not has_place(view, order):
+            continue
         if holder != NIL:
             i = np.int64(view.robots.at_index[holder])
             if seekers.seeks[i] == 0:
                 continue
-            seekers.place[i] = place
+            if view.robots.order[i] == order:
+                seekers.place[i] = place
         marks.taken[place] = 0
         marks.count[1] += 1
         marks.least_rest[0] = min(marks.least_rest[0], rest_of(open_orders, order))
@@ -184,6 +209,13 @@ def mark_orders(view, out, open_orders, marks, seekers):
             mark(marks, next_stop_cell(view, order), place)
         else:
             mark_load(view, marks, order, place)
+
+
+@kernel
+def is_offered_to_another(view, i, order):
+    """Whether the trip of a pod is reserved for a robot beneath it that is not robot i."""
+    holder = view.orders.reserved_by[order]
+    return view.trips.pod.shape[0] > 0 and holder != NIL and holder != view.robots.identity[i]
 
 
 @kernel

@@ -3,7 +3,7 @@
 Exact ticks on the empty floor count, from where the robot is free to drive on to where the order
 begins. Orders without a load that are not begun may be given to other robots again: every `reassign`
 ticks all robots and orders that are not under way are matched again, and a robot keeps its order unless
-a cheaper pair parts them. A load that was picked up goes to its own target.
+a cheaper pair parts them. A load that was picked up goes to its own target, a pod into storage.
 """
 
 import numpy as np
@@ -37,7 +37,7 @@ from strategies.allocation.greedy.matching import Pairs, match
 from strategies.allocation.greedy.nearest import Search
 from strategies.allocation.greedy.pair_heap import PairHeap
 from strategies.allocation.independent import take_order
-from strategies.allocation.placing import deliver, places_load
+from strategies.allocation.placing import POLICIES, place_load, places_load
 
 
 class GreedyState(Struct):
@@ -46,6 +46,7 @@ class GreedyState(Struct):
     rest: int = field("int64", "weight of what follows on a first stop, in thousandths")
     active: int = field("int64", "robots that may have an order at once; NIL: all")
     parks: int = field("int64", "1: robots without an order drive home")
+    storage: int = field("int64", "where pods are stored: its place among POLICIES")
     keeps_off: Array = field(
         "(1,) uint8", "1 = `active` keeps robots from open orders now", role=SCRATCH
     )
@@ -74,7 +75,7 @@ def decide(view, batch, decisions, memory, workspace):
     for k in range(batch.count[0]):
         i = np.int64(batch.robot[k])
         if places_load(batch.reason[k]):
-            deliver(view, out, k, i)
+            place_load(view, out, workspace, k, i, state.storage)
     for k in range(state.seekers.count[0]):
         enter_decision(view, out, state, batch, np.int64(state.seekers.robot[k]))
     clear_candidates(state.marks, state.seekers)
@@ -144,6 +145,7 @@ class Greedy(Strategy):
             rest=round(1000 * parameters.rest),
             active=NIL if parameters.active is None else parameters.active,
             parks=int(parameters.idle == "park"),
+            storage=POLICIES.index(parameters.storage),
             keeps_off=np.zeros(1, np.uint8),
             open_orders=OpenOrders.sized(sizes),
             marks=Marks.sized(sizes),

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-import msgspec
 from msgspec import Meta
 
-from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.quantities import TIME, quantity
-from automaton.scenario.schema import Scenario
-from strategies.allocation.load_parameters import refusal_of_pods
+from strategies.allocation.load_parameters import Storing
 
 Ticks = Annotated[int, quantity(TIME, ge=1, le=1_000_000)]
 
 
-class GreedyParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+class GreedyParameters(Storing, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """Which pairs of robots and orders are cheap, and which may be parted again."""
 
     rest: Annotated[
@@ -45,7 +42,3 @@ class GreedyParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True, 
             "stay"
         ),
     ] = "park"
-
-    def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
-        """A load is brought to its order's own target."""
-        return refusal_of_pods(scenario, floor_plan)

@@ -24,7 +24,7 @@ from automaton.strategy.kernels import (
     pickup_cell,
     types_of_robots,
 )
-from strategies.allocation.greedy.candidates import TICK, rest_of
+from strategies.allocation.greedy.candidates import TICK, is_offered_to_another, rest_of
 
 U = np.uint64  # unsigned where it indexes: saves the test for a negative index
 NOTHING = 1 << 60  # the cost of no candidate
@@ -142,7 +142,7 @@ def look_at_marks(view, search, open_orders, marks, seekers, i, cell, cost):
 @kernel
 def begins_here(view, i, order, cell):
     """Whether robot i does an order, and begins it in this cell."""
-    if not can_do(view, i, order):
+    if not can_do(view, i, order) or is_offered_to_another(view, i, order):
         return False
     if not has_load(view.orders, order) or view.rules.nearest_access:
         return True
@@ -222,7 +222,8 @@ def search_back(view, stop, search, open_orders, seekers, robot_type, order, pla
         search.poses[0] += 1
         i = np.int64(seekers.head[pose])
         while i != NIL:
-            if seekers.seeks[i] and view.robots.type[i] == robot_type and can_do(view, i, order):
+            fits = seekers.seeks[i] and view.robots.type[i] == robot_type
+            if fits and can_do(view, i, order) and not is_offered_to_another(view, i, order):
                 ticks = TICK * (cost + seekers.delay[i]) + rest
                 offer_robot(view, search, 2 * ticks + (place != seekers.place[i]), i)
             i = np.int64(seekers.following[i])

@@ -1,15 +1,24 @@
 """Which operations are open to a robot, what each costs it, and whose turn comes first.
 
     cost = 1024 (way from the pose at its end - way from where it is) + rank
-    cost = 1024 (d - D - way from where it is) + rank   where it reaches the goal cell with action d + 1
+    cost = 1024 (t - T - way from where it is) + rank   where it reaches the goal in t + 1 ticks
 
 The rank is lower the earlier the robot goes forward. A robot without a goal would rather wait.
 """
 
 import numpy as np
 
+from automaton.engine.facilities import NO_WAY_THROUGH
 from automaton.engine.state import CLOCK_TICK, GOAL_NONE, NIL
-from automaton.strategy.kernels import UNREACHABLE, cost_in, kernel, table_of, weighted_table_of
+from automaton.strategy.kernels import (
+    UNREACHABLE,
+    cost_in,
+    kernel,
+    table_of,
+    weighted_table_of,
+    with_load,
+)
+from strategies.right_of_way.epibt.paths import cell_after
 
 COST_SHIFT = 10
 MAX_EXCESS = 4000  # of a way over another one: keys have 32 bits
@@ -26,8 +35,8 @@ def rank_candidates(view, workspace, state, i):
     goal, row = goal_of(view, workspace, state, i)
     pose = np.int64(state.pose[i])
     way = cost_from(workspace, state, row, pose) if goal != NIL else np.int64(0)
-    state.cost[i] = plan_cost(workspace, state, i, pose, goal, row, way)
-    enter_keys(workspace, state, i, np.int64(view.robots.type[i]), pose, goal, row, way)
+    state.cost[i] = plan_cost(workspace, state, i, goal, row, way)
+    enter_keys(view, workspace, state, i, np.int64(view.robots.type[i]), goal, row, way)
     state.sorted_count[i] = 0
     if goal == NIL:
         state.sequence_key[i] = LAST_KEY
@@ -36,6 +45,23 @@ def rank_candidates(view, workspace, state, i):
         state.sequence_key[i] = max(LAST_KEY - 1 - age, 0)
     else:
         state.sequence_key[i] = min(way, LAST_KEY - 1)
+    if goal != NIL and state.has_storage:
+        turn_at_pockets(view, state, i, goal)
+
+
+@kernel
+def turn_at_pockets(view, state, i, goal):
+    """Who leaves a pocket comes first, and who wants into one that is taken comes last.
+
+    Else a robot that waits before a charger, which is very near to its goal, would keep the one in it
+    from coming out, and all those behind it from passing.
+    """
+    cell = np.int64(state.pose[i]) >> 2
+    holder = np.int64(state.occupied[goal, 0])
+    if state.is_pocket[cell] and cell != goal:
+        state.sequence_key[i] = 0
+    elif state.is_pocket[goal] and holder != NIL and holder != i:
+        state.sequence_key[i] = LAST_KEY - 1
 
 
 @kernel
@@ -49,6 +75,8 @@ def goal_of(view, workspace, state, i):
     if state.guided:
         row = weighted_table_of(view, state.tables, robot_type, goal)
     else:
+        if state.has_storage:  # which no way leads through
+            robot_type = with_load(view, robot_type)
         row = table_of(view, workspace, robot_type, goal)
     if row == NIL or cost_from(workspace, state, row, np.int64(state.pose[i])) >= UNREACHABLE:
         return np.int64(NIL), np.int64(NIL)
@@ -64,9 +92,11 @@ def cost_from(workspace, state, row, pose):
 
 
 @kernel
-def end_of(state, pose, operation):
-    """Return the pose in which an operation ends."""
-    cell = (pose >> 2) + np.int64(state.offset[pose & 3, operation, state.depth - 1])
+def end_of(state, i, operation):
+    """Return the pose in which an operation of robot i ends."""
+    pose = np.int64(state.pose[i])
+    last = state.ticks - 1
+    cell = (pose >> 2) + np.int64(state.offset[state.row[i], operation, last])
     return cell * 4 + ((pose + np.int64(state.turned[operation])) & 3)
 
 
@@ -77,49 +107,61 @@ def cost_beyond(workspace, state, row, pose, way):
 
 
 @kernel
-def plan_cost(workspace, state, i, pose, goal, row, way):
+def plan_cost(workspace, state, i, goal, row, way):
     """Return what the plan of robot i costs, whatever class it is."""
     plan = np.int64(state.plan[i])
     if goal == NIL:
         return plan
-    ticks = ticks_to_goal(state, plan, pose, goal)
+    ticks = ticks_to_goal(state, i, plan, goal)
     if ticks:
-        cost = ticks - state.depth - 1 - way
+        cost = ticks - state.ticks - 1 - way
     else:
-        cost = cost_beyond(workspace, state, row, end_of(state, pose, plan), way)
+        cost = cost_beyond(workspace, state, row, end_of(state, i, plan), way)
     return (cost << COST_SHIFT) + state.following.shape[0] - 1 - plan
 
 
 @kernel
-def ticks_to_goal(state, operation, pose, goal):
-    """Return after how many actions an operation reaches the goal cell; 0: it does not."""
-    to_goal = goal - (pose >> 2)
-    for tick in range(state.depth):
-        if state.offset[pose & 3, operation, tick] == to_goal:
+def ticks_to_goal(state, i, operation, goal):
+    """Return after how many ticks an operation of robot i reaches the goal cell; 0: it does not."""
+    for tick in range(state.ticks):
+        if cell_after(state, i, operation, tick) == goal:
             return tick + 1
     return np.int64(0)
 
 
 @kernel
-def enter_keys(workspace, state, i, robot_type, pose, goal, row, way):
+def enter_keys(view, workspace, state, i, robot_type, goal, row, way):
     """Enter the keys of the operations that are open to robot i; those with one end share its cost."""
+    pose = np.int64(state.pose[i])
     keys, count = state.key[i], 0
     cost, end = np.int64(0), np.int64(NIL)
     last_class = state.following.shape[0] - 1
-    is_near = goal != NIL and way <= state.depth * state.dearest_move
+    is_near = goal != NIL and way <= state.reach
     for number in range(state.candidate.shape[0]):
         if (state.open[robot_type, pose, number >> 6] >> np.uint64(number & 63)) & _1 == 0:
             continue
         operation = np.int64(state.candidate[number])
         rank = operation if goal == NIL else last_class - operation
+        if state.has_storage and ends_in_storage(view, state, i, operation, goal):
+            continue
         if goal != NIL and state.candidate_end[number] != end:
             end = np.int64(state.candidate_end[number])
-            cost = cost_beyond(workspace, state, row, end_of(state, pose, operation), way)
-        ticks = ticks_to_goal(state, operation, pose, goal) if is_near else 0
-        excess = ticks - state.depth - 1 - way if ticks else cost
+            cost = cost_beyond(workspace, state, row, end_of(state, i, operation), way)
+        ticks = ticks_to_goal(state, i, operation, goal) if is_near else 0
+        excess = ticks - state.ticks - 1 - way if ticks else cost
         keys[count] = ((excess << COST_SHIFT) + rank) << CANDIDATE_BITS | number
         count += 1
     state.key_count[i] = count
+
+
+@kernel
+def ends_in_storage(view, state, i, operation, goal):
+    """Return whether an operation takes robot i into storage that is not its goal."""
+    cell, grid = end_of(state, i, operation) >> 2, view.grid
+    if cell == goal or cell == state.pose[i] >> 2:
+        return False
+    robot_type = with_load(view, np.int64(view.robots.type[i]))
+    return np.int64(grid.type_cell_flags[robot_type, cell]) & NO_WAY_THROUGH != 0
 
 
 @kernel

@@ -9,7 +9,7 @@
 
 u may not be pushed if it is fixed, if its plan was settled in this round, if it was visited too often,
 or if its turn comes before that of the root. Two paths meet where they are in one cell after as many
-actions, or exchange two cells by one action. A chain can have all robots, so its stack is explicit.
+ticks, or exchange two cells in one. A chain can have all robots, so its stack is explicit.
 """
 
 import numpy as np
@@ -21,33 +21,31 @@ from strategies.right_of_way.epibt.candidates import (
     CANDIDATE_MASK,
     nth_key,
 )
+from strategies.right_of_way.epibt.paths import cell_after, cell_held, enter_path
 
 FREE = -2  # an operation meets no robot
 SEVERAL = -3  # it meets more than one
 
 
 @kernel
-def enter_path(state, i, robot):
-    """Write `robot` (or NIL) wherever the plan of robot i leads."""
-    pose, plan = np.int64(state.pose[i]), np.int64(state.plan[i])
-    for tick in range(state.depth):
-        cell = (pose >> 2) + np.int64(state.offset[pose & 3, plan, tick])
-        state.occupied[cell, tick] = robot
-
-
-@kernel
-def robot_met(state, pose, operation):
-    """Return the one robot whose path an operation meets, FREE or SEVERAL."""
+def robot_met(state, i, operation):
+    """Return the one robot whose path an operation of robot i meets, FREE or SEVERAL."""
     occupied = state.occupied
     met = np.int64(FREE)
-    before = pose >> 2
-    for tick in range(state.depth):
-        cell = (pose >> 2) + np.int64(state.offset[pose & 3, operation, tick])
+    before = np.int64(state.pose[i]) >> 2
+    for tick in range(state.ticks):
+        cell = cell_after(state, i, operation, tick)
         holder = np.int64(occupied[cell, tick])
         if holder != NIL and holder != met:
             if met != FREE:
                 return np.int64(SEVERAL)
             met = holder
+        if state.holds_two:
+            holder = np.int64(occupied[cell_held(state, i, operation, tick), tick])
+            if holder != NIL and holder != met:
+                if met != FREE:
+                    return np.int64(SEVERAL)
+                met = holder
         if cell != before:
             other = np.int64(occupied[before, tick])
             if other != NIL and other != met and is_coming_from(state, other, cell, tick):
@@ -60,7 +58,7 @@ def robot_met(state, pose, operation):
 
 @kernel
 def is_coming_from(state, robot, cell, tick):
-    """Return whether a robot is in a cell before its action number `tick`."""
+    """Return whether a robot is in a cell before what it does in a tick from now."""
     if tick == 0:
         return np.int64(state.pose[robot]) >> 2 == cell
     return state.occupied[cell, tick - 1] == robot
@@ -85,12 +83,11 @@ def try_operations(state, root, top, repairs):
     """
     i = np.int64(state.chain_robot[top])
     tried = np.int64(state.chain_tried[top])
-    pose = np.int64(state.pose[i])
     while tried < state.key_count[i]:
         key = nth_key(state, i, tried)
         tried += 1
         operation = np.int64(state.candidate[key & CANDIDATE_MASK])
-        met = robot_met(state, pose, operation)
+        met = robot_met(state, i, operation)
         if met == SEVERAL or (met != FREE and not may_push(state, root, met, repairs)):
             continue
         state.plan[i] = operation

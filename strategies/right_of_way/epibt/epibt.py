@@ -39,13 +39,19 @@ POWER_BITS = 10
 
 @kernel
 def choose_plans(state, count):
-    """Let robots with goals choose by turns; those that were visited on the way have had theirs."""
+    """Let robots with goals choose by turns; those that were visited on the way have had theirs.
+
+    Where actions take several ticks, one that was pushed in vain has not: it may be on its way out, and
+    only too late for the robot that pushed it.
+    """
     state.stamp[0] += 1
+    stamp = state.stamp[0]
     for place in range(count):
         i = np.int64(state.sequence[place])
         if state.sequence_key[i] == LAST_KEY:
             break  # robots without goals only make room
-        if state.visit_stamp[i] != state.stamp[0]:
+        visited = state.visit_stamp[i] == stamp
+        if not visited or (state.takes_time and state.settled[i] != stamp):
             build(state, i, False)
 
 

@@ -11,6 +11,7 @@ from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.carried_pods import carries_pods
 from automaton.scenario.robot_types import types_of
 from automaton.scenario.schema import Scenario
+from strategies.right_of_way.epibt.horizon import MOST_TICKS, horizon_of
 from strategies.right_of_way.right_of_way_parameters import SteeringParameters
 
 
@@ -51,8 +52,8 @@ class EpibtParameters(SteeringParameters, forbid_unknown_fields=True, frozen=Tru
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         """Return what this scenario asks for that EPIBT does not plan, or None."""
-        if carries_pods(scenario, floor_plan):
-            return "it knows no queues of stations, in which robots with pods stand; use pibt"
+        if carries_pods(scenario, floor_plan) and self.guidance != "none":
+            return "its lattice weights know no storage; with pods, leave guidance out"
         types = types_of(scenario)
         move = max(ticks for one in types for ticks in one.moves)
         turn = max(ticks for one in types for ticks in one.durations.turns)
@@ -61,10 +62,10 @@ class EpibtParameters(SteeringParameters, forbid_unknown_fields=True, frozen=Tru
                 "it plans for robots with kinematics differential, found "
                 f"{scenario.fleet.kinematics}; use pibt"
             )
-        if move > 1 or turn > 1:
+        if horizon_of(self.depth, max(move, turn)) > MOST_TICKS:
             return (
-                f"it plans moves and turns of one tick, found durations.move {move} and "
-                f"durations.turn {turn}; use pibt"
+                f"it plans {MOST_TICKS} ticks at most, too few for depth {self.depth} with "
+                f"durations.move {move} and durations.turn {turn}; use pibt, or longer ticks"
             )
         if not scenario.world.following:
             return "it plans with world.following true, found false; use pibt"

@@ -2,7 +2,8 @@
 
 n robots of K types, C cells with the border, P = 4 C poses (cell * 4 + heading). Of the operations of
 depth D: O classes, J candidates, W words of 64 bits with one bit for each candidate. An end is a
-cell and a heading in which candidates end. S: D, rounded up to a power of two.
+cell and a heading in which candidates end. B paces (ticks of a move and of a turn), Q = 4 B. T: ticks, in
+which each operation is over, whatever goes on before; S: T, rounded up to a power of two.
 """
 
 from __future__ import annotations
@@ -11,12 +12,15 @@ from typing import Any
 
 import numpy as np
 
+from automaton.engine.facilities import NO_WAY_THROUGH
 from automaton.engine.jit.fields import CONSTANT, SCRATCH, field
 from automaton.engine.jit.structs import Struct
-from automaton.engine.state import NIL, Array
+from automaton.engine.state import ACTION_MOVE, ACTION_TURN, NIL, Array
 from automaton.strategy.weighted_tables import DistanceTables, weighted_tables
+from strategies.right_of_way.epibt.horizon import horizon_of
 from strategies.right_of_way.epibt.lattice import AGAINST_STREET, TURN, lattice_weights
 from strategies.right_of_way.epibt.operations import FORWARD, RIGHT, WAIT, operations_of, trace
+from strategies.right_of_way.epibt.paths import paths_of
 
 NO_AIM = 4  # of an operation that never moves
 
@@ -24,10 +28,13 @@ NO_AIM = 4  # of an operation that never moves
 class EpibtState(Struct):
     """Parameters, operations on this floor, plans, and scratch of a tick."""
 
-    depth: int = field("int64", "D, actions of a plan")
+    ticks: int = field("int64", "T, ticks that are planned")
+    reach: int = field("int64", "most that a way costs which a plan drives")
+    holds_two: int = field("int64", "1: moves take several ticks, in which both cells are held")
+    takes_time: int = field("int64", "1: moves or turns take several ticks")
+    has_storage: int = field("int64", "1: robots drive into storage, and not through it")
     oldest_first: int = field("int64", "1: robots go by age, 0: by their distances to their goals")
     guided: int = field("int64", "1: distances are those of `tables`, 0: ticks")
-    dearest_move: int = field("int64", "the largest cost of an action in them")
     repair_tries: int = field("int64", "tries to improve the plans, for each robot")
     visits_allowed: int = field("int64", "how often a robot may be pushed in a tick")
     max_pushes: int = field("int64", "pushes after which a chain is given up")
@@ -40,7 +47,13 @@ class EpibtState(Struct):
     aim: Array = field(
         "(O,) uint8", "heading of the first move, relative to h, or NO_AIM", role=CONSTANT
     )
-    offset: Array = field("(4, O, D) int32", "[h]: cell after each action", role=CONSTANT)
+    pace: Array = field("(K,) uint8", "which b holds for a type of robots", role=CONSTANT)
+    offset: Array = field("(Q, O, T) int32", "[4 b + h]: cell after each tick", role=CONSTANT)
+    left: Array = field(
+        "(Q, O, T) int32",
+        "[4 b + h]: the cell that is left and still held, or the same",
+        role=CONSTANT,
+    )
     turned: Array = field("(O,) uint8", "last heading, relative to h", role=CONSTANT)
     candidate: Array = field("(J,) int16", "their classes, by end", role=CONSTANT)
     candidate_end: Array = field("(J,) uint8", "number of the end of each", role=CONSTANT)
@@ -48,17 +61,27 @@ class EpibtState(Struct):
         "(K, P, W) uint64", "candidates that the exits allow, by type and pose", role=CONSTANT
     )
 
+    is_pocket: Array = field("(C,) uint8", "1 = the only way on is the only way in", role=CONSTANT)
+
     plan: Array = field("(n,) int16", "what each robot has planned: a class")
-    expected_pose: Array = field("(n,) int32", "pose to which its action leads, + 1; 0: none")
+    expected_pose: Array = field(
+        "(n,) int32",
+        "pose to which its action leads, + 1; 0: none; negative: the plan is for what comes then",
+    )
     last_goal: Array = field("(n,) int32", "goal cell in the last tick, + 1; 0: none")
     idle_since: Array = field("(n,) int64", "tick in which it last finished a goal")
 
     # Of this tick. A robot that is fixed stays where it is: busy, at its goal, or not on the floor.
-    pose: Array = field("(n,) int32", "where it is, or NIL: not on the floor", role=SCRATCH)
+    pose: Array = field(
+        "(n,) int32", "where it is, or is going to be; NIL: not on the floor", role=SCRATCH
+    )
+    row: Array = field("(n,) int32", "which row of `offset` holds for it", role=SCRATCH)
+    delay: Array = field("(n,) int32", "ticks until a move or turn is over", role=SCRATCH)
+    origin: Array = field("(n,) int32", "the cell that it still holds till then", role=SCRATCH)
     is_fixed: Array = field("(n,) uint8", "1 = it makes no plan", default=1, role=SCRATCH)
     occupied: Array = field(
         "(C, S) int32",
-        "the robot that is in a cell after so many actions, or NIL",
+        "the robot that is in a cell after so many ticks, or NIL",
         default=NIL,
         role=SCRATCH,
     )
@@ -89,14 +112,25 @@ def epibt_state(view, parameters):
     grid, operations = view.grid, operations_of(parameters.depth)
     guided = parameters.guidance == "lattice"
     weights = lattice_weights(grid)
-    offset, turned = operations_on(grid, operations)
+    duration = np.asarray(view.rules.duration)[:, [ACTION_MOVE, ACTION_TURN]]
+    paces, pace = np.unique(np.maximum(duration, 1), axis=0, return_inverse=True)
+    ticks = horizon_of(parameters.depth, int(paces.max()))
+    offset, left = paths_of(grid.offset, operations, paces.tolist(), ticks)
+    dearest = AGAINST_STREET if guided else int(paces.max())
     candidates, ends = candidates_by_end(operations)
     return EpibtState.sized(
-        {"n": len(view.robots.cell), "C": len(grid.kind), "S": 4 if parameters.depth <= 4 else 8},
-        depth=parameters.depth,
+        {
+            "n": len(view.robots.cell),
+            "C": len(grid.kind),
+            "S": max(4, 1 << (ticks - 1).bit_length()),
+        },
+        ticks=ticks,
+        reach=parameters.depth * dearest,
+        holds_two=int(duration[:, 0].max() > 1),
+        takes_time=int(paces.max() > 1),
+        has_storage=int((grid.type_cell_flags & NO_WAY_THROUGH).any()),
         oldest_first=int(parameters.first == "oldest"),
         guided=int(guided),
-        dearest_move=AGAINST_STREET if guided else 1,
         repair_tries=parameters.repair_tries,
         visits_allowed=parameters.visits,
         max_pushes=parameters.max_pushes,
@@ -105,8 +139,11 @@ def epibt_state(view, parameters):
         following=list(operations.following),
         action=[actions[0] for actions in operations.actions],
         aim=[first_aim(actions) for actions in operations.actions],
+        is_pocket=pockets_of(grid).astype(np.uint8).tolist(),
+        pace=pace.reshape(-1).tolist(),
         offset=offset,
-        turned=turned,
+        left=left,
+        turned=[trace(actions)[1] for actions in operations.actions],
         candidate=candidates,
         candidate_end=ends,
         open=open_candidates(grid, operations, candidates),
@@ -124,21 +161,21 @@ def first_aim(actions):
     return NO_AIM
 
 
-def operations_on(grid, operations):
-    """Return (4, O, D) the cells of each class by first heading, as offsets, and (O,) its turn."""
-    depth, count = len(operations.actions[0]), len(operations.actions)
-    offset, turned = np.zeros((4, count, depth), np.int32), np.zeros(count, np.uint8)
-    for first in range(4):
-        for number, actions in enumerate(operations.actions):
-            cell, heading = 0, first
-            for tick, action in enumerate(actions):
-                if action == FORWARD:
-                    cell += int(grid.offset[heading])
-                elif action != WAIT:
-                    heading = heading + (1 if action == RIGHT else 3) & 3
-                offset[first, number, tick] = cell
-            turned[number] = heading - first & 3
-    return offset, turned
+def pockets_of(grid):
+    """Return (C,) bool: cells that one gets to from one cell alone, and back there alone.
+
+    Ways from storage into storage do not count, so storage beside one aisle is a pocket.
+    """
+    flags = grid.type_cell_flags
+    storage = (flags & NO_WAY_THROUGH != 0).any(axis=0)
+    ways_on, ways_in, only_way = (np.zeros(len(storage), int) for _ in range(3))
+    for direction, offset in enumerate(grid.offset.tolist()):
+        leads = (flags[0] >> direction & 1).astype(bool) & ~(storage & np.roll(storage, -offset))
+        comes = np.roll(leads, offset)
+        ways_on += leads
+        ways_in += comes
+        only_way += leads & (np.roll(flags[0], -offset) >> (direction ^ 2) & 1).astype(bool)
+    return (ways_on == 1) & (ways_in == 1) & (only_way == 1)
 
 
 def candidates_by_end(operations):
@@ -166,12 +203,17 @@ def open_candidates(grid, operations, candidates):
 
 
 def cells_open(grid, flags, start, heading, actions):
-    """Return (starts,) bool: whether the exits allow all moves of an operation."""
-    cell, is_open = start.copy(), np.ones(len(start), bool)
+    """Return (starts,) bool: whether the exits allow all moves of an operation.
+
+    Where ways end in storage and do not lead through it, nothing goes on after a move into it.
+    """
+    storage = (grid.type_cell_flags & NO_WAY_THROUGH != 0).any(axis=0)
+    cell, is_open, is_in = start.copy(), np.ones(len(start), bool), np.zeros(len(start), bool)
     for action in actions:
         if action == FORWARD:
-            is_open &= (flags[cell] >> heading & 1).astype(bool)
+            is_open &= (flags[cell] >> heading & 1).astype(bool) & ~is_in
             cell[is_open] += int(grid.offset[heading])
+            is_in = storage[cell]
         elif action != WAIT:
             heading = heading + (1 if action == RIGHT else 3) & 3
     return is_open

@@ -14,7 +14,7 @@ from automaton.scenario.schema import Scenario
 
 WITHOUT_PODS = (
     "it predicts where each load is brought, and knows no way of a pod to stations and back; use "
-    "shortest or astar"
+    "shortest, astar or traffic-avoidance"
 )
 MOST_PLANNED = 100_000_000  # robots x ticks of the plans that `congestion` keeps: 0.9 GB
 

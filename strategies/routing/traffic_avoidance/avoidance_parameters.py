@@ -10,11 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from automaton.floor.floor_plan import FloorPlan
-from automaton.scenario.carried_pods import carries_pods
-from automaton.scenario.schema import Scenario
 from strategies.routing.astar.astar_parameters import TieBreaking
-from strategies.routing.congestion.congestion_parameters import WITHOUT_PODS
 
 if TYPE_CHECKING:
     from automaton.engine.state import Array, Grid
@@ -81,10 +77,6 @@ class Avoidance(TieBreaking, forbid_unknown_fields=True, frozen=True, kw_only=Tr
         from strategies.routing.traffic_avoidance.network_files import shipped
 
         return shipped("warehouse-100") if self.predictor == "network" else self.files[0]
-
-    def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
-        """Loads are brought to the targets of their orders."""
-        return WITHOUT_PODS if carries_pods(scenario, floor_plan) else None
 
     def check_files(self, driving: Callable[[], tuple[Grid, Array]]) -> None:
         """Raises InputError for a network that cannot be read, or is one of another floor."""

@@ -4,7 +4,7 @@ import numpy as np
 
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import GOAL_PICK, NIL
-from automaton.strategy.kernels import dropoff_cell, first_cell, with_load
+from automaton.strategy.kernels import dropoff_cell, first_cell, next_stop_cell, with_load
 from strategies.routing.astar.astar import astar
 
 
@@ -49,10 +49,12 @@ def count_predicted(view, workspace, ties, besides, steps, visible_world, field)
 
 @kernel
 def next_goal_cell(view, i):
-    """Where robot i will drop what it drives to pick up; NIL if it does not."""
+    """Where robot i will drop what it drives to pick up, or carry a pod first; NIL if it does not."""
     order = np.int64(view.robots.order[i])
     if order == NIL or view.robots.goal_type[i] != GOAL_PICK:
         return np.int64(NIL)
+    if view.trips.pod.shape[0] > 0:
+        return next_stop_cell(view, order)
     target, pick = np.int64(view.orders.target[order]), np.int64(view.robots.goal_cell[i])
     return dropoff_cell(view, view.robots.type[i], target, pick)
 

@@ -22,6 +22,8 @@ from automaton.engine.state import (
 from automaton.errors import InputError
 from automaton.evidence.verification.validator import validate_stored
 from automaton.runs.simulation import Simulation
+from strategies.right_of_way.epibt.operations import FORWARD, LEFT, RIGHT, WAIT, operations_of
+from strategies.right_of_way.epibt.paths import path_of
 
 FLOOR = """
 tttttttt
@@ -143,6 +145,32 @@ def test_plans_are_free_of_conflicts(
     assert visits(run) > 0
 
 
+@pytest.mark.parametrize(("move", "turn"), [(2, 1), (1, 3), (3, 4)])
+def test_moves_and_turns_of_several_ticks_are_planned(tmp_path: Path, move: int, turn: int) -> None:
+    """No move is refused, and no robot is left behind for long."""
+    slow = (epibt(), f"durations.move={move}", f"durations.turn={turn}")
+    run = run_to_end(crowd(*slow, folder=tmp_path, robots=20, ticks=600, pick=2))
+    assert run.world.tally.illegal.sum() == ticks_of(run, ACTION_BLOCKED) == 0
+    assert (run.world.tally.operations[:, ACTION_MOVE].sum(axis=1) > 40).all()
+    assert visits(run) > 150
+
+
+def test_what_is_left_of_a_plan_is_a_plan() -> None:
+    """In ticks, too: who goes on with the rest of it is where the others think it is."""
+    offsets = (1, 100, -1, -100)
+    for depth, move, turn in ((3, 2, 4), (3, 1, 2), (4, 3, 1)):
+        known = operations_of(depth)
+        for actions, number in zip(known.actions, known.following, strict=True):
+            here, held = path_of(offsets, actions, 0, move, turn)
+            done = {FORWARD: move, WAIT: 1}.get(actions[0], turn)
+            heading = {RIGHT: 1, LEFT: 3}.get(actions[0], 0)
+            rest, rest_held = path_of(offsets, known.actions[number], heading, move, turn)
+            start = here[done - 1]
+            for tick in range(len(here) - done):
+                assert here[done + tick] - start == rest[min(tick, len(rest) - 1)]
+                assert held[done + tick] - start == rest_held[min(tick, len(rest) - 1)]
+
+
 def test_a_recorded_run_keeps_the_rules(tmp_path: Path) -> None:
     resolved = crowd(epibt(repair_tries=1), folder=tmp_path, robots=30, ticks=100)
     assert validate_stored(recorded(resolved)).valid
@@ -229,8 +257,8 @@ def test_robots_that_go_down_are_gone_round(tmp_path: Path) -> None:
     ("overrides", "sentence"),
     [
         (("fleet.kinematics=omni",), "kinematics differential, found omni; use pibt"),
-        (("durations.move=2",), "found durations.move 2 and durations.turn 1; use pibt"),
-        (("durations.turn=3",), "found durations.move 1 and durations.turn 3; use pibt"),
+        (("durations.move=17",), "too few for depth 3 with durations.move 17 and durations.turn 1"),
+        (("durations.turn=17",), "it plans 64 ticks at most, too few for depth 3"),
         (("world.following=false",), "world.following true, found false; use pibt"),
         (("information=orders",), "information must be everything"),
         (("strategy.routing=astar",), "routing 'astar' would never be asked"),

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from automaton.build.disturbances import repair_ticks
 from automaton.engine.robot_status import BATTERY_PERCENT
 from automaton.engine.state import (
     ACTION_COUNT,
@@ -74,6 +75,7 @@ def rules_for(scenario: Scenario, seed: int, loaded_differ: bool = False) -> Rul
         may_fail=int(may_fail(scenario)),
         faults=fault_table(scenario.faults),
         breakdown=round(scenario.faults.probability * 2**32),
+        repair_in_place=repair_ticks(scenario.faults),
     )
 
 

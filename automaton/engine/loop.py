@@ -21,6 +21,7 @@ from automaton.engine.batches import (
 from automaton.engine.charging_commit import commit_charging
 from automaton.engine.commit import commit_allocation, commit_routing
 from automaton.engine.decision_stream import keep_decisions, max_words
+from automaton.engine.delayed_robots import delay_robots
 from automaton.engine.digest import digest_world
 from automaton.engine.drive import apply_move_outcomes, drive, halt_robots, leave_parking_bays
 from automaton.engine.energy import cancel_infeasible_moves
@@ -114,6 +115,8 @@ def ticks(
         world.robots.executed[:] = 0
         if world.rules.may_fail:
             break_down_and_repair(world, record)
+        if world.delays.until.shape[0]:
+            delay_robots(world, record)
         release_orders(world)
         if has_trips(world):
             plan_trips(world, record)

@@ -114,6 +114,8 @@ def _unfit(header: Content, data: dict[str, Any]) -> Iterator[str]:
     faults = scenario.faults
     if scenario.battery is not None or faults.listed or faults.probability:
         yield "robots may break down and be towed"
+    if faults.delays is not None:
+        yield "faults.delays delays robots"
     floor = header["floor"]
     if (floor["capacity"][DRIVABLE[floor["kind"]]] != 1).any():
         yield "the floor has cells for more than one robot"

@@ -95,6 +95,7 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     "breakdowns": ("times", "a robot broke down"),
     "towed": ("times", "a robot was towed"),
     "downtime": ("ticks", "robots on the floor were down, failed or without charge"),
+    "delayed_share": ("share", "robot ticks in which the robot was delayed / all robot ticks"),
     "distance": ("cells", "driven by all robots"),
     "parts_finished": ("parts", "worked on at the last station of their routes"),
     "part_flow_time": ("ticks", "from a part's arrival at its first station until it is finished"),

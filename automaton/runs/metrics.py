@@ -142,6 +142,8 @@ def counted(run: Measured) -> Counted:
     if rules.may_fail:
         sums |= {"breakdowns": int(out[FAILURE_FAULT]), "towed": int(out[FAILURE_TOWED])}
         sums["downtime"] = int(ticks[ACTION_DOWN].sum())
+    if len(world.delays.until):
+        sums["delayed"] = int(world.delays.lasted.sum())
     found = {**dict(run.counted), **sums}
     return Counted(int(world.clock[CLOCK_TICK]), found, ticks.sum(1), busy_ticks(world))
 

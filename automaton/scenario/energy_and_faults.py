@@ -7,7 +7,8 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from automaton.scenario.field_types import ConfigSection, LongTicks
+from automaton.scenario.field_types import ConfigSection, LongTicks, Ticks
+from automaton.scenario.handling import Distribution
 from automaton.scenario.quantities import CHARGE_RATE, MOMENT, PROBABILITY, TIME, quantity
 
 Percent = Annotated[float, Meta(ge=0, le=100)]
@@ -77,6 +78,66 @@ class Fault(ConfigSection, frozen=True, kw_only=True):
     at: Annotated[int, quantity(MOMENT, ge=1, le=2_000_000_000, description="In this tick.")]
 
 
+class DelayTicks(ConfigSection, frozen=True, kw_only=True):
+    """Durations from one to another."""
+
+    least: Annotated[Ticks, Meta(description="The shortest.")] = msgspec.field(name="from")
+    most: Annotated[Ticks, Meta(description="The longest.")] = msgspec.field(name="to")
+
+    def __post_init__(self) -> None:
+        if self.least > self.most:
+            raise ValueError(f"from ({self.least}) must not be above to ({self.most})")
+
+
+class Bell(ConfigSection, frozen=True, kw_only=True):
+    """A normal distribution within a range, in shares of its width from its least value on."""
+
+    mean_ratio: Annotated[float, Meta(ge=0, le=1, description="Where its mean is.")] = 0.5
+    sd_ratio: Annotated[float, Meta(ge=0, le=10, description="Its standard deviation.")] = 0.22
+
+
+class BellDelays(ConfigSection, frozen=True, kw_only=True):
+    """Delays that last about as long as each other."""
+
+    gaussian: Bell
+
+
+class Delays(ConfigSection, frozen=True, kw_only=True):
+    """Robots that stand for a while now and then, as in the League of Robot Runners 2026."""
+
+    probability: Annotated[
+        float,
+        quantity(
+            PROBABILITY,
+            gt=0,
+            le=1,
+            description="With which a robot on the floor that is not delayed is so from a tick on.",
+        ),
+    ]
+    ticks: Annotated[DelayTicks, Meta(description="How long a delay lasts.")]
+    events: Annotated[
+        Literal["bernoulli", "poisson"],
+        Meta(
+            description="bernoulli: each robot by itself; poisson: as many robots as a Poisson number "
+            "says whose mean is probability times the robots that may be delayed."
+        ),
+    ] = "bernoulli"
+    distribution: Annotated[
+        Literal["uniform"] | BellDelays,
+        Meta(
+            description="uniform: all durations alike; {gaussian: {mean_ratio, sd_ratio}}: normal, "
+            "rounded, and what is beyond ticks at its ends."
+        ),
+    ] = "uniform"
+    of: Annotated[
+        tuple[Literal["move", "turn"], ...],
+        Meta(
+            description="Which operations under way take longer by the delay; others go on, and the "
+            "robot stands for the rest of the delay after them."
+        ),
+    ] = ("move", "turn")
+
+
 class Faults(ConfigSection, frozen=True, kw_only=True):
     """Robots that go down, and what becomes of them."""
 
@@ -107,6 +168,16 @@ class Faults(ConfigSection, frozen=True, kw_only=True):
         LongTicks | None,
         Meta(description="It is back after so many ticks more; null: never."),
     ] = 600
+    repair_in_place: Annotated[
+        LongTicks | Distribution | None,
+        Meta(
+            description="A robot that breaks down is not towed: it stands for so long, with its load "
+            "and its order, and goes on; null: it is towed. Robots without charge are towed anyway."
+        ),
+    ] = None
+    delays: Annotated[
+        Delays | None, Meta(description="Robots that stand for a while; null: none does.")
+    ] = None
     charge: Annotated[
         Percent | Literal["kept"],
         Meta(
@@ -118,6 +189,9 @@ class Faults(ConfigSection, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         if self.mtbf is not None and self.failure_probability:
             raise ValueError("mtbf and failure_probability say the same; set one of them")
+        drawn = self.repair_in_place
+        if isinstance(drawn, Distribution) and isinstance(drawn.empirical, str):
+            raise ValueError("repair_in_place takes no file; list the durations")
 
     @property
     def probability(self) -> float:

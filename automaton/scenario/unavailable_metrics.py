@@ -76,6 +76,7 @@ def not_measured(scenario: Scenario) -> dict[str, str]:
             powered or bool(faults.listed) or faults.probability > 0,
             "faults, or a battery",
         ),
+        (("delayed_share",), faults.delays is not None, "faults.delays"),
         (OF_LINES, orders.lines is not None, "orders.lines"),
         (("legs_per_order",), orders.lines is None, "orders that are not lines"),
         (OF_STATIONS, orders.parts is not None, "orders.parts"),

@@ -29,13 +29,16 @@ from automaton.engine.record_codes import (
     TURN_LEFT,
     TURN_RIGHT,
 )
+from automaton.evidence.verification.drawn_durations import drawn_from, repairs_of
 from automaton.evidence.verification.motion_rules import Acts, Complaint, Motion
+from automaton.evidence.verification.move_time_rules import random_bits
 from automaton.evidence.verification.type_rules import NIL
 from automaton.floor.cells import CHARGER
 
 BATTERY_FULL: Final = 1_000_000_000
 # statuses as they are recorded
 STATUS_UP, STATUS_DEPLETED, STATUS_FAILED, STATUS_TOWED, STATUS_REMOVED = 0, 3, 4, 5, 6
+REPAIR: Final = 25  # the stream of draws of repairs in place
 OPERATION_BY_CODE: Final = {
     **dict.fromkeys(range(MOVE_EAST, MOVE_NORTH + 1), "move"),
     TURN_LEFT: "turn",
@@ -65,6 +68,7 @@ class Energy:
 
     def __init__(self, header: dict[str, Any], motion: Motion, report_violation: Complaint) -> None:
         self.motion = motion
+        self.seed: int = header["seed"]
         self.report_violation = report_violation
         self.charge: list[int] = header["robots"]["charge"].tolist()
         self.status = [STATUS_UP] * len(self.charge)
@@ -75,6 +79,8 @@ class Energy:
         """Take over what a scenario says of batteries and faults."""
         self.battery = scenario.get("battery")
         self.faults = scenario["faults"]
+        in_place = self.faults.get("repair_in_place")
+        self.repairs = [] if in_place is None else repairs_of(in_place)
         self.jitter: int = scenario["durations"]["handling_jitter"]
         if self.battery is None:
             return
@@ -130,14 +136,25 @@ class Energy:
         rate = max(step for step in self.curve if step[0] <= self.charge[r])[1]
         self.charge[r] += min(rate, BATTERY_FULL - self.charge[r])
 
+    def stand_for(self, r: int, ticks: int) -> None:
+        """Pay for standing so many ticks."""
+        if self.battery is not None:
+            loaded = int(self.motion.types.load[r] != NIL)
+            self._stand(r, ticks * self.rates["wait"][loaded])
+
+    def is_down(self, r: int) -> bool:
+        """Whether a robot is down, on the floor or off it."""
+        return self.status[r] >= STATUS_DEPLETED
+
     def become(self, tick: int, r: int, status: int) -> None:
         """A robot goes down, is towed, or comes back."""
         before, since = self.status[r], self.since[r]
         cell = self.motion.cell[r]
         if status in (STATUS_DEPLETED, STATUS_FAILED):
             self._check_fault(tick, r, status, before)
-            self.motion.parked[r] = cell == NIL
-            self.motion.unsure.discard(r)
+            if status == STATUS_DEPLETED or not self.repairs:
+                self.motion.parked[r] = cell == NIL
+                self.motion.unsure.discard(r)
         elif status in (STATUS_TOWED, STATUS_REMOVED):
             wait = self.faults["tow_after"]
             in_bay = cell == NIL
@@ -154,6 +171,11 @@ class Energy:
             if status == STATUS_TOWED and self.battery is not None:
                 self._mend(r, before == STATUS_DEPLETED, units(self.battery["reserve"]))
             self.motion.tow(r)
+        elif before == STATUS_FAILED and self.repairs:
+            wanted = drawn_from(self.repairs, random_bits(self.seed, REPAIR, since, r))
+            if tick - since != wanted:
+                text = f"goes on after {tick - since} ticks and is repaired in {wanted}"
+                self.report_violation("energy", [r], cell, text)
         elif before != STATUS_TOWED or tick - since != self.faults["repair_time"]:
             self.report_violation("energy", [r], cell, "comes back at another time than it must")
         self.status[r], self.since[r] = status, tick
@@ -183,10 +205,12 @@ class Energy:
         """Units that the dearest operation takes; a move in a slow zone lasts many times longer."""
         if self.battery is None:
             return 0
+        limits = max(self.motion.pace.limits.values(), default=0)
         around = 1 if self.motion.pace.usual else len(self.charge) + 1
         slowest = self.motion.types.slowest
         prices = [
-            max(rates) * (max(1, slowest(name)) + self.jitter) for name, rates in self.rates.items()
+            max(rates) * (max(1, slowest(name), limits) + self.jitter)
+            for name, rates in self.rates.items()
         ]
         dearest: int = max(prices) * around
         return dearest

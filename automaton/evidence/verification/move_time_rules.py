@@ -75,9 +75,14 @@ class MoveTimes:
 
     def draw(self, tick: int, robot: int) -> int:
         """The 32 bits that decide on the extra tick of a robot's move."""
-        state = splitmix64(self.seed + STEP_OF_STATE * EXTRA_TICKS)
-        state = splitmix64(state ^ (tick + STEP_OF_STATE & ALL_BITS))
-        return splitmix64(state ^ (robot * STEP_OF_STATE + 0xBF58476D1CE4E5B9 & ALL_BITS)) >> 32
+        return random_bits(self.seed, EXTRA_TICKS, tick, robot) >> 32
+
+
+def random_bits(seed: int, stream: int, tick: int, robot: int) -> int:
+    """The 64 random bits of an address."""
+    state = splitmix64(seed + STEP_OF_STATE * stream)
+    state = splitmix64(state ^ (tick + STEP_OF_STATE & ALL_BITS))
+    return splitmix64(state ^ (robot * STEP_OF_STATE + 0xBF58476D1CE4E5B9 & ALL_BITS))
 
 
 def splitmix64(value: int) -> int:

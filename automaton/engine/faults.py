@@ -320,7 +320,9 @@ def charge_in_repair(world, i):
     after = np.int64(rules.repaired)
     if after == NIL:
         after = (
-            max(before, np.int64(rules.reserve)) if robots.status[i] == STATUS_DEPLETED else before
+            max(before, np.int64(rules.reserve[robots.type[i]]))
+            if robots.status[i] == STATUS_DEPLETED
+            else before
         )
     robots.charge[i] = after
     world.tally.repaired[i] += max(after - before, 0)

@@ -216,13 +216,13 @@ class Rules(Struct, role=STATIC):
     handling_jitter: int = field("int64", "a pick or drop takes up to so many ticks more")
     battery: int = field("int64", "1: robots run on batteries")
     drain: Array = field(
-        f"({ACTION_COUNT}, 2) int64",
+        f"(K, {ACTION_COUNT}, 2) int64",
         "units of charge that a tick of each action takes; [.., 1] loaded",
     )
     curve: Array = field(
-        "(pieces, 2) int32", "from this charge on, units that a tick at a charger gives"
+        "(K, pieces, 2) int32", "from this charge on, units that a tick at a charger gives"
     )
-    reserve: int = field("int64", "charge that plans never go below")
+    reserve: Array = field("(K,) int64", "charge that plans never go below")
     tow_after: int = field("int64", "ticks that a robot is down before it is towed; NIL: it stays")
     repair: int = field("int64", "ticks from towing until it comes back; NIL: never")
     repaired: int = field(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta
@@ -69,6 +69,48 @@ class Battery(ConfigSection, frozen=True, kw_only=True):
             since = [step[0] for step in self.charge_rate]
             if not since or since[0] != 0 or since != sorted(set(since)):
                 raise ValueError("charge_rate must rise from 0, such as [[0, 1], [80, 0.5]]")
+
+
+class TypeDrain(ConfigSection, frozen=True, kw_only=True):
+    """What a tick of each operation takes from batteries of one type of robots."""
+
+    move: Annotated[Rate | None, Meta(description="As battery.drain.move.")] = None
+    turn: Annotated[Rate | None, Meta(description="As battery.drain.turn.")] = None
+    pick: Annotated[Rate | None, Meta(description="As battery.drain.pick.")] = None
+    drop: Annotated[Rate | None, Meta(description="As battery.drain.drop.")] = None
+    try_drop: Annotated[Rate | None, Meta(description="As battery.drain.try_drop.")] = None
+    wait: Annotated[Rate | None, Meta(description="As battery.drain.wait.")] = None
+    loaded_factor: Annotated[
+        Annotated[float, Meta(ge=0, le=10)] | None,
+        Meta(description="As battery.drain.loaded_factor."),
+    ] = None
+
+
+class TypeBattery(ConfigSection, frozen=True, kw_only=True):
+    """The batteries of one type of robots; what it leaves out is as in `battery`."""
+
+    drain: Annotated[TypeDrain, Meta(description="As battery.drain.")] = TypeDrain()
+    charge_rate: Annotated[
+        GivingRate | tuple[tuple[Percent, GivingRate], ...] | None,
+        Meta(description="As battery.charge_rate."),
+    ] = None
+    initial_charge: Annotated[
+        Percent | ChargeRange | None,
+        Meta(description="Percent at the start: of all robots of the type, or drawn {from, to}."),
+    ] = None
+    reserve: Annotated[Percent | None, Meta(description="As battery.reserve.")] = None
+
+    def within(self, usual: Battery) -> Battery:
+        """This battery, and the usual one for what is left out. Raises ValueError."""
+        drain = msgspec.structs.replace(usual.drain, **_stated(self.drain))
+        return Battery(**(msgspec.structs.asdict(usual) | _stated(self) | {"drain": drain}))
+
+
+def _stated(section: msgspec.Struct) -> dict[str, Any]:
+    """What a section says."""
+    return {
+        name: value for name, value in msgspec.structs.asdict(section).items() if value is not None
+    }
 
 
 class Fault(ConfigSection, frozen=True, kw_only=True):

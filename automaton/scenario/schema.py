@@ -21,6 +21,7 @@ from automaton.scenario.energy_and_faults import ChargeRange as ChargeRange
 from automaton.scenario.energy_and_faults import Drain as Drain
 from automaton.scenario.energy_and_faults import Fault as Fault
 from automaton.scenario.energy_and_faults import Faults as Faults
+from automaton.scenario.energy_and_faults import TypeBattery
 from automaton.scenario.field_types import ConfigSection as ConfigSection
 from automaton.scenario.field_types import Direction as Direction
 from automaton.scenario.field_types import NonEmptyText as NonEmptyText
@@ -257,6 +258,17 @@ class Scenario(ConfigSection, frozen=True, kw_only=True):
                 own = kind.durations.within(self.durations)
             except ValueError as error:
                 raise ValueError(f"fleet has robots of the type {kind.name}, but {error}") from None
+            if self.battery is None and kind.battery != TypeBattery():
+                raise ValueError(
+                    f"fleet has robots of the type {kind.name} with batteries, but the scenario has "
+                    "none; set battery, which says the rest of them"
+                )
+            if self.battery is not None:
+                try:
+                    kind.battery.within(self.battery)
+                except ValueError as error:
+                    text = f"fleet has robots of the type {kind.name}, but {error}"
+                    raise ValueError(text) from None
             slowest = max(slowest, kind.move_time_factor * max(own.moves))
         if slowest > MAX_MOVE_TICKS:
             raise ValueError(

@@ -77,7 +77,7 @@ class Snapshot:
     order_queue: Array  # (k,) int32: orders that the selected robot is to do, one after another
     repairs_in_place: bool  # broken robots are not towed
     delayed_until: Array  # (n,) int64: the last tick of a robot's delay; (0,): there are no delays
-    curve: Array  # (K, 2) int32: from this charge on, units that a tick at a charger gives
+    curve: Array  # (K, pieces, 2) int32: from this charge on, units that a tick at a charger gives
     lost_in_zone: Array  # (Z,) int64: ticks that moves took longer because of each slow zone
     layer: str  # of the map, that was asked for; whoever shows it brings its numbers
     heat: Array | None = None  # (C,) int32, or None

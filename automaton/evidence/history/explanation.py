@@ -103,7 +103,7 @@ def _link(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> Link:
         because = queueing_words(snapshot, robot, f"({cell[0]}, {cell[1]})")
     elif code == CAUSE_DELAYED:
         last = int(snapshot.delayed_until[robot])
-        because += f" up to tick {last:,}" if last >= snapshot.tick else ""
+        because += f" up to tick {last:,}" if last > snapshot.tick else ""
     elif code in (CAUSE_NO_ENERGY, CAUSE_FAULT):
         because = out_of_order(snapshot, robot)
     elif station_of(snapshot, robot) != NIL and code in STATION_WORDS:

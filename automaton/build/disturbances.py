@@ -55,19 +55,19 @@ def delay_ticks(rules: DelayRules) -> Array:
 
 
 def repair_ticks(faults: Faults) -> Array:
-    """(r,) int32: how long repairs in place take; (0,): there are none."""
-    given = faults.repair_in_place
-    if given is None:
+    """(r,) int32: how long repairs in place take; (0,): robots are towed."""
+    duration = faults.repair_in_place
+    if duration is None:
         return np.zeros(0, np.int32)
-    if isinstance(given, int):
-        return np.array([given], np.int32)
-    if isinstance(given.empirical, tuple):
-        return whole_ticks(np.array(given.empirical))
-    if given.exponential is not None:
-        numbers: Array = geometric_quantile(given.exponential, 1 - quantiles())
+    if isinstance(duration, int):
+        return np.array([duration], np.int32)
+    if isinstance(duration.empirical, tuple):
+        return whole_ticks(np.array(duration.empirical))
+    if duration.exponential is not None:
+        numbers: Array = geometric_quantile(duration.exponential, 1 - quantiles())
         return numbers.astype(np.int32)
-    assert isinstance(given, Distribution)
-    return whole_ticks(duration_quantile(given, quantiles()))
+    assert isinstance(duration, Distribution)
+    return whole_ticks(duration_quantile(duration, quantiles()))
 
 
 def quantiles() -> Floats:
@@ -77,8 +77,8 @@ def quantiles() -> Floats:
 
 def whole_ticks(ticks: Floats) -> Array:
     """Whole ticks, half up, 1 at least."""
-    whole: Array = np.maximum(np.floor(ticks + 0.5), 1).astype(np.int32)
-    return whole
+    rounded: Array = np.maximum(np.floor(ticks + 0.5), 1).astype(np.int32)
+    return rounded
 
 
 def poisson_counts(mean: float) -> Array:

@@ -15,7 +15,7 @@ from automaton.scenario.changing_floor import CellRectangle, MarkedCells, SpeedL
 from automaton.scenario.document import Document, Keys
 from automaton.scenario.schema import Scenario
 
-MAX_SPEEDS: Final = 14  # distance tables tell so many ticks of moves and two more apart
+MAX_SPEEDS: Final = 14  # distance tables have a queue for each, and for two more
 
 Cells = npt.NDArray[np.int64]
 
@@ -74,7 +74,7 @@ def with_speed_limits(floor_plan: FloorPlan, limits: tuple[SpeedLimit, ...]) -> 
         inside = np.zeros(floor_plan.kind.size, np.bool_)
         inside[marked_cells(floor_plan, limit.cells)] = True
         for direction, offset in enumerate(floor_plan.offsets):
-            # np.roll wraps round, but only through the border, where nobody drives.
+            # np.roll wraps round, but only through the border, where no robot drives.
             both = inside & np.roll(inside, -offset)
             ticks[both, direction] = np.maximum(ticks[both, direction], limit.max_speed)
     ticks.setflags(write=False)

@@ -226,7 +226,7 @@ def build_sight(world: World, floor: Floor) -> World:
             len(world.robots.cell), floor.occupancy.copy(), floor.grid.traffic_zone_count
         ),
         tally=world.tally.copied(),
-        delays=world.delays.copied(),  # nobody sees them but by what robots do
+        delays=world.delays.copied(),  # without who is delayed
         chargers=build_chargers(world.grid.kind),  # without what the tick notes about robots
         service_zones=service_zones.replaced(
             halt=service_zones.halt.copy(),

@@ -73,24 +73,24 @@ def begin_delay(world, record, i):
 def find_last_hash(world):
     """The hash up to which robots begin delays in this tick, 0: none does."""
     robots, delays, rules = world.robots, world.delays, world.rules
-    tick, count, found = world.clock[CLOCK_TICK], 0, 0
+    tick, count, able = world.clock[CLOCK_TICK], 0, 0
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[U(identity)])
         if robots.cell[U(i)] == NIL or robots.status[U(i)] > STATUS_EXHAUSTED:
             continue
         if delays.until[U(identity)] >= tick:
             continue
-        delays.hash[U(found)] = random_bits(rules.seed, STREAM_DELAYS, tick, identity)
-        found += 1
+        delays.hash[U(able)] = random_bits(rules.seed, STREAM_DELAYS, tick, identity)
+        able += 1
         bits = random_bits(rules.seed, STREAM_DELAY_COUNTS, tick, identity) >> np.uint64(32)
         for k in range(delays.counts.shape[0]):
             count += np.int64(np.int64(bits) >= delays.counts[U(k)])
-    return least_hash(delays.hash, found, min(count, found))
+    return least_hash(delays.hash, able, min(count, able))
 
 
 @kernel
-def least_hash(hashes, found, count):
-    """The least number that is not less than `count` of the first `found` hashes; 0 for none."""
+def least_hash(hashes, able, count):
+    """The least number that is not less than `count` of the first `able` hashes; 0 for none."""
     result = np.uint64(0)
     if count == 0:
         return result
@@ -98,7 +98,7 @@ def least_hash(hashes, found, count):
         bit = np.uint64(1) << np.uint64(63 - k)
         below = result | (bit - np.uint64(1))
         within = 0
-        for entry in range(found):
+        for entry in range(able):
             within += np.int64(hashes[U(entry)] <= below)
         if within < count:
             result |= bit

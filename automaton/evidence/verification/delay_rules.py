@@ -38,14 +38,14 @@ class Delays:
         if not self.rules and not rows:
             return
         due = self._due(tick) if self.rules else {}
-        told = {row[2]: row[3] for row in rows}
-        for r in sorted({*due, *told}):
-            if due.get(r) != told.get(r):
-                words = [f"{told[r]} ticks" if r in told else "none"]
+        recorded = {row[2]: row[3] for row in rows}
+        for r in sorted({*due, *recorded}):
+            if due.get(r) != recorded.get(r):
+                words = [f"{recorded[r]} ticks" if r in recorded else "none"]
                 words += [f"{due[r]} ticks" if r in due else "none"]
                 text = f"a delay of {words[0]} is recorded, and {words[1]} is due"
                 self.report_violation("delay", [r], self.motion.cell[r], text)
-        for r, ticks in told.items():
+        for r, ticks in recorded.items():
             if 0 <= r < len(self.until):
                 self._delay(tick, r, ticks)
         for r, until in enumerate(self.until):

@@ -32,20 +32,20 @@ def durations_of(rules: dict[str, Any]) -> list[int]:
     return [half_up(min(max(least + (most - least) * one, least), most)) for one in shares]
 
 
-def repairs_of(given: Any) -> list[int]:
+def repairs_of(duration: Any) -> list[int]:
     """How long repairs in place last, each duration as often as it is probable."""
-    if isinstance(given, int):
-        return [given]
-    if given.get("empirical"):
-        return [max(1, half_up(one)) for one in given["empirical"]]
+    if isinstance(duration, int):
+        return [duration]
+    if duration.get("empirical"):
+        return [max(1, half_up(one)) for one in duration["empirical"]]
     places = quantile_places()
-    if given.get("uniform"):
-        least, most = given["uniform"]["from"], given["uniform"]["to"]
+    if duration.get("uniform"):
+        least, most = duration["uniform"]["from"], duration["uniform"]["to"]
         return [max(1, half_up(least + (most - least) * u)) for u in places]
-    if given.get("exponential"):
-        stays = 1 - 1 / given["exponential"]
+    if duration.get("exponential"):
+        stays = 1 - 1 / duration["exponential"]
         return [1 + greatest_power(stays, 1 - u) for u in places]
-    mean, sd = given["lognormal"]["mean"], given["lognormal"]["sd"]
+    mean, sd = duration["lognormal"]["mean"], duration["lognormal"]["sd"]
     variance = math.log(1 + (sd / mean) ** 2)
     normal = NormalDist(math.log(mean) - variance / 2, math.sqrt(variance)) if sd else None
     if normal is None:

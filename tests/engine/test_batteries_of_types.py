@@ -19,9 +19,9 @@ from automaton.scenario.schema import Scenario
 from automaton.scenario.validation import validated
 
 PICTURE = """\
-c.......s
+c.......t
 .########
-d.......c"""
+t.......c"""
 SMALL = {
     "drain": {"move": 2, "loaded_factor": 3},
     "charge_rate": [[0, 8], [50, 2]],
@@ -77,8 +77,12 @@ def test_each_type_pays_its_own_and_what_it_leaves_out_is_the_fleets() -> None:
 def test_robots_with_their_own_batteries_charge_and_deliver(allocation: str) -> None:
     """The validator pays and charges once more; both charge, the small one by its curve."""
     lines = [{"from": [8, 0], "to": [0, 2]} for _ in range(6)]
+    small = SMALL | {"drain": {"move": 2, "loaded_factor": 1.5}}
+    types = [{"name": "small", "robots": 1, "battery": small}, {"name": "large"}]
     made = run(
         resolved(
+            fleet={**scene()["fleet"], "types": types},
+            battery=USUAL | {"drain": {"move": 1}},
             orders={"list": lines},
             strategy={
                 "allocation": allocation,

@@ -63,14 +63,14 @@ def test_a_robot_goes_on_with_its_load_after_its_repair() -> None:
 
 
 def test_its_battery_is_as_it_was_and_an_empty_one_is_still_towed() -> None:
-    battery = {"drain": {"move": 10.0}, "charge_rate": 1.0, "initial_charge": 60.0}
+    battery = {"drain": {"move": 10.0}, "charge_rate": 1.0, "initial_charge": 40.0}
     made, recorder = simulation(
         faults={**FAULTS, "tow_after": 3},
         battery=battery,
         layout={"picture": "s......d\n.......c"},
     )
     made.run(10)
-    assert made.world.robots.charge[0] == BATTERY_FULL * 3 // 10, "three moves"
+    assert made.world.robots.charge[0] == BATTERY_FULL // 10, "three moves"
     made.run(40)
     assert made.world.robots.cell[0] == NIL, "it ran empty, and was towed"
     assert validate_stored(recorder.recording()).violations == []

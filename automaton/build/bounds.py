@@ -22,7 +22,7 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
-from typing import Final, NamedTuple
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 
@@ -33,6 +33,7 @@ from automaton.floor.floor_plan import CAN_TURN
 from automaton.floor.reachability import backward_exits, slot_access
 from automaton.scenario.carried_pods import transports_of
 from automaton.scenario.orders import DRAWN, ENDS, Orders, Parts
+from automaton.scenario.robot_types import RobotType
 from automaton.scenario.schema import Battery, ChargeRange
 
 MOST_TARGETS: Final = 200  # of a list, each with a search of its own; beyond: the nearest of all
@@ -79,9 +80,8 @@ def bounds(resolved: Resolved) -> Bounds:
     parts = part_bounds(scenario.orders, ticks)
     energy = 0.0
     if battery is not None:
-        drain, loaded = battery.drain, battery.drain.loaded_factor
-        move = drain.move * fleet.least_loaded_move
-        price = Price(loaded * move, loaded * drain.turn * turn, 0.0)
+        turns = 0.0 if turn == 0 else min(drained(one, "turn") for one in fleet.types)
+        price = Price(min(drained(one, "move") for one in fleet.types), turns, 0.0)
         energy = float(min_drive_cost(resolved, price)[0].sum())
     return Bounds(
         orders=len(drives),
@@ -92,7 +92,7 @@ def bounds(resolved: Resolved) -> Bounds:
         busiest=parts.busiest,
         longest_part=parts.longest,
         energy=energy,
-        held=_held(battery),
+        held=max(_held(one.battery) for one in fleet.types),
         given=_given(resolved),
         mended=_mended(resolved),
     )
@@ -199,6 +199,8 @@ def _costs(
     for slot, cells in enumerate(access):
         for cell in cells:
             beside.setdefault(cell, []).append(slot)
+    limits = floor_plan.min_move_ticks.tolist() if len(floor_plan.min_move_ticks) else None
+    least = resolved.fleet.least_loaded_move
     cost = [[math.inf] * kind.size for _ in (0, 1)]
     front = [(0.0, cell, axis) for cell in goals for axis in (0, 1)]
     through: set[int] = set()
@@ -209,7 +211,9 @@ def _costs(
         cost[axis][cell] = so_far
         for direction in (axis, axis + 2):
             if back[cell] >> direction & 1:
-                heapq.heappush(front, (so_far + price.move, cell + offsets[direction], axis))
+                before = cell + offsets[direction]
+                slower = 0.0 if limits is None else slowness(limits[before][direction ^ 2], least)
+                heapq.heappush(front, (so_far + price.move * (1 + slower), before, axis))
         if turns[cell]:
             heapq.heappush(front, (so_far + price.turn, cell, 1 - axis))
         for slot in beside.get(cell, ()):
@@ -223,9 +227,23 @@ def _costs(
     return cost
 
 
+def slowness(limit: int, ticks: int) -> float:
+    """By how many times more than these ticks a move takes under a limit."""
+    return max(limit / ticks - 1, 0.0)
+
+
 def _visits(resolved: Resolved) -> bool:
     listed = resolved.scenario.orders.listed
     return listed is not None and any(line.source == line.target for line in listed)  # or has stops
+
+
+def drained(robot_type: RobotType, operation: Literal["move", "turn"]) -> float:
+    """Percent of its battery that a move or a turn with a load takes a robot of a type."""
+    assert robot_type.battery is not None
+    drain, durations = robot_type.battery.drain, robot_type.durations
+    if operation == "move":
+        return drain.loaded_factor * drain.move * robot_type.moves.loaded
+    return drain.loaded_factor * drain.turn * durations.turns.loaded
 
 
 def _held(battery: Battery | None) -> float:
@@ -236,11 +254,13 @@ def _held(battery: Battery | None) -> float:
 
 
 def _given(resolved: Resolved) -> float:
-    battery = resolved.scenario.battery
-    if battery is None:
+    if resolved.scenario.battery is None:
         return 0.0
-    charge = battery.charge_rate
-    rate = max(step[1] for step in charge) if isinstance(charge, tuple) else charge
+    charges = [one.battery.charge_rate for one in resolved.fleet.types if one.battery is not None]
+    rate = max(
+        max(step[1] for step in charge) if isinstance(charge, tuple) else charge
+        for charge in charges
+    )
     return float(rate * np.count_nonzero(resolved.floor_plan.kind == CHARGER))
 
 
@@ -248,7 +268,8 @@ def _mended(resolved: Resolved) -> float:
     faults = resolved.scenario.faults
     if resolved.scenario.battery is None or faults.tow_after is None or faults.repair_time is None:
         return 0.0
-    added = resolved.scenario.battery.reserve if faults.charge == "kept" else faults.charge
+    reserves = [one.battery.reserve for one in resolved.fleet.types if one.battery is not None]
+    added = max(reserves) if faults.charge == "kept" else faults.charge
     return added / max(1, faults.tow_after + faults.repair_time)
 
 

@@ -13,9 +13,9 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from automaton.build.capabilities import FleetOnFloor, Service, service_for
+from automaton.build.geometric_draws import geometric
 from automaton.build.loaded_reach import served_with_load
 from automaton.build.prepared_floor import Floor
 from automaton.build.resolve import Resolved
@@ -33,7 +33,6 @@ from automaton.scenario.orders import Orders as OrdersGiven
 from automaton.scenario.schema import Scenario
 
 DRAW_RELEASE_SEQUENCE, DRAW_WEIGHT = 2, 3  # what is drawn of an order, beside its two ends
-FINEST = 2.0**-60  # no u is below 2^-54
 SIZES, GAPS, PARTS = 1, 2, 3  # what is drawn of a burst; PARTS + k: gaps between parts of type k
 
 
@@ -355,30 +354,3 @@ def drawn_sequence(count: int, seed: int) -> Array:
             keys, np.uint64(seed), random_numbers.STREAM_ORDERS, what, numbers
         )
     return np.argsort(keys, kind="stable")
-
-
-def geometric(
-    mean: float, seed: int, stream: int, ticks: npt.ArrayLike, robots: npt.ArrayLike
-) -> npt.NDArray[np.int64]:
-    """(k,) int64 from 1 on, geometric with this mean, addressed by (stream, ticks[i], robots[i]).
-
-    P(X > k) = q^k with q = 1 - 1/mean. A draw is 1 plus the greatest k with q^k > u, u uniform in
-    (0, 1); it is found bit by bit from q, q^2, q^4, ... by multiplications alone, which round alike
-    everywhere, as logarithms do not.
-    """
-    where, who = np.broadcast_arrays(np.asarray(ticks, np.int64), np.asarray(robots, np.int64))
-    bits = np.zeros(len(where), np.uint64)
-    with np.errstate(over="ignore"):
-        random_numbers.random_bits_of_each(bits, np.uint64(seed), stream, where.copy(), who.copy())
-    u = ((bits >> np.uint64(11)).astype(np.float64) + 0.5) * 2.0**-53
-    powers = [1.0 - 1.0 / mean]  # q^(2^i)
-    while powers[-1] > FINEST:
-        powers.append(powers[-1] * powers[-1])
-    numbers = np.ones(len(u), np.int64)
-    left = np.ones(len(u))
-    for i in range(len(powers) - 1, -1, -1):
-        further = left * powers[i]
-        more = further > u
-        left[more] = further[more]
-        numbers[more] += 1 << i
-    return numbers

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from automaton.build.demand import geometric
+from automaton.build.geometric_draws import geometric
 from automaton.engine import random_numbers
 from automaton.engine.trips import LONGEST_VISIT, MICRO
 from automaton.scenario.handling import Distribution, Handling
@@ -86,7 +86,11 @@ def drawn_durations(distribution: Distribution, count: int, seed: int) -> Floats
             distribution.exponential, seed, random_numbers.STREAM_LINES, numbers, numbers * 0
         )
         return drawn.astype(np.float64)
-    u = uniform_draws(count, seed)
+    return duration_quantile(distribution, uniform_draws(count, seed))
+
+
+def duration_quantile(distribution: Distribution, u: Floats) -> Floats:
+    """(k,) ticks, not rounded, for numbers between 0 and 1; not of an exponential distribution."""
     if distribution.uniform is not None:
         least, most = distribution.uniform.least, distribution.uniform.most
         spread: Floats = least + (most - least) * u

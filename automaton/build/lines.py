@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from automaton.build.demand import geometric
+from automaton.build.geometric_draws import geometric
 from automaton.engine import random_numbers
 from automaton.engine.random_numbers import STREAM_LINE_DEMAND
 from automaton.engine.releases import draw_releases

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from automaton.engine.robot_status import BATTERY_PERCENT
+from automaton.build.disturbances import repair_ticks
+from automaton.engine.robot_status import BATTERY_FULL, BATTERY_PERCENT
 from automaton.engine.state import (
     ACTION_COUNT,
     ACTION_DROP,
@@ -66,15 +67,16 @@ def rules_for(scenario: Scenario, seed: int, loaded_differ: bool = False) -> Rul
         extra_tick=round(rules.extra_tick_probability * 2**32),
         handling_jitter=scenario.durations.handling_jitter,
         battery=int(scenario.battery is not None),
-        drain=drain_table(scenario.battery),
-        curve=charging_curve(scenario.battery),
-        reserve=0 if scenario.battery is None else charge_units(scenario.battery.reserve),
+        drain=np.stack([drain_table(one.battery) for one, _ in rows]),
+        curve=charging_curves([one.battery for one, _ in rows]),
+        reserve=np.array([reserve_units(one.battery) for one, _ in rows], np.int64),
         tow_after=ticks_or_never(scenario.faults.tow_after),
         repair=ticks_or_never(scenario.faults.repair_time),
         repaired=NIL if scenario.faults.charge == "kept" else charge_units(scenario.faults.charge),
         may_fail=int(may_fail(scenario)),
         faults=fault_table(scenario.faults),
         breakdown=round(scenario.faults.probability * 2**32),
+        repair_in_place=repair_ticks(scenario.faults),
     )
 
 
@@ -120,7 +122,7 @@ def drain_table(battery: Battery | None) -> Array:
 
 
 def charging_curve(battery: Battery | None) -> Array:
-    """(K, 2) int32: from this charge on, units that a tick at a charger gives."""
+    """(pieces, 2) int32: from this charge on, units that a tick at a charger gives."""
     if battery is None:
         return np.zeros((1, 2), np.int32)
     steps = (
@@ -129,6 +131,23 @@ def charging_curve(battery: Battery | None) -> Array:
         else ((0.0, battery.charge_rate),)
     )
     return np.array([(charge_units(since), charge_units(rate)) for since, rate in steps], np.int32)
+
+
+def charging_curves(batteries: list[Battery | None]) -> Array:
+    """(K, pieces, 2) int32: the curves of all; shorter ones go on as they are above a full battery."""
+    curves = [charging_curve(battery) for battery in batteries]
+    most = max(len(curve) for curve in curves)
+    beyond = [np.array([[BATTERY_FULL + 1, curve[-1, 1]]], np.int32) for curve in curves]
+    return np.stack(
+        [
+            np.concatenate([curve, np.repeat(last, most - len(curve), axis=0)])
+            for curve, last in zip(curves, beyond, strict=True)
+        ]
+    )
+
+
+def reserve_units(battery: Battery | None) -> int:
+    return 0 if battery is None else charge_units(battery.reserve)
 
 
 def fault_table(faults: Faults) -> Array:

@@ -97,16 +97,17 @@ def out_of_range(resolved: Resolved) -> str:
         return ""
     chargers = np.flatnonzero(floor_plan.kind == CHARGER).tolist()
     there, back = steps_from(floor_plan, chargers), steps_from(floor_plan, chargers, backwards=True)
-    move = battery.drain.move * resolved.fleet.least_move
+    batteries = [one.battery for one in resolved.fleet.types if one.battery is not None]
+    move = min(one.drain.move for one in batteries) * resolved.fleet.least_move
     dearest, way = 0.0, pairs[0]
     for source in dict.fromkeys(source for source, _ in pairs):
         ahead = steps_from(floor_plan, [source])
         for target in (target for begin, target in pairs if begin == source):
             empty, loaded = int(there[source] + back[target]), int(ahead[target])
-            cost = move * (empty + battery.drain.loaded_factor * loaded)
+            cost = move * (empty + min(one.drain.loaded_factor for one in batteries) * loaded)
             if cost > dearest:
                 dearest, way = cost, (source, target)
-    least = 100 - battery.reserve
+    least = 100 - min(one.reserve for one in batteries)
     if dearest <= least:
         return ""
     (x, y), (to_x, to_y) = (floor_plan.xy(cell) for cell in way)

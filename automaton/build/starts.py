@@ -13,7 +13,8 @@ from automaton.engine.state import NIL, Array, Grid
 from automaton.floor.cells import DIRECTIONS, UNLIMITED
 from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.reachability import rack_stands
-from automaton.scenario.schema import Fleet, Scenario
+from automaton.scenario.robot_types import type_of_each, types_of
+from automaton.scenario.schema import Battery, Fleet, Scenario
 
 
 def homes(resolved: Resolved, seed: int) -> tuple[Array, Array]:
@@ -110,10 +111,17 @@ def occupy_starts(grid: Grid, occupancy: Array, cells: Array, headings: Array) -
 def first_charges(scenario: Scenario, seed: int) -> Array:
     """(n,) int32 by identity: what is in the batteries at the start."""
     n = scenario.fleet.robots
-    charges = np.full(n, BATTERY_FULL, np.int32)
     if scenario.battery is None:
-        return charges
-    start = scenario.battery.initial_charge
+        return np.full(n, BATTERY_FULL, np.int32)
+    types = [one.battery for one in types_of(scenario) if one.battery is not None]
+    by_type = np.stack([_charges(one, n, seed) for one in types])
+    return by_type[type_of_each(scenario.fleet), np.arange(n)]
+
+
+def _charges(battery: Battery, n: int, seed: int) -> Array:
+    """(n,) int32 by identity: what robots with these batteries have at the start."""
+    charges = np.full(n, BATTERY_FULL, np.int32)
+    start = battery.initial_charge
     if isinstance(start, tuple):
         return np.array([charge_units(percent) for percent in start], np.int32)
     if isinstance(start, float):

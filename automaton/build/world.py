@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from automaton.build.demand import build_orders, build_stations
+from automaton.build.disturbances import build_delays
 from automaton.build.initial_service_zones import build_service_zones
 from automaton.build.pods import build_pods
 from automaton.build.prepared_floor import Floor, floor_for
@@ -136,6 +137,7 @@ def build_world(
         service_zones=service_zones,
         traffic=traffic,
         tally=Tally.sized({"n": n}),
+        delays=build_delays(scenario.faults.delays, n),
         clock=clock,
     )
     return world, floor
@@ -232,6 +234,7 @@ def build_sight(world: World, floor: Floor) -> World:
             len(world.robots.cell), floor.occupancy.copy(), floor.grid.traffic_zone_count
         ),
         tally=world.tally.copied(),
+        delays=world.delays.copied(),  # without who is delayed
         chargers=build_chargers(world.grid.kind),  # without what the tick notes about robots
         service_zones=service_zones.replaced(
             halt=service_zones.halt.copy(),

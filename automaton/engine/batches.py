@@ -5,7 +5,7 @@ import numpy as np
 from automaton.engine.jit.field_kernels import clearing
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.requests import clear_route_request, first_cell
-from automaton.engine.robot_status import STATUS_UP
+from automaton.engine.robot_status import STATUS_EXHAUSTED, STATUS_UP
 from automaton.engine.state import (
     CLOCK_ALLOCATION_REVISION,
     CLOCK_FRESH_ALLOCATION,
@@ -130,7 +130,8 @@ def batch_allocation(world, batch):
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
         concerned = robots.need[i] & NEED_ALLOCATION and (
-            robots.busy[i] == 0 or robots.reason[i] == REASON_PICKED
+            robots.busy[i] == 0
+            or (robots.reason[i] == REASON_PICKED and robots.status[i] <= STATUS_EXHAUSTED)
         )
         if concerned and robots.seen_revision[i] != clock[CLOCK_REVISION]:
             append(batch, i, robots.reason[i])

@@ -44,9 +44,11 @@ def has_energy_for(world, i, action):
 
 
 @kernel
-def charge_gain(world, charge):
-    """Units that a tick at a charger gives at this charge."""
-    return min(rate_at(world.rules.curve, charge), BATTERY_FULL - charge)
+def charge_gain(world, i):
+    """Units that a tick at a charger gives robot i at its charge."""
+    charge = np.int64(world.robots.charge[i])
+    rate = rate_at(world.rules.curve[world.robots.type[i]], charge)
+    return min(rate, BATTERY_FULL - charge)
 
 
 @kernel
@@ -60,7 +62,7 @@ def charge_up(world, i):
     robots.busy[i] = 1  # motion takes it away again in this tick
     world.tally.operations[i, ACTION_CHARGE, 0] -= 0 if first else 1
     robots.executed[i] = np.int64(robots.executed[i]) | EXECUTED_CHARGE
-    more = charge_gain(world, np.int64(robots.charge[i]))
+    more = charge_gain(world, i)
     robots.charge[i] += more
     world.tally.charged[i] += more
     if robots.charge[i] >= robots.charge_target[i]:

@@ -1,9 +1,10 @@
-"""Robots that go down, are towed, and come back.
+"""Robots that go down, are towed, and come back; or are repaired where they stand.
 
 An empty battery or a fault takes a robot out where it stands. Its orders are given back; its load
 becomes a waiting order in its cell, to be picked up from the cells beside it; a pod stays on it. It
 holds its cell until it is towed, and its pod is put into storage; where robots are not repaired, it is
-gone.
+gone. Where broken robots are repaired in place, one keeps its orders and its load, and goes on when its
+repair is over.
 """
 
 import numpy as np
@@ -15,7 +16,12 @@ from automaton.engine.loads import leave_queue, reserve_order, reserve_slot
 from automaton.engine.motion import vacate
 from automaton.engine.next_stop import drive_on_with_load
 from automaton.engine.operations import put_off, with_load
-from automaton.engine.random_numbers import STREAM_BREAKDOWNS, random_bits
+from automaton.engine.random_numbers import (
+    STREAM_BREAKDOWNS,
+    STREAM_REPAIRS,
+    random_between,
+    random_bits,
+)
 from automaton.engine.record_changes import record_change
 from automaton.engine.record_codes import CHANGE_LOAD_LEFT, CHANGE_STATUS
 from automaton.engine.requests import (
@@ -112,7 +118,9 @@ def tow_and_repair(world, record, workspace):
             or tick < robots.status_until[i]
         ):
             continue
-        if status == STATUS_TOWED:
+        if status == STATUS_FAILED and world.rules.repair_in_place.shape[0]:
+            go_on_in_place(world, record, i)
+        elif status == STATUS_TOWED:
             come_back(world, record, i)
         elif status != STATUS_REMOVED:
             carries_pod = has_trips(world) and robots.load[i] != NIL
@@ -128,11 +136,42 @@ def take_all_out(world, record):
         i = np.int64(robots.at_index[identity])
         status = robots.status[i]
         if status == STATUS_EXHAUSTED or (status == STATUS_FAILING and robots.busy[i] == 0):
-            take_out(
-                world, record, i, STATUS_DEPLETED if status == STATUS_EXHAUSTED else STATUS_FAILED
-            )
+            if status == STATUS_FAILING and world.rules.repair_in_place.shape[0]:
+                stop_in_place(world, record, i)
+            else:
+                after = STATUS_DEPLETED if status == STATUS_EXHAUSTED else STATUS_FAILED
+                take_out(world, record, i, after)
+        if robots.status[i] == STATUS_FAILED and world.rules.repair_in_place.shape[0]:
+            robots.busy[i] = 1  # motion takes it away again in this tick
         if robots.status[i] == STATUS_DEPLETED or robots.status[i] == STATUS_FAILED:
             world.tally.ticks[i, ACTION_DOWN, 0] += 1
+
+
+@kernel
+def stop_in_place(world, record, i):
+    """Robot i is down where it stands until it is repaired there; it keeps all that it has to do."""
+    robots, rules, tick = world.robots, world.rules, world.clock[CLOCK_TICK]
+    become(world, record, i, STATUS_FAILED)
+    entry = random_between(
+        0,
+        rules.repair_in_place.shape[0] - 1,
+        rules.seed,
+        STREAM_REPAIRS,
+        tick,
+        np.int64(robots.identity[i]),
+    )
+    robots.status_until[i] = tick + rules.repair_in_place[entry]
+    robots.action[i] = ACTION_DOWN
+    world.tally.failures[i, FAILURE_FAULT] += 1
+    world.tally.operations[i, ACTION_DOWN, 0] += 1
+
+
+@kernel
+def go_on_in_place(world, record, i):
+    """Robot i is in order again where it stands."""
+    world.robots.status_until[i] = 0
+    become(world, record, i, STATUS_UP)
+    world.clock[CLOCK_ROBOTS_DOWN] -= 1
 
 
 @kernel
@@ -286,7 +325,9 @@ def charge_in_repair(world, i):
     after = np.int64(rules.repaired)
     if after == NIL:
         after = (
-            max(before, np.int64(rules.reserve)) if robots.status[i] == STATUS_DEPLETED else before
+            max(before, np.int64(rules.reserve[robots.type[i]]))
+            if robots.status[i] == STATUS_DEPLETED
+            else before
         )
     robots.charge[i] = after
     world.tally.repaired[i] += max(after - before, 0)

@@ -21,6 +21,7 @@ from automaton.engine.batches import (
 from automaton.engine.charging_commit import commit_charging
 from automaton.engine.commit import commit_allocation, commit_routing
 from automaton.engine.decision_stream import keep_decisions, max_words
+from automaton.engine.delayed_robots import delay_robots
 from automaton.engine.digest import digest_world
 from automaton.engine.drive import apply_move_outcomes, drive, halt_robots, leave_parking_bays
 from automaton.engine.energy import cancel_infeasible_moves
@@ -111,6 +112,8 @@ def ticks(
         world.robots.executed[:] = 0
         if world.rules.may_fail:
             break_down_and_repair(world, record, workspace)
+        if world.delays.until.shape[0]:
+            delay_robots(world, record)
         first = clock[CLOCK_NEXT_RELEASE]
         release_orders(world)
         if has_lines(world):
@@ -199,7 +202,7 @@ def motion(world, record):
     if world.clock[CLOCK_HALTED_UNTIL] >= world.clock[CLOCK_TICK]:
         halt_robots(world, record)
     drive(world, record)
-    if world.rules.slowdown or world.rules.extra_tick:
+    if world.rules.slowdown or world.rules.extra_tick or world.grid.min_move_ticks.shape[0]:
         set_move_ticks(world)
     if world.rules.battery:
         cancel_infeasible_moves(world)

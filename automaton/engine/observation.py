@@ -55,6 +55,7 @@ CAUSE_HELD_BACK: Final = 21
 CAUSE_STATION_QUEUE: Final = 22
 CAUSE_POD_AHEAD: Final = 23
 CAUSE_STATION_BREAK: Final = 24
+CAUSE_DELAYED: Final = 25
 CAUSE_UNDECIDED: Final = 255  # within a tick: waits for a cell; why depends on its holder
 
 _HELD = "rule of occupancy: a cell holds no more robots than its capacity"
@@ -135,12 +136,12 @@ CAUSES: Final = (
     Cause(
         "broken down",
         "{robot} has broken down",
-        "a broken robot stands where it is until it is towed",
+        "a broken robot stands where it is until it is towed or repaired",
         False,
     ),
     Cause(
         "reduced speed",
-        "{robot} drives, but its moves take longer: slow zones or chance; it does not wait",
+        "{robot} drives, but its moves take longer: slow zones, speed limits or chance; it does not wait",
         "a move begun in a zone with m robots takes m times as long",
         False,
     ),
@@ -172,6 +173,12 @@ CAUSES: Final = (
         "station break",
         "{robot} stands at its station, which has a break",
         "no visit begins in a break of its station",
+        False,
+    ),
+    Cause(
+        "delayed",
+        "{robot} is delayed",
+        "a delayed robot begins nothing, and a move or a turn under way takes longer by the delay",
         False,
     ),
 )

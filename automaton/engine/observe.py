@@ -9,6 +9,7 @@ the blocker does; cycles of robots that wait for each other. Nothing here writes
 import numpy as np
 
 from automaton.engine.blockers import find_blockers
+from automaton.engine.delayed_robots import is_held_up
 from automaton.engine.facilities import MAY_TURN
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import (
@@ -28,6 +29,7 @@ from automaton.engine.motion import (
 from automaton.engine.observation import (
     CAUSE_BAY_HELD,
     CAUSE_CHARGER_QUEUE,
+    CAUSE_DELAYED,
     CAUSE_FAULT,
     CAUSE_HELD_BACK,
     CAUSE_ILLEGAL_DECISION,
@@ -131,6 +133,8 @@ def scan_robots(world, observation):
     load, load_before = robots.load, observation.load_before
     tours = world.stops.cell.shape[0] > 0
     visits, visits_before = world.tally.visits, observation.visits_before
+    rules = world.rules
+    may_slow = rules.slowdown or rules.extra_tick or world.grid.min_move_ticks.shape[0]
     waiting = 0
     working = 0
     marked = 0
@@ -138,7 +142,7 @@ def scan_robots(world, observation):
         if i + AHEAD < executed.shape[0]:
             fetch_move(world, observation, i + AHEAD)
         w = np.int64(intent[U(i)])
-        if world.rules.slowdown or world.rules.extra_tick:
+        if may_slow:
             note_slow_move(world, observation, i, w)
         told = np.int64(executed[U(i)])
         mark = 0
@@ -261,6 +265,8 @@ def find_wait(world, observation, i, want, did):
     observation.scratch.entry[U(i)] = NIL
     if robots.status[U(i)] >= STATUS_EXHAUSTED:
         return CAUSE_NO_ENERGY if robots.status[U(i)] <= STATUS_DEPLETED else CAUSE_FAULT
+    if is_held_up(world, i):
+        return CAUSE_DELAYED
     if (
         world.clock[CLOCK_HALTED_UNTIL] >= world.clock[CLOCK_TICK]
         and world.service_zones.halt[U(i)] >= world.clock[CLOCK_TICK]
@@ -334,7 +340,8 @@ def note_slow_move(world, observation, i, want):
             observation.slow_zone[U(i)] = traffic_zone
             observation.slow_zone_occupancy[U(i)] = around
     usual = world.rules.duration[U(robots.type[U(i)]), U(ACTION_MOVE)]
-    if robots.action[U(i)] == ACTION_MOVE and robots.busy[U(i)] >= usual:
+    drives = robots.action[U(i)] == ACTION_MOVE and not is_held_up(world, i)
+    if drives and robots.busy[U(i)] >= usual:
         observation.lost[U(i), U(CAUSE_REDUCED_SPEED)] += 1
         if observation.slow_zone[U(i)] != NIL:
             observation.lost_in_zone[U(observation.slow_zone[U(i)])] += 1

@@ -12,7 +12,7 @@ from automaton.engine.state import ACTION_ILLEGAL, CLOCK_ROBOTS_DOWN, NIL
 def energy_cost(world, i, action, ticks):
     """Units of charge that an operation of robot i takes."""
     loaded = 1 if world.robots.load[i] != NIL else 0
-    return ticks * np.int64(world.rules.drain[action, loaded])
+    return ticks * np.int64(world.rules.drain[world.robots.type[i], action, loaded])
 
 
 @kernel

@@ -24,6 +24,10 @@ STREAM_PROCESSING_TIMES = 17
 STREAM_LINES = 18  # what a line takes at a station
 STREAM_LINE_DEMAND = 19  # which lines are drawn
 STREAM_STORAGE = 20  # into which cell a pod goes
+STREAM_DELAYS = 22  # which robots begin a delay
+STREAM_DELAY_TICKS = 23  # how long it lasts
+STREAM_DELAY_COUNTS = 24  # how many begin one
+STREAM_REPAIRS = 25  # how long a repair in place takes
 STREAM_STRATEGY = 32  # plug-ins use this one and above
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)

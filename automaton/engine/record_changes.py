@@ -3,7 +3,7 @@
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import CLOCK_CHANGE_ROWS, CLOCK_RECORDING, CLOCK_TICK
 
-MAX_CHANGES = 12  # rows that a robot may add in a tick
+MAX_CHANGES = 13  # rows that a robot may add in a tick
 
 
 @kernel

@@ -38,5 +38,6 @@ CHANGE_ZONE: Final = 6  # identity, zone
 CHANGE_LOAD_LEFT: Final = 7  # identity, spare slot in its cell where its load lies now
 CHANGE_STATUS: Final = 8  # identity, status of the robot (automaton.engine.robot_status)
 CHANGE_VISITED: Final = 9  # identity, order of which it did the next stop
+CHANGE_DELAYED: Final = 10  # identity, ticks of the delay that begins in this tick
 
 KEYFRAME_TICKS: Final = 2048  # the state is kept after each of so many ticks, and at the end

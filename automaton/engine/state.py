@@ -12,6 +12,7 @@ from typing import Any, Final
 
 from numpy.typing import NDArray
 
+from automaton.engine.delays import Delays
 from automaton.engine.distance_tables import DistanceTables
 from automaton.engine.facilities import Chargers, Slots, Stations
 from automaton.engine.facilities import Grid as Grid
@@ -56,11 +57,12 @@ ACTION_DOWN: Final = 13  # a tick on the floor with an empty battery or a fault
 ACTION_HELD_BACK: Final = 14  # a tick in which right of way holds it back
 ACTION_SERVE: Final = 15  # a tick at a stop of its order that takes time
 ACTION_STATION_QUEUE: Final = 16  # a tick in the queue of a station
-ACTION_COUNT: Final = 17
+ACTION_DELAYED: Final = 17  # a tick on the floor in a delay, with nothing under way
+ACTION_COUNT: Final = 18
 ACTION_NAMES: Final = (
     *("idle", "move", "turn", "pick", "drop", "try_drop", "wait", "charge"),
     *("blocked", "retreat", "bay_blocked", "illegal", "queueing", "down", "held_back"),
-    *("serve", "station_queue"),
+    *("serve", "station_queue", "delayed"),
 )
 
 # Goals: what a robot drives to its goal cell for.
@@ -217,13 +219,13 @@ class Rules(Struct, role=STATIC):
     handling_jitter: int = field("int64", "a pick or drop takes up to so many ticks more")
     battery: int = field("int64", "1: robots run on batteries")
     drain: Array = field(
-        f"({ACTION_COUNT}, 2) int64",
+        f"(K, {ACTION_COUNT}, 2) int64",
         "units of charge that a tick of each action takes; [.., 1] loaded",
     )
     curve: Array = field(
-        "(pieces, 2) int32", "from this charge on, units that a tick at a charger gives"
+        "(K, pieces, 2) int32", "from this charge on, units that a tick at a charger gives"
     )
-    reserve: int = field("int64", "charge that plans never go below")
+    reserve: Array = field("(K,) int64", "charge that plans never go below")
     tow_after: int = field("int64", "ticks that a robot is down before it is towed; NIL: it stays")
     repair: int = field("int64", "ticks from towing until it comes back; NIL: never")
     repaired: int = field(
@@ -232,6 +234,10 @@ class Rules(Struct, role=STATIC):
     may_fail: int = field("int64", "1: robots may go down")
     faults: Array = field("(f, 2) int64", "tick, identity; by tick")
     breakdown: int = field("int64", "of 2**32 ticks on the floor, how many end in a fault")
+    repair_in_place: Array = field(
+        "(r,) int32",
+        "ticks for which a broken robot stands, all alike probable; r = 0: it is towed",
+    )
 
 
 class Robots(Struct):
@@ -497,6 +503,7 @@ class World(Struct):
     service_zones: ServiceZones
     traffic: Traffic
     tally: Tally
+    delays: Delays
     clock: Array = field(
         f"({CLOCK_SIZE},) int64", "entries: CLOCK_*", role=BY_ENTRY, digest=59, by="hash_of_tick"
     )

@@ -107,13 +107,15 @@ def _unfit(header: Content, data: dict[str, Any]) -> Iterator[str]:
             yield f"durations.{name} is {max(given)}"
     if any(max(kind.moves) > 1 or max(kind.durations.turns) > 1 for kind in types_of(scenario)):
         yield "fleet.types has robots whose moves or turns take longer"
-    if world.slowdown != "none" or world.extra_tick_probability:
-        yield "world makes moves longer"
+    if world.slowdown != "none" or world.extra_tick_probability or scenario.floor.speed_limits:
+        yield "slow zones, speed limits or chance make moves longer"
     if fleet.when_idle != "park" or (header["robots"]["cell"] == NIL).any():
         yield "robots leave the floor"
     faults = scenario.faults
     if scenario.battery is not None or faults.listed or faults.probability:
         yield "robots may break down and be towed"
+    if faults.delays is not None:
+        yield "faults.delays delays robots"
     floor = header["floor"]
     if (floor["capacity"][DRIVABLE[floor["kind"]]] != 1).any():
         yield "the floor has cells for more than one robot"

@@ -57,8 +57,8 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     "lost_held_back": ("ticks", "in which right of way that steers held robots back"),
     "slowdown_ticks": (
         "ticks",
-        "reduced speed, not waiting: what moves take longer because of slow zones "
-        "and by chance; no part of blocked_share",
+        "reduced speed, not waiting: what moves take longer because of slow zones, "
+        "speed limits and by chance; no part of blocked_share",
     ),
     "retreats": ("times", "retreats begun"),
     "lead_time": ("ticks", "from the release of an order to its delivery"),
@@ -95,6 +95,7 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     "breakdowns": ("times", "a robot broke down"),
     "towed": ("times", "a robot was towed"),
     "downtime": ("ticks", "robots on the floor were down, failed or without charge"),
+    "delayed_share": ("share", "robot ticks in which the robot was delayed / all robot ticks"),
     "distance": ("cells", "driven by all robots"),
     "parts_finished": ("parts", "worked on at the last station of their routes"),
     "part_flow_time": ("ticks", "from a part's arrival at its first station until it is finished"),

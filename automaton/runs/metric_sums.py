@@ -41,6 +41,7 @@ SUMS: Final = (
     *LOST_TICK_SUMS,
     *("retreats", "illegal_answers", "slowdown_ticks", "distance"),
     *("charge", "charging", "battery_depletions", "repaired", "breakdowns", "towed", "downtime"),
+    "delayed",
     *("delivered", "legs", "timed", "lead_times"),
     *("lines_done", "visits", "trips", "pod_moves"),
     *("due_orders", "late_orders", "not_yet_due", "tardiness_ticks"),
@@ -82,6 +83,7 @@ QUOTIENTS: Final = {
     "energy": Quotient("charge", BATTERY_FULL),
     "repair_energy": Quotient("repaired", BATTERY_FULL),
     "charging_share": Quotient("charging", "robot_ticks"),
+    "delayed_share": Quotient("delayed", "robot_ticks"),
     "part_flow_time": Quotient("part_flow_times", "parts_finished", measured=False),
     "balanced_share": Quotient("ticks_in_balance", "ticks_watched", measured=False),
 }

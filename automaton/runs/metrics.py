@@ -142,6 +142,8 @@ def counted(run: Measured) -> Counted:
     if rules.may_fail:
         sums |= {"breakdowns": int(out[FAILURE_FAULT]), "towed": int(out[FAILURE_TOWED])}
         sums["downtime"] = int(ticks[ACTION_DOWN].sum())
+    if len(world.delays.until):
+        sums["delayed"] = int(world.delays.lasted.sum())
     found = {**dict(run.counted), **sums}
     return Counted(int(world.clock[CLOCK_TICK]), found, ticks.sum(1), busy_ticks(world))
 
@@ -247,8 +249,9 @@ def sums_of_lines(world: World, borders: Array) -> dict[str, Array]:
 
 def may_slow(world: World) -> bool:
     """Whether moves may take longer than their duration, or did so before the rules were changed."""
-    rules = world.rules
-    return bool(rules.slowdown or rules.extra_tick or world.tally.slowdown_ticks.any())
+    rules, is_limited = world.rules, len(world.grid.min_move_ticks) > 0
+    slows = rules.slowdown or rules.extra_tick or is_limited
+    return bool(slows or world.tally.slowdown_ticks.any())
 
 
 def _not_lost(world: World) -> list[str]:

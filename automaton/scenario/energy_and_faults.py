@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta
 
-from automaton.scenario.field_types import ConfigSection, LongTicks
+from automaton.scenario.field_types import ConfigSection, LongTicks, Ticks
+from automaton.scenario.handling import Distribution
 from automaton.scenario.quantities import CHARGE_RATE, MOMENT, PROBABILITY, TIME, quantity
 
 Percent = Annotated[float, Meta(ge=0, le=100)]
@@ -70,11 +71,113 @@ class Battery(ConfigSection, frozen=True, kw_only=True):
                 raise ValueError("charge_rate must rise from 0, such as [[0, 1], [80, 0.5]]")
 
 
+class TypeDrain(ConfigSection, frozen=True, kw_only=True):
+    """What a tick of each operation takes from batteries of one type of robots."""
+
+    move: Annotated[Rate | None, Meta(description="As battery.drain.move.")] = None
+    turn: Annotated[Rate | None, Meta(description="As battery.drain.turn.")] = None
+    pick: Annotated[Rate | None, Meta(description="As battery.drain.pick.")] = None
+    drop: Annotated[Rate | None, Meta(description="As battery.drain.drop.")] = None
+    try_drop: Annotated[Rate | None, Meta(description="As battery.drain.try_drop.")] = None
+    wait: Annotated[Rate | None, Meta(description="As battery.drain.wait.")] = None
+    loaded_factor: Annotated[
+        Annotated[float, Meta(ge=0, le=10)] | None,
+        Meta(description="As battery.drain.loaded_factor."),
+    ] = None
+
+
+class TypeBattery(ConfigSection, frozen=True, kw_only=True):
+    """The batteries of one type of robots; what it leaves out is as in `battery`."""
+
+    drain: Annotated[TypeDrain, Meta(description="As battery.drain.")] = TypeDrain()
+    charge_rate: Annotated[
+        GivingRate | tuple[tuple[Percent, GivingRate], ...] | None,
+        Meta(description="As battery.charge_rate."),
+    ] = None
+    initial_charge: Annotated[
+        Percent | ChargeRange | None,
+        Meta(description="Percent at the start: of all robots of the type, or drawn {from, to}."),
+    ] = None
+    reserve: Annotated[Percent | None, Meta(description="As battery.reserve.")] = None
+
+    def within(self, usual: Battery) -> Battery:
+        """This battery, and the usual one for what is left out. Raises ValueError."""
+        drain = msgspec.structs.replace(usual.drain, **_stated(self.drain))
+        return Battery(**(msgspec.structs.asdict(usual) | _stated(self) | {"drain": drain}))
+
+
+def _stated(section: msgspec.Struct) -> dict[str, Any]:
+    """What a section says."""
+    return {
+        name: value for name, value in msgspec.structs.asdict(section).items() if value is not None
+    }
+
+
 class Fault(ConfigSection, frozen=True, kw_only=True):
     """One robot breaks down."""
 
     robot: Annotated[int, Meta(ge=0, le=999_999, description="Its number, from 0.")]
     at: Annotated[int, quantity(MOMENT, ge=1, le=2_000_000_000, description="In this tick.")]
+
+
+class DelayTicks(ConfigSection, frozen=True, kw_only=True):
+    """Durations from one to another."""
+
+    least: Annotated[Ticks, Meta(description="The shortest.")] = msgspec.field(name="from")
+    most: Annotated[Ticks, Meta(description="The longest.")] = msgspec.field(name="to")
+
+    def __post_init__(self) -> None:
+        if self.least > self.most:
+            raise ValueError(f"from ({self.least}) must not be above to ({self.most})")
+
+
+class Bell(ConfigSection, frozen=True, kw_only=True):
+    """A normal distribution within a range, in shares of its width from its least value on."""
+
+    mean_ratio: Annotated[float, Meta(ge=0, le=1, description="Where its mean is.")] = 0.5
+    sd_ratio: Annotated[float, Meta(ge=0, le=10, description="Its standard deviation.")] = 0.22
+
+
+class BellDelays(ConfigSection, frozen=True, kw_only=True):
+    """Delays that last about as long as each other."""
+
+    gaussian: Bell
+
+
+class Delays(ConfigSection, frozen=True, kw_only=True):
+    """Robots that stand for a while now and then, as in the League of Robot Runners 2026."""
+
+    probability: Annotated[
+        float,
+        quantity(
+            PROBABILITY,
+            gt=0,
+            le=1,
+            description="With which a robot on the floor that is not delayed is so from a tick on.",
+        ),
+    ]
+    ticks: Annotated[DelayTicks, Meta(description="How long a delay lasts.")]
+    events: Annotated[
+        Literal["bernoulli", "poisson"],
+        Meta(
+            description="bernoulli: each robot by itself; poisson: as many robots as a Poisson number "
+            "says whose mean is probability times the robots that may be delayed."
+        ),
+    ] = "bernoulli"
+    distribution: Annotated[
+        Literal["uniform"] | BellDelays,
+        Meta(
+            description="uniform: all durations alike; {gaussian: {mean_ratio, sd_ratio}}: normal, "
+            "rounded, and what is beyond ticks at its ends."
+        ),
+    ] = "uniform"
+    of: Annotated[
+        tuple[Literal["move", "turn"], ...],
+        Meta(
+            description="Which operations under way take longer by the delay; others go on, and the "
+            "robot stands for the rest of the delay after them."
+        ),
+    ] = ("move", "turn")
 
 
 class Faults(ConfigSection, frozen=True, kw_only=True):
@@ -107,6 +210,16 @@ class Faults(ConfigSection, frozen=True, kw_only=True):
         LongTicks | None,
         Meta(description="It is back after so many ticks more; null: never."),
     ] = 600
+    repair_in_place: Annotated[
+        LongTicks | Distribution | None,
+        Meta(
+            description="A robot that breaks down is not towed: it stands for so long, with its load "
+            "and its order, and goes on; null: it is towed. Robots without charge are towed anyway."
+        ),
+    ] = None
+    delays: Annotated[
+        Delays | None, Meta(description="Robots that stand for a while; null: none does.")
+    ] = None
     charge: Annotated[
         Percent | Literal["kept"],
         Meta(
@@ -118,6 +231,9 @@ class Faults(ConfigSection, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         if self.mtbf is not None and self.failure_probability:
             raise ValueError("mtbf and failure_probability say the same; set one of them")
+        drawn = self.repair_in_place
+        if isinstance(drawn, Distribution) and isinstance(drawn.empirical, str):
+            raise ValueError("repair_in_place takes no file; list the durations")
 
     @property
     def probability(self) -> float:

@@ -8,6 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from automaton.scenario.durations import TypeDurations
+from automaton.scenario.energy_and_faults import TypeBattery
 from automaton.scenario.field_types import (
     ConfigSection,
     Direction,
@@ -43,6 +44,9 @@ class FleetType(ConfigSection, frozen=True, kw_only=True):
     durations: Annotated[
         TypeDurations, Meta(description="How long its operations take; left out: as in durations.")
     ] = TypeDurations()
+    battery: Annotated[TypeBattery, Meta(description="Its batteries; left out: as in battery.")] = (
+        TypeBattery()
+    )
     payload: Annotated[
         Weight | None, Meta(description="The heaviest order that it carries; left out: any.")
     ] = None

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.durations import ByLoad, Durations
 from automaton.scenario.fleet import ALL, EMPTY, LOADED, FleetType
-from automaton.scenario.schema import Fleet, Scenario
+from automaton.scenario.schema import Battery, Fleet, Scenario
 
 ANY_WEIGHT = 2**31 - 1  # payload of a robot that carries everything
 
@@ -33,6 +33,7 @@ class RobotType(NamedTuple):
     durations: Durations = Durations()  # its own where it has some; a move without the factor
     closed_empty: tuple[Rectangle, ...] = ()  # further areas, without a load
     closed_loaded: tuple[Rectangle, ...] = ()  # further areas, with a load
+    battery: Battery | None = None
 
     @property
     def moves(self) -> ByLoad:
@@ -53,7 +54,7 @@ class RobotType(NamedTuple):
     def driving(self) -> RobotType:
         """The type with what decides on how its robots drive, and nothing else."""
         durations = Durations(move=self.durations.move, turn=self.durations.turn)
-        return self._replace(name="", payload=ANY_WEIGHT, durations=durations)
+        return self._replace(name="", payload=ANY_WEIGHT, durations=durations, battery=None)
 
     def carrying(self, loaded: bool) -> RobotType:
         """The type while its robots carry a load, or none: then alone these areas are closed."""
@@ -73,6 +74,7 @@ def types_of(scenario: Scenario) -> tuple[RobotType, ...]:
             kind.durations.within(scenario.durations),
             _closed_to(scenario, EMPTY),
             _closed_to(scenario, LOADED),
+            None if scenario.battery is None else kind.battery.within(scenario.battery),
         )
         for kind in kinds
     )

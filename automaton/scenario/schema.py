@@ -13,6 +13,7 @@ from msgspec import Meta
 
 from automaton.errors import InputError
 from automaton.scenario.cell_names import Locations
+from automaton.scenario.changing_floor import ChangingFloor as ChangingFloor
 from automaton.scenario.clock_times import read_clock
 from automaton.scenario.durations import Durations as Durations
 from automaton.scenario.energy_and_faults import Battery as Battery
@@ -20,6 +21,7 @@ from automaton.scenario.energy_and_faults import ChargeRange as ChargeRange
 from automaton.scenario.energy_and_faults import Drain as Drain
 from automaton.scenario.energy_and_faults import Fault as Fault
 from automaton.scenario.energy_and_faults import Faults as Faults
+from automaton.scenario.energy_and_faults import TypeBattery
 from automaton.scenario.field_types import ConfigSection as ConfigSection
 from automaton.scenario.field_types import Direction as Direction
 from automaton.scenario.field_types import NonEmptyText as NonEmptyText
@@ -220,6 +222,7 @@ class Scenario(ConfigSection, frozen=True, kw_only=True):
         dict[str, Area], Meta(description="Parts of the floor that not every robot may enter.")
     ] = msgspec.field(default_factory=dict)
     locations: Locations = msgspec.field(default_factory=dict)
+    floor: ChangingFloor = ChangingFloor()
     units: Units = Units()
     durations: Durations = Durations()
     orders: Orders = Orders(generator="full-shelves")
@@ -255,6 +258,17 @@ class Scenario(ConfigSection, frozen=True, kw_only=True):
                 own = kind.durations.within(self.durations)
             except ValueError as error:
                 raise ValueError(f"fleet has robots of the type {kind.name}, but {error}") from None
+            if self.battery is None and kind.battery != TypeBattery():
+                raise ValueError(
+                    f"fleet has robots of the type {kind.name} with batteries, but the scenario has "
+                    "none; set battery, which says the rest of them"
+                )
+            if self.battery is not None:
+                try:
+                    kind.battery.within(self.battery)
+                except ValueError as error:
+                    text = f"fleet has robots of the type {kind.name}, but {error}"
+                    raise ValueError(text) from None
             slowest = max(slowest, kind.move_time_factor * max(own.moves))
         if slowest > MAX_MOVE_TICKS:
             raise ValueError(

@@ -73,6 +73,7 @@ def not_measured(scenario: Scenario) -> dict[str, str]:
             powered or bool(faults.listed) or faults.probability > 0,
             "faults, or a battery",
         ),
+        (("delayed_share",), faults.delays is not None, "faults.delays"),
         (OF_LINES, orders.lines is not None, "orders.lines"),
         (
             ("lost_station_queue",),
@@ -89,8 +90,10 @@ def not_measured(scenario: Scenario) -> dict[str, str]:
         (("distance",), scenario.units.cell is not None, "units.cell"),
         (
             ("slowdown_ticks",),
-            world.slowdown != "none" or world.extra_tick_probability > 0,
-            "world.slowdown or world.extra_tick_probability",
+            world.slowdown != "none"
+            or world.extra_tick_probability > 0
+            or bool(scenario.floor.speed_limits),
+            "world.slowdown, world.extra_tick_probability or floor.speed_limits",
         ),
     )
     return {name: need for names, has, need in rules if not has for name in names}

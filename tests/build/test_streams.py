@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from battery_scenes import recorded_run, scene
 
-from automaton.build.demand import geometric
+from automaton.build.geometric_draws import geometric
 from automaton.build.resolve import resolve
 from automaton.engine.state import ORDER_DELIVERED, ORDER_UNRELEASED
 from automaton.evidence.history.watched_run import RecordedRun

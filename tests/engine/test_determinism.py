@@ -187,6 +187,9 @@ def test_the_digest_changes_with_every_field(name: str) -> None:
         run = simulation("factory")
     elif part in ("pods", "lines", "trips", "pod_stations"):
         run = simulation("goods-mini")
+    elif part == "delays":
+        delays = "faults.delays={probability: 0.001, ticks: {from: 1, to: 2}}"
+        run = simulation("tabletop-mini", *SETTINGS, delays)
     elif part == "stops":
         run = simulation("crossing", "orders={generator: tours, count: 100}")
     else:

@@ -19,7 +19,7 @@ OF_OTHER_RUNS = (
         "repair_energy",
         "battery_depletions",
     ),
-    *("breakdowns", "towed", "downtime"),
+    *("breakdowns", "towed", "downtime", "delayed_share"),
     *(
         "parts_finished",
         "part_flow_time",

@@ -80,7 +80,7 @@ class PhysicalChecks:
         self.exits = (world.grid.cell_flags & 15).tolist()
         self.kind = world.grid.kind.tolist()
         self.step = [int(offset) for offset in world.grid.offset[:4]]
-        self.drain = world.rules.drain.tolist()
+        self.drain = world.rules.drain[0].tolist()
         self.ticks = 0
         self.found: Counter[str] = Counter()
         self.first: dict[str, str] = {}
@@ -180,7 +180,7 @@ class PhysicalChecks:
         elif now > was:
             charger = self.now.cell[r] != NIL and self.kind[self.now.cell[r]] == CHARGER
             charges = self.world.robots.action[self.world.robots.at_index[r]] == ACTION_CHARGE
-            if not charger or not charges or now - was > self.world.rules.curve[:, 1].max():
+            if not charger or not charges or now - was > self.world.rules.curve[:, :, 1].max():
                 self._wrong("battery", f"robot {r} gains {now - was} units")
 
     def _begun(self, before: Picture, r: int) -> int:

@@ -17,7 +17,7 @@ from automaton.errors import InputError
 from automaton.floor.cells import STATION
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.floor_plan import FloorPlan
-from automaton.floor.reachability import around_home
+from automaton.floor.loaded_ways import to_and_from
 from automaton.floor.traffic_zones import MODES
 from automaton.scenario.durations import MoveByLoad, TypeDurations
 from automaton.scenario.fleet import FleetType
@@ -285,6 +285,6 @@ def reachable_stations(floor_plan: FloorPlan, start: Any) -> int:
     home = int(floor_plan.bays[0, 1]) if start == "parking-bays" else start[0]
     return int(
         np.count_nonzero(
-            around_home(floor_plan, home, True) & (floor_plan.kind.reshape(-1) == STATION)
+            to_and_from(floor_plan, home, True) & (floor_plan.kind.reshape(-1) == STATION)
         )
     )

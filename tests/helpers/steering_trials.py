@@ -26,7 +26,7 @@ from automaton.errors import InputError
 from automaton.evidence.recording.recorder import MemoryRecorder
 from automaton.evidence.verification.validator import validate_stored
 from automaton.floor.drawn_floors import draw_floor
-from automaton.floor.reachability import around_home
+from automaton.floor.loaded_ways import to_and_from
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
 
@@ -106,7 +106,7 @@ def picture(draws: Draws, kinematics: str, plans: bool) -> list[str]:
 def places(draws: Draws, rows: list[str], rail: bool) -> list[list[int]]:
     """The cells from which a robot gets to a corner and back, in random order."""
     floor_plan = draw_floor("\n".join(rows))
-    within = np.flatnonzero(around_home(floor_plan, floor_plan.cell(0, 0), rail))
+    within = np.flatnonzero(to_and_from(floor_plan, floor_plan.cell(0, 0), rail))
     return [list(floor_plan.xy(int(cell))) for cell in draws.permutation(within)]
 
 

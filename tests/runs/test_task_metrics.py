@@ -171,7 +171,16 @@ NOT_HERE = (  # no slow zones, no avoidance, no batteries, no faults, no lines, 
         "min_charge",
     ),
     *("repair_energy", "battery_depletions"),
-    *("breakdowns", "towed", "downtime", *OF_TIMES, *OF_DUE_TIMES, "distance", "messages"),
+    *(
+        "breakdowns",
+        "towed",
+        "downtime",
+        "delayed_share",
+        *OF_TIMES,
+        *OF_DUE_TIMES,
+        "distance",
+        "messages",
+    ),
     # no parts, no zones
     *(
         "parts_finished",

@@ -92,8 +92,22 @@ def _ground(view: View, cell: int) -> list[tuple[str, Parts]]:
     return [
         ("exits", [", ".join(ways) if ways else "none"]),
         ("closed to", [", ".join(closed_to(view, cell))] if closed_to(view, cell) else []),
+        ("speed limit", _limits(view, cell)),
         ("room for", [room + (", one each way" if capacity == 2 else "")]),
     ]
+
+
+def _limits(view: View, cell: int) -> Parts:
+    """How long moves out of a cell take at least, by direction; nothing without a limit."""
+    limits = view.floor_plan.min_move_ticks
+    if not len(limits) or not limits[cell].any():
+        return []
+    ways = [
+        f"{name} {count(int(ticks), 'tick')}"
+        for name, ticks in zip(DIRECTIONS, limits[cell], strict=True)
+        if ticks
+    ]
+    return ["a move takes at least: " + ", ".join(ways)]
 
 
 def _traffic(view: View, cell: int) -> list[tuple[str, Parts]]:

@@ -22,6 +22,7 @@ from automaton.evidence.history.event_history import Event
 from automaton.evidence.history.explanation import doing
 from automaton.evidence.history.station_words import station_of
 from automaton.floor.cells import CELL_KINDS, DIRECTIONS
+from automaton.scenario.energy_and_faults import TypeBattery
 from automaton.units import count, percent
 from tui.playback.panel_view import View
 from tui.widgets.charge_facts import battery, charging_plan, condition
@@ -63,6 +64,7 @@ def robot_lines(view: View, robot: int, width: int, signs: Signs = UNICODE) -> l
         ("battery", battery(view, robot, signs)),
         ("charging", charging_plan(view, robot)),
         ("condition", condition(view, robot)),
+        ("delayed", _delay(view, robot)),
         ("cell", _place(view, robot)),
         ("heading", [_heading(view, robot)]),
         *_task(view, robot),
@@ -86,9 +88,19 @@ def _type(view: View, robot: int) -> list[str | Span]:
     if kind is None:
         return []
     facts = [f"{kind.move_time_factor} x durations.move" if kind.move_time_factor > 1 else ""]
-    facts += [own_durations(kind), f"carries up to {kind.payload:,}" if kind.payload else ""]
+    facts += [own_durations(kind), "" if kind.battery == TypeBattery() else "its own battery"]
+    facts += [f"carries up to {kind.payload:,}" if kind.payload else ""]
     told = ", ".join(fact for fact in facts if fact)
     return [kind.name, f": {told}" if told else ""]
+
+
+def _delay(view: View, robot: int) -> list[str | Span]:
+    """Until when it is delayed; nothing if it is not."""
+    snapshot = view.snapshot
+    if not len(snapshot.delayed_until) or snapshot.delayed_until[robot] <= snapshot.tick:
+        return []
+    last = int(snapshot.delayed_until[robot])
+    return [Span(f"up to tick {last:,}", "warn")]
 
 
 def _state(view: View, robot: int) -> str:

@@ -69,7 +69,7 @@ def up_to(snapshot: Snapshot, robot: int) -> str:
     """To which charge a robot charges, and how long that still takes."""
     fleet = snapshot.robots
     charge, charge_target = int(fleet.charge[robot]), int(fleet.charge_target[robot])
-    ticks = ticks_to_charge(charge, charge_target, snapshot.curve)
+    ticks = ticks_to_charge(charge, charge_target, snapshot.curve[fleet.type[robot]])
     left = "which it never reaches" if ticks == NIL else f"{count(ticks, 'tick')} to go"
     return f"up to {percent(charge_target / BATTERY_FULL, 0)}, {left}"
 

@@ -9,6 +9,7 @@ import numpy as np
 from automaton.engine.blocker_cycles import walk_to_cycle
 from automaton.engine.observation import (
     CAUSE_CHARGER_QUEUE,
+    CAUSE_DELAYED,
     CAUSE_FAULT,
     CAUSE_NO_ENERGY,
     CAUSE_NO_ORDER,
@@ -101,6 +102,9 @@ def _link(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> Link:
     )
     if code == CAUSE_CHARGER_QUEUE and cell is not None:
         because = queueing_words(snapshot, robot, f"({cell[0]}, {cell[1]})")
+    elif code == CAUSE_DELAYED:
+        last = int(snapshot.delayed_until[robot])
+        because += f" up to tick {last:,}" if last > snapshot.tick else ""
     elif code in (CAUSE_NO_ENERGY, CAUSE_FAULT):
         because = out_of_order(snapshot, robot)
     elif station_of(snapshot, robot) != NIL and code in STATION_WORDS:
@@ -125,6 +129,8 @@ def out_of_order(snapshot: Snapshot, robot: int) -> str:
         charge = percent(float(fleet.charge[robot]) / BATTERY_FULL)
         takes = "less than its next operation takes"
         return f"the battery of robot {robot} holds {charge}, {takes}; {towing}"
+    if status == STATUS_FAILED and snapshot.repairs_in_place:
+        return f"robot {robot} has broken down; it goes on in {left}"
     if status == STATUS_FAILED:
         return f"robot {robot} has broken down; {towing}"
     if status == STATUS_TOWED:

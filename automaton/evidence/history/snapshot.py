@@ -76,7 +76,9 @@ class Snapshot:
     selected: int  # the robot whose route and plan are given, or NIL
     route: Array  # (k,) int32: cells that the selected robot has still to drive through
     order_queue: Array  # (k,) int32: orders that the selected robot is to do, one after another
-    curve: Array  # (K, 2) int32: from this charge on, units that a tick at a charger gives
+    repairs_in_place: bool  # broken robots are not towed
+    delayed_until: Array  # (n,) int64: the last tick of a robot's delay; (0,): there are no delays
+    curve: Array  # (K, pieces, 2) int32: from this charge on, units that a tick at a charger gives
     lost_in_zone: Array  # (Z,) int64: ticks that moves took longer because of each slow zone
     layer: str  # of the map, that was asked for; whoever shows it brings its numbers
     heat: Array | None = None  # (C,) int32, or None
@@ -112,6 +114,8 @@ def take_snapshot(simulation: Simulation, selected: int = NIL, layer: str = "") 
         selected=selected,
         route=_route(simulation, selected),
         order_queue=_plan(simulation, selected),
+        repairs_in_place=len(world.rules.repair_in_place) > 0,
+        delayed_until=world.delays.until.copy(),
         curve=world.rules.curve,  # it is never written to
         lost_in_zone=observation.lost_in_zone.copy(),
         layer=layer,

@@ -11,6 +11,7 @@ import numpy as np
 
 from automaton.build.feasibility import check_energy, check_feasible
 from automaton.build.resolve import CHANGEABLE, choose_strategies
+from automaton.build.speed_limits import check_speed_limits
 from automaton.build.task_lists import order_count
 from automaton.errors import InputError
 from automaton.evidence.recording.contents import (
@@ -119,6 +120,7 @@ class Admission:
         if there[0] != carries_pods(self.scenario, self.floor_plan):
             raise InvalidFrameError("it has not the pods, lines and stations of its scenario")
         self._check_slots(header)
+        check_speed_limits(Document(header["scenario"]), self.scenario, self.floor_plan)
         start = check_feasible(
             Document(header["scenario"]), self.scenario, Floor(self.floor_plan, _on_floor)
         ).start

@@ -19,6 +19,7 @@ from automaton.engine.facilities import Slots, Stations
 from automaton.engine.pods import Lines, Pods, PodStations
 from automaton.engine.record_codes import (
     ACTION_MASK,
+    CHANGE_DELAYED,
     CHANGE_DROPPED,
     CHANGE_DURATION,
     CHANGE_LOAD_LEFT,
@@ -495,6 +496,7 @@ def check_changes(changes: Array, sizes: Mapping[str, int]) -> None:
         CHANGE_LOAD_LEFT: (robots, 0, slots),
         CHANGE_STATUS: (robots, 0, 7),
         CHANGE_VISITED: (robots, 0, orders),
+        CHANGE_DELAYED: (robots, 1, MAX_NUMBER),
     }
     table = np.array([limits.get(code, (0, 0, 0)) for code in range(max(limits) + 1)], np.int64)
     code, subject, value = changes[:, 1:].T

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from automaton.engine.record_codes import (
+    CHANGE_DELAYED,
     CHANGE_DROPPED,
     CHANGE_DURATION,
     CHANGE_LOAD_LEFT,
@@ -34,6 +35,12 @@ def parted(rows: Rows, acts: Acts) -> tuple[Rows, Rows]:
     return rows, []
 
 
+def parted_delays(rows: Rows) -> tuple[Rows, Rows]:
+    """The delays that begin in a tick, which come first, and the other changes."""
+    delays = [row for row in rows if row[1] == CHANGE_DELAYED]
+    return delays, rows[len(delays) :] if rows[: len(delays)] == delays else rows
+
+
 def parted_visits(rows: Rows) -> tuple[Rows, Rows]:
     """The changes of a tick before stops are done, at its very end, and those from then on."""
     for at, row in enumerate(rows):
@@ -56,6 +63,7 @@ def names_what_is_there(
         CHANGE_STATUS: (robots, STATUS_REMOVED + 1),
         CHANGE_ZONE: (robots, 1 << 31),
         CHANGE_VISITED: (robots, orders),
+        CHANGE_DELAYED: (robots, 1 << 31),
     }
     subjects, values = limits.get(code, (0, 0))
     least = NIL if code in (CHANGE_ORDER_RESERVED, CHANGE_SLOT_RESERVED, CHANGE_ZONE) else 0

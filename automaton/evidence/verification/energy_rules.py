@@ -29,14 +29,17 @@ from automaton.engine.record_codes import (
     TURN_LEFT,
     TURN_RIGHT,
 )
+from automaton.evidence.verification.drawn_durations import drawn_from, repairs_of
 from automaton.evidence.verification.motion_rules import Acts, Complaint, Motion
+from automaton.evidence.verification.move_time_rules import random_bits
 from automaton.evidence.verification.pod_rules import Trips
-from automaton.evidence.verification.type_rules import NIL
+from automaton.evidence.verification.type_rules import NIL, kinds_of
 from automaton.floor.cells import CHARGER
 
 BATTERY_FULL: Final = 1_000_000_000
 # statuses as they are recorded
 STATUS_UP, STATUS_DEPLETED, STATUS_FAILED, STATUS_TOWED, STATUS_REMOVED = 0, 3, 4, 5, 6
+REPAIR: Final = 25  # the stream of draws of repairs in place
 OPERATION_BY_CODE: Final = {
     **dict.fromkeys(range(MOVE_EAST, MOVE_NORTH + 1), "move"),
     TURN_LEFT: "turn",
@@ -69,11 +72,31 @@ def units(percent: float) -> int:
     return round(percent * BATTERY_FULL / 100)
 
 
+class BatteryOfType:
+    """What the batteries of a type of robots take and give, in units of charge."""
+
+    def __init__(self, usual: dict[str, Any], own: dict[str, Any]) -> None:
+        said = {name: value for name, value in own.items() if value is not None}
+        battery = {**usual, **said}
+        drains = {name: rate for name, rate in said.get("drain", {}).items() if rate is not None}
+        drain = {**usual["drain"], **drains}
+        self.rates = {
+            name: (units(rate), units(rate * drain["loaded_factor"]))
+            for name, rate in drain.items()
+            if name != "loaded_factor"
+        }
+        given = battery["charge_rate"]
+        curve = given if isinstance(given, list | tuple) else ((0, given),)
+        self.curve = [(units(since), units(rate)) for since, rate in curve]
+        self.reserve = units(battery["reserve"])
+
+
 class Energy:
     """The charge and the status of each robot."""
 
     def __init__(self, header: dict[str, Any], motion: Motion, report_violation: Complaint) -> None:
         self.motion = motion
+        self.seed: int = header["seed"]
         self.report_violation = report_violation
         self.charge: list[int] = header["robots"]["charge"].tolist()
         self.status = [STATUS_UP] * len(self.charge)
@@ -84,18 +107,16 @@ class Energy:
         """Take over what a scenario says of batteries and faults."""
         self.battery = scenario.get("battery")
         self.faults = scenario["faults"]
+        in_place = self.faults.get("repair_in_place")
+        self.repairs = [] if in_place is None else repairs_of(in_place)
         self.jitter: int = scenario["durations"]["handling_jitter"]
         if self.battery is None:
             return
-        drain = self.battery["drain"]
-        self.rates = {
-            name: (units(rate), units(rate * drain["loaded_factor"]))
-            for name, rate in drain.items()
-            if name != "loaded_factor"
-        }
-        given = self.battery["charge_rate"]
-        curve = given if isinstance(given, list | tuple) else ((0, given),)
-        self.curve = [(units(since), units(rate)) for since, rate in curve]
+        self.own = [
+            battery
+            for kind, robots in kinds_of(scenario)
+            for battery in [BatteryOfType(self.battery, kind.get("battery") or {})] * robots
+        ]
 
     def spend(self, tick: int, acts: Acts, rows: Rows, load: list[int]) -> None:
         """Pay for what begins in a tick, as loads are before it."""
@@ -111,17 +132,17 @@ class Energy:
             if code in OPERATION_BY_CODE:
                 name = OPERATION_BY_CODE[code]
                 ticks = lengths.get(r, max(1, self.motion.types.ticks_of(r, name)))
-                self._operate(r, name, ticks * self.rates[name][loaded])
+                self._operate(r, name, ticks * self.own[r].rates[name][loaded])
             elif code in WAIT_CODES:
-                self._stand(r, lengths.get(r, 1) * self.rates["wait"][loaded])
+                self._stand(r, lengths.get(r, 1) * self.own[r].rates["wait"][loaded])
             elif code == EXECUTED_CHARGE:
                 self._take_in(r)
-        if any(self.rates["wait"]):
+        if any(any(one.rates["wait"]) for one in set(self.own)):
             busy = {r for r, did in acts if did & (ACTION_MASK | ENTERED_PARKING_BAY)}
             for r, cell in enumerate(self.motion.cell):
                 free = self.motion.free[r] <= tick and self.status[r] == STATUS_UP
                 if cell != NIL and free and r not in busy:
-                    self._stand(r, self.rates["wait"][int(load[r] != NIL)])
+                    self._stand(r, self.own[r].rates["wait"][int(load[r] != NIL)])
 
     def _operate(self, r: int, name: str, price: int) -> None:
         if price > self.charge[r]:
@@ -136,8 +157,18 @@ class Energy:
         cell = self.motion.cell[r]
         if cell == NIL or self.motion.kind[cell] != CHARGER:
             self.report_violation("energy", [r], cell, "charges where there is no charger")
-        rate = max(step for step in self.curve if step[0] <= self.charge[r])[1]
+        rate = max(step for step in self.own[r].curve if step[0] <= self.charge[r])[1]
         self.charge[r] += min(rate, BATTERY_FULL - self.charge[r])
+
+    def stand_for(self, r: int, ticks: int) -> None:
+        """Pay for standing so many ticks."""
+        if self.battery is not None:
+            loaded = int(self.motion.types.load[r] != NIL)
+            self._stand(r, ticks * self.own[r].rates["wait"][loaded])
+
+    def is_down(self, r: int) -> bool:
+        """Whether a robot is down, on the floor or off it."""
+        return self.status[r] >= STATUS_DEPLETED
 
     def become(self, tick: int, r: int, status: int, pods: Pods) -> None:
         """A robot goes down, is towed, or comes back; it is towed when there is room for its pod."""
@@ -145,8 +176,9 @@ class Energy:
         cell = self.motion.cell[r]
         if status in (STATUS_DEPLETED, STATUS_FAILED):
             self._check_fault(tick, r, status, before)
-            self.motion.parked[r] = cell == NIL
-            self.motion.unsure.discard(r)
+            if status == STATUS_DEPLETED or not self.repairs:
+                self.motion.parked[r] = cell == NIL
+                self.motion.unsure.discard(r)
         elif status in (STATUS_TOWED, STATUS_REMOVED):
             wait = self.faults["tow_after"]
             in_time = cell == NIL or tick - since == wait
@@ -160,11 +192,16 @@ class Energy:
                     "energy", [r], cell, "is gone, or comes back, against the rules"
                 )
             if status == STATUS_TOWED and self.battery is not None:
-                self._mend(r, before == STATUS_DEPLETED, units(self.battery["reserve"]))
+                self._mend(r, before == STATUS_DEPLETED, self.own[r].reserve)
             if pods.trips.there and pods.load[r] != NIL:
                 self.report_violation("pod", [r], cell, "is towed with its pod")
             pods.put_aside.discard(r)
             self.motion.tow(r)
+        elif before == STATUS_FAILED and self.repairs:
+            wanted = drawn_from(self.repairs, random_bits(self.seed, REPAIR, since, r))
+            if tick - since != wanted:
+                text = f"goes on after {tick - since} ticks and is repaired in {wanted}"
+                self.report_violation("energy", [r], cell, text)
         elif before != STATUS_TOWED or tick - since != self.faults["repair_time"]:
             self.report_violation("energy", [r], cell, "comes back at another time than it must")
         self.status[r], self.since[r] = status, tick
@@ -194,10 +231,13 @@ class Energy:
         """Units that the dearest operation takes; a move in a slow zone lasts many times longer."""
         if self.battery is None:
             return 0
+        limits = max(self.motion.pace.limits.values(), default=0)
         around = 1 if self.motion.pace.usual else len(self.charge) + 1
         slowest = self.motion.types.slowest
         prices = [
-            max(rates) * (max(1, slowest(name)) + self.jitter) for name, rates in self.rates.items()
+            max(rates) * (max(1, slowest(name), limits) + self.jitter)
+            for one in set(self.own)
+            for name, rates in one.rates.items()
         ]
         dearest: int = max(prices) * around
         return dearest

@@ -62,6 +62,7 @@ class Motion:
         self.heading: list[int] = robots["heading"].tolist()
         self.travel = list(self.heading)  # direction in which it came into its cell
         self.free = [1] * len(self.home)  # first tick in which it may begin something
+        self.begun = [0] * len(self.home)  # what each did last, as recorded
         self.parked = [True] * len(self.home)
         self.unsure: set[int] = set()  # parked on the floor, or about to leave: actions do not tell
         self.claim: dict[int, tuple[int, int]] = {}  # long moves: robot -> (to, direction)
@@ -168,6 +169,7 @@ class Motion:
             code = did & ACTION_MASK
             if not code or not self._may_act(tick, r, code):
                 continue
+            self.begun[r] = code
             if code <= MOVE_NORTH:
                 self._begin_move(r, code - 1, movers)
                 self._check_pace(tick, r, code - 1, lengths.get(r), r in placed)
@@ -303,6 +305,17 @@ class Motion:
             else:
                 self.claim[r] = (to, direction)
                 self._arrivals.setdefault(self.free[r] - 1, []).append(r)
+
+    def lengthen(self, r: int, ticks: int) -> None:
+        """The move or the turn that robot r is in takes so many ticks longer."""
+        last = self.free[r] - 1
+        self.free[r] += ticks
+        for ends in (self._arrivals, self._turned):
+            if r in ends.get(last, ()):
+                ends[last].remove(r)
+                ends.setdefault(last + ticks, []).append(r)
+        if self.begun[r] <= MOVE_NORTH and r in self.claim:
+            self._drive[self.cell[r], self.claim[r][0]] = r, self.free[r] - 1
 
     def _park(self, tick: int, r: int) -> None:
         cell = self.cell[r]

@@ -32,7 +32,8 @@ from automaton.evidence.recording.contents import (
     FRAME_KIND_TICKS,
     Frame,
 )
-from automaton.evidence.verification.change_rows import parted, parted_visits
+from automaton.evidence.verification.change_rows import parted, parted_delays, parted_visits
+from automaton.evidence.verification.delay_rules import Delays
 from automaton.evidence.verification.due_rules import check_due_times
 from automaton.evidence.verification.energy_rules import Energy, parted_faults
 from automaton.evidence.verification.load_rules import Loads
@@ -66,6 +67,7 @@ RULE_TEXTS: Final = {
     "pod": "a pod is in one storage cell or on one robot; no robot with a load drives under one",
     "line": "a line is done once, at its station, with its pod there",
     "place": "no more robots go to a station than it has places",
+    "delay": "robots are delayed when and for as long as chance says, and then begin nothing",
     "record": "the recording agrees with itself",
 }
 ACTS: Final = (  # by code of recorded action
@@ -163,6 +165,7 @@ class Validator:
         self.motion = Motion(self.header, self._report_violation)
         self.loads = Loads(self.header, self.motion, self._report_violation)
         self.energy = Energy(self.header, self.motion, self._report_violation)
+        self.delays = Delays(self.header, self.motion, self.energy, self._report_violation)
         self.loads.status = self.energy.status
         self.motion.types.load = self.loads.load
 
@@ -194,6 +197,8 @@ class Validator:
         leaves = any(did & LEFT_PARKING_BAY for _, did in acts)
         faults, rows = parted_faults(rows)
         self._change_status(tick, faults)
+        delays, rows = parted_delays(rows)
+        self.delays.begin(tick, delays)
         self.loads.release(tick)
         self.motion.look(acts)
         placed = self.motion.open_bays(tick, acts) if leaves else set()

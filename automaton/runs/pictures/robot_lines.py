@@ -84,6 +84,7 @@ ACTION_PHRASES = {  # of each action: while it lasts, and when it is over
     "held_back": ("is held back", "was held back"),
     "serve": ("stands at its stop", "stood at its stop"),
     "station_queue": ("queues for a station", "queued for a station"),
+    "delayed": ("is delayed", "was delayed"),
 }
 
 TASK = (

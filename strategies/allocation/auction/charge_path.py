@@ -47,7 +47,7 @@ def find_stops(costs, battery, scratch, place, charge, order, length):
     path.rest_energy[0] = scratch.done_energy[length]
     path.rest_energy[0] += energy_to_charger(battery, costs.end[order[length - 1]])
     for i in range(length):
-        in_reach = scratch.done_energy[i] <= charge - battery.reserve
+        in_reach = scratch.done_energy[i] <= charge - battery.reserve[battery.robot_type[0]]
         if not in_reach and path.nodes[0] == 0:
             break
         scratch.count.states[0] += chargers
@@ -67,13 +67,13 @@ def find_stops(costs, battery, scratch, place, charge, order, length):
 @kernel
 def reach_chargers(costs, battery, scratch, place, charge, order, i):
     """weight[i], parent[i]: the best ways to the chargers before task i, from the start or a stop."""
-    rate = np.int64(battery.curve[0, CURVE_RATE])
+    rate = np.int64(battery.curve[battery.robot_type[0], 0, CURVE_RATE])
     before = place_before(costs, place, order, i)
     for c in range(battery.charger.shape[0]):
         at = np.int64(battery.charger[c])
         into_energy = costs.energy[costs.robot_type[0], before, at] + scratch.done_energy[i]
         best = np.int64(INF_COST)
-        if into_energy <= charge - battery.reserve:
+        if into_energy <= charge - battery.reserve[battery.robot_type[0]]:
             into_ticks = costs.ticks[costs.robot_type[0], before, at] + scratch.done_ticks[i]
             into_ticks += waiting_at(battery, scratch, c, into_ticks)
             best = rate * into_ticks + into_energy
@@ -87,7 +87,7 @@ def reach_chargers(costs, battery, scratch, place, charge, order, i):
 def relax_from_stops(costs, battery, scratch, before, order, i, c):
     """Improve weight[i, c], parent[i, c] by ways from the stops that are noted."""
     chargers = battery.charger.shape[0]
-    rate = np.int64(battery.curve[0, CURVE_RATE])
+    rate = np.int64(battery.curve[battery.robot_type[0], 0, CURVE_RATE])
     at = np.int64(battery.charger[c])
     into_ticks = costs.ticks[costs.robot_type[0], before, at] + scratch.done_ticks[i]
     into_ticks += waiting_at(battery, scratch, c, into_ticks)
@@ -102,7 +102,7 @@ def relax_from_stops(costs, battery, scratch, before, order, i, c):
         energy = (
             costs.energy[costs.robot_type[0], stop, after] + into_energy - scratch.begun_energy[k]
         )
-        if energy > BATTERY_FULL - battery.reserve:
+        if energy > BATTERY_FULL - battery.reserve[battery.robot_type[0]]:
             continue
         ticks = costs.ticks[costs.robot_type[0], stop, after] + into_ticks - scratch.begun_ticks[k]
         weight = scratch.weight[k, b] + rate * ticks + energy
@@ -116,7 +116,7 @@ def relax_from_stops(costs, battery, scratch, before, order, i, c):
 def relax_to_end(costs, battery, scratch, place, order, i):
     """Drive on to the end from each charger before task i, or note it as one to go on from."""
     chargers = battery.charger.shape[0]
-    rate = np.int64(battery.curve[0, CURVE_RATE])
+    rate = np.int64(battery.curve[battery.robot_type[0], 0, CURVE_RATE])
     path = scratch.path
     before = place_before(costs, place, order, i)
     after = np.int64(costs.begin[order[i]])
@@ -129,7 +129,7 @@ def relax_to_end(costs, battery, scratch, place, order, i):
         total = so_far + rate * (costs.ticks[costs.robot_type[0], at, after] + rest_ticks) + energy
         if so_far >= INF_COST or total > path.best[0]:
             continue  # what goes on from here is no better than the best that is known
-        if energy > BATTERY_FULL - battery.reserve:
+        if energy > BATTERY_FULL - battery.reserve[battery.robot_type[0]]:
             scratch.node[path.nodes[0]] = i * chargers + c
             path.nodes[0] += 1
             continue
@@ -149,7 +149,7 @@ def relax_to_end(costs, battery, scratch, place, order, i):
 def relax_charger_to_charger(costs, battery, scratch, i):
     """Ways from one charger straight to another, where the way between tasks is long; found any?"""
     chargers = battery.charger.shape[0]
-    rate = np.int64(battery.curve[0, CURVE_RATE])
+    rate = np.int64(battery.curve[battery.robot_type[0], 0, CURVE_RATE])
     found = False
     changed = True
     while changed:
@@ -168,7 +168,7 @@ def relax_charger_to_charger(costs, battery, scratch, i):
                 weight = scratch.weight[i, b] + rate * ticks + between
                 if (
                     c != b
-                    and between <= BATTERY_FULL - battery.reserve
+                    and between <= BATTERY_FULL - battery.reserve[battery.robot_type[0]]
                     and weight < scratch.weight[i, c]
                 ):
                     scratch.weight[i, c] = weight

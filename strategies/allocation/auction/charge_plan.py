@@ -26,7 +26,7 @@ from strategies.allocation.auction.market import (
 def fits(battery, charge, energy, last):
     """Whether a list that takes `energy` and ends at place `last` needs no charging."""
     tail = energy_to_charger(battery, last)
-    return tail < INF_COST and charge - energy - tail >= battery.reserve
+    return tail < INF_COST and charge - energy - tail >= battery.reserve[battery.robot_type[0]]
 
 
 @kernel
@@ -102,7 +102,7 @@ def charge_just_enough(costs, battery, scratch, place, charge, order, length):
         level -= energy
         ticks, energy = stretch(costs, battery, scratch, place, order, length, k + 1)
         spare = tail if k + 1 == plan.stops[0] else np.int64(0)
-        goal = max(level, energy + spare + battery.reserve)
+        goal = max(level, energy + spare + battery.reserve[battery.robot_type[0]])
         wait = waiting_at(battery, scratch, np.int64(plan.charger[k]), plan.cost[0])
         level = stop_at(battery, plan, k, level, goal, wait)
         plan.cost[0] += ticks
@@ -115,11 +115,11 @@ def charge_just_enough(costs, battery, scratch, place, charge, order, length):
 @kernel
 def stop_at(battery, plan, k, level, goal, wait):
     """Charge from `level` to `goal` at stop k of the plan, after a wait; returns the level then."""
-    duration = charging_ticks(battery.curve, level, goal)
+    duration = charging_ticks(battery.curve[battery.robot_type[0]], level, goal)
     plan.waited[k] = wait
     plan.arrival[k] = level
     plan.duration[k] = duration
-    plan.level[k] = level_after(battery.curve, level, duration, BATTERY_FULL)
+    plan.level[k] = level_after(battery.curve[battery.robot_type[0]], level, duration, BATTERY_FULL)
     plan.lowest_charge[0] = min(plan.lowest_charge[0], level)
     plan.charging[0] += duration
     plan.charger_wait[0] += wait

@@ -62,7 +62,9 @@ def count_earlier(view, batch, out, market, k):
             j = np.int64(batch.robot[earlier])
             charge_target = np.int64(out.charge_target[earlier])
             market.battery.wait[view.chargers.charger_at[out.goal_cell[earlier]]] += charging_ticks(
-                view.rules.curve, np.int64(view.robots.charge[j]), charge_target
+                view.rules.curve[view.robots.type[j]],
+                np.int64(view.robots.charge[j]),
+                charge_target,
             )
 
 
@@ -156,7 +158,8 @@ def charge_when_idle(view, out, market, k, home, idle_below):
     nearest = best_charger(market, charge)
     if nearest == NIL or battery.policy == POLICY_NO_CHARGING:
         return
-    low = battery.reserve + (IDLE_ENERGY_MARGIN if view.rules.drain[ACTION_WAIT, 0] > 0 else 0)
+    stands_free = view.rules.drain[robot_type, ACTION_WAIT, 0] == 0
+    low = battery.reserve[robot_type] + (0 if stands_free else IDLE_ENERGY_MARGIN)
     later = charge - energy[0, home] - reach[home]
     now = charge - reach[0]
     filled = BATTERY_FULL - energy[battery.charger[nearest], home] - reach[home]

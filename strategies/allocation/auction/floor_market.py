@@ -74,12 +74,11 @@ def make_floor_market(
     places = robots + len(chargers) + 2 * tasks
     types = len(view.grid.type_cell_flags)
     nothing, none = np.zeros((types, places, places), np.int32), np.zeros((types, tasks), np.int32)
-    curve = tuple((int(since), int(rate)) for since, rate in view.rules.curve)
     battery = battery_of(
         nothing,
         np.arange(robots, robots + len(chargers)),
-        curve=curve,
-        reserve=int(view.rules.reserve),
+        curve=view.rules.curve,
+        reserve=view.rules.reserve,
         end_reach=bool(policy["end_reach"]),
         policy=policy["policy"],
         threshold=policy["threshold"],
@@ -140,18 +139,22 @@ def way_with_load(view, workspace, robot_type, order, start, end):
 
 
 @kernel
-def rate_of_driving(rules, headings, loaded):
-    """Units that a tick on the way takes at most."""
-    rate = np.int64(rules.drain[ACTION_MOVE, loaded])
+def rate_of_driving(rules, robot_type, headings, loaded):
+    """Units that a tick on the way takes robots of a type at most."""
+    rate = np.int64(rules.drain[robot_type, ACTION_MOVE, loaded])
     if headings > 1:
-        rate = max(rate, np.int64(rules.drain[ACTION_TURN, loaded]))
+        rate = max(rate, np.int64(rules.drain[robot_type, ACTION_TURN, loaded]))
     return rate
 
 
 @kernel
 def enter_task(view, workspace, market, robot_type, task, order):
     """Task number `task` of the site is to carry this order to its target, by robots of a type."""
-    costs, duration, drain = market.costs, view.rules.duration[robot_type], view.rules.drain
+    costs, duration, drain = (
+        market.costs,
+        view.rules.duration[robot_type],
+        view.rules.drain[robot_type],
+    )
     slot, target = np.int64(view.orders.current_slot[order]), destination(view, order)
     drops = slot != target or view.trips.pod.shape[0] > 0  # a visit ends where it is picked up
     if view.service_zones.queue.shape[0] and dropoff_cell(view, robot_type, target, NIL) == NIL:
@@ -169,7 +172,7 @@ def enter_task(view, workspace, market, robot_type, task, order):
         return
     carrying = with_load(view, robot_type)
     drive = way_with_load(view, workspace, carrying, order, begin, end) if drops else 0
-    loaded = rate_of_driving(view.rules, view.grid.headings, 1)
+    loaded = rate_of_driving(view.rules, robot_type, view.grid.headings, 1)
     picking, dropping = np.int64(duration[ACTION_PICK]), np.int64(duration[ACTION_DROP])
     costs.inside[robot_type, task] = min(drive + picking + (dropping if drops else 0), CAPPED)
     energy = drive * loaded + max(picking, 1) * drain[ACTION_PICK, 0]
@@ -184,9 +187,9 @@ def enter_robot(view, workspace, market, r, i):
     robots, fleet, rules = view.robots, market.fleet, view.rules
     robot_type = without_load(view, np.int64(robots.type[i]))
     carrying = with_load(view, robot_type)
-    duration = rules.duration[robot_type]
-    empty = rate_of_driving(rules, view.grid.headings, 0)
-    loaded = rate_of_driving(rules, view.grid.headings, 1)
+    duration, drain = rules.duration[robot_type], rules.drain[robot_type]
+    empty = rate_of_driving(rules, robot_type, view.grid.headings, 0)
+    loaded = rate_of_driving(rules, robot_type, view.grid.headings, 1)
     place, ready = first_cell(robots, i), np.int64(robots.busy[i])
     charge = np.int64(robots.charge[i])
     order = np.int64(robots.order[i])
@@ -194,7 +197,8 @@ def enter_robot(view, workspace, market, r, i):
         place = np.int64(robots.goal_cell[i])
         drive = way_from(view, workspace, i, place)
         charge -= drive * empty
-        ready += drive + charging_ticks(rules.curve, charge, np.int64(robots.charge_target[i]))
+        charge_target = np.int64(robots.charge_target[i])
+        ready += drive + charging_ticks(rules.curve[robot_type], charge, charge_target)
         if market.queues:
             ready += max(np.int64(0), charging_queue_ticks(view, i) - drive)
         charge = max(charge, np.int64(robots.charge_target[i]))
@@ -208,9 +212,7 @@ def enter_robot(view, workspace, market, r, i):
             here = first_cell(robots, i)
             drive = way_with_load(view, workspace, carrying, order, here, place)
         ready += drive + duration[ACTION_DROP]
-        charge -= (
-            drive * loaded + max(np.int64(duration[ACTION_DROP]), 1) * rules.drain[ACTION_DROP, 1]
-        )
+        charge -= drive * loaded + max(np.int64(duration[ACTION_DROP]), 1) * drain[ACTION_DROP, 1]
     elif order != NIL and robots.goal_type[i] == GOAL_PICK:
         slot, target = np.int64(view.orders.current_slot[order]), destination(view, order)
         drops = slot != target or view.trips.pod.shape[0] > 0
@@ -220,8 +222,8 @@ def enter_robot(view, workspace, market, r, i):
         inside = way_with_load(view, workspace, carrying, order, begin, place) if drops else 0
         ready += drive + inside + duration[ACTION_PICK] + duration[ACTION_DROP]
         charge -= drive * empty + inside * loaded
-        charge -= max(np.int64(duration[ACTION_PICK]), 1) * rules.drain[ACTION_PICK, 0]
-        charge -= max(np.int64(duration[ACTION_DROP]), 1) * rules.drain[ACTION_DROP, 1]
+        charge -= max(np.int64(duration[ACTION_PICK]), 1) * drain[ACTION_PICK, 0]
+        charge -= max(np.int64(duration[ACTION_DROP]), 1) * drain[ACTION_DROP, 1]
     market.robot[r] = i
     fleet.robot_type[r] = robot_type
     market.cell[robot_type, r] = place
@@ -236,7 +238,9 @@ def ticks_to_level(view, j):
     """Ticks at a charger until robot j has the charge that it was sent there for."""
     robots = view.robots
     return charging_ticks(
-        view.rules.curve, np.int64(robots.charge[j]), np.int64(robots.charge_target[j])
+        view.rules.curve[robots.type[j]],
+        np.int64(robots.charge[j]),
+        np.int64(robots.charge_target[j]),
     )
 
 
@@ -270,7 +274,7 @@ def measure_distances(view, workspace, market, robot_type, robots, tasks):
     costs, battery = market.costs, market.battery
     chargers = view.chargers.cell.shape[0]
     first_task = market.fleet.place.shape[0] + chargers
-    rate = rate_of_driving(view.rules, view.grid.headings, 0)
+    rate = rate_of_driving(view.rules, robot_type, view.grid.headings, 0)
     places = first_task + 2 * tasks
     cell, ticks, energy = market.cell[robot_type], costs.ticks[robot_type], costs.energy[robot_type]
     for b in range(market.fleet.place.shape[0], places):  # one distance field after another

@@ -56,11 +56,11 @@ class Battery(Struct, role=SCRATCH):
     )
     reach: Array = field("(K, P) int64", "units to it; INF: none")
     curve: Array = field(
-        "(pieces, 2) int32",
+        "(K, pieces, 2) int32",
         "of each piece the level from which it holds, and units per tick",
         role=CONSTANT,
     )
-    reserve: int = field("int64", "units that are left on every arrival")
+    reserve: Array = field("(K,) int64", "units that are left on every arrival")
     end_reach: int = field(
         "int64", "1: at the end of a list a charger can still be reached (never strand)"
     )

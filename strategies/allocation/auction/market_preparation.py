@@ -54,25 +54,28 @@ def deliveries(
 def battery_of(
     energy: ArrayLike,
     chargers: ArrayLike = (),
-    curve: tuple[tuple[int, int], ...] = ((0, 1),),
-    reserve: int = 0,
+    curve: ArrayLike = ((0, 1),),
+    reserve: ArrayLike = 0,
     end_reach: bool = False,
     policy: int = POLICY_NO_CHARGING,
     threshold: int = 0,
     target: int = BATTERY_FULL,
 ) -> Battery:
-    """energy: (P, P) units, or (K, P, P); chargers: their places; curve: (from units, units per tick)."""
+    """energy: (P, P) units, or (K, P, P); chargers: their places; curve: (from units, units per tick).
+
+    `curve`: (pieces, 2), or (K, pieces, 2); `reserve`: one number, or (K,).
+    """
     between = np.asarray(energy, np.int64)
     between = between if between.ndim == 3 else between[None]
-    at = np.asarray(chargers, np.int32)
+    at, pieces = np.asarray(chargers, np.int32), np.asarray(curve, np.int32)
     to = between[:, :, at]
     none, shape = at.size == 0, between.shape[:2]
     return Battery.sized(
         charger=at,
         nearest=np.full(shape, -1, np.int32) if none else to.argmin(2).astype(np.int32),
         reach=np.full(shape, INF_COST, np.int64) if none else to.min(2),
-        curve=np.array(curve, np.int32),
-        reserve=reserve,
+        curve=np.broadcast_to(pieces, (len(between), *pieces.shape[-2:])).copy(),
+        reserve=np.broadcast_to(np.asarray(reserve, np.int64), len(between)).copy(),
         end_reach=int(end_reach),
         policy=policy,
         threshold=threshold,

@@ -59,7 +59,7 @@ def quote(costs, battery, scratch, place, ready, charge, order, length):
             cost = np.int64(INF_COST)
     elif policy == POLICY_FILL_UP:
         cost = plan_single_stop(costs, battery, scratch, place, charge, order, length, 1)
-    elif battery.curve.shape[0] > 1:
+    elif battery.curve.shape[1] > 1:
         cost = plan_single_stop(costs, battery, scratch, place, charge, order, length, 0)
     else:
         cost = plan_charging(costs, battery, scratch, place, charge, order, length)

@@ -78,7 +78,7 @@ def plan_single_stop(costs, battery, scratch, place, charge, order, length, fill
 @kernel
 def goal_of(battery, arrival, rest, fill):
     """The level to charge to: what the rest needs, and when filling up at least the target."""
-    goal = max(np.int64(arrival), rest + battery.reserve)
+    goal = max(np.int64(arrival), rest + battery.reserve[battery.robot_type[0]])
     return max(goal, np.int64(battery.target)) if fill == 1 else goal
 
 
@@ -86,7 +86,9 @@ def goal_of(battery, arrival, rest, fill):
 def find_stop(costs, battery, scratch, place, charge, order, length, fill):
     """(position, charger) of the best single stop, or (NIL, NIL)."""
     tail = energy_to_charger(battery, costs.end[order[length - 1]])
-    rate = np.int64(battery.curve[0, CURVE_RATE])
+    reserve = np.int64(battery.reserve[battery.robot_type[0]])
+    curve = battery.curve[battery.robot_type[0]]
+    rate = np.int64(curve[0, CURVE_RATE])
     best, nearest = np.int64(INF_COST), np.int64(INF_COST)
     position, charger = np.int64(NIL), np.int64(NIL)
     if tail >= INF_COST:
@@ -106,20 +108,16 @@ def find_stop(costs, battery, scratch, place, charge, order, length, fill):
                 + scratch.done_energy[length]
                 - scratch.begun_energy[i]
             )
-            if arrival < battery.reserve or rest + tail + battery.reserve > BATTERY_FULL:
+            if arrival < reserve or rest + tail + reserve > BATTERY_FULL:
                 continue
             goal = goal_of(battery, arrival, rest + tail, fill)
-            duration = charging_ticks(battery.curve, arrival, goal)
+            duration = charging_ticks(curve, arrival, goal)
             ticks = scratch.done_ticks[length] + into + costs.ticks[costs.robot_type[0], at, after]
             ticks += duration - costs.ticks[costs.robot_type[0], before, after]
             ticks += waiting_at(battery, scratch, np.int64(c), scratch.done_ticks[i] + into)
             score = rate * ticks
             if fill == 1:
-                score -= (
-                    level_after(battery.curve, arrival, duration, BATTERY_FULL)
-                    - rest
-                    - battery.reserve
-                )
+                score -= level_after(curve, arrival, duration, BATTERY_FULL) - rest - reserve
             later = into == nearest and i > position
             if score < best or (score == best and (into < nearest or later)):
                 best, nearest, position, charger = score, into, np.int64(i), np.int64(c)

@@ -55,7 +55,8 @@ class EpibtParameters(SteeringParameters, forbid_unknown_fields=True, frozen=Tru
         if carries_pods(scenario, floor_plan) and self.guidance != "none":
             return "its lattice weights know no storage; with pods, leave guidance out"
         types = types_of(scenario)
-        move = max(ticks for one in types for ticks in one.moves)
+        limit = int(floor_plan.min_move_ticks.max(initial=0))
+        move = max(limit, *(ticks for one in types for ticks in one.moves))
         turn = max(ticks for one in types for ticks in one.durations.turns)
         if scenario.fleet.kinematics != "differential":
             return (

@@ -12,7 +12,8 @@ def charging_minutes(view, rules, i):
     """Minutes that robot i needs at a charger until its battery is full; 0 without batteries."""
     if view.rules.battery == 0:
         return 0.0
-    ticks = charging_ticks(view.rules.curve, np.int64(view.robots.charge[i]), BATTERY_FULL)
+    curve = view.rules.curve[view.robots.type[i]]
+    ticks = charging_ticks(curve, np.int64(view.robots.charge[i]), BATTERY_FULL)
     return ticks / (rules.speed * view.rules.duration[view.rules.loaded_types, ACTION_MOVE])
 
 

@@ -1,0 +1,117 @@
+"""Robots that are delayed: for some ticks they begin nothing, and what they drive takes longer.
+
+As in the League of Robot Runners 2026. In the faults phase each robot on the floor that is in order and
+not delayed begins a delay with a probability; or a Poisson number of them do, those with the least
+hashes. A sum of Poisson numbers is one: each robot adds one with the probability as its mean.
+"""
+
+import numpy as np
+
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.motion import U
+from automaton.engine.operations import begin
+from automaton.engine.random_numbers import (
+    STREAM_DELAY_COUNTS,
+    STREAM_DELAY_TICKS,
+    STREAM_DELAYS,
+    random_between,
+    random_bits,
+)
+from automaton.engine.record_changes import record_change
+from automaton.engine.record_codes import CHANGE_DELAYED
+from automaton.engine.robot_status import STATUS_EXHAUSTED
+from automaton.engine.state import ACTION_DELAYED, CLOCK_TICK, NIL
+
+MAX_BUSY = 65_535  # ticks that robots.busy can hold
+
+
+@kernel
+def delay_robots(world, record):
+    """Begin delays, and let delayed robots stand; call after robots have gone down and come back."""
+    robots, delays, tick = world.robots, world.delays, world.clock[CLOCK_TICK]
+    last_hash = find_last_hash(world) if delays.poisson else np.uint64(0)
+    for identity in range(robots.cell.shape[0]):
+        i = np.int64(robots.at_index[U(identity)])
+        if robots.cell[U(i)] == NIL or robots.status[U(i)] > STATUS_EXHAUSTED:
+            delays.until[U(identity)] = 0
+            continue
+        if delays.until[U(identity)] < tick and begins_delay(world, identity, last_hash):
+            begin_delay(world, record, i)
+        if delays.until[U(identity)] >= tick:
+            delays.lasted[U(identity)] += 1
+            if robots.busy[U(i)] == 0:
+                begin(world, i, ACTION_DELAYED, delays.until[U(identity)] - tick + 1)
+
+
+@kernel
+def begins_delay(world, identity, last_hash):
+    """Whether a robot that may begin a delay does."""
+    bits = random_bits(world.rules.seed, STREAM_DELAYS, world.clock[CLOCK_TICK], identity)
+    if world.delays.poisson:
+        return bits <= last_hash
+    return np.int64(bits >> np.uint64(32)) < world.delays.probability
+
+
+@kernel
+def begin_delay(world, record, i):
+    """Robot i is delayed from this tick on."""
+    robots, delays, tick = world.robots, world.delays, world.clock[CLOCK_TICK]
+    identity = np.int64(robots.identity[i])
+    entry = random_between(
+        0, delays.ticks.shape[0] - 1, world.rules.seed, STREAM_DELAY_TICKS, tick, identity
+    )
+    busy = np.int64(robots.busy[i])
+    ticks = min(np.int64(delays.ticks[entry]), MAX_BUSY - busy)
+    delays.until[identity] = tick + ticks - 1
+    if busy and delays.lengthens[robots.action[i]]:
+        robots.busy[i] = busy + ticks
+        world.tally.ticks[i, robots.action[i], 1 if robots.load[i] != NIL else 0] += ticks
+    record_change(world.clock, record, CHANGE_DELAYED, identity, ticks)
+
+
+@kernel
+def find_last_hash(world):
+    """The hash up to which robots begin delays in this tick, 0: none does."""
+    robots, delays, rules = world.robots, world.delays, world.rules
+    tick, count, able = world.clock[CLOCK_TICK], 0, 0
+    for identity in range(robots.cell.shape[0]):
+        i = np.int64(robots.at_index[U(identity)])
+        if robots.cell[U(i)] == NIL or robots.status[U(i)] > STATUS_EXHAUSTED:
+            continue
+        if delays.until[U(identity)] >= tick:
+            continue
+        delays.hash[U(able)] = random_bits(rules.seed, STREAM_DELAYS, tick, identity)
+        able += 1
+        bits = random_bits(rules.seed, STREAM_DELAY_COUNTS, tick, identity) >> np.uint64(32)
+        for k in range(delays.counts.shape[0]):
+            count += np.int64(np.int64(bits) >= delays.counts[U(k)])
+    return least_hash(delays.hash, able, min(count, able))
+
+
+@kernel
+def least_hash(hashes, able, count):
+    """The least number that is not less than `count` of the first `able` hashes; 0 for none."""
+    result = np.uint64(0)
+    if count == 0:
+        return result
+    for k in range(64):
+        bit = np.uint64(1) << np.uint64(63 - k)
+        below = result | (bit - np.uint64(1))
+        within = 0
+        for entry in range(able):
+            within += np.int64(hashes[U(entry)] <= below)
+        if within < count:
+            result |= bit
+    return result
+
+
+@kernel
+def is_held_up(world, i):
+    """Whether robot i stands because it is delayed, between two operations or in one."""
+    delays, robots = world.delays, world.robots
+    if delays.until.shape[0] == 0 or robots.parked[U(i)]:
+        return False
+    if delays.until[U(robots.identity[U(i)])] < world.clock[CLOCK_TICK]:
+        return False
+    action = np.int64(robots.action[U(i)])
+    return action == ACTION_DELAYED or delays.lengthens[U(action)] != 0

@@ -7,6 +7,7 @@ import numpy as np
 from automaton.build.conversion_table import coarse_conversions
 from automaton.build.due_warnings import due_warnings
 from automaton.build.fleet_warnings import fleet_warnings
+from automaton.build.gate_warnings import gate_warnings
 from automaton.build.late_releases import late_releases
 from automaton.build.resolve import Resolved
 from automaton.errors import alternatives
@@ -42,6 +43,7 @@ def scenario_warnings(resolved: Resolved) -> list[str]:
         *late_releases(resolved),
         *coarse_conversions(resolved),
         *fleet_warnings(resolved),
+        *gate_warnings(resolved),
     ]
 
 

@@ -1,8 +1,8 @@
 """Gates, worked out a second time: closed cells, doors, blocks and lifts, from moves alone.
 
 A recording says that a robot was refused, but not before which cell. So each robot that was refused
-beside a door or a lift counts as one that may have asked for it, and an entry is a violation where no
-such robot can have opened it in time.
+beside a door or a lift, or began to wait there, counts as one that may have asked for it, and an entry
+is a violation where no such robot can have opened it in time.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from automaton.engine.record_codes import (
     ACTION_MASK,
     EXECUTED_BAY_BLOCKED,
     EXECUTED_BLOCKED,
+    EXECUTED_WAIT,
     MOVE_NORTH,
 )
 from automaton.floor.cells import CELL_KINDS
@@ -119,26 +120,31 @@ class Closed(Gate):
 
 
 class Door(Gate):
-    """A cell that is shut until somebody asks for it."""
+    """A cell that is shut until somebody asks for it.
+
+    Any robot that may have asked may have been the first one: it may be open from several ticks on.
+    """
 
     def __init__(self, cells: list[int], section: dict[str, Any]) -> None:
         super().__init__(cells)
         self.opening, self.hold = section["opening_time"], section["hold_open"]
-        self.open_from: int | None = None
+        self.open_from: int | None = None  # the last tick in which it may have come open
+        self.opening_at: list[int] = []  # later ones
         self.used = 0
 
     def check(self, tick: int, entries: list[Entry], asks: Asks, complain: Complaint) -> None:
         if self.inside:
             self.used = tick
+        while self.opening_at and self.opening_at[0] <= tick:
+            self.open_from = self.opening_at.pop(0)
         if self.open_from is not None and tick > max(self.used, self.open_from) + self.hold:
             self.open_from = None
         entered = self.entered_by(entries)
         if entered or asks & self.cells:
             self.used = tick
-            if self.open_from is None:
-                self.open_from = tick + self.opening
+            self.opening_at.append(tick + self.opening)
         for r, _, to in entered:
-            if self.open_from is None or self.open_from > tick:
+            if self.open_from is None:
                 complain("door", [r], to, "drives through a door that is shut")
 
 
@@ -264,7 +270,7 @@ class GateRules:
             code, cell = did & ACTION_MASK, motion.cell[r]
             if 0 < code <= MOVE_NORTH and cell != NIL:
                 entries.append((r, cell, cell + self.cells.steps[code - 1]))
-            elif code == EXECUTED_BLOCKED and cell != NIL:
+            elif code in (EXECUTED_BLOCKED, EXECUTED_WAIT) and cell != NIL:
                 asks.update(self.cells.ways_out(cell))
             elif code == EXECUTED_BAY_BLOCKED:
                 asks.add(motion.home[r])

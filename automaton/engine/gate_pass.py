@@ -108,6 +108,16 @@ def gate_before(view, i, to):
 
 
 @kernel
+def opens_soon(view, gate, i):
+    """Whether a gate that keeps robot i opens to it by itself: a door, or a lift that comes for it."""
+    gates = view.gates
+    if gates.kind[gate] != GATE_LIFT:
+        return gates.kind[gate] == GATE_DOOR
+    is_for_it = gates.caller[gate] == NIL or gates.caller[gate] == view.robots.identity[i]
+    return gates.robots[gate] == 0 and is_for_it
+
+
+@kernel
 def is_in_full_gate(view, cell):
     """Whether a cell is in a block or lift that holds as many robots as it may: nobody comes in."""
     gates = view.gates

@@ -7,7 +7,13 @@ from __future__ import annotations
 
 from automaton.engine.charging_curve import CURVE_RATE, charging_ticks, level_after
 from automaton.engine.distance_tables import UNREACHABLE
-from automaton.engine.gate_pass import closed_until, gate_before, has_gates, is_in_full_gate
+from automaton.engine.gate_pass import (
+    closed_until,
+    gate_before,
+    has_gates,
+    is_in_full_gate,
+    opens_soon,
+)
 from automaton.engine.holders import lane_of
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import direction_between, has_room
@@ -108,6 +114,7 @@ __all__ = [
     "mark_goal",
     "nearest_mark",
     "next_stop_cell",
+    "opens_soon",
     "parent_of",
     "pickup_cell",
     "pop",

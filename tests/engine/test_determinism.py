@@ -187,6 +187,8 @@ def test_the_digest_changes_with_every_field(name: str) -> None:
         run = simulation("factory")
     elif part in ("pods", "lines", "trips", "pod_stations"):
         run = simulation("goods-mini")
+    elif part == "gates":
+        run = simulation("bad-day")
     elif part == "stops":
         run = simulation("crossing", "orders={generator: tours, count: 100}")
     else:

@@ -1,4 +1,4 @@
-"""Drawn floors with gates under every right of way: a sample of what `tests/helpers/gate_trials.py` runs."""
+"""Drawn floors with gates under every right of way: a sample of `tests/helpers/gate_trials.py`."""
 
 from __future__ import annotations
 

@@ -39,6 +39,7 @@ from automaton.strategy.kernels import (
     is_in_full_gate,
     is_in_own_queue,
     kernel,
+    opens_soon,
     splitmix64,
 )
 from automaton.strategy.layer import Strategy
@@ -141,12 +142,12 @@ def update_queue(view, state):
 def has_finished(view, state, i):
     """Whether robot i has done since the last look what it drove to its goal cell for.
 
-    Who lost the last tick at a gate counts as well: else it would push back those that come out of it.
+    Who lost the last tick at a full block counts as well: else it would push back those that come out.
     """
     robots = view.robots
     before, cell = np.int64(state.aim_type[i]), np.int64(state.aim_cell[i])
     if before == robots.goal_type[i] and cell == robots.goal_cell[i]:
-        return robots.action[i] == ACTION_GATE
+        return robots.action[i] == ACTION_GATE and is_beside_full_gate(view, i)
     state.aim_type[i], state.aim_cell[i] = robots.goal_type[i], robots.goal_cell[i]
     was_visit = before == GOAL_PICK or before == GOAL_DROP or before == GOAL_STOP
     return was_visit and robots.cell[i] == cell
@@ -162,13 +163,17 @@ RANKS = 3
 
 @kernel
 def rank_of(view, state, i):
-    """Who leaves a dead end or a full block goes first; last, who has nothing to do or may not enter."""
+    """Who leaves a dead end or a full block goes first; last, who has nothing to do or may not enter.
+
+    Who waits for a door or for its lift holds its place, as if it left: it would ask in vain elsewhere.
+    """
     robots = view.robots
     if has_gates(view) and robots.cell[U(i)] != NIL:
         if is_in_full_gate(view, robots.cell[U(i)]):
             return LEAVES
-        if waits_at_gate(view, state, i):
-            return HAS_NOTHING
+        gate = gate_that_keeps(view, state, i)
+        if gate != NIL:
+            return LEAVES if opens_soon(view, gate, i) else HAS_NOTHING
     if state.dead_ends == 0:
         is_idle = robots.goal_type[U(i)] == GOAL_NONE or robots.goal_type[U(i)] == GOAL_PARK
         return HAS_NOTHING if is_idle else WORKS
@@ -189,19 +194,31 @@ def rank_of(view, state, i):
 
 
 @kernel
-def waits_at_gate(view, state, i):
-    """Whether a gate keeps robot i out of the cell that it likes best: others go first meanwhile."""
+def gate_that_keeps(view, state, i):
+    """The gate that keeps robot i out of the cell that it likes best, or NIL."""
     cell, option = np.int64(view.robots.cell[U(i)]), option_of(state, i, 0)
     if option >= STAY:
-        return False
-    return gate_before(view, i, cell + view.grid.offset[U(option)]) != NIL
+        return np.int64(NIL)
+    return gate_before(view, i, cell + view.grid.offset[U(option)])
+
+
+@kernel
+def is_beside_full_gate(view, i):
+    """Whether a gate that does not open soon keeps robot i out of a cell next to it."""
+    cell = np.int64(view.robots.cell[U(i)])
+    for direction in range(4):
+        if (np.int64(view.grid.cell_flags[U(cell)]) >> direction) & 1:
+            gate = gate_before(view, i, cell + view.grid.offset[U(direction)])
+            if gate != NIL and not opens_soon(view, gate, i):
+                return True
+    return False
 
 
 @kernel
 def asks_for_gate(view, state, i):
     """Whether robot i, which stays, asks the gate that keeps it from where it likes best to go."""
     direction, heading = option_of(state, i, 0), np.int64(view.robots.heading[U(i)])
-    if not waits_at_gate(view, state, i):
+    if gate_that_keeps(view, state, i) == NIL:
         return False
     return direction & (view.grid.headings - 1) == heading or is_lane_free(view, state, i)
 

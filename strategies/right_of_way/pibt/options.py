@@ -202,6 +202,7 @@ def rank_options(view, state, workspace, i):
     are sorted without a branch: which is best is as good as random to the processor.
     """
     robots = view.robots
+    state.asks[U(i)] = 0
     draws = splitmix64(
         np.uint64(view.rules.seed)
         ^ (np.uint64(view.clock[CLOCK_TICK]) << np.uint64(32) | np.uint64(robots.identity[U(i)]))

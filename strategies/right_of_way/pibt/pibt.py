@@ -215,12 +215,10 @@ def is_beside_full_gate(view, i):
 
 
 @kernel
-def asks_for_gate(view, state, i):
-    """Whether robot i, which stays, asks the gate that keeps it from where it likes best to go."""
-    direction, heading = option_of(state, i, 0), np.int64(view.robots.heading[U(i)])
-    if gate_that_keeps(view, state, i) == NIL:
-        return False
-    return direction & (view.grid.headings - 1) == heading or is_lane_free(view, state, i)
+def may_turn_to(view, state, i, direction):
+    """Whether robot i faces this direction, or may turn to it where it stands."""
+    faces = direction & (view.grid.headings - 1) == view.robots.heading[U(i)]
+    return faces or is_lane_free(view, state, i)
 
 
 @kernel
@@ -339,9 +337,9 @@ def give_commands(view, batch, decisions, state):
             state.turning[U(i)] = direction + 1 if direction & mask != robots.heading[U(i)] else 0
             out.command[U(k)] = CMD_GO
             out.value[U(k)] = direction
-        elif has_gates(view) and asks_for_gate(view, state, i):
+        elif state.asks[U(i)] and may_turn_to(view, state, i, np.int64(state.asks[U(i)]) - 1):
             out.command[U(k)] = CMD_GO
-            out.value[U(k)] = option_of(state, i, 0)
+            out.value[U(k)] = state.asks[U(i)] - 1
         elif robots.goal_type[U(i)] != GOAL_NONE:
             out.command[k] = CMD_HOLD
             best = option_of(state, i, 0)

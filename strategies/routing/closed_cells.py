@@ -72,5 +72,6 @@ def around_closed(view, workspace, i, steps, length):
     )
     if found == NIL or ticks_of_route(view, i, other, found, True) >= waiting:
         return length
-    steps[:found] = other[:found]
+    for k in range(found):
+        steps[k] = other[k]
     return found

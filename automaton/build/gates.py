@@ -168,5 +168,5 @@ def random_closings(closing: Closing, mean: float, number: int, seed: int, end: 
         rows.append(np.stack([ends - lengths, ends], axis=1))
         tick, first, count = int(ends[-1]), first + count, min(2 * count, 65_536)
     closings = np.concatenate(rows)
-    kept: Array = closings[closings[:, 0] <= end].astype(np.int64)
-    return kept
+    begun: Array = closings[closings[:, 0] <= end].astype(np.int64)
+    return begun

@@ -34,7 +34,7 @@ def is_gated(view, cell):
 
 @kernel
 def index_in(gates, cell, gate):
-    """The entry of a cell in a gate, or NIL: it is none of its cells."""
+    """The entry of a cell in a gate, or NIL: it is not in it."""
     for entry in range(gates.cell_first[cell], gates.cell_first[cell + 1]):
         if gates.cell_gate[entry] == gate:
             return entry
@@ -72,7 +72,7 @@ def closed_until(view, cell, known):
 
 @kernel
 def is_shut(view, gate):
-    """Whether a closing or a door lets nobody in."""
+    """Whether a closing or a door lets no robot in."""
     if view.gates.kind[gate] == GATE_CLOSING:
         return is_closed_now(view, gate)
     return view.gates.kind[gate] == GATE_DOOR and (
@@ -119,7 +119,7 @@ def opens_soon(view, gate, i):
 
 @kernel
 def is_in_full_gate(view, cell):
-    """Whether a cell is in a block or lift that holds as many robots as it may: nobody comes in."""
+    """Whether a cell is in a block or lift that holds as many robots as it may: no robot comes in."""
     gates = view.gates
     if gates.kind.shape[0] == 0:
         return False
@@ -257,7 +257,7 @@ def enter_from_bay(world, cell):
 
 @kernel
 def ask(world, i, cell, to, entrants):
-    """Robot i would go from a cell, NIL from its bay, into another one. Returns the entrants so far."""
+    """Robot i would go from a cell, NIL: its parking bay, into another. Returns the entrants so far."""
     gates = world.gates
     for entry in range(gates.cell_first[to], gates.cell_first[to + 1]):
         gate = np.int64(gates.cell_gate[entry])
@@ -368,7 +368,7 @@ def move_entry(gates, gate, entry, head):
 
 @kernel
 def let_into_lift(world, gate):
-    """The robot that called enters when the cabin is there; a lift that nobody called is called."""
+    """The robot that called enters when the cabin is there; a lift that was not called is called."""
     gates, tick = world.gates, world.clock[CLOCK_TICK]
     if gates.robots[gate] == 0:
         caller = find_caller(world, gate)
@@ -381,9 +381,9 @@ def let_into_lift(world, gate):
 
 @kernel
 def find_caller(world, gate):
-    """The entry of the robot for which the cabin comes, or NIL: nobody is left who wants in.
+    """The entry of the robot for which the cabin comes, or NIL: no robot wants in.
 
-    It is the one that called, else one at the same mouth, else one for which the cabin is called anew.
+    It is the one that called, else one at the same mouth, else one for which the cabin is called again.
     """
     gates, tick = world.gates, world.clock[CLOCK_TICK]
     entry = gates.first_entrant[gate]

@@ -15,7 +15,7 @@ from automaton.engine.jit.structs import Struct
 
 Array = NDArray[Any]
 
-GATE_CLOSING: Final = 0  # nobody may enter for some time
+GATE_CLOSING: Final = 0  # no robot may enter for some time
 GATE_DOOR: Final = 1  # it opens to a robot that asks, and shuts
 GATE_BLOCK: Final = 2  # it holds so many robots, or robots of one direction
 GATE_LIFT: Final = 3  # a block of one robot, whose cabin comes when it is called

@@ -30,7 +30,7 @@ CellSet = Annotated[
 
 
 class MeanGap(ConfigSection, frozen=True, kw_only=True):
-    """A time that is drawn anew each time."""
+    """A time that is drawn each time."""
 
     mean: Annotated[
         float,
@@ -136,8 +136,8 @@ class ChangingFloor(ConfigSection, frozen=True, kw_only=True):
     replan_after: Annotated[
         Lasting | Literal["30 s"] | None,
         Meta(
-            description="Ticks before a closed cell after which a robot is planned anew around "
-            "closed cells, once for each closing; null: never. Where a tick is no time, 30 ticks "
+            description="Ticks before a closed cell after which a robot is planned again around "
+            "closed cells, once for each closing; null: never. Where a tick is not a time, 30 ticks "
             "unless said otherwise."
         ),
     ] = "30 s"

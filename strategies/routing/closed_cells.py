@@ -60,7 +60,7 @@ def around_closed(view, workspace, i, steps, length):
         return length
     goal_cell, heading = np.int64(view.robots.goal_cell[i]), np.int64(view.robots.heading[i])
     other = workspace.steps
-    found = find_path(
+    detour = find_path(
         view,
         workspace,
         view.robots.type[i],
@@ -70,8 +70,8 @@ def around_closed(view, workspace, i, steps, length):
         AROUND_KNOWN,
         other,
     )
-    if found == NIL or ticks_of_route(view, i, other, found, True) >= waiting:
+    if detour == NIL or ticks_of_route(view, i, other, detour, True) >= waiting:
         return length
-    for k in range(found):
+    for k in range(detour):
         steps[k] = other[k]
-    return found
+    return detour

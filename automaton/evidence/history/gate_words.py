@@ -48,7 +48,7 @@ def keeps(snapshot: Snapshot, gate: int, kind: int) -> bool:
 
 
 def closed_until(snapshot: Snapshot, gate: int) -> int:
-    """The tick from which a closing is over that lasts; NIL if none does."""
+    """The tick from which a closing is over that lasts; NIL if it is open."""
     gates = snapshot.gates
     row = int(gates.first_closing[gate] + gates.closing[gate])
     if gates.kind[gate] != GATE_CLOSING or row >= gates.first_closing[gate + 1]:
@@ -70,8 +70,8 @@ def robots_in(snapshot: Snapshot, gate: int) -> list[int]:
     cells = cells_of(snapshot, gate)
     robots = snapshot.robots
     inside = np.isin(robots.cell, cells) | np.isin(robots.claim, cells)
-    found: list[int] = np.flatnonzero(inside).tolist()
-    return found
+    identities: list[int] = np.flatnonzero(inside).tolist()
+    return identities
 
 
 def words_of(snapshot: Snapshot, gate: int, robot: int = NIL) -> str:
@@ -97,7 +97,7 @@ def words_of(snapshot: Snapshot, gate: int, robot: int = NIL) -> str:
         return f"in lift {number}, which is taken{who}"
     caller = int(gates.caller[gate])
     if caller == NIL:
-        return f"in lift {number}, which nobody has called"
+        return f"in lift {number}, which no robot has called"
     whom = "it" if caller == robot else f"robot {caller}"
     if opens > tick:
         return f"in lift {number}, whose cabin is there for {whom} in tick {opens}"

@@ -106,7 +106,7 @@ class Admission:
         if [name in header for name in ("pods", "lines", "pod_stations")] != [wanted] * 3:
             raise InvalidFrameError("it has not the pods, lines and stations of its scenario")
         if ("gates" in header) and not self.scenario.floor.closed:
-            raise InvalidFrameError("it tells of closed cells that its scenario does not have")
+            raise InvalidFrameError("it has closed cells, and its scenario none")
         check_arrays(header, HEADER_ARRAYS, sizes)
         self._check_stops(header)
         self._check_trips(header)

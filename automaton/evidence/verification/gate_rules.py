@@ -45,19 +45,19 @@ class Cells:
         if isinstance(cells, dict):
             (x, y), (u, v) = cells["from"], cells["to"]
             columns, rows = sorted((x, u)), sorted((y, v))
-            found = [
+            flat = [
                 self.at((column, row))
                 for row in range(rows[0], rows[1] + 1)
                 for column in range(columns[0], columns[1] + 1)
             ]
         else:
-            found = [self.at(cells[0])]
+            flat = [self.at(cells[0])]
             for corner in cells[1:]:
                 end = self.at(corner)
-                step = self.stride if (end - found[-1]) % self.stride == 0 else 1
-                while found[-1] != end:
-                    found.append(found[-1] + (step if end > found[-1] else -step))
-        return [cell for cell in dict.fromkeys(found) if self.drivable[cell]]
+                step = self.stride if (end - flat[-1]) % self.stride == 0 else 1
+                while flat[-1] != end:
+                    flat.append(flat[-1] + (step if end > flat[-1] else -step))
+        return [cell for cell in dict.fromkeys(flat) if self.drivable[cell]]
 
     def ways_out(self, cell: int) -> Iterator[int]:
         """The cells into which robots drive from a cell."""
@@ -120,7 +120,7 @@ class Closed(Gate):
 
 
 class Door(Gate):
-    """A cell that is shut until somebody asks for it.
+    """A cell that is shut until a robot asks for it.
 
     Any robot that may have asked may have been the first one: it may be open from several ticks on.
     """

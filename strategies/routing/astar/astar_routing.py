@@ -26,7 +26,7 @@ class AStarState(Struct):
 @kernel
 def around_robots(view, workspace, i, reason, steps):
     """The length of a way around the other robots if a retreat is over, around closed cells after a
-    long wait; NIL if neither, or if there is none."""
+    long wait; NIL if neither, or if no way leads there."""
     around = around_what(reason)
     if around == 0:
         return NIL

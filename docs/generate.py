@@ -19,7 +19,16 @@ from pathlib import Path
 from typing import Any, Final
 
 from automaton.commands import COMMANDS
-from automaton.engine import facilities, pods, robot_status, service_zones, state, stops, visibility
+from automaton.engine import (
+    facilities,
+    gates,
+    pods,
+    robot_status,
+    service_zones,
+    state,
+    stops,
+    visibility,
+)
 from automaton.engine.jit.field_kernels import hidden_fields
 from automaton.engine.jit.fields import SCRATCH
 from automaton.engine.jit.structs import Struct
@@ -446,6 +455,7 @@ SEEN: Final = {
     "lines": pods.Lines,
     "trips": pods.Trips,
     "pod_stations": pods.PodStations,
+    "gates": gates.Gates,
     "service_zones": service_zones.ServiceZones,
     "service_zones.roads": service_zones.Roads,
     "service_zones.design": service_zones.Design,

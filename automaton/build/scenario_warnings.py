@@ -7,6 +7,7 @@ import numpy as np
 from automaton.build.conversion_table import coarse_conversions
 from automaton.build.due_warnings import due_warnings
 from automaton.build.fleet_warnings import fleet_warnings
+from automaton.build.gate_warnings import gate_warnings
 from automaton.build.late_releases import late_releases
 from automaton.build.pod_warnings import pod_warnings
 from automaton.build.resolve import Resolved
@@ -45,6 +46,7 @@ def scenario_warnings(resolved: Resolved) -> list[str]:
         *coarse_conversions(resolved),
         *fleet_warnings(resolved),
         *pod_warnings(resolved),
+        *gate_warnings(resolved),
     ]
 
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from automaton.build.queues import queue_path
 from automaton.floor.floor_plan import DRIVABLE, FloorPlan
-from automaton.scenario.changing_floor import CellRectangle, MarkedCells, SpeedLimit
+from automaton.scenario.changing_floor import CellSet, Rectangle, SpeedLimit
 from automaton.scenario.document import Document, Keys
 from automaton.scenario.schema import Scenario
 
@@ -32,11 +32,11 @@ def check_speed_limits(document: Document, scenario: Scenario, floor_plan: Floor
 
 
 def check_marked_cells(
-    document: Document, keys: Keys, cells: MarkedCells, floor_plan: FloorPlan
+    document: Document, keys: Keys, cells: CellSet, floor_plan: FloorPlan
 ) -> None:
     """Corners lie on the floor and follow on each other along it. Raises InputError."""
     ends: tuple[str | int, ...] = ("from", "to")
-    if isinstance(cells, CellRectangle):
+    if isinstance(cells, Rectangle):
         corners: tuple[tuple[int, int], ...] = (cells.first, cells.last)
     else:
         corners, ends = cells, tuple(range(len(cells)))
@@ -53,9 +53,9 @@ def check_marked_cells(
         raise document.error(keys, "robots drive on none of these cells")
 
 
-def marked_cells(floor_plan: FloorPlan, cells: MarkedCells) -> Cells:
+def marked_cells(floor_plan: FloorPlan, cells: CellSet) -> Cells:
     """Flat cells of a rectangle, or of the path along some corners."""
-    if isinstance(cells, CellRectangle):
+    if isinstance(cells, Rectangle):
         (x, y), (u, v) = cells.first, cells.last
         columns = np.arange(min(x, u), max(x, u) + 1)
         rows = np.arange(min(y, v), max(y, v) + 1)

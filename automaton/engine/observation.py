@@ -56,6 +56,10 @@ CAUSE_STATION_QUEUE: Final = 22
 CAUSE_POD_AHEAD: Final = 23
 CAUSE_STATION_BREAK: Final = 24
 CAUSE_DELAYED: Final = 25
+CAUSE_CLOSED: Final = 26  # and the other kinds of gates after it, in the sequence of GATE_KINDS
+CAUSE_DOOR: Final = 27
+CAUSE_BLOCK: Final = 28
+CAUSE_LIFT: Final = 29
 CAUSE_UNDECIDED: Final = 255  # within a tick: waits for a cell; why depends on its holder
 
 _HELD = "rule of occupancy: a cell holds no more robots than its capacity"
@@ -179,6 +183,30 @@ CAUSES: Final = (
         "delayed",
         "{robot} is delayed",
         "a delayed robot begins nothing, and a move or a turn under way takes longer by the delay",
+        False,
+    ),
+    Cause(
+        "closed",
+        "{cell} is closed for some time",
+        "no robot enters a closed cell; one that is there goes on, and may leave",
+        False,
+    ),
+    Cause(
+        "door",
+        "{cell} is a door that is shut",
+        "a door opens to a robot that asks for it",
+        False,
+    ),
+    Cause(
+        "block",
+        "{cell} is in a block with no room for {robot}",
+        "a block holds no more robots than it says",
+        False,
+    ),
+    Cause(
+        "lift",
+        "{cell} is in a lift whose cabin is not there for {robot}",
+        "a lift takes one robot at a time, and comes when it is called",
         False,
     ),
 )

@@ -28,6 +28,7 @@ STREAM_DELAYS = 22  # which robots begin a delay
 STREAM_DELAY_TICKS = 23  # how long it lasts
 STREAM_DELAY_COUNTS = 24  # how many begin one
 STREAM_REPAIRS = 25  # how long a repair in place takes
+STREAM_CLOSINGS = 21  # when cells close, and for how long
 STREAM_STRATEGY = 32  # plug-ins use this one and above
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)

@@ -190,6 +190,8 @@ def test_the_digest_changes_with_every_field(name: str) -> None:
     elif part == "delays":
         delays = "faults.delays={probability: 0.001, ticks: {from: 1, to: 2}}"
         run = simulation("tabletop-mini", *SETTINGS, delays)
+    elif part == "gates":
+        run = simulation("bad-day")
     elif part == "stops":
         run = simulation("crossing", "orders={generator: tours, count: 100}")
     else:

@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from automaton.build.gates import NOTHING
 from automaton.build.resolve import resolve
+from automaton.engine.gates import Gates
 from automaton.engine.robot_status import BATTERY_FULL
 from automaton.engine.state import NIL
 from automaton.floor.cells import DESTINATION, FLOOR
@@ -61,6 +63,7 @@ def make_scene(
             reserved_by=np.full(len(cells) + len(left), NIL),
         ),
         pods=SimpleNamespace(slot=np.zeros(0, np.int32)),
+        gates=Gates.sized(NOTHING),
         orders=SimpleNamespace(
             current_slot=np.flatnonzero(loaded),
             target=np.full(orders, len(cells) - 1),

@@ -112,6 +112,8 @@ class Admission:
             raise InvalidFrameError("it has not the pods, lines and stations of its scenario")
         if not wanted:
             sizes["rules"] = sizes["cells"]  # of handling; without lines stations have them in vain
+        if ("gates" in header) and not self.scenario.floor.closed:
+            raise InvalidFrameError("it has closed cells, and its scenario none")
         check_arrays(header, HEADER_ARRAYS, sizes)
         self._check_stops(header)
         self._check_trips(header)

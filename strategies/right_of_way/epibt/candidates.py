@@ -13,11 +13,14 @@ from automaton.engine.state import CLOCK_TICK, GOAL_NONE, NIL
 from automaton.strategy.kernels import (
     UNREACHABLE,
     cost_in,
+    gate_before,
+    is_in_full_gate,
     kernel,
     table_of,
     weighted_table_of,
     with_load,
 )
+from strategies.right_of_way.epibt.operations import FORWARD
 from strategies.right_of_way.epibt.paths import cell_after
 
 COST_SHIFT = 10
@@ -36,10 +39,13 @@ def rank_candidates(view, workspace, state, i):
     pose = np.int64(state.pose[i])
     way = cost_from(workspace, state, row, pose) if goal != NIL else np.int64(0)
     state.cost[i] = plan_cost(workspace, state, i, goal, row, way)
-    enter_keys(view, workspace, state, i, np.int64(view.robots.type[i]), goal, row, way)
+    is_kept = is_kept_by_gate(view, state, i)
+    enter_keys(view, workspace, state, i, goal, row, way, is_kept)
     state.sorted_count[i] = 0
-    if goal == NIL:
+    if goal == NIL or (is_kept and wants_ahead(state, i)):
         state.sequence_key[i] = LAST_KEY
+    elif is_in_full_gate(view, pose >> 2):
+        state.sequence_key[i] = 0
     elif state.oldest_first:
         age = view.clock[CLOCK_TICK] - state.idle_since[i]
         state.sequence_key[i] = max(LAST_KEY - 1 - age, 0)
@@ -62,6 +68,21 @@ def turn_at_pockets(view, state, i, goal):
         state.sequence_key[i] = 0
     elif state.is_pocket[goal] and holder != NIL and holder != i:
         state.sequence_key[i] = LAST_KEY - 1
+
+
+@kernel
+def is_kept_by_gate(view, state, i):
+    """Return whether a gate keeps robot i out of the cell ahead of it."""
+    pose = np.int64(state.pose[i])
+    return gate_before(view, i, (pose >> 2) + view.grid.offset[pose & 3]) != NIL
+
+
+@kernel
+def wants_ahead(state, i):
+    """Return whether the best operation of robot i goes on ahead, if it waits for that."""
+    if state.key_count[i] == 0:
+        return False
+    return state.aim[state.candidate[nth_key(state, i, 0) & CANDIDATE_MASK]] == 0
 
 
 @kernel
@@ -130,9 +151,12 @@ def ticks_to_goal(state, i, operation, goal):
 
 
 @kernel
-def enter_keys(view, workspace, state, i, robot_type, goal, row, way):
-    """Enter the keys of the operations that are open to robot i; those with one end share its cost."""
-    pose = np.int64(state.pose[i])
+def enter_keys(view, workspace, state, i, goal, row, way, is_kept):
+    """Enter the keys of the operations that are open to robot i; those with one end share its cost.
+
+    `is_kept`: it cannot go forward in this tick.
+    """
+    robot_type, pose = np.int64(view.robots.type[i]), np.int64(state.pose[i])
     keys, count = state.key[i], 0
     cost, end = np.int64(0), np.int64(NIL)
     last_class = state.following.shape[0] - 1
@@ -141,6 +165,8 @@ def enter_keys(view, workspace, state, i, robot_type, goal, row, way):
         if (state.open[robot_type, pose, number >> 6] >> np.uint64(number & 63)) & _1 == 0:
             continue
         operation = np.int64(state.candidate[number])
+        if is_kept and state.action[operation] == FORWARD:
+            continue
         rank = operation if goal == NIL else last_class - operation
         if state.has_storage and ends_in_storage(view, state, i, operation, goal):
             continue

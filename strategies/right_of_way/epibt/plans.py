@@ -9,10 +9,11 @@ import numpy as np
 
 from automaton.engine.robot_status import STATUS_UP
 from automaton.engine.state import CLOCK_TICK, GOAL_NONE, GOAL_PARK, NIL
-from automaton.strategy.kernels import has_room, is_in_own_queue, kernel
+from automaton.strategy.kernels import gate_before, has_gates, has_room, is_in_own_queue, kernel
 from strategies.right_of_way.arrivals import is_at_goal
+from strategies.right_of_way.epibt.candidates import is_kept_by_gate
 from strategies.right_of_way.epibt.chains import FREE, robot_met
-from strategies.right_of_way.epibt.operations import FULL_WAIT
+from strategies.right_of_way.epibt.operations import FORWARD, FULL_WAIT
 from strategies.right_of_way.epibt.paths import cell_after, cell_held, enter_path, look_where_it_is
 
 
@@ -83,6 +84,9 @@ def inherit_plans(view, state):
             state.plan[i] = state.following[state.plan[i]]
         if pose == NIL:
             continue
+        if has_gates(view) and state.action[state.plan[i]] == FORWARD:
+            if is_kept_by_gate(view, state, i):
+                state.plan[i] = FULL_WAIT
         if state.plan[i] != FULL_WAIT and robot_met(state, i, np.int64(state.plan[i])) == FREE:
             enter_path(state, i, i)
         else:
@@ -122,6 +126,8 @@ def enter_floor(view, state, i):
     """
     robots = view.robots
     home = np.int64(robots.home[i])
+    if gate_before(view, i, home) != NIL:
+        return False
     if not has_room(view.traffic.occupancy, home, 0):
         return False
     for tick in range(state.ticks):

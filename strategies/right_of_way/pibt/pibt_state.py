@@ -64,6 +64,9 @@ class PibtState(Struct):
     option_next: Array = field(
         "(n,) uint8", "the place of the option to be tried next", role=SCRATCH
     )
+    asks: Array = field(
+        "(n,) uint8", "1 + the direction in which it asks for a gate, or 0", role=SCRATCH
+    )
     priced_cell: Array = field("(n,) int32", "the cell that its `costs` are of", role=SCRATCH)
     priced_goal: Array = field("(n,) int32", "and the goal cell, or NIL", role=SCRATCH)
     costs: Array = field("(n, 4) int32", "ticks to its goal after a step E, S, W, N", role=SCRATCH)

@@ -86,7 +86,7 @@ def test_the_command_writes_files_side_by_side(
         (["FOLDER/x.map", "--out", "FOLDER/floor.yaml"], "x.map: no such file"),
         (["FOLDER", "--out", "FOLDER/none/floor.yaml"], "cannot write it"),
         (["FOLDER", "--out", "FOLDER/floor.yaml", "--robots", "0"], "is not a number of robots"),
-        (["FOLDER/a.tasks", "--out", "FOLDER/a.yaml"], "its name must end in .map"),
+        (["FOLDER/a.tasks", "--out", "FOLDER/a.yaml"], "is none of the formats that are read"),
     ],
 )
 def test_what_cannot_be_imported_is_said_in_a_sentence(

@@ -39,6 +39,18 @@ def add_layout_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="1m/s",
         help="where the file gives none",
     )
+    add(
+        "--robot",
+        type=measured("a length", "0.6m", exact_length),
+        metavar="0.6m",
+        help="of images: the width of a robot; default: that of a cell",
+    )
+    add(
+        "--unknown",
+        choices=("wall", "free"),
+        default=DEFAULTS.unknown,
+        help="of images: what unknown area is, default wall",
+    )
     add("--layout", metavar="ID", help="which layout, if the file has several")
     add("--type", metavar="NAME", help="which type of robots, if the file has several")
     add(
@@ -61,6 +73,8 @@ def options_of(args: argparse.Namespace) -> ImportOptions:
         args.accept,
         robots=args.robots,
         ticks=args.ticks,
+        robot=args.robot,
+        unknown=args.unknown,
     )
 
 

@@ -24,10 +24,12 @@ SCEN: Final = "scen"
 LEAGUE: Final = "league"
 LIF: Final = "lif"
 OPENTCS: Final = "opentcs"
+ROS: Final = "ros"
 
 KINDS: Final = {  # kind: what it is called
     LIF: "VDMA LIF",
     OPENTCS: "openTCS plant model",
+    ROS: "map of ROS",
     MAP: "MovingAI map",
     SCEN: "MovingAI scenario",
     LEAGUE: "problem of the League of Robot Runners",
@@ -36,8 +38,18 @@ BEGINNINGS: Final = (  # kind, and what its first lines are like
     (MAP, re.compile(rb"\s*type\s+\w+\s")),
     (SCEN, re.compile(rb"\s*version\s+\d")),
     (OPENTCS, re.compile(rb"\s*<")),
+    (
+        ROS,
+        re.compile(
+            rb"(?!\s*\{)(?=.*^\s*image\s*:)(?=.*^\s*resolution\s*:)", re.DOTALL | re.MULTILINE
+        ),
+    ),
+    (ROS, re.compile(rb"P[25]\s|\x89PNG")),  # the image instead of the file that names it
 )
-SUFFIXES: Final = {".map": MAP, ".scen": SCEN, ".json": LEAGUE, ".lif": LIF, ".xml": OPENTCS}
+SUFFIXES: Final = {
+    **{".map": MAP, ".scen": SCEN, ".json": LEAGUE, ".lif": LIF, ".xml": OPENTCS},
+    **{".yaml": ROS, ".yml": ROS},
+}
 LIF_KEYS: Final = frozenset(("layouts", "origins", "metaInformation"))
 BYTE_ORDER_MARK: Final = b"\xef\xbb\xbf"
 

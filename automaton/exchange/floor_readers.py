@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from automaton.errors import InputError
-from automaton.exchange.file_kinds import KINDS
+from automaton.exchange.file_kinds import KINDS, ROS
+from automaton.exchange.image_floor import read_image_floor
 from automaton.exchange.imported_floor import ImportedFloor, ImportOptions
 
 
@@ -20,7 +21,9 @@ class FloorReader(NamedTuple):
 
 
 OF_ALL: Final = frozenset(("robots", "ticks"))  # options of problems, too
-READERS: Final[dict[str, FloorReader]] = {}
+READERS: Final[dict[str, FloorReader]] = {
+    ROS: FloorReader(read_image_floor, frozenset(("cell", "tick", "speed", "robot", "unknown"))),
+}
 
 
 def read_floor(path: Path, kind: str, options: ImportOptions) -> ImportedFloor:

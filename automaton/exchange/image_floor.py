@@ -172,7 +172,7 @@ def _facts(
     pixels = {
         "free": int(np.count_nonzero(open_)),
         "reached": cells.reached,
-        "kept": cells.kept,
+        "kept": cells.pixels_kept,
     }
     area = ros_map.resolution**2
     return {

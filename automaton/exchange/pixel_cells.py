@@ -32,7 +32,7 @@ class PixelCells(NamedTuple):
     offset: tuple[int, int]  # pixels to the right of and below which the grid of cells begins
     first: tuple[int, int]  # column and row of the image, in pixels, where the first cell begins
     reached: int  # pixels that a robot's centre reaches
-    kept: int  # of those, pixels that cells keep
+    pixels_kept: int  # of those, pixels that cells keep
     pieces: tuple[int, int]  # of these pixels, and of the cells
     passages_lost: int  # borders between two free cells that pixels cross, and no kept ones
 
@@ -83,7 +83,7 @@ def cells_of(centre: Mask, k: int) -> PixelCells | None:
         offset=(dx, dy),
         first=first,
         reached=int(np.count_nonzero(centre)),
-        kept=int(np.count_nonzero(largest)),
+        pixels_kept=int(np.count_nonzero(largest)),
         pieces=(int(connected_parts(centre).max()), len(piece_sizes(free, east, south))),
         passages_lost=sum(crossed) - int(np.count_nonzero(east)) - int(np.count_nonzero(south)),
     )

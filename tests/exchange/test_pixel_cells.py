@@ -103,7 +103,7 @@ def test_random_images_against_a_slow_count(seed: int) -> None:
         assert cells.south[cell] == slow.touch(place, (place[0] + k, place[1]), (1, 0))
     assert cells.free[0].any() and cells.free[-1].any(), "cropped"
     assert cells.free[:, 0].any() and cells.free[:, -1].any()
-    assert cells.kept == sum(map(len, slow.kept.values())) and cells.reached == centre.sum()
+    assert cells.pixels_kept == sum(map(len, slow.kept.values())) and cells.reached == centre.sum()
     crossed = sum(map(len, slow.borders(slow.all)))
     assert cells.passages_lost == crossed - int(cells.east.sum()) - int(cells.south.sum())
     assert cells.pieces[0] == len(pieces(set(map(tuple, np.argwhere(centre).tolist()))))

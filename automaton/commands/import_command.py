@@ -45,9 +45,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--ticks",
         type=whole("a number of ticks", 1, 2_000_000_000),
-        default=DEFAULT_TICKS,
         metavar="N",
-        help=f"a run ends after so many, default {DEFAULT_TICKS:,}",
+        help=f"a run ends after so many, default {DEFAULT_TICKS:,}; on a layout after an hour",
     )
     add("--force", action="store_true", help="replace files that are there and say something else")
     add_json_argument(parser)
@@ -96,7 +95,7 @@ def print_report(report: ImportReport, files: list[str]) -> None:
 def import_problem(args: argparse.Namespace, kind: str) -> int:
     """Write the scenario of a problem with its starts and tasks."""
     problem = read_problem(args.file, args.robots)
-    names = write_files(args, imported_files(problem, args.out.stem, args.ticks))
+    names = write_files(args, imported_files(problem, args.out.stem, args.ticks or DEFAULT_TICKS))
     grid = problem.grid
     if args.json:
         facts = {"columns": grid.width, "rows": grid.height, "robots": problem.robots}

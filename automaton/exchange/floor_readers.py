@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from automaton.errors import InputError
-from automaton.exchange.file_kinds import KINDS
+from automaton.exchange.file_kinds import KINDS, LIF, OPENTCS
+from automaton.exchange.graphs.import_graph import import_lif, import_opentcs
 from automaton.exchange.imported_floor import ImportedFloor, ImportOptions
 
 
@@ -20,7 +21,11 @@ class FloorReader(NamedTuple):
 
 
 OF_ALL: Final = frozenset(("robots", "ticks"))  # options of problems, too
-READERS: Final[dict[str, FloorReader]] = {}
+OF_GRAPHS: Final = frozenset(("cell", "tick", "speed", "accept"))
+READERS: Final[dict[str, FloorReader]] = {
+    LIF: FloorReader(import_lif, OF_GRAPHS | {"layout", "type"}),
+    OPENTCS: FloorReader(import_opentcs, OF_GRAPHS),
+}
 
 
 def read_floor(path: Path, kind: str, options: ImportOptions) -> ImportedFloor:

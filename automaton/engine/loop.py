@@ -199,7 +199,7 @@ def motion(world, record):
     if world.clock[CLOCK_HALTED_UNTIL] >= world.clock[CLOCK_TICK]:
         halt_robots(world, record)
     drive(world, record)
-    if world.rules.slowdown or world.rules.extra_tick:
+    if world.rules.slowdown or world.rules.extra_tick or world.grid.min_move_ticks.shape[0]:
         set_move_ticks(world)
     if world.rules.battery:
         cancel_infeasible_moves(world)

@@ -16,6 +16,7 @@ from automaton.engine.facilities import MAY_TURN, NO_WAY_THROUGH
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import has_room
 from automaton.engine.prefetch import prefetch
+from automaton.engine.speed_limits import limited_ticks
 from automaton.engine.state import ACTION_MOVE, ACTION_TURN, CLOCK_TICK, NIL
 from automaton.engine.table_rows import cost_in, row_to
 
@@ -124,7 +125,9 @@ def follow_gradient(view, workspace, robot_type, cell, heading, target, steps):
             after = cell + grid.offset[direction]
             if np.int64(type_cell_flags[after]) & NO_WAY_THROUGH and after != target:
                 continue
-            if cost_in(tables, table, after, heading) == cost - duration[ACTION_MOVE]:
+            if cost_in(tables, table, after, heading) == cost - limited_ticks(
+                grid, duration[ACTION_MOVE], cell, direction
+            ):
                 if length == steps.shape[0]:
                     return length  # as much as fits; the robot asks again at its end
                 steps[length] = direction
@@ -213,7 +216,7 @@ def find_path(view, workspace, robot_type, cell, heading, target, around, steps)
                         search,
                         size,
                         to,
-                        cost + duration[ACTION_MOVE],
+                        cost + limited_ticks(grid, duration[ACTION_MOVE], here, direction),
                         cost_in(tables, table, after, h),
                         direction,
                     )
@@ -312,9 +315,8 @@ def nearest_mark(view, workspace, search, robot_type, cell, heading, around):
                 after = here + grid.offset[direction]
                 if not is_closed(view, after, direction, NIL, around):
                     to = after * grid.headings + h
-                    size = reach(
-                        workspace, search, size, to, cost + duration[ACTION_MOVE], 0, direction
-                    )
+                    ticks = limited_ticks(grid, duration[ACTION_MOVE], here, direction)
+                    size = reach(workspace, search, size, to, cost + ticks, 0, direction)
         if grid.headings > 1 and np.int64(type_cell_flags[here]) & MAY_TURN:
             to = here * grid.headings + ((h + 1) & (grid.headings - 1))
             size = reach(workspace, search, size, to, cost + duration[ACTION_TURN], 0, TURNED_AHEAD)

@@ -57,8 +57,8 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     "lost_held_back": ("ticks", "in which right of way that steers held robots back"),
     "slowdown_ticks": (
         "ticks",
-        "reduced speed, not waiting: what moves take longer because of slow zones "
-        "and by chance; no part of blocked_share",
+        "reduced speed, not waiting: what moves take longer because of slow zones, "
+        "speed limits and by chance; no part of blocked_share",
     ),
     "retreats": ("times", "retreats begun"),
     "lead_time": ("ticks", "from the release of an order to its delivery"),

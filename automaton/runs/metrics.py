@@ -247,8 +247,9 @@ def sums_of_lines(world: World, borders: Array) -> dict[str, Array]:
 
 def may_slow(world: World) -> bool:
     """Whether moves may take longer than their duration, or did so before the rules were changed."""
-    rules = world.rules
-    return bool(rules.slowdown or rules.extra_tick or world.tally.slowdown_ticks.any())
+    rules, is_limited = world.rules, len(world.grid.min_move_ticks) > 0
+    slows = rules.slowdown or rules.extra_tick or is_limited
+    return bool(slows or world.tally.slowdown_ticks.any())
 
 
 def _not_lost(world: World) -> list[str]:

@@ -87,8 +87,10 @@ def not_measured(scenario: Scenario) -> dict[str, str]:
         (("distance",), scenario.units.cell is not None, "units.cell"),
         (
             ("slowdown_ticks",),
-            world.slowdown != "none" or world.extra_tick_probability > 0,
-            "world.slowdown or world.extra_tick_probability",
+            world.slowdown != "none"
+            or world.extra_tick_probability > 0
+            or bool(scenario.floor.speed_limits),
+            "world.slowdown, world.extra_tick_probability or floor.speed_limits",
         ),
     )
     return {name: need for names, has, need in rules if not has for name in names}

@@ -44,6 +44,7 @@ from automaton.engine.search import (
     weighted_table_of,
     write_path,
 )
+from automaton.engine.speed_limits import limited_ticks
 from automaton.engine.step_costs import find_step_costs
 from automaton.engine.table_rows import cost_in, has_room_for
 from automaton.engine.trips import has_place, is_in_own_queue
@@ -94,6 +95,7 @@ __all__ = [
     "kernel",
     "lane_of",
     "level_after",
+    "limited_ticks",
     "mark_goal",
     "nearest_mark",
     "next_stop_cell",

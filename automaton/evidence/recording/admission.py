@@ -11,6 +11,7 @@ import numpy as np
 
 from automaton.build.feasibility import check_energy, check_feasible
 from automaton.build.resolve import CHANGEABLE, choose_strategies
+from automaton.build.speed_limits import check_speed_limits
 from automaton.build.task_lists import order_count
 from automaton.errors import InputError
 from automaton.evidence.recording.contents import (
@@ -111,6 +112,7 @@ class Admission:
         self.floor_plan = floor_plan_of(floor)
         check_plan(self.floor_plan)
         self._check_slots(header)
+        check_speed_limits(Document(header["scenario"]), self.scenario, self.floor_plan)
         start = check_feasible(
             Document(header["scenario"]), self.scenario, Floor(self.floor_plan, _on_floor)
         ).start

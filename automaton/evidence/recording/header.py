@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 
 from automaton.build.resolve import Resolved, StrategyChoice
+from automaton.build.speed_limits import with_speed_limits
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import NEVER
 from automaton.errors import InputError
@@ -113,9 +114,10 @@ def resolved_of(header: Content, with_strategies: bool = True) -> Resolved:
     its strategies, which a replay does not need, plug-ins keep their parameters as recorded.
     """
     start = header["start"]
+    scenario = msgspec.convert(header["scenario"], Scenario)
     return Resolved(
-        scenario=msgspec.convert(header["scenario"], Scenario),
-        floor_plan=floor_plan_of(header["floor"]),
+        scenario=scenario,
+        floor_plan=with_speed_limits(floor_plan_of(header["floor"]), scenario.floor.speed_limits),
         strategies={
             layer: _strategy_choice(layer, **given)
             if with_strategies or lookup.is_built_in(layer, given["name"])

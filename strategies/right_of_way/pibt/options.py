@@ -22,6 +22,7 @@ from automaton.strategy.kernels import (
     find_step_costs,
     has_room_for,
     kernel,
+    limited_ticks,
     splitmix64,
     table_of,
     with_load,
@@ -189,7 +190,9 @@ def cost_of_step(view, i, direction):
     robots = view.robots
     duration = view.rules.duration[U(robots.type[U(i)])]
     turns = turns_to(view.grid.headings, np.int64(robots.heading[U(i)]), direction)
-    return turns * np.int64(duration[U(ACTION_TURN)]) + np.int64(duration[U(ACTION_MOVE)])
+    cell = np.int64(robots.cell[U(i)])
+    move = limited_ticks(view.grid, duration[U(ACTION_MOVE)], cell, direction)
+    return turns * np.int64(duration[U(ACTION_TURN)]) + move
 
 
 @kernel

@@ -83,13 +83,14 @@ def import_floor(args: argparse.Namespace, kind: str, options: ImportOptions) ->
 
 def print_report(report: ImportReport, files: list[str]) -> None:
     """Print a report as text, its picture in colours on a terminal."""
-    out = console()
-    rows = [Text.assemble(*row) for row in report.picture_rows()]
-    print_blocks(out, [*rows, *([""] if rows else []), *report.lines()])
+    rows = report.picture_rows()
+    print_blocks(console(), [Text.assemble(*row) for row in rows])
+    lines = [*([""] if rows else []), *report.lines()]
+    if not report.refusal:
+        lines += ["", f"written: {', '.join(files)}"]
+    print("\n".join(lines))
     if report.refusal:
         note(report.refusal)
-    else:
-        print_blocks(out, ["", f"written: {', '.join(files)}"])
 
 
 def import_problem(args: argparse.Namespace, kind: str) -> int:

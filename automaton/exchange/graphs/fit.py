@@ -11,14 +11,31 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from automaton.errors import InputError
-from automaton.exchange.graphs.alignment import Floats, Integers, Placement, on_grid, turned
+from automaton.exchange.graphs.alignment import (
+    Floats,
+    GridPlaces,
+    Integers,
+    Placement,
+    on_grid,
+    turned,
+)
 from automaton.exchange.graphs.graph import Graph
-from automaton.exchange.graphs.roads import ConflictError, Roads, lay_roads
+from automaton.exchange.graphs.roads import Cell, ConflictError, Roads, lay_roads
+from automaton.exchange.graphs.symbols import Drawing, draw
 from automaton.exchange.imported_floor import MAX_CELLS, check_size
+from automaton.floor.cells import CHARGER, STATION
 from automaton.floor.drawn_floors import MAX_SIDE
 
 CANDIDATES: Final = tuple(Fraction(k, 20) for k in range(40, 1, -1))  # 2.00, 1.95, ... 0.10 m
 EXACT: Final = 1e-9  # an error that rounding alone makes
+
+
+class Layout(NamedTuple):
+    """The cells of a graph."""
+
+    roads: Roads
+    kinds: dict[Cell, int]  # of the cells that are not plain floor
+    drawing: Drawing
 
 
 class Fit(NamedTuple):
@@ -30,7 +47,7 @@ class Fit(NamedTuple):
     height: int
     cells: Integers  # (edges,) how many moves each edge is
     error: Floats  # (edges,) as a share
-    roads: Roads | None  # None: an error is above the limit
+    layout: Layout | None = None  # None: an error is above the limit
     refusal: str = ""
 
     @property
@@ -102,7 +119,7 @@ def _fitted(graph: Graph, placement: Placement, cell: Fraction, accept: float) -
     cells = sum(np.abs(line[ends[1]] - line[ends[0]]) for line in (places.column, places.row))
     with np.errstate(over="ignore"):
         error = cells * float(cell) / metres - 1
-    fit = Fit(cell, placement, places.width, places.height, np.asarray(cells), error, None)
+    fit = Fit(cell, placement, places.width, places.height, np.asarray(cells), error)
     edge, share = graph.edges[fit.worst], float(error[fit.worst])
     if abs(share) > accept + EXACT:
         drawn = float(cells[fit.worst] * cell)
@@ -112,4 +129,12 @@ def _fitted(graph: Graph, placement: Placement, cell: Fraction, accept: float) -
             "accepted"
         )
         return fit._replace(refusal=f"{text}: choose another --cell, or a larger --accept")
-    return fit._replace(roads=lay_roads(graph, placement, places))
+    return fit._replace(layout=_laid_out(graph, placement, places))
+
+
+def _laid_out(graph: Graph, placement: Placement, places: GridPlaces) -> Layout:
+    """Return the cells of a graph. Raises ConflictError."""
+    roads = lay_roads(graph, placement, places)
+    kinds = {roads.node_cells[node]: STATION for one in graph.stations for node in one.nodes}
+    kinds |= {roads.node_cells[node]: CHARGER for node in graph.chargers}
+    return Layout(roads, kinds, draw(roads.exits, kinds, places.width, places.height))

@@ -8,13 +8,13 @@ from typing import Any, Final, NamedTuple
 
 from automaton.errors import InputError
 from automaton.exchange.graphs.corners import corners, walk
-from automaton.exchange.graphs.fit import Fit
+from automaton.exchange.graphs.fit import Layout
 from automaton.exchange.graphs.graph import Graph, distinct
 from automaton.exchange.graphs.returning import largest_part
-from automaton.exchange.graphs.roads import Cell, Road, Roads
+from automaton.exchange.graphs.roads import Cell, Road
 from automaton.exchange.graphs.speeds import Speeds, exact, limits_of, text_of
 from automaton.exchange.imported_floor import ImportOptions
-from automaton.floor.cells import CHARGER, STATION
+from automaton.floor.cells import STATION
 from automaton.units import count
 
 ORDERS: Final = 20  # of a scenario, at least
@@ -29,20 +29,21 @@ GROUPS: Final = ("all", "empty", "loaded")  # names that types of robots must no
 
 
 class Places(NamedTuple):
-    """Which cells have names, and what is there."""
+    """Which cells have names."""
 
-    stations: dict[str, Cell]  # of kind station
+    stations: dict[str, Cell]  # chargers left out
     locations: dict[str, Cell]  # all names, those of stations first
-    kinds: dict[Cell, int]
 
 
 class GraphScenario:
     """A graph on a grid, about to become a scenario."""
 
-    def __init__(self, graph: Graph, fit: Fit, speeds: Speeds, options: ImportOptions) -> None:
-        assert fit.roads is not None  # it is not refused
-        self.graph, self.fit, self.speeds, self.options = graph, fit, speeds, options
-        self.roads: Roads = fit.roads
+    def __init__(
+        self, graph: Graph, layout: Layout, speeds: Speeds, options: ImportOptions
+    ) -> None:
+        self.graph, self.speeds, self.options = graph, speeds, options
+        self.roads, self.kinds = layout.roads, layout.kinds
+        self.rows = layout.drawing.rows
         self.notes: list[str] = []
         self.places = self._places()
         self.of_road, several = limits_of(self.roads.roads, speeds)
@@ -59,7 +60,7 @@ class GraphScenario:
         floor = {"blocks": self._blocks(), "speed_limits": self._speed_limits()}
         sections: dict[str, Any] = {
             "name": graph.name,
-            "summary": f"{self.fit.width} x {self.fit.height} cells, "
+            "summary": f"{len(self.rows[0])} x {len(self.rows)} cells, "
             f"{count(len(graph.nodes), 'node')}, {count(len(graph.edges), 'edge')}, imported.",
             "units": {"tick": f"{text_of(speeds.tick)} s", "cell": f"{text_of(speeds.cell)} m"},
             "fleet": self._fleet(robots),
@@ -76,7 +77,7 @@ class GraphScenario:
     def _places(self) -> Places:
         """Name the cells: stations, then nodes; a node with a station's name gets another."""
         graph, cells = self.graph, self.roads.node_cells
-        out = Places({}, {}, {cells[node]: CHARGER for node in graph.chargers})
+        out = Places({}, {})
         spots = [
             (f"{station.name}/{number}" if len(station.nodes) > 1 else station.name, cells[node])
             for station in graph.stations
@@ -85,7 +86,7 @@ class GraphScenario:
         names = distinct(name for name, _ in spots)
         for name, (_, cell) in zip(names, spots, strict=True):
             out.locations[name] = cell
-            if out.kinds.setdefault(cell, STATION) == STATION:  # not a charger
+            if self.kinds[cell] == STATION:
                 out.stations[name] = cell
         for node, cell in zip(graph.nodes, cells, strict=True):
             name = node.name

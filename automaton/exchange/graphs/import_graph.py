@@ -11,9 +11,8 @@ from automaton.exchange.graphs.graph import Graph
 from automaton.exchange.graphs.graph_sections import GraphScenario
 from automaton.exchange.graphs.lif import read_lif
 from automaton.exchange.graphs.opentcs import read_opentcs
-from automaton.exchange.graphs.roads import Cell
+from automaton.exchange.graphs.roads import Cell, Roads
 from automaton.exchange.graphs.speeds import Speeds, speeds_of
-from automaton.exchange.graphs.symbols import draw
 from automaton.exchange.import_report import EdgeRow, ImportReport
 from automaton.exchange.imported_floor import ImportedFloor, ImportOptions
 from automaton.floor.cells import STATION
@@ -38,29 +37,28 @@ def import_graph(graph: Graph, options: ImportOptions) -> ImportedFloor:
     """Return a graph as a floor; with a refusal in its report, it has none. Raises InputError."""
     fit = fit_graph(graph, options.cell, options.accept)
     speeds = speeds_of(graph, fit.cell, options)
-    if fit.roads is None:
+    if fit.layout is None:
         rows = edge_rows(graph, fit, speeds, speeds.of_edge)
         refusal = f"{graph.file}: {fit.refusal}"
         report = ImportReport(graph.format, facts_of(graph, fit, speeds), rows, refusal=refusal)
         return ImportedFloor("", {}, {}, report)
-    scenario = GraphScenario(graph, fit, speeds, options)
+    roads, kinds, drawing = fit.layout
+    scenario = GraphScenario(graph, fit.layout, speeds, options)
     sections = scenario.sections()
-    kinds = scenario.places.kinds
-    drawing = draw(fit.roads.exits, kinds, (fit.width, fit.height), graph.file)
     facts = facts_of(graph, fit, speeds) | {
         "stations": sum(kind == STATION for kind in kinds.values()),
         "chargers": len(graph.chargers),
         "robots": sections["fleet"]["robots"],
     }
-    rows = edge_rows(graph, fit, speeds, speeds_of_edges(fit, scenario.of_road))
+    rows = edge_rows(graph, fit, speeds, speeds_of_edges(roads, scenario.of_road))
     report = ImportReport(
         graph.format,
         facts,
         rows,
         dict(graph.lost.most_common()),
-        (*graph.notes, *crossing_notes(fit), *scenario.notes),
+        (*graph.notes, *crossing_notes(roads), *scenario.notes),
         drawing.picture,
-        marks_of(graph, fit, rows),
+        marks_of(graph, roads, rows),
     )
     comments = (f"Imported from {Path(graph.file).name}: {graph.format}.",)
     names = scenario.places.locations
@@ -80,11 +78,10 @@ def facts_of(graph: Graph, fit: Fit, speeds: Speeds) -> dict[str, str | int | fl
     }
 
 
-def speeds_of_edges(fit: Fit, of_road: list[Fraction]) -> tuple[Fraction, ...]:
+def speeds_of_edges(roads: Roads, of_road: list[Fraction]) -> tuple[Fraction, ...]:
     """Return the speed at which each edge is driven on the floor, from that of each road."""
-    assert fit.roads is not None
-    roads = zip(fit.roads.roads, of_road, strict=True)
-    of_edge = {edge: speed for road, speed in roads for edge in road.edges}
+    pairs = zip(roads.roads, of_road, strict=True)
+    of_edge = {edge: speed for road, speed in pairs for edge in road.edges}
     return tuple(of_edge[edge] for edge in range(len(of_edge)))
 
 
@@ -92,26 +89,27 @@ def edge_rows(
     graph: Graph, fit: Fit, speeds: Speeds, drawn: tuple[Fraction, ...]
 ) -> tuple[EdgeRow, ...]:
     """Return a row for each edge, the worst first; `drawn`: the speed of each on the floor."""
+    ticks = {speed: speeds.ticks(speed) for speed in set(drawn)}
+    cell = float(fit.cell)
     rows = [
         EdgeRow(
             edge.name,
             edge.metres,
             int(fit.cells[number]),
-            float(fit.cells[number] * fit.cell),
+            int(fit.cells[number]) * cell,
             speeds.wanted(graph, number),
-            int(fit.cells[number]) * speeds.ticks(drawn[number]),
+            int(fit.cells[number]) * ticks[drawn[number]],
         )
         for number, edge in enumerate(graph.edges)
     ]
     return tuple(sorted(rows, key=lambda row: -round(abs(row.error), 9)))
 
 
-def marks_of(graph: Graph, fit: Fit, rows: tuple[EdgeRow, ...]) -> dict[Cell, str]:
+def marks_of(graph: Graph, roads: Roads, rows: tuple[EdgeRow, ...]) -> dict[Cell, str]:
     """Return digits for the worst edges, in the middle of each: their lines in the report."""
-    assert fit.roads is not None
     middle = {
         graph.edges[road.edges[0]].name: road.between[len(road.between) // 2]
-        for road in fit.roads.roads
+        for road in roads.roads
         if road.between
     }
     return {
@@ -121,11 +119,11 @@ def marks_of(graph: Graph, fit: Fit, rows: tuple[EdgeRow, ...]) -> dict[Cell, st
     }
 
 
-def crossing_notes(fit: Fit) -> list[str]:
+def crossing_notes(roads: Roads) -> list[str]:
     """Return a sentence where roads cross without a node."""
-    if fit.roads is None or not fit.roads.crossings:
+    if not roads.crossings:
         return []
-    cells = fit.roads.crossings
+    cells = roads.crossings
     shown = ", ".join(f"[{x}, {y}]" for x, y in cells[:MAX_SHOWN])
     more = ", ..." if len(cells) > MAX_SHOWN else ""
     where = count(len(cells), "cell")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -43,6 +44,7 @@ MAX_VALUES: Final = 10_000_000
 MAX_LISTED: Final = 8  # names in an error
 START_CHARGING: Final = "startCharging"
 IDS: Final = ("nodeId", "edgeId", "stationId")
+AT_BYTE: Final = re.compile(r"\(byte (\d+)\)")
 CLOSED: Final = LoadRestriction(unloaded=False, loaded=False)
 
 T = TypeVar("T")
@@ -105,7 +107,9 @@ def _decoded(path: Path) -> dict[str, Any]:
     except RecursionError:
         raise InputError("is nested too deeply", file) from None
     except (msgspec.MsgspecError, UnicodeDecodeError) as error:
-        raise InputError(f"is not JSON: {error}", file) from None
+        place = AT_BYTE.search(str(error))
+        line = content.count(b"\n", 0, int(place[1])) + 1 if place else None
+        raise InputError(f"is not JSON: {error}", file, line) from None
     if not isinstance(data, dict):
         raise InputError("must be a JSON object with layouts", file)
     return data

@@ -87,7 +87,7 @@ class _ModelReader:
         if not abs(value) <= most:  # nan, too
             name = single_line(element.attributes.get("name", ""))
             text = f"<{element.name}> {name}: {key} must be a number, found {single_line(text)!r}"
-            raise self.error(f"{text}; at most {most * MM_PER_M:.0e} is allowed", element)
+            raise self.error(f"{text}; up to {most * MM_PER_M:.0e} is allowed", element)
         return value
 
     def speed(self, element: Element, key: str) -> float:

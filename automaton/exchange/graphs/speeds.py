@@ -41,7 +41,8 @@ def speeds_of(graph: Graph, cell: Fraction, options: ImportOptions) -> Speeds:
         default = exact(max(known or robots))
     if default is None:
         raise InputError("gives no speed: set --speed, such as 1m/s", graph.file)
-    of_edge = [exact(edge.speed) if edge.speed else default for edge in graph.edges]
+    as_written = {speed: exact(speed) for speed in set(known)}
+    of_edge = [as_written[edge.speed] if edge.speed else default for edge in graph.edges]
     fastest = max(of_edge)
     if robots and len(robots) == len(graph.vehicles):
         fastest = min(fastest, exact(max(robots)))

@@ -10,8 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from automaton.errors import InputError
-from automaton.exchange.graphs.roads import Cell
+from automaton.exchange.graphs.roads import Cell, ConflictError
 from automaton.floor.cells import (
     ALL_EXITS,
     CHARGER,
@@ -59,16 +58,14 @@ class Drawing:
         return {mark: legend_entry(symbol) for mark, symbol in self.legend.items()}
 
 
-def draw(
-    exits: dict[Cell, int], kinds: dict[Cell, int], size: tuple[int, int], file: str
-) -> Drawing:
-    """Draw cells with their exits; `kinds`: of those that are not floor. Raises InputError."""
+def draw(exits: dict[Cell, int], kinds: dict[Cell, int], width: int, height: int) -> Drawing:
+    """Draw cells with their exits; `kinds`: of those that are not floor. Raises ConflictError."""
     out, cells = Drawing(), _Cells(exits, kinds)
-    rows = [[WALL_MARK] * size[0] for _ in range(size[1])]
+    rows = [[WALL_MARK] * width for _ in range(height)]
     for x, y in exits:
-        rows[y][x] = _mark(out, cells.symbol((x, y), file), cells.kind((x, y)))
+        rows[y][x] = _mark(out, cells.symbol((x, y)), cells.kind((x, y)))
     out.rows = ["".join(row) for row in rows]
-    _check(out, exits, file)
+    _check(out, exits)
     return out
 
 
@@ -100,24 +97,29 @@ class _Cells:
         is_single = exits in SINGLE and self.kind(cell) == FLOOR
         return is_single and not exits & self.entries(cell)
 
+    def walls(self, cell: Cell) -> int:
+        """The sides where there is nothing."""
+        beside = ((cell[0] + dx, cell[1] + dy) for dx, dy in DIRECTION_VECTORS)
+        return sum((there not in self.exits) << d for d, there in enumerate(beside))
+
     def blocked(self, cell: Cell) -> int:
         """The sides where an exit would lead nowhere: walls, arrows that point here, pockets."""
-        sides = 0
+        sides = self.walls(cell)
         for direction, (dx, dy) in enumerate(DIRECTION_VECTORS):
             there = (cell[0] + dx, cell[1] + dy)
             facing = 1 << (direction ^ 2)
-            if there not in self.exits:
-                sides |= 1 << direction
-            elif self.is_pocket(there):
+            if sides >> direction & 1:
+                continue
+            if self.is_pocket(there):
                 sides |= (not self.exits[there] & facing) << direction
             elif self.is_arrow(there):
                 sides |= (self.exits[there] == facing) << direction
         return sides
 
-    def symbol(self, cell: Cell, file: str) -> Symbol:
-        """Return the symbol of a cell. Raises InputError where no picture can express it."""
-        kind, exits, blocked = self.kind(cell), self.exits[cell], self.blocked(cell)
-        is_free = kind in PLAIN and exits | blocked == ALL_EXITS
+    def symbol(self, cell: Cell) -> Symbol:
+        """Return the symbol of a cell. Raises ConflictError where no picture can express it."""
+        kind, exits = self.kind(cell), self.exits[cell]
+        is_free = kind in PLAIN and exits | self.walls(cell) == ALL_EXITS
         if self.is_pocket(cell):
             if kind == STATION and is_free:
                 return SYMBOLS[PLAIN[kind]]
@@ -126,13 +128,9 @@ class _Cells:
             return SYMBOLS[PLAIN[kind]]
         if exits not in SINGLE or not exits & self.entries(cell):
             return Symbol(kind, exits)
-        second = blocked & ~exits
+        second = self.blocked(cell) & ~exits
         if not second:
-            raise InputError(
-                f"the cell at [{cell[0]}, {cell[1]}] would be entered against its only exit, which "
-                "no picture can say: choose a smaller cell",
-                file,
-            )
+            raise ConflictError(f"the cell {list(cell)} would be entered against its only exit")
         return Symbol(kind, exits | second & -second)
 
 
@@ -155,11 +153,10 @@ def _mark(out: Drawing, symbol: Symbol, kind: int) -> str:
     return mark
 
 
-def _check(out: Drawing, exits: dict[Cell, int], file: str) -> None:
-    """Read the picture again and compare its exits. Raises InputError."""
+def _check(out: Drawing, exits: dict[Cell, int]) -> None:
+    """Read the picture again and compare its exits. Raises ConflictError."""
     legend: Legend = tuple(out.legend.items())
     plan = draw_floor(out.picture, legend)
     for (x, y), bits in exits.items():
         if plan.exits[y + 1, x + 1] != bits:
-            text = f"the exits of the cell at [{x}, {y}] cannot be drawn: choose a smaller cell"
-            raise InputError(text, file)
+            raise ConflictError(f"the exits of the cell {[x, y]} could not be drawn")

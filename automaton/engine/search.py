@@ -13,6 +13,7 @@ import numpy as np
 
 from automaton.engine.distance_tables import POSE16, TABLES_ENCODING, TABLES_WORDS, UNREACHABLE
 from automaton.engine.facilities import MAY_TURN, NO_WAY_THROUGH
+from automaton.engine.gate_pass import closed_until
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import has_room
 from automaton.engine.prefetch import prefetch
@@ -165,12 +166,18 @@ TURNED_AHEAD = 4  # parents: 0..3 a move in that direction, else a turn
 TURNED_BEHIND = 5
 STARTED = 6
 
+AROUND_ROBOTS = 1  # what searches go around: cells without room now; True says the same
+AROUND_CLOSED = 2  # closed cells
+AROUND_KNOWN = 3  # closed cells of which routing may know how long they are
+
 
 @kernel
 def is_closed(view, cell, direction, target, around):
-    """Whether a search around the robots may not enter a cell; its own target is always open."""
+    """Whether a search around something may not enter a cell; its own target is always open."""
     if not around or cell == target:
         return False
+    if around > AROUND_ROBOTS:
+        return closed_until(view, cell, around == AROUND_KNOWN) > 0
     return not has_room(view.traffic.occupancy, cell, direction)
 
 
@@ -178,7 +185,7 @@ def is_closed(view, cell, direction, target, around):
 def find_path(view, workspace, robot_type, cell, heading, target, around, steps):
     """A* from a pose to a target cell; writes directions into steps, returns the length or NIL.
 
-    `around`: cells without room now, the target excepted, are removed from the floor. The estimate
+    `around`: 0, or AROUND_*: such cells, the target excepted, are removed from the floor. The estimate
     is the exact cost on the empty floor (a distance table).
     """
     grid, duration, type_cell_flags = (

@@ -23,6 +23,7 @@ from automaton.engine.state import (
     ACTION_CHARGE,
     ACTION_DOWN,
     ACTION_DROP,
+    ACTION_GATE,
     ACTION_HELD_BACK,
     ACTION_ILLEGAL,
     ACTION_MOVE,
@@ -66,6 +67,7 @@ LOST_IN = dict(
             ACTION_STATION_QUEUE,
             ACTION_ILLEGAL,
             ACTION_HELD_BACK,
+            ACTION_GATE,
         ),
         strict=True,
     )
@@ -258,6 +260,7 @@ def _not_lost(world: World) -> list[str]:
         "lost_queueing": not world.rules.battery,
         "lost_station_queue": not has_lines(world),
         "lost_held_back": not world.rules.steered[0],
+        "lost_at_gates": not len(world.gates.kind),
     }
     return [name for name, is_absent in absent.items() if is_absent]
 
@@ -266,7 +269,8 @@ def metrics_by_robot(run: Measured) -> list[dict[str, Any]]:
     """For each robot, in the order of identities: operations, lost ticks, utilization.
 
     `slowdown_ticks` is there if moves may take longer, `lost_queueing` if robots run on batteries,
-    `lost_station_queue` if they carry pods, `lost_held_back` if right of way steers them.
+    `lost_station_queue` if they carry pods, `lost_held_back` if right of way steers them,
+    `lost_at_gates` if the floor has gates.
     """
     world = run.world
     elapsed = int(world.clock[CLOCK_TICK])

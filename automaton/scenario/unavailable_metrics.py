@@ -84,6 +84,11 @@ def not_measured(scenario: Scenario) -> dict[str, str]:
             name_of(scenario.strategy.right_of_way) not in ROUTE_FOLLOWERS,
             "a right of way that steers",
         ),
+        (
+            ("lost_at_gates",),
+            scenario.floor.has_gates,
+            "floor.closed, floor.doors, floor.blocks or floor.lifts",
+        ),
         (("distance",), scenario.units.cell is not None, "units.cell"),
         (
             ("slowdown_ticks",),

@@ -106,6 +106,8 @@ class Admission:
         wanted = self.scenario.orders.lines is not None
         if [name in header for name in ("pods", "lines", "pod_stations")] != [wanted] * 3:
             raise InvalidFrameError("it has not the pods, lines and stations of its scenario")
+        if ("gates" in header) and not self.scenario.floor.closed:
+            raise InvalidFrameError("it tells of closed cells that its scenario does not have")
         check_arrays(header, HEADER_ARRAYS, sizes)
         self._check_stops(header)
         self._check_trips(header)

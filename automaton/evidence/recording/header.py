@@ -62,6 +62,7 @@ def header_of(resolved: Resolved, seed: int, world: Any, digest_names: tuple[str
         "orders": _copies(world.orders, left_out),
         **({"stops": _copies(world.stops)} if tours else {}),
         **_of_pods(world),
+        **({"gates": _copies(world.gates)} if len(world.gates.closings) else {}),
         "jobs": _copies(world.stations),
         "slots": {**_copies(world.slots), "first_spare": world.slots.first_spare},
     }

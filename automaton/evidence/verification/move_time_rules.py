@@ -26,6 +26,7 @@ class MoveTimes:
         self.seed = seed
         self.zones: list[tuple[int, int]] = []  # by cell: of robots that travel E or S, W or N
         self.crowd: dict[int, int] = {}  # robots by zone as the tick began
+        self.cabin_ticks: dict[tuple[int, int], int] = {}  # in lifts, by cell and direction
 
     def apply_rules(self, scenario: dict[str, Any]) -> None:
         """Take over what a scenario says of the length of moves."""
@@ -56,6 +57,9 @@ class MoveTimes:
         `came`: the direction in which the robot entered the cell, None if from its parking bay just
         now.
         """
+        if (cell, direction) in self.cabin_ticks:
+            ticks = self.cabin_ticks[cell, direction]
+            return ticks, f"its lift takes {ticks}"
         ticks = self.usual_of(robot)
         why = f"a move takes {ticks}"
         least = self.limits.get((cell, direction), 0)

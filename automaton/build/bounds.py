@@ -199,6 +199,8 @@ def _costs(
     for slot, cells in enumerate(access):
         for cell in cells:
             beside.setdefault(cell, []).append(slot)
+    limits = floor_plan.min_move_ticks.tolist() if len(floor_plan.min_move_ticks) else None
+    least = resolved.fleet.least_loaded_move
     cost = [[math.inf] * kind.size for _ in (0, 1)]
     front = [(0.0, cell, axis) for cell in goals for axis in (0, 1)]
     through: set[int] = set()
@@ -209,7 +211,9 @@ def _costs(
         cost[axis][cell] = so_far
         for direction in (axis, axis + 2):
             if back[cell] >> direction & 1:
-                heapq.heappush(front, (so_far + price.move, cell + offsets[direction], axis))
+                before = cell + offsets[direction]
+                slower = 0.0 if limits is None else slowness(limits[before][direction ^ 2], least)
+                heapq.heappush(front, (so_far + price.move * (1 + slower), before, axis))
         if turns[cell]:
             heapq.heappush(front, (so_far + price.turn, cell, 1 - axis))
         for slot in beside.get(cell, ()):
@@ -221,6 +225,11 @@ def _costs(
                         for state in both:
                             heapq.heappush(front, state)
     return cost
+
+
+def slowness(limit: int, ticks: int) -> float:
+    """By how many times more than these ticks a move takes under a limit."""
+    return max(limit / ticks - 1, 0.0)
 
 
 def _visits(resolved: Resolved) -> bool:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from automaton.build.capabilities import FleetOnFloor, Start
+from automaton.build.gate_feasibility import check_gates
 from automaton.build.pod_feasibility import check_pod_ways, check_pods
 from automaton.build.task_lists import MAX_ORDERS, order_count
 from automaton.engine.state import NIL
@@ -64,6 +65,7 @@ def check_feasible(document: Document, scenario: Scenario, floor: Floor) -> Flee
     floor_plan = floor.floor_plan
     check_areas(document, scenario, floor_plan)
     check_locations(document, scenario, floor_plan)
+    check_gates(document, scenario, floor_plan)
     fleet = FleetOnFloor(scenario, floor_plan, start_of(document, scenario, floor_plan))
     check_starts(document, fleet)
     check_orders(document, scenario, floor)

@@ -19,6 +19,8 @@ from automaton.scenario.handling import Distribution, Handling
 Floats = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int64]
 
+Address = tuple[int, Whole, Whole]  # of draws: a stream, (count,) ticks and (count,) robots
+
 LN2_HIGH: Final = 6.93147180369123816490e-01  # its sum with the next one is log 2
 LN2_LOW: Final = 1.90821492927058770002e-10
 
@@ -78,15 +80,15 @@ def whole_micro(ticks: Floats) -> Whole:
     return rounded
 
 
-def drawn_durations(distribution: Distribution, count: int, seed: int) -> Floats:
-    """(count,) ticks, drawn by line."""
-    numbers = np.arange(count)
+def drawn_durations(
+    distribution: Distribution, count: int, seed: int, address: Address | None = None
+) -> Floats:
+    """(count,) ticks, drawn by line unless there is an address."""
+    if address is None:
+        address = random_numbers.STREAM_LINES, np.arange(count), np.zeros(count, np.int64)
     if distribution.exponential is not None:
-        drawn = geometric(
-            distribution.exponential, seed, random_numbers.STREAM_LINES, numbers, numbers * 0
-        )
-        return drawn.astype(np.float64)
-    u = uniform_draws(count, seed)
+        return geometric(distribution.exponential, seed, *address).astype(np.float64)
+    u = uniform_draws(seed, address)
     if distribution.uniform is not None:
         least, most = distribution.uniform.least, distribution.uniform.most
         spread: Floats = least + (most - least) * u
@@ -102,13 +104,11 @@ def drawn_durations(distribution: Distribution, count: int, seed: int) -> Floats
     return result
 
 
-def uniform_draws(count: int, seed: int) -> Floats:
-    """(count,) numbers between 0 and 1, both left out, by line."""
-    bits, numbers = np.zeros(count, np.uint64), np.arange(count)
+def uniform_draws(seed: int, address: Address) -> Floats:
+    """(count,) numbers between 0 and 1, both left out."""
+    bits = np.zeros(len(address[1]), np.uint64)
     with np.errstate(over="ignore"):
-        random_numbers.random_bits_of_each(
-            bits, np.uint64(seed), random_numbers.STREAM_LINES, numbers, np.zeros_like(numbers)
-        )
+        random_numbers.random_bits_of_each(bits, np.uint64(seed), *address)
     u: Floats = ((bits >> np.uint64(11)).astype(np.float64) + 0.5) * 2.0**-53
     return u
 

@@ -96,6 +96,7 @@ def _floor_for(
         slot=frozen(slot),
         traffic_zone=traffic_zones.of,
         traffic_zone_count=traffic_zones.count,
+        min_move_ticks=frozen(floor_plan.min_move_ticks.reshape(-1).copy()),
     )
     room = np.where(DRIVABLE[kind], 96, 0).astype(np.uint16)
     longest_route = min(len(grid.drivable), 8 * (floor_plan.width + floor_plan.height)) + 8
@@ -144,7 +145,7 @@ def make_workspace(floor: Floor, table_bytes: int) -> Workspace:
     cells = grid.kind.size
     poses = cells * grid.headings
     stop = np.zeros(1, np.int64)
-    costs = Costs(grid.type_cell_flags, floor.move, floor.turn)
+    costs = Costs(grid.type_cell_flags, step_ticks(grid, floor.move), floor.turn)
     try:
         tables = build_tables(grid, costs, table_bytes, stop)
     except MemoryError:
@@ -154,6 +155,15 @@ def make_workspace(floor: Floor, table_bytes: int) -> Workspace:
         ) from None
     sizes = {"P": poses, "C": cells, "H": 6 * poses + 16, "R": floor.longest_route}
     return Workspace.sized(sizes, stop=stop, tables=tables)
+
+
+def step_ticks(grid: Grid, move: Array) -> Array:
+    """(K,) ticks of a move of each type; (K, C, 4) where the floor has speed limits."""
+    if not len(grid.min_move_ticks):
+        return move
+    limits = grid.min_move_ticks.reshape(1, -1, 4)
+    ticks: Array = np.maximum(limits, move[:, None, None])
+    return ticks
 
 
 def frozen(array: Array) -> Array:

@@ -14,6 +14,7 @@ import msgspec
 from automaton.build.capabilities import FleetOnFloor, Start
 from automaton.build.default_right_of_way import with_right_of_way
 from automaton.build.feasibility import check_energy, check_feasible
+from automaton.build.speed_limits import check_speed_limits, with_speed_limits
 from automaton.build.table_memory import check_table_memory
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
@@ -94,6 +95,9 @@ def resolve(
     document, checked, order_file = with_orders_of_file(document, checked)
     document, checked, start_file = with_starts_of_file(document, checked)
     floor = floor_of(document, checked.layout)
+    check_speed_limits(document, checked, floor.floor_plan)
+    limits = checked.floor.speed_limits
+    floor = floor._replace(floor_plan=with_speed_limits(floor.floor_plan, limits))
     document, checked, task_file = with_tasks_of_file(document, checked, floor.floor_plan)
     document, checked, line_file = with_lines_of_file(document, checked, floor.floor_plan)
     order_file = order_file or line_file

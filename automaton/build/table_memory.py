@@ -22,7 +22,9 @@ def check_table_memory(document: Document, scenario: Scenario, floor_plan: Floor
     headings = HEADING_COUNTS[scenario.fleet.kinematics]
     types = types_of(scenario)
     turns = [turn for one in types for turn in one.durations.turns]
-    unit = math.gcd(*turns, *(move for one in types for move in one.moves))
+    moves = [ticks for one in types for ticks in one.moves]
+    limits = np.unique(floor_plan.min_move_ticks).tolist()
+    unit = math.gcd(*turns, *(max(move, limit) for move in moves for limit in (0, *limits)))
     size = least_table_bytes(cells, headings, max(turns) // unit)
     if size > bytes_of(text):
         raise document.error(

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from automaton.build.demand import build_orders, build_stations
+from automaton.build.gates import build_gates
 from automaton.build.initial_service_zones import build_service_zones
 from automaton.build.pods import build_pods
 from automaton.build.prepared_floor import Floor, floor_for
@@ -111,10 +112,13 @@ def build_world(
     clock[CLOCK_FRESH_ALLOCATION] = n
     clock[CLOCK_ALLOCATION_REVISION] = NIL
     clock[CLOCK_DIGEST_EVERY] = 1
+    rules = rules_for(scenario, seed, len(floor.move) > len(types))
+    on_floor = starts[0][starts[1] == NIL]
+    gates = build_gates(resolved, on_floor, seed, int(rules.tick_us))
     traffic = build_traffic(n, occupancy, floor.grid.traffic_zone_count)
     world = World(
         grid=floor.grid,
-        rules=rules_for(scenario, seed, len(floor.move) > len(types)),
+        rules=rules,
         robots=robots,
         orders=orders,
         stops=stops,
@@ -124,6 +128,7 @@ def build_world(
         lines=carried.lines,
         trips=carried.trips,
         pod_stations=carried.stations,
+        gates=gates,
         chargers=build_chargers(floor.grid.kind),
         service_zones=service_zones,
         traffic=traffic,

@@ -45,9 +45,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--ticks",
         type=whole("a number of ticks", 1, 2_000_000_000),
-        default=DEFAULT_TICKS,
         metavar="N",
-        help=f"a run ends after so many, default {DEFAULT_TICKS:,}",
+        help=f"a run ends after so many, default {DEFAULT_TICKS:,}; on a layout after an hour",
     )
     add("--force", action="store_true", help="replace files that are there and say something else")
     add_json_argument(parser)
@@ -84,19 +83,20 @@ def import_floor(args: argparse.Namespace, kind: str, options: ImportOptions) ->
 
 def print_report(report: ImportReport, files: list[str]) -> None:
     """Print a report as text, its picture in colours on a terminal."""
-    out = console()
-    rows = [Text.assemble(*row) for row in report.picture_rows()]
-    print_blocks(out, [*rows, *([""] if rows else []), *report.lines()])
+    rows = report.picture_rows()
+    print_blocks(console(), [Text.assemble(*row) for row in rows])
+    lines = [*([""] if rows else []), *report.lines()]
+    if not report.refusal:
+        lines += ["", f"written: {', '.join(files)}"]
+    print("\n".join(lines))
     if report.refusal:
         note(report.refusal)
-    else:
-        print_blocks(out, ["", f"written: {', '.join(files)}"])
 
 
 def import_problem(args: argparse.Namespace, kind: str) -> int:
     """Write the scenario of a problem with its starts and tasks."""
     problem = read_problem(args.file, args.robots)
-    names = write_files(args, imported_files(problem, args.out.stem, args.ticks))
+    names = write_files(args, imported_files(problem, args.out.stem, args.ticks or DEFAULT_TICKS))
     grid = problem.grid
     if args.json:
         facts = {"columns": grid.width, "rows": grid.height, "robots": problem.robots}

@@ -6,6 +6,7 @@ on what the blocker does; the lost ticks by cause and by cell.
 
 import numpy as np
 
+from automaton.engine.gate_pass import has_gates
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import (
     CAPACITY_SHIFT,
@@ -161,6 +162,8 @@ def find_refused_swap(world, observation, i):
         return
     if observation.cause[U(q)] == CAUSE_POD_AHEAD:
         return  # a pod keeps it, no robot
+    if has_gates(world) and world.gates.held[U(q)] != NIL:
+        return  # a gate does
     if (
         observation.wanted[U(q)] == robots.cell[U(i)]
         and observation.wanted[U(i)] == robots.cell[U(q)]

@@ -8,10 +8,18 @@ way has set.
 import numpy as np
 
 from automaton.engine.energy import charge_up, has_energy_for
+from automaton.engine.gate_pass import (
+    ask_gates_of_bays,
+    enter_from_bay,
+    has_gates,
+    is_cabin_move,
+    note_closing,
+)
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.loads import pick_up, set_down
 from automaton.engine.motion import (
     ARRIVED,
+    AT_GATE,
     ENTERED,
     HELD,
     LIVE,
@@ -56,6 +64,7 @@ from automaton.engine.state import (
     ACTION_BAY_BLOCKED,
     ACTION_BLOCKED,
     ACTION_DROP,
+    ACTION_GATE,
     ACTION_HELD_BACK,
     ACTION_MOVE,
     ACTION_PICK,
@@ -77,6 +86,7 @@ from automaton.engine.state import (
     NEED_ROUTE,
     NIL,
     NO_STEP,
+    REASON_AROUND_CLOSED,
     REASON_AROUND_ROBOTS,
     REASON_IDLE,
     REASON_NEW_GOAL,
@@ -94,6 +104,9 @@ from automaton.engine.visits import serve
 def leave_parking_bays(world):
     """Place robots with a task on their home cells if those had room at the start of the tick."""
     robots = world.robots
+    gated = has_gates(world)
+    if gated:
+        ask_gates_of_bays(world)
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
         if robots.parked[i] == 0 or robots.busy[i] or robots.goal_type[i] in (GOAL_NONE, GOAL_PARK):
@@ -108,7 +121,8 @@ def leave_parking_bays(world):
         if robots.cell[i] == NIL:
             home = np.int64(robots.home[i])
             heading = entry_heading(world.grid, home)
-            if not has_room(world.traffic.occupancy, home, heading):
+            is_held = gated and world.gates.held[i] != NIL
+            if is_held or not has_room(world.traffic.occupancy, home, heading):
                 count_lost_tick(world, i, ACTION_BAY_BLOCKED)
                 robots.executed[i] = EXECUTED_BAY_BLOCKED
                 continue
@@ -117,6 +131,8 @@ def leave_parking_bays(world):
             robots.heading[i] = heading
             robots.travel[i] = heading
             robots.executed[i] = LEFT_PARKING_BAY
+            if gated:
+                enter_from_bay(world, home)
         robots.parked[i] = 0
         world.clock[CLOCK_UNPARKED] += 1
 
@@ -312,7 +328,8 @@ def apply_move_outcomes(world, record):
             world.tally.operations[U(i), U(ACTION_MOVE), U(loaded)] += 1
             world.tally.ticks[U(i), U(ACTION_MOVE), U(loaded)] += move_ticks
             if move_ticks != usual:
-                world.tally.slowdown_ticks[U(i)] += move_ticks - usual
+                if not has_gates(world) or not is_cabin_move(world, i, intent & 3):
+                    world.tally.slowdown_ticks[U(i)] += move_ticks - usual
                 record_change(
                     world.clock, record, CHANGE_DURATION, robots.identity[U(i)], move_ticks
                 )
@@ -333,6 +350,8 @@ def apply_move_outcomes(world, record):
             else:
                 after_step(world, i)
                 handle_at_once(world, record, i)
+        elif intent & AT_GATE == AT_GATE and intent & LIVE == 0:
+            stop_at_gate(world, i)
         elif intent & POD_AHEAD and intent & LIVE == 0:
             stop_before_pod(world, i)
         elif intent & LIVE or intent == NO_TURN:
@@ -428,6 +447,22 @@ def stop_before_pod(world, i):
     robots.executed[i] = np.int64(robots.executed[i]) | EXECUTED_BLOCKED
     if robots.retreat_moves[i] == 0 and world.rules.steered[0] == 0:
         replan(world, i)
+
+
+@kernel
+def stop_at_gate(world, i):
+    """A gate keeps robot i: the tick is lost, and it tries again in the next one."""
+    robots = world.robots
+    count_lost_tick(world, i, ACTION_GATE)
+    robots.executed[i] = np.int64(robots.executed[i]) | EXECUTED_BLOCKED
+    robots.retry_state[i] = RETRY_NONE
+    if world.rules.steered[0]:
+        return
+    if robots.route_index[i] >= robots.route_length[i]:
+        if robots.retreat_moves[i] == 0:
+            replan(world, i)
+    elif note_closing(world, i):
+        request_route(world, i, REASON_AROUND_CLOSED)
 
 
 @kernel

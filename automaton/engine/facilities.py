@@ -40,6 +40,11 @@ class Grid(Struct, role=CONSTANT):
         "(C, 2) int32", "of a robot that travels in direction d: [c, d >> 1], or NIL", role=CONSTANT
     )
     traffic_zone_count: int = field("int64", "automaton.floor.traffic_zones")
+    min_move_ticks: Array = field(
+        "(M,) uint16",
+        "ticks that a move from cell c in direction d takes at least: [4 c + d]; M = 0: no limits",
+        role=CONSTANT,
+    )
 
 
 class Slots(Struct, role=DERIVED):

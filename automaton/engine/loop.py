@@ -26,6 +26,7 @@ from automaton.engine.drive import apply_move_outcomes, drive, halt_robots, leav
 from automaton.engine.energy import cancel_infeasible_moves
 from automaton.engine.events import find_cycles, max_events, note_events
 from automaton.engine.faults import break_down_and_repair
+from automaton.engine.gate_pass import has_gates, hold_at_gates, set_cabin_ticks, update_gates
 from automaton.engine.holders import enter_holders, remove_holders
 from automaton.engine.jit.kernel import jit_is_on, kernel
 from automaton.engine.motion import move_all
@@ -114,6 +115,8 @@ def ticks(
         world.robots.executed[:] = 0
         if world.rules.may_fail:
             break_down_and_repair(world, record)
+        if has_gates(world):
+            update_gates(world)
         release_orders(world)
         if has_trips(world):
             plan_trips(world, record)
@@ -199,10 +202,15 @@ def motion(world, record):
     if world.clock[CLOCK_HALTED_UNTIL] >= world.clock[CLOCK_TICK]:
         halt_robots(world, record)
     drive(world, record)
-    if world.rules.slowdown or world.rules.extra_tick:
+    if world.rules.slowdown or world.rules.extra_tick or world.grid.min_move_ticks.shape[0]:
         set_move_ticks(world)
+    gated = has_gates(world)
+    if gated:
+        set_cabin_ticks(world)
     if world.rules.battery:
         cancel_infeasible_moves(world)
+    if gated:
+        hold_at_gates(world)
     move_all(world.grid, world.rules, world.robots, world.traffic, world.clock[CLOCK_TICK])
     carries_pods = has_trips(world)
     if carries_pods:

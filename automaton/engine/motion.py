@@ -34,6 +34,7 @@ NO_TURN = 8  # without LIVE: a turn that found the other lane held
 MOVED = 16  # outcomes
 REFUSED = 32
 POD_AHEAD = 32  # REFUSED, without LIVE: a robot with a load does not drive under a pod
+AT_GATE = 40  # two bits, without LIVE: a gate lets it not in
 ARRIVED = 64  # a long move ended, or a robot stands at its goal already
 HELD = 128  # right of way holds it back; bits 0-1 are where it would like to go, if TOWARDS is set
 TOWARDS = 8

@@ -55,6 +55,10 @@ CAUSE_HELD_BACK: Final = 21
 CAUSE_STATION_QUEUE: Final = 22
 CAUSE_POD_AHEAD: Final = 23
 CAUSE_STATION_BREAK: Final = 24
+CAUSE_CLOSED: Final = 25  # and the other kinds of gates after it, in the sequence of GATE_KINDS
+CAUSE_DOOR: Final = 26
+CAUSE_BLOCK: Final = 27
+CAUSE_LIFT: Final = 28
 CAUSE_UNDECIDED: Final = 255  # within a tick: waits for a cell; why depends on its holder
 
 _HELD = "rule of occupancy: a cell holds no more robots than its capacity"
@@ -172,6 +176,30 @@ CAUSES: Final = (
         "station break",
         "{robot} stands at its station, which has a break",
         "no visit begins in a break of its station",
+        False,
+    ),
+    Cause(
+        "closed",
+        "{cell} is closed for some time",
+        "no robot enters a closed cell; one that is there goes on, and may leave",
+        False,
+    ),
+    Cause(
+        "door",
+        "{cell} is a door that is shut",
+        "a door opens to a robot that asks for it",
+        False,
+    ),
+    Cause(
+        "block",
+        "{cell} is in a block with no room for {robot}",
+        "a block holds no more robots than it says",
+        False,
+    ),
+    Cause(
+        "lift",
+        "{cell} is in a lift whose cabin is not there for {robot}",
+        "a lift takes one robot at a time, and comes when it is called",
         False,
     ),
 )

@@ -10,6 +10,7 @@ import numpy as np
 
 from automaton.engine.blockers import find_blockers
 from automaton.engine.facilities import MAY_TURN
+from automaton.engine.gate_pass import has_gates, is_cabin_move
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import (
     AHEAD,
@@ -28,6 +29,7 @@ from automaton.engine.motion import (
 from automaton.engine.observation import (
     CAUSE_BAY_HELD,
     CAUSE_CHARGER_QUEUE,
+    CAUSE_CLOSED,
     CAUSE_FAULT,
     CAUSE_HELD_BACK,
     CAUSE_ILLEGAL_DECISION,
@@ -271,6 +273,8 @@ def find_wait(world, observation, i, want, did):
         charger = np.int64(robots.goal_cell[U(i)])
         direction = direction_between(world.grid, np.int64(robots.cell[U(i)]), charger)
         return wait_for(world, observation, i, charger, direction, CAUSE_CHARGER_QUEUE)
+    if has_gates(world) and world.gates.held[U(i)] != NIL and did:
+        return note_gate(world, observation, i, want)
     if want & HELD:
         return note_held_back(world, observation, i, want)
     if want & REFUSED and did == EXECUTED_BLOCKED and has_trips(world):
@@ -308,6 +312,15 @@ def find_wait(world, observation, i, want, did):
 
 
 @kernel
+def note_gate(world, observation, i, want):
+    """A gate keeps robot i, on the floor or in its parking bay."""
+    cell = np.int64(world.robots.cell[U(i)])
+    to = cell + world.grid.offset[U(want & 3)]
+    observation.wanted[U(i)] = world.robots.home[U(i)] if cell == NIL else to
+    return CAUSE_CLOSED + np.int64(world.gates.kind[world.gates.held[U(i)]])
+
+
+@kernel
 def note_held_back(world, observation, i, want):
     """Right of way lets robot i stay; who is in the cell that it would like, if it likes one?"""
     if want & TOWARDS == 0:
@@ -326,6 +339,9 @@ def note_slow_move(world, observation, i, want):
     robots = world.robots
     if robots.claim[U(i)] == NIL:
         observation.slow_zone[U(i)] = NIL
+        return
+    direction = direction_between(world.grid, robots.cell[U(i)], robots.claim[U(i)])
+    if has_gates(world) and is_cabin_move(world, i, direction):
         return
     if want & MOVED and world.rules.slowdown:
         around = robots_in_zone(world, i, want)

@@ -24,6 +24,7 @@ STREAM_PROCESSING_TIMES = 17
 STREAM_LINES = 18  # what a line takes at a station
 STREAM_LINE_DEMAND = 19  # which lines are drawn
 STREAM_STORAGE = 20  # into which cell a pod goes
+STREAM_CLOSINGS = 21  # when cells close, and for how long
 STREAM_STRATEGY = 32  # plug-ins use this one and above
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)

@@ -13,9 +13,11 @@ import numpy as np
 
 from automaton.engine.distance_tables import POSE16, TABLES_ENCODING, TABLES_WORDS, UNREACHABLE
 from automaton.engine.facilities import MAY_TURN, NO_WAY_THROUGH
+from automaton.engine.gate_pass import closed_until
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import has_room
 from automaton.engine.prefetch import prefetch
+from automaton.engine.speed_limits import limited_ticks
 from automaton.engine.state import ACTION_MOVE, ACTION_TURN, CLOCK_TICK, NIL
 from automaton.engine.table_rows import cost_in, row_to
 
@@ -124,7 +126,9 @@ def follow_gradient(view, workspace, robot_type, cell, heading, target, steps):
             after = cell + grid.offset[direction]
             if np.int64(type_cell_flags[after]) & NO_WAY_THROUGH and after != target:
                 continue
-            if cost_in(tables, table, after, heading) == cost - duration[ACTION_MOVE]:
+            if cost_in(tables, table, after, heading) == cost - limited_ticks(
+                grid, duration[ACTION_MOVE], cell, direction
+            ):
                 if length == steps.shape[0]:
                     return length  # as much as fits; the robot asks again at its end
                 steps[length] = direction
@@ -162,12 +166,18 @@ TURNED_AHEAD = 4  # parents: 0..3 a move in that direction, else a turn
 TURNED_BEHIND = 5
 STARTED = 6
 
+AROUND_ROBOTS = 1  # what searches go around: cells without room now; True says the same
+AROUND_CLOSED = 2  # closed cells
+AROUND_KNOWN = 3  # closed cells of which routing may know how long they are
+
 
 @kernel
 def is_closed(view, cell, direction, target, around):
-    """Whether a search around the robots may not enter a cell; its own target is always open."""
+    """Whether a search around something may not enter a cell; its own target is always open."""
     if not around or cell == target:
         return False
+    if around > AROUND_ROBOTS:
+        return closed_until(view, cell, around == AROUND_KNOWN) > 0
     return not has_room(view.traffic.occupancy, cell, direction)
 
 
@@ -175,7 +185,7 @@ def is_closed(view, cell, direction, target, around):
 def find_path(view, workspace, robot_type, cell, heading, target, around, steps):
     """A* from a pose to a target cell; writes directions into steps, returns the length or NIL.
 
-    `around`: cells without room now, the target excepted, are removed from the floor. The estimate
+    `around`: 0, or AROUND_*: such cells, the target excepted, are removed from the floor. The estimate
     is the exact cost on the empty floor (a distance table).
     """
     grid, duration, type_cell_flags = (
@@ -213,7 +223,7 @@ def find_path(view, workspace, robot_type, cell, heading, target, around, steps)
                         search,
                         size,
                         to,
-                        cost + duration[ACTION_MOVE],
+                        cost + limited_ticks(grid, duration[ACTION_MOVE], here, direction),
                         cost_in(tables, table, after, h),
                         direction,
                     )
@@ -312,9 +322,8 @@ def nearest_mark(view, workspace, search, robot_type, cell, heading, around):
                 after = here + grid.offset[direction]
                 if not is_closed(view, after, direction, NIL, around):
                     to = after * grid.headings + h
-                    size = reach(
-                        workspace, search, size, to, cost + duration[ACTION_MOVE], 0, direction
-                    )
+                    ticks = limited_ticks(grid, duration[ACTION_MOVE], here, direction)
+                    size = reach(workspace, search, size, to, cost + ticks, 0, direction)
         if grid.headings > 1 and np.int64(type_cell_flags[here]) & MAY_TURN:
             to = here * grid.headings + ((h + 1) & (grid.headings - 1))
             size = reach(workspace, search, size, to, cost + duration[ACTION_TURN], 0, TURNED_AHEAD)

@@ -1,9 +1,9 @@
-"""How long a move takes where zones slow robots down, or where chance does.
+"""How long a move takes where zones or speed limits slow robots down, or where chance does.
 
 A MOVE that starts in a zone with m robots takes m times as long (Bhattathiri, Li & Kuhl). m is
 what the zone held when the tick began, each robot counted in the cell that it stands in or leaves,
-the mover always included. Cells in no zone slow no robot down. A tick more, by a draw, comes on
-top.
+the mover always included. Cells in no zone slow no robot down. A speed limit holds before zones multiply;
+a tick more, by a draw, comes on top.
 """
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import ENTERED, LIVE, U
 from automaton.engine.random_numbers import STREAM_EXTRA_TICKS, random_bits
+from automaton.engine.speed_limits import limited_ticks
 from automaton.engine.state import ACTION_MOVE, CLOCK_TICK, NIL
 
 MAX_MOVE_TICKS = 65_535  # what robots.busy and traffic.move_ticks can hold
@@ -44,7 +45,8 @@ def set_move_ticks(world):
 def ticks_of_move(world, i, intent):
     """What a move of robot i takes if it starts now."""
     rules = world.rules
-    ticks = np.int64(rules.duration[U(world.robots.type[U(i)]), U(ACTION_MOVE)])
+    usual = np.int64(rules.duration[U(world.robots.type[U(i)]), U(ACTION_MOVE)])
+    ticks = limited_ticks(world.grid, usual, np.int64(world.robots.cell[U(i)]), intent & 3)
     if rules.slowdown:
         ticks *= robots_in_zone(world, i, intent)
     if rules.extra_tick:

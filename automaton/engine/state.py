@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from automaton.engine.distance_tables import DistanceTables
 from automaton.engine.facilities import Chargers, Slots, Stations
 from automaton.engine.facilities import Grid as Grid
+from automaton.engine.gates import Gates
 from automaton.engine.jit.fields import (
     BY_ENTRY,
     CALL,
@@ -56,11 +57,12 @@ ACTION_DOWN: Final = 13  # a tick on the floor with an empty battery or a fault
 ACTION_HELD_BACK: Final = 14  # a tick in which right of way holds it back
 ACTION_SERVE: Final = 15  # a tick at a stop of its order that takes time
 ACTION_STATION_QUEUE: Final = 16  # a tick in the queue of a station
-ACTION_COUNT: Final = 17
+ACTION_GATE: Final = 17  # a tick before a closed cell, a door, a block or a lift
+ACTION_COUNT: Final = 18
 ACTION_NAMES: Final = (
     *("idle", "move", "turn", "pick", "drop", "try_drop", "wait", "charge"),
     *("blocked", "retreat", "bay_blocked", "illegal", "queueing", "down", "held_back"),
-    *("serve", "station_queue"),
+    *("serve", "station_queue", "gate"),
 )
 
 # Goals: what a robot drives to its goal cell for.
@@ -114,6 +116,9 @@ REASON_ORDER_TAKEN: Final = 9  # charging: it has taken an order
 REASON_NO_ORDER: Final = 10  # charging: allocation has nothing for it
 REASON_ZONE_EVENT: Final = 11  # zoning: an order has no queue yet, or a robot went down or is back
 REASON_SERVED: Final = 12  # the last stop of its order is done: where does the load go?
+REASON_AROUND_CLOSED: Final = (
+    13  # routing: it has long waited before a closed cell, plan around such
+)
 
 # The machine that runs waits and retries: robots.retry_state.
 RETRY_NONE: Final = 0
@@ -490,6 +495,7 @@ class World(Struct):
     lines: Lines
     trips: Trips
     pod_stations: PodStations
+    gates: Gates
     chargers: Chargers
     service_zones: ServiceZones
     traffic: Traffic

@@ -107,8 +107,8 @@ def _unfit(header: Content, data: dict[str, Any]) -> Iterator[str]:
             yield f"durations.{name} is {max(given)}"
     if any(max(kind.moves) > 1 or max(kind.durations.turns) > 1 for kind in types_of(scenario)):
         yield "fleet.types has robots whose moves or turns take longer"
-    if world.slowdown != "none" or world.extra_tick_probability:
-        yield "world makes moves longer"
+    if world.slowdown != "none" or world.extra_tick_probability or scenario.floor.speed_limits:
+        yield "slow zones, speed limits or chance make moves longer"
     if fleet.when_idle != "park" or (header["robots"]["cell"] == NIL).any():
         yield "robots leave the floor"
     faults = scenario.faults

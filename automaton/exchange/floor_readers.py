@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from automaton.errors import InputError
-from automaton.exchange.file_kinds import KINDS, ROS
+from automaton.exchange.file_kinds import KINDS, LIF, OPENTCS, ROS
+from automaton.exchange.graphs.import_graph import import_lif, import_opentcs
 from automaton.exchange.image_floor import read_image_floor
 from automaton.exchange.imported_floor import ImportedFloor, ImportOptions
 
@@ -21,7 +22,10 @@ class FloorReader(NamedTuple):
 
 
 OF_ALL: Final = frozenset(("robots", "ticks"))  # options of problems, too
+OF_GRAPHS: Final = frozenset(("cell", "tick", "speed", "accept"))
 READERS: Final[dict[str, FloorReader]] = {
+    LIF: FloorReader(import_lif, OF_GRAPHS | {"layout", "type"}),
+    OPENTCS: FloorReader(import_opentcs, OF_GRAPHS),
     ROS: FloorReader(read_image_floor, frozenset(("cell", "tick", "speed", "robot", "unknown"))),
 }
 

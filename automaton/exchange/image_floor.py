@@ -24,6 +24,7 @@ FORMAT: Final = "map of ROS"
 MAX_CELL: Final = 500  # pixels along a cell
 MAX_MOVE: Final = 10_000  # ticks of a move
 SPEED: Final = Fraction(1)  # m/s, where the options give none
+RUN_TIME: Final = "1 h"
 TOURS: Final = {"generator": "tours", "count": 100}
 BOX: Final = "·╶╷┌╴─┐┬╵└│├┘┴┤┼"  # by exits: bit d leads in direction d
 BITS: Final = (EXIT_EAST, EXIT_SOUTH, EXIT_WEST, EXIT_NORTH)
@@ -47,11 +48,11 @@ def read_image_floor(path: Path, options: ImportOptions) -> ImportedFloor:
         "name": re.sub(r"[^\w. -]", "-", path.stem)[:200] or "map",
         "summary": f"{count(len(robots), 'robot')} on {cells.free.shape[1]} x {cells.free.shape[0]} "
         f"cells of {metres(cell)}, imported.",
-        "fleet": {"robots": len(robots), "kinematics": "differential", "start": robots},
+        "fleet": {"robots": len(robots), "kinematics": "omni", "start": robots},
         **_times(cell, options, file),
         "orders": TOURS if _has_neighbours(exits) else {"list": [{"stops": [robots[0]]}]},
         "strategy": {"allocation": ALLOCATION, "routing": ROUTING},
-        "stop": {"when": "delivered", "max_duration": options.ticks},
+        "stop": {"when": "delivered", "max_duration": options.ticks or RUN_TIME},
         "seed": 1,
     }
     report = ImportReport(

@@ -33,7 +33,7 @@ class ImportOptions:
     type: str | None = None
     accept: float = 0.05  # the largest error of an edge, as a share
     robots: int | None = None
-    ticks: int = 1000  # after which a run ends
+    ticks: int | None = None  # after which a run ends
     robot: Fraction | None = None  # width in m, for images
     unknown: str = "wall"  # what area is of which an image says nothing: wall or free
 

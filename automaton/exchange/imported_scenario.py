@@ -75,9 +75,22 @@ def tasks_text(problem: Problem) -> str:
     return "\n".join([str(len(rows)), *rows, ""])
 
 
+class _PlainDumper(yaml.SafeDumper):
+    """A dumper that writes what is there twice twice, without an alias."""
+
+    def ignore_aliases(self, data: object) -> bool:
+        """Whether data has no alias."""
+        return True
+
+
 def flow(value: object) -> str:
     """Return a value as YAML in one line."""
-    text: str = yaml.safe_dump(
-        value, default_flow_style=True, sort_keys=False, width=10**6, allow_unicode=True
+    text: str = yaml.dump(
+        value,
+        Dumper=_PlainDumper,
+        default_flow_style=True,
+        sort_keys=False,
+        width=10**6,
+        allow_unicode=True,
     )
     return text.removesuffix("\n").removesuffix("\n...")

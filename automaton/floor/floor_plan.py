@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -32,6 +32,7 @@ from automaton.floor.cells import (
 
 CellBytes = npt.NDArray[np.uint8]  # (height + 2, width + 2)
 Cells = npt.NDArray[np.int32]  # flat indices
+MoveTicks = npt.NDArray[np.uint16]  # (cells, 4) by flat cell and direction
 
 DRIVABLE = np.array([kind.drivable for kind in CELL_KINDS])  # (kinds,) bool
 CAN_TURN = np.array([kind.turns for kind in CELL_KINDS])  # (kinds,) bool
@@ -56,6 +57,8 @@ class FloorPlan:
     opens: CellBytes  # (height + 2, width + 2) sides of storage and pockets that are open; 0: arrows rule
     starts: tuple[int, ...] = ()  # flat cells of robots drawn in the picture
     numbered: tuple[int, ...] = ()  # flat cells of stations 1, 2, ...; (): in reading order
+    # (cells, 4) ticks that a move out of a cell takes at least, by direction; (0, 4): there are no limits
+    min_move_ticks: MoveTicks = field(default_factory=lambda: np.zeros((0, 4), np.uint16))
 
     @cached_property
     def stride(self) -> int:
@@ -114,7 +117,7 @@ class FloorPlan:
         digest = hashlib.blake2b(
             f"{self.width}x{self.height} {self.starts} {self.numbered}".encode()
         )
-        for part in parts:
+        for part in (*parts, self.min_move_ticks):
             digest.update(part.tobytes())
         return digest.hexdigest()[:32]
 

@@ -63,13 +63,25 @@ def ticks_between(
             # Backwards the bit names the side from which one comes, against the heading.
             travels = (direction ^ 2 if backwards else direction) % headings
             goes = on & (exits[at] >> np.uint8(direction) & 1 != 0) & (heading == travels)
-            _add(waiting, now + driving.move, poses[goes] + offset * headings)
+            # Backwards the move begins in the cell to which the search goes on.
+            before, way = (at + offset, direction ^ 2) if backwards else (at, direction)
+            ticks = move_ticks(floor_plan, driving, before, way)
+            for each in np.unique(ticks[goes]).tolist():
+                _add(waiting, now + each, poses[goes & (ticks == each)] + offset * headings)
         if headings > 1:
             base = poses[turns[at]]
             for way in (1, headings - 1):
                 turned = base - base % headings + (base % headings + way) % headings
                 _add(waiting, now + driving.turn, turned)
     return result.reshape(cells, headings)
+
+
+def move_ticks(floor_plan: FloorPlan, driving: Driving, cells: Ticks, direction: int) -> Ticks:
+    """Ticks of moves out of some cells in a direction."""
+    ticks = np.full(len(cells), driving.move, np.int64)
+    if len(floor_plan.min_move_ticks):
+        np.maximum(ticks, floor_plan.min_move_ticks[cells, direction], out=ticks)
+    return ticks
 
 
 def _add(

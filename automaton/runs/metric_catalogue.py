@@ -55,10 +55,11 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     "lost_station_queue": ("ticks", "in the queue of a station"),
     "lost_illegal": ("ticks", "after illegal decisions of a strategy"),
     "lost_held_back": ("ticks", "in which right of way that steers held robots back"),
+    "lost_at_gates": ("ticks", "before closed cells, doors, blocks and lifts"),
     "slowdown_ticks": (
         "ticks",
-        "reduced speed, not waiting: what moves take longer because of slow zones "
-        "and by chance; no part of blocked_share",
+        "reduced speed, not waiting: what moves take longer because of slow zones, "
+        "speed limits and by chance; no part of blocked_share",
     ),
     "retreats": ("times", "retreats begun"),
     "lead_time": ("ticks", "from the release of an order to its delivery"),

@@ -23,6 +23,7 @@ LOST_TICK_SUMS: Final = (
     "lost_station_queue",
     "lost_illegal",
     "lost_held_back",
+    "lost_at_gates",
 )
 COUNTED_BY_STRATEGIES: Final = (
     *(

@@ -23,6 +23,7 @@ from automaton.engine.state import (
     ACTION_CHARGE,
     ACTION_DOWN,
     ACTION_DROP,
+    ACTION_GATE,
     ACTION_HELD_BACK,
     ACTION_ILLEGAL,
     ACTION_MOVE,
@@ -66,6 +67,7 @@ LOST_IN = dict(
             ACTION_STATION_QUEUE,
             ACTION_ILLEGAL,
             ACTION_HELD_BACK,
+            ACTION_GATE,
         ),
         strict=True,
     )
@@ -247,8 +249,9 @@ def sums_of_lines(world: World, borders: Array) -> dict[str, Array]:
 
 def may_slow(world: World) -> bool:
     """Whether moves may take longer than their duration, or did so before the rules were changed."""
-    rules = world.rules
-    return bool(rules.slowdown or rules.extra_tick or world.tally.slowdown_ticks.any())
+    rules, is_limited = world.rules, len(world.grid.min_move_ticks) > 0
+    slows = rules.slowdown or rules.extra_tick or is_limited
+    return bool(slows or world.tally.slowdown_ticks.any())
 
 
 def _not_lost(world: World) -> list[str]:
@@ -257,6 +260,7 @@ def _not_lost(world: World) -> list[str]:
         "lost_queueing": not world.rules.battery,
         "lost_station_queue": not has_lines(world),
         "lost_held_back": not world.rules.steered[0],
+        "lost_at_gates": not len(world.gates.kind),
     }
     return [name for name, is_absent in absent.items() if is_absent]
 
@@ -265,7 +269,8 @@ def metrics_by_robot(run: Measured) -> list[dict[str, Any]]:
     """For each robot, in the order of identities: operations, lost ticks, utilization.
 
     `slowdown_ticks` is there if moves may take longer, `lost_queueing` if robots run on batteries,
-    `lost_station_queue` if they carry pods, `lost_held_back` if right of way steers them.
+    `lost_station_queue` if they carry pods, `lost_held_back` if right of way steers them,
+    `lost_at_gates` if the floor has gates.
     """
     world = run.world
     elapsed = int(world.clock[CLOCK_TICK])

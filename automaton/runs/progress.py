@@ -51,7 +51,8 @@ def starved_ticks(world: World) -> int:
     grid, slowest = world.grid, world.rules.duration.max(axis=0)
     width = int(grid.width) - 2  # without the border
     height = len(grid.kind) // int(grid.width) - 2
-    drive = (width + height) * int(slowest[ACTION_MOVE])
+    move = max(int(slowest[ACTION_MOVE]), int(grid.min_move_ticks.max(initial=0)))
+    drive = (width + height) * move
     drive += int(slowest[ACTION_PICK]) + int(slowest[ACTION_DROP])
     return max(LEAST_STARVED_TICKS, STARVED_DRIVES * drive)
 

@@ -15,6 +15,7 @@ from automaton.engine.search import (
     pop,
     reach,
 )
+from automaton.engine.speed_limits import limited_ticks
 from automaton.engine.state import ACTION_MOVE, ACTION_TURN, NIL
 from automaton.strategy.access_cells import dropoff_cell, pickup_cell
 
@@ -148,7 +149,8 @@ def go_on(view, workspace, search, size, robot_type, pose, ticks, access_cell):
         if (type_cell_flags[cell] >> way) & 1:
             to = (cell + grid.offset[way]) * grid.headings + heading
             left = estimate(view, robot_type, to, access_cell)
-            size = reach(workspace, search, size, to, ticks + duration[ACTION_MOVE], left, way)
+            moved = ticks + limited_ticks(grid, duration[ACTION_MOVE], cell, way)
+            size = reach(workspace, search, size, to, moved, left, way)
     if grid.headings > 1 and type_cell_flags[cell] & MAY_TURN:
         left = estimate(view, robot_type, pose, access_cell)
         for k in range(2):

@@ -13,6 +13,7 @@ from msgspec import Meta
 
 from automaton.errors import InputError
 from automaton.scenario.cell_names import Locations
+from automaton.scenario.changing_floor import ChangingFloor as ChangingFloor
 from automaton.scenario.clock_times import read_clock
 from automaton.scenario.durations import Durations as Durations
 from automaton.scenario.energy_and_faults import Battery as Battery
@@ -220,6 +221,7 @@ class Scenario(ConfigSection, frozen=True, kw_only=True):
         dict[str, Area], Meta(description="Parts of the floor that not every robot may enter.")
     ] = msgspec.field(default_factory=dict)
     locations: Locations = msgspec.field(default_factory=dict)
+    floor: ChangingFloor = ChangingFloor()
     units: Units = Units()
     durations: Durations = Durations()
     orders: Orders = Orders(generator="full-shelves")

@@ -84,11 +84,18 @@ def not_measured(scenario: Scenario) -> dict[str, str]:
             name_of(scenario.strategy.right_of_way) not in ROUTE_FOLLOWERS,
             "a right of way that steers",
         ),
+        (
+            ("lost_at_gates",),
+            scenario.floor.has_gates,
+            "floor.closed, floor.doors, floor.blocks or floor.lifts",
+        ),
         (("distance",), scenario.units.cell is not None, "units.cell"),
         (
             ("slowdown_ticks",),
-            world.slowdown != "none" or world.extra_tick_probability > 0,
-            "world.slowdown or world.extra_tick_probability",
+            world.slowdown != "none"
+            or world.extra_tick_probability > 0
+            or bool(scenario.floor.speed_limits),
+            "world.slowdown, world.extra_tick_probability or floor.speed_limits",
         ),
     )
     return {name: need for names, has, need in rules if not has for name in names}

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from automaton.engine.charging_curve import CURVE_RATE, charging_ticks, level_after
 from automaton.engine.distance_tables import UNREACHABLE
+from automaton.engine.gate_pass import closed_until, gate_before, has_gates, is_in_full_gate
 from automaton.engine.holders import lane_of
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import direction_between, has_room
@@ -24,6 +25,9 @@ from automaton.engine.random_numbers import (
 )
 from automaton.engine.requests import first_cell
 from automaton.engine.search import (
+    AROUND_CLOSED,
+    AROUND_KNOWN,
+    AROUND_ROBOTS,
     STARTED,
     TURNED_AHEAD,
     TURNED_BEHIND,
@@ -44,6 +48,7 @@ from automaton.engine.search import (
     weighted_table_of,
     write_path,
 )
+from automaton.engine.speed_limits import limited_ticks
 from automaton.engine.step_costs import find_step_costs
 from automaton.engine.table_rows import cost_in, has_room_for
 from automaton.engine.trips import has_place, is_in_own_queue
@@ -58,6 +63,9 @@ from automaton.strategy.access_cells import (
 )
 
 __all__ = [
+    "AROUND_CLOSED",
+    "AROUND_KNOWN",
+    "AROUND_ROBOTS",
     "CURVE_RATE",
     "STARTED",
     "STREAM_ABORTS",
@@ -73,6 +81,7 @@ __all__ = [
     "can_do",
     "cell_beside",
     "charging_ticks",
+    "closed_until",
     "copy_segment",
     "cost_at",
     "cost_in",
@@ -85,15 +94,19 @@ __all__ = [
     "find_step_costs",
     "first_cell",
     "follow_gradient",
+    "gate_before",
+    "has_gates",
     "has_load",
     "has_place",
     "has_room",
     "has_room_for",
     "is_closed",
+    "is_in_full_gate",
     "is_in_own_queue",
     "kernel",
     "lane_of",
     "level_after",
+    "limited_ticks",
     "mark_goal",
     "nearest_mark",
     "next_stop_cell",

@@ -31,6 +31,7 @@ from automaton.strategy.kernels import (
     STREAM_RETREATS,
     UNREACHABLE,
     distance,
+    gate_before,
     has_room,
     kernel,
     lane_of,
@@ -176,7 +177,7 @@ def retreat_direction(view, workspace, i):
         if (flags >> direction) & 1 == 0 or not (straight or can_turn(view, i, flags)):
             continue
         to = cell + grid.offset[direction]
-        if not has_room(view.traffic.occupancy, to, direction):
+        if not has_room(view.traffic.occupancy, to, direction) or gate_before(view, i, to) != NIL:
             continue
         cost = distance(view, workspace, robot_type, to, direction & mask, target)
         if cost >= UNREACHABLE:
@@ -363,6 +364,8 @@ def yield_direction(view, i, j):
             continue
         to = cell + grid.offset[direction]
         if not has_room(view.traffic.occupancy, to, direction):  # in an aisle it may pass robot j
+            continue
+        if gate_before(view, i, to) != NIL:
             continue
         if not is_on_route(view, j, to):
             return direction

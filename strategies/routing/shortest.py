@@ -1,10 +1,14 @@
-"""Shortest path with turn costs: ignores robots at first, plans around them after a retreat."""
+"""Shortest path with turn costs: ignores robots at first, plans around them after a retreat.
+
+It does not avoid closed cells until a robot has long waited before one.
+"""
 
 import numpy as np
 
-from automaton.engine.state import NIL, REASON_AROUND_ROBOTS
+from automaton.engine.state import NIL
 from automaton.strategy.kernels import find_path, follow_gradient, kernel, position
 from automaton.strategy.layer import Strategy
+from strategies.routing.closed_cells import around_what
 
 
 @kernel
@@ -17,8 +21,9 @@ def decide(view, batch, decisions, memory, workspace):
         goal_cell = np.int64(robots.goal_cell[i])
         steps = decisions.routing.steps[k]
         length = NIL
-        if batch.reason[k] == REASON_AROUND_ROBOTS:
-            length = find_path(view, workspace, robot_type, cell, heading, goal_cell, True, steps)
+        around = around_what(batch.reason[k])
+        if around:
+            length = find_path(view, workspace, robot_type, cell, heading, goal_cell, around, steps)
         if length == NIL:
             length = follow_gradient(view, workspace, robot_type, cell, heading, goal_cell, steps)
         if length != NIL:

@@ -34,6 +34,10 @@ def resolved(folder: Path, *settings: str) -> Resolved:
         ("durations.move=1.5 m/s", "durations.move 1.5 m/s: 1.6 ticks -> 2, 25 % slower"),
         ("durations.move=1 m/s", "durations.move 1 m/s: 2.4 ticks -> 2, 17 % faster"),
         (
+            "floor.speed_limits=[{cells: [[0, 0], [1, 0]], max_speed: 0.7 m/s}]",
+            "floor.speed_limits[0].max_speed 0.7 m/s: 3.42857 ticks -> 3, 12 % faster",
+        ),
+        (
             "durations.move={empty: 1.5 m/s, loaded: 1.2 m/s}",
             "durations.move.empty 1.5 m/s: 1.6 ticks -> 2, 25 % slower",
         ),

@@ -93,7 +93,10 @@ def test_a_task_is_in_the_schedule_until_the_tick_in_which_it_is_finished(tmp_pa
     [
         (("durations.turn=2",), "durations.turn is 2"),
         (("fleet.kinematics=omni", "fleet.heading=null"), "fleet.kinematics is omni"),
-        (("world.extra_tick_probability=0.1",), "world makes moves longer"),
+        (
+            ("world.extra_tick_probability=0.1",),
+            "slow zones, speed limits or chance make moves longer",
+        ),
         (("faults.failure_probability=0.001",), "robots may break down and be towed"),
         (("fleet.when_idle=leave",), "robots leave the floor"),
         (

@@ -39,6 +39,7 @@ def near_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
     ground = canvas.flat.copy()
     if scene.snapshot is not None:
         draw_left_loads(canvas)
+        draw_gates(canvas)
         draw_route(canvas)
         draw_claims(canvas)
         draw_robots(canvas)
@@ -113,6 +114,14 @@ def draw_left_loads(canvas: Canvas) -> None:
     canvas.flat[index, 0] = code(
         style(styles.COLOUR_LOADED, styles.COLOUR_FLOOR), canvas.glyphs.left_load
     )
+
+
+def draw_gates(canvas: Canvas) -> None:
+    """Cells that are closed now, and doors that are shut."""
+    signs = (canvas.glyphs.closed, canvas.glyphs.door)
+    for cells, sign in zip(canvas.scene.shut_cells, signs, strict=True):
+        index, _ = canvas.at(cells)
+        canvas.flat[index, 0] = code(style(styles.COLOUR_FAULT, styles.COLOUR_FLOOR), sign)
 
 
 def draw_route(canvas: Canvas) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 from automaton.engine.observation import CAUSES
 from automaton.engine.robot_status import BATTERY_PERCENT, STATUS_TOWED
 from automaton.engine.state import ACTION_IDLE, ACTION_NAMES, NIL, ORDER_DELIVERED, ORDER_WAITING
+from automaton.evidence.history.gate_words import gates_in, words_of
 from automaton.evidence.history.station_words import carries_pods, load_words, station_queue
 from automaton.floor.cells import ANY, CELL_KINDS, DIRECTIONS, EXIT_EAST, EXIT_WEST, FLOOR, TRACK
 from tui.registration import layers
@@ -30,6 +31,9 @@ MAX_NAMED_ROBOTS = 3  # named in one line
 def describe(scene: Scene, cell: int) -> str:
     """One line about a cell of the floor."""
     parts = [place(scene, cell) + " " + ground(scene, cell) + _content(scene, cell)]
+    if scene.snapshot is not None:
+        snapshot = scene.snapshot
+        parts += [words_of(snapshot, gate) for gate in gates_in(snapshot, cell)]
     for layer in layers().by_name.values():
         parts += layer.cell_words(scene, cell)
     if scene.values is not None and scene.floor.drivable[cell]:

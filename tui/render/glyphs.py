@@ -90,6 +90,8 @@ class GlyphSet:
     pod: Final = _shape("⊓", "P")  # in a storage cell
     storage: Final = _shape("▫", "_")  # without a pod
     left_load: Final = _shape("▬", "*")  # on the floor, where a robot had to leave it
+    closed: Final = _shape("⊠", "x")  # no robot enters
+    door: Final = _shape("⊟", "D")  # that is shut
     # What is laid over them.
     route: Final = _shape("∙", "o")
     stand: Final = _shape("⊗", "O")  # where the route ends

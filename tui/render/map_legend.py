@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from automaton.engine.gates import GATE_CLOSING, GATE_DOOR
 from automaton.engine.robot_status import BATTERY_PERCENT
 from automaton.floor.cells import CELL_KINDS, FLOOR, SHELF, STORAGE, TRACK, WALL
 from tui.render import robot_marks as fleet
@@ -85,6 +86,14 @@ def _robots(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
     if scene.floor.loads_may_lie:
         left = int(code(style(styles.COLOUR_LOADED, styles.COLOUR_FLOOR), glyphs.left_load))
         entries.append(Entry((left,), "load that a robot had to leave"))
+    gates = () if scene.snapshot is None else scene.snapshot.gates.kind
+    for kind, sign, name in (
+        (GATE_CLOSING, glyphs.closed, "closed cell"),
+        (GATE_DOOR, glyphs.door, "door that is shut"),
+    ):
+        if kind in gates:
+            shut = int(code(style(styles.COLOUR_FAULT, styles.COLOUR_FLOOR), sign))
+            entries.append(Entry((shut,), name))
     if (scene.floor.floor_plan.capacity[scene.floor.floor_plan.drivable] != 1).any():
         several = style(styles.COLOUR_FLOOR, styles.COLOUR_ROBOT)
         entries.append(Entry((int(code(several, glyphs.digits[2])),), "so many robots in one cell"))

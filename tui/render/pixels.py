@@ -80,6 +80,8 @@ def pixel_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
         draw_over(codes, part, scene, camera, glyphs, grounds(pixels))
         return codes
     if scene.snapshot is not None:
+        for cells in scene.shut_cells:
+            canvas.paint(cells, styles.COLOUR_TURNTABLE)
         canvas.paint(np.asarray(scene.route, np.int32), styles.COLOUR_ROUTE)
         draw_robots(canvas, scene)
     if scene.cursor is not None:

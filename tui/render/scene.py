@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from automaton.engine.state import GOAL_STOP, NIL
+from automaton.evidence.history.gate_words import shut_cells
 from automaton.floor.cells import (
     ALL_EXITS,
     DIRECTION_VECTORS,
@@ -203,6 +204,11 @@ class Scene:
         first = len(self.floor.slots_cell)  # the spare slots come behind those of the floor
         cells: NDArray[np.int32] = slots.cell[first:][slots.content[first:] != NIL]
         return cells
+
+    @cached_property
+    def shut_cells(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """Cells that are closed now, and those of doors that are shut."""
+        return (NO_CELLS, NO_CELLS) if self.snapshot is None else shut_cells(self.snapshot)
 
     @property
     def service_zones(self) -> ServiceZones | None:

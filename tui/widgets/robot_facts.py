@@ -20,6 +20,7 @@ from automaton.engine.state import (
 )
 from automaton.evidence.history.event_history import Event
 from automaton.evidence.history.explanation import doing
+from automaton.evidence.history.gate_words import gate_words, is_kept_by_gate
 from automaton.evidence.history.station_words import station_of
 from automaton.floor.cells import CELL_KINDS, DIRECTIONS
 from automaton.units import count, percent
@@ -116,6 +117,8 @@ def _waits_for(view: View, robot: int) -> list[str | Span]:
         parts.append(cell_link(view.floor_plan, int(fleet.wanted[robot])))
     if fleet.blocker[robot] != NIL:
         parts += [" held by ", robot_link(int(fleet.blocker[robot]))]
+    if is_kept_by_gate(int(fleet.cause[robot])):
+        parts.append(gate_words(view.snapshot, robot).partition(")")[2])
     return parts
 
 

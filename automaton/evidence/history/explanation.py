@@ -26,6 +26,7 @@ from automaton.engine.robot_status import (
 )
 from automaton.engine.state import ACTION_NAMES, NIL
 from automaton.evidence.history.charging_words import charging, queueing_words, up_to
+from automaton.evidence.history.gate_words import gate_words, is_kept_by_gate
 from automaton.evidence.history.snapshot import Snapshot
 from automaton.evidence.history.station_words import (
     break_words,
@@ -102,6 +103,8 @@ def _link(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> Link:
         because = queueing_words(snapshot, robot, f"({cell[0]}, {cell[1]})")
     elif code in (CAUSE_NO_ENERGY, CAUSE_FAULT):
         because = out_of_order(snapshot, robot)
+    elif is_kept_by_gate(code):
+        because = gate_words(snapshot, robot) or because
     elif station_of(snapshot, robot) != NIL and code in STATION_WORDS:
         because = STATION_WORDS[code](snapshot, robot)
     elif code == CAUSE_NO_ORDER and (full := no_place_words(snapshot, robot)):

@@ -9,6 +9,7 @@ import numpy as np
 
 from automaton.build.pods import station_names
 from automaton.engine.facilities import Slots, Stations
+from automaton.engine.gates import Gates
 from automaton.engine.jit.fields import CARRIED
 from automaton.engine.jit.structs import Struct
 from automaton.engine.observation import Observation
@@ -68,6 +69,7 @@ class Snapshot:
     trips: Trips
     stops: Stops
     pod_stations: PodStations  # to which pods are carried
+    gates: Gates
     station_names: tuple[str, ...]  # of these
     stride: int  # from a cell to the one below it
     service_zones: ServiceZones  # that robots serve; its roads are those of the world
@@ -101,6 +103,7 @@ def take_snapshot(simulation: Simulation, selected: int = NIL, layer: str = "") 
         trips=_copied(world.trips),
         stops=_copied(world.stops),
         pod_stations=_copied(world.pod_stations),
+        gates=_copied(world.gates),
         station_names=station_names(simulation.resolved),
         stride=simulation.resolved.floor_plan.stride,
         service_zones=_copied(world.service_zones).replaced(

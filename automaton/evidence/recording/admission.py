@@ -11,6 +11,7 @@ import numpy as np
 
 from automaton.build.feasibility import check_energy, check_feasible
 from automaton.build.resolve import CHANGEABLE, choose_strategies
+from automaton.build.speed_limits import check_speed_limits
 from automaton.build.task_lists import order_count
 from automaton.errors import InputError
 from automaton.evidence.recording.contents import (
@@ -105,12 +106,15 @@ class Admission:
         wanted = self.scenario.orders.lines is not None
         if [name in header for name in ("pods", "lines", "pod_stations")] != [wanted] * 3:
             raise InvalidFrameError("it has not the pods, lines and stations of its scenario")
+        if ("gates" in header) and not self.scenario.floor.closed:
+            raise InvalidFrameError("it tells of closed cells that its scenario does not have")
         check_arrays(header, HEADER_ARRAYS, sizes)
         self._check_stops(header)
         self._check_trips(header)
         self.floor_plan = floor_plan_of(floor)
         check_plan(self.floor_plan)
         self._check_slots(header)
+        check_speed_limits(Document(header["scenario"]), self.scenario, self.floor_plan)
         start = check_feasible(
             Document(header["scenario"]), self.scenario, Floor(self.floor_plan, _on_floor)
         ).start

@@ -16,6 +16,7 @@ from msgspec import UNSET, Meta, UnsetType, defstruct
 from numpy.typing import NDArray
 
 from automaton.engine.facilities import Slots, Stations
+from automaton.engine.gates import Gates
 from automaton.engine.pods import Lines, Pods, PodStations
 from automaton.engine.record_codes import (
     ACTION_MASK,
@@ -145,6 +146,7 @@ class _Header(_Frame):
     pods: _part("Pods", Pods.fields_where(IN_HEADER)) | UnsetType = UNSET  # type: ignore[valid-type]
     lines: _part("Lines", Lines.fields_where(IN_HEADER)) | UnsetType = UNSET  # type: ignore[valid-type]
     pod_stations: _part("PodStations", PodStations.fields_where(IN_HEADER)) | UnsetType = UNSET  # type: ignore[valid-type]
+    gates: _part("Gates", Gates.fields_where(IN_HEADER)) | UnsetType = UNSET  # type: ignore[valid-type]
 
 
 class _Conditions(_Frame):
@@ -352,6 +354,8 @@ HEADER_ARRAYS: Final = {
     "lines.release_tick": Range("i4", ("lines",), 0, MAX_NUMBER),
     "lines.due": Range("i4", ("lines",), 0, MAX_NUMBER),
     "lines.priority": Range("i2", ("lines",), -100, 101),
+    "gates.first_closing": Range("i4", ("gates and one",), 0, MAX_NUMBER),
+    "gates.closings": Range("i8", ("closings", 2), 0, 2 * MAX_NUMBER),
 }
 CONDITIONS_ARRAYS: Final = {
     "period": Range("i4", (5,), 0, MAX_NUMBER),

@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 
 from automaton.build.resolve import Resolved, StrategyChoice
+from automaton.build.speed_limits import with_speed_limits
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import NEVER
 from automaton.errors import InputError
@@ -61,6 +62,7 @@ def header_of(resolved: Resolved, seed: int, world: Any, digest_names: tuple[str
         "orders": _copies(world.orders, left_out),
         **({"stops": _copies(world.stops)} if tours else {}),
         **_of_pods(world),
+        **({"gates": _copies(world.gates)} if len(world.gates.closings) else {}),
         "jobs": _copies(world.stations),
         "slots": {**_copies(world.slots), "first_spare": world.slots.first_spare},
     }
@@ -113,9 +115,10 @@ def resolved_of(header: Content, with_strategies: bool = True) -> Resolved:
     its strategies, which a replay does not need, plug-ins keep their parameters as recorded.
     """
     start = header["start"]
+    scenario = msgspec.convert(header["scenario"], Scenario)
     return Resolved(
-        scenario=msgspec.convert(header["scenario"], Scenario),
-        floor_plan=floor_plan_of(header["floor"]),
+        scenario=scenario,
+        floor_plan=with_speed_limits(floor_plan_of(header["floor"]), scenario.floor.speed_limits),
         strategies={
             layer: _strategy_choice(layer, **given)
             if with_strategies or lookup.is_built_in(layer, given["name"])

@@ -235,7 +235,7 @@ class Motion:
         self, tick: int, r: int, direction: int, length: int | None, placed: bool
     ) -> None:
         """Whether a move takes as long as the rules say; `length`: as recorded, None for usual."""
-        if length is None and self.pace.usual:
+        if length is None and self.pace.usual and not self.pace.cabin_ticks:
             return
         came = None if placed else self.travel[r]
         due, why = self.pace.due(tick, r, self.cell[r], direction, came)

@@ -18,7 +18,7 @@ STEP_OF_STATE: Final = 0x9E3779B97F4A7C15
 
 
 class MoveTimes:
-    """The rules about the length of a move: its duration, slow zones, extra ticks."""
+    """The rules about the length of a move: its duration, speed limits, slow zones, extra ticks."""
 
     def __init__(self, floor: dict[str, Any], seed: int, types: Types) -> None:
         self.floor = floor
@@ -26,13 +26,15 @@ class MoveTimes:
         self.seed = seed
         self.zones: list[tuple[int, int]] = []  # by cell: of robots that travel E or S, W or N
         self.crowd: dict[int, int] = {}  # robots by zone as the tick began
+        self.cabin_ticks: dict[tuple[int, int], int] = {}  # in lifts, by cell and direction
 
     def apply_rules(self, scenario: dict[str, Any]) -> None:
         """Take over what a scenario says of the length of moves."""
         world = scenario["world"]
         self.slow: bool = world.get("slowdown", "none") == "zones"
+        self.limits = least_ticks(self.floor, scenario.get("floor") or {})
         self.extra = round(world.get("extra_tick_probability", 0.0) * 2**32)
-        self.usual = not self.slow and not self.extra
+        self.usual = not self.slow and not self.extra and not self.limits
         self.zones = zones_by_cell(self.floor, world["traffic_zones"]) if self.slow else []
 
     def count(self, cell: list[int], travel: list[int]) -> None:
@@ -55,8 +57,14 @@ class MoveTimes:
         `came`: the direction in which the robot entered the cell, None if from its parking bay just
         now.
         """
+        if (cell, direction) in self.cabin_ticks:
+            ticks = self.cabin_ticks[cell, direction]
+            return ticks, f"its lift takes {ticks}"
         ticks = self.usual_of(robot)
         why = f"a move takes {ticks}"
+        least = self.limits.get((cell, direction), 0)
+        if least > ticks:
+            ticks, why = least, f"a speed limit makes it take {least}"
         zone = self.zones[cell][direction >> 1] if self.slow else NIL
         if zone != NIL:
             counted = came is not None and self.zones[cell][came >> 1] == zone
@@ -82,6 +90,35 @@ def splitmix64(value: int) -> int:
     value = (value ^ (value >> 30)) * 0xBF58476D1CE4E5B9 & ALL_BITS
     value = (value ^ (value >> 27)) * 0x94D049BB133111EB & ALL_BITS
     return value ^ (value >> 31)
+
+
+def least_ticks(floor: dict[str, Any], section: dict[str, Any]) -> dict[tuple[int, int], int]:
+    """Ticks that a move takes at least by a speed limit, by flat cell and direction."""
+    stride = floor["width"] + 2
+    steps = {EAST: 1, SOUTH: stride, WEST: -1, NORTH: -stride}
+    least: dict[tuple[int, int], int] = {}
+    for limit in section.get("speed_limits") or ():
+        cells = {(y + 1) * stride + x + 1 for x, y in cells_of(limit["cells"])}
+        for cell in cells:
+            for direction, step in steps.items():
+                if cell + step in cells:
+                    known = least.get((cell, direction), 0)
+                    least[cell, direction] = max(known, limit["max_speed"])
+    return least
+
+
+def cells_of(cells: Any) -> list[tuple[int, int]]:
+    """The cells of a rectangle with two corners, or of a path along rows and columns with some."""
+    if isinstance(cells, dict):
+        (x, y), (u, v) = cells["from"], cells["to"]
+        columns = range(min(x, u), max(x, u) + 1)
+        return [(column, row) for column in columns for row in range(min(y, v), max(y, v) + 1)]
+    path = [tuple(cells[0])]
+    for u, v in cells:
+        x, y = path[-1]
+        path += [(k, y) for k in range(min(x, u), max(x, u) + 1)]
+        path += [(u, k) for k in range(min(y, v), max(y, v) + 1)]
+    return path
 
 
 def zones_by_cell(floor: dict[str, Any], mode: str) -> list[tuple[int, int]]:

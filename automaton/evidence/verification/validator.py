@@ -35,6 +35,7 @@ from automaton.evidence.recording.contents import (
 from automaton.evidence.verification.change_rows import parted, parted_visits
 from automaton.evidence.verification.due_rules import check_due_times
 from automaton.evidence.verification.energy_rules import Energy, parted_faults
+from automaton.evidence.verification.gate_rules import GateRules
 from automaton.evidence.verification.load_rules import Loads
 from automaton.evidence.verification.motion_rules import Acts, Motion
 from automaton.evidence.verification.type_rules import NIL
@@ -66,6 +67,10 @@ RULE_TEXTS: Final = {
     "pod": "a pod is in one storage cell or on one robot; no robot with a load drives under one",
     "line": "a line is done once, at its station, with its pod there",
     "place": "no more robots go to a station than it has places",
+    "closed": "no robot enters a closed cell",
+    "door": "no robot drives through a door that is shut",
+    "block": "a block holds no more robots than it says, of one direction if it says so",
+    "lift": "a lift takes one robot, where its cabin is",
     "record": "the recording agrees with itself",
 }
 ACTS: Final = (  # by code of recorded action
@@ -165,6 +170,8 @@ class Validator:
         self.energy = Energy(self.header, self.motion, self._report_violation)
         self.loads.status = self.energy.status
         self.motion.types.load = self.loads.load
+        self.gates = GateRules(self.header, self._report_violation)
+        self.motion.pace.cabin_ticks = self.gates.cabin_ticks
 
     def ticks(self, content: dict[str, Any]) -> None:
         """Replay the ticks of a frame."""
@@ -196,7 +203,11 @@ class Validator:
         self._change_status(tick, faults)
         self.loads.release(tick)
         self.motion.look(acts)
+        if self.gates.gates:
+            self.gates.look(tick, self.motion.cell, self.motion.claim)
         placed = self.motion.open_bays(tick, acts) if leaves else set()
+        if self.gates.gates:
+            self.gates.check(tick, acts, placed, self.motion)
         self.energy.spend(tick, acts, rows, self.loads.load)
         rows, stops = parted_visits(rows)
         before, after = parted(rows, acts)

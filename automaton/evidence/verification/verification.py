@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 
 from automaton.build.resolve import Resolved, branched
+from automaton.build.speed_limits import with_speed_limits
 from automaton.engine.decision_stream import first_other_tick
 from automaton.engine.digest import DIGEST_NAMES
 from automaton.engine.record_codes import (
@@ -258,7 +259,9 @@ def drawn_otherwise(resolved: Resolved) -> bool:
     layout = resolved.scenario.layout
     if "picture" not in layout and not is_shipped(layout):
         return False
-    return floor_of(Document({}), layout).floor_plan != resolved.floor_plan
+    drawn = floor_of(Document({}), layout).floor_plan
+    limits = resolved.scenario.floor.speed_limits
+    return with_speed_limits(drawn, limits) != resolved.floor_plan
 
 
 def _has_files(recorded: Content, resolved: Resolved) -> bool:

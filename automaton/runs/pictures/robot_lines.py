@@ -26,6 +26,7 @@ from automaton.engine.state import (
     NEED_RIGHT_OF_WAY,
     NEED_ROUTE,
     NIL,
+    REASON_AROUND_CLOSED,
     REASON_AROUND_ROBOTS,
     REASON_IDLE,
     REASON_NEW_GOAL,
@@ -84,6 +85,7 @@ ACTION_PHRASES = {  # of each action: while it lasts, and when it is over
     "held_back": ("is held back", "was held back"),
     "serve": ("stands at its stop", "stood at its stop"),
     "station_queue": ("queues for a station", "queued for a station"),
+    "gate": ("waits at a gate", "waited at a gate"),
 }
 
 TASK = (
@@ -128,6 +130,7 @@ PHRASE_GROUPS = (
     (Phrase("asks for a route", need_route=1),),
     (
         Phrase("routed around robots", route_reason=REASON_AROUND_ROBOTS),
+        Phrase("routed around closed cells", route_reason=REASON_AROUND_CLOSED),
         Phrase("routed freely", route_reason=REASON_NEW_GOAL),
         Phrase("never routed", route_reason=0),
     ),

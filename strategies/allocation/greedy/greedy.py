@@ -134,11 +134,12 @@ class Greedy(Strategy):
         with_loads = bool((view.orders.source != NIL).any())
         poses = cells * headings
         steps = view.rules.duration[:, [ACTION_MOVE, ACTION_TURN]]
+        limit = view.grid.min_move_ticks.max(initial=0)
         sizes = {"p": places, "C": cells, "P": poses, "robots": robots}
         sizes |= {"k": 4 * places if with_loads else places, "h": robots, "E": 4 * poses + 8}
         sizes |= {
             "w": len(view.orders.state) if parameters.rest or len(view.rules.priorities) > 1 else 0,
-            "power of two": 1 << int(steps.max()).bit_length(),
+            "power of two": 1 << int(max(steps.max(), limit)).bit_length(),
         }
         return GreedyState(
             rest=round(1000 * parameters.rest),

@@ -20,6 +20,7 @@ from automaton.strategy.kernels import (
     cell_beside,
     has_load,
     kernel,
+    limited_ticks,
     next_stop_cell,
     pickup_cell,
     types_of_robots,
@@ -167,7 +168,8 @@ def go_on(view, search, robot_type, cell, heading, cost):
     for direction in range(heading, 4, headings):
         if (flags >> direction) & 1:
             after = cell + grid.offset[U(direction)]
-            moved = cost + duration[U(robot_type), U(ACTION_MOVE)]
+            usual = duration[U(robot_type), U(ACTION_MOVE)]
+            moved = cost + limited_ticks(grid, usual, cell, direction)
             reach(search, after * headings + heading, moved)
     if headings > 1 and flags & MAY_TURN:
         turned = cost + duration[robot_type, ACTION_TURN]
@@ -247,7 +249,9 @@ def go_back(view, search, robot_type, cell, heading, cost):
     for direction in range(heading, 4, headings):
         before = cell - grid.offset[direction]
         if 0 <= before < flags.shape[0] and (np.int64(flags[before]) >> direction) & 1:
-            reach(search, before * headings + heading, cost + duration[robot_type, ACTION_MOVE])
+            usual = duration[robot_type, ACTION_MOVE]
+            moved = cost + limited_ticks(grid, usual, before, direction)
+            reach(search, before * headings + heading, moved)
     if headings > 1 and np.int64(flags[cell]) & MAY_TURN:
         turned = cost + duration[robot_type, ACTION_TURN]
         reach(search, cell * headings + ((heading + 1) & (headings - 1)), turned)

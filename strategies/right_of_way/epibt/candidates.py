@@ -9,7 +9,16 @@ The rank is lower the earlier the robot goes forward. A robot without a goal wou
 import numpy as np
 
 from automaton.engine.state import CLOCK_TICK, GOAL_NONE, NIL
-from automaton.strategy.kernels import UNREACHABLE, cost_in, kernel, table_of, weighted_table_of
+from automaton.strategy.kernels import (
+    UNREACHABLE,
+    cost_in,
+    gate_before,
+    is_in_full_gate,
+    kernel,
+    table_of,
+    weighted_table_of,
+)
+from strategies.right_of_way.epibt.operations import FORWARD
 
 COST_SHIFT = 10
 MAX_EXCESS = 4000  # of a way over another one: keys have 32 bits
@@ -27,15 +36,33 @@ def rank_candidates(view, workspace, state, i):
     pose = np.int64(state.pose[i])
     way = cost_from(workspace, state, row, pose) if goal != NIL else np.int64(0)
     state.cost[i] = plan_cost(workspace, state, i, pose, goal, row, way)
-    enter_keys(workspace, state, i, np.int64(view.robots.type[i]), pose, goal, row, way)
+    robot_type, is_kept = np.int64(view.robots.type[i]), is_kept_by_gate(view, state, i)
+    enter_keys(workspace, state, i, robot_type, pose, goal, row, way, is_kept)
     state.sorted_count[i] = 0
-    if goal == NIL:
+    if goal == NIL or (is_kept and wants_ahead(state, i)):
         state.sequence_key[i] = LAST_KEY
+    elif is_in_full_gate(view, pose >> 2):
+        state.sequence_key[i] = 0
     elif state.oldest_first:
         age = view.clock[CLOCK_TICK] - state.idle_since[i]
         state.sequence_key[i] = max(LAST_KEY - 1 - age, 0)
     else:
         state.sequence_key[i] = min(way, LAST_KEY - 1)
+
+
+@kernel
+def is_kept_by_gate(view, state, i):
+    """Return whether a gate keeps robot i out of the cell ahead of it."""
+    pose = np.int64(state.pose[i])
+    return gate_before(view, i, (pose >> 2) + view.grid.offset[pose & 3]) != NIL
+
+
+@kernel
+def wants_ahead(state, i):
+    """Return whether the best operation of robot i goes on ahead, if it waits for that."""
+    if state.key_count[i] == 0:
+        return False
+    return state.aim[state.candidate[nth_key(state, i, 0) & CANDIDATE_MASK]] == 0
 
 
 @kernel
@@ -101,8 +128,11 @@ def ticks_to_goal(state, operation, pose, goal):
 
 
 @kernel
-def enter_keys(workspace, state, i, robot_type, pose, goal, row, way):
-    """Enter the keys of the operations that are open to robot i; those with one end share its cost."""
+def enter_keys(workspace, state, i, robot_type, pose, goal, row, way, is_kept):
+    """Enter the keys of the operations that are open to robot i; those with one end share its cost.
+
+    `is_kept`: it cannot go forward in this tick.
+    """
     keys, count = state.key[i], 0
     cost, end = np.int64(0), np.int64(NIL)
     last_class = state.following.shape[0] - 1
@@ -111,6 +141,8 @@ def enter_keys(workspace, state, i, robot_type, pose, goal, row, way):
         if (state.open[robot_type, pose, number >> 6] >> np.uint64(number & 63)) & _1 == 0:
             continue
         operation = np.int64(state.candidate[number])
+        if is_kept and state.action[operation] == FORWARD:
+            continue
         rank = operation if goal == NIL else last_class - operation
         if goal != NIL and state.candidate_end[number] != end:
             end = np.int64(state.candidate_end[number])

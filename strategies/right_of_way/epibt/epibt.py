@@ -11,11 +11,12 @@ Effort is counted in pushes and tries, never in time, so a run can be repeated.
 import numpy as np
 
 from automaton.engine.state import CLOCK_TICK, CMD_GO, CMD_HOLD, GOAL_NONE, NIL
-from automaton.strategy.kernels import STREAM_STRATEGY, kernel, random_between
+from automaton.strategy.kernels import STREAM_STRATEGY, gate_before, kernel, random_between
 from automaton.strategy.layer import Strategy
 from strategies.right_of_way.epibt.candidates import (
     CANDIDATE_MASK,
     LAST_KEY,
+    is_kept_by_gate,
     nth_key,
     rank_candidates,
     settle_ties,
@@ -75,11 +76,14 @@ def give_commands(view, batch, decisions, state):
     for k in range(batch.count[0]):
         i = np.int64(batch.robot[k])
         if waits_in_bay(view, i):
-            out.command[k] = CMD_HOLD if state.pose[i] == NIL else CMD_GO
-            out.value[k] = NIL if state.pose[i] == NIL else 0
+            is_kept = gate_before(view, i, np.int64(robots.home[i])) != NIL
+            holds = state.pose[i] == NIL and not is_kept
+            out.command[k] = CMD_HOLD if holds else CMD_GO
+            out.value[k] = NIL if holds else 0
         elif not state.is_fixed[i]:
             out.value[k] = begin_action(view, state, i)
-            if state.action[state.plan[i]] != WAIT:
+            asks = out.value[k] == robots.heading[i] and is_kept_by_gate(view, state, i)
+            if asks or state.action[state.plan[i]] != WAIT:
                 out.command[k] = CMD_GO
             elif robots.goal_type[i] != GOAL_NONE:
                 out.command[k] = CMD_HOLD

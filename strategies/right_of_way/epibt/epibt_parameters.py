@@ -54,7 +54,8 @@ class EpibtParameters(SteeringParameters, forbid_unknown_fields=True, frozen=Tru
         if has_lines(scenario.orders):
             return "it knows no queues of stations, in which robots with pods stand; use pibt"
         types = types_of(scenario)
-        move = max(ticks for one in types for ticks in one.moves)
+        limit = int(floor_plan.min_move_ticks.max(initial=0))
+        move = max(limit, *(ticks for one in types for ticks in one.moves))
         turn = max(ticks for one in types for ticks in one.durations.turns)
         if scenario.fleet.kinematics != "differential":
             return (

@@ -7,10 +7,11 @@ whose plans lead into the cells of these, and so on; all other plans are free of
 import numpy as np
 
 from automaton.engine.state import CLOCK_TICK, GOAL_NONE, GOAL_PARK, NIL
-from automaton.strategy.kernels import has_room, kernel
+from automaton.strategy.kernels import gate_before, has_gates, has_room, kernel
 from strategies.right_of_way.arrivals import is_at_goal
+from strategies.right_of_way.epibt.candidates import is_kept_by_gate
 from strategies.right_of_way.epibt.chains import enter_path
-from strategies.right_of_way.epibt.operations import FULL_WAIT
+from strategies.right_of_way.epibt.operations import FORWARD, FULL_WAIT
 
 
 @kernel
@@ -59,6 +60,9 @@ def inherit_plans(view, state):
         state.plan[i] = state.following[state.plan[i]] if goes_on else FULL_WAIT
         if pose == NIL:
             continue
+        if has_gates(view) and state.action[state.plan[i]] == FORWARD:
+            goes_on = goes_on and not is_kept_by_gate(view, state, i)
+            state.plan[i] = state.plan[i] if goes_on else FULL_WAIT
         if goes_on and state.plan[i] != FULL_WAIT:
             enter_path(state, i, i)
         else:
@@ -98,6 +102,8 @@ def enter_floor(view, state, i):
     """
     robots = view.robots
     home = np.int64(robots.home[i])
+    if gate_before(view, i, home) != NIL:
+        return False
     if not has_room(view.traffic.occupancy, home, 0):
         return False
     for tick in range(state.depth):

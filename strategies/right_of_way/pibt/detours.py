@@ -12,7 +12,7 @@ until it is nearer to its goal than where it stood, or the wait is over: it does
 import numpy as np
 
 from automaton.engine.state import ACTION_MOVE, ACTION_TURN, CLOCK_TICK
-from automaton.strategy.kernels import UNREACHABLE, cost_in, kernel
+from automaton.strategy.kernels import UNREACHABLE, cost_in, kernel, limited_ticks
 from strategies.right_of_way.pibt.pibt_state import LONG, U
 
 
@@ -72,7 +72,8 @@ def leads_on(view, state, workspace, i, direction):
             continue
         turns = (other - direction) & mask
         turns = 1 if turns == 3 else turns
-        step = turns * np.int64(duration[ACTION_TURN]) + np.int64(duration[ACTION_MOVE])
+        step = turns * np.int64(duration[ACTION_TURN])
+        step += limited_ticks(grid, duration[ACTION_MOVE], cell, other)
         if after + step <= best:
             return True
     return False

@@ -19,9 +19,12 @@ from automaton.engine.state import (
 )
 from automaton.strategy.kernels import (
     UNREACHABLE,
+    closed_until,
     find_step_costs,
+    has_gates,
     has_room_for,
     kernel,
+    limited_ticks,
     splitmix64,
     table_of,
     with_load,
@@ -189,7 +192,9 @@ def cost_of_step(view, i, direction):
     robots = view.robots
     duration = view.rules.duration[U(robots.type[U(i)])]
     turns = turns_to(view.grid.headings, np.int64(robots.heading[U(i)]), direction)
-    return turns * np.int64(duration[U(ACTION_TURN)]) + np.int64(duration[U(ACTION_MOVE)])
+    cell = np.int64(robots.cell[U(i)])
+    move = limited_ticks(view.grid, duration[U(ACTION_MOVE)], cell, direction)
+    return turns * np.int64(duration[U(ACTION_TURN)]) + move
 
 
 @kernel
@@ -278,15 +283,21 @@ def key_of(view, state, i, direction, draws):
 
 @kernel
 def is_beside_fixed(view, state, i):
-    """Whether a robot that does not choose is in a cell next to robot i."""
+    """Whether a robot that does not choose is in a cell next to robot i, or such a cell is closed."""
     cell, offset, fixed = np.int64(view.robots.cell[U(i)]), view.grid.offset, state.holds_fixed
     east, south = fixed[U(cell + offset[0])], fixed[U(cell + offset[1])]
+    if has_gates(view):
+        for direction in range(4):
+            if closed_until(view, cell + offset[U(direction)], True):
+                return True
     return east | south | fixed[U(cell + offset[2])] | fixed[U(cell + offset[3])] != 0
 
 
 @kernel
 def ticks_until_free(view, state, i, cell, direction):
     """Ticks until a robot that does not choose makes way to robot i in a cell, 0 without one."""
+    if has_gates(view) and closed_until(view, cell, True):
+        return closed_until(view, cell, True) - view.clock[CLOCK_TICK]
     if state.holds_fixed[U(cell)] == 0:
         return np.int64(0)
     u = holder_of(view, cell, direction)

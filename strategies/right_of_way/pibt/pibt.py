@@ -19,6 +19,7 @@ import numpy as np
 from automaton.engine.facilities import NO_WAY_THROUGH
 from automaton.engine.robot_status import STATUS_UP
 from automaton.engine.state import (
+    ACTION_GATE,
     ACTION_TURN,
     CLOCK_TICK,
     CMD_GO,
@@ -31,7 +32,15 @@ from automaton.engine.state import (
     NIL,
 )
 from automaton.floor.dead_ends import dead_ends_of_types
-from automaton.strategy.kernels import direction_between, is_in_own_queue, kernel, splitmix64
+from automaton.strategy.kernels import (
+    direction_between,
+    gate_before,
+    has_gates,
+    is_in_full_gate,
+    is_in_own_queue,
+    kernel,
+    splitmix64,
+)
 from automaton.strategy.layer import Strategy
 from strategies.right_of_way.arrivals import is_at_goal
 from strategies.right_of_way.pibt.alleys import count_in_dead_ends, empty_dead_ends, has_to_leave
@@ -47,6 +56,7 @@ from strategies.right_of_way.pibt.pibt_state import (
 )
 from strategies.right_of_way.pibt.pushes import fetch_cells, push
 from strategies.right_of_way.pibt.reservations import (
+    is_lane_free,
     reserve,
     reserve_other_lane,
     reserver_of,
@@ -129,11 +139,14 @@ def update_queue(view, state):
 
 @kernel
 def has_finished(view, state, i):
-    """Whether robot i has done since the last look what it drove to its goal cell for."""
+    """Whether robot i has done since the last look what it drove to its goal cell for.
+
+    Who lost the last tick at a gate counts as well: else it would push back those that come out of it.
+    """
     robots = view.robots
     before, cell = np.int64(state.aim_type[i]), np.int64(state.aim_cell[i])
     if before == robots.goal_type[i] and cell == robots.goal_cell[i]:
-        return False
+        return robots.action[i] == ACTION_GATE
     state.aim_type[i], state.aim_cell[i] = robots.goal_type[i], robots.goal_cell[i]
     was_visit = before == GOAL_PICK or before == GOAL_DROP or before == GOAL_STOP
     return was_visit and robots.cell[i] == cell
@@ -149,8 +162,13 @@ RANKS = 3
 
 @kernel
 def rank_of(view, state, i):
-    """Who leaves a dead end goes first, who has nothing to do or cannot enter one yet, last."""
+    """Who leaves a dead end or a full block goes first; last, who has nothing to do or may not enter."""
     robots = view.robots
+    if has_gates(view) and robots.cell[U(i)] != NIL:
+        if is_in_full_gate(view, robots.cell[U(i)]):
+            return LEAVES
+        if waits_at_gate(view, state, i):
+            return HAS_NOTHING
     if state.dead_ends == 0:
         is_idle = robots.goal_type[U(i)] == GOAL_NONE or robots.goal_type[U(i)] == GOAL_PARK
         return HAS_NOTHING if is_idle else WORKS
@@ -168,6 +186,24 @@ def rank_of(view, state, i):
     ):
         return HAS_NOTHING
     return WORKS
+
+
+@kernel
+def waits_at_gate(view, state, i):
+    """Whether a gate keeps robot i out of the cell that it likes best: others go first meanwhile."""
+    cell, option = np.int64(view.robots.cell[U(i)]), option_of(state, i, 0)
+    if option >= STAY:
+        return False
+    return gate_before(view, i, cell + view.grid.offset[U(option)]) != NIL
+
+
+@kernel
+def asks_for_gate(view, state, i):
+    """Whether robot i, which stays, asks the gate that keeps it from where it likes best to go."""
+    direction, heading = option_of(state, i, 0), np.int64(view.robots.heading[U(i)])
+    if not waits_at_gate(view, state, i):
+        return False
+    return direction & (view.grid.headings - 1) == heading or is_lane_free(view, state, i)
 
 
 @kernel
@@ -252,7 +288,7 @@ def leave_bay(view, state, i):
     if robots.goal_type[i] == GOAL_NONE or robots.goal_type[i] == GOAL_PARK:
         return
     resource = resource_in(view, home, np.int64(robots.heading[i]))
-    if resource == NIL:
+    if resource == NIL or gate_before(view, i, home) != NIL:
         state.next[i] = home
         return
     if reserver_of(state, resource) != NIL:
@@ -286,6 +322,9 @@ def give_commands(view, batch, decisions, state):
             state.turning[U(i)] = direction + 1 if direction & mask != robots.heading[U(i)] else 0
             out.command[U(k)] = CMD_GO
             out.value[U(k)] = direction
+        elif has_gates(view) and asks_for_gate(view, state, i):
+            out.command[U(k)] = CMD_GO
+            out.value[U(k)] = option_of(state, i, 0)
         elif robots.goal_type[U(i)] != GOAL_NONE:
             out.command[k] = CMD_HOLD
             best = option_of(state, i, 0)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from automaton.engine.state import NIL
-from automaton.strategy.kernels import kernel, prefetch
+from automaton.strategy.kernels import gate_before, kernel, prefetch
 from strategies.right_of_way.pibt.alleys import may_enter
 from strategies.right_of_way.pibt.options import option_of, turns_to, waits_in_vain_to_turn
 from strategies.right_of_way.pibt.pibt_state import DECIDED, NO_OPTION, STAY, UNDECIDED, U
@@ -97,6 +97,12 @@ def take_option(view, state, i):
             must_turn = True
             continue
         to = cell + view.grid.offset[U(option)]
+        if gate_before(view, i, to) != NIL:  # it asks for the gate, and stays where it is meanwhile
+            comer = reserver_of(state, own_resource(view, i))
+            if comer == NIL or comer == i:
+                stay(view, state, i)
+                return SETTLED
+            continue
         resource = resource_in(view, to, option)
         other = reserver_of(state, resource)
         if other != NIL and other != i:

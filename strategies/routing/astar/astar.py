@@ -2,8 +2,9 @@
 
     f = g + h        h = least ticks of a move x (|x - x*| + |y - y*|)
 
-It is consistent: a move changes h by the ticks of one move, a turn by nothing. Neighbours are found
-in the order north, south, east, west, then turns; a pose belongs to whoever first found the least g.
+It is consistent: a move changes h by its ticks where no speed limit holds, a turn by nothing. Neighbours
+are found in the order north, south, east, west, then turns; a pose belongs to whoever first found the
+least g.
 Zones may be closed: a robot may not enter a cell in a direction whose zone is marked.
 """
 
@@ -16,6 +17,7 @@ from automaton.strategy.kernels import (
     STARTED,
     TURNED_AHEAD,
     TURNED_BEHIND,
+    limited_ticks,
     parent_of,
     random_bits,
     ways_on,
@@ -100,14 +102,15 @@ def search(grid, robot_type, duration, workspace, ties, seed, start, target, avo
             after = cell + grid.offset[way]
             if avoid_zones and is_closed(grid, workspace, after, way):
                 continue
-            to, cost = (after << shift) | heading, fresh | (g + move)
+            moved = g + limited_ticks(grid, move, cell, way)
+            to, cost = (after << shift) | heading, fresh | moved
             if cost < label[to]:
                 label[to] = cost
                 workspace.came[to] = way
                 y = row + ((way == 1) - (way == 3))
                 x = column + ((way == 0) - (way == 2))
                 h = move * (abs(x - goal_x) + abs(y - goal_y))
-                put(workspace, ties, salt, to, y, g + move + h, h)
+                put(workspace, ties, salt, to, y, moved + h, h)
         if mask and flags & MAY_TURN:
             find_turns(
                 workspace, ties, salt, mask, pose, row, fresh, g + turn, state[OPEN_LEVEL] + turn

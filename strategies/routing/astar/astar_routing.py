@@ -7,12 +7,13 @@ import numpy as np
 
 from automaton.engine.jit.fields import field
 from automaton.engine.jit.structs import Struct
-from automaton.engine.state import NIL, REASON_AROUND_ROBOTS
+from automaton.engine.state import NIL
 from automaton.strategy.kernels import find_path, kernel, position
 from automaton.strategy.layer import Strategy
 from strategies.routing.astar.astar import astar
 from strategies.routing.astar.frontier import TIES
 from strategies.routing.astar.route_workspace import RouteSpace, route_space
+from strategies.routing.closed_cells import around_closed, around_what
 
 
 class AStarState(Struct):
@@ -24,13 +25,15 @@ class AStarState(Struct):
 
 @kernel
 def around_robots(view, workspace, i, reason, steps):
-    """The length of a way around the other robots if a retreat is over; NIL if not, or if none."""
-    if reason != REASON_AROUND_ROBOTS:
+    """The length of a way around the other robots if a retreat is over, around closed cells after a
+    long wait; NIL if neither, or if there is none."""
+    around = around_what(reason)
+    if around == 0:
         return NIL
     heading, goal_cell = np.int64(view.robots.heading[i]), np.int64(view.robots.goal_cell[i])
     robot_type = view.robots.type[i]
     return find_path(
-        view, workspace, robot_type, position(view, i), heading, goal_cell, True, steps
+        view, workspace, robot_type, position(view, i), heading, goal_cell, around, steps
     )
 
 
@@ -63,6 +66,7 @@ def decide(view, batch, decisions, memory, workspace):
                 False,
                 steps,
             )
+            length = around_closed(view, workspace, i, steps, length)
         if length != NIL:
             decisions.routing.route_length[k] = length
 

@@ -11,9 +11,10 @@ where they stand.
 
 import numpy as np
 
-from automaton.engine.state import NIL, REASON_AROUND_ROBOTS, REASON_PERIODIC
+from automaton.engine.state import NIL, REASON_PERIODIC
 from automaton.strategy.kernels import kernel
 from automaton.strategy.layer import Strategy
+from strategies.routing.closed_cells import around_closed, around_what
 from strategies.routing.congestion.congestion_parameters import SharedPlans
 from strategies.routing.congestion.plan_forecast import forecast_all, forecast_one
 from strategies.routing.congestion.task_forecast import (
@@ -71,11 +72,13 @@ def decide(view, batch, decisions, memory, workspace):
             continue
         leave_out(view, state, i)
         length = NIL
-        if batch.reason[k] == REASON_AROUND_ROBOTS:
-            length = time_dependent_path(view, workspace, state, i, True, steps)
+        around = around_what(batch.reason[k])
+        if around:
+            length = time_dependent_path(view, workspace, state, i, around, steps)
         state.detour[i] = 0 if length == NIL else detour
         if length == NIL:
-            length = time_dependent_path(view, workspace, state, i, False, steps)
+            length = time_dependent_path(view, workspace, state, i, 0, steps)
+            length = around_closed(view, workspace, i, steps, length)
         if length != NIL:
             decisions.routing.route_length[k] = length
         put_back(view, workspace, state, i, steps, length)

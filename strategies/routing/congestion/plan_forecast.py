@@ -10,7 +10,7 @@ import numpy as np
 
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import ACTION_DROP, ACTION_MOVE, ACTION_PICK, ACTION_TURN, NIL
-from automaton.strategy.kernels import with_load, without_load
+from automaton.strategy.kernels import limited_ticks, with_load, without_load
 from strategies.routing.congestion.known_plans import (
     DROPS,
     PICKS,
@@ -122,7 +122,8 @@ def ticks_of_step(view, state, i, others):
         return np.int64(duration[ACTION_DROP if step == DROPS else ACTION_PICK])
     if step & (view.grid.headings - 1) != state.heading[i]:
         return np.int64(duration[ACTION_TURN])
-    return ticks_of_move(view, state.robot_type[i], others)
+    own = limited_ticks(view.grid, np.int64(duration[ACTION_MOVE]), state.place[i], step)
+    return ticks_of_move(view, own, others)
 
 
 @kernel
@@ -146,10 +147,9 @@ def begin_step(view, state, i):
 
 
 @kernel
-def ticks_of_move(view, robot_type, others):
-    """What a move of a robot of a type takes beside so many others."""
-    usual = np.int64(view.rules.duration[robot_type, ACTION_MOVE])
-    return usual * (1 + (others if view.rules.slowdown else 0))
+def ticks_of_move(view, own, others):
+    """What a move takes beside so many others, which takes `own` ticks alone."""
+    return own * (1 + (others if view.rules.slowdown else 0))
 
 
 @kernel

@@ -18,6 +18,7 @@ from automaton.strategy.kernels import (
     TURNED_BEHIND,
     begin_search,
     is_closed,
+    limited_ticks,
     pop,
     push,
     write_path,
@@ -66,8 +67,9 @@ def time_dependent_path(view, workspace, state, i, around, steps):
             if (flags >> way) & 1 == 0 or is_closed(view, after, way, target, around):
                 continue
             others = occupancy(state, zone_of(grid, cell, way), now)  # in thousandths
-            dearer = cost + move * (UNIT + state.beta * others // 1000)
-            later = now + ticks_of_move(view, state.robot_type[i], others // 1000)
+            own = limited_ticks(grid, move, cell, way)
+            dearer = cost + own * (UNIT + state.beta * others // 1000)
+            later = now + ticks_of_move(view, own, others // 1000)
             to = after * headings + heading
             size = label(
                 view, state, move, workspace, search, bits, size, to, dearer, later, target, way

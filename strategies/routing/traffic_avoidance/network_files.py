@@ -61,6 +61,7 @@ def floor_fingerprint(grid: Grid, duration: Array) -> str:
     digest = hashlib.blake2b(text.encode(), digest_size=16)
     digest.update((grid.cell_flags & np.uint8(31)).tobytes())
     digest.update(np.ascontiguousarray(grid.traffic_zone, np.int32).tobytes())
+    digest.update(grid.min_move_ticks.tobytes())
     return digest.hexdigest()
 
 

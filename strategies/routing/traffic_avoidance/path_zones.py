@@ -8,7 +8,7 @@ import numpy as np
 
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import ACTION_MOVE, NIL
-from automaton.strategy.kernels import STARTED, parent_of
+from automaton.strategy.kernels import STARTED, limited_ticks, parent_of
 
 WORD = 64  # zones in a word of a set
 
@@ -44,16 +44,18 @@ def delay_of(grid, duration, workspace, pose, count):
 
     count: (Z,) int32, other robots in each zone (the static reading of slow zones).
     """
-    others = 0
+    delay = np.int64(0)
     at = pose
     while workspace.came[at] != STARTED:
         how = np.int64(workspace.came[at])
+        before = parent_of(grid, at, how)
         if how < 4:
             zone = zone_left(grid, at, how)
             if zone != NIL:
-                others += np.int64(count[zone])
-        at = parent_of(grid, at, how)
-    return others * np.int64(duration[ACTION_MOVE])
+                ticks = limited_ticks(grid, duration[ACTION_MOVE], before // grid.headings, how)
+                delay += np.int64(count[zone]) * ticks
+        at = before
+    return delay
 
 
 @kernel

@@ -274,7 +274,7 @@ def test_robots_are_told_by_shape_in_every_direction(glyphs: GlyphSet) -> None:
     robots += (*glyphs.low[ways], *glyphs.low_loaded[ways], glyphs.charging, glyphs.drained)
     cells = (
         *(glyphs.floor, glyphs.wall, glyphs.turntable, glyphs.shelf, glyphs.load),
-        *(glyphs.rack, glyphs.dock, glyphs.station, glyphs.left_load),
+        *(glyphs.rack, glyphs.dock, glyphs.station, glyphs.left_load, glyphs.closed, glyphs.door),
         *(glyphs.destination, glyphs.charger, glyphs.bay, glyphs.passing, glyphs.unlimited),
         *(*glyphs.track, glyphs.crossing, *glyphs.one_way, glyphs.route, glyphs.stand),
     )

@@ -1,0 +1,82 @@
+"""Whether gates fit the floor: where their cells are, and how many robots begin in them."""
+
+from __future__ import annotations
+
+from automaton.build.gate_cells import (
+    CELL_KEYS,
+    Gate,
+    cells_of,
+    gates_of,
+    mouths_of,
+    moves_between,
+)
+from automaton.engine.gates import GATE_BLOCK, GATE_LIFT
+from automaton.errors import InputError
+from automaton.floor.floor_plan import FloorPlan
+from automaton.scenario.changing_floor import Block, Lift
+from automaton.scenario.document import Document
+from automaton.scenario.schema import Scenario
+from automaton.units import ticks_and_time, unit
+
+
+def check_gates(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
+    """Gates lie on the floor, shafts are paths and share no cells. Raises InputError."""
+    owner: dict[int, Gate] = {}
+    for gate in gates_of(scenario.floor):
+        try:
+            cells = cells_of(gate, floor_plan)
+            if isinstance(gate.section, Lift):
+                check_lift(gate, gate.section, cells, floor_plan, owner, scenario)
+        except InputError as error:
+            raise document.error((*gate.keys, CELL_KEYS[gate.kind]), error.message) from None
+    for name, level in scenario.floor.levels.items():
+        for key, (x, y) in (("from", level.first), ("to", level.last)):
+            if not floor_plan.holds(x, y):
+                text = f"the corner [{x}, {y}] of the level {name} lies outside the floor"
+                raise document.error(("floor", "levels", name, key), text)
+
+
+def check_lift(
+    gate: Gate,
+    lift: Lift,
+    shaft: list[int],
+    floor_plan: FloorPlan,
+    owner: dict[int, Gate],
+    scenario: Scenario,
+) -> None:
+    """A lift has mouths at both ends, and its cells for itself. Raises InputError, without its place."""
+    for cell in shaft:
+        x, y = floor_plan.xy(cell)
+        if cell in owner:
+            raise InputError(f"{gate.name} and {owner[cell].name} both have the cell [{x}, {y}]")
+        owner[cell] = gate
+    mouths = mouths_of(shaft, floor_plan)
+    for end in (shaft[0], shaft[-1]):
+        if end not in mouths:
+            x, y = floor_plan.xy(end)
+            raise InputError(f"{gate.name} has no way out at its end [{x}, {y}]")
+    if len(mouths) < 2:
+        raise InputError(f"{gate.name} has one cell alone; a lift has a mouth at each end")
+    most = max(moves_between(shaft, mouths))
+    if lift.travel_time < most:
+        tick = unit(scenario.units.tick)
+        raise InputError(
+            f"{gate.name} takes {ticks_and_time(lift.travel_time, tick)} from one mouth to the next "
+            f"(travel_time), less than the {most} moves between them"
+        )
+
+
+def check_starts_at_gates(scenario: Scenario, floor_plan: FloorPlan, starts: list[int]) -> None:
+    """No more robots begin in a block or lift than it holds. Raises InputError.
+
+    `starts`: the flat cells of robots that begin on the floor.
+    """
+    for gate in gates_of(scenario.floor):
+        if gate.kind not in (GATE_BLOCK, GATE_LIFT):
+            continue
+        cells = set(cells_of(gate, floor_plan))
+        count = sum(cell in cells for cell in starts)
+        most = gate.section.max_robots if isinstance(gate.section, Block) else 1
+        if count > most:
+            robots = "robots begin" if count > 1 else "robot begins"
+            raise InputError(f"{count} {robots} in {gate.name}, which holds {most}")

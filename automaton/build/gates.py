@@ -1,0 +1,172 @@
+"""The gates of a floor at tick 0, and all of their closings, which are drawn before the run."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+
+from automaton.build.demand import geometric
+from automaton.build.gate_cells import Gate, cells_of, gates_of, mouths_of
+from automaton.build.gate_feasibility import check_starts_at_gates
+from automaton.build.handling_times import drawn_durations
+from automaton.build.resolve import Resolved
+from automaton.engine.gates import GATE_DOOR, GATE_LIFT, Gates
+from automaton.engine.random_numbers import STREAM_CLOSINGS
+from automaton.engine.state import NEVER, NIL, Array
+from automaton.errors import InputError
+from automaton.floor.floor_plan import FloorPlan
+from automaton.scenario.changing_floor import Block, Closing, Lift, MeanGap
+from automaton.scenario.handling import Distribution
+from automaton.scenario.schema import Scenario
+
+MAX_CLOSINGS = 4_000_000  # of a run
+REPLAN_AFTER_S = 30  # where the scenario does not say
+
+NOTHING = dict.fromkeys("gcexarny", 0)
+
+
+def build_gates(resolved: Resolved, starts: Array, seed: int, tick_us: int) -> Gates:
+    """The gates at tick 0. `starts`: flat cells of robots that begin on the floor. Raises InputError."""
+    scenario, floor_plan = resolved.scenario, resolved.floor_plan
+    gates = list(gates_of(scenario.floor))
+    if not gates:
+        return Gates.sized(NOTHING)
+    check_starts_at_gates(scenario, floor_plan, starts.tolist())
+    cells = [cells_of(gate, floor_plan) for gate in gates]
+    cell_first, cell_gate, cell_index = gates_by_cell(gates, cells, floor_plan)
+    closings = [closings_of(gate, number, scenario, seed) for number, gate in enumerate(gates)]
+    first_closing = np.cumsum([0, *map(len, closings)])
+    if first_closing[-1] > MAX_CLOSINGS:
+        raise InputError(
+            f"cells close {first_closing[-1]:,} times until stop.max_duration, at most "
+            f"{MAX_CLOSINGS:,} are allowed; set it lower, or every larger"
+        )
+    count, n = len(gates), scenario.fleet.robots
+    most = int(np.diff(cell_first).max())
+    sizes = {"g": count, "c": floor_plan.kind.size, "r": n, "n": n, "y": n * most}
+    has_doors = [gate.kind in (GATE_DOOR, GATE_LIFT) for gate in gates]
+    return Gates.sized(
+        sizes,
+        kind=np.array([gate.kind for gate in gates], np.uint8),
+        cell_first=cell_first,
+        cell_gate=cell_gate,
+        cell_index=cell_index,
+        first_closing=first_closing.astype(np.int32),
+        closings=np.concatenate(closings).reshape(-1, 2),
+        replan_after=replan_after(scenario, tick_us),
+        cabin_ticks=cabin_ticks(gates, cells, floor_plan),
+        open_from=np.where(has_doors, NEVER, 0).astype(np.int64),
+        mouth=np.array([first_mouth(*one, floor_plan) for one in zip(gates, cells, strict=True)]),
+        **columns_of(gates),
+    )
+
+
+def columns_of(gates: list[Gate]) -> dict[str, Array]:
+    """What gates are like, by the fields of Gates."""
+    sections: list[Any] = [gate.section for gate in gates]
+
+    def column(dtype: Any, *names: str) -> Array:
+        values = [
+            next((getattr(one, name) for name in names if hasattr(one, name)), 0)
+            for one in sections
+        ]
+        return np.array(values, dtype)
+
+    most = [one.max_robots if isinstance(one, Block) else isinstance(one, Lift) for one in sections]
+    one_way = [isinstance(one, Block) and one.direction == "same" for one in sections]
+    return {
+        "known": column(np.uint8, "known"),
+        "max_robots": np.array(most, np.int32),
+        "same_way": np.array(one_way, np.uint8),
+        "opening_ticks": column(np.int64, "opening_time", "door_time"),
+        "hold_ticks": column(np.int64, "hold_open"),
+        "travel_ticks": column(np.int64, "travel_time"),
+    }
+
+
+def gates_by_cell(
+    gates: list[Gate], cells: list[list[int]], floor_plan: FloorPlan
+) -> tuple[Array, Array, Array]:
+    """The gates of each cell, one cell after another, and which mouth of a lift it is there."""
+    pairs = sorted((cell, number) for number, inside in enumerate(cells) for cell in inside)
+    count = np.bincount([cell for cell, _ in pairs], minlength=floor_plan.kind.size)
+    index = []
+    for cell, number in pairs:
+        is_lift = gates[number].kind == GATE_LIFT
+        mouths = mouths_of(cells[number], floor_plan) if is_lift else []
+        index.append(mouths.index(cell) if cell in mouths else NIL)
+    return (
+        np.concatenate([[0], np.cumsum(count)]).astype(np.int32),
+        np.array([number for _, number in pairs], np.int32),
+        np.array(index, np.int32),
+    )
+
+
+def first_mouth(gate: Gate, cells: list[int], floor_plan: FloorPlan) -> np.int32:
+    """Where the cabin of a lift is; NIL of other gates."""
+    return np.int32(mouths_of(cells, floor_plan)[0] if gate.kind == GATE_LIFT else NIL)
+
+
+def cabin_ticks(gates: list[Gate], cells: list[list[int]], floor_plan: FloorPlan) -> Array:
+    """(C, 4) int32: ticks of the moves in shafts. From one mouth to the next they take its ticks
+    together in equal shares, the last one the rest."""
+    ticks = np.zeros((floor_plan.kind.size, 4), np.int32)
+    for gate, shaft in zip(gates, cells, strict=True):
+        if not isinstance(gate.section, Lift):
+            continue
+        for path in (shaft, shaft[::-1]):
+            mouths = [path.index(mouth) for mouth in path if mouth in mouths_of(shaft, floor_plan)]
+            for begin, end in itertools.pairwise(mouths):
+                share = gate.section.travel_time // (end - begin)
+                for place in range(begin, end):
+                    way = floor_plan.offsets.index(path[place + 1] - path[place])
+                    ticks[path[place], way] = share
+                ticks[path[end - 1], way] += gate.section.travel_time - share * (end - begin)
+    return ticks
+
+
+def replan_after(scenario: Scenario, tick_us: int) -> Array:
+    """The ticks after which robots are planned around closings, or none."""
+    after = scenario.floor.replan_after
+    if after is None:
+        return np.zeros(0, np.int64)
+    if isinstance(after, str):
+        after = max(1, round(REPLAN_AFTER_S * 1_000_000 / tick_us)) if tick_us else REPLAN_AFTER_S
+    return np.array([after], np.int64)
+
+
+def closings_of(gate: Gate, number: int, scenario: Scenario, seed: int) -> Array:
+    """(k, 2) int64: first tick and tick after the last of the closings of a gate until the run ends."""
+    closing, end = gate.section, scenario.stop.max_duration
+    if not isinstance(closing, Closing):
+        return np.zeros((0, 2), np.int64)
+    if isinstance(closing.every, MeanGap):
+        return random_closings(closing, closing.every.mean, number, seed, end)
+    assert closing.begin is not None and isinstance(closing.ticks, int), "checked: by schedule"
+    begins = np.arange(closing.begin, max(end, closing.begin) + 1, closing.every or end + 1)
+    if len(begins) > MAX_CLOSINGS:
+        raise InputError(f"{gate.name} closes {len(begins):,} times, at most {MAX_CLOSINGS:,}")
+    return np.stack([begins, begins + closing.ticks], axis=1).astype(np.int64)
+
+
+def random_closings(closing: Closing, mean: float, number: int, seed: int, end: int) -> Array:
+    """Closings by chance: address (CLOSINGS, row, 2 k) the gap before closing k, 2 k + 1 its length."""
+    rows: list[Array] = []
+    tick, first, count = 0, 0, 256
+    while tick <= end and first <= MAX_CLOSINGS:
+        k = np.arange(first, first + count)
+        gaps = geometric(mean, seed, STREAM_CLOSINGS, number, 2 * k)
+        if isinstance(closing.ticks, Distribution):
+            address = STREAM_CLOSINGS, np.full(count, number), 2 * k + 1
+            drawn = drawn_durations(closing.ticks, count, seed, address)
+            lengths = np.maximum(np.floor(drawn + 0.5).astype(np.int64), 1)
+        else:
+            lengths = np.full(count, closing.ticks)
+        ends = tick + np.cumsum(gaps + lengths)
+        rows.append(np.stack([ends - lengths, ends], axis=1))
+        tick, first, count = int(ends[-1]), first + count, min(2 * count, 65_536)
+    closings = np.concatenate(rows)
+    kept: Array = closings[closings[:, 0] <= end].astype(np.int64)
+    return kept

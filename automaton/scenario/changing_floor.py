@@ -1,0 +1,189 @@
+"""What a scenario file may say of a floor that changes: closed cells, doors, blocks and lifts."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+
+from automaton.scenario.durations import MoveTicks
+from automaton.scenario.field_types import LAST_TICK, ConfigSection, NamedCell, SingleLine, Tick
+from automaton.scenario.handling import Distribution
+from automaton.scenario.quantities import TIME, quantity
+
+MAX_GATES = 10_000
+Lasting = Annotated[int, quantity(TIME, ge=1, le=LAST_TICK, description="Ticks.")]
+
+
+class Rectangle(ConfigSection, frozen=True, kw_only=True):
+    """Two opposite corners of a rectangle."""
+
+    first: Annotated[NamedCell, Meta(description="The one corner.")] = msgspec.field(name="from")
+    last: Annotated[NamedCell, Meta(description="The other one.")] = msgspec.field(name="to")
+
+
+Corners = Annotated[tuple[NamedCell, ...], Meta(min_length=1, max_length=10_000)]
+CellSet = Annotated[
+    Corners | Rectangle,
+    Meta(description="Corners of a path, or the two of a rectangle as {from, to}."),
+]
+
+
+class CellRectangle(ConfigSection, frozen=True, kw_only=True):
+    """All cells of a rectangle."""
+
+    first: Annotated[NamedCell, Meta(description="A corner.")] = msgspec.field(name="from")
+    last: Annotated[NamedCell, Meta(description="The opposite corner.")] = msgspec.field(name="to")
+
+
+MarkedCells = Annotated[
+    CellRectangle | Annotated[tuple[NamedCell, ...], Meta(min_length=1, max_length=1000)],
+    Meta(description="Corners of a path along rows and columns, or {from, to}: a rectangle."),
+]
+
+
+class SpeedLimit(ConfigSection, frozen=True, kw_only=True):
+    """Cells between which no robot drives faster than this."""
+
+    cells: MarkedCells
+    max_speed: Annotated[
+        MoveTicks,
+        Meta(
+            description="A move from one of these cells into another one takes at least as long as "
+            "at this speed; a plain number: at least so many ticks. Slow zones multiply after that."
+        ),
+    ]
+
+
+class MeanGap(ConfigSection, frozen=True, kw_only=True):
+    """A time that is drawn anew each time."""
+
+    mean: Annotated[
+        float,
+        quantity(TIME, ge=1, le=LAST_TICK, description="Its mean, from reopening to closing."),
+    ]
+
+
+class Closing(ConfigSection, frozen=True, kw_only=True):
+    """Cells that no robot enters for some time."""
+
+    cells: CellSet
+    begin: Annotated[
+        Tick | None,
+        Meta(description="The first tick of the first closing; left out, by chance or 0."),
+    ] = msgspec.field(name="from", default=None)
+    ticks: Annotated[Lasting | Distribution, Meta(description="How long each closing lasts.")] = (
+        msgspec.field(name="for")
+    )
+    every: Annotated[
+        Lasting | MeanGap | None,
+        Meta(
+            description="Ticks from one closing to the next; {mean: ...}: by chance, geometrically "
+            "distributed from reopening to closing; left out: once."
+        ),
+    ] = None
+    known: Annotated[
+        bool, Meta(description="Routing knows how long a closing that has begun will last.")
+    ] = True
+
+    def __post_init__(self) -> None:
+        by_chance = isinstance(self.every, MeanGap)
+        if by_chance and self.begin is not None:
+            raise ValueError("from belongs to closings by schedule; every {mean: ...} draws them")
+        if not by_chance and self.begin is None:
+            raise ValueError("a closing by schedule needs from, the tick in which it begins")
+        if not by_chance and isinstance(self.ticks, Distribution):
+            raise ValueError(
+                "a closing by schedule lasts so many ticks; for may be drawn where every is "
+                "{mean: ...}"
+            )
+        if isinstance(self.ticks, Distribution) and isinstance(self.ticks.empirical, str):
+            raise ValueError("for takes a list of durations, empirical: [5 s, 8 s], not a file")
+        if isinstance(self.every, int) and isinstance(self.ticks, int) and self.ticks >= self.every:
+            raise ValueError(
+                f"for ({self.ticks}) must be less than every ({self.every}): cells reopen between "
+                "two closings"
+            )
+
+
+class Door(ConfigSection, frozen=True, kw_only=True):
+    """A cell that opens to robots that ask for it."""
+
+    at: Annotated[NamedCell, Meta(description="Its cell.")]
+    opening_time: Annotated[Lasting, Meta(description="From the first robot that asks on.")]
+    hold_open: Annotated[
+        int,
+        quantity(
+            TIME,
+            ge=0,
+            le=LAST_TICK,
+            description="Ticks without a robot in it, or that asks for it, after which it shuts.",
+        ),
+    ]
+
+
+class Block(ConfigSection, frozen=True, kw_only=True):
+    """Cells that hold so many robots together."""
+
+    cells: CellSet
+    max_robots: Annotated[
+        int, Meta(ge=1, le=1_000_000, description="Robots in it, or on their way into it.")
+    ] = 1
+    direction: Annotated[
+        Literal["any", "same"],
+        Meta(
+            description="same: as long as robots are in it, others enter only over the cell over "
+            "which the last one did."
+        ),
+    ] = "any"
+
+
+class Lift(ConfigSection, frozen=True, kw_only=True):
+    """A path between levels that are drawn side by side; it takes one robot at a time."""
+
+    shaft: Annotated[
+        Corners,
+        Meta(description="Corners of its path; where it has exits to outside, it has mouths."),
+    ]
+    travel_time: Annotated[Lasting, Meta(description="From one mouth to the next.")]
+    door_time: Annotated[
+        int,
+        quantity(TIME, ge=0, le=LAST_TICK, description="Ticks that its doors take to open."),
+    ] = 0
+
+
+class ChangingFloor(ConfigSection, frozen=True, kw_only=True):
+    """What changes on the floor while robots drive, or keeps them apart."""
+
+    closed: Annotated[
+        tuple[Closing, ...],
+        Meta(max_length=MAX_GATES, description="Cells that no robot enters at times."),
+    ] = ()
+    replan_after: Annotated[
+        Lasting | Literal["30 s"] | None,
+        Meta(
+            description="Ticks before a closed cell after which a robot is planned anew around "
+            "closed cells, once for each closing; null: never. Where a tick is no time, 30 ticks "
+            "unless said otherwise."
+        ),
+    ] = "30 s"
+    doors: Annotated[tuple[Door, ...], Meta(max_length=MAX_GATES, description="Doors.")] = ()
+    blocks: Annotated[
+        tuple[Block, ...],
+        Meta(max_length=MAX_GATES, description="Cells that hold so many robots together."),
+    ] = ()
+    lifts: Annotated[tuple[Lift, ...], Meta(max_length=MAX_GATES, description="Lifts.")] = ()
+    levels: Annotated[
+        dict[SingleLine, Rectangle],
+        Meta(description="Names of rectangles between which lifts go, for reports."),
+    ] = msgspec.field(default_factory=dict)
+
+    @property
+    def has_gates(self) -> bool:
+        """Whether it has cells that robots may not always enter."""
+        return bool(self.closed or self.doors or self.blocks or self.lifts)
+    speed_limits: Annotated[
+        tuple[SpeedLimit, ...],
+        Meta(description="Where robots drive slowly; of several limits the slowest counts."),
+    ] = ()

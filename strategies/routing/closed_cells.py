@@ -1,0 +1,76 @@
+"""Routes around closed cells: where the detour takes less than waiting until they are open."""
+
+import numpy as np
+
+from automaton.engine.state import (
+    ACTION_MOVE,
+    ACTION_TURN,
+    CLOCK_TICK,
+    NIL,
+    REASON_AROUND_CLOSED,
+    REASON_AROUND_ROBOTS,
+)
+from automaton.strategy.kernels import (
+    AROUND_CLOSED,
+    AROUND_KNOWN,
+    AROUND_ROBOTS,
+    closed_until,
+    find_path,
+    has_gates,
+    kernel,
+    position,
+)
+
+
+@kernel
+def around_what(reason):
+    """What a route that is asked for this reason goes around, 0: nothing."""
+    if reason == REASON_AROUND_ROBOTS:
+        return AROUND_ROBOTS
+    return AROUND_CLOSED if reason == REASON_AROUND_CLOSED else 0
+
+
+@kernel
+def ticks_of_route(view, i, steps, length, waits):
+    """The ticks that a route takes robot i alone; with the waits for cells that reopen, if asked for."""
+    grid, duration = view.grid, view.rules.duration[view.robots.type[i]]
+    cell, heading = position(view, i), np.int64(view.robots.heading[i])
+    ticks, now = np.int64(0), view.clock[CLOCK_TICK]
+    for k in range(length):
+        direction = np.int64(steps[k])
+        toward = direction & (grid.headings - 1)
+        if toward != heading:
+            difference = (toward - heading) & (grid.headings - 1)
+            ticks += duration[ACTION_TURN] * (1 if difference == 3 else difference)
+            heading = toward
+        cell += grid.offset[direction]
+        if waits:
+            ticks = max(ticks, closed_until(view, cell, True) - now)
+        ticks += duration[ACTION_MOVE]
+    return ticks
+
+
+@kernel
+def around_closed(view, workspace, i, steps, length):
+    """The length of a route, which is replaced if one around closed cells takes robot i less."""
+    if length == NIL or not has_gates(view):
+        return length
+    waiting = ticks_of_route(view, i, steps, length, True)
+    if waiting == ticks_of_route(view, i, steps, length, False):
+        return length
+    goal_cell, heading = np.int64(view.robots.goal_cell[i]), np.int64(view.robots.heading[i])
+    other = workspace.steps
+    found = find_path(
+        view,
+        workspace,
+        view.robots.type[i],
+        position(view, i),
+        heading,
+        goal_cell,
+        AROUND_KNOWN,
+        other,
+    )
+    if found == NIL or ticks_of_route(view, i, other, found, True) >= waiting:
+        return length
+    steps[:found] = other[:found]
+    return found

@@ -1,6 +1,7 @@
 """Write a recorded run, or the floor of a scenario, in the format of another program.
 
-A recording becomes an output that PlanViz shows, or a trace of the messages of VDA 5050.
+A recording becomes an output that PlanViz shows, or a trace of the messages of VDA 5050; the floor of a
+scenario becomes a layout of VDMA LIF.
 
 Exit code 0: done; 2: bad input, such as a run that the format has no place for.
 """
@@ -8,21 +9,29 @@ Exit code 0: done; 2: bad input, such as a run that the format has no place for.
 from __future__ import annotations
 
 import argparse
+import datetime
 import os
 from collections.abc import Collection
 from fractions import Fraction
 from pathlib import Path
 
 from automaton.atomic_write import atomic_writer, cannot_write_error
+from automaton.build.pods import all_station_names
+from automaton.build.resolve import resolve
+from automaton.commands.arguments import add_settings_argument
 from automaton.commands.layout_arguments import measured
 from automaton.errors import InputError, alternatives, nearest
 from automaton.evidence.recording.recording_reader import read_recording
+from automaton.exchange.lif_export import LATEST as LATEST_LIF
+from automaton.exchange.lif_export import VERSIONS as LIF_VERSIONS
+from automaton.exchange.lif_export import lif_file
+from automaton.scenario.reading import find
 from automaton.units import count, exact_time
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton export`."""
-    parser.add_argument("file", type=Path, metavar="FILE", help="a recording, whole or cut short")
+    parser.add_argument("file", type=Path, metavar="FILE", help="a recording; --lif: a scenario")
     formats = parser.add_mutually_exclusive_group(required=True)
     formats.add_argument(
         "--planviz",
@@ -36,6 +45,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="JSONL",
         help="write a `state` message of VDA 5050 a line, for each robot and period",
     )
+    formats.add_argument(
+        "--lif", type=Path, metavar="LIF", help="write the floor of a scenario as VDMA LIF"
+    )
     parser.add_argument(
         "--every",
         type=measured("a time", "1s", exact_time),
@@ -43,7 +55,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="of --vda5050: the period, default 1s or a tick, if that is longer",
     )
     parser.add_argument(
-        "--version", metavar="V", help="of the standard: of VDA 5050 3.0.0 (default) or 2.1.0"
+        "--version",
+        metavar="V",
+        help="of the standard: VDA 5050 3.0.0 (default) or 2.1.0, LIF 2.0.0 (default) or 1.0.0",
+    )
+    add_settings_argument(
+        parser, "of --lif: change a value of the scenario, such as units.cell=1m; may be repeated"
     )
 
 
@@ -51,10 +68,14 @@ def run(args: argparse.Namespace) -> int:
     """Read the file, write the other one."""
     if args.vda5050 is None and args.every is not None:
         raise InputError("--every goes with --vda5050")
+    if args.lif is None and args.settings:
+        raise InputError("--set goes with --lif")
     if args.vda5050 is not None:
         return export_trace(args.file, args.vda5050, args.every, args.version)
+    if args.lif is not None:
+        return export_layout(args.file, args.lif, args.version, args.settings)
     if args.version is not None:
-        raise InputError("--version goes with --vda5050")
+        raise InputError("--version goes with --vda5050 and --lif")
     return export_output(args.file, args.planviz)
 
 
@@ -94,6 +115,29 @@ def export_trace(file: Path, out: Path, every: Fraction | None, version: str | N
     print(
         f"{out}: {count(size.robots, 'robot')}, {count(size.messages, 'message')} of VDA 5050 {version}"
     )
+    return 0
+
+
+def export_layout(file: Path, out: Path, version: str | None, settings: list[str]) -> int:
+    """Write the floor of a scenario as a layout."""
+    import msgspec
+
+    version = known_version(version or LATEST_LIF, LIF_VERSIONS)
+    resolved = resolve(str(file), settings)
+    scenario, floor_plan = resolved.scenario, resolved.floor_plan
+    check_writable(find(file), out)
+    now = datetime.datetime.now(datetime.UTC).isoformat(timespec="milliseconds")
+    names = all_station_names(scenario, floor_plan)
+    try:
+        lif = lif_file(scenario, floor_plan, names, version, now.replace("+00:00", "Z"))
+    except InputError as error:
+        raise error.at(str(file)) from None
+    with atomic_writer(out) as stream:
+        stream.write(msgspec.json.format(msgspec.json.encode(lif.data), indent=1))
+    size = f"{count(lif.nodes, 'node')}, {count(lif.edges, 'edge')}"
+    print(f"{out}: VDMA LIF {version}, {size}, cells of {scenario.units.cell}")
+    if lif.lost:
+        print("not in it: " + ", ".join(f"{name} {n:,}" for name, n in lif.lost.items()))
     return 0
 
 

@@ -35,7 +35,7 @@ class Sample(NamedTuple):
     world: World
     stored: Array  # (n,) where each robot is stored
     moves: Array  # (n,) moves begun for the order at hand, that under way included
-    moved: Array  # (n,) share of the move under way that is driven, 0 where there is none
+    moved: Array  # (n,) share of the move under way that is driven; 0 without one
     driving: Array  # (n,) bool: in a move, or at its end in this tick
     begun: Array  # (n,) tick in which the last pick, drop or stop began
 

@@ -130,7 +130,9 @@ def _largest_pieces(pixels: Mask, k: int) -> Mask:
     """The largest piece in each cell, of equal ones the first as one reads."""
     parts = connected_parts(pixels, k)
     size = np.bincount(parts.reshape(-1))
-    at = np.flatnonzero(parts)
+    begins = parts != 0
+    begins[:, 1:] &= parts[:, 1:] != parts[:, :-1]
+    at = np.flatnonzero(begins)  # a pixel of each part is enough
     rows, columns = np.divmod(at, parts.shape[1])
     cell = np.zeros(len(size), np.int64)
     cell[parts.reshape(-1)[at]] = rows // k * (parts.shape[1] // k) + columns // k

@@ -1,6 +1,6 @@
 """A floor as a graph: nodes where something can be decided, and the edges between them.
 
-v#######^###      A cell with one way in and one way out that run straight on is no node, unless
+v#######^###      A cell with one way in and one way out that run straight on is not a node, unless
 >>>>>>>>└──t      it is a station or a charger, or moves take longer on one side of it. An edge
                   leads over such cells to the next node, in one direction.
 """
@@ -33,7 +33,7 @@ class FloorGraph(NamedTuple):
 
     nodes: list[int]  # flat cells
     edges: list[FloorEdge]
-    alone: list[int]  # drivable cells that no way leads to or from: they are no nodes
+    alone: list[int]  # drivable cells that no way leads to or from: no nodes
 
 
 def floor_graph(floor_plan: FloorPlan) -> FloorGraph:

@@ -30,8 +30,8 @@ layout: {picture: "t.....t\\n#######"}
 fleet: {robots: 1, kinematics: differential, start: [[0, 0]], heading: east}
 units: {tick: 0.5 s, cell: 2 m, clock: "2026-03-02 23:59:58"}
 durations: {move: 4, turn: 3, pick: 5, drop: 2}
-orders: {list: [{from: [0, 0], to: [6, 0]}, {stops: [{at: [3, 0], for: 6}]}]}
-strategy: {allocation: first-come, routing: shortest, right_of_way: wait}
+orders: {list: [{from: [0, 0], to: [6, 0], priority: 1}, {stops: [{at: [3, 0], for: 6}]}]}
+strategy: {allocation: shortest-job, routing: shortest, right_of_way: wait}
 stop: {when: delivered, max_duration: 200}
 """
 KEYS = {  # of messages; those of 2.1.0 have other names for the same
@@ -247,8 +247,9 @@ def test_the_default_period_is_a_second_or_a_tick() -> None:
         assert len(trace(recording)) == 2 * (periods + 1)
 
 
-def test_a_period_longer_than_a_frame_says_the_same(mini: Recording) -> None:
-    recording = recorded("depots", "units={tick: 1 s, cell: 1 m}", "stop.max_duration=900")
+def test_a_period_longer_than_a_frame_says_the_same() -> None:
+    recording = recorded("goods-mini", "orders.lines={count: 30, rate: 200/h}")
+    assert recording.ticks > 600
     often, seldom = trace(recording, "1"), trace(recording, "300")
     robots = len(recording.header["robots"]["cell"])
     for period in range(len(seldom) // robots):
@@ -272,8 +273,8 @@ def test_the_command_writes_a_trace_and_leaves_the_recording(
         (["--vda5050", str(path)], "cannot write it"),
         (["--vda5050", str(out), "--version", "2.0"], "--version 2.0 is not known (did you mean"),
         (["--planviz", str(out), "--every", "1s"], "--every goes with --vda5050"),
-        (["--planviz", str(out), "--version", "1"], "--version goes with --vda5050"),
-        ([], "one of the arguments --planviz --vda5050 is required"),
+        (["--planviz", str(out), "--version", "1"], "--version goes with --vda5050 and --lif"),
+        ([], "one of the arguments --planviz --vda5050 --lif is required"),
     ):
         assert main(["export", str(path), *arguments]) == 2
         assert sentence in capsys.readouterr().err

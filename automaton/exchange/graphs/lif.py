@@ -195,6 +195,7 @@ class _LayoutReader:
             names = [item[key] for key in IDS if isinstance(item, dict) and key in item]
             of = f" ({single_line(str(names[0]))})" if names else ""
             text = str(error).replace("`$.", f"`{where}.").replace("`$`", f"`{where}`")
+            text += "" if " - at `" in text else f" - at `{where}`"
             raise InputError(f"{text}{of}", self.file) from None
 
     def graph(self, robot_type: str | None) -> Graph:

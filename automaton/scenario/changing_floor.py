@@ -183,6 +183,7 @@ class ChangingFloor(ConfigSection, frozen=True, kw_only=True):
     def has_gates(self) -> bool:
         """Whether it has cells that robots may not always enter."""
         return bool(self.closed or self.doors or self.blocks or self.lifts)
+
     speed_limits: Annotated[
         tuple[SpeedLimit, ...],
         Meta(description="Where robots drive slowly; of several limits the slowest counts."),

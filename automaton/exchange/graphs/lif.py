@@ -224,7 +224,7 @@ class _LayoutReader:
         return graph
 
     def node(self, node: LifNode) -> Node:
-        """Return a node. Raises InputError for a place that is none."""
+        """Return a node. Raises InputError for a place that is too far away."""
         x, y = node.node_position.x, node.node_position.y
         if not max(abs(x), abs(y)) <= FARTHEST:  # nan, too
             text = f"the node {single_line(node.node_id)} is at x {x:g}, y {y:g}; "

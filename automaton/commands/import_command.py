@@ -1,7 +1,7 @@
 """Make a scenario of a layout or a problem of another program: its floor, its robots and its tasks.
 
-FILE is a layout (VDMA LIF, openTCS), a MovingAI map or scenario, a problem of the League of Robot
-Runners, or a folder with map.txt, agents_K.csv and tasks_one.csv; it is told by what it holds.
+FILE is a layout (VDMA LIF, openTCS, a map of ROS), a MovingAI map or scenario, a problem of the League of Robot
+Runners, or a folder with map.txt, agents_K.csv and tasks_one.csv; which one follows from what it holds.
 
 Exit code 0: done; 1: an edge would be too far off, nothing is written; 2: bad input.
 """
@@ -98,13 +98,18 @@ def import_problem(args: argparse.Namespace, kind: str) -> int:
     problem = read_problem(args.file, args.robots)
     names = write_files(args, imported_files(problem, args.out.stem, args.ticks or DEFAULT_TICKS))
     grid = problem.grid
+    floor = int(grid.free.sum())
+    facts = {"columns": grid.width, "rows": grid.height, "floor": floor}
+    facts |= {"wall": grid.free.size - floor, "robots": problem.robots, "tasks": len(problem.tasks)}
+    lost = {"water (drawn as wall)": grid.water} if grid.water else {}
     if args.json:
-        facts = {"columns": grid.width, "rows": grid.height, "robots": problem.robots}
-        facts["tasks"] = len(problem.tasks)
-        print_json({"files": names, **ImportReport(KINDS.get(kind, kind), facts).json()})
+        report = ImportReport(KINDS.get(kind, kind), facts, lost=lost)
+        print_json({"files": names, **report.json()})
         return 0
     size = f"{count(problem.robots, 'robot')} on {grid.width} x {grid.height} cells"
     print(f"{args.out}: {size}, {count(len(problem.tasks), 'task')}")
+    water = f", {grid.water:,} of them water" if grid.water else ""
+    print(f"{floor:,} cells of floor, {facts['wall']:,} of wall{water}")
     print(f"with it: {', '.join(names[:-1])}")
     return 0
 

@@ -1,7 +1,7 @@
-"""Tell what a file of another program is by what it holds, not by its name.
+"""Recognize the files of other programs by what they hold, not by their names.
 
 A file is read whole only by its own reader. Here its first bytes are looked at, of JSON the keys at
-the top; where they tell nothing, the name decides whose reader says what is wrong.
+the top; where they say nothing, the name decides whose reader says what is wrong.
 """
 
 from __future__ import annotations
@@ -40,9 +40,7 @@ BEGINNINGS: Final = (  # kind, and what its first lines are like
     (OPENTCS, re.compile(rb"\s*<")),
     (
         ROS,
-        re.compile(
-            rb"(?!\s*\{)(?=.*^\s*image\s*:)(?=.*^\s*resolution\s*:)", re.DOTALL | re.MULTILINE
-        ),
+        re.compile(rb"(?sm)(?!\s*\{)(?=.*^[ \t]*image[ \t]*:)(?=.*^[ \t]*resolution[ \t]*:)"),
     ),
     (ROS, re.compile(rb"P[25]\s|\x89PNG")),  # the image instead of the file that names it
 )
@@ -73,8 +71,8 @@ def kind_of(path: Path) -> str:
     if not kind:
         known = ", ".join(KINDS.values())
         raise InputError(
-            f"is none of the formats that are read: {known}, or a folder with map.txt, agents_K.csv "
-            "and tasks_one.csv",
+            f"is not in one of the formats that are read: {known}, or a folder with map.txt, "
+            "agents_K.csv and tasks_one.csv",
             file,
         )
     return kind
@@ -94,9 +92,9 @@ def read_bytes(path: Path, most: int = MAX_BYTES, cut: bool = False) -> bytes:
 
 def _top_keys(path: Path, head: bytes) -> set[str]:
     """Return the keys of a JSON object; those of LIF that its beginning has where it is broken."""
-    whole = head if len(head) < HEAD_BYTES else read_bytes(path)
+    content = head if len(head) < HEAD_BYTES else read_bytes(path)
     try:
-        data: dict[str, Any] = msgspec.json.decode(whole, type=dict[str, msgspec.Raw])
+        data: dict[str, Any] = msgspec.json.decode(content, type=dict[str, msgspec.Raw])
     except (msgspec.MsgspecError, RecursionError):
         return {key for key in LIF_KEYS if f'"{key}"'.encode() in head}
     return set(data)

@@ -42,7 +42,7 @@ class EdgeRow(NamedTuple):
 
 @dataclass(frozen=True)
 class ImportReport:
-    """What is told of an import; all of it in the words of the file that was read."""
+    """What an import reports, in the words of the file that was read."""
 
     format: str  # "VDMA LIF 1.0.0"
     facts: Mapping[str, str | int | float]  # what it has become, by name

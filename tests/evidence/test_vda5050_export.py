@@ -248,7 +248,7 @@ def test_the_default_period_is_a_second_or_a_tick() -> None:
 
 
 def test_a_period_longer_than_a_frame_says_the_same() -> None:
-    recording = recorded("goods-mini", "orders.lines={count: 30, rate: 200/h}")
+    recording = recorded("goods-mini", "orders.lines={count: 30, mean_interarrival_time: 20}")
     assert recording.ticks > 600
     often, seldom = trace(recording, "1"), trace(recording, "300")
     robots = len(recording.header["robots"]["cell"])

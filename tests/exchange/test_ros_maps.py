@@ -1,6 +1,6 @@
 """Maps of ROS become scenarios: the figures of a hall made by hand, and what is said of broken ones.
 
-`data/hall.yaml`: 26 x 18 pixels of 0.25 m with a door, a gap of 0.5 m, a pillar and a niche.
+`layouts/hall.yaml`: 26 x 18 pixels of 0.25 m with a door, a gap of 0.5 m, a pillar and a niche.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from automaton.exchange.ros_map import classes, read_ros_map
 from automaton.floor.cells import EAST, NORTH, SOUTH, WEST
 from automaton.scenario.amounts import Fraction
 
-DATA = Path(__file__).parent / "data"
+DATA = Path(__file__).parent / "layouts"
 HALL = """\
 ......#.....
 ............

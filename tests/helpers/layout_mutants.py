@@ -1,15 +1,34 @@
 """Mutants of layouts: files as they look after bad editors, bad exports and bad luck.
 
-Half of the mutants are changed as text (cut off, bytes flipped, pieces twice), the others as data: a
-value becomes another, an entry of a list is gone, there twice, or in another's place.
+Some mutants are changed as text (cut off, bytes flipped, pieces twice), the others as data: a
+value becomes another, an entry of a list is gone, there twice, or in another's place. Drawn layouts
+beside them are whole, and random: one-way streets, spurs, crossings, speeds, blocks.
+
+    nice python tests/helpers/layout_mutants.py [MUTANTS] [FIRST]
 """
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 import random
 import re
+import sys
+import tempfile
+from collections import Counter
+from pathlib import Path
 from typing import Any
+
+from drawn_layouts import drawn_lif, drawn_opentcs
+from lif_layouts import LAYOUTS
+
+from automaton.build.resolve import resolve
+from automaton.commands import main
+
+MUTATED = ("site-1.lif", "site-2.lif", "site-opentcs.xml")
+DRAWN = {"drawn lif": drawn_lif, "drawn opentcs": drawn_opentcs}
+OPTIONS = ((), ("--accept", "120%"), ("--cell", "0.5m"), ("--robots", "2"))
 
 VALUES: tuple[Any, ...] = (
     None,
@@ -134,3 +153,35 @@ def _xml_mutant(text: str, draw: random.Random) -> str:
             text[: place.start(2)] + value + text[place.end(2) :],
         )
     )
+
+
+def outcome(name: str, seed: int, folder: Path) -> int:
+    """Import a mutant, or a drawn layout; return the exit code.
+
+    Raises AssertionError for a traceback, and InputError for a scenario that `check` refuses.
+    """
+    drawn = DRAWN.get(name)
+    text = drawn(seed) if drawn else mutant((LAYOUTS / name).read_text(), seed)
+    path, out = folder / "layout", folder / "floor.yaml"
+    path.write_text(text, encoding="utf-8", errors="replace")
+    errors = io.StringIO()
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(errors):
+        command = ["import", str(path), "--out", str(out), "--force", *OPTIONS[seed % len(OPTIONS)]]
+        code = main(command)
+    said = errors.getvalue()
+    assert "internal error" not in said, f"{name}, seed {seed}: {said}"
+    assert said.count("\n") == (code != 0), f"{name}, seed {seed}: {said}"
+    if code == 0:
+        resolve(out)
+    return code
+
+
+if __name__ == "__main__":
+    many, begin = (int(text) for text in (*sys.argv[1:], "2000", "0")[:2])
+    codes: Counter[tuple[str, int]] = Counter()
+    with tempfile.TemporaryDirectory() as temporary:
+        for number in range(begin, begin + many):
+            one = (*MUTATED, *DRAWN)[number % 5]
+            codes[one, outcome(one, number, Path(temporary))] += 1
+    for (one, exit_code), count in sorted(codes.items()):
+        print(f"{one:<18} exit {exit_code}  {count:,}")

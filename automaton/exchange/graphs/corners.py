@@ -20,24 +20,24 @@ def corners(cells: Sequence[Cell]) -> list[list[int]]:
 
 
 def walk(ways: dict[Cell, set[Cell]]) -> list[Cell] | None:
-    """Return a path over all cells of a set, back over them where it must; None: there is none.
+    """Return a path over all cells of a set, back over them where it must, or None.
 
     `ways`: of each cell those of the set beside it, to or from which robots drive. A set that is a
     path without branches is walked from end to end.
     """
     ends = [cell for cell, beside in ways.items() if len(beside) < 2]
     first = ends[0] if ends else next(iter(ways))
-    path, seen = [first], {first}
+    path, walked = [first], {first}
     open_cells = [(first, iter(sorted(ways[first])))]
     while open_cells:
-        ahead = next((cell for cell in open_cells[-1][1] if cell not in seen), None)
+        ahead = next((cell for cell in open_cells[-1][1] if cell not in walked), None)
         if ahead is not None:
-            seen.add(ahead)
+            walked.add(ahead)
             path.append(ahead)
             open_cells.append((ahead, iter(sorted(ways[ahead]))))
             continue
         open_cells.pop()
-        if len(seen) == len(ways):
+        if len(walked) == len(ways):
             return path
         if open_cells:
             path.append(open_cells[-1][0])

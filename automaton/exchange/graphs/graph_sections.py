@@ -48,8 +48,8 @@ class GraphScenario:
         self.places = self._places()
         self.of_road, several = limits_of(self.roads.roads, speeds)
         if several:
-            kept = len({speed for speed in self.of_road if speed < speeds.fastest})
-            self.notes.append(f"{several} different speed limits became {kept}, the lower ones")
+            limits = len({speed for speed in self.of_road if speed < speeds.fastest})
+            self.notes.append(f"{several} different speed limits became {limits}, the lower ones")
         self.areas = self._areas()
         self.part = self._part()
 

@@ -20,7 +20,7 @@ from automaton.units import count
 
 MAX_MARKS: Final = 9  # edges that are marked in the picture, by a digit each
 MAX_SHOWN: Final = 10  # cells in a note
-EXACT: Final = 1e-6  # an error that is not marked
+EXACT: Final = 0.001  # an error up to this is not marked
 
 
 def import_lif(path: Path, options: ImportOptions) -> ImportedFloor:

@@ -195,6 +195,7 @@ class _LayoutReader:
             names = [item[key] for key in IDS if isinstance(item, dict) and key in item]
             of = f" ({single_line(str(names[0]))})" if names else ""
             text = str(error).replace("`$.", f"`{where}.").replace("`$`", f"`{where}`")
+            text += "" if " - at `" in text else f" - at `{where}`"
             raise InputError(f"{text}{of}", self.file) from None
 
     def graph(self, robot_type: str | None) -> Graph:
@@ -223,7 +224,7 @@ class _LayoutReader:
         return graph
 
     def node(self, node: LifNode) -> Node:
-        """Return a node. Raises InputError for a place that is none."""
+        """Return a node. Raises InputError for a place that is too far away."""
         x, y = node.node_position.x, node.node_position.y
         if not max(abs(x), abs(y)) <= FARTHEST:  # nan, too
             text = f"the node {single_line(node.node_id)} is at x {x:g}, y {y:g}; "

@@ -33,7 +33,7 @@ class Speeds(NamedTuple):
 
 
 def speeds_of(graph: Graph, cell: Fraction, options: ImportOptions) -> Speeds:
-    """Return the speeds on a graph. Raises InputError where there is none, or no tick suits."""
+    """Return the speeds on a graph. Raises InputError without a speed, or a tick that suits."""
     known = [edge.speed for edge in graph.edges if edge.speed]
     robots = [robot.speed for robot in graph.vehicles if robot.speed]
     default = options.speed
@@ -95,5 +95,5 @@ def rounded(value: Fraction) -> Fraction:
 
 def text_of(value: Fraction) -> str:
     """Return a number as a scenario writes it: no exponent, no needless zeros."""
-    whole, part = divmod(round(value * 10**DECIMALS), 10**DECIMALS)
-    return f"{whole}.{part:0{DECIMALS}d}".rstrip("0").rstrip(".")
+    integer, part = divmod(round(value * 10**DECIMALS), 10**DECIMALS)
+    return f"{integer}.{part:0{DECIMALS}d}".rstrip("0").rstrip(".")

@@ -1,7 +1,8 @@
 """Make a scenario of a layout or a problem of another program: its floor, its robots and its tasks.
 
-FILE is a layout (VDMA LIF, openTCS, a map of ROS), a MovingAI map or scenario, a problem of the League of Robot
-Runners, or a folder with map.txt, agents_K.csv and tasks_one.csv; which one follows from what it holds.
+FILE is a layout (VDMA LIF, openTCS, a map of ROS), a MovingAI map or scenario, a problem of the League of
+Robot Runners, or a folder with map.txt, agents_K.csv and tasks_one.csv; which one follows from what it
+holds.
 
 Exit code 0: done; 1: an edge would be too far off, nothing is written; 2: bad input.
 """

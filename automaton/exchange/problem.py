@@ -138,7 +138,7 @@ def connected_parts(free: npt.NDArray[np.bool_], block: int = 0) -> npt.NDArray[
     """Number the parts of a map that hang together: (height, width), 0 where it is blocked.
 
     Parts are numbered in the sequence in which one reads their first cells. `block`: nothing hangs
-    together over the borders of blocks of so many rows and columns; 0: there are none.
+    together over the borders of blocks of so many rows and columns; 0: without blocks.
 
     Each run of free cells in a row begins as a part of its own; runs that touch are joined.
     """

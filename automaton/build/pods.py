@@ -118,6 +118,11 @@ def station_names(resolved: Resolved) -> tuple[str, ...]:
     scenario, floor_plan = resolved.scenario, resolved.floor_plan
     if not carries_pods(scenario, floor_plan):
         return ()
+    return all_station_names(scenario, floor_plan)
+
+
+def all_station_names(scenario: Scenario, floor_plan: FloorPlan) -> tuple[str, ...]:
+    """The name of each station, with lines or without; its number from 1 where it has none."""
     names = [str(k + 1) for k in range(len(floor_plan.stations))]
     for name, number in station_numbers(scenario, floor_plan).items():
         if name in scenario.stations:

@@ -1,4 +1,7 @@
-"""Write a recorded run in the format of another program: PlanViz shows it, others check it.
+"""Write a recorded run, or the floor of a scenario, in the format of another program.
+
+A recording becomes an output that PlanViz shows, or a trace of the messages of VDA 5050; the floor of a
+scenario becomes a layout of VDMA LIF.
 
 Exit code 0: done; 2: bad input, such as a run that the format has no place for.
 """
@@ -6,46 +9,147 @@ Exit code 0: done; 2: bad input, such as a run that the format has no place for.
 from __future__ import annotations
 
 import argparse
+import datetime
 import os
+from collections.abc import Collection
+from fractions import Fraction
 from pathlib import Path
 
 from automaton.atomic_write import atomic_writer, cannot_write_error
-from automaton.commands.arguments import add_recording_argument
-from automaton.errors import InputError
+from automaton.build.pods import all_station_names
+from automaton.build.resolve import resolve
+from automaton.commands.arguments import add_settings_argument
+from automaton.commands.layout_arguments import measured
+from automaton.errors import InputError, alternatives, nearest
 from automaton.evidence.recording.recording_reader import read_recording
-from automaton.units import count
+from automaton.exchange.lif_export import LATEST as LATEST_LIF
+from automaton.exchange.lif_export import VERSIONS as LIF_VERSIONS
+from automaton.exchange.lif_export import lif_file
+from automaton.scenario.reading import find
+from automaton.units import count, exact_time
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton export`."""
-    add_recording_argument(parser, "RECORDING")
-    parser.add_argument(
+    parser.add_argument("file", type=Path, metavar="FILE", help="a recording; --lif: a scenario")
+    formats = parser.add_mutually_exclusive_group(required=True)
+    formats.add_argument(
         "--planviz",
         type=Path,
-        required=True,
         metavar="JSON",
         help="write an output of the League of Robot Runners, for PlanViz and `verify --problem`",
+    )
+    formats.add_argument(
+        "--vda5050",
+        type=Path,
+        metavar="JSONL",
+        help="write a `state` message of VDA 5050 a line, for each robot and period",
+    )
+    formats.add_argument(
+        "--lif", type=Path, metavar="LIF", help="write the floor of a scenario as VDMA LIF"
+    )
+    parser.add_argument(
+        "--every",
+        type=measured("a time", "1s", exact_time),
+        metavar="1s",
+        help="of --vda5050: the period, default 1s or a tick, if that is longer",
+    )
+    parser.add_argument(
+        "--version",
+        metavar="V",
+        help="of the standard: VDA 5050 3.0.0 (default) or 2.1.0, LIF 2.0.0 (default) or 1.0.0",
+    )
+    add_settings_argument(
+        parser, "of --lif: change a value of the scenario, such as units.cell=1m; may be repeated"
     )
 
 
 def run(args: argparse.Namespace) -> int:
-    """Read the recording, write the output."""
+    """Read the file, write the other one."""
+    if args.vda5050 is None and args.every is not None:
+        raise InputError("--every goes with --vda5050")
+    if args.lif is None and args.settings:
+        raise InputError("--set goes with --lif")
+    if args.vda5050 is not None:
+        return export_trace(args.file, args.vda5050, args.every, args.version)
+    if args.lif is not None:
+        return export_layout(args.file, args.lif, args.version, args.settings)
+    if args.version is not None:
+        raise InputError("--version goes with --vda5050 and --lif")
+    return export_output(args.file, args.planviz)
+
+
+def export_output(file: Path, out: Path) -> int:
+    """Write the output of a recording for PlanViz."""
     import msgspec
 
-    recording = read_recording(args.file)
+    recording = read_recording(file)
     from automaton.evidence.planviz_export import planviz_output
 
-    out: Path = args.planviz
-    if os.path.exists(out) and (not out.is_file() or out.samefile(args.file)):
-        raise cannot_write_error("this is the recording, or not a regular file", out)
+    check_writable(file, out)
     try:
         output = planviz_output(recording)
     except InputError as error:
-        raise error.at(str(args.file)) from None
-    with atomic_writer(out) as file:
-        file.write(msgspec.json.encode(output))
+        raise error.at(str(file)) from None
+    with atomic_writer(out) as stream:
+        stream.write(msgspec.json.encode(output))
     print(
         f"{out}: {count(output['teamSize'], 'robot')}, {count(output['makespan'], 'tick')}, "
         f"{count(output['numTaskFinished'], 'task')} finished"
     )
     return 0
+
+
+def export_trace(file: Path, out: Path, every: Fraction | None, version: str | None) -> int:
+    """Write the trace of a recording."""
+    from automaton.evidence.vda5050_export import LATEST, VERSIONS, write_trace
+
+    version = known_version(version or LATEST, VERSIONS)
+    recording = read_recording(file)
+    check_writable(file, out)
+    try:
+        with atomic_writer(out) as stream:
+            size = write_trace(recording, stream, every, version)
+    except InputError as error:
+        raise error.at(str(file)) from None
+    print(
+        f"{out}: {count(size.robots, 'robot')}, {count(size.messages, 'message')} of VDA 5050 {version}"
+    )
+    return 0
+
+
+def export_layout(file: Path, out: Path, version: str | None, settings: list[str]) -> int:
+    """Write the floor of a scenario as a layout."""
+    import msgspec
+
+    version = known_version(version or LATEST_LIF, LIF_VERSIONS)
+    resolved = resolve(str(file), settings)
+    scenario, floor_plan = resolved.scenario, resolved.floor_plan
+    check_writable(find(file), out)
+    now = datetime.datetime.now(datetime.UTC).isoformat(timespec="milliseconds")
+    names = all_station_names(scenario, floor_plan)
+    try:
+        lif = lif_file(scenario, floor_plan, names, version, now.replace("+00:00", "Z"))
+    except InputError as error:
+        raise error.at(str(file)) from None
+    with atomic_writer(out) as stream:
+        stream.write(msgspec.json.format(msgspec.json.encode(lif.data), indent=1))
+    size = f"{count(lif.nodes, 'node')}, {count(lif.edges, 'edge')}"
+    print(f"{out}: VDMA LIF {version}, {size}, cells of {scenario.units.cell}")
+    if lif.lost:
+        print("not in it: " + ", ".join(f"{name} {n:,}" for name, n in lif.lost.items()))
+    return 0
+
+
+def known_version(version: str, known: Collection[str]) -> str:
+    """Return a version that is known. Raises InputError."""
+    if version not in known:
+        text = f"--version {version} is not known{nearest(version, known)}"
+        raise InputError(f"{text}; {alternatives(known)} are written")
+    return version
+
+
+def check_writable(source: Path, out: Path) -> None:
+    """Raises InputError for a file that is not to be replaced."""
+    if os.path.exists(out) and (not out.is_file() or out.samefile(source)):
+        raise cannot_write_error("this is the file that is read, or not a regular file", out)

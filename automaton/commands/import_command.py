@@ -1,9 +1,10 @@
-"""Make a scenario of a problem of another program: its floor, its robots and its tasks.
+"""Make a scenario of a layout or a problem of another program: its floor, its robots and its tasks.
 
-FILE is a MovingAI map or scenario, a problem of the League of Robot Runners, or a folder with map.txt,
-agents_K.csv and tasks_one.csv.
+FILE is a layout (VDMA LIF, openTCS, a map of ROS), a MovingAI map or scenario, a problem of the League of
+Robot Runners, or a folder with map.txt, agents_K.csv and tasks_one.csv; which one follows from what it
+holds.
 
-Exit code 0: done; 2: bad input.
+Exit code 0: done; 1: an edge would be too far off, nothing is written; 2: bad input.
 """
 
 from __future__ import annotations
@@ -12,11 +13,19 @@ import argparse
 import os
 from pathlib import Path
 
+from rich.text import Text
+
 from automaton.atomic_write import atomic_writer
-from automaton.commands.arguments import whole
+from automaton.commands.arguments import add_json_argument, note, print_json, whole
+from automaton.commands.layout_arguments import add_layout_arguments, options_of
 from automaton.errors import InputError
+from automaton.exchange.file_kinds import KINDS, kind_of
+from automaton.exchange.floor_readers import READERS, check_options, read_floor
+from automaton.exchange.import_report import ImportReport
+from automaton.exchange.imported_floor import ImportOptions
 from automaton.exchange.imported_scenario import imported_files
 from automaton.exchange.problem_files import read_problem
+from automaton.runs.console_output import console, print_blocks
 from automaton.units import count
 
 DEFAULT_TICKS = 1000
@@ -25,7 +34,7 @@ DEFAULT_TICKS = 1000
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton import`."""
     add = parser.add_argument
-    add("file", type=Path, metavar="FILE", help="a .map, a .scen, a problem .json, or a folder")
+    add("file", type=Path, metavar="FILE", help="a layout, a problem, or a folder")
     add("--out", type=Path, required=True, metavar="YAML", help="the scenario; files beside it")
     add(
         "--robots",
@@ -37,36 +46,88 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--ticks",
         type=whole("a number of ticks", 1, 2_000_000_000),
-        default=DEFAULT_TICKS,
         metavar="N",
-        help=f"a run ends after so many, default {DEFAULT_TICKS:,}",
+        help=f"a run ends after so many, default {DEFAULT_TICKS:,}; on a layout after an hour",
     )
     add("--force", action="store_true", help="replace files that are there and say something else")
+    add_json_argument(parser)
+    add_layout_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Read the problem, write the scenario with its starts and tasks."""
-    out: Path = args.out
-    if out.suffix not in (".yaml", ".yml"):
-        raise InputError("--out must end in .yaml", str(out))
+    """Read the file, write the scenario and what belongs to it."""
+    if args.out.suffix not in (".yaml", ".yml"):
+        raise InputError("--out must end in .yaml", str(args.out))
+    kind = kind_of(args.file)
+    options = options_of(args)
+    if kind in READERS:
+        return import_floor(args, kind, options)
+    check_options(kind, options, args.file)
+    return import_problem(args, kind)
+
+
+def import_floor(args: argparse.Namespace, kind: str, options: ImportOptions) -> int:
+    """Write the scenario of a layout, and print the report."""
+    imported = read_floor(args.file, kind, options)
+    names: list[str] = []
+    if not imported.report.refusal:
+        texts = imported.files(
+            args.out.stem, args.floor and os.path.relpath(args.floor, args.out.parent)
+        )
+        names = write_files(args, texts)
+    if args.json:
+        print_json({"files": names, **imported.report.json()})
+    else:
+        print_report(imported.report, names)
+    return 1 if imported.report.refusal else 0
+
+
+def print_report(report: ImportReport, files: list[str]) -> None:
+    """Print a report as text, its picture in colours on a terminal."""
+    rows = report.picture_rows()
+    print_blocks(console(), [Text.assemble(*row) for row in rows])
+    lines = [*([""] if rows else []), *report.lines()]
+    if not report.refusal:
+        lines += ["", f"written: {', '.join(files)}"]
+    print("\n".join(lines))
+    if report.refusal:
+        note(report.refusal)
+
+
+def import_problem(args: argparse.Namespace, kind: str) -> int:
+    """Write the scenario of a problem with its starts and tasks."""
     problem = read_problem(args.file, args.robots)
-    texts = imported_files(problem, out.stem, args.ticks)
+    names = write_files(args, imported_files(problem, args.out.stem, args.ticks or DEFAULT_TICKS))
+    grid = problem.grid
+    floor = int(grid.free.sum())
+    facts = {"columns": grid.width, "rows": grid.height, "floor": floor}
+    facts |= {"wall": grid.free.size - floor, "robots": problem.robots, "tasks": len(problem.tasks)}
+    lost = {"water (drawn as wall)": grid.water} if grid.water else {}
+    if args.json:
+        report = ImportReport(KINDS.get(kind, kind), facts, lost=lost)
+        print_json({"files": names, **report.json()})
+        return 0
+    size = f"{count(problem.robots, 'robot')} on {grid.width} x {grid.height} cells"
+    print(f"{args.out}: {size}, {count(len(problem.tasks), 'task')}")
+    water = f", {grid.water:,} of them water" if grid.water else ""
+    print(f"{floor:,} cells of floor, {facts['wall']:,} of wall{water}")
+    print(f"with it: {', '.join(names[:-1])}")
+    return 0
+
+
+def write_files(args: argparse.Namespace, texts: dict[str, str]) -> list[str]:
+    """Write texts by their names beside --out, the last one there; return the names."""
+    out: Path = args.out
     names = [*list(texts)[:-1], out.name]
     files = {
-        out.with_name(name): text.encode() for name, text in zip(names, texts.values(), strict=True)
+        out.parent / name: text.encode() for name, text in zip(names, texts.values(), strict=True)
     }
     for path, content in files.items():
         check_replaced(path, content, args.file, args.force)
     for path, content in files.items():
         with atomic_writer(path) as file:
             file.write(content)
-    grid = problem.grid
-    print(
-        f"{out}: {count(problem.robots, 'robot')} on {grid.width} x {grid.height} cells, "
-        f"{count(len(problem.tasks), 'task')}"
-    )
-    print(f"with it: {', '.join(names[:-1])}")
-    return 0
+    return names
 
 
 def check_replaced(path: Path, content: bytes, source: Path, force: bool) -> None:

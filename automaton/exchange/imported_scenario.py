@@ -55,7 +55,7 @@ def scenario_text(problem: Problem, starts: str, tasks: str, ticks: int) -> str:
         "stop": {"when": "never" if problem.repeat else "delivered", "max_duration": ticks},
         "seed": 1,
     }
-    lines = [f"{key}: {_flow(value)}" for key, value in sections.items()]
+    lines = [f"{key}: {flow(value)}" for key, value in sections.items()]
     symbols = np.where(grid.free, FREE, WALL)
     return "\n".join(
         [*lines, "layout:", "  picture: |", *(f"    {''.join(r)}" for r in symbols), ""]
@@ -75,9 +75,22 @@ def tasks_text(problem: Problem) -> str:
     return "\n".join([str(len(rows)), *rows, ""])
 
 
-def _flow(value: object) -> str:
+class _PlainDumper(yaml.SafeDumper):
+    """A dumper that writes what is there twice twice, without an alias."""
+
+    def ignore_aliases(self, data: object) -> bool:
+        """Whether data has no alias."""
+        return True
+
+
+def flow(value: object) -> str:
     """Return a value as YAML in one line."""
-    text: str = yaml.safe_dump(
-        value, default_flow_style=True, sort_keys=False, width=10**6, allow_unicode=True
+    text: str = yaml.dump(
+        value,
+        Dumper=_PlainDumper,
+        default_flow_style=True,
+        sort_keys=False,
+        width=10**6,
+        allow_unicode=True,
     )
     return text.removesuffix("\n").removesuffix("\n...")

@@ -28,6 +28,7 @@ from automaton.scenario.text_lines import content_lines, lines_of, quoted, whole
 
 FREE: Final = ".GSE"
 BLOCKED: Final = "@OTW"
+WATER: Final = "W"
 HEAD: Final = (
     ("type octile", re.compile(r"type\s+octile")),
     ("height N", re.compile(r"height\s+([0-9]{1,9})")),
@@ -43,6 +44,7 @@ class GridMap:
 
     file: str
     free: npt.NDArray[np.bool_]  # (height, width)
+    water: int = 0  # of the blocked cells, those drawn as water, where only some robots could drive
 
     @property
     def height(self) -> int:
@@ -95,7 +97,7 @@ def read_map(path: Path) -> GridMap:
         )
     if not free.any():
         raise InputError("the map has no free cell", file)
-    return GridMap(file, free)
+    return GridMap(file, free, int(np.count_nonzero(codes == ord(WATER))))
 
 
 def _size(lines: list[str], file: str) -> tuple[int, int]:

@@ -134,28 +134,33 @@ def _check_cells(problem: Problem, cells: Cells, entry: Cells, places: Listed, w
     raise places.error(int(entry[at]), text)
 
 
-def connected_parts(free: npt.NDArray[np.bool_]) -> npt.NDArray[np.int32]:
+def connected_parts(free: npt.NDArray[np.bool_], block: int = 0) -> npt.NDArray[np.int32]:
     """Number the parts of a map that hang together: (height, width), 0 where it is blocked.
+
+    Parts are numbered in the sequence in which one reads their first cells. `block`: nothing hangs
+    together over the borders of blocks of so many rows and columns; 0: without blocks.
 
     Each run of free cells in a row begins as a part of its own; runs that touch are joined.
     """
-    height, width = free.shape
     begins = free.copy()
     begins[:, 1:] &= ~free[:, :-1]
-    run = np.where(free, np.cumsum(begins.reshape(-1)).reshape(height, width), 0)
-    parent = list(range(int(run.max()) + 1))
-
-    def root(one: int) -> int:
-        while parent[one] != one:
-            parent[one] = parent[parent[one]]
-            one = parent[one]
-        return one
-
-    both = free[1:] & free[:-1]
-    pairs = np.unique(np.stack([run[1:][both], run[:-1][both]], axis=1), axis=0)
-    for one, other in pairs.tolist():
-        parent[root(one)] = root(other)
-    roots = np.array([root(one) for one in range(len(parent))])
-    _, number = np.unique(roots, return_inverse=True)
-    parts: npt.NDArray[np.int32] = number[run].astype(np.int32)
+    touches = free[1:] & free[:-1]
+    if block:
+        begins[:, ::block] = free[:, ::block]
+        touches[block - 1 :: block] = False
+    run = np.cumsum(begins.reshape(-1), dtype=np.int32).reshape(free.shape)
+    run[~free] = 0
+    touches[:, 1:] &= ~touches[:, :-1] | begins[1:, 1:]  # one pair of runs, one touch
+    upper, lower = run[:-1][touches], run[1:][touches]
+    root = np.arange(int(run.max(initial=0)) + 1, dtype=np.int32)
+    while len(upper):
+        np.minimum.at(
+            root, np.maximum(root[upper], root[lower]), np.minimum(root[upper], root[lower])
+        )
+        while not np.array_equal(root, root[root]):
+            root = root[root]
+        apart = root[upper] != root[lower]
+        upper, lower = upper[apart], lower[apart]
+    number = np.cumsum(root == np.arange(len(root)), dtype=np.int32) - 1
+    parts: npt.NDArray[np.int32] = number[root][run]
     return parts

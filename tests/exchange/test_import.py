@@ -59,6 +59,14 @@ def test_a_map_comes_back_as_the_picture_of_a_floor(tmp_path: Path) -> None:
     assert scenario["orders"]["assign"] == "pool" and "skip_reached" not in scenario["orders"]
 
 
+def test_water_is_drawn_as_wall_and_counted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "a.map").write_text(MAP.replace("@", "W"))
+    assert main(["import", str(tmp_path / "a.map"), "--out", str(tmp_path / "floor.yaml")]) == 0
+    assert "4 cells of floor, 2 of wall, 1 of them water" in capsys.readouterr().out
+
+
 def test_trips_are_done_once(tmp_path: Path) -> None:
     (tmp_path / "a.map").write_text(MAP)
     (tmp_path / "no.scen").write_text("version 1\n0 a.map 3 2 0 0 1 1 2\n")
@@ -86,7 +94,10 @@ def test_the_command_writes_files_side_by_side(
         (["FOLDER/x.map", "--out", "FOLDER/floor.yaml"], "x.map: no such file"),
         (["FOLDER", "--out", "FOLDER/none/floor.yaml"], "cannot write it"),
         (["FOLDER", "--out", "FOLDER/floor.yaml", "--robots", "0"], "is not a number of robots"),
-        (["FOLDER/a.tasks", "--out", "FOLDER/a.yaml"], "its name must end in .map"),
+        (
+            ["FOLDER/a.tasks", "--out", "FOLDER/a.yaml"],
+            "is not in one of the formats that are read",
+        ),
     ],
 )
 def test_what_cannot_be_imported_is_said_in_a_sentence(

@@ -156,7 +156,9 @@ def test_a_map_alone_gets_random_robots_and_tasks_in_its_largest_part(tmp_path: 
 
 def test_what_is_not_a_problem_is_named(tmp_path: Path) -> None:
     (tmp_path / "a.txt").write_text("")
-    assert "its name must end in .map (MovingAI map" in refusal(tmp_path / "a.txt")
+    assert "is not in one of the formats that are read: VDMA LIF, openTCS" in refusal(
+        tmp_path / "a.txt"
+    )
     assert "no such file" in refusal(tmp_path / "b.map")
     assert "a folder of a problem must hold map.txt" in refusal(tmp_path)
 

@@ -53,6 +53,8 @@ LEAVES: Final = (
     "--parquet",
     "--matrix",
     "--planviz",
+    "--vda5050",
+    "--lif",
     "cast",
 )
 UNFINISHED: Final = ("run", "branch", "watch", "replay", "size")

@@ -1,0 +1,46 @@
+"""Find the reader of a layout by what its file is, and refuse options that it does not have."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from automaton.errors import InputError
+from automaton.exchange.file_kinds import KINDS, LIF, OPENTCS, ROS
+from automaton.exchange.graphs.import_graph import import_lif, import_opentcs
+from automaton.exchange.image_floor import read_image_floor
+from automaton.exchange.imported_floor import ImportedFloor, ImportOptions
+
+
+class FloorReader(NamedTuple):
+    """How a kind of layout is read, and which options of ImportOptions count for it."""
+
+    read: Callable[[Path, ImportOptions], ImportedFloor]
+    options: frozenset[str]
+
+
+OF_ALL: Final = frozenset(("robots", "ticks"))  # options of problems, too
+OF_GRAPHS: Final = frozenset(("cell", "tick", "speed", "accept"))
+READERS: Final[dict[str, FloorReader]] = {
+    LIF: FloorReader(import_lif, OF_GRAPHS | {"layout", "type"}),
+    OPENTCS: FloorReader(import_opentcs, OF_GRAPHS),
+    ROS: FloorReader(read_image_floor, frozenset(("cell", "tick", "speed", "robot", "unknown"))),
+}
+
+
+def read_floor(path: Path, kind: str, options: ImportOptions) -> ImportedFloor:
+    """Read a layout of a kind in READERS. Raises InputError."""
+    check_options(kind, options, path)
+    return READERS[kind].read(path, options)
+
+
+def check_options(kind: str, options: ImportOptions, path: Path) -> None:
+    """Raises InputError for an option that is given and does nothing for this kind of file."""
+    known = OF_ALL | (READERS[kind].options if kind in READERS else frozenset())
+    plain = ImportOptions()
+    for option in (field.name for field in fields(options)):
+        if option not in known and getattr(options, option) != getattr(plain, option):
+            what = KINDS.get(kind, "folder of a problem")
+            raise InputError(f"--{option} does nothing for this file (a {what})", str(path))

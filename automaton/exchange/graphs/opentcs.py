@@ -1,0 +1,188 @@
+"""Read a plant model of openTCS, versions 6.0.0 and 7.0.0; its lengths are mm, its speeds mm/s."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from automaton.errors import InputError, nearest
+from automaton.exchange.graphs.graph import (
+    FARTHEST,
+    MAX_LENGTH,
+    MAX_SPEED,
+    Block,
+    Edge,
+    Graph,
+    GraphStation,
+    Node,
+    Vehicle,
+    checked_graph,
+    single_line,
+)
+from automaton.exchange.graphs.opentcs_elements import Element, read_elements
+
+VERSIONS: Final = ("6.0.0", "7.0.0")
+RECHARGE: Final = "RECHARGE_"
+CHARGE: Final = "Charge"
+SAME_DIRECTION: Final = "SAME_DIRECTION_ONLY"
+BLOCK_TYPES: Final = ("SINGLE_VEHICLE_ONLY", SAME_DIRECTION)
+MM_PER_M: Final = 1000
+
+
+def read_opentcs(path: Path) -> Graph:
+    """Read a plant model. Raises InputError."""
+    return _ModelReader(path).graph()
+
+
+class _ModelReader:
+    """The points, paths, locations, blocks and vehicles of a plant model."""
+
+    def __init__(self, path: Path) -> None:
+        self.file = str(path)
+        out = Graph(self.file, "", path.stem)
+        self.out, self.root = out, read_elements(path, out.lost)
+        version = self.root.attributes.get("version", "")
+        if version.split(".")[0] not in [one.split(".")[0] for one in VERSIONS]:
+            text = f"version {single_line(version)!r} is not read; {' and '.join(VERSIONS)} are"
+            raise self.error(text, self.root)
+        out.format = f"openTCS plant model {single_line(version)}"
+        out.name = single_line(self.root.attributes.get("name") or path.stem)
+        self.points: dict[str, int] = {}
+        self.paths: dict[str, tuple[int, ...]] = {}  # edges; (): it is locked
+
+    def graph(self) -> Graph:
+        """Return the model as a graph. Raises InputError."""
+        for point in self.root.of("point"):
+            self.add_point(point)
+        for path in self.root.of("path"):
+            self.add_path(path)
+        for location in self.root.of("location"):
+            self.add_location(location)
+        for block in self.root.of("block"):
+            self.add_block(block)
+        for vehicle in self.root.of("vehicle"):
+            speed = self.speed(vehicle, "maxVelocity") if "maxVelocity" in vehicle.attributes else 0
+            name = single_line(self.text(vehicle, "name"))
+            self.out.vehicles.append(Vehicle(name, speed or None))
+        return checked_graph(self.out)
+
+    def error(self, text: str, element: Element) -> InputError:
+        """An error about an element, with its line."""
+        return InputError(text, self.file, element.line)
+
+    def text(self, element: Element, key: str) -> str:
+        """Return an attribute. Raises InputError where it is missing."""
+        value = element.attributes.get(key)
+        if value is None:
+            raise self.error(f"<{element.name}> has no attribute {key}", element)
+        return value
+
+    def number(self, element: Element, key: str, most: float) -> float:
+        """Return an attribute as a number of m or m/s. Raises InputError."""
+        text = self.text(element, key)
+        try:
+            value = float(text) / MM_PER_M
+        except ValueError:
+            value = float("nan")
+        if not abs(value) <= most:  # nan, too
+            name = single_line(element.attributes.get("name", ""))
+            text = f"<{element.name}> {name}: {key} must be a number, found {single_line(text)!r}"
+            raise self.error(f"{text}; up to {most * MM_PER_M:.0e} is allowed", element)
+        return value
+
+    def speed(self, element: Element, key: str) -> float:
+        """Return a speed in m/s; 0: it is not driven so. Raises InputError."""
+        return max(0.0, self.number(element, key, MAX_SPEED))
+
+    def is_locked(self, element: Element) -> bool:
+        """Whether robots must not use a path or a location."""
+        return element.attributes.get("locked", "false").strip() in ("true", "1")
+
+    def add_point(self, point: Element) -> None:
+        """Add a node."""
+        name, place = self.text(point, "name"), len(self.out.nodes)
+        if self.points.setdefault(name, place) != place:
+            raise self.error(f"the point {single_line(name)} is there twice", point)
+        x, y = (self.number(point, key, FARTHEST) for key in ("positionX", "positionY"))
+        self.out.nodes.append(Node(name, x, y))
+        if point.attributes.get("type") == "PARK_POSITION":
+            self.out.parking.append(place)
+
+    def point(self, name: str, element: Element, what: str) -> int:
+        """Return the node of a name. Raises InputError."""
+        if name not in self.points:
+            text = f"{what} names the point {single_line(name)}, which there is not"
+            raise self.error(text + nearest(name, self.points), element)
+        return self.points[name]
+
+    def add_path(self, path: Element) -> None:
+        """Add the edges of a path: forwards, and backwards if it is driven so, too."""
+        name = single_line(self.text(path, "name"))
+        if name in self.paths:
+            raise self.error(f"the path {name} is there twice", path)
+        ends = (self.text(path, key) for key in ("sourcePoint", "destinationPoint"))
+        start, end = (self.point(one, path, f"the path {name}") for one in ends)
+        self.paths[name] = ()
+        if self.is_locked(path) or start == end:
+            locked = "locked paths" if start != end else "paths from a point to itself"
+            self.out.lost[locked] += 1
+            return
+        metres = self.number(path, "length", MAX_LENGTH) if "length" in path.attributes else 0.0
+        if metres <= 0:
+            self.out.lost["path length that is not above 0 (straight instead)"] += 1
+            metres = self.out.straight(start, end)
+        ways = [
+            (name, start, end, "maxVelocity"),
+            (f"{name} backwards", end, start, "maxReverseVelocity"),
+        ]
+        for edge, one, other, key in ways:
+            speed = self.speed(path, key) if key in path.attributes else 0.0
+            if speed > 0:
+                self.paths[name] += (len(self.out.edges),)
+                self.out.edges.append(Edge(edge, one, other, metres, speed))
+        if not self.paths[name]:
+            self.out.lost["paths without a speed"] += 1
+
+    def add_location(self, location: Element) -> None:
+        """Make a station, or a charger, of a location and the points that it is linked to."""
+        name, links = self.text(location, "name"), location.of("link")
+        what = f"the location {single_line(name)}"
+        nodes = [self.point(self.text(link, "point"), link, what) for link in links]
+        if self.is_locked(location) or not nodes:
+            self.out.lost["locked locations" if nodes else "locations without a link"] += 1
+            return
+        self.out.stations.append(GraphStation(single_line(name), tuple(dict.fromkeys(nodes))))
+        own = self.operations([location, *links])
+        kind = location.attributes.get("type")
+        types = [one for one in self.root.of("locationType") if one.attributes.get("name") == kind]
+        offered = own | self.operations(types)
+        if CHARGE in offered or any(one.startswith(RECHARGE) for one in offered):
+            self.out.chargers.update(nodes)
+        else:
+            self.out.lost["operation of a location"] += len(offered)
+
+    def operations(self, elements: list[Element]) -> set[str]:
+        """Return the names of operations, and what symbols say, of locations, links and types."""
+        parts = [part for element in elements for part in element.parts]
+        names = {
+            part.attributes.get("name", "") for part in parts if part.name == "allowedOperation"
+        }
+        shown = {part.attributes.get("locationRepresentation", "") for part in parts}
+        return (names | {one for one in shown if one.startswith(RECHARGE)}) - {""}
+
+    def add_block(self, block: Element) -> None:
+        """Add a block of points and paths; other members count as lost."""
+        name, kind = single_line(self.text(block, "name")), block.attributes.get("type")
+        if kind not in BLOCK_TYPES:
+            allowed = " or ".join(BLOCK_TYPES)
+            text = f"the block {name} must have the type {allowed}"
+            raise self.error(f"{text}, found {single_line(kind or '')}", block)
+        members = [self.text(member, "name") for member in block.of("member")]
+        nodes = tuple(self.points[one] for one in members if one in self.points)
+        edges = [edge for one in members for edge in self.paths.get(single_line(one), ())]
+        others = [
+            one for one in members if one not in self.points and single_line(one) not in self.paths
+        ]
+        if others:
+            self.out.lost["block members that are neither point nor path"] += len(others)
+        self.out.blocks.append(Block(name, nodes, tuple(edges), kind == SAME_DIRECTION))

@@ -1,0 +1,222 @@
+"""The floor of a scenario as a file of VDMA LIF, versions 1.0.0 and 2.0.0.
+
+Nodes are called x_y, as in a trace of VDA 5050, and lie in the middle of their cells: x and y are metres
+to the right of and above the lower left corner of the floor. All robots are of one type. LIF knows ways,
+stations and chargers: what else is on a floor is counted as lost.
+
+Source: VDMA, Layout Interchange Format.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from automaton.errors import InputError
+from automaton.exchange.graphs.floor_graph import FloorEdge, FloorGraph, floor_graph
+from automaton.exchange.graphs.graph import distinct
+from automaton.floor.cells import CELL_KINDS, CHARGER, FLOOR, STATION, WALL
+from automaton.floor.floor_plan import FloorPlan
+from automaton.scenario.robot_types import types_of
+from automaton.scenario.schema import Scenario
+from automaton.units import exact_time
+
+MANUFACTURER: Final = "automaton"
+SERIES: Final = "robot"
+LAYOUT: Final = "floor"
+VERSIONS: Final = ("2.0.0", "1.0.0")
+LATEST: Final = "2.0.0"
+DECIMALS: Final = 9
+FLOOR_PARTS: Final = ("closed", "doors", "blocks", "lifts")
+
+
+class LifFile(NamedTuple):
+    """A layout, ready to be written as JSON."""
+
+    data: dict[str, Any]
+    nodes: int
+    edges: int
+    lost: dict[str, int]  # what LIF has no place for: how often
+
+
+def lif_file(
+    scenario: Scenario,
+    floor_plan: FloorPlan,
+    station_names: Sequence[str],
+    version: str = LATEST,
+    timestamp: str = "1970-01-01T00:00:00.000Z",
+) -> LifFile:
+    """Return the layout of a scenario's floor.
+
+    `station_names`: of stations 1, 2, ...; where that is a number, the cell's name among the locations.
+    Raises InputError where a cell has no size or holds more than one robot.
+    """
+    cell = scenario.units.scale.cell_metres
+    graph = floor_graph(floor_plan)
+    if not graph.edges:
+        raise InputError("the floor has no way from one cell to another")
+    writer = (_Lif1 if version == "1.0.0" else _Lif2)(scenario, floor_plan, cell)
+    layout = {
+        "layoutId": LAYOUT,
+        "layoutVersion": "1",
+        "layoutLevelId": "0",
+        "nodes": [writer.node(node) for node in graph.nodes],
+        "edges": [writer.edge(edge) for edge in graph.edges],
+        "stations": _stations(writer, graph, _named(scenario, floor_plan, station_names)),
+    }
+    data = writer.file(layout, timestamp)
+    return LifFile(data, len(graph.nodes), len(graph.edges), _lost(scenario, floor_plan, graph))
+
+
+class _Writer:
+    """Nodes and edges as both versions have them."""
+
+    node_properties: str
+    edge_properties: str
+
+    def __init__(self, scenario: Scenario, floor_plan: FloorPlan, cell: Fraction) -> None:
+        self.name = scenario.name
+        self.floor_plan = floor_plan
+        self.cell = cell
+        self.move_ticks = min(min(one.durations.moves) for one in types_of(scenario))
+        self.tick = exact_time(scenario.units.tick)  # None: a tick is not a time
+
+    def id_of(self, cell: int) -> str:
+        """The node of a cell."""
+        x, y = self.floor_plan.xy(cell)
+        return f"{x}_{y}"
+
+    def node(self, cell: int) -> dict[str, Any]:
+        """A node."""
+        x, y = self.floor_plan.xy(cell)
+        row = self.floor_plan.height - y
+        charges = self.floor_plan.kind.flat[cell] == CHARGER
+        return {
+            "nodeId": self.id_of(cell),
+            "mapId": LAYOUT,
+            "nodePosition": {
+                "x": decimal(self.cell * (2 * x + 1) / 2),
+                "y": decimal(self.cell * (2 * row - 1) / 2),
+            },
+            self.node_properties: [self.of_type() | (self.charging() if charges else {})],
+        }
+
+    def edge(self, edge: FloorEdge) -> dict[str, Any]:
+        """An edge; where a tick is a time, with its speed."""
+        start, end = self.id_of(edge.start), self.id_of(edge.end)
+        speed = {}
+        if self.tick is not None:
+            ticks = max(edge.min_ticks, self.move_ticks)
+            speed = {"speed": decimal(self.cell / (ticks * self.tick))}
+        return {
+            "edgeId": f"{start}-{end}",
+            "startNodeId": start,
+            "endNodeId": end,
+            self.edge_properties: [self.of_type() | self.driving(**speed)],
+        }
+
+    def of_type(self) -> dict[str, Any]:
+        """For which robots properties hold."""
+        raise NotImplementedError
+
+    def charging(self) -> dict[str, Any]:
+        """The properties of a node where robots charge."""
+        raise NotImplementedError
+
+    def driving(self, speed: float | None = None) -> dict[str, Any]:
+        """The properties of an edge."""
+        raise NotImplementedError
+
+    def file(self, layout: dict[str, Any], timestamp: str) -> dict[str, Any]:
+        """The whole file."""
+        raise NotImplementedError
+
+
+class _Lif1(_Writer):
+    node_properties = "vehicleTypeNodeProperties"
+    edge_properties = "vehicleTypeEdgeProperties"
+
+    def of_type(self) -> dict[str, Any]:
+        return {"vehicleTypeId": f"{MANUFACTURER}.{SERIES}"}
+
+    def charging(self) -> dict[str, Any]:
+        action = {"actionType": "startCharging", "requirementType": "OPTIONAL"}
+        return {"actions": [{**action, "blockingType": "HARD"}]}
+
+    def driving(self, speed: float | None = None) -> dict[str, Any]:
+        known = {} if speed is None else {"maxSpeed": speed}
+        return {"rotationAllowed": False, **known}
+
+    def file(self, layout: dict[str, Any], timestamp: str) -> dict[str, Any]:
+        meta = {"projectIdentification": self.name, "creator": MANUFACTURER}
+        meta |= {"exportTimestamp": timestamp, "lifVersion": "1.0.0"}
+        return {"metaInformation": meta, "layouts": [layout]}
+
+
+class _Lif2(_Writer):
+    node_properties = "mobileRobotTypeNodeProperties"
+    edge_properties = "mobileRobotTypeEdgeProperties"
+
+    def of_type(self) -> dict[str, Any]:
+        return {"mobileRobotTypes": [{"manufacturer": MANUFACTURER, "seriesName": SERIES}]}
+
+    def charging(self) -> dict[str, Any]:
+        return {"feasibleActions": [{"actionType": "startCharging", "blockingType": "HARD"}]}
+
+    def driving(self, speed: float | None = None) -> dict[str, Any]:
+        return {} if speed is None else {"maximumSpeed": speed}
+
+    def file(self, layout: dict[str, Any], timestamp: str) -> dict[str, Any]:
+        meta = {"lifId": self.name, "creator": MANUFACTURER}
+        meta |= {"exportTimestamp": timestamp, "lifVersion": "2.0.0"}
+        return {
+            "metaInformation": meta,
+            "origins": [{"originId": LAYOUT, "layouts": [layout]}],
+        }
+
+
+def decimal(value: Fraction) -> float:
+    """A number as it is written: 1.2 and not 1.2000000000000002."""
+    return float(round(value, DECIMALS))
+
+
+def _stations(
+    writer: _Writer, graph: FloorGraph, names: Sequence[str]
+) -> list[dict[str, str | list[str]]]:
+    """The stations that ways lead to."""
+    nodes = set(graph.nodes)
+    return [
+        {"stationId": name, "interactionNodeIds": [writer.id_of(cell)]}
+        for name, cell in zip(names, writer.floor_plan.stations.tolist(), strict=True)
+        if cell in nodes
+    ]
+
+
+def _named(scenario: Scenario, floor_plan: FloorPlan, names: Sequence[str]) -> list[str]:
+    """The name of each station, no two alike."""
+    known: dict[int, str] = {}
+    if isinstance(scenario.locations, dict):
+        for name, (x, y) in scenario.locations.items():
+            known.setdefault(floor_plan.cell(x, y), name)
+    cells = floor_plan.stations.tolist()
+    return distinct(
+        known.get(cell, name) if name.isdecimal() else name
+        for cell, name in zip(cells, names, strict=True)
+    )
+
+
+def _lost(scenario: Scenario, floor_plan: FloorPlan, graph: FloorGraph) -> dict[str, int]:
+    """What is on a floor, or said of it, and not in the file."""
+    lost: dict[str, int] = {}
+    for code, number in zip(*np.unique(floor_plan.kind, return_counts=True), strict=True):
+        kind = CELL_KINDS[code]
+        if code not in (WALL, FLOOR, STATION, CHARGER):
+            as_floor = " (ways over it are kept)" if kind.drivable else ""
+            lost[f"{kind.name}{as_floor}"] = int(number)
+    parts: dict[str, int] = {part: len(getattr(scenario.floor, part)) for part in FLOOR_PARTS}
+    parts |= {"types of robots": len(scenario.fleet.types), "areas": len(scenario.areas)}
+    parts["cells without a way"] = len(graph.alone)
+    return lost | {name: number for name, number in parts.items() if number}

@@ -12,6 +12,8 @@ from lif_layouts import LAYOUTS, imported, lif, write
 
 from automaton.build.resolve import resolve
 from automaton.commands import main
+from automaton.errors import InputError
+from automaton.exchange.imported_floor import check_values
 
 PICTURE = """\
 z###########
@@ -199,3 +201,9 @@ def test_options_of_layouts_are_refused_for_problems(
 def test_what_is_not_a_file_is_not_read(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["import", "/dev/zero", "--out", "floor.yaml"]) == 2
     assert "/dev/zero: is not a regular file" in capsys.readouterr().err
+
+
+def test_a_scenario_has_no_more_values_than_are_read() -> None:
+    sections = {"name": "a", "floor": {"speed_limits": [{"max_speed": 1}] * 40_000}}
+    with pytest.raises(InputError, match="120,004 values, most of them in floor; at most 90,000"):
+        check_values(sections, "site.lif")

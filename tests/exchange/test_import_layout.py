@@ -152,6 +152,17 @@ def test_the_tick_is_what_the_fastest_robot_takes_for_a_cell(tmp_path: Path) -> 
     assert data["units"]["tick"] == "0.1 s"
 
 
+def test_the_slower_direction_counts_for_both(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = write(tmp_path, lif(RING, ["A=B", "B-C", "C-D", "D-A"], A_B={"maxSpeed": 0.5}))
+    assert imported(path, "--cell", "1m", "--json")[0] == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["lost"] == {"speed of the faster direction of an edge": 1}
+    ticks = {row["edge"]: (row["ticks_wanted"], row["ticks"]) for row in report["edges"]}
+    assert ticks["A-B"] == (8.0, 8) and ticks["B-A"] == (4.0, 8)
+
+
 def test_robots_with_a_load_may_be_kept_out(tmp_path: Path) -> None:
     kept_out = {"A_B": {"loadRestriction": {"loaded": False, "unloaded": True}}}
     data = scenario(imported(write(tmp_path, lif(RING, AROUND, **kept_out)), "--cell", "1m")[1])

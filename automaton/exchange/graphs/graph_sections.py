@@ -50,6 +50,11 @@ class GraphScenario:
         if several:
             limits = len({speed for speed in self.of_road if speed < speeds.fastest})
             self.notes.append(f"{several} different speed limits became {limits}, the lower ones")
+        differ = sum(
+            len({speeds.of_edge[edge] for edge in road.edges}) > 1 for road in self.roads.roads
+        )
+        if differ:
+            graph.lost["speed of the faster direction of an edge"] += differ
         self.areas = self._areas()
         self.part = self._part()
         self.in_blocks: list[tuple[set[Cell], int]] = []  # cells, and the robots that may be there

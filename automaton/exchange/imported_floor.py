@@ -17,8 +17,10 @@ from automaton.errors import InputError
 from automaton.exchange.import_report import ImportReport
 from automaton.exchange.imported_scenario import flow
 from automaton.floor.drawn_floors import MAX_SIDE
+from automaton.scenario.document import MAX_NODES
 
 MAX_CELLS: Final = 2_000_000  # of a floor that is written: a scenario has 8 MB at most
+MAX_VALUES: Final = MAX_NODES - 10_000  # of sections; the rest is for names and the legend
 MAX_INLINE: Final = 50  # names of cells; more are written to a file of their own
 
 
@@ -109,3 +111,23 @@ def check_size(width: int, height: int, file: str, advice: str) -> None:
             f"an imported floor {MAX_CELLS:,} cells: {advice}",
             file,
         )
+
+
+def check_values(sections: Mapping[str, Any], file: str) -> None:
+    """Raises InputError for sections with more values than a scenario may have."""
+    most = {key: _values(value) for key, value in sections.items()}
+    total = sum(most.values())
+    if total > MAX_VALUES:
+        longest = max(most, key=lambda key: most[key])
+        raise InputError(
+            f"the scenario would have {total:,} values, most of them in {longest}; at most "
+            f"{MAX_VALUES:,} are allowed",
+            file,
+        )
+
+
+def _values(value: Any) -> int:
+    """Count a value and those in it, keys included."""
+    if isinstance(value, Mapping):
+        return 1 + sum(1 + _values(inner) for inner in value.values())
+    return 1 + sum(map(_values, value)) if isinstance(value, list) else 1

@@ -12,6 +12,8 @@ from lif_layouts import LAYOUTS, imported, lif, write
 
 from automaton.build.resolve import resolve
 from automaton.commands import main
+from automaton.errors import InputError
+from automaton.exchange.imported_floor import check_values
 
 PICTURE = """\
 z###########
@@ -150,6 +152,17 @@ def test_the_tick_is_what_the_fastest_robot_takes_for_a_cell(tmp_path: Path) -> 
     assert data["units"]["tick"] == "0.1 s"
 
 
+def test_the_slower_direction_counts_for_both(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = write(tmp_path, lif(RING, ["A=B", "B-C", "C-D", "D-A"], A_B={"maxSpeed": 0.5}))
+    assert imported(path, "--cell", "1m", "--json")[0] == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["lost"] == {"speed of the faster direction of an edge": 1}
+    ticks = {row["edge"]: (row["ticks_wanted"], row["ticks"]) for row in report["edges"]}
+    assert ticks["A-B"] == (8.0, 8) and ticks["B-A"] == (4.0, 8)
+
+
 def test_robots_with_a_load_may_be_kept_out(tmp_path: Path) -> None:
     kept_out = {"A_B": {"loadRestriction": {"loaded": False, "unloaded": True}}}
     data = scenario(imported(write(tmp_path, lif(RING, AROUND, **kept_out)), "--cell", "1m")[1])
@@ -199,3 +212,9 @@ def test_options_of_layouts_are_refused_for_problems(
 def test_what_is_not_a_file_is_not_read(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["import", "/dev/zero", "--out", "floor.yaml"]) == 2
     assert "/dev/zero: is not a regular file" in capsys.readouterr().err
+
+
+def test_a_scenario_has_no_more_values_than_are_read() -> None:
+    sections = {"name": "a", "floor": {"speed_limits": [{"max_speed": 1}] * 40_000}}
+    with pytest.raises(InputError, match="120,004 values, most of them in floor; at most 90,000"):
+        check_values(sections, "site.lif")

@@ -94,9 +94,10 @@ def test_robots_charge_where_they_may_start_charging(tmp_path: Path) -> None:
 
 def test_unknown_keys_are_counted_wherever_they_are(tmp_path: Path) -> None:
     layout = lif(NODES, ["A=B", "B=C"], A_B={"colour": "red"}, C_B={"colour": {"of": "paint"}})
+    layout["made"] = layout["metaInformation"]["on"] = {"a": "Monday"}
     layout["layouts"][0]["owner"] = first(layout, "nodes")["label"] = "me"
     lost = graph(tmp_path, layout).lost
-    assert lost == {"colour": 2, "owner": 1, "label": 1}
+    assert lost == {"colour": 2, "owner": 1, "label": 1, "made": 1, "on": 1}
 
 
 def test_nodes_without_an_edge_are_left_out(tmp_path: Path) -> None:

@@ -9,7 +9,9 @@ import pytest
 
 from automaton.errors import InputError
 from automaton.exchange.graphs.graph import Graph
+from automaton.exchange.graphs.import_graph import import_opentcs
 from automaton.exchange.graphs.opentcs import read_opentcs
+from automaton.exchange.imported_floor import ImportOptions
 
 POINTS = """
 <point name="A" positionX="0" positionY="0" type="HALT_POSITION"/>
@@ -128,3 +130,17 @@ def test_a_mistake_is_a_sentence_with_its_line(
 def test_too_many_elements_are_refused(path: Path) -> None:
     with pytest.raises(InputError, match="has more than 1,000,000 elements"):
         graph(path, model("<a/>" * 1_000_001))
+
+
+def test_robots_begin_where_blocks_have_room(path: Path) -> None:
+    """A and B are in a block for one robot: the second robot begins at C."""
+    more = """<block name="k" type="SINGLE_VEHICLE_ONLY"><member name="A-B"/><member name="A"/>
+      <member name="B"/></block><vehicle name="v" maxVelocity="1000"/>
+      <vehicle name="w" maxVelocity="1000"/>"""
+    both_ways = PATHS.replace('maxReverseVelocity="0"', 'maxReverseVelocity="1000"')
+    path.write_text(model(more, paths=both_ways.replace("3100", "3000")))
+    floor = import_opentcs(path, ImportOptions())
+    cells = {name: list(cell) for name, cell in floor.locations.items()}
+    assert floor.sections["fleet"]["start"] == [cells["B"], cells["C"]]
+    with pytest.raises(InputError, match=r"9 robots (do not fit|cannot begin)"):
+        import_opentcs(path, ImportOptions(robots=9))

@@ -23,7 +23,6 @@ from typing import Any
 from drawn_layouts import drawn_lif, drawn_opentcs
 from lif_layouts import LAYOUTS
 
-from automaton.build.resolve import resolve
 from automaton.commands import main
 
 MUTATED = ("site-1.lif", "site-2.lif", "site-opentcs.xml")
@@ -158,7 +157,7 @@ def _xml_mutant(text: str, draw: random.Random) -> str:
 def outcome(name: str, seed: int, folder: Path) -> int:
     """Import a mutant, or a drawn layout; return the exit code.
 
-    Raises AssertionError for a traceback, and InputError for a scenario that `check` refuses.
+    Raises AssertionError for a traceback, and for a scenario that `check` refuses.
     """
     drawn = DRAWN.get(name)
     text = drawn(seed) if drawn else mutant((LAYOUTS / name).read_text(), seed)
@@ -172,7 +171,9 @@ def outcome(name: str, seed: int, folder: Path) -> int:
     assert "internal error" not in said, f"{name}, seed {seed}: {said}"
     assert said.count("\n") == (code != 0), f"{name}, seed {seed}: {said}"
     if code == 0:
-        resolve(out)
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(errors):
+            checked = main(["check", str(out)])
+        assert checked == 0, f"{name}, seed {seed}: {errors.getvalue()}"
     return code
 
 

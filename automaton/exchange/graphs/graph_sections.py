@@ -50,14 +50,21 @@ class GraphScenario:
         if several:
             limits = len({speed for speed in self.of_road if speed < speeds.fastest})
             self.notes.append(f"{several} different speed limits became {limits}, the lower ones")
+        differ = sum(
+            len({speeds.of_edge[edge] for edge in road.edges}) > 1 for road in self.roads.roads
+        )
+        if differ:
+            graph.lost["speed of the faster direction of an edge"] += differ
         self.areas = self._areas()
         self.part = self._part()
+        self.in_blocks: list[tuple[set[Cell], int]] = []  # cells, and the robots that may be there
+        self.blocks = self._blocks()
 
     def sections(self) -> dict[str, Any]:
         """Return the sections in their order."""
         speeds, graph = self.speeds, self.graph
         robots = self._robots()
-        floor = {"blocks": self._blocks(), "speed_limits": self._speed_limits()}
+        floor = {"blocks": self.blocks, "speed_limits": self._speed_limits()}
         sections: dict[str, Any] = {
             "name": graph.name,
             "summary": f"{len(self.rows[0])} x {len(self.rows)} cells, "
@@ -149,14 +156,28 @@ class GraphScenario:
         graph, cells = self.graph, self.roads.node_cells
         nodes = [*graph.parking, *(n for n in range(len(cells)) if n not in set(graph.parking))]
         first = dict.fromkeys(cells[node] for node in nodes)
-        starts = [cell for cell in (*first, *sorted(self.part - set(first))) if cell in self.part]
-        fleet: dict[str, Any] = {
-            "robots": robots,
-            "kinematics": "omni",
-            "start": [list(cell) for cell in starts[:robots]],
-        }
+        starts = self._starts([*first, *sorted(self.part - set(first))], robots)
+        fleet: dict[str, Any] = {"robots": robots, "kinematics": "omni", "start": starts}
         types = self._types(robots)
         return {**fleet, "types": types} if types else fleet
+
+    def _starts(self, cells: list[Cell], robots: int) -> list[list[int]]:
+        """Return the first cells from which robots come back, no more in a block than may be there."""
+        begun = [0] * len(self.in_blocks)
+        out: list[list[int]] = []
+        for cell in cells:
+            inside = [number for number, (block, _) in enumerate(self.in_blocks) if cell in block]
+            full = any(begun[number] >= self.in_blocks[number][1] for number in inside)
+            if len(out) < robots and cell in self.part and not full:
+                out.append(list(cell))
+                for number in inside:
+                    begun[number] += 1
+        if len(out) < robots:
+            text = (
+                f"{count(robots, 'robot')} cannot begin on the {len(out):,} cells that blocks leave"
+            )
+            raise InputError(f"{text}: give --robots", self.graph.file)
+        return out
 
     def _types(self, robots: int) -> list[dict[str, Any]]:
         """Return the types of robots: those of the same speed are one, called as the first."""
@@ -212,8 +233,10 @@ class GraphScenario:
             if not bends or len(bends) > MAX_CORNERS or (block.same_direction and not is_path):
                 self.graph.lost["blocks that are not connected, or too wide"] += 1
                 continue
-            entry = {"cells": bends, "max_robots": len(cells) if block.same_direction else 1}
-            out.append(entry | {"direction": "same" if block.same_direction else "any"})
+            robots = len(cells) if block.same_direction else 1
+            self.in_blocks.append((cells, robots))
+            direction = "same" if block.same_direction else "any"
+            out.append({"cells": bends, "max_robots": robots, "direction": direction})
             self.notes.append(f"block {block.name}: {count(len(cells), 'cell')}")
         return out
 

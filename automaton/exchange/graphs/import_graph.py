@@ -14,7 +14,7 @@ from automaton.exchange.graphs.opentcs import read_opentcs
 from automaton.exchange.graphs.roads import Cell, Roads
 from automaton.exchange.graphs.speeds import Speeds, speeds_of
 from automaton.exchange.import_report import EdgeRow, ImportReport
-from automaton.exchange.imported_floor import ImportedFloor, ImportOptions
+from automaton.exchange.imported_floor import ImportedFloor, ImportOptions, check_values
 from automaton.floor.cells import STATION
 from automaton.units import count
 
@@ -40,11 +40,13 @@ def import_graph(graph: Graph, options: ImportOptions) -> ImportedFloor:
     if fit.layout is None:
         rows = edge_rows(graph, fit, speeds, speeds.of_edge)
         refusal = f"{graph.file}: {fit.refusal}"
-        report = ImportReport(graph.format, facts_of(graph, fit, speeds), rows, refusal=refusal)
+        facts, lost = facts_of(graph, fit, speeds), dict(graph.lost.most_common())
+        report = ImportReport(graph.format, facts, rows, lost, refusal=refusal)
         return ImportedFloor("", {}, {}, report)
     roads, kinds, drawing = fit.layout
     scenario = GraphScenario(graph, fit.layout, speeds, options)
     sections = scenario.sections()
+    check_values(sections, graph.file)
     facts = facts_of(graph, fit, speeds) | {
         "stations": sum(kind == STATION for kind in kinds.values()),
         "chargers": len(graph.chargers),

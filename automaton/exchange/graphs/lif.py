@@ -27,8 +27,8 @@ from automaton.exchange.graphs.graph import (
     single_line,
 )
 from automaton.exchange.graphs.lif_structs import (
+    FILE_KEYS,
     LAYOUT_KEYS,
-    META_KEYS,
     EdgeProperties,
     LifEdge,
     LifLayout,
@@ -72,7 +72,7 @@ def read_lif(path: Path, layout: str | None = None, robot_type: str | None = Non
         str(meta.get("projectIdentification") or meta.get("lifId") or path.stem)
     )
     graph.format = f"VDMA LIF {version}, layout {single_line(choice.name)}, type {graph.type}"
-    count_unread(meta, META_KEYS, graph.lost)
+    count_unread(data, FILE_KEYS, graph.lost)
     if others:
         graph.lost["other layouts"] += len(others)
     return checked_graph(graph)

@@ -151,4 +151,8 @@ LAYOUT_KEYS: Final[dict[str, Any]] = {
     "edges": EDGE_KEYS,
     "stations": STATION_KEYS,
 }
-META_KEYS: Final[dict[str, Any]] = dict.fromkeys(("lifVersion", "projectIdentification", "lifId"))
+FILE_KEYS: Final[dict[str, Any]] = {
+    "metaInformation": dict.fromkeys(("lifVersion", "projectIdentification", "lifId")),
+    "layouts": None,
+    "origins": dict.fromkeys(("originId", "layouts")),
+}

@@ -143,12 +143,12 @@ class FolderSink:
                 raise _cannot_write(self.folder, error) from error
 
     def tables(self) -> Tables:
-        from pyarrow.csv import read_csv
+        if self._format == CSV:
+            return Tables({}, f": they are files in {self.folder}")
         from pyarrow.parquet import read_table
 
-        read = read_csv if self._format == CSV else read_table
         readers = {
-            name: (lambda path=self.folder / f"{name}.{self._format}": read(path))
+            name: (lambda path=self.folder / f"{name}.{self._format}": read_table(path))
             for name in self._open
         }
         return Tables(readers, HINT)

@@ -10,6 +10,7 @@ from typing import Any
 import openpyxl
 import pytest
 
+from automaton.build.resolve import resolve
 from automaton.errors import InputError
 from automaton.scenario.order_columns import read_columns
 from automaton.scenario.order_fields import (
@@ -100,6 +101,38 @@ def test_mistakes_in_rows_name_sheet_and_row(shift: Path) -> None:
     first, second = str(caught.value).splitlines()
     assert first.startswith(f"{shift}!Orders:3: CREATED 'soon' is not a time")
     assert second == f"{shift}!Orders:4: CREATED is empty"
+
+
+SCENARIO = """name: from-file
+layout:
+  picture: |
+    >>>>>>>>>v
+    ^#pppp#q#v
+    ^########v
+    ^<<<<t<<<<
+fleet: {robots: 1, kinematics: omni, start: [[2, 1]]}
+units: {tick: 1 s, clock: "2026-03-02 06:00"}
+stations: {P1: {at: [5, 3]}}
+orders: {lines: {file: shift.FORM, columns: {released: CREATED, pod: POD, station: DEST, due: CUTOFF}}}
+strategy: {allocation: shortest-job, routing: shortest, right_of_way: wait}
+stop: {when: delivered, max_duration: 1h}
+"""
+
+
+def test_a_workbook_gives_the_lines_of_the_csv_file(tmp_path: Path) -> None:
+    rows: list[list[Any]] = [["CREATED", "POD", "DEST", "CUTOFF"], [at(6), 1, "P1", at(8)]]
+    rows += [[at(6, 1, 30), 2, "P1", None], [at(5), 1, None, at(7)]]
+    book = openpyxl.Workbook()
+    for row in rows:
+        book.active.append(row)
+    book.save(tmp_path / "shift.xlsx")
+    texts = [";".join("" if value is None else str(value) for value in row) for row in rows]
+    (tmp_path / "shift.csv").write_text("\n".join(texts))
+    found = {}
+    for form in ("csv", "xlsx"):
+        (tmp_path / "floor.yaml").write_text(SCENARIO.replace("FORM", form))
+        found[form] = resolve(tmp_path / "floor.yaml").scenario.orders.lines
+    assert found["xlsx"] == found["csv"] and len(found["csv"]) == 3
 
 
 @pytest.mark.parametrize(

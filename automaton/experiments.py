@@ -3,10 +3,11 @@
     from automaton.experiments import simulate, size, sweep
 
     simulate("tabletop-1", **{"fleet.robots": 3}).metrics["makespan"]
+    simulate("goods-mini", tables=True, states="10 s").tables.lines.to_pandas()
     sweep("tabletop-fleet", out="results").to_pandas()
     size("tabletop-1", "makespan<=2400", robots=(1, 6)).robots
 
-Importing this needs no Numba; `sweep` and the table of `size` need pyarrow (extra `experiments`).
+Importing this needs no Numba; `sweep` and all tables need pyarrow (extra `experiments`).
 """
 
 from __future__ import annotations
@@ -31,16 +32,38 @@ if TYPE_CHECKING:
 __all__ = ["Analysis", "Point", "Study", "read_study", "simulate", "size", "sweep"]
 
 
-def simulate(scenario: str | Path | Scenario, seed: int | None = None, **overrides: Any) -> Outcome:
+def simulate(
+    scenario: str | Path | Scenario,
+    seed: int | None = None,
+    *,
+    tables: bool = False,
+    states: str | int | None = None,
+    events: bool = False,
+    folder: str | Path | None = None,
+    **overrides: Any,
+) -> Outcome:
     """Run a scenario once, in this process: by path, by shipped name, or built in Python.
 
-    Overrides are keys of the scenario: `**{"fleet.robots": 3}`, or `fleet__robots=3`. Raises
-    InputError for bad input and for a strategy that raises.
+    Overrides are keys of the scenario: `**{"fleet.robots": 3}`, or `fleet__robots=3`. With `tables`
+    the outcome has `tables.orders`, `lines`, `trips`, `robots` and `stations`, each a pyarrow Table;
+    `states`, a period such as "10 s" or ticks, adds `states`, `events` those, both `cells`. `folder`:
+    a new folder where they are written as Parquet while the run goes on, instead of being kept in
+    memory. Raises InputError for bad input and for a strategy that raises.
     """
     from automaton.build.resolve import resolve
     from automaton.runs.headless import run_once
 
-    return run_once(resolve(scenario, settings_of(overrides), seed))
+    resolved = resolve(scenario, settings_of(overrides), seed)
+    if not tables:
+        if states is not None or events or folder is not None:
+            raise InputError("states, events and folder are of tables; set tables=True")
+        return run_once(resolved)
+    from automaton.tables.table_run import TableOptions, table_run
+
+    where = None if folder is None else Path(folder)
+    with table_run(resolved, TableOptions(states, events, folder=where)) as run:
+        outcome = run_once(resolved, on_end=run.finish, sampling=run.sampling)
+    return outcome._replace(tables=run.tables())
 
 
 def settings_of(overrides: dict[str, Any]) -> list[Override]:

@@ -32,7 +32,7 @@ from automaton.engine import (
 from automaton.engine.jit.field_kernels import hidden_fields
 from automaton.engine.jit.fields import SCRATCH
 from automaton.engine.jit.structs import Struct
-from automaton.engine.observation import CAUSES, DEADLOCK_TICKS
+from automaton.engine.observation import CAUSES, DEADLOCK_TICKS, EVENT_NAMES
 from automaton.engine.record_codes import KEYFRAME_TICKS
 from automaton.evidence.history.breakpoints import FIELDS
 from automaton.evidence.recording import contents, frames
@@ -47,6 +47,7 @@ from automaton.scenario.schema import LAYER_NAMES, Scenario
 from automaton.strategy import kernels, lookup, paths, per_robot, weighted_tables
 from automaton.studies.sweeps import result_columns, run_keys
 from automaton.studies.sweeps.study import study_schema
+from automaton.tables.columns import TABLES
 from automaton.units import LENGTH_UNITS, SPELLED, TIME_UNITS
 from tui.widgets.bindings import COMPARING, TOPICS, key_text
 
@@ -79,6 +80,7 @@ def pages() -> dict[str, str]:
         "keys.md": keys_page(),
         "conditions.md": conditions_page(),
         "formats.md": formats_page(),
+        "tables.md": tables_page(),
     }
 
 
@@ -791,6 +793,39 @@ def conditions_page() -> str:
             ("cause", "what is shown", "rule or reason"),
             ((code(cause.name), cause.meaning, cause.rule) for cause in CAUSES[1:]),
         ),
+    )
+
+
+TABLE_ROWS: Final = {  # of each table: what a row is
+    "orders": "an order that the scenario asks for",
+    "lines": "a line of an order; none where orders have no lines",
+    "trips": "a pod that is lifted, carried to stations and stored; without lines, an order",
+    "events": "something that happened; with `--events`",
+    "states": "a robot after a tick; with `--states`",
+    "robots": "a robot, with what `run --json` has of it",
+    "stations": "a station to which pods are carried, or that works on parts",
+    "cells": "a cell that robots drive on; with `--events` or `--states`",
+}
+
+
+def tables_page() -> str:
+    """The tables of a run and their columns."""
+    sections = []
+    for name, columns in TABLES.items():
+        sections.append(f"## {name}\n\nA row is {TABLE_ROWS[name]}.\n")
+        if columns:
+            rows = [(code(one.name), one.kind, one.meaning) for one in columns]
+            sections.append(table(("column", "holds", "meaning"), rows))
+    events = ", ".join(map(code, filter(None, EVENT_NAMES)))
+    return page(
+        "Columns of tables",
+        "The tables of `automaton run SCENARIO --csv DIR`, `--parquet` and `--xlsx`, of "
+        "`simulate(tables=True)` and of recordings: "
+        "[how to make them](../how-to/tables-for-pandas-and-excel.md). "
+        "Where a tick is a time, each column of ticks has one of seconds beside it, `done_s` beside "
+        "`done`. Robots, orders, lines and trips count from 0, pods from 1. What is not known is empty.",
+        *sections,
+        f"## Names of events\n\n{events}. Causes are those of [waiting](conditions.md).\n",
     )
 
 

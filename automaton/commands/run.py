@@ -24,6 +24,7 @@ from automaton.commands.arguments import (
     print_warnings,
     whole,
 )
+from automaton.commands.run_tables import EventLines, add_table_arguments, written_tables
 from automaton.errors import InputError
 from automaton.units import ticks_and_time, unit
 
@@ -44,6 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--until", type=whole("a tick", 1), metavar="TICK", help="stop there, if not before"
     )
     add_timeout_argument(parser)
+    add_table_arguments(parser)
     parser.add_argument("--picture", action="store_true", help="draw the grid at the end")
     add_json_argument(parser)
 
@@ -54,17 +56,34 @@ def run(args: argparse.Namespace) -> int:
 
     resolved = resolve(args.scenario, args.settings, args.seed)
     print_warnings(resolved)
-    with recorder(args.record, resolved) as on_record, progress(resolved) as on_window:
+    with (
+        written_tables(args, resolved) as tables,
+        recorder(args.record, resolved) as on_record,
+        progress(resolved) as on_window,
+    ):
         drawn: list[Drawn] = []
-        on_end = (lambda simulation: drawn.append(draw(simulation))) if args.picture else None
+
+        def on_end(simulation: Simulation) -> None:
+            if args.picture:
+                drawn.append(draw(simulation))
+            if tables is not None:
+                tables.finish(simulation)
+
+        sampling = None if tables is None else tables.sampling
         outcome = run_once(
-            resolved, on_record, on_window, args.until, on_end, args.strategy_timeout
+            resolved, on_record, on_window, args.until, on_end, args.strategy_timeout, sampling
         )
+    events = tables if isinstance(tables, EventLines) else None
     if args.json:
-        print_json({**as_json(resolved, outcome), **(drawn[0].as_json() if drawn else {})})
+        parts = [part.as_json() for part in (*drawn, events) if part is not None]
+        print_json(
+            {**as_json(resolved, outcome), **{k: v for part in parts for k, v in part.items()}}
+        )
     else:
         from automaton.runs.run_report import print_report
 
+        if events is not None:
+            print("\n".join([*events.lines(), ""]))
         if drawn:
             print_pictures(drawn[0])
         print_report(resolved, outcome)

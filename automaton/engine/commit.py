@@ -5,7 +5,7 @@ import numpy as np
 from automaton.engine.energy import end_charging
 from automaton.engine.facilities import MAY_TURN
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.loads import reserve_order, reserve_slot
+from automaton.engine.loads import begin_leg, reserve_order, reserve_slot
 from automaton.engine.next_stop import has_load, next_stop, next_stop_cell
 from automaton.engine.operations import refuse, with_load
 from automaton.engine.random_numbers import splitmix64
@@ -225,6 +225,8 @@ def take(world, record, i, order, goal_cell, out):
         orders.dispatched_from[order] = robots.home[i] if in_bay else robots.cell[i]
         orders.dispatched_heading[order] = robots.heading[i]
         orders.dispatched_type[order] = robots.type[i]
+        orders.dispatched_to[order] = robots.identity[i]
+        begin_leg(world, i)
         reserve_order(world, record, order, np.int64(robots.identity[i]))
     if robots.goal_type[i] == GOAL_CHARGE:
         end_charging(robots, i)

@@ -12,7 +12,7 @@ import numpy as np
 from automaton.engine.drive import entry_heading
 from automaton.engine.energy import end_charging
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.loads import leave_queue, reserve_order, reserve_slot
+from automaton.engine.loads import end_leg, leave_queue, reserve_order, reserve_slot
 from automaton.engine.motion import vacate
 from automaton.engine.next_stop import drive_on_with_load
 from automaton.engine.operations import put_off, with_load
@@ -238,6 +238,7 @@ def leave_load(world, record, i):
     slots.content[slot] = order
     orders.current_slot[order] = slot
     orders.state[order] = ORDER_WAITING
+    end_leg(world, i, order)
     put_off(world, i)
     robots.order[i] = NIL
     record_change(world.clock, record, CHANGE_LOAD_LEFT, robots.identity[i], slot)

@@ -16,7 +16,10 @@ from automaton.engine.record_codes import (
 from automaton.engine.requests import drop_route, request_allocation, request_zoning
 from automaton.engine.state import (
     ACTION_DROP,
+    ACTION_MOVE,
     ACTION_PICK,
+    ACTION_STATION_QUEUE,
+    ACTION_TURN,
     CLOCK_FIRST_OPEN,
     CLOCK_REVISION,
     CLOCK_TICK,
@@ -52,6 +55,36 @@ def reserve_slot(world, record, slot, identity):
 
 
 @kernel
+def begin_leg(world, i):
+    """Robot i begins a leg of an order: with its load, or without one when it takes the order."""
+    tally = world.tally
+    tally.leg_moves[i] = both(tally.operations, i, ACTION_MOVE)
+    tally.leg_driven[i] = driven_ticks(tally, i)
+    tally.leg_queued[i] = both(tally.ticks, i, ACTION_STATION_QUEUE)
+
+
+@kernel
+def end_leg(world, i, order):
+    """The leg of an order on which robot i was is over."""
+    tally, orders = world.tally, world.orders
+    orders.moves[order] += both(tally.operations, i, ACTION_MOVE) - tally.leg_moves[i]
+    orders.driven[order] += driven_ticks(tally, i) - tally.leg_driven[i]
+    orders.queued[order] += both(tally.ticks, i, ACTION_STATION_QUEUE) - tally.leg_queued[i]
+
+
+@kernel
+def driven_ticks(tally, i):
+    """Ticks of the moves and turns that robot i has begun."""
+    return both(tally.ticks, i, ACTION_MOVE) + both(tally.ticks, i, ACTION_TURN)
+
+
+@kernel
+def both(counts, i, action):
+    """What is counted of an action of robot i, with a load and without."""
+    return counts[i, action, 0] + counts[i, action, 1]
+
+
+@kernel
 def handle(world, i, action, ticks):
     """Count a pick or drop; one of 0 ticks is part of the move that it follows."""
     world.tally.progress[i] = world.clock[CLOCK_TICK]
@@ -73,6 +106,8 @@ def pick_up(world, record, i, ticks):
     robots.goal_cell[i] = NIL
     drop_route(robots, i)
     orders.legs[order] += 1
+    orders.picked[order] = world.clock[CLOCK_TICK]
+    begin_leg(world, i)
     record_change(world.clock, record, CHANGE_PICKED, robots.identity[i], order)
     if slot == orders.target[order] and not has_trips(world):
         visit(world, record, i, order, ticks)
@@ -147,6 +182,7 @@ def set_down(world, record, i, ticks):
     order = np.int64(robots.load[i])
     slot = np.int64(robots.slot[i])
     handle(world, i, ACTION_DROP, ticks)
+    end_leg(world, i, order)
     put_off(world, i)
     robots.order[i] = NIL
     robots.slot[i] = NIL

@@ -434,6 +434,19 @@ class Orders(Struct):
         header=True,
     )
     stops_done: Array = field("(m,) int32", "how many of its stops are done", role=DERIVED)
+    dispatched_to: Array = field(
+        "(m,) int32", "identity of the robot that last took it, or NIL", default=NIL, role=MEASURED
+    )
+    picked: Array = field(
+        "(m,) int32", "tick in which it was last picked up, or NIL", default=NIL, role=MEASURED
+    )
+    moves: Array = field(
+        "(m,) int32", "moves of robots with it on legs that are over", role=MEASURED
+    )
+    driven: Array = field("(m,) int32", "ticks of the moves and turns of these legs", role=MEASURED)
+    queued: Array = field(
+        "(m,) int32", "ticks of these legs in the queues of stations", role=MEASURED
+    )
 
 
 class Traffic(Struct, role=SCRATCH):
@@ -488,6 +501,9 @@ class Tally(Struct, role=MEASURED):
     batches: Array = field("(5,) int64", "batches that each layer was asked about")
     visits: Array = field("(n,) int64", "stops that it has done")
     visited: Array = field("(n,) int32", "the order of the last of them, or NIL", default=NIL)
+    leg_moves: Array = field("(n,) int64", "its moves before the leg of an order that it is on")
+    leg_driven: Array = field("(n,) int64", "its ticks of moves and turns before that leg")
+    leg_queued: Array = field("(n,) int64", "its ticks in queues of stations before that leg")
 
 
 class World(Struct):

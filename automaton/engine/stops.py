@@ -6,7 +6,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from automaton.engine.jit.fields import DERIVED, NIL, STATIC, field
+from automaton.engine.jit.fields import DERIVED, MEASURED, NIL, STATIC, field
 from automaton.engine.jit.structs import Struct
 
 Array = NDArray[Any]
@@ -33,4 +33,10 @@ class Stops(Struct, role=STATIC):
         "tick at whose end a robot stood there for its order, or NIL",
         default=NIL,
         digest=60,
+    )
+    arrived: Array = field(
+        "(v,) int32",
+        "tick at whose end the robot that last came for it stood there, or NIL",
+        default=NIL,
+        role=MEASURED,
     )

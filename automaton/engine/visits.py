@@ -13,7 +13,7 @@ its robot's until it ends. If that robot goes down, the order waits again with t
 import numpy as np
 
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.loads import complete_order, reserve_order
+from automaton.engine.loads import complete_order, end_leg, reserve_order
 from automaton.engine.motion import U
 from automaton.engine.next_stop import next_stop, next_stop_cell
 from automaton.engine.operations import begin
@@ -112,9 +112,11 @@ def serve(world, record, i):
     """Robot i, which stands at the next stop of its order, begins what it does there."""
     robots, orders = world.robots, world.orders
     order = np.int64(robots.order[i])
-    ticks = np.int64(world.stops.ticks[next_stop(world, order)])
+    stop = next_stop(world, order)
+    ticks = np.int64(world.stops.ticks[stop])
     if ticks == 0:
         return
+    note_arrival(world, order, stop, np.int64(world.clock[CLOCK_TICK]) - 1)
     if has_trips(world):
         if has_break(world, order):
             return
@@ -124,6 +126,14 @@ def serve(world, record, i):
     begin(world, i, ACTION_SERVE, ticks)
     robots.executed[i] = np.int64(robots.executed[i]) | EXECUTED_SERVE
     record_change(world.clock, record, CHANGE_DURATION, robots.identity[i], ticks)
+
+
+@kernel
+def note_arrival(world, order, stop, tick):
+    """The robot that last took an order stands at a stop of it since the end of a tick."""
+    taken = np.int64(world.orders.dispatched[order])
+    if world.stops.arrived[stop] < taken:
+        world.stops.arrived[stop] = max(tick, taken)
 
 
 @kernel
@@ -167,6 +177,7 @@ def complete_visit(world, record, i):
     order = np.int64(robots.order[i])
     stop = next_stop(world, order)
     world.stops.done[stop] = world.clock[CLOCK_TICK]
+    note_arrival(world, order, stop, np.int64(world.clock[CLOCK_TICK]))
     orders.stops_done[order] += 1
     world.tally.visits[i] += 1
     world.tally.progress[i] = world.clock[CLOCK_TICK]
@@ -186,6 +197,7 @@ def complete_visit(world, record, i):
         request_allocation(world, i, REASON_SERVED)
         return
     robots.order[i] = NIL
+    end_leg(world, i, order)
     complete_order(world, order)
     if world.rules.assigned:
         announce_next(world, i, order)

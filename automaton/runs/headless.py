@@ -40,6 +40,7 @@ from automaton.runs.metrics import (
 )
 from automaton.runs.progress import Jam, largest_jam
 from automaton.runs.run_diagnosis import describe_unfinished_run, find_wait_cycles, stalled_robots
+from automaton.runs.sampling import Sampling
 from automaton.runs.simulation import RECORD_TICKS, Simulation
 from automaton.runs.station_metrics import metrics_by_station
 from automaton.runs.strategy_failure import is_from_outside, strategy_failure
@@ -80,6 +81,7 @@ class Outcome(NamedTuple):
     ran_out: OrdersExhausted | None  # None: there were orders to the end, or it ends with them
     types: Sequence[dict[str, Any]] = ()  # metrics by type of robot, where there are several
     stations: Sequence[dict[str, Any]] = ()  # metrics by station, where pods are carried there
+    tables: Any = None  # those of `simulate(tables=True)`: automaton.tables.table_files.Tables
 
 
 def run_to_end(
@@ -87,6 +89,7 @@ def run_to_end(
     on_window: OnWindow | None = None,
     last_worked: Array | None = None,
     until: int | None = None,
+    sampling: Sampling | None = None,
 ) -> float:
     """Run until finished, at tick `until` or at the limit; the seconds that took, compiling aside.
 
@@ -99,8 +102,14 @@ def run_to_end(
     worked = operations(simulation)
     if on_window is not None:
         on_window(simulation)
+    if sampling is not None and sampling.period:
+        sampling.on_sample(simulation)
     while not simulation.finished and simulation.tick < limit:
-        simulation.run(min(simulation.tick + WINDOW_TICKS, limit))
+        end = min(simulation.tick + WINDOW_TICKS, limit)
+        if sampling is None:
+            simulation.run(end)
+        else:
+            sampling.advance(simulation, end)
         if last_worked is not None:
             worked = record_work(simulation, worked, last_worked)
         if on_window is not None:
@@ -151,17 +160,21 @@ def run_once(
     until: int | None = None,
     on_end: OnWindow | None = None,
     patience: float | None = None,
+    sampling: Sampling | None = None,
 ) -> Outcome:
     """Run a scenario with its own seed, to its end or to tick `until`, and call `on_end` then.
 
-    `patience`: seconds that a Python strategy has for each decision.
+    `patience`: seconds that a Python strategy has for each decision. `sampling`: what is taken meanwhile.
 
     Raises InputError for a strategy that raises.
     """
     last_worked = np.zeros(resolved.scenario.fleet.robots, np.int64)
     with attribute_strategy_errors(resolved):
-        simulation = Simulation(resolved, on_record=on_record, patience=patience)
-        wall = run_to_end(simulation, on_window, last_worked, until)
+        on_observe = None if sampling is None else sampling.on_observe
+        simulation = Simulation(
+            resolved, on_record=on_record, on_observe=on_observe, patience=patience
+        )
+        wall = run_to_end(simulation, on_window, last_worked, until, sampling)
     if on_end is not None:
         on_end(simulation)
     orders = asked_orders(simulation.world)

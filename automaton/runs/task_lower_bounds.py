@@ -57,6 +57,35 @@ def min_drive_ticks(view, workspace, which, out):
 
 
 @kernel
+def least_way_ticks(view, workspace, which, out):
+    """out[k] = least ticks of driving the way of order which[k], from its load over its stops to its end.
+
+    Without a load: from where and with the heading in which it was taken. Each leg else begins with
+    the heading that is best for it. UNREACHABLE if there is no way.
+    """
+    orders = view.orders
+    for k in range(which.shape[0]):
+        order = which[k]
+        robot_type = np.int64(orders.dispatched_type[order])
+        here = np.int64(orders.dispatched_from[order])
+        heading = np.int64(orders.dispatched_heading[order])
+        loaded = has_load(orders, order)
+        if loaded:
+            here = pickup_cell(view, robot_type, orders.source[order], here)
+            heading = np.int64(NIL)
+            robot_type += view.rules.loaded_types
+        ticks = np.int64(0)
+        for stop in range(orders.first_stop[order], end_of_stops(view, order)):
+            to = np.int64(view.stops.cell[stop])
+            ticks += least_leg(view, workspace, robot_type, here, heading, to)
+            here, heading = to, np.int64(NIL)
+        if loaded:
+            end = dropoff_cell(view, robot_type, last_slot(orders, order), here)
+            ticks += least_leg(view, workspace, robot_type, here, heading, end)
+        out[k] = min(ticks, UNREACHABLE)
+
+
+@kernel
 def last_slot(orders, order):
     """Where the load of an order that is done was to be brought; a pod: where it was stored."""
     target = np.int64(orders.target[order])

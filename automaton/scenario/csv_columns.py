@@ -81,7 +81,7 @@ def _check_file(path: Path, encoding: str) -> None:
     with path.open("rb") as stream:
         start = stream.read(4096)
     if start.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
-        raise InputError("is a spreadsheet or an archive; save the sheet as CSV", file)
+        raise InputError("is a spreadsheet or an archive; save the sheet as CSV, or as .xlsx", file)
     if start.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise InputError("is UTF-16 text; save it as UTF-8", file)
     if b"\0" in start:
@@ -103,7 +103,7 @@ def _decoding_error(path: Path, encoding: str) -> InputError:
     return InputError(f"is not {encoding} text", str(path))
 
 
-class _Codes(dict[str, int]):
+class TextCodes(dict[str, int]):
     """Texts with their numbers, in order of their first occurrence."""
 
     def __missing__(self, text: str) -> int:
@@ -118,7 +118,7 @@ def _read(stream: Iterator[str], file: str, choose: Choice, errors: RowErrors) -
     line, head = next(rows)
     head = [name.strip() for name in head]
     chosen = choose(head, line)
-    codes = {name: _Codes() for name in chosen}
+    codes = {name: TextCodes() for name in chosen}
     numbers = {name: array("i") for name in chosen}
     lines = array("i")
     for chunk in _chunks(rows, len(head), lines, errors):
@@ -128,7 +128,7 @@ def _read(stream: Iterator[str], file: str, choose: Choice, errors: RowErrors) -
     return CsvColumns(
         tuple(head),
         _as_array(lines),
-        {name: _stripped(list(codes[name]), _as_array(numbers[name])) for name in chosen},
+        {name: stripped(list(codes[name]), _as_array(numbers[name])) for name in chosen},
     )
 
 
@@ -193,8 +193,8 @@ def _as_array(numbers: array[int]) -> Array:
     return np.frombuffer(numbers, np.int32) if numbers else np.zeros(0, np.int32)
 
 
-def _stripped(texts: list[str], codes: Array) -> TextColumn:
+def stripped(texts: list[str], codes: Array) -> TextColumn:
     """A column without blanks at the ends of its texts, of which some may be the same then."""
-    again = _Codes()
+    again = TextCodes()
     renumbered = np.array([again[text.strip()] for text in texts], np.int32)
     return TextColumn(list(again), codes if len(again) == len(texts) else renumbered[codes])

@@ -38,6 +38,7 @@ from automaton.scenario.order_times import due_ticks, read_time_column, release_
 from automaton.scenario.quantities import Scale
 from automaton.scenario.reading import content_hash
 from automaton.scenario.row_errors import RowErrors
+from automaton.scenario.sheet_columns import is_workbook, read_sheet_columns
 from automaton.scenario.text_lines import quoted
 
 WHERE: Final = "where "  # before the names of columns that only select rows
@@ -66,7 +67,10 @@ def read_columns(
     errors = RowErrors(str(path))
     may_rename = hasattr(options, "columns")
     chooser = _Chooser(fields, columns, options.where, needed, str(path), may_rename)
-    table = read_csv_columns(path, options.encoding, chooser, errors)
+    if may_rename and is_workbook(path):
+        table = read_sheet_columns(path, options.sheet, options.time, chooser, errors)
+    else:
+        table = read_csv_columns(path, options.encoding, chooser, errors)
     counts = Counts(rows=len(table.lines), ignored=chooser.ignored)
     table = _selected(table, options.where, counts, str(path))
     result = OrderColumns(

@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Final, Literal
 
 import numpy as np
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from automaton.scenario.field_types import ConfigSection, NonEmptyText, SingleLine
 from automaton.scenario.file_times import check_format
 from automaton.scenario.row_errors import RowErrors
+from automaton.scenario.sheet_columns import is_workbook
 
 Array = NDArray[np.int32]
 NOTHING: Final = -1  # the code of a text field without a text
@@ -27,15 +29,18 @@ Values = str | int | tuple[str | int, ...]
 
 
 class OrderFile(ConfigSection, frozen=True, kw_only=True):
-    """A CSV file that another system has written."""
+    """A CSV file, or a workbook, that another system has written."""
 
     file: Annotated[
         NonEmptyText,
         Meta(
             description="A CSV file whose first line names its columns, between semicolons, tabs or "
-            "commas; path relative to the scenario."
+            "commas, or a workbook (.xlsx, extra excel); path relative to the scenario."
         ),
     ]
+    sheet: Annotated[
+        SingleLine | None, Meta(description="The sheet of a workbook; null: its only one.")
+    ] = None
     where: Annotated[
         dict[str, Values],
         Meta(
@@ -58,6 +63,8 @@ class OrderFile(ConfigSection, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         if self.time is not None:
             check_format(self.time)
+        if self.sheet is not None and self.file and not is_workbook(Path(self.file)):
+            raise ValueError(f"sheet belongs to a workbook (.xlsx), and file is '{self.file}'")
 
 
 @dataclass(frozen=True)

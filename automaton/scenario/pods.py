@@ -38,6 +38,7 @@ READ_ALONE: dict[str, Any] = {
     "where": {},
     "time": None,
     "encoding": "utf-8",
+    "sheet": None,
 }  # and of a file
 Share = Annotated[float, Meta(ge=0, le=1)]
 
@@ -227,7 +228,8 @@ class LineDemand(OrderFile, frozen=True, kw_only=True):
         NonEmptyText | None,
         Meta(
             description="A CSV file with a line in each row, whose first row names its columns, between "
-            "semicolons, tabs or commas; path relative to the scenario."
+            "semicolons, tabs or commas, or a workbook (.xlsx, extra excel); path relative to the "
+            "scenario."
         ),
     ] = None  # type: ignore[assignment]
     columns: Annotated[

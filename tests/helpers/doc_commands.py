@@ -51,6 +51,7 @@ LEAVES: Final = (
     "--plots",
     "--csv",
     "--parquet",
+    "--xlsx",
     "--matrix",
     "--planviz",
     "--vda5050",

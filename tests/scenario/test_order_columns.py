@@ -144,7 +144,7 @@ def test_umlauts_are_read_in_the_encoding_that_is_set(encoding: str, tmp_path: P
          "shift.csv: begins with the mark of UTF-8: leave out encoding: cp1252"),
         ("order;released\nA;5\n".encode("utf-16"), {}, "shift.csv: is UTF-16 text; save it as UTF-8"),
         (b"PK\x03\x04anything", {},
-         "shift.csv: is a spreadsheet or an archive; save the sheet as CSV"),
+         "shift.csv: is a spreadsheet or an archive; save the sheet as CSV, or as .xlsx"),
         (b"", {}, "shift.csv: is empty; its first line must name the columns"),
         (b"order;released\n\n", {}, "shift.csv: has no rows below its head"),
         (b'order;released\nA;5\n"B;6\nC;7\n', {},

@@ -1,0 +1,80 @@
+"""Tables of a recorded run: it is played again from its decisions, and its tables are made meanwhile."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from automaton.errors import InputError
+from automaton.evidence.recording.frames import Recording
+from automaton.evidence.recording.recording_reader import read_recording
+
+if TYPE_CHECKING:
+    from automaton.evidence.history.playback import Playback
+    from automaton.runs.sampling import Sampling
+    from automaton.tables.table_files import Tables
+
+
+class RecordedRun:
+    """A recording, whole or cut short."""
+
+    def __init__(self, path: str | Path, recording: Recording) -> None:
+        self.path, self._recording = Path(path), recording
+
+    @property
+    def ticks(self) -> int:
+        """How many are recorded."""
+        return self._recording.ticks
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether the recording has its end."""
+        return self._recording.complete
+
+    def tables(
+        self,
+        states: str | int | None = None,
+        events: bool = False,
+        robots: Sequence[int] | None = None,
+        folder: str | Path | None = None,
+    ) -> Tables:
+        """The tables of the run, as `simulate(tables=True)` has them.
+
+        `states`: a period such as "1 s", or ticks; `robots`: events and states of these alone;
+        `folder`: a new folder to which they are written as Parquet. Raises InputError.
+        """
+        from automaton.evidence.history.playback import Playback
+        from automaton.evidence.recording.header import resolved_of
+        from automaton.tables.table_run import TableOptions, table_run
+
+        recording = self._recording
+        where = None if folder is None else Path(folder)
+        options = TableOptions(states, events, robots, where)
+        try:
+            resolved = resolved_of(recording.header, with_strategies=False)
+            with table_run(resolved, options, self.ticks) as run:
+                sampling = run.sampling
+                frames = recording.stored()
+                playback = Playback(recording.header, frames, on_observe=sampling.on_observe)
+                _play(playback, sampling, self.ticks)
+                run.finish(playback.simulation)
+        except InputError as error:
+            raise error.at(str(self.path)) from None
+        return run.tables()
+
+
+def _play(playback: Playback, sampling: Sampling, until: int) -> None:
+    """Play a recording to a tick, with samples on the way."""
+    period = sampling.period or until or 1
+    if sampling.period:
+        sampling.on_sample(playback.simulation)
+    while playback.tick < until:
+        playback.go_to(min((playback.tick // period + 1) * period, until))
+        if sampling.period and playback.tick % period == 0:
+            sampling.on_sample(playback.simulation)
+
+
+def read(path: str | Path) -> RecordedRun:
+    """Open a recording. Raises InputError for a file that is not one, or is damaged."""
+    return RecordedRun(path, read_recording(path))

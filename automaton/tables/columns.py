@@ -1,0 +1,216 @@
+"""The tables of a run and their columns: names, kinds and meanings.
+
+Rows are columns of NumPy arrays until a writer takes them. A whole number that is not known is
+NO_NUMBER, another number NaN; a text is its place in a list of texts, or NO_TEXT; yes or no is 1 or 0,
+or NO_TEXT. Importing this needs neither Numba nor pyarrow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from automaton.units import exact_time
+
+if TYPE_CHECKING:
+    from automaton.build.resolve import Resolved
+
+Array = NDArray[Any]
+Rows = Mapping[str, Array]  # (k,) each, by column
+
+WHOLE: Final = "whole number"
+TICKS: Final = "ticks"  # a whole number, beside which its seconds stand where a tick is a time
+NUMBER: Final = "number"
+TEXT: Final = "text"
+FLAG: Final = "true or false"
+
+NO_NUMBER: Final = int(np.iinfo(np.int64).min)
+NO_TEXT: Final = -1
+SECONDS: Final = "_s"  # what the name of a column of seconds ends in
+
+
+class Column(NamedTuple):
+    """One column."""
+
+    name: str
+    kind: str
+    meaning: str
+
+
+class Form(NamedTuple):
+    """A table as it is written."""
+
+    name: str
+    columns: tuple[Column, ...]
+    texts: Mapping[str, Sequence[str]]  # of each column of texts
+    tick: Fraction | None  # seconds; None: a tick is not a time
+
+    def names(self) -> list[str]:
+        """The names of all columns, those of seconds included."""
+        names = []
+        for column in self.columns:
+            names.append(column.name)
+            if column.kind == TICKS and self.tick is not None:
+                names.append(column.name + SECONDS)
+        return names
+
+
+ORDERS: Final = (
+    Column("order", WHOLE, "number of the order, from 0"),
+    Column("priority", WHOLE, "the larger one comes first; the highest of its lines"),
+    Column("released", TICKS, "tick from which it is known; empty: not in this run"),
+    Column("due", TICKS, "tick until which it is to be done"),
+    Column("done", TICKS, "tick in which it was done; empty: open at the end"),
+    Column("lead_time", TICKS, "from its release until it was done"),
+    Column(
+        "tardiness", TICKS, "from `due` until it was done, or to the end of the run; 0: in time"
+    ),
+    Column(
+        "late", FLAG, "done after it was due, or open and past due at the end; empty: not known"
+    ),
+    Column("lines", WHOLE, "lines of the order; empty where orders have none"),
+    Column("name", TEXT, "what a list or a file of lines calls the order"),
+)
+LINES: Final = (
+    Column("line", WHOLE, "number of the line, from 0"),
+    Column("order", WHOLE, "the order that it belongs to"),
+    Column("sku", TEXT, "what is wanted, where the scenario says so"),
+    Column("pod", WHOLE, "number of the pod, from 1"),
+    Column("station", TEXT, "the station where it is served"),
+    Column("trip", WHOLE, "the trip that serves it"),
+    Column("robot", WHOLE, "the robot that last took this trip"),
+    Column("units", WHOLE, "how many are wanted"),
+    Column("released", TICKS, "tick from which it is known; empty: not in this run"),
+    Column("taken", TICKS, "tick in which the robot took the trip"),
+    Column("lifted", TICKS, "first tick in which the pod is on the robot"),
+    Column("arrived", TICKS, "tick at whose end the robot stands at the station"),
+    Column("begun", TICKS, "first tick of the visit in which it is served"),
+    Column("done", TICKS, "last tick of this visit; empty: open at the end"),
+)
+TRIPS: Final = (
+    Column("trip", WHOLE, "number of the trip; without lines, of the order"),
+    Column("pod", WHOLE, "number of the pod, from 1"),
+    Column("from", TEXT, "cell `x_y` from which the load comes"),
+    Column("to", TEXT, "cell `x_y` where it was brought, or is to go"),
+    Column("robot", WHOLE, "the robot that last took it"),
+    Column("type", TEXT, "type of this robot, where there are several"),
+    Column("released", TICKS, "tick from which it is known; empty: not in this run"),
+    Column("taken", TICKS, "tick in which this robot took it"),
+    Column("picked", TICKS, "first tick in which the load is on the robot"),
+    Column("delivered", TICKS, "first tick in which the load is where it is to go"),
+    Column("stops", WHOLE, "stops that were done"),
+    Column("moves", WHOLE, "moves with the load; without one, since the order was taken"),
+    Column("drive", TICKS, "ticks of these moves and of the turns between them"),
+    Column(
+        "least_drive",
+        TICKS,
+        "ticks that this way takes at least on an empty floor; empty: picked up more than once",
+    ),
+    Column("queued", TICKS, "ticks in the queues of stations"),
+)
+EVENTS: Final = (
+    Column("tick", TICKS, "when it happened"),
+    Column("event", TEXT, "what happened"),
+    Column("robot", WHOLE, "the robot; of a wait cycle, the one with the lowest number"),
+    Column("order", WHOLE, "the order, or its trip; of `job done` and `part finished`, the part"),
+    Column(
+        "value",
+        NUMBER,
+        "of `retreated` moves, of wait cycles robots, of `charges` the charge from 0 to 1, of parts "
+        "the station from 0, of `zones redesigned` stations that changed their zones",
+    ),
+    Column("x", WHOLE, "the cell of the robot, where loads are handled or robots go down"),
+    Column("y", WHOLE, "and its row"),
+)
+STATES: Final = (
+    Column("tick", TICKS, "after this tick"),
+    Column("robot", WHOLE, "number of the robot, from 0"),
+    Column(
+        "x", WHOLE, "the cell where it stands, or that a long move leaves; empty: off the floor"
+    ),
+    Column("y", WHOLE, "and its row"),
+    Column("heading", TEXT, "E, S, W or N; on rails EW or NS; empty: it may move any way"),
+    Column("action", TEXT, "what it does"),
+    Column("load", WHOLE, "the order, or the trip, whose load it carries"),
+    Column("order", WHOLE, "the order, or the trip, that it works on"),
+    Column("charge", NUMBER, "of its battery, from 0 to 1; empty: robots have none"),
+    Column("cause", TEXT, "why it does not get on; empty: it does"),
+    Column("blocker", WHOLE, "the robot that keeps it"),
+)
+STATIONS: Final = (
+    Column("station", TEXT, "its name, or its number from 1"),
+    Column("x", WHOLE, "its cell"),
+    Column("y", WHOLE, "and its row"),
+    Column("visits", WHOLE, "visits that were done, or parts"),
+    Column("lines", WHOLE, "lines that were served; empty where orders have none"),
+    Column("work", TICKS, "ticks of these visits, or of work on parts"),
+    Column("utilization", NUMBER, "`work` / ticks of the run"),
+)
+CELLS: Final = (
+    Column("x", WHOLE, "the cell, of those that robots drive on"),
+    Column("y", WHOLE, "and its row"),
+    Column("visits", WHOLE, "times that a robot entered it"),
+    Column("waited", TICKS, "robot ticks that were lost in it"),
+    Column("flow_e", WHOLE, "moves out of it to the east"),
+    Column("flow_s", WHOLE, "south"),
+    Column("flow_w", WHOLE, "west"),
+    Column("flow_n", WHOLE, "north"),
+)
+# Of robots: what `run --json` has of each, which depends on the scenario.
+TABLES: Final[dict[str, tuple[Column, ...]]] = {
+    "orders": ORDERS,
+    "lines": LINES,
+    "trips": TRIPS,
+    "events": EVENTS,
+    "states": STATES,
+    "robots": (),
+    "stations": STATIONS,
+    "cells": CELLS,
+}
+
+
+def form_of(
+    name: str, resolved: Resolved, columns: tuple[Column, ...] = (), /, **texts: Sequence[str]
+) -> Form:
+    """The form of a table of a run; `columns`: where TABLES has none."""
+    return Form(name, TABLES[name] or columns, texts, exact_time(resolved.scenario.units.tick))
+
+
+def where(is_known: Array, values: Array) -> Array:
+    """(k,) int64: whole numbers, and NO_NUMBER where they are not known."""
+    out: Array = np.where(is_known, np.asarray(values, np.int64), NO_NUMBER)
+    return out
+
+
+def texts_where(is_known: Array, codes: Array) -> Array:
+    """(k,) int64: places of texts, or flags, and NO_TEXT where they are not known."""
+    out: Array = np.where(is_known, np.asarray(codes, np.int64), NO_TEXT)
+    return out
+
+
+def rows_as_objects(form: Form, rows: Rows) -> list[dict[str, Any]]:
+    """Rows one by one, without columns of seconds; None for what is not known."""
+    columns = []
+    for name, kind, _ in form.columns:
+        values = rows[name].tolist()
+        if kind == TEXT:
+            texts = form.texts[name]
+            values = [None if code == NO_TEXT else texts[code] for code in values]
+        elif kind == FLAG:
+            values = [None if one == NO_TEXT else one == 1 for one in values]
+        else:
+            values = [None if one == NO_NUMBER or one != one else one for one in values]
+        columns.append(values)
+    names = [column.name for column in form.columns]
+    return [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]
+
+
+def codes_of(values: Sequence[str | None]) -> tuple[Array, list[str]]:
+    """Texts as places in the list of the different ones; None is NO_TEXT."""
+    known: dict[str, int] = {}
+    codes = [NO_TEXT if one is None else known.setdefault(one, len(known)) for one in values]
+    return np.array(codes, np.int64), list(known)

@@ -1,0 +1,203 @@
+"""Orders, their lines, and trips, read off the arrays of a run that is over.
+
+Rows come in pieces: of a million orders a whole table would be as large as all that the run keeps of
+them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Final
+
+import numpy as np
+
+from automaton.build.pods import station_names
+from automaton.build.resolve import Resolved
+from automaton.engine.state import CLOCK_TICK, NEVER, NIL, ORDER_DELIVERED, World
+from automaton.runs.asked_orders import asked_count, asked_orders, has_lines
+from automaton.runs.interruption import interruptible
+from automaton.runs.task_lower_bounds import least_way_ticks
+from automaton.runs.task_metrics import Measured
+from automaton.tables.columns import (
+    NO_NUMBER,
+    NO_TEXT,
+    Array,
+    Form,
+    Rows,
+    codes_of,
+    form_of,
+    texts_where,
+    where,
+)
+from automaton.tables.places import cell_texts
+
+Table = tuple[Form, Iterable[Rows]]
+
+LEAST_PRIORITY: Final = -100
+PIECE: Final = 65_536  # rows
+
+
+def pieces(numbers: Array) -> Iterator[Array]:
+    """Numbers, so many at a time."""
+    for begin in range(0, len(numbers), PIECE):
+        yield numbers[begin : begin + PIECE]
+
+
+def order_table(run: Measured) -> Table:
+    """One row for each order that the scenario asks for."""
+    names, texts = _order_names(run.resolved, asked_count(run.world))
+    return form_of("orders", run.resolved, name=texts), _orders(run.world, names)
+
+
+def _orders(world: World, names: Array) -> Iterator[Rows]:
+    orders, now = asked_orders(world), int(world.clock[CLOCK_TICK])
+    priority, lines = _priority_and_lines(world, len(names))
+    for number in pieces(np.arange(len(names))):
+        release, due, done, is_known = (column[number] for column in orders)
+        is_done, has_due = done != NIL, due != NEVER
+        ends = np.where(is_done, done, now)
+        yield {
+            "order": number,
+            "priority": priority[number],
+            "released": where(release != NEVER, release),
+            "due": where(has_due, due),
+            "done": where(is_done, done),
+            "lead_time": where(is_done, done - release),
+            "tardiness": where(has_due & is_known, np.maximum(0, ends - due)),
+            "late": texts_where(has_due & is_known & (is_done | (ends > due)), ends > due),
+            "lines": np.full(len(number), NO_NUMBER) if lines is None else lines[number],
+            "name": names[number],
+        }
+
+
+def _priority_and_lines(world: World, count: int) -> tuple[Array, Array | None]:
+    """(m,) the highest priority of the lines of each order, and how many they are, if there are any."""
+    if not has_lines(world):
+        return world.orders.priority, None
+    priority = np.full(count, LEAST_PRIORITY, np.int16)
+    np.maximum.at(priority, world.lines.order, world.lines.priority)
+    return priority, np.bincount(world.lines.order, minlength=count)
+
+
+def _order_names(resolved: Resolved, count: int) -> tuple[Array, list[str]]:
+    """What listed lines call their orders, which are numbered as they first occur."""
+    lines = resolved.scenario.orders.lines
+    if not isinstance(lines, tuple):
+        return np.full(count, NO_TEXT, np.int64), []
+    names: dict[str, str | None] = {}
+    for number, line in enumerate(lines):
+        key = f" {number}" if line.order is None else str(line.order)
+        names.setdefault(key, None if line.order is None else str(line.order))
+    return codes_of(list(names.values()))
+
+
+def line_table(run: Measured) -> Table:
+    """One row for each line; none where orders have no lines."""
+    names = list(station_names(run.resolved))
+    return form_of("lines", run.resolved, sku=[], station=names), _lines(run)
+
+
+def _lines(run: Measured) -> Iterator[Rows]:
+    lines, orders, stops = run.world.lines, run.world.orders, run.world.stops
+    stop_of, units = stops_of_lines(run.world), _units(run.resolved, len(lines.order))
+    for number in pieces(np.arange(len(lines.order))):
+        trip, stop, done = lines.trip[number], stop_of[number], lines.done[number]
+        taken = _values_at(orders.dispatched, trip)
+        picked = _values_at(orders.picked, trip)
+        arrived, visit = _values_at(stops.arrived, stop), _values_at(stops.ticks, stop)
+        is_done = done != NIL
+        yield {
+            "line": number,
+            "order": lines.order[number],
+            "sku": np.full(len(number), NO_TEXT),
+            "pod": lines.pod[number] + 1,
+            "station": lines.served_at[number],
+            "trip": where(trip != NIL, trip),
+            "robot": where(taken != NIL, _values_at(orders.dispatched_to, trip)),
+            "units": units[number],
+            "released": lines.release_tick[number],
+            "taken": where(taken != NIL, taken),
+            "lifted": where((picked != NIL) & (picked >= taken), picked),
+            "arrived": where((arrived != NIL) & (arrived >= taken), arrived),
+            "begun": where(is_done & (stop != NIL), done - np.maximum(visit, 1) + 1),
+            "done": where(is_done, done),
+        }
+
+
+def _values_at(values: Array, numbers: Array) -> Array:
+    """(k,) int64: values by number, NIL for the number NIL."""
+    if not len(values):
+        return np.full(len(numbers), NIL, np.int64)
+    return np.where(numbers == NIL, NIL, values[numbers].astype(np.int64))
+
+
+def stops_of_lines(world: World) -> Array:
+    """(l,) int32: the stop of a trip where each line is served, or NIL."""
+    lines = world.lines
+    stop_of = np.full(len(lines.order), NIL, np.int32)
+    stop = np.flatnonzero(world.trips.first_line != NIL)
+    line = world.trips.first_line[stop]
+    while len(line):  # as often as a stop has lines
+        stop_of[line] = stop
+        following = lines.following[line]
+        stop, line = stop[following != NIL], following[following != NIL]
+    return stop_of
+
+
+def _units(resolved: Resolved, count: int) -> Array:
+    lines = resolved.scenario.orders.lines
+    if not isinstance(lines, tuple):
+        return np.ones(count, np.int32)
+    return np.fromiter((line.units for line in lines), np.int32, count)
+
+
+def trip_table(run: Measured) -> Table:
+    """One row for each trip of a pod, or for each order where orders have no lines."""
+    cells, texts = cell_texts(run)
+    types = [kind.name for kind in run.resolved.scenario.fleet.types]
+    form = form_of("trips", run.resolved, type=types, **{"from": texts, "to": texts})
+    return form, _trips(run, cells, bool(types))
+
+
+def _trips(run: Measured, cells: Array, has_types: bool) -> Iterator[Rows]:
+    world, orders = run.world, run.world.orders
+    types = world.rules.loaded_types or len(world.rules.duration)
+    numbers = np.arange(len(orders.state))
+    if has_lines(world):
+        numbers = np.flatnonzero(world.trips.pod != NIL)
+    for trip in pieces(numbers):
+        taken, picked = orders.dispatched[trip], orders.picked[trip]
+        is_taken, is_done = taken != NIL, orders.state[trip] == ORDER_DELIVERED
+        source, target = orders.source[trip], orders.target[trip]
+        end = np.where(is_done & (source != NIL), orders.current_slot[trip], target)
+        released = orders.release_tick[trip]
+        pods = world.trips.pod[trip] + 1 if has_lines(world) else np.full(len(trip), NO_NUMBER)
+        yield {
+            "trip": trip,
+            "pod": pods,
+            "from": texts_where(source != NIL, cells[source]),
+            "to": texts_where(end != NIL, cells[end]),
+            "robot": where(is_taken, orders.dispatched_to[trip]),
+            "type": texts_where(is_taken & has_types, orders.dispatched_type[trip] % types),
+            "released": where(released != NEVER, released),
+            "taken": where(is_taken, taken),
+            "picked": where((picked != NIL) & (picked >= taken), picked),
+            "delivered": where(is_done, orders.delivered[trip]),
+            "stops": orders.stops_done[trip],
+            "moves": where(is_done, orders.moves[trip]),
+            "drive": where(is_done, orders.driven[trip]),
+            "least_drive": _least_drive(run, trip, is_done & (orders.legs[trip] == 1)),
+            "queued": where(is_done, orders.queued[trip]),
+        }
+
+
+def _least_drive(run: Measured, trips: Array, is_done: Array) -> Array:
+    """(k,) ticks of driving at least, of trips that are done; several robots may turn less than one."""
+    ticks = np.full(len(trips), NO_NUMBER, np.int64)
+    which = trips[is_done]
+    if len(which):
+        least = np.zeros(len(which), np.int64)
+        with interruptible(run.workspace.stop), np.errstate(over="ignore"):
+            least_way_ticks(run.view, run.workspace, which, least)
+        ticks[is_done] = least
+    return ticks

@@ -11,6 +11,7 @@ from automaton.build.lines import LineColumns, class_ends, line_columns
 from automaton.build.prepared_floor import Floor
 from automaton.build.queues import queue_path
 from automaton.build.resolve import Resolved
+from automaton.build.station_numbers import station_numbers
 from automaton.build.visit_bounds import loaded_driving
 from automaton.engine.facilities import Slots
 from automaton.engine.pods import Lines, Pods, PodStations, Trips
@@ -72,29 +73,6 @@ def pod_cells(floor_plan: FloorPlan) -> Array:
     """Flat cells of pods 0, 1, ..., in reading order."""
     stands = (floor_plan.kind == STORAGE) & (floor_plan.loads != 0)
     return np.flatnonzero(stands)
-
-
-def station_numbers(scenario: Scenario, floor_plan: FloorPlan) -> dict[str, int]:
-    """The number of each station, from 0, by its name and by its number from 1 as text."""
-    cells = floor_plan.stations.tolist()
-    numbers = {str(k + 1): k for k in range(len(cells))}
-    named = {
-        name: cells.index(floor_plan.cell(*station.at))
-        for name, station in scenario.stations.items()
-    }
-    return numbers | named
-
-
-def station_names(resolved: Resolved) -> tuple[str, ...]:
-    """The name of each station, its number from 1 where it has none; () without lines."""
-    scenario, floor_plan = resolved.scenario, resolved.floor_plan
-    if scenario.orders.lines is None:
-        return ()
-    names = [str(k + 1) for k in range(len(floor_plan.stations))]
-    for name, number in station_numbers(scenario, floor_plan).items():
-        if name in scenario.stations:
-            names[number] = name
-    return tuple(names)
 
 
 def handling_rules(scenario: Scenario, floor_plan: FloorPlan) -> list[Handling]:

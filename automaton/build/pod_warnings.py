@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from automaton.build.pods import station_names
 from automaton.build.queues import queue_path
 from automaton.build.resolve import Resolved
+from automaton.build.station_numbers import station_names
 from automaton.floor.cells import CHARGER, STORAGE
 from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.loaded_ways import to_and_from

@@ -11,6 +11,7 @@ from automaton.build.lines import LineColumns, class_ends, classes_given, line_c
 from automaton.build.prepared_floor import Floor
 from automaton.build.queues import queue_path
 from automaton.build.resolve import Resolved
+from automaton.build.station_numbers import station_numbers
 from automaton.build.visit_bounds import loaded_driving
 from automaton.engine.facilities import Slots
 from automaton.engine.pods import Lines, Pods, PodStations, Trips
@@ -100,34 +101,6 @@ def of_listed_orders(resolved: Resolved, home: Array, slot_of: Array, listed: Or
 
 
 NOTHING = dict.fromkeys((*"plqhswrkcbd", "skus", "held", "listed"), 0)
-
-
-def station_numbers(scenario: Scenario, floor_plan: FloorPlan) -> dict[str, int]:
-    """The number of each station, from 0, by its name and by its number from 1 as text."""
-    cells = floor_plan.stations.tolist()
-    numbers = {str(k + 1): k for k in range(len(cells))}
-    named = {
-        name: cells.index(floor_plan.cell(*station.at))
-        for name, station in scenario.stations.items()
-    }
-    return numbers | named
-
-
-def station_names(resolved: Resolved) -> tuple[str, ...]:
-    """The name of each station, its number from 1 where it has none; () without pods."""
-    scenario, floor_plan = resolved.scenario, resolved.floor_plan
-    if not carries_pods(scenario, floor_plan):
-        return ()
-    return all_station_names(scenario, floor_plan)
-
-
-def all_station_names(scenario: Scenario, floor_plan: FloorPlan) -> tuple[str, ...]:
-    """The name of each station, with lines or without; its number from 1 where it has none."""
-    names = [str(k + 1) for k in range(len(floor_plan.stations))]
-    for name, number in station_numbers(scenario, floor_plan).items():
-        if name in scenario.stations:
-            names[number] = name
-    return tuple(names)
 
 
 def handling_rules(scenario: Scenario, floor_plan: FloorPlan) -> list[Handling]:

@@ -16,8 +16,8 @@ from fractions import Fraction
 from pathlib import Path
 
 from automaton.atomic_write import atomic_writer, cannot_write_error
-from automaton.build.pods import all_station_names
 from automaton.build.resolve import resolve
+from automaton.build.station_numbers import all_station_names
 from automaton.commands.arguments import add_settings_argument
 from automaton.commands.layout_arguments import measured
 from automaton.errors import InputError, alternatives, nearest

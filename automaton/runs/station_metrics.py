@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from automaton.build.pods import station_names
+from automaton.build.station_numbers import station_names
 from automaton.engine.state import CLOCK_TICK, NIL
 from automaton.runs.task_metrics import Measured
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from automaton.build.pods import station_names
+from automaton.build.station_numbers import station_names
 from automaton.engine.observation import LOST_EVER, Observation, visits_of
 from automaton.engine.state import CLOCK_TICK, NIL, World
 from automaton.runs.asked_orders import has_lines

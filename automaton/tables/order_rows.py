@@ -11,8 +11,8 @@ from typing import Final
 
 import numpy as np
 
-from automaton.build.pods import station_names
 from automaton.build.resolve import Resolved
+from automaton.build.station_numbers import station_names
 from automaton.engine.state import CLOCK_TICK, NEVER, NIL, ORDER_DELIVERED, World
 from automaton.runs.asked_orders import asked_count, asked_orders, has_lines
 from automaton.runs.interruption import interruptible

@@ -17,8 +17,8 @@ import jsonschema
 import numpy as np
 import pytest
 
-from automaton.build.pods import all_station_names
 from automaton.build.resolve import Resolved, resolve
+from automaton.build.station_numbers import all_station_names
 from automaton.commands import main
 from automaton.errors import InputError
 from automaton.exchange.graphs.floor_graph import floor_graph

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final, TypeVar
 
 import numpy as np
 
-from automaton.build.pods import station_names
+from automaton.build.station_numbers import station_names
 from automaton.engine.facilities import Slots, Stations
 from automaton.engine.gates import Gates
 from automaton.engine.jit.fields import CARRIED

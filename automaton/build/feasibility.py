@@ -271,10 +271,9 @@ def check_orders(document: Document, scenario: Scenario, floor: Floor) -> None:
     for index, order in transports_of(scenario, floor.floor_plan):
         keys = ("orders", "list", index)
         if order.target is None:
-            text = (
-                "the key 'to' is missing; only the order of a pod, from storage, may leave it out"
-            )
-            raise document.error(keys, text)
+            text = f"the key 'to' is missing in {dotted(keys)}"
+            hint = "only the order of a pod, from storage, may leave it out"
+            raise document.error(keys, f"{text}; {hint}")
         source, target = order.ends
         if order.stops is not None and source == target:
             text = (

@@ -60,7 +60,7 @@ def with_locations_of_file(document: Document) -> tuple[Document, LocationFile |
 def read_locations(path: Path) -> tuple[dict[str, list[int]], dict[str, int], str]:
     """Read the cell and the line of each name in a file, and its hash. Raises InputError."""
     file = OrderFile(file=path.name, encoding=_encoding_of(path))
-    columns = read_columns(path, FIELDS, file, None, Scale("1 tick"), NEEDED)
+    columns = read_columns(path, FIELDS, file, None, Scale("1 tick"), NEEDED, may_rename=False)
     codes, names = columns.values["name"], columns.names["name"]
     _, first = np.unique(codes, return_index=True)
     again = np.ones(len(codes), np.bool_)

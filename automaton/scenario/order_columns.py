@@ -56,16 +56,17 @@ def read_columns(
     columns: Mapping[str, str] | None,
     scale: Scale,
     needed: Sequence[Alternatives] = (),
+    may_rename: bool = True,
 ) -> OrderColumns:
     """Read the fields of a file; those without a column have their defaults in all rows.
 
     `columns`: field -> column, or None where columns are called as fields are. `needed`: of each entry
     the fields of one group, which may be empty, must have columns, beside those that are required.
+    `may_rename`: whether the scenario has a key that says what columns are called.
     Raises InputError for a file that cannot be read as a table; mistakes in its rows are in `errors` of
     the answer.
     """
     errors = RowErrors(str(path))
-    may_rename = hasattr(options, "columns")
     chooser = _Chooser(fields, columns, options.where, needed, str(path), may_rename)
     if may_rename and is_workbook(path):
         table = read_sheet_columns(path, options.sheet, options.time, chooser, errors)

@@ -70,7 +70,7 @@ def with_pods_of_file(document: Document) -> tuple[Document, PodFile | None]:
     if not os.path.isfile(path):
         raise document.error((*PODS, "file"), f"there is no file of pods '{pods.file}'")
     options = OrderFile(file=path.name, encoding=pods.encoding)
-    columns = read_columns(path, FIELDS, options, None, Scale("1 tick"), NEEDED)
+    columns = read_columns(path, FIELDS, options, None, Scale("1 tick"), NEEDED, may_rename=False)
     rows = _sequence(columns)
     _check_rows(columns, list(pods.classes or ()))
     columns.errors.raise_any()

@@ -90,7 +90,7 @@ def _floor_for(
         headings=headings,
         kind=frozen(kind.copy()),
         cell_flags=frozen(rule),
-        type_cell_flags=frozen(flags_by_type(by_type.floor_plans, kinematics, len(types))),
+        type_cell_flags=frozen(flags_by_type(by_type.floor_plans, kinematics)),
         drivable=frozen(np.flatnonzero(DRIVABLE[kind]).astype(np.int32)),
         offset=frozen(np.array(floor_plan.offsets, np.int64)),
         slot=frozen(slot),
@@ -117,10 +117,11 @@ def loads_differ(floor_plan: FloorPlan, types: Iterable[RobotType]) -> bool:
     return has_storage(floor_plan) or any(one.loads_differ for one in types)
 
 
-def flags_by_type(floor_plans: Sequence[FloorPlan], kinematics: str, types: int) -> Array:
+def flags_by_type(floor_plans: Sequence[FloorPlan], kinematics: str) -> Array:
     """(K, C) uint8: the flags of cells for robots of each type, then for those of each with a load.
 
-    `types`: how many there are. Robots with a load pass through no storage.
+    No way leads through storage: with a load robots cannot pass under pods,
+    and without one they would meet others that come out with theirs.
     """
     by_type: Array = np.stack([cell_flags_of(plan, kinematics) for plan in floor_plans])
     storage = floor_plans[0].kind.reshape(-1) == STORAGE

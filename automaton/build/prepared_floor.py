@@ -125,7 +125,8 @@ def loads_differ(floor_plan: FloorPlan, types: Iterable[RobotType]) -> bool:
 def flags_by_type(floor_plans: Sequence[FloorPlan], kinematics: str) -> Array:
     """(K, C) uint8: the flags of cells for robots of each type, then for those of each with a load.
 
-    None passes through storage.
+    No way leads through storage: with a load robots cannot pass under pods,
+    and without one they would meet others that come out with theirs.
     """
     by_type: Array = np.stack([cell_flags_of(plan, kinematics) for plan in floor_plans])
     storage = floor_plans[0].kind.reshape(-1) == STORAGE

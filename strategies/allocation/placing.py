@@ -5,7 +5,7 @@ nearest   the free cell of least ticks with a load from where the robot is; ties
 class     the nearest free cell of the pod's class; then of the classes after it, then before it
 random    any free cell
 
-A cell in which a robot is counts as free for the first one alone, or where no other one is.
+But for the first, a cell in which a robot still is comes last.
 """
 
 import numpy as np

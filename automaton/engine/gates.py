@@ -56,23 +56,23 @@ class Gates(Struct, role=STATIC):
         "(c, 4) int32", "ticks of a move in a lift, by direction E S W N; 0: the usual ones"
     )
     closing: Array = field(
-        "(g,) int32", "which closing of a gate comes or lasts, from 0", digest=74
+        "(g,) int32", "which closing of a gate comes or lasts, from 0", digest=75
     )
     open_from: Array = field(
-        "(g,) int64", "tick from which a door, or a lift at its mouth, lets robots in", digest=75
+        "(g,) int64", "tick from which a door, or a lift at its mouth, lets robots in", digest=76
     )
-    used: Array = field("(g,) int64", "tick in which a door was last used or asked for", digest=76)
+    used: Array = field("(g,) int64", "tick in which a door was last used or asked for", digest=77)
     mouth: Array = field(
-        "(g,) int32", "a block: the cell last entered; a lift: where its cabin is", digest=77
+        "(g,) int32", "a block: the cell last entered; a lift: where its cabin is", digest=78
     )
     caller: Array = field(
-        "(g,) int32", "identity of the robot that called a lift, or NIL", default=NIL, digest=78
+        "(g,) int32", "identity of the robot that called a lift, or NIL", default=NIL, digest=79
     )
     waited: Array = field(
-        "(r,) int64", "ticks that a robot has lost before one closing, by identity", digest=79
+        "(r,) int64", "ticks that a robot has lost before one closing, by identity", digest=80
     )
     waited_for: Array = field(
-        "(r,) int32", "that row of closings, by identity, or NIL", default=NIL, digest=80
+        "(r,) int32", "that row of closings, by identity, or NIL", default=NIL, digest=81
     )
     robots: Array = field("(g,) int32", "in it when the tick began", role=SCRATCH)
     held: Array = field(

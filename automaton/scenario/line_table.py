@@ -87,6 +87,18 @@ def line_column(lines: Sequence[Line], name: str) -> Column:
     return np.array([getattr(line, name) for line in lines], np.int32)
 
 
+def line_texts(lines: Sequence[Line], name: str) -> tuple[Column, Sequence[str]]:
+    """What lines call their orders or SKUs: (n,) int32 places among the texts, or NOTHING; the texts."""
+    if isinstance(lines, LineTable):
+        return lines.values[name], lines.orders if name == "order" else lines.skus
+    known: dict[str, int] = {}
+    values = (getattr(line, name) for line in lines)
+    places = [
+        NOTHING if value is None else known.setdefault(str(value), len(known)) for value in values
+    ]
+    return np.array(places, np.int32), list(known)
+
+
 def plain_data(value: Any) -> Any:
     """What a scenario, or a part of it, holds, as msgspec.to_builtins gives it; tables as lists."""
     return msgspec.to_builtins(value, enc_hook=_listed)

@@ -80,6 +80,7 @@ LINES: Final = (
     Column("order", WHOLE, "the order that it belongs to"),
     Column("sku", TEXT, "what is wanted, where the scenario says so"),
     Column("pod", WHOLE, "number of the pod, from 1"),
+    Column("pod_name", TEXT, "its name; its number where it has none"),
     Column("station", TEXT, "the station where it is served"),
     Column("trip", WHOLE, "the trip that serves it"),
     Column("robot", WHOLE, "the robot that last took this trip"),

@@ -6,7 +6,7 @@ them.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
 import numpy as np
@@ -18,13 +18,16 @@ from automaton.runs.asked_orders import asked_count, asked_orders, has_lines
 from automaton.runs.interruption import interruptible
 from automaton.runs.task_lower_bounds import least_way_ticks
 from automaton.runs.task_metrics import Measured
+from automaton.scenario.line_table import line_column, line_texts
+from automaton.scenario.order_fields import NOTHING
+from automaton.scenario.orders import listed_lines
+from automaton.scenario.pod_file import pod_names
 from automaton.tables.columns import (
     NO_NUMBER,
     NO_TEXT,
     Array,
     Form,
     Rows,
-    codes_of,
     form_of,
     texts_where,
     where,
@@ -45,7 +48,7 @@ def pieces(numbers: Array) -> Iterator[Array]:
 
 def order_table(run: Measured) -> Table:
     """One row for each order that the scenario asks for."""
-    names, texts = _order_names(run.resolved, asked_count(run.world))
+    names, texts = _order_names(run, asked_count(run.world))
     return form_of("orders", run.resolved, name=texts), _orders(run.world, names)
 
 
@@ -79,25 +82,30 @@ def _priority_and_lines(world: World, count: int) -> tuple[Array, Array | None]:
     return priority, np.bincount(world.lines.order, minlength=count)
 
 
-def _order_names(resolved: Resolved, count: int) -> tuple[Array, list[str]]:
-    """What listed lines call their orders, which are numbered as they first occur."""
-    lines = resolved.scenario.orders.lines
-    if not isinstance(lines, tuple):
-        return np.full(count, NO_TEXT, np.int64), []
-    names: dict[str, str | None] = {}
-    for number, line in enumerate(lines):
-        key = f" {number}" if line.order is None else str(line.order)
-        names.setdefault(key, None if line.order is None else str(line.order))
-    return codes_of(list(names.values()))
+def _order_names(run: Measured, count: int) -> tuple[Array, Sequence[str]]:
+    """What listed lines call their orders: (q,) places among the texts, or NO_TEXT; the texts."""
+    names: Array = np.full(count, NO_TEXT, np.int64)
+    lines = listed_lines(run.resolved.scenario.orders)
+    if not lines:
+        return names, []
+    places, texts = line_texts(lines, "order")
+    named = places != NOTHING
+    names[run.world.lines.order[named]] = places[named]
+    return names, texts
 
 
 def line_table(run: Measured) -> Table:
     """One row for each line; none where orders have no lines."""
-    names = list(station_names(run.resolved))
-    return form_of("lines", run.resolved, sku=[], station=names), _lines(run)
+    stations = list(station_names(run.resolved))
+    lines = listed_lines(run.resolved.scenario.orders)
+    places, skus = line_texts(lines, "sku") if lines else (None, [])
+    sku = np.full(len(run.world.lines.order), NO_TEXT) if places is None else places
+    pods = pod_names(run.resolved.scenario, len(run.world.pods.slot))
+    form = form_of("lines", run.resolved, sku=skus, pod_name=pods, station=stations)
+    return form, _lines(run, texts_where(sku != NOTHING, sku))
 
 
-def _lines(run: Measured) -> Iterator[Rows]:
+def _lines(run: Measured, sku: Array) -> Iterator[Rows]:
     lines, orders, stops = run.world.lines, run.world.orders, run.world.stops
     stop_of, units = stops_of_lines(run.world), _units(run.resolved, len(lines.order))
     for number in pieces(np.arange(len(lines.order))):
@@ -106,11 +114,13 @@ def _lines(run: Measured) -> Iterator[Rows]:
         picked = _values_at(orders.picked, trip)
         arrived, visit = _values_at(stops.arrived, stop), _values_at(stops.ticks, stop)
         is_done = done != NIL
+        pod = np.where(lines.pod[number] == NIL, lines.taken_from[number], lines.pod[number])
         yield {
             "line": number,
             "order": lines.order[number],
-            "sku": np.full(len(number), NO_TEXT),
-            "pod": lines.pod[number] + 1,
+            "sku": sku[number],
+            "pod": where(pod != NIL, pod + 1),
+            "pod_name": texts_where(pod != NIL, pod),
             "station": lines.served_at[number],
             "trip": where(trip != NIL, trip),
             "robot": where(taken != NIL, _values_at(orders.dispatched_to, trip)),
@@ -145,10 +155,8 @@ def stops_of_lines(world: World) -> Array:
 
 
 def _units(resolved: Resolved, count: int) -> Array:
-    lines = resolved.scenario.orders.lines
-    if not isinstance(lines, tuple):
-        return np.ones(count, np.int32)
-    return np.fromiter((line.units for line in lines), np.int32, count)
+    lines = listed_lines(resolved.scenario.orders)
+    return line_column(lines, "units") if lines else np.ones(count, np.int32)
 
 
 def trip_table(run: Measured) -> Table:

@@ -44,6 +44,17 @@ def test_lines_have_the_ticks_of_the_page(tables: Tables) -> None:
     assert tables.lines["done_s"].to_pylist() == [58.0, 37.0, 110.0]
 
 
+def test_lines_by_sku_have_the_pod_that_was_chosen_and_its_name() -> None:
+    pods = [{"at": [2, 1], "name": "A-1", "skus": ["nut"]}, {"at": [3, 1], "skus": ["nut", "bolt"]}]
+    pods += [{"at": [4, 1], "name": "A-3"}, {"at": [5, 1], "name": "A-4"}]
+    lines = [{"sku": "bolt"}, {"pod": "A-1", "order": "K7"}, {"sku": "nut", "release": 5000}]
+    settings: Any = {"pods.list": pods, "orders.lines": lines, "stop.at_most": 200}
+    table = simulate("goods-mini", tables=True, **settings).tables
+    named = columns(table.lines, "sku", "pod", "pod_name")
+    assert named == [("bolt", 2, "2"), (None, 1, "A-1"), ("nut", None, None)]
+    assert columns(table.orders, "name") == [(None,), ("K7",), (None,)]
+
+
 def test_trips_drive_26_moves_and_one_of_them_queues(tables: Tables) -> None:
     names = ("pod", "from", "to", "robot", "picked", "delivered")
     assert columns(tables.trips, *names) == [

@@ -48,7 +48,7 @@ def test_lines_by_sku_have_the_pod_that_was_chosen_and_its_name() -> None:
     pods = [{"at": [2, 1], "name": "A-1", "skus": ["nut"]}, {"at": [3, 1], "skus": ["nut", "bolt"]}]
     pods += [{"at": [4, 1], "name": "A-3"}, {"at": [5, 1], "name": "A-4"}]
     lines = [{"sku": "bolt"}, {"pod": "A-1", "order": "K7"}, {"sku": "nut", "release": 5000}]
-    settings: Any = {"pods.list": pods, "orders.lines": lines, "stop.at_most": 200}
+    settings: Any = {"pods.list": pods, "orders.lines": lines, "stop.max_duration": 200}
     table = simulate("goods-mini", tables=True, **settings).tables
     named = columns(table.lines, "sku", "pod", "pod_name")
     assert named == [("bolt", 2, "2"), (None, 1, "A-1"), ("nut", None, None)]

@@ -28,9 +28,12 @@ def metrics_by_station(run: Measured) -> list[dict[str, Any]]:
     world = run.world
     names = station_names(run.resolved)
     stations, elapsed = world.pod_stations, max(int(world.clock[CLOCK_TICK]), 1)
-    visited = world.trips.station[world.stops.done != NIL] if names else NOTHING
+    done_at = world.stops.cell[world.stops.done != NIL]
+    visited = stations.station_at[done_at] if names else NOTHING
     done = world.lines.served_at[world.lines.done != NIL]
-    visits, lines = (np.bincount(of, minlength=len(names)).tolist() for of in (visited, done))
+    visits, lines = (
+        np.bincount(of[of != NIL], minlength=len(names)).tolist() for of in (visited, done)
+    )
     return [
         Station(
             name,

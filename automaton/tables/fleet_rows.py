@@ -9,7 +9,6 @@ import numpy as np
 from automaton.build.station_numbers import station_names
 from automaton.engine.observation import LOST_EVER, Observation, visits_of
 from automaton.engine.state import CLOCK_TICK, NIL, World
-from automaton.runs.asked_orders import has_lines
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
 from automaton.runs.metrics import busy_ticks, metrics_by_robot
 from automaton.runs.task_metrics import Measured
@@ -55,8 +54,9 @@ def _kind_of(name: str, value: Any) -> str:
 def station_table(run: Measured) -> Table:
     """One row for each station to which pods are carried, or that works on parts."""
     world, resolved = run.world, run.resolved
-    visits, work, lines = _of_pods(world) if has_lines(world) else _of_parts(world)
-    cells = world.pod_stations.cell if has_lines(world) else world.slots.cell[world.stations.slot]
+    to_pods = len(world.pod_stations.cell) > 0
+    visits, work, lines = _of_pods(world) if to_pods else _of_parts(world)
+    cells = world.pod_stations.cell if to_pods else world.slots.cell[world.stations.slot]
     x, y = columns_and_rows(resolved.floor_plan, cells)
     names = list(station_names(resolved)) or [str(k + 1) for k in range(len(cells))]
     rows = {
@@ -75,7 +75,8 @@ def _of_pods(world: World) -> tuple[Array, Array, Array]:
     """(k,) visits, their ticks and lines that were served."""
     stops, count = world.stops, len(world.pod_stations.cell)
     done = np.flatnonzero(stops.done != NIL)
-    station = world.trips.station[done]
+    station = world.pod_stations.station_at[stops.cell[done]]
+    done, station = done[station != NIL], station[station != NIL]
     served = world.lines.served_at[world.lines.done != NIL]
     work = np.bincount(station, stops.ticks[done], count).astype(np.int64)
     return np.bincount(station, minlength=count), work, np.bincount(served, minlength=count)

@@ -179,10 +179,10 @@ def _trips(run: Measured, cells: Array, has_types: bool) -> Iterator[Rows]:
         source, target = orders.source[trip], orders.target[trip]
         end = np.where(is_done & (source != NIL), orders.current_slot[trip], target)
         released = orders.release_tick[trip]
-        pods = world.trips.pod[trip] + 1 if has_lines(world) else np.full(len(trip), NO_NUMBER)
+        pod = world.trips.pod[trip] if len(world.trips.pod) else np.full(len(trip), NIL)
         yield {
             "trip": trip,
-            "pod": pods,
+            "pod": where(pod != NIL, pod + 1),
             "from": texts_where(source != NIL, cells[source]),
             "to": texts_where(end != NIL, cells[end]),
             "robot": where(is_taken, orders.dispatched_to[trip]),

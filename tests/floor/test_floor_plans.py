@@ -20,8 +20,8 @@ from automaton.floor.cells import (
 )
 from automaton.floor.drawn_floors import draw_floor, symbol_of
 from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.loaded_ways import to_and_from
 from automaton.floor.reachability import (
-    around_home,
     reached,
     slots_beside,
 )
@@ -198,7 +198,7 @@ def test_the_smallest_tabletop_works() -> None:
     floor_plan = Tabletop(tables=1, positions=1, destinations=1).build()
     assert as_text(floor_plan) == ["", "b+o+d", "boso", "b+o+", ""]
     assert not slots_beside(floor_plan, ~floor_plan.drivable.reshape(-1)).size
-    within = around_home(floor_plan, int(floor_plan.bays[0, 1]), rail=True)
+    within = to_and_from(floor_plan, int(floor_plan.bays[0, 1]), rail=True)
     assert not slots_beside(floor_plan, ~within).size
 
 
@@ -206,16 +206,16 @@ def test_what_lies_behind_a_one_way_door_is_reached_but_not_left() -> None:
     floor_plan = picture(".>.s", "s###")
     assert reached(floor_plan, [floor_plan.cell(0, 0)], rail=False)[floor_plan.cell(2, 0)]
     assert not reached(floor_plan, [floor_plan.cell(2, 0)], rail=False)[floor_plan.cell(0, 0)]
-    within = around_home(floor_plan, floor_plan.cell(2, 0), False)
+    within = to_and_from(floor_plan, floor_plan.cell(2, 0), False)
     assert [floor_plan.xy(c) for c in slots_beside(floor_plan, ~within)] == [(0, 1)]
 
 
 def test_rails_turn_on_turntables_only() -> None:
     corner, table = picture("...", "##.", "##s"), picture("..+", "##.", "##s")
     start = corner.cell(0, 0)
-    assert slots_beside(corner, ~around_home(corner, start, rail=True)).size == 1
-    assert slots_beside(corner, ~around_home(corner, start, rail=False)).size == 0
-    assert slots_beside(table, ~around_home(table, start, rail=True)).size == 0
+    assert slots_beside(corner, ~to_and_from(corner, start, rail=True)).size == 1
+    assert slots_beside(corner, ~to_and_from(corner, start, rail=False)).size == 0
+    assert slots_beside(table, ~to_and_from(table, start, rail=True)).size == 0
 
 
 def test_exits_never_lead_into_the_border_or_a_wall() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from automaton.floor.cells import FLOOR
 from automaton.floor.floor_drawing import floor_picture
-from automaton.floor.reachability import around_home
+from automaton.floor.loaded_ways import to_and_from
 from layouts.aisles import Aisles
 from layouts.random_floor import RandomFloor, largest_part
 from layouts.rooms import Rooms
@@ -100,7 +100,7 @@ def test_all_free_cells_are_reached_from_each_other(floor):
     built = floor.build()
     free = np.flatnonzero(built.kind.reshape(-1) == FLOOR)
     assert len(free) > 200
-    assert (np.flatnonzero(around_home(built, int(free[0]), False)) == free).all()
+    assert (np.flatnonzero(to_and_from(built, int(free[0]), False)) == free).all()
 
 
 def test_a_floor_follows_from_its_seed():

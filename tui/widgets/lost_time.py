@@ -14,7 +14,7 @@ from automaton.engine.observation import CAUSES
 from tui.widgets.signs import Signs, bar
 from tui.widgets.styled_lines import Line, Span, dim, line
 
-CAUSE_LETTERS: Final = ".QHWDIVLBwFRopriPebszhSdky"  # by cause; capitals count as blocked
+CAUSE_LETTERS: Final = ".QHWDIVLBwFRopriPebszhSdkycgnl"  # by cause; capitals count as blocked
 BLOCKED_LOOK: Final = "warn"
 OTHER: Final = "plain"
 

@@ -60,7 +60,7 @@ class Battery(Struct, role=SCRATCH):
         "of each piece the level from which it holds, and units per tick",
         role=CONSTANT,
     )
-    reserve: Array = field("(K,) int64", "units that are left on every arrival")
+    reserve: Array = field("(K,) int64", "units that are left on every arrival", role=CONSTANT)
     end_reach: int = field(
         "int64", "1: at the end of a list a charger can still be reached (never strand)"
     )

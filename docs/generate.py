@@ -20,6 +20,7 @@ from typing import Any, Final
 
 from automaton.commands import COMMANDS
 from automaton.engine import (
+    delays,
     facilities,
     gates,
     pods,
@@ -458,6 +459,7 @@ SEEN: Final = {
     "trips": pods.Trips,
     "pod_stations": pods.PodStations,
     "gates": gates.Gates,
+    "delays": delays.Delays,
     "service_zones": service_zones.ServiceZones,
     "service_zones.roads": service_zones.Roads,
     "service_zones.design": service_zones.Design,

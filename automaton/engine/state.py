@@ -118,9 +118,7 @@ REASON_ORDER_TAKEN: Final = 9  # charging: it has taken an order
 REASON_NO_ORDER: Final = 10  # charging: allocation has nothing for it
 REASON_ZONE_EVENT: Final = 11  # zoning: an order has no queue yet, or a robot went down or is back
 REASON_SERVED: Final = 12  # the last stop of its order is done: where does the load go?
-REASON_AROUND_CLOSED: Final = (
-    13  # routing: it has long waited before a closed cell, plan around such
-)
+REASON_AROUND_CLOSED: Final = 13  # routing: it has waited long before a closed cell
 
 # The machine that runs waits and retries: robots.retry_state.
 RETRY_NONE: Final = 0

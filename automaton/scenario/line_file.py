@@ -53,15 +53,14 @@ def with_lines_of_file(
     path = document.folder / demand.file
     if not os.path.isfile(path):
         raise document.error(FILE, f"there is no file of lines '{demand.file}'")
-    numbers = [str(k + 1) for k in range(len(floor_plan.stations))]
-    stations = [*scenario.stations, *numbers]
+    stations = [*scenario.stations, *range(1, len(floor_plan.stations) + 1)]
     fields: list[Field] = [
         ReleaseField(),
         DueField(),
         TextField("order"),
         TextField("pod"),
         TextField("sku"),
-        NameField("station", {name: k for k, name in enumerate(stations)}, "station"),
+        NameField("station", {str(name): k for k, name in enumerate(stations)}, "station"),
         NumberField("priority", -100, 100, default=0),
         NumberField("units", 0, MOST_UNITS, default=1),
     ]
@@ -75,7 +74,10 @@ def with_lines_of_file(
     lines = LineTable(
         {**columns.values, "pod": pods},
         columns.names["order"],
-        pod_names(scenario, count),
+        [
+            k + 1 if name == str(k + 1) else name
+            for k, name in enumerate(pod_names(scenario, count))
+        ],
         columns.names["sku"],
         stations,
     )

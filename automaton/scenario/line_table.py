@@ -32,9 +32,9 @@ class LineTable(Sequence[Line]):
         self,
         values: Mapping[str, Column],
         orders: Sequence[str],
-        pods: Sequence[str],
+        pods: Sequence[str | int],
         skus: Sequence[str],
-        stations: Sequence[str],
+        stations: Sequence[str | int],
     ) -> None:
         self.values, self.orders, self.stations = values, orders, stations
         self.pods, self.skus = pods, skus

@@ -150,7 +150,7 @@ def test_a_pod_without_a_way_over_aisles() -> None:
     assert scene({"from": [3, 1], "to": [7, 1]}, picture=picture, stations=stations)
 
 
-@pytest.mark.parametrize("allocation", ["greedy", "cooperative"])
+@pytest.mark.parametrize("allocation", ["auction", "cooperative"])
 def test_an_allocation_that_does_not_know_pods(allocation: str) -> None:
     with pytest.raises(InputError, match="it does not know pods"):
         scene({"from": POD_1}, strategy={"allocation": allocation, "right_of_way": "wait"})

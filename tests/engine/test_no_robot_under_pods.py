@@ -42,14 +42,14 @@ def test_who_does_not_lift_it_stops_before_a_pod() -> None:
     assert run.resolved.floor_plan.xy(int(robots.cell[0])) == (4, 0)
 
 
-@pytest.mark.parametrize(("under", "moves"), [("empty", 6), ("none", 10)])
-def test_the_way_without_a_load_leads_past_storage(under: str, moves: int) -> None:
-    """From (5, 0) to the pod at (2, 1): by (5, 1), or all the way round."""
+@pytest.mark.parametrize("under", ["empty", "none"])
+def test_the_way_without_a_load_leads_past_storage(under: str) -> None:
+    """From (5, 0) to the pod at (2, 1): not by (5, 1), but all the way round."""
     stations = {"P1": {"at": [1, 2]}}
     run = Simulation(scene(under, SHORT_CUT, start=[[5, 0]], stations=stations))
     while run.world.robots.load[0] == NIL:
         run.run(run.tick + 1)
-    assert run.tick == moves + 1, "and lifts it in the next tick"
+    assert run.tick == 10 + 1, "and lifts it in the next tick"
 
 
 def test_a_run_is_valid_and_the_validator_knows_the_rule() -> None:

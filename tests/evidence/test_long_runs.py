@@ -158,11 +158,11 @@ def small(budget: int) -> LiveRun:
 
 def test_of_a_past_beyond_the_budget_the_beginning_goes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("automaton.evidence.history.watched_run.KEYFRAME_S", 0.0)
-    run, whole = small(6000), live(*FLEET)
+    run, whole = small(8000), live(*FLEET)
     run.show(1300, 99)
     whole.show(1300, 99)
     store = run.recorder._store
-    assert store._bytes <= 6000 and 0 < run.recorder.first <= run.first < 1300
+    assert store._bytes <= 8000 and 0 < run.recorder.first <= run.first < 1300
     assert run.keyframes.ticks[0] == run.first
     run.show(1299, 99)  # what is not in a frame yet goes into one, which may cost the oldest
     between = (run.first + 1300) // 2  # where the past begins hangs on how fast it was computed

@@ -449,9 +449,10 @@ header    orders         source target release_tick weight priority due release_
 header    stops          cell ticks
 header    stations       processing_time arrival_tick
 header    slots          cell
-header    pods           slot
-header    lines          order pod station release_tick due priority handling
-header    pod_stations   cell places rule visit
+header    pods           slot weight sku_first sku_pod
+header    lines          order pod sku station release_tick due priority handling
+header    pod_stations   cell places rule visit ticks_from
+header    gates          first_closing closings
 keyframe  robots         cell claim heading travel action busy priority load order slot goal_type
 keyframe  robots         goal_cell charge_target try_drop retreat_moves failed_retries retry_state
 keyframe  robots         parked service_zone charge status need reason
@@ -463,6 +464,7 @@ keyframe  pods           slot trip first_line
 keyframe  lines          served_at trip done
 keyframe  trips          begun station place leaving offered
 keyframe  pod_stations   taken open_lines
+keyframe  gates          closing open_from used mouth caller waited waited_for
 keyframe  service_zones  server queue next_slot skips_transfer halt
 """
 

@@ -379,7 +379,10 @@ def test_the_validator_shares_no_code_with_the_kernels() -> None:
     # Which arrays a recording keeps follows from the declarations of the state: fields, no rules.
     shared |= {
         f"automaton.engine.{name}"
-        for name in ("distance_tables", "facilities", "pods", "service_zones", "state", "stops")
+        for name in (
+            *("delays", "distance_tables", "facilities", "gates", "pods"),
+            *("service_zones", "state", "stops"),
+        )
     }
     shared |= {f"automaton.engine.jit{name}" for name in ("", ".fields", ".structs")}
     assert not [name for name in loaded if name.startswith(foreign) and name not in shared]

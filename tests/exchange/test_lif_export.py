@@ -150,7 +150,15 @@ def test_a_cell_where_moves_become_slower_is_a_node(tmp_path: Path) -> None:
 
 
 CAPACITY_ONE = {
-    *("factory-single", "goods-60x40", "goods-mini", "goods-to-person", "random-400", "sorting"),
+    *(
+        "bad-day",
+        "factory-single",
+        "goods-60x40",
+        "goods-mini",
+        "goods-to-person",
+        "random-400",
+        "sorting",
+    ),
     *("tabletop-1", "tabletop-2", "tabletop-mini"),
 }
 

@@ -252,7 +252,7 @@ def test_what_is_no_scenario_is_refused(tmp_path: Path, text: str | bytes, words
 def test_a_missing_file_or_name_is_explained(tmp_path: Path) -> None:
     for name, words in [
         ("tabeltop-1", "did you mean 'tabletop-1'?"),
-        ("zzz", "there are crossing, depots, depots-full"),
+        ("zzz", "there are bad-day, crossing, depots"),
         ("zzz.yaml", "zzz.yaml: no such file"),
         (str(tmp_path), "is a folder"),
         (os.devnull, "not a regular file"),

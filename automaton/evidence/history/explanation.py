@@ -104,7 +104,7 @@ def _link(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> Link:
     if code == CAUSE_CHARGER_QUEUE and cell is not None:
         because = queueing_words(snapshot, robot, f"({cell[0]}, {cell[1]})")
     elif code == CAUSE_DELAYED:
-        last = int(snapshot.delayed_until[robot])
+        last = int(snapshot.delayed_until[robot]) if len(snapshot.delayed_until) else NIL
         because += f" up to tick {last:,}" if last > snapshot.tick else ""
     elif code in (CAUSE_NO_ENERGY, CAUSE_FAULT):
         because = out_of_order(snapshot, robot)

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from automaton.engine.gates import GATE_BLOCK, GATE_CLOSING, GATE_DOOR
 from automaton.engine.observation import CAUSE_CLOSED, CAUSE_LIFT
 from automaton.engine.state import NEVER, NIL, Array
-from automaton.evidence.history.snapshot import Snapshot
 from automaton.units import count
+
+if TYPE_CHECKING:  # it needs Numba
+    from automaton.evidence.history.snapshot import Snapshot
 
 
 def is_kept_by_gate(cause: int) -> bool:

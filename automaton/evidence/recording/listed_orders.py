@@ -18,7 +18,7 @@ from automaton.evidence.recording.contents import Content, InvalidFrameError
 
 MIN_PACKED: Final = 1000  # orders; shorter lists stay as the scenario has them
 CELLS: Final = ("from", "to")
-NAMES: Final = ("order", "station")  # of lines: numbers and texts
+NAMES: Final = ("order", "pod", "sku", "station")  # of lines: numbers and texts
 DUE_AT: Final = "due at"
 NOTHING: Final = -(2**31)  # stands for null
 MAX_VALUE: Final = 2**31 - 1

@@ -29,6 +29,9 @@ def failing(at: int, *starts: list[int], **parts: Any) -> Resolved:
     """Robot 0, of those with these starts, fails in a tick and is towed for good 5 ticks later."""
     faults = {"list": [{"robot": 0, "at": at}], "tow_after": 5, "repair_time": None}
     fleet = {"robots": len(starts), "kinematics": "omni", "start": list(starts)}
+    orders = parts.pop("listed", None)
+    if orders is not None:
+        parts["orders"] = {"list": orders}
     return pod_scene(parts.pop("lines", [LINE]), fleet=fleet, faults=faults, **parts)
 
 
@@ -66,6 +69,14 @@ def test_a_trip_with_no_stop_left_is_over() -> None:
     assert line_ticks(run) == [38]
     assert run.finished and rules(report) == []
     assert run.world.orders.state.tolist() == [ORDER_DELIVERED] and run.world.pods.trip[0] == NIL
+
+
+@pytest.mark.parametrize("at", [10, 28])
+def test_an_order_of_a_list_whose_pod_is_put_aside_is_verified(at: int) -> None:
+    """Its stop is done from tick 19 on, until 25."""
+    order = {"from": [2, 1], "stops": [{"at": [5, 3], "for": 7}]}
+    run, report = played(failing(at, [2, 1], [0, 0], listed=[order]), 60)
+    assert run.world.trips.begun.tolist() == [1] and rules(report) == []
 
 
 def test_who_stands_beneath_a_pod_that_is_put_there_gets_its_trip() -> None:

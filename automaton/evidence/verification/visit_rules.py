@@ -128,6 +128,8 @@ class Visits:
         self.count += 1
         if self.trips.of_lines:
             self.loads.undelivered -= self.trips.finish_stop(tick, r, order)
+        elif self.trips.there:
+            self.trips.over[order] += 1
 
     def serve(self, tick: int, r: int, ticks: int) -> None:
         """A robot begins what it does at the next stop of its order."""

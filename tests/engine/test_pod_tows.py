@@ -79,6 +79,23 @@ def test_an_order_of_a_list_whose_pod_is_put_aside_is_verified(at: int) -> None:
     assert run.world.trips.begun.tolist() == [1] and rules(report) == []
 
 
+TWICE = {"from": [2, 1], "stops": [{"at": [5, 3], "for": 6}, {"at": [5, 3], "for": 0}]}
+
+
+@pytest.mark.parametrize("at", [20, 25])
+def test_a_robot_that_is_to_be_towed_does_no_stop_of_0_ticks(at: int) -> None:
+    """It is down from tick 25 on, at whose end it would do the second stop."""
+    run, report = played(failing(at, [2, 1], [0, 0], listed=[TWICE]), 29)
+    assert run.world.stops.done.tolist() == [24, NIL] and rules(report) == []
+
+
+@pytest.mark.parametrize("at", [20, 25])
+def test_a_robot_does_no_stop_of_0_ticks_until_it_is_repaired_in_place(at: int) -> None:
+    faults = {"list": [{"robot": 0, "at": at}], "repair_in_place": 15}
+    run, report = played(pod_scene([], orders={"list": [TWICE]}, faults=faults), 60)
+    assert run.world.stops.done.tolist() == [24, 40] and rules(report) == []
+
+
 def test_who_stands_beneath_a_pod_that_is_put_there_gets_its_trip() -> None:
     """Robot 1 stands in the one cell that is free once (2, 1) is reserved."""
     run = Simulation(failing(13, [2, 1], [6, 1], picture=FULL))

@@ -64,6 +64,23 @@ def test_a_pod_is_put_into_the_nearest_free_cell_and_its_trip_waits_there() -> N
     assert run.world.lines.trip.tolist() == [0] and run.world.orders.legs.tolist() == [2]
 
 
+TWO_FREE = """\
+t........
+#q##p##q#"""
+
+
+@pytest.mark.parametrize(
+    ("cells", "x"), [([[2, 0], [4, 0]], 4), ([[4, 0], [4, 1]], 1), ([[1, 0], [1, 1]], 4)]
+)
+def test_speed_limits_count_on_the_way_to_a_free_cell(cells: list[list[int]], x: int) -> None:
+    """The robot stands in (4, 0), right above the cell of its pod."""
+    limit = {"cells": cells, "max_speed": 9}
+    parts = {"picture": TWO_FREE, "stations": {}, "floor": {"speed_limits": [limit]}}
+    durations = {"pick": 1, "drop": 1, "handling": {"line": 5}}
+    run, report = played(failing(4, [4, 1], lines=[{"pod": 1}], durations=durations, **parts), 20)
+    assert run.world.pods.slot.tolist() == [slot_at(run, x, 1)] and rules(report) == []
+
+
 def test_a_trip_with_no_stop_left_is_over() -> None:
     run, report = played(failing(40, [2, 1]))
     assert line_ticks(run) == [38]

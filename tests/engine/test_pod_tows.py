@@ -85,7 +85,9 @@ def test_a_trip_with_no_stop_left_is_over() -> None:
     run, report = played(failing(40, [2, 1]))
     assert line_ticks(run) == [38]
     assert run.finished and rules(report) == []
-    assert run.world.orders.state.tolist() == [ORDER_DELIVERED] and run.world.pods.trip[0] == NIL
+    orders = run.world.orders
+    assert orders.moves.tolist() == [16] and orders.driven.tolist() == [16], "15 there, one back"
+    assert orders.state.tolist() == [ORDER_DELIVERED] and run.world.pods.trip[0] == NIL
 
 
 @pytest.mark.parametrize("at", [10, 28])

@@ -7,7 +7,7 @@ names another cell.
 import numpy as np
 
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.loads import complete_order, reserve_order
+from automaton.engine.loads import complete_order, end_leg, reserve_order
 from automaton.engine.motion import put_pod_into
 from automaton.engine.next_stop import next_stop
 from automaton.engine.operations import put_off
@@ -27,6 +27,7 @@ def put_pod_aside(world, record, workspace, i):
         return False
     order, identity = np.int64(robots.load[i]), np.int64(robots.identity[i])
     cell = np.int64(world.slots.cell[slot])
+    end_leg(world, i, order)
     put_off(world, i)
     robots.order[i] = NIL
     record_change(world.clock, record, CHANGE_LOAD_LEFT, identity, slot)

@@ -26,6 +26,7 @@ from automaton.engine.requests import (
     request_allocation,
     set_goal,
 )
+from automaton.engine.robot_status import STATUS_EXHAUSTED
 from automaton.engine.state import (
     ACTION_IDLE,
     ACTION_PICK,
@@ -162,6 +163,8 @@ def complete_visits(world, record):
 def has_served(world, i):
     """Whether robot i, at the next stop of its order, has done there what it came for."""
     robots = world.robots
+    if robots.status[i] > STATUS_EXHAUSTED:
+        return False  # it is down, and does nothing
     stop = next_stop(world, np.int64(robots.order[i]))
     if world.stops.ticks[stop]:
         return robots.action[i] == ACTION_SERVE and robots.busy[i] == 0

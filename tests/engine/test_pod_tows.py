@@ -29,6 +29,9 @@ def failing(at: int, *starts: list[int], **parts: Any) -> Resolved:
     """Robot 0, of those with these starts, fails in a tick and is towed for good 5 ticks later."""
     faults = {"list": [{"robot": 0, "at": at}], "tow_after": 5, "repair_time": None}
     fleet = {"robots": len(starts), "kinematics": "omni", "start": list(starts)}
+    orders = parts.pop("listed", None)
+    if orders is not None:
+        parts["orders"] = {"list": orders}
     return pod_scene(parts.pop("lines", [LINE]), fleet=fleet, faults=faults, **parts)
 
 
@@ -61,11 +64,55 @@ def test_a_pod_is_put_into_the_nearest_free_cell_and_its_trip_waits_there() -> N
     assert run.world.lines.trip.tolist() == [0] and run.world.orders.legs.tolist() == [2]
 
 
+TWO_FREE = """\
+t........
+#q##p##q#"""
+
+
+@pytest.mark.parametrize(
+    ("cells", "x"), [([[2, 0], [4, 0]], 4), ([[4, 0], [4, 1]], 1), ([[1, 0], [1, 1]], 4)]
+)
+def test_speed_limits_count_on_the_way_to_a_free_cell(cells: list[list[int]], x: int) -> None:
+    """The robot stands in (4, 0), right above the cell of its pod."""
+    limit = {"cells": cells, "max_speed": 9}
+    parts = {"picture": TWO_FREE, "stations": {}, "floor": {"speed_limits": [limit]}}
+    durations = {"pick": 1, "drop": 1, "handling": {"line": 5}}
+    run, report = played(failing(4, [4, 1], lines=[{"pod": 1}], durations=durations, **parts), 20)
+    assert run.world.pods.slot.tolist() == [slot_at(run, x, 1)] and rules(report) == []
+
+
 def test_a_trip_with_no_stop_left_is_over() -> None:
     run, report = played(failing(40, [2, 1]))
     assert line_ticks(run) == [38]
     assert run.finished and rules(report) == []
-    assert run.world.orders.state.tolist() == [ORDER_DELIVERED] and run.world.pods.trip[0] == NIL
+    orders = run.world.orders
+    assert orders.moves.tolist() == [16] and orders.driven.tolist() == [16], "15 there, one back"
+    assert orders.state.tolist() == [ORDER_DELIVERED] and run.world.pods.trip[0] == NIL
+
+
+@pytest.mark.parametrize("at", [10, 28])
+def test_an_order_of_a_list_whose_pod_is_put_aside_is_verified(at: int) -> None:
+    """Its stop is done from tick 19 on, until 25."""
+    order = {"from": [2, 1], "stops": [{"at": [5, 3], "for": 7}]}
+    run, report = played(failing(at, [2, 1], [0, 0], listed=[order]), 60)
+    assert run.world.trips.begun.tolist() == [1] and rules(report) == []
+
+
+TWICE = {"from": [2, 1], "stops": [{"at": [5, 3], "for": 6}, {"at": [5, 3], "for": 0}]}
+
+
+@pytest.mark.parametrize("at", [20, 25])
+def test_a_robot_that_is_to_be_towed_does_no_stop_of_0_ticks(at: int) -> None:
+    """It is down from tick 25 on, at whose end it would do the second stop."""
+    run, report = played(failing(at, [2, 1], [0, 0], listed=[TWICE]), 29)
+    assert run.world.stops.done.tolist() == [24, NIL] and rules(report) == []
+
+
+@pytest.mark.parametrize("at", [20, 25])
+def test_a_robot_does_no_stop_of_0_ticks_until_it_is_repaired_in_place(at: int) -> None:
+    faults = {"list": [{"robot": 0, "at": at}], "repair_in_place": 15}
+    run, report = played(pod_scene([], orders={"list": [TWICE]}, faults=faults), 60)
+    assert run.world.stops.done.tolist() == [24, 40] and rules(report) == []
 
 
 def test_who_stands_beneath_a_pod_that_is_put_there_gets_its_trip() -> None:

@@ -24,7 +24,7 @@ class LoadedWays:
         """Least ticks from a cell to all others that robot r reaches; `headings`: it begins in one."""
         motion = self.motion
         move, turn = (motion.types.ticks[r][name][True] for name in ("move", "turn"))
-        closed = motion.types.closed[r][True]
+        closed, limits = motion.types.closed[r][True], motion.pace.limits
         best = {(start, heading): 0 for heading in headings}
         queue = [(0, *pose) for pose in best]
         while queue:
@@ -39,7 +39,8 @@ class LoadedWays:
                 for direction in range(heading, 4, motion.headings):
                     to = cell + motion.step[direction]
                     if motion.exits[cell] >> direction & 1 and to not in closed:
-                        after.append((ticks + move, to, heading))
+                        least_move = max(move, limits.get((cell, direction), 0))
+                        after.append((ticks + least_move, to, heading))
             for later, to, now in after:
                 if later < best.get((to, now), FAR):
                     best[to, now] = later

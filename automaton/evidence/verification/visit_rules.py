@@ -20,6 +20,7 @@ ORDER_CARRIED: Final = 1
 ORDER_DELIVERED: Final = 2
 ORDER_UNRELEASED: Final = 3
 ORDER_STARTED: Final = 4
+STATUS_DEPLETED: Final = 3  # of a robot: down, as all above it
 
 
 class Holders(Protocol):
@@ -32,6 +33,7 @@ class Holders(Protocol):
     by: list[int]
     state: list[int]
     picking: dict[int, int]
+    status: list[int]
     undelivered: int
 
     def exists(self, code: int, subject: int, value: int) -> bool: ...
@@ -128,6 +130,8 @@ class Visits:
         self.count += 1
         if self.trips.of_lines:
             self.loads.undelivered -= self.trips.finish_stop(tick, r, order)
+        elif self.trips.there:
+            self.trips.over[order] += 1
 
     def serve(self, tick: int, r: int, ticks: int) -> None:
         """A robot begins what it does at the next stop of its order."""
@@ -150,6 +154,8 @@ class Visits:
         return not self.has_load[order] or self.loads.load[r] == order
 
     def _has_done_stop(self, tick: int, r: int) -> bool:
+        if self.loads.status[r] >= STATUS_DEPLETED:
+            return False  # one that is down does nothing
         picks = self.loads.picking.get(r, NIL) > tick
         return self._is_at_stop(r) and self.is_done_by(tick, r, self.loads.order[r], picks)
 

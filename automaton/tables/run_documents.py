@@ -16,6 +16,7 @@ from automaton.runs.metric_catalogue import to_scenario_units, units_of
 from automaton.runs.metrics import metrics_by_type, metrics_of
 from automaton.runs.provenance import versions
 from automaton.runs.simulation import Simulation
+from automaton.scenario.line_table import LineTable
 
 LISTS: Final = ("listed", "lines", "tasks")  # of orders, which may have a million entries
 WIDTH: Final = 100
@@ -45,7 +46,7 @@ def scenario_lines(simulation: Simulation) -> Iterator[str]:
     """The scenario with all its defaults, numbers in ticks, and its seed; versions above it."""
     orders = simulation.resolved.scenario.orders
     values = {name: getattr(orders, name) for name in LISTS}
-    lists = {name: value for name, value in values.items() if isinstance(value, tuple)}
+    lists = {name: value for name, value in values.items() if isinstance(value, tuple | LineTable)}
     data = _sections(simulation.resolved.scenario)
     data["orders"] = _sections(orders, lists)
     data["seed"] = simulation.seed

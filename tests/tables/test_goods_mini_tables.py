@@ -44,6 +44,22 @@ def test_lines_have_the_ticks_of_the_page(tables: Tables) -> None:
     assert tables.lines["done_s"].to_pylist() == [58.0, 37.0, 110.0]
 
 
+def test_a_run_of_a_file_of_lines_is_written_and_can_be_run_again(tmp_path: Path) -> None:
+    (tmp_path / "l.csv").write_text("nr;item;released;units\nK7;nut;0;3\nK8;bolt;4;2\n")
+    named = "columns: {order: nr, sku: item, released: released, units: units}"
+    (tmp_path / "l.yaml").write_text(
+        "layout:\n  picture: |\n    >>>>v\n    ^#ppv\n    ^t<<<\n"
+        "fleet: {robots: 1, kinematics: omni, start: [[0, 0]]}\n"
+        "pods: {list: [{at: [2, 1], skus: [nut]}, {at: [3, 1], skus: [bolt]}]}\n"
+        f"orders: {{lines: {{file: l.csv, {named}}}}}\n"
+        "stop: {when: delivered, max_duration: 500}\n"
+    )
+    run = simulate(tmp_path / "l.yaml", tables=True, folder=tmp_path / "out")
+    assert columns(run.tables.lines, "sku", "pod", "units") == [("nut", 1, 3), ("bolt", 2, 2)]
+    assert columns(run.tables.orders, "name") == [("K7",), ("K8",)]
+    assert simulate(tmp_path / "out" / "scenario.yaml").digest == run.digest
+
+
 def test_lines_by_sku_have_the_pod_that_was_chosen_and_its_name() -> None:
     pods = [{"at": [2, 1], "name": "A-1", "skus": ["nut"]}, {"at": [3, 1], "skus": ["nut", "bolt"]}]
     pods += [{"at": [4, 1], "name": "A-3"}, {"at": [5, 1], "name": "A-4"}]

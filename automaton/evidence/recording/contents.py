@@ -106,7 +106,7 @@ _Text = Annotated[str, Meta(max_length=MAX_TEXT)]
 _Columns = Annotated[dict[str, np.ndarray], Meta(max_length=20)]
 _Name = Annotated[str, Meta(max_length=MAX_TEXT)] | int
 _Names = Annotated[
-    dict[str, Annotated[list[_Name], Meta(max_length=MAX_PLACES)]], Meta(max_length=2)
+    dict[str, Annotated[list[_Name], Meta(max_length=MAX_PLACES)]], Meta(max_length=4)
 ]
 _FLOOR = _part(
     "Floor",

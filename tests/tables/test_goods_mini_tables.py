@@ -48,7 +48,7 @@ def test_a_run_of_a_file_of_lines_is_written_and_can_be_run_again(tmp_path: Path
     (tmp_path / "l.csv").write_text("nr;item;released;units\nK7;nut;0;3\nK8;bolt;4;2\n")
     named = "columns: {order: nr, sku: item, released: released, units: units}"
     (tmp_path / "l.yaml").write_text(
-        "layout:\n  picture: |\n    >>>>v\n    ^#ppv\n    ^t<<<\n"
+        "name: shift\nlayout:\n  picture: |\n    >>>>v\n    ^#ppv\n    ^t<<<\n"
         "fleet: {robots: 1, kinematics: omni, start: [[0, 0]]}\n"
         "pods: {list: [{at: [2, 1], skus: [nut]}, {at: [3, 1], skus: [bolt]}]}\n"
         f"orders: {{lines: {{file: l.csv, {named}}}}}\n"

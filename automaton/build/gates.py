@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from automaton.build.gate_cells import Gate, cells_of, gates_of, mouths_of
+from automaton.build.gate_cells import Gate, cells_of, gates_of, mouths_of, shares
 from automaton.build.gate_feasibility import check_starts_at_gates
 from automaton.build.geometric_draws import geometric
 from automaton.build.handling_times import drawn_durations
@@ -119,11 +119,11 @@ def cabin_ticks(gates: list[Gate], cells: list[list[int]], floor_plan: FloorPlan
         for path in (shaft, shaft[::-1]):
             mouths = [path.index(mouth) for mouth in path if mouth in mouths_of(shaft, floor_plan)]
             for begin, end in itertools.pairwise(mouths):
-                share = gate.section.travel_time // (end - begin)
+                share, last = shares(gate.section.travel_time, end - begin)
                 for place in range(begin, end):
                     way = floor_plan.offsets.index(path[place + 1] - path[place])
                     ticks[path[place], way] = share
-                ticks[path[end - 1], way] += gate.section.travel_time - share * (end - begin)
+                ticks[path[end - 1], way] = last
     return ticks
 
 

@@ -49,6 +49,10 @@ LIFT = "travel_time: 9"
         (f"{{lifts: [{{shaft: [[1, 0], [1, 2]], {LIFT}}}]}}", ["must be a path, but [1, 1]"]),
         (f"{{lifts: [{{shaft: [[1, 0]], {LIFT}}}]}}", ["one cell alone"]),
         ("{lifts: [{shaft: [[0, 0], [4, 0]], travel_time: 3}]}", ["less than the 4 moves"]),
+        ("{lifts: [{shaft: [[0, 0], [1, 0]], travel_time: 65536}]}",
+         ["a move in lift 1 takes 65,536 ticks, its share of travel_time; at most 65,535"]),
+        ("{lifts: [{shaft: [[0, 0], [0, 2]], travel_time: 131071}]}",
+         ["a move in lift 1 takes 65,536 ticks"]),
         (f"{{lifts: [{{shaft: [[0, 0], [5, 0], [5, 2], [0, 2], [0, 1]], {LIFT}}}]}}",
          ["no way out"]),
         ("{levels: {ground: {from: [0, 0], to: [6, 0]}}}", ["[6, 0] of the level ground"]),
@@ -69,6 +73,12 @@ def test_what_does_not_fit_is_named(tmp_path: Path, floor: str, said: list[str])
     for text in said:
         assert text in sentence
     assert "\n" not in sentence
+
+
+def test_moves_in_a_lift_take_all_ticks_that_moves_may() -> None:
+    floor = {"lifts": [{"shaft": [[1, 0], [3, 0]], "travel_time": 2 * 65_535}]}
+    world, _ = build_world(gate_scene(floor, (5, 0)), 1)
+    assert world.gates.cabin_ticks.max() == 65_535
 
 
 def test_robots_that_begin_in_a_lift_are_one_at_most() -> None:

@@ -145,10 +145,11 @@ def closings_of(gate: Gate, number: int, scenario: Scenario, seed: int) -> Array
     if isinstance(closing.every, MeanGap):
         return random_closings(closing, closing.every.mean, number, seed, end)
     assert closing.begin is not None and isinstance(closing.ticks, int), "checked: by schedule"
-    begins = np.arange(closing.begin, max(end, closing.begin) + 1, closing.every or end + 1)
-    if len(begins) > MAX_CLOSINGS:
-        raise InputError(f"{gate.name} closes {len(begins):,} times, at most {MAX_CLOSINGS:,}")
-    return np.stack([begins, begins + closing.ticks], axis=1).astype(np.int64)
+    ticks = range(closing.begin, max(end, closing.begin) + 1, closing.every or end + 1)
+    if len(ticks) > MAX_CLOSINGS:
+        raise InputError(f"{gate.name} closes {len(ticks):,} times, at most {MAX_CLOSINGS:,}")
+    begins = np.arange(ticks.start, ticks.stop, ticks.step, dtype=np.int64)
+    return np.stack([begins, begins + closing.ticks], axis=1)
 
 
 def random_closings(closing: Closing, mean: float, number: int, seed: int, end: int) -> Array:

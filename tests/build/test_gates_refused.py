@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from pathlib import Path
 from typing import Any
 
@@ -91,8 +92,15 @@ def test_robots_that_begin_in_a_lift_are_one_at_most() -> None:
 def test_more_closings_than_a_run_may_have() -> None:
     stop = {"when": "never", "max_duration": 2_000_000_000}
     closed = {"cells": [[3, 0]], "from": 0, "for": 1, "every": 2}
-    with pytest.raises(InputError, match="closing 1 closes 1,000,000,001 times"):
-        build_world(gate_scene({"closed": [closed]}, (5, 0), stop=stop), 1)
+    scene = gate_scene({"closed": [closed]}, (5, 0), stop=stop)
+    tracemalloc.start()
+    try:
+        with pytest.raises(InputError, match="closing 1 closes 1,000,000,001 times"):
+            build_world(scene, 1)
+        most = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert most < 100_000_000, "bytes: none of them is stored before they are counted"
 
 
 WITH_CHARGER = """\

@@ -10,10 +10,13 @@ import msgspec
 import pytest
 from gate_scenes import gate_scenario, gate_scene
 
+from automaton.build import gates
+from automaton.build.gate_cells import mouths_of
 from automaton.build.resolve import resolve
 from automaton.build.scenario_warnings import scenario_warnings
 from automaton.build.world import build_world
 from automaton.errors import InputError
+from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.schema import Scenario
 
 HALLS = """\
@@ -80,6 +83,19 @@ def test_moves_in_a_lift_take_all_ticks_that_moves_may() -> None:
     floor = {"lifts": [{"shaft": [[1, 0], [3, 0]], "travel_time": 2 * 65_535}]}
     world, _ = build_world(gate_scene(floor, (5, 0)), 1)
     assert world.gates.cabin_ticks.max() == 65_535
+
+
+def test_the_mouths_of_a_lift_are_looked_for_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[int] = []
+
+    def counted(shaft: list[int], floor_plan: FloorPlan) -> list[int]:
+        calls.append(len(shaft))
+        return mouths_of(shaft, floor_plan)
+
+    scene = gate_scene({"lifts": [{"shaft": [[1, 0], [6, 0]], "travel_time": 9}]}, (7, 0))
+    monkeypatch.setattr(gates, "mouths_of", counted)
+    build_world(scene, 1)
+    assert calls == [6]
 
 
 def test_robots_that_begin_in_a_lift_are_one_at_most() -> None:

@@ -10,6 +10,7 @@ from handmade_recordings import E, W, header, played, rules
 
 from automaton.engine.record_codes import EXECUTED_BLOCKED as B
 from automaton.engine.record_codes import EXECUTED_WAIT
+from automaton.evidence.verification.gate_rules import Gate
 
 AISLE = "......d"
 CLOSED = {"closed": [{"cells": [[2, 0]], "from": 2, "for": 3}]}
@@ -109,6 +110,20 @@ def test_a_lift_takes_one_robot() -> None:
     ticks = [{0: B}, {0: E, 1: B}, {0: E, 1: W}]
     report = played(head(LIFT, (0, 0), (4, 0)), *ticks, changes=changes[:1])
     assert "lift" in rules(report)
+
+
+def test_only_gates_that_robots_use_are_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of three blocks the robot is in the first one after tick 2, nobody comes near the others."""
+    looked: list[set[int]] = []
+
+    def look(self: Gate, *given: Any) -> None:
+        looked.append(self.cells)
+
+    monkeypatch.setattr(Gate, "look", look)
+    blocks = [BLOCK | {"cells": [[x, 0]]} for x in (2, 4, 5)]
+    assert broken({"blocks": blocks}, {0: E}, {0: E}, {0: W}, {0: W}, {}) == []
+    assert len(looked) == 2  # it is in it as tick 3 begins, and out as tick 4 does
+    assert all(cells == looked[0] for cells in looked)
 
 
 @pytest.mark.parametrize(("length", "expected"), [(2, []), (1, ["move time"]), (3, ["move time"])])

@@ -150,3 +150,9 @@ def moves_between(shaft: list[int], mouths: list[int]) -> list[int]:
     """How many moves it takes from each mouth to the next one."""
     places = [shaft.index(mouth) for mouth in mouths]
     return np.diff(places).tolist()
+
+
+def shares(travel_ticks: int, moves: int) -> tuple[int, int]:
+    """The ticks of a move from one mouth to the next, and of the last one, which takes the rest too."""
+    share = travel_ticks // moves
+    return share, travel_ticks - share * (moves - 1)

@@ -9,8 +9,10 @@ from automaton.build.gate_cells import (
     gates_of,
     mouths_of,
     moves_between,
+    shares,
 )
 from automaton.engine.gates import GATE_BLOCK, GATE_LIFT
+from automaton.engine.slow_zones import MAX_MOVE_TICKS
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.changing_floor import Block, Lift
@@ -29,6 +31,8 @@ def check_gates(document: Document, scenario: Scenario, floor_plan: FloorPlan) -
                 check_lift(gate, gate.section, cells, floor_plan, owner, scenario)
         except InputError as error:
             raise document.error((*gate.keys, CELL_KEYS[gate.kind]), error.message) from None
+        if isinstance(gate.section, Lift):
+            check_shares(document, gate, gate.section, moves_of(cells, floor_plan))
     for name, level in scenario.floor.levels.items():
         for key, (x, y) in (("from", level.first), ("to", level.last)):
             if not floor_plan.holds(x, y):
@@ -63,6 +67,22 @@ def check_lift(
         raise InputError(
             f"{gate.name} takes {ticks_and_time(lift.travel_time, tick)} from one mouth to the next "
             f"(travel_time), less than the {most} moves between them"
+        )
+
+
+def moves_of(shaft: list[int], floor_plan: FloorPlan) -> list[int]:
+    """How many moves it takes from each mouth of a shaft to the next one."""
+    return moves_between(shaft, mouths_of(shaft, floor_plan))
+
+
+def check_shares(document: Document, gate: Gate, lift: Lift, moves: list[int]) -> None:
+    """No move in a lift takes more ticks than a move may. Raises InputError."""
+    most = max(shares(lift.travel_time, count)[1] for count in moves)
+    if most > MAX_MOVE_TICKS:
+        raise document.error(
+            (*gate.keys, "travel_time"),
+            f"a move in {gate.name} takes {most:,} ticks, its share of travel_time; "
+            f"at most {MAX_MOVE_TICKS:,} are allowed",
         )
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from automaton.build.gate_cells import Gate, cells_of, gates_of, mouths_of
+from automaton.build.gate_cells import Gate, cells_of, gates_of, mouths_of, shares
 from automaton.build.gate_feasibility import check_starts_at_gates
 from automaton.build.geometric_draws import geometric
 from automaton.build.handling_times import drawn_durations
@@ -35,7 +35,11 @@ def build_gates(resolved: Resolved, starts: Array, seed: int, tick_us: int) -> G
         return Gates.sized(NOTHING)
     check_starts_at_gates(scenario, floor_plan, starts.tolist())
     cells = [cells_of(gate, floor_plan) for gate in gates]
-    cell_first, cell_gate, cell_index = gates_by_cell(gates, cells, floor_plan)
+    mouths = [  # of lifts; of other gates none
+        mouths_of(inside, floor_plan) if gate.kind == GATE_LIFT else []
+        for gate, inside in zip(gates, cells, strict=True)
+    ]
+    cell_first, cell_gate, cell_index = gates_by_cell(cells, mouths, floor_plan)
     closings = [closings_of(gate, number, scenario, seed) for number, gate in enumerate(gates)]
     first_closing = np.cumsum([0, *map(len, closings)])
     if first_closing[-1] > MAX_CLOSINGS:
@@ -56,9 +60,9 @@ def build_gates(resolved: Resolved, starts: Array, seed: int, tick_us: int) -> G
         first_closing=first_closing.astype(np.int32),
         closings=np.concatenate(closings).reshape(-1, 2),
         replan_after=replan_after(scenario, tick_us),
-        cabin_ticks=cabin_ticks(gates, cells, floor_plan),
+        cabin_ticks=cabin_ticks(gates, cells, mouths, floor_plan),
         open_from=np.where(has_doors, NEVER, 0).astype(np.int64),
-        mouth=np.array([first_mouth(*one, floor_plan) for one in zip(gates, cells, strict=True)]),
+        mouth=np.array([one[0] if one else NIL for one in mouths], np.int32),
         **columns_of(gates),
     )
 
@@ -87,16 +91,13 @@ def columns_of(gates: list[Gate]) -> dict[str, Array]:
 
 
 def gates_by_cell(
-    gates: list[Gate], cells: list[list[int]], floor_plan: FloorPlan
+    cells: list[list[int]], mouths: list[list[int]], floor_plan: FloorPlan
 ) -> tuple[Array, Array, Array]:
     """The gates of each cell, one cell after another, and which mouth of a lift it is there."""
     pairs = sorted((cell, number) for number, inside in enumerate(cells) for cell in inside)
     count = np.bincount([cell for cell, _ in pairs], minlength=floor_plan.kind.size)
-    index = []
-    for cell, number in pairs:
-        is_lift = gates[number].kind == GATE_LIFT
-        mouths = mouths_of(cells[number], floor_plan) if is_lift else []
-        index.append(mouths.index(cell) if cell in mouths else NIL)
+    place = [{cell: k for k, cell in enumerate(one)} for one in mouths]
+    index = [place[number].get(cell, NIL) for cell, number in pairs]
     return (
         np.concatenate([[0], np.cumsum(count)]).astype(np.int32),
         np.array([number for _, number in pairs], np.int32),
@@ -104,26 +105,24 @@ def gates_by_cell(
     )
 
 
-def first_mouth(gate: Gate, cells: list[int], floor_plan: FloorPlan) -> np.int32:
-    """Where the cabin of a lift is; NIL of other gates."""
-    return np.int32(mouths_of(cells, floor_plan)[0] if gate.kind == GATE_LIFT else NIL)
-
-
-def cabin_ticks(gates: list[Gate], cells: list[list[int]], floor_plan: FloorPlan) -> Array:
+def cabin_ticks(
+    gates: list[Gate], cells: list[list[int]], mouths: list[list[int]], floor_plan: FloorPlan
+) -> Array:
     """(C, 4) int32: ticks of the moves in shafts. From one mouth to the next they take its ticks
     together in equal shares, the last one the rest."""
     ticks = np.zeros((floor_plan.kind.size, 4), np.int32)
-    for gate, shaft in zip(gates, cells, strict=True):
+    for gate, shaft, ways_in in zip(gates, cells, mouths, strict=True):
         if not isinstance(gate.section, Lift):
             continue
+        open_cells = set(ways_in)
         for path in (shaft, shaft[::-1]):
-            mouths = [path.index(mouth) for mouth in path if mouth in mouths_of(shaft, floor_plan)]
-            for begin, end in itertools.pairwise(mouths):
-                share = gate.section.travel_time // (end - begin)
+            places = [place for place, cell in enumerate(path) if cell in open_cells]
+            for begin, end in itertools.pairwise(places):
+                share, last = shares(gate.section.travel_time, end - begin)
                 for place in range(begin, end):
                     way = floor_plan.offsets.index(path[place + 1] - path[place])
                     ticks[path[place], way] = share
-                ticks[path[end - 1], way] += gate.section.travel_time - share * (end - begin)
+                ticks[path[end - 1], way] = last
     return ticks
 
 
@@ -145,10 +144,11 @@ def closings_of(gate: Gate, number: int, scenario: Scenario, seed: int) -> Array
     if isinstance(closing.every, MeanGap):
         return random_closings(closing, closing.every.mean, number, seed, end)
     assert closing.begin is not None and isinstance(closing.ticks, int), "checked: by schedule"
-    begins = np.arange(closing.begin, max(end, closing.begin) + 1, closing.every or end + 1)
-    if len(begins) > MAX_CLOSINGS:
-        raise InputError(f"{gate.name} closes {len(begins):,} times, at most {MAX_CLOSINGS:,}")
-    return np.stack([begins, begins + closing.ticks], axis=1).astype(np.int64)
+    ticks = range(closing.begin, max(end, closing.begin) + 1, closing.every or end + 1)
+    if len(ticks) > MAX_CLOSINGS:
+        raise InputError(f"{gate.name} closes {len(ticks):,} times, at most {MAX_CLOSINGS:,}")
+    begins = np.arange(ticks.start, ticks.stop, ticks.step, dtype=np.int64)
+    return np.stack([begins, begins + closing.ticks], axis=1)
 
 
 def random_closings(closing: Closing, mean: float, number: int, seed: int, end: int) -> Array:

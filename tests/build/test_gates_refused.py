@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from pathlib import Path
 from typing import Any
 
@@ -9,10 +10,13 @@ import msgspec
 import pytest
 from gate_scenes import gate_scenario, gate_scene
 
+from automaton.build import gates
+from automaton.build.gate_cells import mouths_of
 from automaton.build.resolve import resolve
 from automaton.build.scenario_warnings import scenario_warnings
 from automaton.build.world import build_world
 from automaton.errors import InputError
+from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.schema import Scenario
 
 HALLS = """\
@@ -49,6 +53,10 @@ LIFT = "travel_time: 9"
         (f"{{lifts: [{{shaft: [[1, 0], [1, 2]], {LIFT}}}]}}", ["must be a path, but [1, 1]"]),
         (f"{{lifts: [{{shaft: [[1, 0]], {LIFT}}}]}}", ["one cell alone"]),
         ("{lifts: [{shaft: [[0, 0], [4, 0]], travel_time: 3}]}", ["less than the 4 moves"]),
+        ("{lifts: [{shaft: [[0, 0], [1, 0]], travel_time: 65536}]}",
+         ["a move in lift 1 takes 65,536 ticks, its share of travel_time; at most 65,535"]),
+        ("{lifts: [{shaft: [[0, 0], [0, 2]], travel_time: 131071}]}",
+         ["a move in lift 1 takes 65,536 ticks"]),
         (f"{{lifts: [{{shaft: [[0, 0], [5, 0], [5, 2], [0, 2], [0, 1]], {LIFT}}}]}}",
          ["no way out"]),
         ("{levels: {ground: {from: [0, 0], to: [6, 0]}}}", ["[6, 0] of the level ground"]),
@@ -71,6 +79,25 @@ def test_what_does_not_fit_is_named(tmp_path: Path, floor: str, said: list[str])
     assert "\n" not in sentence
 
 
+def test_moves_in_a_lift_take_all_ticks_that_moves_may() -> None:
+    floor = {"lifts": [{"shaft": [[1, 0], [3, 0]], "travel_time": 2 * 65_535}]}
+    world, _ = build_world(gate_scene(floor, (5, 0)), 1)
+    assert world.gates.cabin_ticks.max() == 65_535
+
+
+def test_the_mouths_of_a_lift_are_looked_for_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[int] = []
+
+    def counted(shaft: list[int], floor_plan: FloorPlan) -> list[int]:
+        calls.append(len(shaft))
+        return mouths_of(shaft, floor_plan)
+
+    scene = gate_scene({"lifts": [{"shaft": [[1, 0], [6, 0]], "travel_time": 9}]}, (7, 0))
+    monkeypatch.setattr(gates, "mouths_of", counted)
+    build_world(scene, 1)
+    assert calls == [6]
+
+
 def test_robots_that_begin_in_a_lift_are_one_at_most() -> None:
     floor = {"lifts": [{"shaft": [[1, 0], [4, 0]], "travel_time": 9}]}
     build_world(gate_scene(floor, (5, 0), start=[[1, 0], [0, 0]]), 1)
@@ -81,8 +108,15 @@ def test_robots_that_begin_in_a_lift_are_one_at_most() -> None:
 def test_more_closings_than_a_run_may_have() -> None:
     stop = {"when": "never", "max_duration": 2_000_000_000}
     closed = {"cells": [[3, 0]], "from": 0, "for": 1, "every": 2}
-    with pytest.raises(InputError, match="closing 1 closes 1,000,000,001 times"):
-        build_world(gate_scene({"closed": [closed]}, (5, 0), stop=stop), 1)
+    scene = gate_scene({"closed": [closed]}, (5, 0), stop=stop)
+    tracemalloc.start()
+    try:
+        with pytest.raises(InputError, match="closing 1 closes 1,000,000,001 times"):
+            build_world(scene, 1)
+        most = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert most < 100_000_000, "bytes: none of them is stored before they are counted"
 
 
 WITH_CHARGER = """\

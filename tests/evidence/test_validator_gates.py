@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from handmade_recordings import E, W, header, played, rules
 
+from automaton.engine.record_codes import CHANGE_STATUS, EXECUTED_WAIT
 from automaton.engine.record_codes import EXECUTED_BLOCKED as B
-from automaton.engine.record_codes import EXECUTED_WAIT
+from automaton.evidence.verification.energy_rules import STATUS_DEPLETED
+from automaton.evidence.verification.gate_rules import Gate
 
 AISLE = "......d"
 CLOSED = {"closed": [{"cells": [[2, 0]], "from": 2, "for": 3}]}
@@ -109,6 +111,32 @@ def test_a_lift_takes_one_robot() -> None:
     ticks = [{0: B}, {0: E, 1: B}, {0: E, 1: W}]
     report = played(head(LIFT, (0, 0), (4, 0)), *ticks, changes=changes[:1])
     assert "lift" in rules(report)
+
+
+def test_only_gates_that_robots_use_are_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of three blocks the robot is in the first one after tick 2, nobody comes near the others."""
+    looked: list[set[int]] = []
+
+    def look(self: Gate, *given: Any) -> None:
+        looked.append(self.cells)
+
+    monkeypatch.setattr(Gate, "look", look)
+    blocks = [BLOCK | {"cells": [[x, 0]]} for x in (2, 4, 5)]
+    assert broken({"blocks": blocks}, {0: E}, {0: E}, {0: W}, {0: W}, {}) == []
+    assert len(looked) == 2  # it is in it as tick 3 begins, and out as tick 4 does
+    assert all(cells == looked[0] for cells in looked)
+
+
+@pytest.mark.parametrize(("charge", "expected"), [(39.5, []), (40.5, ["energy"])])
+def test_a_robot_that_cannot_pay_a_move_in_a_lift_is_out_of_energy(
+    charge: float, expected: list[str]
+) -> None:
+    """A move in the lift takes 20 ticks and 40 % of the battery; the robot stands at its mouth."""
+    lift = {"lifts": [{"shaft": [[1, 0], [2, 0]], "travel_time": 20}]}
+    battery = {"drain": {"move": 2.0}, "charge_rate": 1.0, "initial_charge": charge}
+    content = head(lift, (1, 0), battery=battery)
+    report = played(content, {}, changes=[(1, CHANGE_STATUS, 0, STATUS_DEPLETED)])
+    assert rules(report) == expected
 
 
 @pytest.mark.parametrize(("length", "expected"), [(2, []), (1, ["move time"]), (3, ["move time"])])

@@ -228,11 +228,14 @@ class Energy:
                 self.report_violation("energy", [r], cell, "breaks down although nothing says so")
 
     def _dearest(self) -> int:
-        """Units that the dearest operation takes; a move in a slow zone lasts many times longer."""
+        """Units that the dearest operation takes; a move in a slow zone or a lift lasts longer."""
         if self.battery is None:
             return 0
-        limits = max(self.motion.pace.limits.values(), default=0)
-        around = 1 if self.motion.pace.usual else len(self.charge) + 1
+        pace = self.motion.pace
+        limits = max(
+            max(pace.limits.values(), default=0), max(pace.cabin_ticks.values(), default=0)
+        )
+        around = 1 if pace.usual else len(self.charge) + 1
         slowest = self.motion.types.slowest
         prices = [
             max(rates) * (max(1, slowest(name), limits) + self.jitter)

@@ -78,7 +78,10 @@ class Cells:
 
 
 class Gate:
-    """Any gate: its cells, and the robots in it when the tick began."""
+    """Any gate: its cells, and the robots in it when the tick began.
+
+    It is looked at and checked only in ticks in which a robot is in it, enters it or may ask for it.
+    """
 
     rule = ""
 
@@ -86,19 +89,12 @@ class Gate:
         self.cells = set(cells)
         self.inside: set[int] = set()
 
-    def look(self, tick: int, cell: list[int], claim: dict[int, tuple[int, int]]) -> None:
+    def look(self, inside: set[int], cell: list[int]) -> None:
         """Note who is in it as a tick begins."""
-        self.inside = {
-            r
-            for r, c in enumerate(cell)
-            if c in self.cells or claim.get(r, (NIL,))[0] in self.cells
-        }
+        self.inside = inside
 
-    def entered_by(self, entries: list[Entry]) -> list[Entry]:
-        return [one for one in entries if one[2] in self.cells and one[1] not in self.cells]
-
-    def check(self, tick: int, entries: list[Entry], asks: Asks, complain: Complaint) -> None:
-        """Check who enters it in a tick."""
+    def check(self, tick: int, entered: list[Entry], asked: bool, complain: Complaint) -> None:
+        """Check who enters it in a tick; `asked`: whether a robot may have asked for it."""
 
 
 class Closed(Gate):
@@ -107,13 +103,14 @@ class Closed(Gate):
     def __init__(self, cells: list[int], rows: list[list[int]]) -> None:
         super().__init__(cells)
         self.rows = rows
+        self.row = 0  # the first one that is not over
 
-    def check(self, tick: int, entries: list[Entry], asks: Asks, complain: Complaint) -> None:
-        while self.rows and self.rows[0][1] <= tick:
-            self.rows.pop(0)
-        if self.rows and self.rows[0][0] <= tick:
-            for r, _, to in self.entered_by(entries):
-                first, end = self.rows[0]
+    def check(self, tick: int, entered: list[Entry], asked: bool, complain: Complaint) -> None:
+        while self.row < len(self.rows) and self.rows[self.row][1] <= tick:
+            self.row += 1
+        if self.row < len(self.rows) and self.rows[self.row][0] <= tick:
+            first, end = self.rows[self.row]
+            for r, _, to in entered:
                 complain(
                     "closed", [r], to, f"enters a cell that is closed from {first} to {end - 1}"
                 )
@@ -132,15 +129,14 @@ class Door(Gate):
         self.opening_at: list[int] = []  # later ones
         self.used = 0
 
-    def check(self, tick: int, entries: list[Entry], asks: Asks, complain: Complaint) -> None:
+    def check(self, tick: int, entered: list[Entry], asked: bool, complain: Complaint) -> None:
         if self.inside:
             self.used = tick
         while self.opening_at and self.opening_at[0] <= tick:
             self.open_from = self.opening_at.pop(0)
         if self.open_from is not None and tick > max(self.used, self.open_from) + self.hold:
             self.open_from = None
-        entered = self.entered_by(entries)
-        if entered or asks & self.cells:
+        if entered or asked:
             self.used = tick
             self.opening_at.append(tick + self.opening)
         for r, _, to in entered:
@@ -156,8 +152,7 @@ class Block(Gate):
         self.most, self.same = most, same
         self.mouth = NIL
 
-    def check(self, tick: int, entries: list[Entry], asks: Asks, complain: Complaint) -> None:
-        entered = self.entered_by(entries)
+    def check(self, tick: int, entered: list[Entry], asked: bool, complain: Complaint) -> None:
         if not entered:
             return
         robots = [r for r, _, _ in entered]
@@ -184,17 +179,16 @@ class Lift(Gate):
             None  # the first tick in which it was free and may have been called
         )
 
-    def look(self, tick: int, cell: list[int], claim: dict[int, tuple[int, int]]) -> None:
-        super().look(tick, cell, claim)
+    def look(self, inside: set[int], cell: list[int]) -> None:
+        super().look(inside, cell)
         for r in self.inside:
             if cell[r] in self.mouths:
                 self.cabin = cell[r]
         if self.inside:
             self.asked = None
 
-    def check(self, tick: int, entries: list[Entry], asks: Asks, complain: Complaint) -> None:
-        entered = self.entered_by(entries)
-        if not self.inside and self.asked is None and (entered or asks & self.cells):
+    def check(self, tick: int, entered: list[Entry], asked: bool, complain: Complaint) -> None:
+        if not self.inside and self.asked is None and (entered or asked):
             self.asked = tick
         if not entered:
             return
@@ -232,6 +226,11 @@ class GateRules:
             self.gates.append(Lift(shaft, mouths, one))
             for path in (shaft, shaft[::-1]):
                 self._share_out(path, set(mouths), one["travel_time"])
+        self.by_cell: dict[int, list[int]] = {}  # the gates that it belongs to
+        for number, gate in enumerate(self.gates):
+            for cell in gate.cells:
+                self.by_cell.setdefault(cell, []).append(number)
+        self.used: set[int] = set()  # gates that robots were in as the tick began
 
     def _check_schedule(self, one: dict[str, Any], rows: list[list[int]], number: int) -> None:
         """Closings last at least a tick and come one after another; those by schedule when it says."""
@@ -259,8 +258,16 @@ class GateRules:
 
     def look(self, tick: int, cell: list[int], claim: dict[int, tuple[int, int]]) -> None:
         """Note who is where as a tick begins, before robots leave their parking bays."""
-        for gate in self.gates:
-            gate.look(tick, cell, claim)
+        inside: dict[int, set[int]] = {}
+        claimed = ((r, one) for r, (one, _) in claim.items())
+        for r, one in itertools.chain(enumerate(cell), claimed):
+            for number in self.by_cell.get(one, ()):
+                inside.setdefault(number, set()).add(r)
+        for number in self.used - inside.keys():
+            self.gates[number].look(set(), cell)
+        for number, robots in inside.items():
+            self.gates[number].look(robots, cell)
+        self.used = set(inside)
 
     def check(self, tick: int, acts: list[tuple[int, int]], placed: set[int], motion: Any) -> None:
         """Check who enters gates in a tick; `placed`: robots that have left their parking bays."""
@@ -274,8 +281,15 @@ class GateRules:
                 asks.update(self.cells.ways_out(cell))
             elif code == EXECUTED_BAY_BLOCKED:
                 asks.add(motion.home[r])
-        for gate in self.gates:
-            gate.check(tick, entries, asks, self.complain)
+        entered: dict[int, list[Entry]] = {}
+        for entry in entries:
+            left = self.by_cell.get(entry[1], ())
+            for number in self.by_cell.get(entry[2], ()):
+                if number not in left:
+                    entered.setdefault(number, []).append(entry)
+        asked = {number for cell in asks for number in self.by_cell.get(cell, ())}
+        for number in sorted(self.used | entered.keys() | asked):
+            self.gates[number].check(tick, entered.get(number, []), number in asked, self.complain)
 
 
 def rows_of(recorded: dict[str, Any], number: int) -> list[list[int]]:

@@ -89,11 +89,13 @@ def due_lines(snapshot: Snapshot, robot: int, scale: Scale) -> list[str]:
     """When the order of a robot is due, and how late it is; nothing without a due time."""
     from automaton.engine.state import NIL
     from automaton.evidence.history.due_words import due_words, has_due_time
+    from automaton.evidence.history.station_words import has_trips
 
     order = int(snapshot.robots.order[robot])
     if order == NIL or not has_due_time(snapshot.orders, order):
         return []
-    return [due_words(snapshot.orders, order, snapshot.tick, scale)]
+    what = "trip" if has_trips(snapshot) else "order"
+    return [due_words(snapshot.orders, order, snapshot.tick, scale, what)]
 
 
 def lost_by_cause(snapshot: Snapshot, robot: int) -> list[tuple[int, int]]:

@@ -41,8 +41,8 @@ def lateness_words(orders: Orders, order: int, now: int, scale: Scale) -> str:
     return f"in {ticks_and_time(-late, scale.unit)}" if late else "now"
 
 
-def due_words(orders: Orders, order: int, now: int, scale: Scale) -> str:
-    """Say when an order is due, and how late it is: "order 3 is due in tick 40: late by 2 ticks"."""
+def due_words(orders: Orders, order: int, now: int, scale: Scale, what: str = "order") -> str:
+    """Say when an order, or a trip, is due, and how late it is: "order 3 is due in tick 40: now"."""
     due = int(orders.due[order])
     late = lateness_words(orders, order, now, scale)
-    return f"order {order} is due in tick {due:,}{tick_in_words(due, scale)}: {late}"
+    return f"{what} {order} is due in tick {due:,}{tick_in_words(due, scale)}: {late}"

@@ -6,16 +6,55 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from automaton.build.gate_cells import Gate, cells_of, gates_of
+from automaton.build.gate_cells import Gate, cells_of, gates_of, mouths_of, moves_between, shares
 from automaton.build.resolve import Resolved
 from automaton.engine.gates import GATE_CLOSING
 from automaton.floor.cells import CHARGER
+from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.reachability import Mask, reached
+from automaton.scenario.changing_floor import Lift
 
 MAX_GATES = 100  # of which each one is looked at alone
+FULL = 100 + 1e-9  # percent of a battery
 
 
 def gate_warnings(resolved: Resolved) -> list[str]:
+    """Return sentences about the first lift that empties batteries, and the only way to chargers."""
+    return [*dear_rides(resolved), *gated_chargers(resolved)]
+
+
+def dear_rides(resolved: Resolved) -> list[str]:
+    """Return a sentence for the first lift that takes more from a battery than it holds."""
+    for gate in gates_of(resolved.scenario.floor):
+        if not isinstance(gate.section, Lift):
+            continue
+        shaft = cells_of(gate, resolved.floor_plan)
+        ticks, how = longest_ride(gate.section, shaft, resolved.floor_plan)
+        for one in resolved.fleet.types:
+            if one.battery is None:
+                continue
+            drain, robots = (
+                one.battery.drain,
+                f"robots of type {one.name}" if one.name else "robots",
+            )
+            for factor, load in ((1.0, ""), (drain.loaded_factor, " with a load")):
+                price = drain.move * factor * ticks
+                if price > FULL:
+                    taken = f"{gate.name} takes {price:,.6g} % of a battery {how}"
+                    return [f"{taken}, more than it holds: {robots}{load} run empty in it"]
+    return []
+
+
+def longest_ride(lift: Lift, shaft: list[int], floor_plan: FloorPlan) -> tuple[int, str]:
+    """The most ticks of moves in a lift without a charger on the way, and from where to where."""
+    mouths = mouths_of(shaft, floor_plan)
+    if any(floor_plan.kind.flat[cell] == CHARGER for cell in set(shaft) - set(mouths)):
+        moves = moves_between(shaft, mouths)
+        return max(shares(lift.travel_time, count)[1] for count in moves), "in one move"
+    return lift.travel_time, "from one mouth to the next"
+
+
+def gated_chargers(resolved: Resolved) -> list[str]:
     """Return a sentence for the first door, block or lift on the only way to a charger."""
     scenario, floor_plan = resolved.scenario, resolved.floor_plan
     gates = [gate for gate in gates_of(scenario.floor) if gate.kind != GATE_CLOSING]

@@ -146,3 +146,27 @@ def test_a_gate_on_the_only_way_to_a_charger_is_warned_of(
         if warned
         else []
     )
+
+
+@pytest.mark.parametrize(
+    ("travel_time", "drain", "picture", "said"),
+    [
+        (20, {"move": 6.0}, "c.......", "takes 120 % of a battery from one mouth to the next"),
+        (20, {"move": 6.0}, "....c...", "takes 120 % of a battery from one mouth to the next"),
+        (20, {"move": 5.0}, "c.......", ""),
+        (20, {"move": 4.0, "loaded_factor": 1.5}, "c.......", "robots with a load run empty in it"),
+        (20, {"move": 6.0}, ".....c..", ""),
+        (40, {"move": 6.0}, ".....c..", "takes 120 % of a battery in one move"),
+    ],
+)
+def test_a_lift_that_empties_batteries_is_warned_of(
+    travel_time: int, drain: dict[str, Any], picture: str, said: str
+) -> None:
+    """It has two moves; the charger of the last two floors lies between them."""
+    lift = {"lifts": [{"shaft": [[4, 0], [6, 0]], "travel_time": travel_time}]}
+    battery = {"drain": drain, "charge_rate": 1.0}
+    scenario = gate_scenario(lift, (7, 0), picture=picture, battery=battery)
+    sentences = scenario_warnings(resolve(msgspec.convert(scenario, Scenario)))
+    found = [text for text in sentences if "lift 1 takes" in text]
+    assert len(found) == bool(said)
+    assert said in "".join(found)

@@ -12,12 +12,11 @@ from automaton.build.gate_cells import (
     shares,
 )
 from automaton.engine.gates import GATE_BLOCK, GATE_LIFT
-from automaton.engine.slow_zones import MAX_MOVE_TICKS
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.changing_floor import Block, Lift
 from automaton.scenario.document import Document
-from automaton.scenario.schema import Scenario
+from automaton.scenario.schema import MAX_MOVE_TICKS, Scenario
 from automaton.units import ticks_and_time, unit
 
 

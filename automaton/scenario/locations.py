@@ -110,6 +110,8 @@ def names_of_cells(document: Document) -> dict[str, Cell]:
         if cell is None:
             continue  # it is checked with the section where it stands
         if names.setdefault(name, cell) != cell:
+            if kind == what[name]:
+                raise document.error(keys, f"two {kind}s are called {name}")
             other = f"the {what[name]} {name} is at {list(names[name])}"
             raise document.error(keys, f"{other}, but the {kind} {name} is at {list(cell)}")
         what.setdefault(name, kind)

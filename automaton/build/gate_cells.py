@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Final, NamedTuple
 
 import numpy as np
 
+from automaton.build.cell_sets import cells_of_set
 from automaton.engine.gates import GATE_BLOCK, GATE_CLOSING, GATE_DOOR, GATE_LIFT
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.changing_floor import (
     Block,
-    CellSet,
     ChangingFloor,
     Closing,
     Door,
     Lift,
-    Rectangle,
 )
 from automaton.scenario.document import Keys
 
@@ -71,52 +70,18 @@ def cells_of(gate: Gate, floor_plan: FloorPlan) -> list[int]:
     return drivable
 
 
-def cells_of_set(name: str, cells: CellSet, floor_plan: FloorPlan) -> list[int]:
-    """The flat cells of a path or a rectangle, each once. Raises InputError, without its place."""
-    corners = (cells.first, cells.last) if isinstance(cells, Rectangle) else cells
-    for x, y in corners:
-        if not floor_plan.holds(x, y):
-            size = f"{floor_plan.width} x {floor_plan.height} cells"
-            raise InputError(f"{name} has the cell [{x}, {y}], outside the floor of {size}")
-    if isinstance(cells, Rectangle):
-        (x, y), (u, v) = cells.first, cells.last
-        return [
-            floor_plan.cell(column, row)
-            for row in range(min(y, v), max(y, v) + 1)
-            for column in range(min(x, u), max(x, u) + 1)
-        ]
-    return list(dict.fromkeys(cells_of_path(name, cells, floor_plan)))
-
-
-def cells_of_path(name: str, corners: Sequence[Pair], floor_plan: FloorPlan) -> list[int]:
-    """The flat cells from corner to corner. Raises InputError where two are not in line."""
-    x, y = corners[0]
-    path = [floor_plan.cell(x, y)]
-    for u, v in corners[1:]:
-        if (x != u) == (y != v):
-            text = f"{name} goes from [{x}, {y}] to [{u}, {v}]"
-            raise InputError(f"{text}: along neither a row nor a column")
-        while (x, y) != (u, v):
-            x, y = x + (u > x) - (u < x), y + (v > y) - (v < y)
-            path.append(floor_plan.cell(x, y))
-    return path
-
-
 def check_path(name: str, cells: list[int], floor_plan: FloorPlan) -> None:
     """Robots drive from each cell of a path to the next one, or back. Raises InputError."""
-    for before, cell in zip([NIL_CELL, *cells], cells, strict=False):
+    for index, cell in enumerate(cells):
         x, y = floor_plan.xy(cell)
         if not floor_plan.drivable.flat[cell]:
             kind = floor_plan.kind_of(cell).name
             raise InputError(f"{name} must be a path, but [{x}, {y}] is a cell of kind {kind}")
-        if before != NIL_CELL and not are_joined(floor_plan, before, cell):
-            u, v = floor_plan.xy(before)
+        if index and not are_joined(floor_plan, cells[index - 1], cell):
+            u, v = floor_plan.xy(cells[index - 1])
             raise InputError(
                 f"{name} must be a path, but no robot drives from [{u}, {v}] to [{x}, {y}]"
             )
-
-
-NIL_CELL: Final = -1
 
 
 def are_joined(floor_plan: FloorPlan, cell: int, other: int) -> bool:

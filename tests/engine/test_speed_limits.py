@@ -112,10 +112,13 @@ def test_a_move_that_is_too_quick_breaks_a_rule() -> None:
     [
         (
             {"from": [0, 0], "to": [9, 0]},
-            "the corner [9, 0] lies outside the floor (x 0..5, y 0..2)",
+            "speed limit 1 has the cell [9, 0], outside the floor of 6 x 3 cells",
         ),
-        ([[0, 0], [2, 1]], "the path goes from [0, 0] to [2, 1], along no row and no column"),
-        ([[0, 1], [1, 1]], "robots drive on none of these cells"),
+        (
+            [[0, 0], [2, 1]],
+            "speed limit 1 goes from [0, 0] to [2, 1]: along neither a row nor a column",
+        ),
+        ([[0, 1], [1, 1]], "speed limit 1 has no cell on which robots drive"),
     ],
 )
 def test_cells_that_cannot_be_limited(cells: Any, sentence: str) -> None:

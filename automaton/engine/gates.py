@@ -23,7 +23,10 @@ GATE_KINDS: Final = ("closed", "door", "block", "lift")
 
 
 class Gates(Struct, role=STATIC):
-    """g gates of cells; without gates all sizes are 0."""
+    """g gates of cells; without gates all sizes are 0.
+
+    What they are stays; what has a digest number changes from tick to tick.
+    """
 
     kind: Array = field("(g,) uint8", "GATE_*")
     cell_first: Array = field(

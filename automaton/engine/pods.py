@@ -2,7 +2,8 @@
 
 p pods, k stations, l lines of q orders. A *trip* is one pod lifted, carried to some stations and stored
 again: an order of the world, which is known from the tick in which a line asks for it. There are as many
-numbers of trips as lines, w = l times the stops that a trip may have; without lines all sizes are 0.
+numbers of trips as lines, w = l times the stops that a trip may have. Orders of a list may carry pods
+without lines: then the arrays of trips go by order and stop of the list, those of lines are empty.
 NIL (-1) means none.
 """
 

@@ -12,9 +12,9 @@ from automaton.scenario.carried_pods import carries_pods
 from automaton.scenario.quantities import TIME, quantity
 from automaton.scenario.schema import Scenario
 
-WITHOUT_PODS = (
-    "it predicts where each load is brought, and knows no way of a pod to stations and back; use "
-    "shortest, astar or traffic-avoidance"
+NO_TASKS_OF_PODS = (
+    "forecast {} knows the whole way of a load, and none of a pod to stations and back; use forecast "
+    "plans"
 )
 MOST_PLANNED = 100_000_000  # robots x ticks of the plans that `congestion` keeps: 0.9 GB
 
@@ -50,9 +50,9 @@ class SharedPlans(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
     ] = "plans"
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
-        """The plans are kept in memory, 9 bytes for each robot and tick."""
-        if carries_pods(scenario, floor_plan):
-            return WITHOUT_PODS
+        """Tasks are those of loads. The plans are kept in memory, 9 bytes for each robot and tick."""
+        if self.forecast != "plans" and carries_pods(scenario, floor_plan):
+            return NO_TASKS_OF_PODS.format(self.forecast)
         robots = scenario.fleet.robots
         if robots * self.horizon <= MOST_PLANNED:
             return None

@@ -2,14 +2,15 @@
 
 A plan begins where the robot is free for its next step. It consists of directions, of the work at
 the goal cell, and of the way with the load to the order's target, for which the path of plain A*
-stands.
+stands. Of a trip of a pod the way to its next stop is known, not how long its visit takes: there the
+plan ends.
 """
 
 import numpy as np
 
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import GOAL_DROP, GOAL_NONE, GOAL_PICK, NIL
-from automaton.strategy.kernels import dropoff_cell, first_cell, with_load
+from automaton.strategy.kernels import dropoff_cell, first_cell, next_stop_cell, with_load
 from strategies.routing.astar.astar import astar
 from strategies.routing.astar.frontier import LARGER_G
 
@@ -65,13 +66,18 @@ def append_rest(view, workspace, state, i, heading):
         append(state, i, DROPS)
     elif robots.goal_type[i] == GOAL_PICK and robots.order[i] != NIL:
         append(state, i, PICKS)
-        target, pick = np.int64(view.orders.target[robots.order[i]]), np.int64(robots.goal_cell[i])
-        access_cell = dropoff_cell(view, robots.type[i], target, pick)
-        if access_cell != NIL:
-            pose = np.int64(robots.goal_cell[i]) * view.grid.headings + heading
+        order, pick = np.int64(robots.order[i]), np.int64(robots.goal_cell[i])
+        carries_pods = view.trips.pod.shape[0] > 0
+        if carries_pods:
+            end = next_stop_cell(view, order)
+        else:
+            end = dropoff_cell(view, robots.type[i], np.int64(view.orders.target[order]), pick)
+        if end != NIL:
+            pose = pick * view.grid.headings + heading
             robot_type = with_load(view, np.int64(robots.type[i]))
-            append_path(view, workspace, state, i, robot_type, pose, access_cell)
-            append(state, i, DROPS)
+            append_path(view, workspace, state, i, robot_type, pose, end)
+            if not carries_pods:
+                append(state, i, DROPS)
 
 
 @kernel

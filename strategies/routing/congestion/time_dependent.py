@@ -21,6 +21,7 @@ from automaton.strategy.kernels import (
     limited_ticks,
     pop,
     push,
+    ways_on,
     write_path,
 )
 from strategies.routing.congestion.known_plans import begin_plan, zone_of
@@ -62,9 +63,10 @@ def time_dependent_path(view, workspace, state, i, around, steps):
         if cell == target:
             return write_path(grid, workspace, pose, steps)
         flags = np.int64(type_cell_flags[cell])
+        ways = ways_on(flags, cell == state.place[i])
         for way in range(heading, 4, headings):
             after = cell + grid.offset[way]
-            if (flags >> way) & 1 == 0 or is_closed(view, after, way, target, around):
+            if (ways >> way) & 1 == 0 or is_closed(view, after, way, target, around):
                 continue
             others = occupancy(state, zone_of(grid, cell, way), now)  # in thousandths
             own = limited_ticks(grid, move, cell, way)

@@ -167,3 +167,19 @@ def finishes(scenario: str, *overrides: str) -> None:
     assert run.finished
     assert run.world.tally.illegal[LAYER_ROUTING] == 0
     assert is_empty(run.states[LAYER_ROUTING]), "nothing is left of a forecast"
+
+
+def test_pods_are_carried_and_no_way_leads_through_storage() -> None:
+    run = Simulation(resolve("goods-mini", ["strategy.routing=congestion"]))
+    run.run()
+    assert (run.finished, run.tick, metrics_of(run)["lines_done"]) == (True, 122, 3)
+
+
+def test_what_is_predicted_from_tasks_alone_knows_no_trips(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    routing = "strategy.routing={name: congestion, forecast: tasks}"
+    assert main(["check", "goods-mini", "--set", routing]) == 2
+    assert (
+        "forecast tasks knows the whole way of a load, and none of a pod" in capsys.readouterr().err
+    )

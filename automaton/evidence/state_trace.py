@@ -20,7 +20,7 @@ from automaton.engine.record_codes import (
     MOVE_EAST,
     MOVE_NORTH,
 )
-from automaton.engine.state import ACTION_MOVE, NIL, Array, World
+from automaton.engine.state import NIL, Array, World
 from automaton.evidence.history.playback import Playback
 from automaton.evidence.recording.frames import Content, Recording
 from automaton.runs.simulation import Simulation
@@ -59,8 +59,10 @@ class StateTrace:
     def __iter__(self) -> Iterator[Sample]:
         """Yield a sample at tick 0 and after each period. Raises InputError for an altered file."""
         for tick in range(0, self.recording.ticks + 1, self.period):
+            self._playback.go_to(max(tick - 1, 0))
+            before = self._in_move()
             self._playback.go_to(tick)
-            yield self._sample(tick)
+            yield self._sample(tick, before)
 
     def _observe(self, simulation: Simulation) -> None:
         """Note which orders were taken; what is played at a time lies within one frame."""
@@ -83,23 +85,28 @@ class StateTrace:
         self._set_out = _latest(self._set_out, is_move, ticks)
         self._begun = _latest(self._begun, np.isin(executed, OPERATIONS), ticks)
 
-    def _sample(self, tick: int) -> Sample:
+    def _in_move(self) -> Array:
+        """(n,) bool: which robots are in a move after the tick that is shown."""
+        robots = self._playback.simulation.world.robots
+        in_move: Array = robots.claim[robots.at_index] != NIL
+        return in_move
+
+    def _sample(self, tick: int, before: Array) -> Sample:
+        """`before`: (n,) which robots were in a move a tick ago."""
         world: Any = self._playback.simulation.world
         index = world.robots.at_index
         row = tick - self._frame + 1 if tick else 0
         robots, set_out = world.robots, self._set_out[row]
         busy, driven = robots.busy[index].astype(np.int64), tick - set_out + 1
-        in_move = robots.claim[index] != NIL
-        usual = world.rules.duration[robots.type[index], ACTION_MOVE]
-        arrived = (busy == 0) & (set_out > 0) & ((driven == 1) | (driven == usual))
-        arrived &= robots.action[index] == ACTION_MOVE
+        in_move = self._in_move()
+        begins = (set_out > 0) & (set_out == tick)
         return Sample(
             tick=tick,
             world=world,
             stored=index,
             moves=self._moves[row] - self._before_order,
             moved=np.where(in_move, driven / (driven + busy), 0.0),
-            driving=in_move | arrived,
+            driving=in_move | before | begins,
             begun=self._begun[row],
         )
 

@@ -178,6 +178,19 @@ def test_a_robot_that_breaks_down_has_a_fatal_error_and_no_place_when_it_is_towe
     assert all("mobileRobotPosition" not in m and m["lastNodeId"] == "" for m in towed)
 
 
+def test_a_robot_drives_up_to_the_tick_in_which_a_delayed_move_ends() -> None:
+    recording = recorded("goods-mini", "faults.delays={probability: 0.2, ticks: {from: 1, to: 4}}")
+    for robot in "01":
+        messages = [m for m in trace(recording) if m["serialNumber"] == robot]
+        arrivals = [
+            now["driving"]
+            for before, now in zip(messages, messages[1:], strict=False)
+            if now["lastNodeId"] != before["lastNodeId"]
+        ]
+        assert len(arrivals) > 20 and all(arrivals)
+        assert not all(m["driving"] for m in messages)
+
+
 def test_charge_falls_as_robots_drive() -> None:
     battery = "battery={drain: {wait: 0.1, move: 0.5}, initial_charge: 50, charge_rate: 1}"
     messages = trace(recorded("goods-mini", battery, "stop.max_duration=20"))

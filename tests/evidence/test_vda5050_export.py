@@ -7,6 +7,7 @@ as published, messages are also checked by those.
 from __future__ import annotations
 
 import io
+import itertools
 import json
 import os
 from collections import defaultdict
@@ -178,13 +179,15 @@ def test_a_robot_that_breaks_down_has_a_fatal_error_and_no_place_when_it_is_towe
     assert all("mobileRobotPosition" not in m and m["lastNodeId"] == "" for m in towed)
 
 
-def test_a_robot_drives_up_to_the_tick_in_which_a_delayed_move_ends() -> None:
-    recording = recorded("goods-mini", "faults.delays={probability: 0.2, ticks: {from: 1, to: 4}}")
+def test_a_robot_drives_up_to_the_tick_in_which_a_slow_move_ends() -> None:
+    recording = recorded(
+        "goods-mini", "floor.speed_limits=[{cells: {from: [0, 0], to: [9, 3]}, max_speed: 0.3 m/s}]"
+    )
     for robot in "01":
         messages = [m for m in trace(recording) if m["serialNumber"] == robot]
         arrivals = [
             now["driving"]
-            for before, now in zip(messages, messages[1:], strict=False)
+            for before, now in itertools.pairwise(messages)
             if now["lastNodeId"] != before["lastNodeId"]
         ]
         assert len(arrivals) > 20 and all(arrivals)

@@ -6,7 +6,7 @@ on what the blocker does; the lost ticks by cause and by cell.
 
 import numpy as np
 
-from automaton.engine.gate_pass import has_gates
+from automaton.engine.gate_queries import has_gates
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import (
     CAPACITY_SHIFT,

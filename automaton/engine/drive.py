@@ -8,13 +8,8 @@ way has set.
 import numpy as np
 
 from automaton.engine.energy import charge_up, has_energy_for
-from automaton.engine.gate_pass import (
-    ask_gates_of_bays,
-    enter_from_bay,
-    has_gates,
-    is_cabin_move,
-    note_closing,
-)
+from automaton.engine.gate_pass import ask_gates_of_bays, enter_from_bay, note_closing
+from automaton.engine.gate_queries import has_gates, is_cabin_move
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.loads import pick_up, set_down
 from automaton.engine.motion import (

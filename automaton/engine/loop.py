@@ -27,7 +27,8 @@ from automaton.engine.drive import apply_move_outcomes, drive, halt_robots, leav
 from automaton.engine.energy import cancel_infeasible_moves
 from automaton.engine.events import find_cycles, max_events, note_events
 from automaton.engine.faults import break_down_and_repair
-from automaton.engine.gate_pass import has_gates, hold_at_gates, set_cabin_ticks, update_gates
+from automaton.engine.gate_pass import hold_at_gates, update_gates
+from automaton.engine.gate_queries import has_gates, set_cabin_ticks
 from automaton.engine.holders import enter_holders, remove_holders
 from automaton.engine.jit.kernel import jit_is_on, kernel
 from automaton.engine.listed_pods import take_turns

@@ -11,7 +11,7 @@ import numpy as np
 from automaton.engine.blockers import find_blockers
 from automaton.engine.delayed_robots import is_held_up
 from automaton.engine.facilities import MAY_TURN
-from automaton.engine.gate_pass import has_gates, is_cabin_move
+from automaton.engine.gate_queries import has_gates, is_cabin_move
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import (
     AHEAD,

@@ -13,7 +13,7 @@ import numpy as np
 
 from automaton.engine.distance_tables import POSE16, TABLES_ENCODING, TABLES_WORDS, UNREACHABLE
 from automaton.engine.facilities import MAY_TURN, NO_WAY_THROUGH
-from automaton.engine.gate_pass import closed_until
+from automaton.engine.gate_queries import closed_until
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import has_room
 from automaton.engine.prefetch import prefetch

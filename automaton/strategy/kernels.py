@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from automaton.engine.charging_curve import CURVE_RATE, charging_ticks, level_after
 from automaton.engine.distance_tables import UNREACHABLE
-from automaton.engine.gate_pass import (
+from automaton.engine.gate_queries import (
     closed_until,
     gate_before,
     has_gates,

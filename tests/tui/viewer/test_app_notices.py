@@ -267,4 +267,4 @@ def test_captures_name_the_run_and_need_no_internet(folder: Path) -> None:
     text = next(folder.glob("*.txt")).read_text(encoding="utf-8")
     assert text.splitlines()[0] == "tabletop-mini, 3 robots, seed 1, tick 120"
     svg = next(folder.glob("*.svg")).read_text(encoding="utf-8")
-    assert "url(http" not in svg and "@font-face" not in svg and "font-family: monospace" in svg
+    assert "url(http" not in svg and "@font-face" not in svg and "monospace" in svg

@@ -23,7 +23,8 @@ FROM_ROBOTS: Final = (
     *("cell", "claim", "bay", "load", "parked", "heading", "travel", "status"),
     *("charge", "goal_type", "goal_cell", "action"),
 )
-FROM_OBSERVATION: Final = ("cause", "blocker", "wanted", "wait_cycle_ticks")
+# And what they are of a run that is not observed.
+FROM_OBSERVATION: Final = {"cause": 0, "blocker": NIL, "wanted": NIL, "wait_cycle_ticks": 0}
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +79,10 @@ def fleet_of(world: Any, observation: Any) -> Any:
     """Copies by identity of what is drawn of the robots, one (n,) array for each name."""
     by_identity = world.robots.at_index
     fields = {name: getattr(world.robots, name)[by_identity] for name in FROM_ROBOTS}
-    fields |= {name: getattr(observation, name)[by_identity] for name in FROM_OBSERVATION}
+    for name, unknown in FROM_OBSERVATION.items():
+        values = getattr(observation, name)
+        observed = len(values) == len(by_identity)
+        fields[name] = values[by_identity] if observed else np.full(len(by_identity), unknown)
     return SimpleNamespace(**fields)
 
 

@@ -75,6 +75,7 @@ class Label(NamedTuple):
 Shape = Box | Disc | Path | Label
 
 RADIUS: Final = 0.42  # of a robot
+LOAD_SIDE: Final = 0.52  # of a load on it
 LETTERS: Final = {
     "destination": "D",
     "charger": "C",
@@ -132,11 +133,12 @@ def robot_shapes(state: int, shape: int, direction: int, name: str = "") -> tupl
     if shape == CROSS:
         return *body, *_cross(0.2)
     if shape not in (SQUARE, PLUG):
-        body.append(Disc(*_towards(direction, 0.72 * r), 0.2 * r, "floor"))
+        body.append(Disc(*_towards(direction, 0.8 * r), 0.2 * r, "floor"))
     if shape in WITH_LOAD:
+        corner, side = 0.5 - LOAD_SIDE / 2, LOAD_SIDE
         body += [
-            Box(0.5 - r / 2, 0.5 - r / 2, r, r, "load"),
-            Box(0.5 - r / 2, 0.5 - r / 2, r, r, "floor", line=0.04),
+            Box(corner, corner, side, side, "load"),
+            Box(corner, corner, side, side, "floor", line=0.04),
         ]
     if name:
         body.append(Label(0.5, 0.5, min(0.4, 0.9 / (len(name) + 0.5)), name, "floor"))

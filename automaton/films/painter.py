@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -13,6 +11,7 @@ from automaton.drawings.moment import DrawnFloor, Moment
 from automaton.drawings.palette import Theme, blended, rgb
 from automaton.drawings.robot_looks import WITH_LOAD
 from automaton.drawings.shapes import (
+    RADIUS,
     Box,
     Disc,
     Label,
@@ -39,7 +38,8 @@ if TYPE_CHECKING:
     from PIL.ImageFont import FreeTypeFont
 
 FINER: Final = 4  # signs are painted so many times larger, and made smaller: their edges are smooth
-MIN_DRAWN_CELL: Final = 6  # pixels; smaller cells are a colour each, and robots discs
+MIN_DRAWN_CELL: Final = 6  # pixels; smaller cells are a colour each
+MIN_DETAILED_CELL: Final = 13  # robots of smaller cells are discs, and cells have no letters
 MIN_NAMED_CELL: Final = 18  # from here on robots have numbers
 MIN_DISC: Final = 5  # pixels across of a robot
 SURROUNDING: Final = (
@@ -80,10 +80,6 @@ class Painter:
         self._write(image, title, words, share)
         return image
 
-    def signs(self) -> Iterable[Image]:
-        """The signs that were painted so far, for the table of colours."""
-        return list(self._signs.values())
-
     def _map(self, moment: Moment) -> Image:
         corner = self.layout.corner(self._place(moment))
         small = self.layout.scale < MIN_DRAWN_CELL
@@ -113,10 +109,16 @@ class Painter:
         for y in rows:
             for x in columns:
                 look = int(self._floor.looks[y + 1, x + 1])
-                tile = self._sign(("look", look), cell_shapes(look))
+                tile = self._sign(("look", look), self._cell_shapes(look))
                 self._paste(image, tile, x, y, corner)
         self._kept = corner, image
         return image
+
+    def _cell_shapes(self, look: int) -> tuple[Shape, ...]:
+        shapes = cell_shapes(look)
+        if self.layout.scale >= MIN_DETAILED_CELL:
+            return shapes
+        return tuple(shape for shape in shapes if not isinstance(shape, Label))
 
     def _small_floor(self, moment: Moment, corner: tuple[float, float]) -> Image:
         """One colour for each cell."""
@@ -147,7 +149,7 @@ class Painter:
             name = str(robot) if scale >= MIN_NAMED_CELL else ""
             look = (int(looks.state[robot]), int(looks.shape[robot]), int(looks.direction[robot]))
             shapes = robot_shapes(*look, name)
-            if scale < MIN_DRAWN_CELL:
+            if scale < MIN_DETAILED_CELL:
                 shapes = _small_robot(shapes, look[1], scale)
             if robot == self._selected:
                 shapes += selection_shapes()
@@ -165,7 +167,7 @@ class Painter:
             for one in both
         ]
         if not np.isnan(ends).any():
-            draw = self._pil.ImageDraw.Draw(image)
+            draw = self.draw_on(image)
             draw.line(ends, self._rgb("waiting"), max(2, round(0.08 * scale)))
 
     def _paste(
@@ -216,10 +218,9 @@ class Painter:
             self._fonts[size] = self._pil.ImageFont.load_default(size)
         return self._fonts[size]
 
-    @cached_property
-    def draw_on(self) -> Any:
-        """Make something to draw with of an image."""
-        return self._pil.ImageDraw.Draw
+    def draw_on(self, image: Image) -> Any:
+        """Something to draw with on an image."""
+        return self._pil.ImageDraw.Draw(image)
 
     def _write(self, image: Image, title: str, words: tuple[str, str], share: float) -> None:
         """The title above, the time and the fleet below, and how much of the film is over."""
@@ -279,7 +280,7 @@ class _Pen:
 
 def _small_robot(shapes: tuple[Shape, ...], shape: int, scale: float) -> tuple[Shape, ...]:
     """A disc, larger than its cell if that is needed to see it; a spot on it is a load."""
-    radius = max(0.5, MIN_DISC / 2 / scale)
+    radius = max(RADIUS + 0.04, MIN_DISC / 2 / scale)
     spot = (Disc(0.5, 0.5, radius / 2, "load"),) if shape in WITH_LOAD else ()
     return Disc(0.5, 0.5, radius, shapes[0].colour), *spot
 

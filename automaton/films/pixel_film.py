@@ -84,10 +84,11 @@ class PixelFilm:
         stretch = self._stretch
         tick = min(stretch.first + number * self._request.rate, Fraction(stretch.last))
         whole, ticks = int(tick), stretch.last - stretch.first
-        share = float((tick - stretch.first) / ticks) if ticks else 1.0
+        # A still says how far the run is.
+        share = (tick - stretch.first) / ticks if ticks else tick / max(stretch.recorded, 1)
         words = stretch.time_words(whole), stretch.fleet_words(whole)
         moment = stretch.columns.moment_at(float(tick))
-        return self._painter.frame(moment, stretch.title, words, share)
+        return self._painter.frame(moment, stretch.title, words, float(share))
 
     def images(self) -> Iterator[Image]:
         """All frames."""

@@ -36,7 +36,7 @@ class RecordedStretch:
     def time_words(self, tick: int) -> str:
         """A tick, and what it is in the reader's unit."""
         words = f"tick {tick:,} of {self.recorded:,}"
-        if self.unit.size == 1 and self.unit.name.startswith("tick"):
+        if self.unit.size == 1:
             return words
         return f"{words}, {number(self.unit.of(tick))} {self.unit.plural}"
 

@@ -279,7 +279,7 @@ const number = (value) => value.toLocaleString("en-US", { maximumFractionDigits:
 
 function timeWords(tick) {
   const { size, name } = film.unit, ticks = `tick ${number(tick)}`;
-  return size === 1 && name.startsWith("tick") ? ticks : `${ticks}, ${number(tick * size)} ${name}`;
+  return size === 1 ? ticks : `${ticks}, ${number(tick * size)} ${name}`;
 }
 
 function robotWords() {

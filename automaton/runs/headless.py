@@ -101,8 +101,9 @@ class Outcome(NamedTuple):
 
     def _repr_html_(self) -> str:
         """Show it in a notebook: the floor at the end, and how the run ended."""
-        end = "finished" if self.finished else f"not finished: {self.diagnosis}"
-        words = f"{end} in tick {self.ticks:,}; {self.delivered:,} of {count(self.orders, 'order')} done"
+        words = f"finished in tick {self.ticks:,}"
+        if not self.finished:
+            words = f"not finished in {count(self.ticks, 'tick')}: {self.diagnosis}"
         shown = "" if self.picture is None else self.picture._repr_html_()
         return f"{shown}<p>{escape(words)}</p>"
 

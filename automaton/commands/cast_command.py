@@ -114,10 +114,8 @@ def _make_picture(args: argparse.Namespace) -> str:
 
         _check_drawn(args, args.picture)
         return make_pixel_picture(args.file, _pixel_request(args), args.picture, args.at)
-    made: str = viewer("cast.film_making").make_picture(
-        args.file, _screen_request(args), args.picture, args.at
-    )
-    return made
+    make_picture = viewer("cast.film_making").make_picture
+    return str(make_picture(args.file, _screen_request(args), args.picture, args.at))
 
 
 def _make_pixel_film(args: argparse.Namespace) -> str:

@@ -36,5 +36,4 @@ class FloorPicture:
 
     def _repr_html_(self) -> str:
         """Show it in a notebook."""
-        caption = f"<figcaption>{escape(self.caption)}</figcaption>"
-        return f'<figure style="margin:0">{self.svg}{caption}</figure>'
+        return f"<div>{self.svg}<p>{escape(self.caption)}</p></div>"

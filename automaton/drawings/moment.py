@@ -32,7 +32,7 @@ class DrawnFloor:
     """What does not change during a run."""
 
     floor_plan: FloorPlan
-    headings: int  # that robots tell apart: 1, 2 (axes) or 4
+    headings: int  # that robots distinguish: 1, 2 (axes) or 4
     battery: bool  # robots run on batteries
     may_be_down: bool  # robots may break down
 
@@ -92,7 +92,7 @@ def looks_of_fleet(fleet: Any, floor: DrawnFloor) -> RobotLooks:
 
 
 def cell_of(fleet: Any) -> Cells:
-    """(n,) the cell in which each robot is drawn: its bay's if it is there, or NIL."""
+    """(n,) the cell in which each robot is drawn, that of its parking bay if it is there; or NIL."""
     return np.asarray(np.where(fleet.cell == NIL, fleet.bay, fleet.cell), np.int32)
 
 

@@ -1,6 +1,6 @@
 """The colours of drawings, by what they mean, for dark and for light themes.
 
-Colours of robots are those of Okabe and Ito, which colour-blind people tell apart; floor, walls and
+Colours of robots are those of Okabe and Ito, which colour-blind people distinguish; floor, walls and
 shelves are greys. Shape is always the second channel.
 """
 

@@ -57,7 +57,7 @@ class RobotLooks(NamedTuple):
 def robot_looks(robots: Any, headings: int, battery: bool, may_be_down: bool) -> RobotLooks:
     """Read them off the fields of the robots, and `cause` and `wait_cycle_ticks` of the observation.
 
-    `robots`: an object with these arrays, (n,) each; `headings`: that robots of the fleet tell apart;
+    `robots`: an object with these arrays, (n,) each; `headings`: that robots of the fleet distinguish;
     `battery`: robots run on batteries; `may_be_down`: they may stand on the floor for good.
     """
     loaded, parked = robots.load != NIL, robots.parked != 0

@@ -20,13 +20,13 @@ FOR_PLAYERS: Final = ("-pix_fmt", "yuv420p", "-movflags", "+faststart")
 
 def ffmpeg() -> str:
     """The program. Raises InputError where it is not installed."""
-    found = shutil.which("ffmpeg")
-    if found is None:
+    program = shutil.which("ffmpeg")
+    if program is None:
         raise InputError(
             "an MP4 is made by the program ffmpeg, which is not installed: install the package ffmpeg, "
             "or write FILE.gif"
         )
-    return found
+    return program
 
 
 def write_mp4(frames: Iterable[bytes], width: int, height: int, fps: int, path: Path) -> int:

@@ -83,10 +83,10 @@ class PixelFilm:
         """One frame."""
         stretch = self._stretch
         tick = min(stretch.first + number * self._request.rate, Fraction(stretch.last))
-        whole, ticks = int(tick), stretch.last - stretch.first
+        tick_shown, ticks = int(tick), stretch.last - stretch.first
         # A still says how far the run is.
         share = (tick - stretch.first) / ticks if ticks else tick / max(stretch.recorded, 1)
-        words = stretch.time_words(whole), stretch.fleet_words(whole)
+        words = stretch.time_words(tick_shown), stretch.fleet_words(tick_shown)
         moment = stretch.columns.moment_at(float(tick))
         return self._painter.frame(moment, stretch.title, words, float(share))
 

@@ -24,8 +24,8 @@ class Shades:
         """`pictures`: (rows, columns, 3) each."""
         base = [_packed(np.array(rgb(name, theme), np.uint8)) for name in COLOURS]
         chosen = list(dict.fromkeys(int(one) for one in base))
-        found = np.concatenate([_packed(picture).reshape(-1) for picture in pictures])
-        colours, times = np.unique(found, return_counts=True)
+        pixels = np.concatenate([_packed(picture).reshape(-1) for picture in pictures])
+        colours, times = np.unique(pixels, return_counts=True)
         by_frequency = colours[np.lexsort((colours, -times))].tolist()
         known = set(chosen)
         chosen += [one for one in by_frequency if one not in known][: MAX_COLOURS - len(chosen)]

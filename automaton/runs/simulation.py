@@ -382,7 +382,7 @@ class Simulation:
     def picture(self, theme: Theme = "light", follow: int = NIL) -> FloorPicture:
         """The floor and its robots now; `follow`: a robot that is marked. Raises InputError.
 
-        Only an observed run (`on_observe`) tells robots that wait from those that drive.
+        Only an observed run (`on_observe`) distinguishes robots that wait from those that drive.
         """
         return floor_picture(self.resolved, self.world, self.observation, theme, follow)
 

@@ -83,6 +83,6 @@ def test_cells_that_end_with_a_run_show_its_floor_and_a_film(
         shown.append(eval(last, names)._repr_html_())
     end, marked, film = shown
     ticks = names["outcome"].ticks
-    assert end.startswith("<figure") and f"finished in tick {ticks:,}" in end
+    assert end.startswith("<div><svg ") and f"finished in tick {ticks:,}" in end
     assert "tick 120" in marked and marked != end
     assert film.startswith("<iframe srcdoc=") and f"&quot;last&quot;:{ticks}" in film

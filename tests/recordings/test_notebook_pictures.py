@@ -40,7 +40,7 @@ def test_a_simulation_shows_its_floor_and_robots() -> None:
     simulation.run(until=90)
     page = simulation._repr_html_()
     assert robots(page) == 4
-    assert "<figcaption>crossing, 4 robots: tick 90, 7 of 16 orders done</figcaption>" in page
+    assert "<p>crossing, 4 robots: tick 90, 7 of 16 orders done</p>" in page
 
 
 def test_an_outcome_shows_the_end_and_how_the_run_ended(recorded: Outcome) -> None:

@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out",
         type=Path,
         metavar="FILE",
-        help="make this film: .gif, .mp4, .png (animated) or .cast, which - sends to standard output",
+        help="make this film: .gif, .mp4, .png (animated) or .cast; - is a .cast to standard output",
     )
     add("--from", type=tick, metavar="TICK", dest="first", help="the first tick shown (0)")
     add("--to", type=tick, metavar="TICK", dest="last", help="the last one")

@@ -24,10 +24,14 @@ from automaton.studies.sweeps.study import Analysis, Point, Study, read_study
 if TYPE_CHECKING:
     import pyarrow as pa
 
+    from automaton.build.resolve import Resolved
+    from automaton.drawings.floor_picture import FloorPicture
     from automaton.runs.headless import Outcome
+    from automaton.runs.simulation import Simulation
     from automaton.scenario.document import Override
     from automaton.scenario.schema import Scenario
     from automaton.studies.sizing.sizing_record import SizingResult
+    from automaton.tables.table_run import TableRun
 
 __all__ = ["Analysis", "Point", "Study", "read_study", "simulate", "size", "sweep"]
 
@@ -40,6 +44,7 @@ def simulate(
     states: str | int | None = None,
     events: bool = False,
     folder: str | Path | None = None,
+    record: str | Path | None = None,
     **overrides: Any,
 ) -> Outcome:
     """Run a scenario once, in this process: by path, by shipped name, or built in Python.
@@ -48,22 +53,49 @@ def simulate(
     the outcome has `tables.orders`, `lines`, `trips`, `robots` and `stations`, each a pyarrow Table;
     `states`, a period such as "10 s" or ticks, adds `states`, `events` those, both `cells`. `folder`:
     a new folder where they are written as Parquet while the run goes on, instead of being kept in
-    memory. Raises InputError for bad input and for a strategy that raises.
+    memory. A notebook shows the floor at the end; with `record`, a file, `film()` shows the run.
+    Raises InputError for bad input and for a strategy that raises.
     """
     from automaton.build.resolve import resolve
-    from automaton.runs.headless import run_once
 
     resolved = resolve(scenario, settings_of(overrides), seed)
     if not tables:
         if states is not None or events or folder is not None:
             raise InputError("states, events and folder are of tables; set tables=True")
-        return run_once(resolved)
+        return _run_shown(resolved, record)
     from automaton.tables.table_run import TableOptions, table_run
 
     where = None if folder is None else Path(folder)
     with table_run(resolved, TableOptions(states, events, folder=where)) as run:
-        outcome = run_once(resolved, on_end=run.finish, sampling=run.sampling)
+        outcome = _run_shown(resolved, record, run)
     return outcome._replace(tables=run.tables())
+
+
+def _run_shown(
+    resolved: Resolved, record: str | Path | None, tables: TableRun | None = None
+) -> Outcome:
+    """Run it once, with the picture of its end and, if it is asked for, its recording."""
+    from automaton.evidence.recording.recorder import Recorder
+    from automaton.recordings import read
+    from automaton.runs.headless import run_once
+
+    pictures: list[FloorPicture] = []
+
+    def on_end(simulation: Simulation) -> None:
+        pictures.append(simulation.picture())
+        if tables is not None:
+            tables.finish(simulation)
+
+    sampling = None if tables is None else tables.sampling
+    if record is None:
+        outcome = run_once(resolved, on_end=on_end, sampling=sampling)
+        return outcome._replace(picture=pictures[0])
+    try:
+        with Recorder(record, resolved, resolved.scenario.seed) as recorder:
+            outcome = run_once(resolved, recorder, on_end=on_end, sampling=sampling)
+    except OSError as error:
+        raise InputError(f"cannot write the recording: {error.strerror}", str(record)) from error
+    return outcome._replace(picture=pictures[0], recording=read(record))
 
 
 def settings_of(overrides: dict[str, Any]) -> list[Override]:

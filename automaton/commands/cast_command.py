@@ -1,7 +1,7 @@
-"""Make a film of a recording, to be played by asciinema or a browser, or a picture of one tick.
+"""Make a film of a recording, for a slide, a chat, a browser or asciinema, or a picture of one tick.
 
-Films for asciinema and pictures are drawn as the viewer draws, but without a terminal; a film for a
-browser is one HTML file. Exit code 0: made; 2: bad input.
+GIF, MP4, PNG and pages for a browser are drawn; films for asciinema, SVG and text show what the viewer
+shows, but without a terminal. Exit code 0: made; 2: bad input.
 """
 
 from __future__ import annotations
@@ -9,11 +9,16 @@ from __future__ import annotations
 import argparse
 from fractions import Fraction
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
 
 from automaton.commands.arguments import add_recording_argument, frame_rate, tick, whole
 from automaton.commands.watch import viewer
 from automaton.errors import InputError
 
+if TYPE_CHECKING:  # it needs Numba
+    from automaton.films.pixel_film import PixelRequest
+
+FILM_SUFFIXES: Final = (".gif", ".mp4", ".png")  # of drawn films
 SPEEDS = (Fraction(1, 100), Fraction(10_000))
 
 
@@ -21,12 +26,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton cast`."""
     add = parser.add_argument
     add_recording_argument(parser)
-    add("--out", type=Path, metavar="FILE", help="instead of FILE.cast; - is standard output")
+    add(
+        "--out",
+        type=Path,
+        metavar="FILE",
+        help="make this film: .gif, .mp4, .png (animated) or .cast; - is a .cast to standard output",
+    )
     add("--from", type=tick, metavar="TICK", dest="first", help="the first tick shown (0)")
     add("--to", type=tick, metavar="TICK", dest="last", help="the last one")
     add("--speed", type=speed, metavar="F", help="x1 is 10 ticks a second")
-    add("--fps", type=frame_rate, metavar="N", help="pictures a second at most (10)")
-    add("--size", type=size, metavar="COLSxROWS", help="of the screen; else as the floor needs")
+    add("--fps", type=frame_rate, metavar="N", help="pictures a second at most (.cast 10, else 20)")
+    add(
+        "--size",
+        type=size,
+        metavar="WxH",
+        help="columns and rows, or pixels of .gif, .mp4 and .png; else as the floor needs",
+    )
     add("--zoom", default="fit", metavar="ZOOM", help="fit, 3x1, 2x1, 1x1, half, braille-1, ...")
     add(
         "--follow",
@@ -45,7 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--color", choices=("true", "256", "16", "none"), default="true", help="depth")
     add("--ascii", action="store_true", help="no characters beyond ASCII")
     add("--html", type=Path, metavar="FILE", help="make this page instead: it plays in a browser")
-    add("--picture", type=Path, metavar="FILE", help="make this picture instead: .svg or .txt")
+    add("--picture", type=Path, metavar="FILE", help="make this picture instead: .png, .svg, .txt")
     add("--at", type=tick, metavar="TICK", help="the tick of the picture; else the last one")
 
 
@@ -63,7 +78,7 @@ def speed(text: str) -> Fraction:
 
 
 def size(text: str) -> tuple[int, int]:
-    """Columns and rows."""
+    """Columns and rows, or pixels."""
     columns, _, rows = text.partition("x")
     if not (columns.isdecimal() and rows.isdecimal()):
         raise argparse.ArgumentTypeError(f"{text!r} is not a size such as 80x24")
@@ -74,26 +89,59 @@ def run(args: argparse.Namespace) -> int:
     """Make the one or the other."""
     _check_together(args)
     if args.html is not None:
-        viewer("web_film.film_page").make_page(
-            args.file,
-            args.html,
-            args.first,
-            args.last,
-            speed=float(args.speed or 1),
-            follow=args.follow,
-            theme=args.theme,
-        )
-        return 0
-    how = ("size", "zoom", "follow", "layer", "theme", "color", "ascii")
-    chosen = {name: getattr(args, name) for name in how}
-    when = {name: getattr(args, name) for name in ("first", "last", "speed", "fps")}
-    chosen |= {name: value for name, value in when.items() if value is not None}
-    request = viewer("cast.film_request").Request(**chosen)
-    if args.picture is not None:
-        viewer("cast.film_making").make_picture(args.file, request, args.picture, args.at)
+        print(f"{args.html}: {_make_page(args)}")
+    elif args.picture is not None:
+        print(f"{args.picture}: {_make_picture(args)}")
+    elif args.out is not None and args.out.suffix.lower() in FILM_SUFFIXES:
+        print(f"{args.out}: {_make_pixel_film(args)}")
     else:
-        viewer("cast.film_making").make_film(args.file, request, args.out)
+        viewer("cast.film_making").make_film(args.file, _screen_request(args), args.out)
     return 0
+
+
+def _make_page(args: argparse.Namespace) -> str:
+    from automaton.films.web_film.film_page import make_page
+
+    speed, follow, theme = float(args.speed or 1), args.follow, args.theme
+    return make_page(
+        args.file, args.html, args.first, args.last, speed=speed, follow=follow, theme=theme
+    )
+
+
+def _make_picture(args: argparse.Namespace) -> str:
+    if args.picture.suffix.lower() == ".png":
+        from automaton.films.pixel_film import make_pixel_picture
+
+        _check_drawn(args, args.picture)
+        return make_pixel_picture(args.file, _pixel_request(args), args.picture, args.at)
+    make_picture = viewer("cast.film_making").make_picture
+    return str(make_picture(args.file, _screen_request(args), args.picture, args.at))
+
+
+def _make_pixel_film(args: argparse.Namespace) -> str:
+    from automaton.films.pixel_film import make_pixel_film
+
+    _check_drawn(args, args.out)
+    return make_pixel_film(args.file, _pixel_request(args), args.out)
+
+
+def _pixel_request(args: argparse.Namespace) -> PixelRequest:
+    from automaton.films.pixel_film import PixelRequest
+
+    return PixelRequest(
+        **_given(args, ("first", "last", "speed", "fps", "size", "follow", "theme"))
+    )
+
+
+def _screen_request(args: argparse.Namespace) -> Any:
+    how = ("size", "zoom", "follow", "layer", "theme", "color", "ascii")
+    when = ("first", "last", "speed", "fps")
+    return viewer("cast.film_request").Request(**_given(args, (*how, *when)))
+
+
+def _given(args: argparse.Namespace, names: tuple[str, ...]) -> dict[str, Any]:
+    """Those that were said; the others have their own defaults."""
+    return {name: getattr(args, name) for name in names if getattr(args, name) is not None}
 
 
 def _check_together(args: argparse.Namespace) -> None:
@@ -113,9 +161,25 @@ def _check_page(args: argparse.Namespace) -> None:
     if args.html.suffix not in (".html", ".htm"):
         raise InputError(f"{str(args.html)!r} names no page: allowed is FILE.html")
     others = {"--out": args.out, "--picture": args.picture, "--fps": args.fps, "--size": args.size}
-    others |= {"--layer": args.layer or None, "--ascii": args.ascii or None}
-    others |= {"--zoom": None if args.zoom == "fit" else args.zoom}
-    others |= {"--color": None if args.color == "true" else args.color}
-    named = [name for name, value in others.items() if value is not None]
+    _refuse(others | _of_screens(args), "--html")
+
+
+def _check_drawn(args: argparse.Namespace, path: Path) -> None:
+    _refuse(_of_screens(args), f"FILE{path.suffix.lower()}")
+
+
+def _of_screens(args: argparse.Namespace) -> dict[str, Any]:
+    """Options for what looks like the viewer's screen; None where they are not given."""
+    return {
+        "--layer": args.layer or None,
+        "--ascii": args.ascii or None,
+        "--zoom": None if args.zoom == "fit" else args.zoom,
+        "--color": None if args.color == "true" else args.color,
+    }
+
+
+def _refuse(options: dict[str, Any], beside: str) -> None:
+    """Raises InputError for the first option that is given."""
+    named = [name for name, value in options.items() if value is not None]
     if named:
-        raise InputError(f"{named[0]} does not go together with --html")
+        raise InputError(f"{named[0]} does not go together with {beside}")

@@ -3,8 +3,10 @@
 from automaton.recordings import read
 
 read("run.rec").tables(states="1 s", robots=[3]).states.to_pandas()
+read("run.rec").picture(at=120, follow=3)
+read("run.rec").film()
 """
 
-from automaton.recordings.recorded_tables import RecordedRun, read
+from automaton.recordings.recorded_run import RecordedRun, read
 
 __all__ = ["RecordedRun", "read"]

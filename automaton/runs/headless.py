@@ -9,11 +9,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from html import escape
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from automaton.build.resolve import Resolved
+from automaton.drawings.floor_picture import FloorPicture
 from automaton.engine.jit.kernel import seconds_compiled
 from automaton.engine.state import (
     ACTION_CHARGE,
@@ -46,6 +48,7 @@ from automaton.runs.station_metrics import metrics_by_station
 from automaton.runs.strategy_failure import is_from_outside, strategy_failure
 from automaton.runs.task_metrics import summed, tasks_after
 from automaton.scenario.unavailable_metrics import warm_up_of
+from automaton.units import count
 
 # Between two looks at the clock and at Ctrl-C. A multiple of the ticks that a recording buffers, so
 # that looking changes no recording; 5 robots drive them in 0.3 ms.
@@ -82,6 +85,27 @@ class Outcome(NamedTuple):
     types: Sequence[dict[str, Any]] = ()  # metrics by type of robot, where there are several
     stations: Sequence[dict[str, Any]] = ()  # metrics by station, where pods are carried there
     tables: Any = None  # those of `simulate(tables=True)`: automaton.tables.table_files.Tables
+    picture: FloorPicture | None = None  # the floor at the end of a run of `simulate`
+    recording: Any = None  # that of `simulate(record=FILE)`: automaton.recordings.RecordedRun
+
+    def film(self, **options: Any) -> Any:
+        """The run as a film for a notebook, see RecordedRun.film.
+
+        Raises InputError for a run that was not recorded.
+        """
+        if self.recording is None:
+            raise InputError(
+                'this run was not recorded: simulate(..., record="run.rec") records it'
+            )
+        return self.recording.film(**options)
+
+    def _repr_html_(self) -> str:
+        """Show it in a notebook: the floor at the end, and how the run ended."""
+        words = f"finished in tick {self.ticks:,}"
+        if not self.finished:
+            words = f"not finished in {count(self.ticks, 'tick')}: {self.diagnosis}"
+        shown = "" if self.picture is None else self.picture._repr_html_()
+        return f"{shown}<p>{escape(words)}</p>"
 
 
 def run_to_end(

@@ -16,6 +16,8 @@ from automaton.build.world import (
     build_sight,
     build_world,
 )
+from automaton.drawings.floor_picture import FloorPicture
+from automaton.drawings.palette import Theme
 from automaton.engine import loop as loop_kernels
 from automaton.engine.digest import DIGEST_NAMES, combine, digest_world
 from automaton.engine.distance_tables import STOP_NO_ROOM
@@ -40,6 +42,7 @@ from automaton.engine.state import (
 )
 from automaton.engine.state_rows import NO_ROWS, state_rows
 from automaton.errors import InputError
+from automaton.runs.floor_pictures import floor_picture
 from automaton.runs.interruption import give_up, interruptible
 from automaton.runs.metric_sums import TASK_SUMS
 from automaton.runs.state_copy import plan_anew, take_over
@@ -375,6 +378,17 @@ class Simulation:
         """The digest of the whole state, 16 hex digits."""
         with np.errstate(over="ignore"):
             return f"{int(combine(self.digests())):016x}"
+
+    def picture(self, theme: Theme = "light", follow: int = NIL) -> FloorPicture:
+        """The floor and its robots now; `follow`: a robot that is marked. Raises InputError.
+
+        Only an observed run (`on_observe`) distinguishes robots that wait from those that drive.
+        """
+        return floor_picture(self.resolved, self.world, self.observation, theme, follow)
+
+    def _repr_html_(self) -> str:
+        """Show it in a notebook."""
+        return self.picture()._repr_html_()
 
 
 def compile_strategy(kind: type[Strategy]) -> None:

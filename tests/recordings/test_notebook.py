@@ -1,4 +1,4 @@
-"""The notebook of the documentation: its cells run, and draw what they say."""
+"""The notebooks of the documentation: their cells run, and show what they say."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ import pytest
 
 from automaton.commands import main
 
-NOTEBOOK = Path(__file__).parents[2] / "docs" / "notebooks" / "recording-to-histogram.ipynb"
+NOTEBOOKS = Path(__file__).parents[2] / "docs" / "notebooks"
 LINES = 10
 
 
-def code_cells() -> list[str]:
-    cells = json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]
+def code_cells(name: str = "recording-to-histogram") -> list[str]:
+    cells = json.loads((NOTEBOOKS / f"{name}.ipynb").read_text(encoding="utf-8"))["cells"]
     return ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
 
 
@@ -69,3 +69,20 @@ def test_ten_lines_lead_from_a_recording_to_two_drawings(
 def test_the_notebook_is_short() -> None:
     lines = [line for cell in code_cells() for line in cell.splitlines() if line.strip()]
     assert len(lines) <= LINES
+
+
+def test_cells_that_end_with_a_run_show_its_floor_and_a_film(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {}
+    shown = []
+    for cell in code_cells("a-run-in-a-notebook"):
+        *statements, last = cell.splitlines()
+        exec("\n".join(statements), names)
+        shown.append(eval(last, names)._repr_html_())
+    end, marked, film = shown
+    ticks = names["outcome"].ticks
+    assert end.startswith("<div><svg ") and f"finished in tick {ticks:,}" in end
+    assert "tick 120" in marked and marked != end
+    assert film.startswith("<iframe srcdoc=") and f"&quot;last&quot;:{ticks}" in film

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, NamedTuple
 from textual.app import App
 
 from automaton.engine.state import NIL
+from automaton.evidence.recording.titles import short, title_of
 from tui.actions import Command
 from tui.playback.recording_files import beside, comparing_command, short_path
-from tui.playback.titles import short, title_of
 from tui.session.display import Display
 from tui.session.session import Session
 from tui.widgets.signs import signs_of

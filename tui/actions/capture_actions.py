@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import io
 import os
-import re
 
 from textual.app import App
 
 from automaton.atomic_write import replacing
 from tui.actions import Command
+from tui.actions.screen_rows import screen_rows
 from tui.playback.recording_files import capture_file, short_path
 from tui.registration import layer_named
-from tui.render.image_export import as_text
+from tui.render.image_export import as_text, svg_of
 from tui.session.display import Display
 from tui.session.session import Session
-
-FROM_THE_INTERNET = re.compile(r"@font-face\s*\{[^}]*\}|<!--.*?-->", re.DOTALL)
 
 
 class CaptureActions:
@@ -29,10 +27,12 @@ class CaptureActions:
         return {"screenshot": self._take_screenshot, "copy_text": self._copy_text}
 
     def _take_screenshot(self) -> None:
-        svg = self._app.export_screenshot(title=f"automaton: {self._session.opening.name}")
+        rows, look = screen_rows(self._app, self._session.look), self._session.look
         # It has painted everything, and with that forgot what was still to be painted.
         self._app.screen.refresh()
-        self._save(without_links(svg), ".svg")
+        width, height = self._app.size
+        title = f"automaton: {self._session.opening.name}"
+        self._save(svg_of(rows, (height, width), look, title), ".svg")
 
     def _copy_text(self) -> None:
         glyphs = self._session.glyphs
@@ -80,8 +80,3 @@ class CaptureActions:
             self._display.notices.say("this viewer is read-only: it hands out no files", "warning")
         else:
             self._app.deliver_text(io.StringIO(text), save_filename=name)
-
-
-def without_links(svg: str) -> str:
-    """The drawing with the fonts that are there, not with some from the internet."""
-    return FROM_THE_INTERNET.sub("", svg).replace("Fira Code, monospace", "monospace")

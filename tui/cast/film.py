@@ -10,13 +10,13 @@ import numpy as np
 
 from automaton.engine.state import NIL
 from automaton.errors import InputError, alternatives
+from automaton.evidence.recording.titles import title_of
 from automaton.units import unit
 from tui.cast.film_frame import aim, checked_size, size_for
 from tui.cast.film_request import Request
 from tui.cast.film_status import Status
 from tui.playback.frame_cache import Pictures
 from tui.playback.run_source import recorded
-from tui.playback.titles import title_of
 from tui.registration import failure, layer_named, layers
 from tui.render.choice import Choice
 from tui.render.depth import DEPTHS, Depth

@@ -8,20 +8,26 @@ from typing import BinaryIO, Final
 
 from automaton.atomic_write import atomic_writer
 from automaton.errors import InputError
+from automaton.films.film_target import checked
 from automaton.units import count
 from tui.cast.asciicast import Frame, asciicast, duration, schedule
 from tui.cast.film import Film
 from tui.cast.film_request import Request
-from tui.cast.film_target import checked
 from tui.render.image_export import as_svg, as_text
 
 STANDARD_OUTPUT: Final = Path("-")
+SUFFIX: Final = ".cast"
 
 
 def make_film(recording: Path, request: Request, out: Path | None) -> None:
     """Write an asciicast, and say how large it is. Raises InputError."""
-    path = out or recording.with_suffix(".cast")
+    path = out or recording.with_suffix(SUFFIX)
     target = path if path == STANDARD_OUTPUT else checked(path)
+    if target != STANDARD_OUTPUT and path.suffix != SUFFIX:
+        raise InputError(
+            f"{str(path)!r} names no film: allowed are FILE.gif, FILE.mp4, FILE.png and FILE.cast; "
+            "--html makes a page"
+        )
     film = Film(recording, request)
     first = film.checked(request.first)
     last = film.last if request.last is None else film.checked(request.last)
@@ -47,10 +53,12 @@ def _write(film: Film, frames: list[Frame], file: BinaryIO) -> str:
     return f"{count(events, 'event')}, {count(size, 'byte')}, {seconds} of {film.size}"
 
 
-def make_picture(recording: Path, request: Request, out: Path, tick: int | None) -> None:
-    """Write a still, as an SVG or as text by the file's suffix. Raises InputError."""
+def make_picture(recording: Path, request: Request, out: Path, tick: int | None) -> str:
+    """Write a still, as an SVG or as text by the file's suffix; its size. Raises InputError."""
     if out.suffix not in (".svg", ".txt"):
-        raise InputError(f"{str(out)!r} names no picture: allowed are FILE.svg and FILE.txt")
+        raise InputError(
+            f"{str(out)!r} names no picture: allowed are FILE.png, FILE.svg and FILE.txt"
+        )
     path = checked(out)
     film = Film(recording, request)
     tick = film.checked(film.last if tick is None else tick)
@@ -61,4 +69,4 @@ def make_picture(recording: Path, request: Request, out: Path, tick: int | None)
         drawn = as_svg(codes, film.look, film.glyphs, film.title).encode()
     with atomic_writer(path) as file:
         file.write(drawn)
-    print(f"{out}: tick {tick:,}, {film.size}, {count(len(drawn), 'byte')}")
+    return f"tick {tick:,}, {film.size}, {count(len(drawn), 'byte')}"

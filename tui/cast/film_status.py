@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from automaton.evidence.history.fleet_summary import summarize
 from automaton.units import Unit, number
-from tui.playback.fleet_summary import summarize
 from tui.render import styles
 from tui.render.glyphs import Codes, code, text
 from tui.render.styles import style

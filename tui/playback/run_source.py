@@ -14,9 +14,9 @@ from automaton.errors import InputError
 from automaton.evidence.recording.frames import Recording
 from automaton.evidence.recording.header import resolved_of
 from automaton.evidence.recording.recording_reader import read_recording
+from automaton.evidence.recording.titles import Head, heads_of, title_of
 from automaton.floor.floor_plan import UNBOUNDED
 from automaton.floor.traffic_zones import traffic_zones_of
-from tui.playback.titles import Head, heads_of, title_of
 from tui.render.scene import Floor
 
 if TYPE_CHECKING:  # it needs Numba

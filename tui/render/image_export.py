@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
+from typing import NamedTuple
 from xml.sax.saxutils import escape
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.cells import cell_len
 
 from tui.render.glyphs import GLYPH_BITS, GLYPHS, Codes, GlyphSet
 from tui.render.styles import COLOUR_TEXT, COLOUR_VOID, Look, style
@@ -56,18 +59,34 @@ BOLD = ' font-weight="bold"'
 FONTS = "'DejaVu Sans Mono', Menlo, Consolas, 'Liberation Mono', monospace"
 
 
+class Run(NamedTuple):
+    """Neighbouring characters of one look."""
+
+    text: str
+    fg: str  # as a style sheet writes it
+    bg: str
+    bold: bool
+
+
 def as_svg(codes: Codes, look: Look, glyphs: GlyphSet, title: str = "") -> str:
     """A drawing that needs nothing beside itself, under a bar with a title if there is one."""
-    rows, columns = codes.shape
+    rows = ([Run(text, *look.css(n)) for text, n in runs(row, look, glyphs)] for row in codes)
+    return svg_of(rows, codes.shape, look, title)
+
+
+def svg_of(
+    rows: Iterable[Iterable[Run]], shape: tuple[int, ...], look: Look, title: str = ""
+) -> str:
+    """The same of any characters; `shape`: rows and columns, as of a terminal."""
     bar = TITLE_BAR_HEIGHT if title else 0
-    width, height = columns * CHARACTER_WIDTH, rows * CHARACTER_HEIGHT + bar
+    width, height = shape[1] * CHARACTER_WIDTH, shape[0] * CHARACTER_HEIGHT + bar
     ground = look.css(0)[1]
-    drawing = _Drawing(look, ground)
-    for row, line in enumerate(codes):
+    drawing = _Drawing(ground)
+    for number, row in enumerate(rows):
         column = 0
-        for text, number in runs(line, look, glyphs):
-            drawing.add(text, number, column, row)
-            column += len(text)
+        for run in row:
+            drawing.add(run, column, number)
+            column += cell_len(run.text)
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}"'
         f' width="{width}" height="{height}" font-family="{FONTS}" font-size="{FONT_SIZE}">'
@@ -91,17 +110,17 @@ class _Drawing:
     Blocks and braille are drawn as boxes: letters leave seams, and many fonts have no braille.
     """
 
-    def __init__(self, look: Look, ground: str) -> None:
-        self._look, self._ground = look, ground
+    def __init__(self, ground: str) -> None:
+        self._ground = ground
         self._boxes: dict[str, list[str]] = {}
         self._letters: dict[tuple[str, bool], list[str]] = {}
 
-    def add(self, text: str, style: int, column: int, row: int) -> None:
-        """A run of one style."""
-        fg, bg, bold = self._look.css(style)
+    def add(self, run: Run, column: int, row: int) -> None:
+        """Characters of one look."""
+        text, fg, bg, bold = run
         x, y = column * CHARACTER_WIDTH, row * CHARACTER_HEIGHT
         if bg != self._ground:
-            self._box(bg, x, y, len(text), CHARACTER_HEIGHT)
+            self._box(bg, x, y, cell_len(text), CHARACTER_HEIGHT)
         for block in re.finditer(r"▀+|▄+|█+", text):
             upper, high = (
                 block[0][0] != "▄",
@@ -114,7 +133,7 @@ class _Drawing:
         for word in re.finditer(LETTER_RUNS, text):
             self._letters.setdefault((fg, bold), []).append(
                 f'<text x="{x + word.start() * CHARACTER_WIDTH}" y="{y + BASELINE}"'
-                f' textLength="{len(word[0]) * CHARACTER_WIDTH}">{escape(word[0])}</text>'
+                f' textLength="{cell_len(word[0]) * CHARACTER_WIDTH}">{escape(word[0])}</text>'
             )
 
     def _dots(self, fg: str, x: int, y: int, pattern: int) -> None:

@@ -10,8 +10,10 @@ import numpy as np
 from automaton.build.resolve import Resolved
 from automaton.engine.state import NIL
 from automaton.evidence.history.divergence import first_difference
+from automaton.evidence.history.fleet_summary import summary_of
 from automaton.evidence.history.watched_run import Run
 from automaton.evidence.recording.header import changed, resolved_of
+from automaton.evidence.recording.titles import branches_of
 from automaton.runs.asked_orders import asked_orders
 from automaton.runs.headless import Outcome, operations, orders_exhausted, record_work
 from automaton.runs.metrics import metrics_by_robot, metrics_by_type, metrics_of
@@ -19,9 +21,7 @@ from automaton.runs.progress import largest_jam
 from automaton.runs.run_diagnosis import describe_unfinished_run, find_wait_cycles, stalled_robots
 from automaton.runs.run_report import print_report
 from automaton.runs.station_metrics import metrics_by_station
-from tui.playback.fleet_summary import summary_of
 from tui.playback.run_source import Opening
-from tui.playback.titles import branches_of
 
 PROGRESS_SLICE_S: Final = 0.5
 

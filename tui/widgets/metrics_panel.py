@@ -13,9 +13,9 @@ from automaton.engine.robot_status import BATTERY_FULL, STATUS_DEPLETED, STATUS_
 from automaton.engine.state import ORDER_DELIVERED
 from automaton.evidence.history.charging_words import charging, is_queueing
 from automaton.evidence.history.event_history import Curve
+from automaton.evidence.history.fleet_summary import FleetSummary, summarize
 from automaton.runs.metrics import METRIC_CATALOGUE
 from automaton.units import count, number, percent
-from tui.playback.fleet_summary import FleetSummary, summarize
 from tui.playback.jam_place import middle_robot
 from tui.playback.panel_view import JamChosen, TickChosen, View
 from tui.render.robot_marks import LOW_CHARGE

@@ -10,8 +10,8 @@ import math
 from typing import TYPE_CHECKING
 
 from automaton.engine.state import NIL
+from automaton.evidence.history.fleet_summary import summarize
 from automaton.units import Unit, number
-from tui.playback.fleet_summary import summarize
 from tui.render import styles
 from tui.render.glyphs import ASCII, GlyphSet
 from tui.widgets.word_row import Word, word

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import xml.etree.ElementTree as ET
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from tui.terminal.options import Options
 from tui.widgets.status import head_words
 
 NARROW = (80, 24)
+SVG = "{http://www.w3.org/2000/svg}"
 
 
 def story(
@@ -267,4 +269,7 @@ def test_captures_name_the_run_and_need_no_internet(folder: Path) -> None:
     text = next(folder.glob("*.txt")).read_text(encoding="utf-8")
     assert text.splitlines()[0] == "tabletop-mini, 3 robots, seed 1, tick 120"
     svg = next(folder.glob("*.svg")).read_text(encoding="utf-8")
-    assert "url(http" not in svg and "@font-face" not in svg and "font-family: monospace" in svg
+    assert "url(http" not in svg and "@font-face" not in svg and "<script" not in svg
+    words = [word.text or "" for word in ET.fromstring(svg).iter(f"{SVG}text")]
+    assert words[0] == "automaton: tabletop-mini"
+    assert any(word.startswith("tick ") for word in words[1:])  # in the line of the clock

@@ -6,8 +6,8 @@ const film = JSON.parse(document.getElementById("film").textContent);
 const $ = (id) => document.getElementById(id);
 const TICKS = film.last - film.first + 1;
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10, 20, 50, 100]; // 1 is ten ticks a second
-const ONE_WAY = 1, POD = 1; // details of cells
-const LETTERS = { destination: "D", charger: "C", "parking-bay": "P", dock: "D", station: "S" };
+const ONE_WAY = 1; // detail of cells
+const LETTERS = { destination: "D", charger: "C", "parking-bay": "P", dock: "I", station: "S" };
 const [X0, Y0, X1, Y1] = film.box;
 const SIDES = [[1, 0], [0, 1], [-1, 0], [0, -1]]; // east, south, west, north
 
@@ -18,7 +18,8 @@ let selected = film.follow;
 let following = selected >= 0;
 let theme = film.theme;
 let scale = 1, left = 0, top_ = 0; // pixels a cell; the cell at the upper left of the map
-let columns = null, looks = null, toggles = null;
+let columns = null, looks = null;
+const changing = {}; // by kind: of each cell whether it was there at first, and the ticks at which that changes
 
 async function inflated(text) {
   const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
@@ -34,11 +35,9 @@ function summed(buffer, rows) { // differences along each row become values
 }
 
 async function unpacked() {
-  const out = {}, rows = { figures: film.figures.length, changes: 2 };
-  for (const [name, text] of Object.entries(film.columns)) {
-    const buffer = await inflated(text);
-    out[name] = name === "full" ? new Uint8Array(buffer) : summed(buffer, rows[name] ?? film.robots);
-  }
+  const out = {}, rows = { figures: film.figures.length, full: 1, changes: 2, shut: 1, gates: 2 };
+  for (const [name, text] of Object.entries(film.columns))
+    out[name] = summed(await inflated(text), rows[name] ?? film.robots);
   return out;
 }
 
@@ -47,15 +46,23 @@ const figure = (name, tick) => columns.figures[film.figures.indexOf(name) * TICK
 const colours = () => film.colours[theme];
 const tickNow = () => Math.min(TICKS - 1, Math.floor(now));
 
-function isFull(slot, tick) { // filled at the start, and changed so often until then
-  const ticks = toggles[slot];
-  if (!ticks) return columns.full[slot] === 1;
+function changingCells(first, changes) {
+  const cells = new Map(Array.from(first, (cell) => [cell, { first: true, ticks: [] }])), count = changes.length / 2;
+  for (let k = 0; k < count; k++) {
+    const cell = changes[count + k];
+    if (!cells.has(cell)) cells.set(cell, { first: false, ticks: [] });
+    cells.get(cell).ticks.push(changes[k]);
+  }
+  return cells;
+}
+
+function isThere({ first, ticks }, tick) { // at first, and changed so often until then
   let low = 0, high = ticks.length;
   while (low < high) {
     const middle = (low + high) >> 1;
     if (ticks[middle] <= tick) low = middle + 1; else high = middle;
   }
-  return (columns.full[slot] === 1) !== (low % 2 === 1);
+  return first !== (low % 2 === 1);
 }
 
 function placeOf(robot) { // [x, y] in cells, or null while it is off the floor
@@ -163,14 +170,26 @@ function drawFloor(ctx, width, height) {
   }
 }
 
-function drawLoads(ctx, width, height) {
+function cellsSeen(kind, width, height, paint) {
   const k = tickNow();
-  ctx.fillStyle = colours().load;
-  film.slots.forEach((cell, slot) => {
-    if (film.endless[slot] || !isFull(slot, k)) return;
+  for (const [cell, changes] of changing[kind]) {
     const x = ((cell % film.stride) - 1 - left) * scale, y = (Math.floor(cell / film.stride) - 1 - top_) * scale;
-    if (x < -scale || y < -scale || x > width || y > height) return;
-    ctx.fillRect(x + scale * 0.2, y + scale * 0.2, scale * 0.6, scale * 0.6);
+    if (x < -scale || y < -scale || x > width || y > height) continue;
+    if (isThere(changes, k)) paint(x, y);
+  }
+}
+
+function drawLoads(ctx, width, height) {
+  ctx.fillStyle = colours().load;
+  cellsSeen("full", width, height, (x, y) => ctx.fillRect(x + scale * 0.2, y + scale * 0.2, scale * 0.6, scale * 0.6));
+}
+
+function drawShut(ctx, width, height) {
+  ctx.strokeStyle = colours().fault;
+  ctx.lineWidth = Math.max(1, scale * 0.07);
+  cellsSeen("shut", width, height, (x, y) => {
+    ctx.strokeRect(x + scale * 0.06, y + scale * 0.06, scale * 0.88, scale * 0.88);
+    cross(ctx, x + scale / 2, y + scale / 2, scale * 0.38);
   });
 }
 
@@ -197,7 +216,7 @@ function drawRobot(ctx, x, y, size, mark, name) {
     ctx.strokeRect(x - r * 0.5, y - r * 0.5, r, r);
   }
   if (size >= 22) {
-    ctx.fillStyle = shape === 1 || shape === 7 ? colours().text : colours().floor;
+    ctx.fillStyle = colours().floor;
     ctx.font = `600 ${Math.round(size * 0.3)}px system-ui, sans-serif`;
     ctx.textAlign = "center";
     ctx.textBaseline = "middle";
@@ -260,7 +279,7 @@ const number = (value) => value.toLocaleString("en-US", { maximumFractionDigits:
 
 function timeWords(tick) {
   const { size, name } = film.unit, ticks = `tick ${number(tick)}`;
-  return size === 1 && name.startsWith("tick") ? ticks : `${ticks}, ${number(tick * size)} ${name}`;
+  return size === 1 ? ticks : `${ticks}, ${number(tick * size)} ${name}`;
 }
 
 function robotWords() {
@@ -388,6 +407,7 @@ function draw() {
   ctx.fillRect(0, 0, width, height);
   drawFloor(ctx, width, height);
   drawLoads(ctx, width, height);
+  drawShut(ctx, width, height);
   drawWait(ctx);
   drawRobots(ctx, width, height);
   drawCurve();
@@ -549,9 +569,8 @@ function readAddress() {
 async function begin() {
   columns = await unpacked();
   looks = new Uint8Array(await inflated(film.looks));
-  toggles = {};
-  const count = columns.changes.length / 2;
-  for (let k = 0; k < count; k++) (toggles[columns.changes[count + k]] ??= []).push(columns.changes[k]);
+  changing.full = changingCells(columns.full, columns.changes);
+  changing.shut = changingCells(columns.shut, columns.gates);
   listen();
   fit();
   showTheme();

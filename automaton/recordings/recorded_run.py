@@ -1,4 +1,4 @@
-"""Tables of a recorded run: it is played again from its decisions, and its tables are made meanwhile."""
+"""A recorded run: it is played again from its decisions, and tables, pictures and films come of it."""
 
 from __future__ import annotations
 
@@ -6,12 +6,16 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from automaton.errors import InputError
+from automaton.drawings.palette import THEMES, Theme
+from automaton.errors import InputError, alternatives
 from automaton.evidence.recording.frames import Recording
 from automaton.evidence.recording.recording_reader import read_recording
+from automaton.floor.cells import NIL
 
 if TYPE_CHECKING:
+    from automaton.drawings.floor_picture import FloorPicture
     from automaton.evidence.history.playback import Playback
+    from automaton.films.web_film.notebook_film import NotebookFilm
     from automaton.runs.sampling import Sampling
     from automaton.tables.table_files import Tables
 
@@ -62,6 +66,55 @@ class RecordedRun:
         except InputError as error:
             raise error.at(str(self.path)) from None
         return run.tables()
+
+    def picture(
+        self, at: int | None = None, theme: Theme = "light", follow: int = NIL
+    ) -> FloorPicture:
+        """The floor and its robots after a tick, the last one unless said; `follow`: a robot to mark.
+
+        Raises InputError.
+        """
+        from automaton.evidence.history.playback import Playback
+
+        tick = self.ticks if at is None else at
+        if not 0 <= tick <= self.ticks:
+            raise InputError(
+                f"there is no tick {tick:,}: the recording ends at tick {self.ticks:,}"
+            )
+        try:
+            playback = Playback(self._recording.header, self._recording.stored())
+            playback.go_to(tick)
+            return playback.simulation.picture(theme, follow)
+        except InputError as error:
+            raise error.at(str(self.path)) from None
+
+    def film(
+        self,
+        first: int | None = None,
+        last: int | None = None,
+        *,
+        speed: float = 1,
+        follow: int = NIL,
+        theme: Theme = "light",
+        height: int = 600,
+    ) -> NotebookFilm:
+        """The ticks from `first` (0) to `last` (the last one) as a film that plays in a notebook.
+
+        `speed`: 1 is ten ticks a second; `follow`: a robot; `height`: pixels. Raises InputError.
+        """
+        from automaton.films.recorded_stretch import play_stretch
+        from automaton.films.web_film.film_page import film_page
+        from automaton.films.web_film.notebook_film import NotebookFilm
+
+        if theme not in THEMES:
+            raise InputError(f"unknown theme {theme!r}: allowed are {alternatives(THEMES)}")
+        stretch = play_stretch(self._recording, first, last, follow)
+        page = film_page(stretch, speed=speed, follow=follow, theme=theme)
+        return NotebookFilm(page, stretch.title, height)
+
+    def _repr_html_(self) -> str:
+        """Show the last tick in a notebook."""
+        return self.picture()._repr_html_()
 
 
 def _play(playback: Playback, sampling: Sampling, until: int) -> None:

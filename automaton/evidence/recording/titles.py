@@ -22,7 +22,7 @@ class Head(NamedTuple):
 
 
 def title_of(resolved: Resolved, seed: int, frames: StoredFrames | None = None) -> str:
-    """A run in a few words; `frames` tell where it was branched off."""
+    """A run in a few words; `frames` say where it was branched off."""
     branches = () if frames is None else branches_of(frames)
     return ", ".join((*_parts(resolved, seed), *branches))
 

@@ -8,6 +8,7 @@ import re
 import shutil
 import subprocess
 import zlib
+from collections import Counter
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -19,14 +20,15 @@ from automaton.build.resolve import resolve
 from automaton.commands import Parser, cast_command
 from automaton.engine.state import NIL
 from automaton.errors import InputError
+from automaton.evidence.history.fleet_summary import summarize
 from automaton.evidence.history.playback import Playback
 from automaton.evidence.history.snapshot import Snapshot, take_snapshot
 from automaton.evidence.recording.recorder import Recorder
 from automaton.evidence.recording.recording_reader import read_recording
+from automaton.films import film_columns
+from automaton.films.web_film.film_page import page_of
+from automaton.floor.cells import CELL_KINDS, SHELF
 from automaton.runs.simulation import Simulation
-from tui.playback.fleet_summary import summarize
-from tui.web_film import film_columns
-from tui.web_film.film_page import page_of
 
 BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
 LAST = 205  # tick of the scenario crossing
@@ -100,16 +102,28 @@ def test_its_columns_are_the_run(crossing: Path) -> None:
 
 def test_loads_are_on_shelves_until_they_are_picked(crossing: Path) -> None:
     film = film_of(page(crossing))
-    full = np.frombuffer(zlib.decompress(base64.b64decode(film["columns"]["full"])), np.uint8)
+    at_first = set(column(film, "full", 1)[0].tolist())
     changes = column(film, "changes", 2).T.tolist()
-    ticks = [0, 17, 60, 140, LAST]
-    for shown in snapshots(crossing, ticks):
-        expected = (shown.slots.content[: len(full)] != NIL).tolist()
-        toggled = [
-            sum(k <= shown.tick for k, s in changes if s == slot) for slot in range(len(full))
-        ]
-        assert [bool(one) != bool(n % 2) for one, n in zip(full, toggled, strict=True)] == expected
+    for shown in snapshots(crossing, [0, 17, 60, 140, LAST]):
+        slots = shown.slots
+        shelves = CELL_KINDS[SHELF].code == crossing_kinds()[slots.cell]
+        full = set(slots.cell[(slots.content != NIL) & shelves].tolist())
+        toggled = Counter(cell for tick, cell in changes if tick <= shown.tick)
+        odd = {cell for cell, times in toggled.items() if times % 2}
+        assert at_first ^ odd == full
     assert changes
+
+
+def crossing_kinds() -> np.ndarray:
+    return resolve("crossing").floor_plan.kind.reshape(-1)
+
+
+def test_a_closed_cell_is_closed_for_its_time(tmp_path: Path) -> None:
+    closed = "floor.closed=[{cells: [[4, 0]], from: 10, for: 20}]"
+    film = film_of(page(recorded(tmp_path / "closed.rec", "crossing", closed, until=40)))
+    cell = 1 * film["stride"] + 4 + 1
+    assert column(film, "shut", 1).size == 0
+    assert column(film, "gates", 2).T.tolist() == [[10, cell], [30, cell]]
 
 
 def test_a_move_of_several_ticks_goes_from_cell_to_cell_in_equal_steps(tmp_path: Path) -> None:
@@ -185,7 +199,7 @@ def test_more_than_a_browser_holds_is_refused(
 ) -> None:
     monkeypatch.setattr(film_columns, "ROBOT_TICKS", 823)
     with pytest.raises(
-        InputError, match="4 robots in 206 ticks are more than a page plays, 823 tog"
+        InputError, match="4 robots in 206 ticks are more than a film holds, 823 tog"
     ):
         page(crossing)
 

@@ -1,0 +1,139 @@
+"""One moment of a run as drawings need it: places, looks and loads, read off the state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from types import SimpleNamespace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from automaton.build.resolve import Resolved
+from automaton.drawings.cell_looks import Looks, box_of, looks_of
+from automaton.drawings.robot_looks import RobotLooks, robot_looks
+from automaton.engine.gates import GATE_CLOSING, GATE_DOOR
+from automaton.engine.state import CLOCK_TICK, HEADING_COUNTS, NIL
+from automaton.floor.floor_plan import UNBOUNDED, FloorPlan
+
+Cells = NDArray[np.int32]  # flat indices
+
+FROM_ROBOTS: Final = (
+    *("cell", "claim", "bay", "load", "parked", "heading", "travel", "status"),
+    *("charge", "goal_type", "goal_cell", "action"),
+)
+# And what they are of a run that is not observed.
+FROM_OBSERVATION: Final = {"cause": 0, "blocker": NIL, "wanted": NIL, "wait_cycle_ticks": 0}
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnFloor:
+    """What does not change during a run."""
+
+    floor_plan: FloorPlan
+    headings: int  # that robots distinguish: 1, 2 (axes) or 4
+    battery: bool  # robots run on batteries
+    may_be_down: bool  # robots may break down
+
+    @cached_property
+    def looks(self) -> Looks:
+        """(height + 2, width + 2), see looks_of."""
+        return looks_of(self.floor_plan)
+
+    @cached_property
+    def box(self) -> tuple[int, int, int, int]:
+        """Left, top, right and bottom of what is drawn, see box_of."""
+        return box_of(self.floor_plan)
+
+    @cached_property
+    def bounded(self) -> NDArray[np.bool_]:
+        """(C,) cells whose loads are drawn: elsewhere any number may lie, or none."""
+        bounded: NDArray[np.bool_] = ~UNBOUNDED[self.floor_plan.kind.reshape(-1)]
+        return bounded
+
+
+def drawn_floor(resolved: Resolved) -> DrawnFloor:
+    """The floor of a scenario."""
+    scenario = resolved.scenario
+    faults = bool(scenario.faults.listed or scenario.faults.probability)
+    headings = HEADING_COUNTS[scenario.fleet.kinematics]
+    return DrawnFloor(resolved.floor_plan, headings, scenario.battery is not None, faults)
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """The state after a tick, or between two; robots by identity."""
+
+    tick: int
+    x: NDArray[np.float64]  # (n,) cells from the left edge, of the robot's own left edge; NaN: off
+    y: NDArray[np.float64]
+    looks: RobotLooks
+    cause: NDArray[np.int32]  # (n,) CAUSE_*; 0: it does not wait, or the run is not observed
+    blocker: NDArray[np.int32]  # (n,) the robot that keeps it, or NIL
+    full: Cells  # (k,) cells with a load or a pod
+    shut: Cells  # (k,) cells that are closed now, and of doors that are shut
+
+
+def fleet_of(world: Any, observation: Any) -> Any:
+    """Copies by identity of what is drawn of the robots, one (n,) array for each name."""
+    by_identity = world.robots.at_index
+    fields = {name: getattr(world.robots, name)[by_identity] for name in FROM_ROBOTS}
+    for name, unknown in FROM_OBSERVATION.items():
+        values = getattr(observation, name)
+        observed = len(values) == len(by_identity)
+        fields[name] = values[by_identity] if observed else np.full(len(by_identity), unknown)
+    return SimpleNamespace(**fields)
+
+
+def looks_of_fleet(fleet: Any, floor: DrawnFloor) -> RobotLooks:
+    """What the robots of fleet_of look like."""
+    return robot_looks(fleet, floor.headings, floor.battery, floor.may_be_down)
+
+
+def cell_of(fleet: Any) -> Cells:
+    """(n,) the cell in which each robot is drawn, that of its parking bay if it is there; or NIL."""
+    return np.asarray(np.where(fleet.cell == NIL, fleet.bay, fleet.cell), np.int32)
+
+
+def moment_of(floor: DrawnFloor, world: Any, observation: Any) -> Moment:
+    """A moment of a run. A robot within a move of several ticks is drawn between its two cells."""
+    fleet = fleet_of(world, observation)
+    cell = cell_of(fleet)
+    ahead = np.where((fleet.claim == NIL) | (cell == NIL), cell, fleet.claim)
+    stride = floor.floor_plan.stride
+    x, y = (cell % stride + ahead % stride) / 2, (cell // stride + ahead // stride) / 2
+    off = cell == NIL
+    return Moment(
+        tick=int(world.clock[CLOCK_TICK]),
+        x=np.where(off, np.nan, x - 1),
+        y=np.where(off, np.nan, y - 1),
+        looks=looks_of_fleet(fleet, floor),
+        cause=np.asarray(fleet.cause, np.int32),
+        blocker=np.asarray(fleet.blocker, np.int32),
+        full=full_cells(world, floor),
+        shut=shut_cells(world),
+    )
+
+
+def full_cells(world: Any, floor: DrawnFloor) -> Cells:
+    """(k,) cells in which a load lies or a pod stands: of slots for one load, and left on the floor."""
+    slots = world.slots
+    cells = slots.cell[(slots.content != NIL) & (slots.cell != NIL)]
+    full: Cells = np.unique(cells[floor.bounded[cells]]).astype(np.int32)
+    return full
+
+
+def shut_cells(world: Any) -> Cells:
+    """(k,) cells that no robot may enter now: closed for some time, or of a door that is shut."""
+    gates, tick = world.gates, int(world.clock[CLOCK_TICK])
+    if not len(gates.kind):
+        return np.zeros(0, np.int32)
+    shut = (gates.kind == GATE_DOOR) & (gates.open_from > tick)
+    row = gates.first_closing[:-1] + gates.closing
+    for gate in np.flatnonzero((gates.kind == GATE_CLOSING) & (row < gates.first_closing[1:])):
+        first, end = gates.closings[row[gate]].tolist()
+        shut[gate] = first <= tick < end
+    entries = np.flatnonzero(shut[gates.cell_gate])
+    cells = np.searchsorted(gates.cell_first, entries, side="right") - 1
+    return np.unique(cells).astype(np.int32)

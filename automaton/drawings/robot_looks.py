@@ -1,0 +1,91 @@
+"""What each robot looks like in a drawing: the state that gives it its colour, its shape, its front."""
+
+from __future__ import annotations
+
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from automaton.engine.robot_states import is_charging
+from automaton.engine.robot_status import (
+    BATTERY_PERCENT,
+    STATUS_DEPLETED,
+    STATUS_FAILED,
+    STATUS_TOWED,
+)
+from automaton.engine.state import NIL
+
+# States of a robot, the worse the higher.
+PARKED: Final = 0
+CHARGING: Final = 1
+EMPTY: Final = 2
+LOADED: Final = 3
+LOW_BATTERY: Final = 4
+WAITING: Final = 5
+FAULT: Final = 6  # in a wait cycle, or down
+STATE_COLOURS: Final = (
+    *("parked", "charging", "empty", "loaded", "low battery", "waiting", "fault"),
+    "selected",
+)
+STATE_WORDS: Final = (
+    *("parked", "charging", "without a load", "with a load", "battery low"),
+    *("waiting", "in a wait cycle, or down", "selected"),
+)
+
+# Shapes of a robot.
+HOLLOW: Final = 0
+FILLED: Final = 1  # with a load
+SQUARE: Final = 2  # parked
+PLUG: Final = 3  # charges
+VOID: Final = 4  # its battery is empty
+CROSS: Final = 5  # broken
+THIN: Final = 6  # its battery is low
+BOXED: Final = 7  # its battery is low, with a load
+WITH_LOAD: Final = (FILLED, BOXED)
+LOW_CHARGE: Final = 20 * BATTERY_PERCENT
+
+
+class RobotLooks(NamedTuple):
+    """All (n,) uint8."""
+
+    state: NDArray[np.uint8]
+    shape: NDArray[np.uint8]
+    direction: NDArray[np.uint8]  # 0 to 3: the way it faces or drives
+
+
+def robot_looks(robots: Any, headings: int, battery: bool, may_be_down: bool) -> RobotLooks:
+    """Read them off the fields of the robots, and `cause` and `wait_cycle_ticks` of the observation.
+
+    `robots`: an object with these arrays, (n,) each; `headings`: that robots of the fleet distinguish;
+    `battery`: robots run on batteries; `may_be_down`: they may stand on the floor for good.
+    """
+    loaded, parked = robots.load != NIL, robots.parked != 0
+    state = np.where(loaded, np.uint8(LOADED), np.uint8(EMPTY))
+    state[robots.cause != 0] = WAITING
+    state[parked] = PARKED
+    state[robots.wait_cycle_ticks != 0] = FAULT
+    shape = loaded.astype(np.uint8)
+    shape[parked] = SQUARE
+    if battery:
+        plugged = is_charging(robots)
+        state[plugged], shape[plugged] = CHARGING, PLUG
+        low = (robots.charge < LOW_CHARGE) & ~plugged
+        state[low] = np.maximum(state[low], LOW_BATTERY)
+        shape[low] = np.where(loaded[low], BOXED, THIN)
+    if battery or may_be_down:
+        for code, sign in ((STATUS_DEPLETED, VOID), (STATUS_FAILED, CROSS)):
+            state[robots.status == code], shape[robots.status == code] = FAULT, sign
+        towed = robots.status >= STATUS_TOWED  # it shows in a parking bay alone
+        state[towed], shape[towed] = PARKED, CROSS
+    return RobotLooks(state, shape, _directions(robots, headings))
+
+
+def _directions(robots: Any, headings: int) -> NDArray[np.uint8]:
+    if headings == 4:
+        return np.asarray(robots.heading & 3, np.uint8)
+    if headings == 1:
+        return np.asarray(robots.travel & 3, np.uint8)
+    # On rails: the way it came, or its new axis once it has turned.
+    came = robots.travel & 1 == robots.heading
+    return np.asarray(np.where(came, robots.travel & 3, robots.heading), np.uint8)

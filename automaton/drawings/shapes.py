@@ -1,0 +1,169 @@
+"""Cells and robots as a few shapes, which a drawing and a picture of pixels both paint.
+
+Lengths are cells; (0, 0) is the upper left corner of the cell, in which a robot fills 0 to 1.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Final, NamedTuple
+
+from automaton.drawings.cell_looks import DETAIL_SHIFT, KIND_MASK, colour_of
+from automaton.drawings.robot_looks import (
+    CROSS,
+    FAULT,
+    PLUG,
+    SQUARE,
+    STATE_COLOURS,
+    WAITING,
+    WITH_LOAD,
+)
+from automaton.floor.cells import (
+    CELL_KINDS,
+    DIRECTION_VECTORS,
+    FLOOR,
+    STORAGE,
+    TRACK,
+    TURNTABLE,
+    WALL,
+)
+
+Point = tuple[float, float]
+
+
+class Box(NamedTuple):
+    """A rectangle, filled or, with a width of its line, hollow."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+    colour: str  # a name of the palette
+    line: float = 0
+    opacity: float = 1  # over the floor
+
+
+class Disc(NamedTuple):
+    """A circle, filled or, with a width of its line, hollow."""
+
+    x: float
+    y: float
+    radius: float
+    colour: str
+    line: float = 0
+
+
+class Path(NamedTuple):
+    """A line through points."""
+
+    points: tuple[Point, ...]
+    colour: str
+    line: float
+    dashed: bool = False
+
+
+class Label(NamedTuple):
+    """A word around a point."""
+
+    x: float
+    y: float
+    size: float
+    text: str
+    colour: str
+
+
+Shape = Box | Disc | Path | Label
+
+RADIUS: Final = 0.42  # of a robot
+LOAD_SIDE: Final = 0.52  # of a load on it
+LETTERS: Final = {
+    "destination": "D",
+    "charger": "C",
+    "parking-bay": "P",
+    "dock": "I",
+    "station": "S",
+}
+
+
+@cache
+def cell_shapes(look: int) -> tuple[Shape, ...]:
+    """What is painted on a cell of the floor; the floor is under it, or the void beyond a wall."""
+    kind, detail, colour = look & KIND_MASK, look >> DETAIL_SHIFT, colour_of(look)
+    if kind == WALL:
+        return (Box(0, 0, 1, 1, colour),)
+    ground = Box(0, 0, 1, 1, "floor")
+    if kind == FLOOR:
+        mark = _chevron(detail - 1, colour) if detail else Box(0.46, 0.46, 0.08, 0.08, colour)
+        return ground, mark
+    if kind in (TRACK, TURNTABLE):
+        sides = [d for d in range(4) if detail & 1 << d]
+        rails = [Path(((0.5, 0.5), _towards(d, 0.5)), "track", 0.12) for d in sides]
+        return ground, *rails, *([Disc(0.5, 0.5, 0.3, colour, 0.12)] if kind == TURNTABLE else ())
+    if kind == STORAGE:
+        return ground, Box(0.08, 0.08, 0.84, 0.84, colour, line=0.04)
+    name = CELL_KINDS[kind].name
+    block = Box(0.06, 0.06, 0.88, 0.88, colour, opacity=0.55)
+    letter = LETTERS.get(name)
+    return ground, block, *([Label(0.5, 0.5, 0.45, letter, "text")] if letter else ())
+
+
+def load_shapes() -> tuple[Shape, ...]:
+    """A load on a shelf, a pod in its cell, or a load that was left on the floor."""
+    return (Box(0.2, 0.2, 0.6, 0.6, "load"),)
+
+
+def shut_shapes() -> tuple[Shape, ...]:
+    """A cell that no robot may enter now."""
+    first, second = ((0.12, 0.12), (0.88, 0.88)), ((0.12, 0.88), (0.88, 0.12))
+    frame = Box(0.06, 0.06, 0.88, 0.88, "fault", line=0.06)
+    return frame, Path(first, "fault", 0.08), Path(second, "fault", 0.08)
+
+
+@cache
+def robot_shapes(state: int, shape: int, direction: int, name: str = "") -> tuple[Shape, ...]:
+    """A robot: its body in the colour of its state, its front, its load, and its number on top."""
+    colour, r = STATE_COLOURS[state], RADIUS
+    if shape == SQUARE:
+        side = 1.6 * r
+        body: list[Shape] = [Box(0.5 - side / 2, 0.5 - side / 2, side, side, colour)]
+    else:
+        body = [Disc(0.5, 0.5, r, colour), Disc(0.5, 0.5, r, "floor", 0.05)]
+    if state in (WAITING, FAULT) and shape != CROSS:
+        body.append(Disc(0.5, 0.5, r - 0.06, "floor", 0.04))  # a second ring: not the colour alone
+    if shape == CROSS:
+        return *body, *_cross(0.2)
+    if shape not in (SQUARE, PLUG):
+        body.append(Disc(*_towards(direction, 0.8 * r), 0.2 * r, "floor"))
+    if shape in WITH_LOAD:
+        corner, side = 0.5 - LOAD_SIDE / 2, LOAD_SIDE
+        body += [
+            Box(corner, corner, side, side, "load"),
+            Box(corner, corner, side, side, "floor", line=0.04),
+        ]
+    if name:
+        body.append(Label(0.5, 0.5, min(0.4, 0.9 / (len(name) + 0.5)), name, "floor"))
+    return tuple(body)
+
+
+def selection_shapes() -> tuple[Shape, ...]:
+    """Around the robot that is chosen."""
+    return (Disc(0.5, 0.5, 0.58, "selected", 0.08),)
+
+
+def _towards(direction: int, far: float) -> Point:
+    dx, dy = DIRECTION_VECTORS[direction]
+    return 0.5 + dx * far, 0.5 + dy * far
+
+
+def _chevron(direction: int, colour: str) -> Path:
+    dx, dy = DIRECTION_VECTORS[direction]
+    r = 0.16
+    points = ((-dx - dy, -dy + dx), (dx, dy), (-dx + dy, -dy - dx))
+    return Path(tuple((0.5 + x * r, 0.5 + y * r) for x, y in points), colour, 0.07)
+
+
+def _cross(r: float) -> list[Shape]:
+    ends = (((-r, -r), (r, r)), ((-r, r), (r, -r)))
+    return [
+        Path(((0.5 + a[0], 0.5 + a[1]), (0.5 + b[0], 0.5 + b[1])), "floor", 0.07) for a, b in ends
+    ]

@@ -1,0 +1,298 @@
+"""Moments of a run as pictures of pixels, painted by Pillow (an extra, imported here alone)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from automaton.drawings.floor_svg import pixel_colours
+from automaton.drawings.moment import DrawnFloor, Moment
+from automaton.drawings.palette import Theme, blended, rgb
+from automaton.drawings.robot_looks import WITH_LOAD
+from automaton.drawings.shapes import (
+    RADIUS,
+    Box,
+    Disc,
+    Label,
+    Path,
+    Shape,
+    cell_shapes,
+    load_shapes,
+    robot_shapes,
+    selection_shapes,
+    shut_shapes,
+)
+from automaton.engine.state import NIL
+from automaton.errors import InputError
+from automaton.films.film_layout import (
+    MARGIN,
+    STATUS_HEIGHT,
+    TEXT_SIZE,
+    TITLE_HEIGHT,
+    Layout,
+)
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+    from PIL.ImageFont import FreeTypeFont
+
+FINER: Final = 4  # signs are painted so many times larger, and made smaller: their edges are smooth
+MIN_DRAWN_CELL: Final = 6  # pixels; smaller cells are a colour each
+MIN_DETAILED_CELL: Final = 13  # robots of smaller cells are discs, and cells have no letters
+MIN_NAMED_CELL: Final = 18  # from here on robots have numbers
+MIN_DISC: Final = 5  # pixels across of a robot
+SURROUNDING: Final = (
+    1.5  # cells of a sign: that of the robot that is chosen is larger than its cell
+)
+TRACK_HEIGHT: Final = 4  # pixels of the line that shows how far the film is
+
+
+def pillow() -> Any:
+    """The package PIL. Raises InputError where it is not installed."""
+    try:
+        import PIL.Image
+        import PIL.ImageDraw
+        import PIL.ImageFont
+    except ImportError as error:
+        raise InputError(
+            f"pictures of pixels are painted by Pillow, which cannot be imported ({error}): "
+            "pip install 'fleet-automaton[films]'"
+        ) from None
+    return PIL
+
+
+class Painter:
+    """Paints moments of one floor. Raises InputError without Pillow."""
+
+    def __init__(self, floor: DrawnFloor, layout: Layout, theme: Theme, selected: int) -> None:
+        self._pil = pillow()
+        self._floor, self.layout, self._theme, self._selected = floor, layout, theme, selected
+        self._signs: dict[tuple[Any, ...], Image] = {}
+        self._fonts: dict[int, FreeTypeFont] = {}
+        self._kept: tuple[Any, Image] | None = None  # a view, and the floor in it
+
+    def frame(self, moment: Moment, title: str, words: tuple[str, str], share: float) -> Image:
+        """The picture of a moment; `share`: how much of the film is over, 0 to 1."""
+        layout = self.layout
+        image = self._pil.Image.new("RGB", (layout.width, layout.height), self._rgb("void"))
+        image.paste(self._map(moment), (MARGIN, TITLE_HEIGHT))
+        self._write(image, title, words, share)
+        return image
+
+    def _map(self, moment: Moment) -> Image:
+        corner = self.layout.corner(self._place(moment))
+        small = self.layout.scale < MIN_DRAWN_CELL
+        image = self._small_floor(moment, corner) if small else self._ground(corner).copy()
+        if not small:
+            for cells, shapes in ((moment.full, load_shapes()), (moment.shut, shut_shapes())):
+                self._paste_all(image, cells, shapes, corner)
+        self._draw_wait(image, moment, corner)
+        self._draw_robots(image, moment, corner)
+        return image
+
+    def _place(self, moment: Moment) -> tuple[float, float] | None:
+        """The middle of the robot that is followed."""
+        if self._selected == NIL or np.isnan(moment.x[self._selected]):
+            return None
+        return float(moment.x[self._selected]) + 0.5, float(moment.y[self._selected]) + 0.5
+
+    def _ground(self, corner: tuple[float, float]) -> Image:
+        """The floor without loads, kept until the view moves."""
+        if self._kept is not None and self._kept[0] == corner:
+            return self._kept[1]
+        size, scale = self.layout.map_size, self.layout.scale
+        image = self._pil.Image.new("RGB", size, self._rgb("void"))
+        left, top, right, bottom = self._floor.box
+        columns = range(max(left, int(corner[0])), min(right, int(corner[0] + size[0] / scale) + 1))
+        rows = range(max(top, int(corner[1])), min(bottom, int(corner[1] + size[1] / scale) + 1))
+        for y in rows:
+            for x in columns:
+                look = int(self._floor.looks[y + 1, x + 1])
+                tile = self._sign(("look", look), self._cell_shapes(look))
+                self._paste(image, tile, x, y, corner)
+        self._kept = corner, image
+        return image
+
+    def _cell_shapes(self, look: int) -> tuple[Shape, ...]:
+        shapes = cell_shapes(look)
+        if self.layout.scale >= MIN_DETAILED_CELL:
+            return shapes
+        return tuple(shape for shape in shapes if not isinstance(shape, Label))
+
+    def _small_floor(self, moment: Moment, corner: tuple[float, float]) -> Image:
+        """One colour for each cell."""
+        numbers, colours = pixel_colours(self._floor, moment, self._theme)
+        left, top, right, bottom = self._floor.box
+        pixels = np.array(colours, np.uint8)[numbers[top + 1 : bottom + 1, left + 1 : right + 1]]
+        scale, size = self.layout.scale, self.layout.map_size
+        box = (round((right - left) * scale), round((bottom - top) * scale))
+        method = (
+            self._pil.Image.Resampling.NEAREST if scale >= 1 else self._pil.Image.Resampling.BOX
+        )
+        cells = self._pil.Image.fromarray(pixels).resize(box, method)
+        image = self._pil.Image.new("RGB", size, self._rgb("void"))
+        image.paste(cells, (round((left - corner[0]) * scale), round((top - corner[1]) * scale)))
+        return image
+
+    def _paste_all(
+        self, image: Image, cells: Any, shapes: tuple[Shape, ...], corner: tuple[float, float]
+    ) -> None:
+        stride = self._floor.floor_plan.stride
+        sign = self._sign((shapes,), shapes)
+        for cell in cells.tolist():
+            self._paste(image, sign, cell % stride - 1, cell // stride - 1, corner)
+
+    def _draw_robots(self, image: Image, moment: Moment, corner: tuple[float, float]) -> None:
+        looks, scale = moment.looks, self.layout.scale
+        for robot in np.flatnonzero(~np.isnan(moment.x)).tolist():
+            name = str(robot) if scale >= MIN_NAMED_CELL else ""
+            look = (int(looks.state[robot]), int(looks.shape[robot]), int(looks.direction[robot]))
+            shapes = robot_shapes(*look, name)
+            if scale < MIN_DETAILED_CELL:
+                shapes = _small_robot(shapes, look[1], scale)
+            if robot == self._selected:
+                shapes += selection_shapes()
+            sign = self._sign(("robot", *look, name, robot == self._selected), shapes)
+            self._paste(image, sign, float(moment.x[robot]), float(moment.y[robot]), corner)
+
+    def _draw_wait(self, image: Image, moment: Moment, corner: tuple[float, float]) -> None:
+        """A line from the robot that is chosen to the one that keeps it."""
+        robot, scale = self._selected, self.layout.scale
+        if robot == NIL or not moment.cause[robot] or moment.blocker[robot] == NIL:
+            return
+        both = [robot, int(moment.blocker[robot])]
+        ends = [
+            ((moment.x[one] + 0.5 - corner[0]) * scale, (moment.y[one] + 0.5 - corner[1]) * scale)
+            for one in both
+        ]
+        if not np.isnan(ends).any():
+            draw = self.draw_on(image)
+            draw.line(ends, self._rgb("waiting"), max(2, round(0.08 * scale)))
+
+    def _paste(
+        self, image: Image, sign: Image, x: float, y: float, corner: tuple[float, float]
+    ) -> None:
+        """Paint a sign around the middle of a cell."""
+        scale = self.layout.scale
+        left, top = (
+            round((at + 0.5 - begin) * scale - length / 2)
+            for at, begin, length in zip((x, y), corner, sign.size, strict=True)
+        )
+        if sign.mode == "RGB":
+            image.paste(sign, (left, top))
+        else:
+            image.paste(sign, (left, top), sign)
+
+    def _sign(self, key: tuple[Any, ...], shapes: tuple[Shape, ...]) -> Image:
+        """A cell or a robot, painted once."""
+        if key not in self._signs:
+            is_cell = key[0] == "look"
+            self._signs[key] = self._painted(shapes, 1.0 if is_cell else SURROUNDING, is_cell)
+        return self._signs[key]
+
+    def _painted(self, shapes: tuple[Shape, ...], cells: float, opaque: bool) -> Image:
+        """Shapes on a square of so many cells, clear around them unless it is a cell."""
+        scale = self.layout.scale
+        side = round(cells * scale)
+        side += 0 if opaque else (side - round(scale)) % 2  # as much on both sides of the cell
+        mode, ground = ("RGB", self._rgb("floor")) if opaque else ("RGBA", (*self._rgb("floor"), 0))
+        image = self._pil.Image.new(mode, (side * FINER, side * FINER), ground)
+        pen = _Pen(self, image, scale * FINER, (side / scale - 1) / 2)
+        for shape in shapes:
+            pen.draw(shape)
+        return image.resize((side, side), self._pil.Image.Resampling.BOX)
+
+    def _rgb(self, name: str) -> tuple[int, int, int]:
+        return rgb(name, self._theme)
+
+    def colour_of(self, shape: Shape) -> tuple[int, int, int]:
+        """The colour of a shape on the floor."""
+        if isinstance(shape, Box) and shape.opacity < 1:
+            return blended(shape.colour, "floor", shape.opacity, self._theme)
+        return self._rgb(shape.colour)
+
+    def font(self, size: int) -> FreeTypeFont:
+        """The font that Pillow brings: the same everywhere, with the characters of ASCII."""
+        if size not in self._fonts:
+            self._fonts[size] = self._pil.ImageFont.load_default(size)
+        return self._fonts[size]
+
+    def draw_on(self, image: Image) -> Any:
+        """Something to draw with on an image."""
+        return self._pil.ImageDraw.Draw(image)
+
+    def _write(self, image: Image, title: str, words: tuple[str, str], share: float) -> None:
+        """The title above, the time and the fleet below, and how much of the film is over."""
+        draw, (width, height) = self.draw_on(image), image.size
+        room = width - 2 * MARGIN
+        font = self.font(TEXT_SIZE)
+        draw.text(
+            (MARGIN, TITLE_HEIGHT / 2), _fitting(title, font, room), self._rgb("text"), font, "lm"
+        )
+        line, track = height - STATUS_HEIGHT / 2 + 2, height - STATUS_HEIGHT + 4
+        for from_x, length, name in ((0, room, "mark"), (0, round(room * share), "cursor")):
+            box = (MARGIN + from_x, track, MARGIN + length, track + TRACK_HEIGHT - 1)
+            draw.rectangle(box, self._rgb(name))
+        time, fleet = words
+        draw.text((MARGIN, line + 2), _fitting(time, font, room), self._rgb("text"), font, "lm")
+        left = room - font.getlength(_ascii(time)) - 2 * TEXT_SIZE
+        if font.getlength(_ascii(fleet)) <= left:
+            draw.text((width - MARGIN, line + 2), _ascii(fleet), self._rgb("dim"), font, "rm")
+
+
+class _Pen:
+    """Draws shapes on an image, enlarged."""
+
+    def __init__(self, painter: Painter, image: Image, unit: float, margin: float) -> None:
+        self._painter, self._unit, self._margin = painter, unit, margin
+        self._draw = painter.draw_on(image)
+
+    def draw(self, shape: Shape) -> None:
+        """Draw one."""
+        colour, draw = self._painter.colour_of(shape), self._draw
+        if isinstance(shape, Label):
+            font = self._painter.font(max(1, round(shape.size * 1.1 * self._unit)))
+            draw.text((self._at(shape.x), self._at(shape.y)), shape.text, colour, font, "mm")
+            return
+        line = round(shape.line * self._unit)
+        if isinstance(shape, Path):
+            draw.line([(self._at(x), self._at(y)) for x, y in shape.points], colour, line, "curve")
+        elif isinstance(shape, Disc):
+            outer = shape.radius + shape.line / 2
+            if line:
+                middle = (self._at(shape.x), self._at(shape.y))
+                draw.circle(middle, outer * self._unit, None, colour, line)
+            else:
+                draw.circle((self._at(shape.x), self._at(shape.y)), outer * self._unit, colour)
+        else:
+            box = (shape.x, shape.y, shape.x + shape.width, shape.y + shape.height)
+            left, top, right, bottom = (self._at(one) for one in box)
+            corners = (left, top, right - 1, bottom - 1)
+            if line:
+                draw.rectangle(corners, None, colour, line)
+            else:
+                draw.rectangle(corners, colour)
+
+    def _at(self, cells: float) -> float:
+        return (cells + self._margin) * self._unit
+
+
+def _small_robot(shapes: tuple[Shape, ...], shape: int, scale: float) -> tuple[Shape, ...]:
+    """A disc, larger than its cell if that is needed to see it; a spot on it is a load."""
+    radius = max(RADIUS + 0.04, MIN_DISC / 2 / scale)
+    spot = (Disc(0.5, 0.5, radius / 2, "load"),) if shape in WITH_LOAD else ()
+    return Disc(0.5, 0.5, radius, shapes[0].colour), *spot
+
+
+def _ascii(text: str) -> str:
+    """The font has no other characters."""
+    return text.encode("ascii", "replace").decode()
+
+
+def _fitting(text: str, font: FreeTypeFont, room: float) -> str:
+    """As much of a text as there is room for."""
+    text = _ascii(text)
+    while text and font.getlength(text) > room:
+        text = text[:-4].rstrip(" ,.") + "..." if len(text) > 4 else ""
+    return text

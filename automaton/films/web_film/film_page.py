@@ -1,0 +1,110 @@
+"""From a recording to a page: its columns, the floor and its words, and the player, in one file."""
+
+from __future__ import annotations
+
+import html
+import json
+import re
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from automaton.atomic_write import atomic_writer
+from automaton.drawings.cell_looks import DETAIL_SHIFT, KIND_MASK, colour_of
+from automaton.drawings.palette import THEMES, Theme, css, rgb
+from automaton.drawings.robot_looks import STATE_COLOURS, STATE_WORDS
+from automaton.engine.state import NIL
+from automaton.evidence.recording.recording_reader import read_recording
+from automaton.films.film_columns import FIGURES, PARTS, cause_words, deflated
+from automaton.films.film_target import checked
+from automaton.films.recorded_stretch import RecordedStretch, play_stretch
+from automaton.floor.cells import CELL_KINDS
+from automaton.units import count
+
+GROUND: Final = (
+    *("floor", "void", "text", "dim", "load", "selected", "waiting", "done", "cursor", "fault"),
+)
+
+
+def make_page(
+    recording: Path,
+    out: Path,
+    first: int | None,
+    last: int | None,
+    *,
+    speed: float,
+    follow: int,
+    theme: Theme,
+) -> str:
+    """Write the page of a recording; how large it is. Raises InputError."""
+    path = checked(out)
+    run = read_recording(recording)
+    stretch = play_stretch(run, first, last, follow)
+    page = film_page(stretch, speed=speed, follow=follow, theme=theme).encode()
+    with atomic_writer(path) as file:
+        file.write(page)
+    return f"{count(stretch.last - stretch.first + 1, 'tick')}, {count(len(page), 'byte')}"
+
+
+def film_page(
+    stretch: RecordedStretch, *, speed: float = 1, follow: int = NIL, theme: Theme = "dark"
+) -> str:
+    """The page of some ticks. `speed`: 1 is ten ticks a second; `follow`: a robot, or NIL."""
+    film = _words(stretch) | {
+        "title": stretch.title,
+        "speed": speed,
+        "follow": follow,
+        "theme": theme,
+        "columns": stretch.columns.packed(),
+    }
+    return page_of(stretch.title, film)
+
+
+def _words(stretch: RecordedStretch) -> dict[str, Any]:
+    """What the page knows besides its columns."""
+    floor, unit = stretch.floor, stretch.unit
+    used = [int(look) for look in np.unique(floor.looks)]
+    return {
+        "box": floor.box,
+        "robots": stretch.resolved.scenario.fleet.robots,
+        "first": stretch.first,
+        "last": stretch.last,
+        "unit": {"size": float(unit.of(1)), "name": unit.plural},
+        "battery": floor.battery,
+        "headings": floor.headings,
+        "parts": PARTS,
+        "figures": FIGURES,
+        "causes": cause_words(),
+        "states": STATE_WORDS,
+        "stride": floor.floor_plan.stride,
+        "looks": deflated(floor.looks),  # with the border, for parking bays
+        "kinds": {str(kind): one.name for kind, one in enumerate(CELL_KINDS)},
+        "kind_mask": KIND_MASK,
+        "detail_shift": DETAIL_SHIFT,
+        "colours": {theme: _colours(used, theme) for theme in THEMES},
+    }
+
+
+def _colours(looks: list[int], theme: Theme) -> dict[str, Any]:
+    """The colours of one theme, as a style sheet writes them."""
+    return {
+        "looks": {str(look): css(rgb(colour_of(look), theme)) for look in looks},
+        "states": [css(rgb(name, theme)) for name in STATE_COLOURS],
+        **{name: css(rgb(name, theme)) for name in GROUND},
+    }
+
+
+def page_of(title: str, film: dict[str, Any]) -> str:
+    """The page; nothing in it is fetched from elsewhere, and its policy forbids it."""
+    here = files("automaton.films.web_film")
+    text = json.dumps(film, separators=(",", ":"), ensure_ascii=True).replace("<", "\\u003c")
+    page = (here / "page.html").read_text(encoding="utf-8")
+    parts = {
+        "TITLE": html.escape(title),
+        "STYLE": (here / "player.css").read_text(encoding="utf-8"),
+        "FILM": text,
+        "PLAYER": (here / "player.js").read_text(encoding="utf-8"),
+    }
+    return re.sub(r"\[\[([A-Z]+)\]\]", lambda name: parts[name[1]], page)

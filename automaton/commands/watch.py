@@ -41,6 +41,22 @@ def add_display_arguments(parser: argparse.ArgumentParser) -> None:
     add("--color", choices=("auto", "true", "256", "16", "none"), default="auto", help="depth")
     add("--theme", choices=("dark", "light"), default="dark", help="dark unless given")
     add("--plain", action="store_true", help="metrics as text, no screen")
+    text = parser.add_argument_group("sentences, for logs and screen readers")
+    add = text.add_argument
+    add(
+        "--describe",
+        action="store_true",
+        help="describe what happens, one sentence a line; no screen",
+    )
+    add(
+        "--only",
+        action="append",
+        default=[],
+        metavar="KIND",
+        help="of this kind, such as faults or waits; may be repeated",
+    )
+    number = whole("a number of sentences", 1)
+    add("--sentences", type=number, metavar="N", help="at most so many of 100 ticks (20)")
 
 
 def speed(text: str) -> float:

@@ -15,6 +15,10 @@ BAD_INPUT = 2  # a strategy that fails counts as such
 
 def show(opening: Opening, options: Options) -> int:
     """Show it until the user leaves; returns the exit code."""
+    if options.describe:
+        from tui.viewer.description import run_described
+
+        return run_described(opening, options)
     if options.plain or os.environ.get("TERM") == "dumb" or not (_in_browser() or _has_terminal()):
         from tui.viewer.text_mode import run_in_text_mode
 

@@ -11,8 +11,9 @@ import os
 from pathlib import Path
 from typing import Any
 
-from automaton.build.resolve import resolve
+from automaton.build.resolve import Resolved, resolve
 from automaton.commands.arguments import add_scenario_arguments, frame_rate, tick, whole
+from automaton.errors import InputError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -23,6 +24,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--record", type=Path, metavar="FILE", help="record here, not in the state folder"
     )
     recording.add_argument("--no-record", action="store_true", help="record nothing")
+    parser.add_argument(
+        "--against",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="a second run beside the first, with this setting; may be repeated",
+    )
     add_display_arguments(parser)
 
 
@@ -82,8 +90,24 @@ def run(args: argparse.Namespace) -> int:
     else:
         name = resolved.scenario.name
         path = None if args.no_record else recordings.new_recording(name, os.environ)
-    opening = viewer("playback.run_source").live(resolved, path)
+    sources = viewer("playback.run_source")
+    opening = sources.live(resolved, path)
+    if args.against:
+        opening = sources.live_pair(resolved, _other(args), path)
     return int(viewer("viewer.launch").show(opening, viewer("terminal.options").Options.of(args)))
+
+
+def _other(args: argparse.Namespace) -> Resolved:
+    """The scenario of the run beside the first."""
+    seeded = any(setting.startswith("seed=") for setting in args.against)
+    settings = [*args.settings, *args.against]
+    try:
+        return resolve(args.scenario, settings, None if seeded else args.seed)
+    except InputError as error:
+        setting = (error.file or "").removeprefix("--set ")
+        if setting in args.against:
+            raise InputError(error.message, f"--against {setting}") from None
+        raise
 
 
 def viewer(name: str) -> Any:

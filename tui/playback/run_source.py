@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,7 +16,8 @@ from automaton.evidence.recording.header import resolved_of
 from automaton.evidence.recording.recording_reader import read_recording
 from automaton.floor.floor_plan import UNBOUNDED
 from automaton.floor.traffic_zones import traffic_zones_of
-from tui.playback.titles import Head, heads_of, title_of
+from tui.playback.recording_files import against
+from tui.playback.titles import Head, heads_of, live_heads, title_of
 from tui.render.scene import Floor
 
 if TYPE_CHECKING:  # it needs Numba
@@ -27,14 +28,14 @@ HEADING_COUNTS = {"omni": 1, "rail": 2, "differential": 4}
 
 @dataclass(frozen=True)
 class Opening:
-    """One live run, or one or two recorded ones."""
+    """One or two live runs, or one or two recorded ones."""
 
     titles: tuple[str, ...]  # of the runs
     resolved: tuple[Resolved, ...]
     live: bool
     begin: Callable[[], list[Run]]  # imports Numba, and may compile the world. Raises InputError
     recordings: tuple[Recording, ...] = ()
-    path: Path | None = None  # where the live run is recorded
+    paths: tuple[Path, ...] = ()  # where live runs are recorded
     heads: tuple[Head, ...] = ()  # of two runs
     files: tuple[Path, ...] = ()  # that the recordings were read from
 
@@ -58,7 +59,32 @@ def live(resolved: Resolved, path: Path | None) -> Opening:
 
         return [LiveRun(resolved, seed, path)]
 
-    return Opening((title_of(resolved, seed),), (resolved,), True, begin, path=path)
+    paths = () if path is None else (path,)
+    return Opening((title_of(resolved, seed),), (resolved,), True, begin, paths=paths)
+
+
+def live_pair(one: Resolved, other: Resolved, path: Path | None) -> Opening:
+    """Two runs that are computed beside each other, the second recorded beside the first.
+
+    Raises InputError.
+    """
+    resolved = (one, other)
+    _check_sizes(resolved, "--against")
+    paths = () if path is None else (path, against(path))
+
+    def begin() -> list[Run]:
+        from automaton.evidence.history.live_run import LiveRun
+
+        files = paths or (None, None)
+        first = LiveRun(one, one.scenario.seed, files[0])
+        try:
+            return [first, LiveRun(other, other.scenario.seed, files[1])]
+        except BaseException:
+            first.recorder.discard()
+            raise
+
+    titles = tuple(title_of(each, each.scenario.seed) for each in resolved)
+    return Opening(titles, resolved, True, begin, paths=paths, heads=live_heads(*resolved))
 
 
 def recorded(*paths: Path) -> Opening:
@@ -67,8 +93,7 @@ def recorded(*paths: Path) -> Opening:
     resolved = tuple(
         resolved_of(recording.header, with_strategies=False) for recording in recordings
     )
-    if len({one.floor_plan.kind.shape for one in resolved}) > 1:
-        raise InputError("floors of different sizes cannot be compared", str(paths[1]))
+    _check_sizes(resolved, str(paths[-1]))
 
     def begin() -> list[Run]:
         from automaton.evidence.history.watched_run import RecordedRun
@@ -83,6 +108,12 @@ def recorded(*paths: Path) -> Opening:
     names = [path.name for path in paths]
     heads = heads_of(names, recordings, resolved) if len(paths) > 1 else ()
     return Opening(titles, resolved, False, begin, recordings, heads=heads, files=paths)
+
+
+def _check_sizes(resolved: Sequence[Resolved], second: str) -> None:
+    """Raises InputError, at what named the second run, if one camera cannot show both floors."""
+    if len({one.floor_plan.kind.shape for one in resolved}) > 1:
+        raise InputError("floors of different sizes cannot be compared", second)
 
 
 def floor_of(resolved: Resolved) -> Floor:

@@ -55,7 +55,7 @@ class Session:
         self.pointing = False  # the mouse has been moved since something was chosen
         self.marks: list[Mark] = []  # breakpoints met, branches
         self.divergence: Divergence | None = None
-        self.recordings: list[Path] = [] if opening.path is None else [opening.path]
+        self.recordings: list[Path] = list(opening.paths)
         self.glyphs = options.glyphs(os.environ)
         self.look = Look(options.depth(os.environ), options.theme)
         self.pictures = Pictures(opening, self.glyphs)
@@ -105,7 +105,9 @@ class Session:
         return player
 
     def compare(self) -> None:
-        """Find where two runs part."""
+        """Find where two recorded runs part; of live ones the player does."""
+        if self.opening.live:
+            return
         from tui.playback.player import sentence
 
         try:

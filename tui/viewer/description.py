@@ -34,11 +34,11 @@ def run_described(opening: Opening, options: Options) -> int:
             print(title, flush=True)
             outcomes.append(_described(run, scope))
             print("\n".join(sentences(scenario_at_end(run), outcomes[-1])), flush=True)
+        if opening.comparing:
+            print(difference_line(opening, runs))
     finally:
         for run in runs:
             run.close()
-    if opening.comparing:
-        print(difference_line(opening, runs))
     return exit_code(opening, outcomes)
 
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from automaton.build.resolve import Resolved
 from automaton.engine.state import NIL
-from automaton.evidence.history.divergence import first_difference
+from automaton.evidence.history.divergence import LiveDivergence, first_difference
+from automaton.evidence.history.live_run import LiveRun
 from automaton.evidence.history.watched_run import Run
 from automaton.evidence.recording.header import changed, resolved_of
 from automaton.runs.asked_orders import asked_orders
@@ -34,11 +35,12 @@ def run_in_text_mode(opening: Opening) -> int:
         for title, run in zip(opening.titles, runs, strict=True):
             print(title, flush=True)
             outcomes.append(_run_with_progress(run))
+        difference = difference_line(opening, runs) if opening.comparing else ""
     finally:
         for run in runs:
             run.close()
     if opening.comparing:
-        print(f"\n{difference_line(opening, runs)}")
+        print(f"\n{difference}")
     for title, run, outcome in zip(opening.titles, runs, outcomes, strict=True):
         print()
         if opening.comparing:
@@ -56,7 +58,9 @@ def exit_code(opening: Opening, outcomes: Sequence[Outcome]) -> int:
 
 def difference_line(opening: Opening, runs: Sequence[Run]) -> str:
     """Where two runs part."""
-    return first_difference(*opening.recordings).text.partition(";")[0]
+    live = [run for run in runs if isinstance(run, LiveRun)]
+    parted = LiveDivergence(*live).look() if live else first_difference(*opening.recordings)
+    return "" if parted is None else parted.text.partition(";")[0]
 
 
 def branch_lines(run: Run) -> list[str]:

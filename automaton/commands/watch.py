@@ -24,6 +24,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--record", type=Path, metavar="FILE", help="record here, not in the state folder"
     )
     recording.add_argument("--no-record", action="store_true", help="record nothing")
+    recording.add_argument(
+        "--reload",
+        action="store_true",
+        help="begin again whenever a file of the scenario is written; record nothing",
+    )
     parser.add_argument(
         "--against",
         action="append",
@@ -83,6 +88,8 @@ def speed(text: str) -> float:
 
 def run(args: argparse.Namespace) -> int:
     """Show it until the user leaves."""
+    if args.reload:
+        return _reloading(args)
     resolved = resolve(args.scenario, args.settings, args.seed)
     recordings = viewer("playback.recording_files")
     if args.record is not None:
@@ -94,6 +101,16 @@ def run(args: argparse.Namespace) -> int:
     opening = sources.live(resolved, path)
     if args.against:
         opening = sources.live_pair(resolved, _other(args), path)
+    return int(viewer("viewer.launch").show(opening, viewer("terminal.options").Options.of(args)))
+
+
+def _reloading(args: argparse.Namespace) -> int:
+    """The same while files of the scenario are being written."""
+    if args.against:
+        raise InputError("--reload shows one run: leave out --against")
+    opening = viewer("playback.run_source").reloading(
+        args.scenario, lambda: resolve(args.scenario, args.settings, args.seed)
+    )
     return int(viewer("viewer.launch").show(opening, viewer("terminal.options").Options.of(args)))
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -26,6 +26,13 @@ if TYPE_CHECKING:  # it needs Numba
 HEADING_COUNTS = {"omni": 1, "rail": 2, "differential": 4}
 
 
+class Reload(NamedTuple):
+    """How a scenario is opened again when its files have changed."""
+
+    scenario: str  # as given on the command line
+    load: Callable[[], Opening]  # raises InputError
+
+
 @dataclass(frozen=True)
 class Opening:
     """One or two live runs, or one or two recorded ones."""
@@ -38,6 +45,7 @@ class Opening:
     paths: tuple[Path, ...] = ()  # where live runs are recorded
     heads: tuple[Head, ...] = ()  # of two runs
     files: tuple[Path, ...] = ()  # that the recordings were read from
+    reload: Reload | None = None  # of a live run whose files are watched
 
     @property
     def name(self) -> str:
@@ -61,6 +69,14 @@ def live(resolved: Resolved, path: Path | None) -> Opening:
 
     paths = () if path is None else (path,)
     return Opening((title_of(resolved, seed),), (resolved,), True, begin, paths=paths)
+
+
+def reloading(scenario: str, load: Callable[[], Resolved]) -> Opening:
+    """A live run that begins again whenever a file of its scenario is changed; it is not recorded.
+
+    Raises InputError, as `load` does.
+    """
+    return replace(live(load(), None), reload=Reload(scenario, lambda: reloading(scenario, load)))
 
 
 def live_pair(one: Resolved, other: Resolved, path: Path | None) -> Opening:

@@ -19,7 +19,7 @@ from automaton.evidence.history.divergence import Divergence, first_difference
 from tui.playback.frame_cache import Pictures, robot_cell
 from tui.playback.run_source import Opening
 from tui.render.choice import Choice
-from tui.render.scene import Scene
+from tui.render.scene import NO_CELLS, Scene
 from tui.render.styles import Look
 from tui.terminal.options import Options
 from tui.widgets.timeline import Mark
@@ -60,6 +60,7 @@ class Session:
         self.look = Look(options.depth(os.environ), options.theme)
         self.pictures = Pictures(opening, self.glyphs)
         self.changed: Callable[[], None] = _nothing  # something else is chosen: draw it
+        self.published: Callable[[], None] = _nothing  # there is a new state
         # The player got a request: its result is to be seen as soon as it is there.
         self.ordered: Callable[[], None] = _nothing
         self._ending = threading.Lock()
@@ -78,6 +79,7 @@ class Session:
         `published` is called in the player's thread for each new state.
         """
         player: Player | None = None
+        self.published = published
         try:
             from tui.playback.player import Player
             from tui.widgets.panel_column import panel_widgets
@@ -103,6 +105,33 @@ class Session:
         elif not self.options.paused:
             player.play()
         return player
+
+    def reopen(self, opening: Opening, player: Player) -> Player | None:
+        """Show a scenario that was loaded again, from tick 0; the player to be closed, if there is one.
+
+        Camera, layers and the selected robot stay as far as the new floor has them.
+        """
+        with self._ending:
+            before, self.player = self.player, player
+            if self._ended:
+                return player
+        choice = self.choice
+        if not self.pictures.take_floor(opening):
+            choice.cell = NIL
+        choice.robot = (
+            choice.robot if choice.robot < opening.resolved[0].scenario.fleet.robots else NIL
+        )
+        choice.zone, choice.matches = NIL, NO_CELLS
+        self.opening, self.titles, self.marks, self.goal = opening, list(opening.titles), [], None
+        self.error, self.divergence, self.hovered = "", None, NIL
+        player.published = self.published
+        player.set_speed(self.speed)
+        player.select(choice.robot)
+        player.show_layer(choice.layer)
+        if self.playback is None or self.playback.playing:
+            player.play()
+        self.playback = player.latest()
+        return before
 
     def compare(self) -> None:
         """Find where two recorded runs part; of live ones the player does."""

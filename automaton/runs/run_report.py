@@ -214,6 +214,7 @@ def sentences(resolved: Resolved, outcome: Outcome) -> list[str]:
     tick, cell = units_of(resolved)
     metrics = {name: value for name, value in outcome.metrics.items() if name in METRICS_TOLD}
     lines = heading(resolved, outcome, tick)
+    lines += [f"not finished: {outcome.diagnosis}"] if outcome.diagnosis else []
     for name, value in metrics.items():
         kind, meaning = METRIC_CATALOGUE[name]
         lines.append(f"{name} {' '.join(in_units(value, kind, tick, cell))}: {meaning}")

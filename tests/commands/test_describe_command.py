@@ -50,7 +50,9 @@ def test_only_what_is_asked_for_is_told(capsys: pytest.CaptureFixture[str]) -> N
 
 def test_a_run_that_does_not_finish_says_why(capsys: pytest.CaptureFixture[str]) -> None:
     assert main([*ALL, "--set", "stop.max_duration=100"]) == 1
-    assert "NOT FINISHED after 100 cycles" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "NOT FINISHED after 100 cycles" in printed
+    assert "\nnot finished: 23 of 25 orders undelivered, last delivery at tick 97\n" in printed
 
 
 def test_a_branch_and_the_run_beside_it_are_told_after_each_other(

@@ -11,8 +11,9 @@ import os
 from pathlib import Path
 from typing import Any
 
-from automaton.build.resolve import resolve
+from automaton.build.resolve import Resolved, resolve
 from automaton.commands.arguments import add_scenario_arguments, frame_rate, tick, whole
+from automaton.errors import InputError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -23,6 +24,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--record", type=Path, metavar="FILE", help="record here, not in the state folder"
     )
     recording.add_argument("--no-record", action="store_true", help="record nothing")
+    recording.add_argument(
+        "--reload",
+        action="store_true",
+        help="begin again whenever a file of the scenario is written; record nothing",
+    )
+    parser.add_argument(
+        "--against",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="a second run beside the first, with this setting; may be repeated",
+    )
     add_display_arguments(parser)
 
 
@@ -41,6 +54,22 @@ def add_display_arguments(parser: argparse.ArgumentParser) -> None:
     add("--color", choices=("auto", "true", "256", "16", "none"), default="auto", help="depth")
     add("--theme", choices=("dark", "light"), default="dark", help="dark unless given")
     add("--plain", action="store_true", help="metrics as text, no screen")
+    text = parser.add_argument_group("sentences, for logs and screen readers")
+    add = text.add_argument
+    add(
+        "--describe",
+        action="store_true",
+        help="describe what happens, one sentence a line; no screen",
+    )
+    add(
+        "--only",
+        action="append",
+        default=[],
+        metavar="KIND",
+        help="of this kind, such as faults or waits; may be repeated",
+    )
+    number = whole("a number of sentences", 1)
+    add("--sentences", type=number, metavar="N", help="at most so many of 100 ticks (20)")
 
 
 def speed(text: str) -> float:
@@ -59,6 +88,8 @@ def speed(text: str) -> float:
 
 def run(args: argparse.Namespace) -> int:
     """Show it until the user leaves."""
+    if args.reload:
+        return _reloading(args)
     resolved = resolve(args.scenario, args.settings, args.seed)
     recordings = viewer("playback.recording_files")
     if args.record is not None:
@@ -66,8 +97,34 @@ def run(args: argparse.Namespace) -> int:
     else:
         name = resolved.scenario.name
         path = None if args.no_record else recordings.new_recording(name, os.environ)
-    opening = viewer("playback.run_source").live(resolved, path)
+    sources = viewer("playback.run_source")
+    opening = sources.live(resolved, path)
+    if args.against:
+        opening = sources.live_pair(resolved, _other(args), path)
     return int(viewer("viewer.launch").show(opening, viewer("terminal.options").Options.of(args)))
+
+
+def _reloading(args: argparse.Namespace) -> int:
+    """The same while files of the scenario are being written."""
+    if args.against:
+        raise InputError("--reload shows one run: leave out --against")
+    opening = viewer("playback.run_source").reloading(
+        args.scenario, lambda: resolve(args.scenario, args.settings, args.seed)
+    )
+    return int(viewer("viewer.launch").show(opening, viewer("terminal.options").Options.of(args)))
+
+
+def _other(args: argparse.Namespace) -> Resolved:
+    """The scenario of the run beside the first."""
+    seeded = any(setting.startswith("seed=") for setting in args.against)
+    settings = [*args.settings, *args.against]
+    try:
+        return resolve(args.scenario, settings, None if seeded else args.seed)
+    except InputError as error:
+        setting = (error.file or "").removeprefix("--set ")
+        if setting in args.against:
+            raise InputError(error.message, f"--against {setting}") from None
+        raise
 
 
 def viewer(name: str) -> Any:

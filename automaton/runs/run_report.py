@@ -33,6 +33,15 @@ ROBOT_COLUMNS = {  # head: what of the robot's metrics
 }
 SLOWDOWN = "slowdown_ticks"  # shown with the lost time, though it is none of its causes
 ROBOTS_SHOWN = STATIONS_SHOWN = 50
+METRICS_TOLD = (
+    "throughput",
+    "utilization",
+    "blocked_share",
+    "lead_time",
+    "late_share",
+    "lines_done",
+)
+LOST_CAUSES_TOLD = 3
 NEVER_WITH_CELLS = ("try_drops",)  # makes room for the distance
 
 
@@ -198,3 +207,23 @@ def robots_table(outcome: Outcome, tick: Unit, cell: Unit | None) -> Table:
         texts = [cells[name] for name in columns.values()]
         rows.append([text if isinstance(text, str) else number(text) for text in texts])
     return Table(list(columns), rows, left=0, gap=1)  # long runs fit 80 columns
+
+
+def sentences(resolved: Resolved, outcome: Outcome) -> list[str]:
+    """How a run ended and its main metrics, one a line and without tables."""
+    tick, cell = units_of(resolved)
+    metrics = {name: value for name, value in outcome.metrics.items() if name in METRICS_TOLD}
+    lines = heading(resolved, outcome, tick)
+    lines += [f"not finished: {outcome.diagnosis}"] if outcome.diagnosis else []
+    for name, value in metrics.items():
+        kind, meaning = METRIC_CATALOGUE[name]
+        lines.append(f"{name} {' '.join(in_units(value, kind, tick, cell))}: {meaning}")
+    lost = {
+        name: value
+        for name, value in outcome.metrics.items()
+        if name.startswith(LOST_METRIC_PREFIX) and value
+    }
+    for name in sorted(lost, key=lambda name: -lost[name])[:LOST_CAUSES_TOLD]:
+        share = percent(lost[name] / sum(lost.values()))
+        lines.append(f"{name} {share} of the lost robot time: {METRIC_CATALOGUE[name][1]}")
+    return lines

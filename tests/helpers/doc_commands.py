@@ -35,6 +35,7 @@ ONLY_READ: Final = {
     "bench": "test_bench",
     "compile": "test_compile_command",
     "report --plots": "test_report",
+    "watch --reload": "test_app_reload",
     "reproduce tabletop": "test_reproduce_tabletop",
     "reproduce traffic": "test_reproduce_traffic",
     "reproduce traffic-fleet": "test_reproduce_fleet",
@@ -158,7 +159,8 @@ def run_automaton(words: list[str], folder: Path, shown: bool) -> str:
 
 def is_only_read(words: list[str]) -> bool:
     """Whether only the arguments of a command are read."""
-    names = (words[0], " ".join(words[:2]), f"{words[0]} --plots" if "--plots" in words else "")
+    names = [words[0], " ".join(words[:2])]
+    names += [f"{words[0]} {word}" for word in words if word in ("--plots", "--reload")]
     return "--scheduler" in words or any(name in ONLY_READ for name in names)
 
 

@@ -66,6 +66,10 @@ class BranchActions:
         self.stops = stops
         self._player.set_breakpoints([breakpoint_of(stop.text) for stop in stops if stop.on])
 
+    def renew(self) -> None:
+        """Let another player stop where the one before did."""
+        self._take_stops(self.stops)
+
     def _branch(self) -> None:
         if not self._session.ready():
             return

@@ -127,7 +127,8 @@ class FindActions:
         if session.is_alone():
             return
         if divergence is None:
-            session.notify("the runs are still being compared")
+            equal = "so far the runs are equal"
+            session.notify(equal if session.opening.live else "the runs are still being compared")
         elif divergence.tick is None:
             session.notify(divergence.text)
         else:

@@ -61,6 +61,27 @@ class Pictures:
         if self.fitted:
             self.camera.fit()
 
+    def take_floor(self, opening: Opening) -> bool:
+        """After a reload: draw this floor, seen as before; whether its cells have the same numbers."""
+        before, floor_plan = self.camera, opening.resolved[0].floor_plan
+        self.floors = [floor_of(resolved) for resolved in opening.resolved]
+        self._corner = None
+        robots = max(one.scenario.fleet.robots for one in opening.resolved)
+        self.camera = Camera(floor_plan, before.rows, before.columns, robots)
+        same = floor_plan.kind.shape == before.floor_plan.kind.shape
+        if self.fitted or before.zoom not in self.camera.ladder:
+            return same
+        self.camera.zoom = before.zoom
+        middle = before.cell_at(before.rows // 2, before.columns // 2)
+        if same and self.camera.shown == before.shown:
+            self.camera = before.copy()
+            self.camera.floor_plan = floor_plan
+        elif middle is not None:
+            x, y = before.floor_plan.xy(middle)
+            x, y = min(x, floor_plan.width - 1), min(y, floor_plan.height - 1)
+            self.camera.centre_on(floor_plan.cell(max(x, 0), max(y, 0)))
+        return same
+
     def split(self, rows: int, columns: int) -> str:
         """How two maps, each under a head, share this room best: "vertical" is one below another."""
         if rows < 4 or columns < 2:

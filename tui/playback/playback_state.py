@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from automaton.engine.state import Array
+from automaton.evidence.history.divergence import Divergence
 from automaton.evidence.history.snapshot import Snapshot
 from automaton.evidence.history.watched_run import Run
 from automaton.runs.metrics import OPERATIONS, executed_ticks, metrics_of
@@ -48,6 +49,7 @@ class PlaybackState:
     side: int  # and in which of the runs
     error: str  # why it cannot go on, or ""
     failed: str = ""  # why a strategy could not go on, for as long as its run is there
+    divergence: Divergence | None = None  # where two live runs part, once that is known
 
     @property
     def end(self) -> int | None:

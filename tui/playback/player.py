@@ -18,6 +18,8 @@ from typing import Final
 from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.evidence.history.breakpoints import Breakpoint
+from automaton.evidence.history.divergence import Divergence, LiveDivergence
+from automaton.evidence.history.live_run import LiveRun
 from automaton.evidence.history.snapshot import Snapshot, take_snapshot
 from automaton.evidence.history.watched_run import COMPUTE_SLICE_S, Run
 from tui.playback.breakpoint_hits import Hit, begun, held_by, reason
@@ -60,7 +62,10 @@ class Player:
         self._stops, self._stopped, self._error = 0, "", ""
         self._hit: Hit | None = None  # the breakpoint that stopped it
         self._overlays = [Overlays() for _ in self.runs]
+        live = [run for run in self.runs if isinstance(run, LiveRun)]
+        self._divergence = LiveDivergence(*live) if len(live) == 2 else None
         self._figures: tuple[Figures, ...] = ()
+        self._parted: Divergence | None = None
         self._figures_at = -math.inf  # when the metrics may be read again while ticks go by
         self._stale = True
         for run in self.runs:
@@ -295,6 +300,7 @@ class Player:
         if self._tick == self._goal or (self._goal is not None and self._tick == before):
             self._report_lost_past()
             self._goal = None
+            self._stale = True  # the metrics are those of this tick, also at an end before the goal
         elif self._goal is None and self._at_an_end():
             self._set_clock(0, self._speed)
             self._stale = True
@@ -332,6 +338,8 @@ class Player:
 
     def _show(self, tick: int) -> int:
         """Show a tick in all runs, or one as near to it as they all get in a moment."""
+        if self._divergence is not None:
+            return self._show_in_step(tick)
         reached = [run.show(tick) for run in self.runs]
         if len(self.runs) == 1:
             return reached[0]
@@ -340,6 +348,17 @@ class Player:
         for run in self.runs:
             while run.tick != common and run.tick != run.end:
                 run.show(common)
+        return common
+
+    def _show_in_step(self, tick: int) -> int:
+        """The same of two live runs: none is computed farther than the other."""
+        lead = max(self.runs, key=lambda run: math.inf if run.end is None else run.end)
+        common = lead.show(tick)
+        for run in self.runs:
+            while run.tick != common and (run.end is None or run.tick != min(common, run.end)):
+                run.show(common)
+                if not self._alive:
+                    return common
         return common
 
     def _step_until_breakpoint(self, tick: int) -> None:
@@ -395,6 +414,8 @@ class Player:
         self._published = now = time.monotonic()
         if now >= self._figures_at or (not self._direction and self._goal is None):
             self._figures = tuple(figures_of(run) for run in self.runs)
+            if self._divergence is not None:
+                self._parted = self._divergence.look()
             took = time.monotonic() - now
             self._figures_at = now + max(FIGURES_S, FIGURES_TIME_RATIO * took)
         failed = next((run.failed for run in self.runs if run.failed), "")
@@ -418,6 +439,7 @@ class Player:
             side=0 if self._hit is None else self._hit.side,
             error=self._error or trouble,
             failed=failed,
+            divergence=self._parted,
         )
 
     def _snapshot_of(self, run: Run, overlays: Overlays) -> Snapshot:

@@ -62,6 +62,11 @@ def beside(path: Path) -> Path:
     return _numbered(path.parent, path.stem + "-branch", path.suffix)
 
 
+def against(path: Path) -> Path:
+    """A free file for the run beside the one that is recorded in `path`."""
+    return _numbered(path.parent, path.stem + "-against", path.suffix)
+
+
 def short_path(path: Path) -> str:
     """As a user in the current folder writes it."""
     return str(path.relative_to(Path.cwd())) if path.is_relative_to(Path.cwd()) else str(path)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -14,9 +14,10 @@ from automaton.errors import InputError
 from automaton.evidence.recording.frames import Recording
 from automaton.evidence.recording.header import resolved_of
 from automaton.evidence.recording.recording_reader import read_recording
-from automaton.evidence.recording.titles import Head, heads_of, title_of
+from automaton.evidence.recording.titles import Head, heads_of, live_heads, title_of
 from automaton.floor.floor_plan import UNBOUNDED
 from automaton.floor.traffic_zones import traffic_zones_of
+from tui.playback.recording_files import against
 from tui.render.scene import Floor
 
 if TYPE_CHECKING:  # it needs Numba
@@ -25,18 +26,26 @@ if TYPE_CHECKING:  # it needs Numba
 HEADING_COUNTS = {"omni": 1, "rail": 2, "differential": 4}
 
 
+class Reload(NamedTuple):
+    """How a scenario is opened again when its files have changed."""
+
+    scenario: str  # as given on the command line
+    load: Callable[[], Opening]  # raises InputError
+
+
 @dataclass(frozen=True)
 class Opening:
-    """One live run, or one or two recorded ones."""
+    """One or two live runs, or one or two recorded ones."""
 
     titles: tuple[str, ...]  # of the runs
     resolved: tuple[Resolved, ...]
     live: bool
     begin: Callable[[], list[Run]]  # imports Numba, and may compile the world. Raises InputError
     recordings: tuple[Recording, ...] = ()
-    path: Path | None = None  # where the live run is recorded
+    paths: tuple[Path, ...] = ()  # where live runs are recorded
     heads: tuple[Head, ...] = ()  # of two runs
     files: tuple[Path, ...] = ()  # that the recordings were read from
+    reload: Reload | None = None  # of a live run whose files are watched
 
     @property
     def name(self) -> str:
@@ -58,7 +67,40 @@ def live(resolved: Resolved, path: Path | None) -> Opening:
 
         return [LiveRun(resolved, seed, path)]
 
-    return Opening((title_of(resolved, seed),), (resolved,), True, begin, path=path)
+    paths = () if path is None else (path,)
+    return Opening((title_of(resolved, seed),), (resolved,), True, begin, paths=paths)
+
+
+def reloading(scenario: str, load: Callable[[], Resolved]) -> Opening:
+    """A live run that begins again whenever a file of its scenario is changed; it is not recorded.
+
+    Raises InputError, as `load` does.
+    """
+    return replace(live(load(), None), reload=Reload(scenario, lambda: reloading(scenario, load)))
+
+
+def live_pair(one: Resolved, other: Resolved, path: Path | None) -> Opening:
+    """Two runs that are computed beside each other, the second recorded beside the first.
+
+    Raises InputError.
+    """
+    resolved = (one, other)
+    _check_sizes(resolved, "--against")
+    paths = () if path is None else (path, against(path))
+
+    def begin() -> list[Run]:
+        from automaton.evidence.history.live_run import LiveRun
+
+        files = paths or (None, None)
+        first = LiveRun(one, one.scenario.seed, files[0])
+        try:
+            return [first, LiveRun(other, other.scenario.seed, files[1])]
+        except BaseException:
+            first.recorder.discard()
+            raise
+
+    titles = tuple(title_of(each, each.scenario.seed) for each in resolved)
+    return Opening(titles, resolved, True, begin, paths=paths, heads=live_heads(*resolved))
 
 
 def recorded(*paths: Path) -> Opening:
@@ -67,8 +109,7 @@ def recorded(*paths: Path) -> Opening:
     resolved = tuple(
         resolved_of(recording.header, with_strategies=False) for recording in recordings
     )
-    if len({one.floor_plan.kind.shape for one in resolved}) > 1:
-        raise InputError("floors of different sizes cannot be compared", str(paths[1]))
+    _check_sizes(resolved, str(paths[-1]))
 
     def begin() -> list[Run]:
         from automaton.evidence.history.watched_run import RecordedRun
@@ -83,6 +124,12 @@ def recorded(*paths: Path) -> Opening:
     names = [path.name for path in paths]
     heads = heads_of(names, recordings, resolved) if len(paths) > 1 else ()
     return Opening(titles, resolved, False, begin, recordings, heads=heads, files=paths)
+
+
+def _check_sizes(resolved: Sequence[Resolved], second: str) -> None:
+    """Raises InputError, at what named the second run, if one camera cannot show both floors."""
+    if len({one.floor_plan.kind.shape for one in resolved}) > 1:
+        raise InputError("floors of different sizes cannot be compared", second)
 
 
 def floor_of(resolved: Resolved) -> Floor:

@@ -151,6 +151,7 @@ class Display:
         if playback.failed and (before is None or not before.failed):
             self.notices.say_failure()
         self._report_unreachable_tick(playback)
+        session.divergence = playback.divergence or session.divergence
         if playback.stops > (0 if before is None else before.stops):
             session.marks.append(Mark(playback.tick, "stop"))
             session.goal = None  # it is not on the way there any more

@@ -19,7 +19,7 @@ from automaton.evidence.history.divergence import Divergence, first_difference
 from tui.playback.frame_cache import Pictures, robot_cell
 from tui.playback.run_source import Opening
 from tui.render.choice import Choice
-from tui.render.scene import Scene
+from tui.render.scene import NO_CELLS, Scene
 from tui.render.styles import Look
 from tui.terminal.options import Options
 from tui.widgets.timeline import Mark
@@ -55,11 +55,12 @@ class Session:
         self.pointing = False  # the mouse has been moved since something was chosen
         self.marks: list[Mark] = []  # breakpoints met, branches
         self.divergence: Divergence | None = None
-        self.recordings: list[Path] = [] if opening.path is None else [opening.path]
+        self.recordings: list[Path] = list(opening.paths)
         self.glyphs = options.glyphs(os.environ)
         self.look = Look(options.depth(os.environ), options.theme)
         self.pictures = Pictures(opening, self.glyphs)
         self.changed: Callable[[], None] = _nothing  # something else is chosen: draw it
+        self.published: Callable[[], None] = _nothing  # there is a new state
         # The player got a request: its result is to be seen as soon as it is there.
         self.ordered: Callable[[], None] = _nothing
         self._ending = threading.Lock()
@@ -78,6 +79,7 @@ class Session:
         `published` is called in the player's thread for each new state.
         """
         player: Player | None = None
+        self.published = published
         try:
             from tui.playback.player import Player
             from tui.widgets.panel_column import panel_widgets
@@ -104,8 +106,37 @@ class Session:
             player.play()
         return player
 
+    def reopen(self, opening: Opening, player: Player) -> Player | None:
+        """Show a scenario that was loaded again, from tick 0; the player to be closed, if there is one.
+
+        Camera, layers and the selected robot stay as far as the new floor has them.
+        """
+        with self._ending:
+            before, self.player = self.player, player
+            if self._ended:
+                return player
+        choice = self.choice
+        if not self.pictures.take_floor(opening):
+            choice.cell = NIL
+        choice.robot = (
+            choice.robot if choice.robot < opening.resolved[0].scenario.fleet.robots else NIL
+        )
+        choice.zone, choice.matches = NIL, NO_CELLS
+        self.opening, self.titles, self.marks, self.goal = opening, list(opening.titles), [], None
+        self.error, self.divergence, self.hovered = "", None, NIL
+        player.published = self.published
+        player.set_speed(self.speed)
+        player.select(choice.robot)
+        player.show_layer(choice.layer)
+        if self.playback is None or self.playback.playing:
+            player.play()
+        self.playback = player.latest()
+        return before
+
     def compare(self) -> None:
-        """Find where two runs part."""
+        """Find where two recorded runs part; of live ones the player does."""
+        if self.opening.live:
+            return
         from tui.playback.player import sentence
 
         try:

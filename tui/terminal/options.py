@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Final
 
@@ -39,6 +39,9 @@ class Options:
     theme: Theme = "dark"
     max_kbit: float | None = None
     plain: bool = False
+    describe: bool = False  # sentences in place of a screen,
+    only: Sequence[str] = ()  # of these kinds; none: of all,
+    sentences: int | None = None  # and so many of each stretch at most
 
     @classmethod
     def of(cls, args: argparse.Namespace) -> Options:

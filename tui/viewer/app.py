@@ -97,6 +97,11 @@ class Viewer(App[None]):
             CaptureActions(self, self.session, self.main_display),
             self,
         )
+        self.reloading = None
+        if opening.reload is not None:
+            from tui.actions.reload_actions import Reloading
+
+            self.reloading = Reloading(self, self.session, self.main_display, self.branches)
         self._commands = {
             id: does for group in self.groups for id, does in group.commands().items()
         }
@@ -140,6 +145,8 @@ class Viewer(App[None]):
 
     def on_unmount(self) -> None:
         self.main_display.frames.stop()
+        if self.reloading is not None:
+            self.reloading.close()
 
     # The runs come after the first picture: importing Numba takes longer than drawing the floor.
 
@@ -164,6 +171,8 @@ class Viewer(App[None]):
             column = PanelColumn(self.session.glyphs, panel_widgets(), id="panels")
             self.main_display.column = column
             await self.query_one("#side").mount(column)
+            if self.reloading is not None:
+                self.reloading.start()
             problems = (*layers().problems, *panels().problems, *column.problems)
             if problems:
                 self.notify("; ".join(problems), severity="warning", timeout=PROBLEMS_S)

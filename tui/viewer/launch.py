@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import MutableMapping
 
+from automaton.errors import InputError
 from tui.playback.recording_files import comparing_command
 from tui.playback.run_source import Opening
 from tui.terminal.options import Options
@@ -15,7 +16,15 @@ BAD_INPUT = 2  # a strategy that fails counts as such
 
 def show(opening: Opening, options: Options) -> int:
     """Show it until the user leaves; returns the exit code."""
-    if options.plain or os.environ.get("TERM") == "dumb" or not (_in_browser() or _has_terminal()):
+    plain = options.plain or os.environ.get("TERM") == "dumb"
+    plain = plain or not (_in_browser() or _has_terminal())
+    if opening.reload is not None and (plain or options.describe):
+        raise InputError("--reload shows a floor while it is drawn, which needs a terminal")
+    if options.describe:
+        from tui.viewer.description import run_described
+
+        return run_described(opening, options)
+    if plain:
         from tui.viewer.text_mode import run_in_text_mode
 
         return run_in_text_mode(opening)

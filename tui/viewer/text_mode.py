@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
 
 from automaton.build.resolve import Resolved
 from automaton.engine.state import NIL
-from automaton.evidence.history.divergence import first_difference
+from automaton.evidence.history.divergence import LiveDivergence, first_difference
 from automaton.evidence.history.fleet_summary import summary_of
+from automaton.evidence.history.live_run import LiveRun
 from automaton.evidence.history.watched_run import Run
 from automaton.evidence.recording.header import changed, resolved_of
 from automaton.evidence.recording.titles import branches_of
@@ -34,35 +35,54 @@ def run_in_text_mode(opening: Opening) -> int:
         for title, run in zip(opening.titles, runs, strict=True):
             print(title, flush=True)
             outcomes.append(_run_with_progress(run))
+        difference = difference_line(opening, runs) if opening.comparing else ""
     finally:
         for run in runs:
             run.close()
     if opening.comparing:
-        print(f"\n{first_difference(*opening.recordings).text.partition(';')[0]}")
+        print(f"\n{difference}")
     for title, run, outcome in zip(opening.titles, runs, outcomes, strict=True):
         print()
         if opening.comparing:
             print(title)
-        for branch in branches_of(run.frames):
-            print(f"branched off {branch}")
-        print_report(_scenario_at_end(run), outcome)
-    return 0 if not opening.live or outcomes[0].finished else 1
+        for line in branch_lines(run):
+            print(line)
+        print_report(scenario_at_end(run), outcome)
+    return exit_code(opening, outcomes)
+
+
+def exit_code(opening: Opening, outcomes: Sequence[Outcome]) -> int:
+    """0, or 1 if a live run did not finish."""
+    return 0 if not opening.live or all(outcome.finished for outcome in outcomes) else 1
+
+
+def difference_line(opening: Opening, runs: Sequence[Run]) -> str:
+    """Where two runs part."""
+    live = [run for run in runs if isinstance(run, LiveRun)]
+    parted = LiveDivergence(*live).look() if live else first_difference(*opening.recordings)
+    return "" if parted is None else parted.text.partition(";")[0]
+
+
+def branch_lines(run: Run) -> list[str]:
+    """From where a run was branched off, and how."""
+    return [f"branched off {branch}" for branch in branches_of(run.frames)]
 
 
 def _run_with_progress(run: Run) -> Outcome:
     """Run it to its end, and say some words at ever longer intervals."""
     last_worked = np.zeros(run.resolved.scenario.fleet.robots, np.int64)
     worked = operations(run.leading_simulation)
-    for tick in _milestones():
+    for tick in milestones():
         _go_to(run, tick)
         worked = record_work(run.leading_simulation, worked, last_worked)
         if run.tick < tick:
-            return _outcome(run, last_worked)
-        print(_figures(run), flush=True)
+            return outcome_of(run, last_worked)
+        print(fleet_line(run), flush=True)
     raise AssertionError("milestones never end")
 
 
-def _milestones() -> Iterator[int]:
+def milestones() -> Iterator[int]:
+    """The ticks at which it is said how far a run is."""
     size = 100
     while True:
         yield from (size, 2 * size, 5 * size)
@@ -76,14 +96,15 @@ def _go_to(run: Run, tick: int) -> None:
         run.show(tick, PROGRESS_SLICE_S)
 
 
-def _figures(run: Run) -> str:
+def fleet_line(run: Run) -> str:
+    """How far a run is, and what its robots do."""
     now = summary_of(run.leading_simulation)
     parked = int(run.leading_simulation.world.robots.parked.sum())
     robots = f"{now.working:,} work, {now.waiting:,} wait, {parked:,} parked"
     return f"tick {run.tick:,}: {now.delivered:,} of {now.orders:,} orders delivered, {robots}"
 
 
-def _scenario_at_end(run: Run) -> Resolved:
+def scenario_at_end(run: Run) -> Resolved:
     """The scenario that held at the end."""
     if run.live:
         return run.resolved
@@ -91,9 +112,10 @@ def _scenario_at_end(run: Run) -> Resolved:
     return resolved_of(changed(run.header, rules), with_strategies=False)
 
 
-def _outcome(run: Run, last_worked: np.ndarray) -> Outcome:
+def outcome_of(run: Run, last_worked: np.ndarray) -> Outcome:
+    """What is left of a run; `last_worked` as of `run_to_end`."""
     front = run.leading_simulation
-    stop = _scenario_at_end(run).scenario.stop
+    stop = scenario_at_end(run).scenario.stop
     finished = front.finished or (stop.when == "never" and front.tick >= stop.max_duration)
     orders = asked_orders(front.world)
     return Outcome(

@@ -12,10 +12,11 @@ from textual.widgets import Input
 
 from automaton.engine.state import NIL, Array
 from automaton.evidence.history.event_history import EVENT_COLUMNS, EventHistory, Log, event_of
+from automaton.evidence.history.event_words import EVENT_GROUPS
 from automaton.units import count
 from tui.playback.panel_view import RobotChosen, TickChosen, View
 from tui.widgets.event_kinds import KindBoxes
-from tui.widgets.event_rows import EVENT_GROUPS, ROBOT_COLUMN_WIDTH, Wanted, event_line
+from tui.widgets.event_rows import ROBOT_COLUMN_WIDTH, Wanted, event_line
 from tui.widgets.panel import PanelWidget
 from tui.widgets.pod_facts import makes_trips
 from tui.widgets.rows import Rows

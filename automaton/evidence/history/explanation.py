@@ -79,7 +79,7 @@ def explain(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> Explanatio
     member = int(walk_to_cycle(blocker, index, color, robot))
     chain: list[Link] = []
     for _ in range(np.count_nonzero(color) + (member == NIL)):  # the last one may wait for none
-        chain.append(_link(snapshot, floor_plan, robot))
+        chain.append(link_of(snapshot, floor_plan, robot))
         robot = chain[-1].blocker
     names = [link.robot for link in chain]
     return Explanation(tuple(chain), NIL if member == NIL else names.index(member))
@@ -88,7 +88,7 @@ def explain(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> Explanatio
 STATION_WORDS: Final = {CAUSE_STATION_QUEUE: queue_words, CAUSE_STATION_BREAK: break_words}
 
 
-def _link(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> Link:
+def link_of(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> Link:
     fleet = snapshot.robots
     code = int(fleet.cause[robot])
     if code == CAUSE_NOT_WAITING:

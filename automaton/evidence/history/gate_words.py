@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from automaton.engine.gates import GATE_BLOCK, GATE_CLOSING, GATE_DOOR
+from automaton.engine.gates import GATE_BLOCK, GATE_CLOSING, GATE_DOOR, GATE_LIFT
 from automaton.engine.observation import CAUSE_CLOSED, CAUSE_LIFT
-from automaton.engine.state import NEVER, NIL, Array
+from automaton.engine.state import CLOCK_TICK, NEVER, NIL, Array, World
 from automaton.units import count
 
 if TYPE_CHECKING:  # it needs Numba
@@ -130,3 +130,28 @@ def shut_cells(snapshot: Snapshot) -> tuple[Array, Array]:
     ]
     none = np.zeros(0, np.int32)
     return np.concatenate([none, *closed]), np.concatenate([none, *shut])
+
+
+def gate_states(world: World) -> Array:
+    """(g,) int64: what is reported of gates when it changes; 0 for gates as they are at rest.
+
+    1 for a closing that lasts and for a door that opens or is open, the number of the robot that called
+    a lift, from 1; always 0 for blocks.
+    """
+    gates, tick = world.gates, int(world.clock[CLOCK_TICK])
+    states = np.zeros(len(gates.kind), np.int64)
+    rows = gates.first_closing[:-1] + gates.closing
+    at = np.flatnonzero((gates.kind == GATE_CLOSING) & (rows < gates.first_closing[1:]))
+    begins, ends = gates.closings[rows[at]].T
+    states[at] = (begins <= tick) & (tick < ends)
+    states[gates.kind == GATE_DOOR] = gates.open_from[gates.kind == GATE_DOOR] != NEVER
+    states[gates.kind == GATE_LIFT] = gates.caller[gates.kind == GATE_LIFT] + 1
+    return states
+
+
+def gate_words_of(snapshot: Snapshot, gate: int) -> str:
+    """Where a gate is and what it is like: "(3, 0) is a door that is open"."""
+    cells = cells_of(snapshot, gate)
+    x, y = int(cells[0]) % snapshot.stride - 1, int(cells[0]) // snapshot.stride - 1
+    others = "" if len(cells) == 1 else f", one of {count(len(cells), 'cell')},"
+    return f"({x}, {y}){others} is {words_of(snapshot, gate)}"

@@ -11,6 +11,7 @@ from automaton.engine.state import ACTION_SERVE, GOAL_STOP, NIL, ORDER_WAITING, 
 from automaton.units import count
 
 if TYPE_CHECKING:  # it needs Numba, pictures do not
+    from automaton.engine.pods import PodStations
     from automaton.evidence.history.snapshot import Snapshot
 
 ORDINALS: Final = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth")
@@ -95,6 +96,18 @@ def break_end(snapshot: Snapshot, station: int) -> int:
     rows = snapshot.pod_stations.breaks
     now = (rows[:, 0] == station) & (rows[:, 1] <= snapshot.tick) & (snapshot.tick < rows[:, 2])
     return int(rows[now, 2].max()) if now.any() else NIL
+
+
+def break_begins(stations: PodStations, tick: int) -> Array:
+    """(k,) int64: the stations that have a break from this tick on."""
+    begun: Array = stations.breaks[stations.breaks[:, 1] == tick, 0]
+    return begun
+
+
+def break_begun_words(snapshot: Snapshot, station: int) -> str:
+    """Say that a station has a break, and for how long."""
+    rest = _break_left(snapshot, break_end(snapshot, station)).removeprefix("which ")
+    return f"{station_name(snapshot, station)} {rest}"
 
 
 def queue_words(snapshot: Snapshot, robot: int) -> str:

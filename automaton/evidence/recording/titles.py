@@ -10,6 +10,7 @@ from typing import Any, Final, NamedTuple
 
 from automaton.build.resolve import Resolved
 from automaton.evidence.recording.frames import Content, Recording, StoredFrames
+from automaton.scenario.line_table import plain_data
 
 MAX_TITLE_LENGTH: Final = 24  # characters of a value; pictures of floors are values too
 
@@ -59,6 +60,21 @@ def heads_of(
     return tuple(heads)
 
 
+def live_heads(one: Resolved, other: Resolved) -> tuple[Head, ...]:
+    """Of two live runs."""
+    resolved = (one, other)
+    scenarios = [_flat("", plain_data(each.scenario)) for each in resolved]
+    settings = _different(scenarios, scenarios)
+    parts = [_parts(each, each.scenario.seed) for each in resolved]
+    common = ", ".join(part for part in parts[0] if part in parts[1])
+    seeds = [each.scenario.seed for each in resolved]
+    heads = []
+    for own, seed in zip(settings, seeds, strict=True):
+        own += [f"seed {seed}"] if len(set(seeds)) > 1 else []
+        heads.append(Head(", ".join(own) or "the same", common))
+    return tuple(heads)
+
+
 def short(setting: str) -> str:
     """A setting as it is commonly known."""
     return setting.removeprefix("strategy.")
@@ -75,6 +91,10 @@ def _differing(recordings: Sequence[Recording]) -> list[list[str]]:
     """The settings at the start that differ then, or did at the end."""
     starts = [_flat("", recording.header["scenario"]) for recording in recordings]
     ends = [_flat("", _last_scenario(recording.stored())) for recording in recordings]
+    return _different(starts, ends)
+
+
+def _different(starts: list[dict[str, str]], ends: list[dict[str, str]]) -> list[list[str]]:
     keys = [
         key
         for key in dict.fromkeys(key for settings in starts for key in settings)

@@ -202,3 +202,49 @@ def test_a_speed_that_was_not_measured_yet_is_not_told(clock: ManualClock) -> No
         assert player.turn(3).achieved > 0
         order()
         assert player.turn().achieved == 0
+
+
+def test_two_live_runs_are_computed_in_step(clock: ManualClock) -> None:
+    player = manual_player(clock, live(*FLEET), live(*FLEET, "strategy.right_of_way=wait"))
+    player.set_speed(math.inf)
+    for order in (player.play, lambda: player.seek(30), lambda: player.seek(200), player.play):
+        order()
+        for _ in range(5):
+            playback = player.turn()
+            ends = [playback.tick if end is None else end for end in playback.ends]
+            ticks = [snapshot.tick for snapshot in playback.snapshots]
+            assert ticks == [min(playback.tick, end) for end in ends]
+            fronts = [run.leading_simulation.tick for run in player.runs]
+            assert fronts[0] == fronts[1] or player.runs[0].end == fronts[0] < fronts[1]
+
+
+def test_where_two_live_runs_part_is_known_once_they_have(clock: ManualClock) -> None:
+    player = manual_player(clock, live(*FLEET), live(*FLEET, "strategy.right_of_way=wait"))
+    player.seek(2)
+    assert player.settle().divergence is None
+    player.seek(60)
+    parted = player.settle().divergence
+    assert parted is not None and parted.tick is not None
+    for tick, equal in ((parted.tick - 1, True), (parted.tick, False)):
+        player.seek(tick)
+        robots = [snapshot.robots for snapshot in player.settle().snapshots]
+        assert (robots[0].executed == robots[1].executed).all() == equal
+
+
+def test_live_runs_that_end_are_compared_to_their_ends(clock: ManualClock) -> None:
+    for limit, text in (
+        (20, "the runs are equal in all 20 ticks"),
+        (30, "the runs are equal up to tick 20, where one ends"),
+    ):
+        player = manual_player(
+            clock, live("stop.max_duration=20"), live(f"stop.max_duration={limit}")
+        )
+        player.seek(99)
+        parted = player.settle().divergence
+        assert parted is not None and parted.text == text
+
+
+def test_live_runs_with_other_fleets_differ_from_the_start(clock: ManualClock) -> None:
+    player = manual_player(clock, live("fleet.robots=2"), live("fleet.robots=3"))
+    parted = player.settle().divergence
+    assert parted is not None and parted.tick == 0

@@ -28,9 +28,10 @@ from automaton.engine.observation import (
     EVENT_RETREATED,
 )
 from automaton.evidence.history.event_history import AppendLog, Event, EventHistory
+from automaton.evidence.history.event_words import EVENT_GROUPS, event_words
 from tui.playback.panel_view import View
 from tui.widgets.event_list import Events, Filter
-from tui.widgets.event_rows import EVENT_GROUPS, Wanted, event_words
+from tui.widgets.event_rows import Wanted
 
 
 def earlier(tick: int) -> View:

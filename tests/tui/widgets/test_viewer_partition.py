@@ -22,6 +22,7 @@ from automaton.engine.state import NIL, ORDER_CARRIED, ORDER_WAITING
 from automaton.errors import InputError
 from automaton.evidence.history.breakpoints import breakpoint_of
 from automaton.evidence.history.event_history import Event, EventHistory
+from automaton.evidence.history.event_words import event_words
 from automaton.evidence.history.explanation import explain
 from automaton.evidence.history.live_run import LiveRun
 from automaton.evidence.history.snapshot import take_snapshot
@@ -34,7 +35,7 @@ from tui.cast.film_request import Request
 from tui.playback.panel_view import View
 from tui.screens.find_query import find
 from tui.widgets.event_list import kinds_of
-from tui.widgets.event_rows import Wanted, event_words
+from tui.widgets.event_rows import Wanted
 from tui.widgets.inspector import Inspector
 from tui.widgets.metrics_panel import Figures
 from tui.widgets.robot_columns import ROBOT_TABLE_COLUMNS

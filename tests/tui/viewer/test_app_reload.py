@@ -1,0 +1,122 @@
+"""`watch --reload`: a floor that is drawn in an editor while the viewer shows it."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+
+import pytest
+from action_cases import said
+from viewer_harness import Watched, screen_text, viewing
+
+from automaton.build.resolve import resolve
+from automaton.commands import main
+from tui.playback.run_source import reloading
+from tui.screens.reload_error import ReloadErrorScreen
+
+FLOOR = """\
+b>>>>>v#
+b^ssssvd
+b======d
+#^<<<<.#
+"""
+WIDE = """\
+b>>>>>>>v#
+b^ssssssvd
+b========d
+#^<<<<<<.#
+"""
+SCENARIO = """\
+name: hall
+layout: {file: hall.txt}
+fleet: {robots: 2, kinematics: differential}
+orders: {generator: full-shelves}
+strategy: {allocation: independent, routing: shortest, right_of_way: retreat}
+stop: {when: parked, max_duration: 20000}
+"""
+
+
+@pytest.fixture
+def hall(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    Path("hall.txt").write_text(FLOOR)
+    own = Path("hall.yaml")
+    own.write_text(SCENARIO)
+    return own
+
+
+def story(hall: Path, tell: Callable[[Watched], Awaitable[None]]) -> None:
+    async def shown() -> None:
+        opening = reloading(str(hall), lambda: resolve(hall, ("fleet.robots=3",)))
+        async with viewing(opening, (80, 24)) as user:
+            await tell(user)
+
+    asyncio.run(shown())
+
+
+def test_a_changed_floor_begins_anew_with_camera_layer_and_robot_as_they_were(hall: Path) -> None:
+    async def tell(user: Watched) -> None:
+        await user.at(5)
+        await user.press("f3", "plus")
+        user.session.choose(2)
+        await user.shown()
+        camera, player = user.session.pictures.camera.key, user.session.player
+        hall.with_name("hall.txt").write_text(FLOOR.replace("s", "#", 1))
+        await user.until(lambda: user.session.player is not player)
+        await user.until(lambda: "loaded again: tick 0" in said(user.display.info))
+        await user.shown()
+        assert user.tick == 0 and user.session.pictures.camera.key == camera
+        assert user.session.choice.robot == 2 and user.session.choice.layer == "visits"
+        assert len(user.session.playback.snapshots[0].orders.state) == 3
+        await user.at(3)
+        assert not player._thread.is_alive()
+
+    story(hall, tell)
+
+
+def test_a_floor_of_another_size_is_shown_whole(hall: Path) -> None:
+    async def tell(user: Watched) -> None:
+        before = user.session.pictures.camera
+        hall.with_name("hall.txt").write_text(WIDE)
+        await user.until(lambda: user.session.pictures.camera is not before)
+        assert user.session.pictures.camera.width == before.width + 2
+        await user.shown()
+        assert not user.session.pictures.camera.exceeds()
+
+    story(hall, tell)
+
+
+def test_what_is_wrong_is_shown_over_the_old_floor_until_it_is_mended(hall: Path) -> None:
+    floor = hall.with_name("hall.txt")
+
+    async def tell(user: Watched) -> None:
+        player = user.session.player
+        floor.write_text(FLOOR.replace("s", "?", 1))
+        await user.until(lambda: isinstance(user.app.screen, ReloadErrorScreen))
+        await user.until(lambda: "hall.txt:2: the symbol '?'" in screen_text(user.app))
+        assert user.session.player is player and "Save the file again" in screen_text(user.app)
+        floor.write_text(FLOOR.replace("v", "!", 1))
+        await user.until(lambda: "hall.txt:1: the symbol '!'" in screen_text(user.app))
+        new = hall.with_name("new")
+        new.write_text(FLOOR)
+        new.replace(floor)  # as many editors write
+        await user.until(lambda: user.session.player is not player)
+        await user.until(lambda: not isinstance(user.app.screen, ReloadErrorScreen))
+        await user.at(4)
+
+    story(hall, tell)
+
+
+def test_what_does_not_go_with_it_is_one_sentence(
+    hall: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for arguments, sentence in (
+        (["--record", "x.rec"], "argument --record: not allowed with argument --reload"),
+        (["--against", "seed=2"], "--reload shows one run: leave out --against"),
+        ([], "--reload shows a floor while it is drawn, which needs a terminal"),
+        (["--describe"], "--reload shows a floor while it is drawn, which needs a terminal"),
+    ):
+        assert main(["watch", str(hall), "--reload", *arguments]) == 2
+        error = capsys.readouterr().err
+        assert sentence in error and error.count("\n") == 1

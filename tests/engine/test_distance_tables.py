@@ -70,7 +70,9 @@ class Case:
         return np.asarray(step[:, None, None] * factors)
 
     def tables(self) -> DistanceTables:
-        grid = floor_for(self.floor_plan, self.kinematics, "undirected").grid
+        grid = floor_for(
+            self.floor_plan, "undirected", (RobotType(kinematics=self.kinematics),)
+        ).grid
         kinds = self.floor_plan.kind.reshape(-1)
         turns = [
             CostSet(self.floor_plan, self.kinematics, 1, 1).may_turn(c) for c in range(len(kinds))

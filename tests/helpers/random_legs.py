@@ -29,8 +29,10 @@ class Case(NamedTuple):
 
     def built(self) -> tuple[Floor, Array, RouteSpace]:
         ways = self.ways
-        alike = RobotType(durations=Durations(move=ways.move, turn=ways.turn))
-        floor = floor_for(ways.floor_plan, ways.kinematics, self.mode, (alike,))
+        alike = RobotType(
+            durations=Durations(move=ways.move, turn=ways.turn), kinematics=ways.kinematics
+        )
+        floor = floor_for(ways.floor_plan, self.mode, (alike,))
         duration = np.ones(ACTION_COUNT, np.int32)
         duration[ACTION_MOVE], duration[ACTION_TURN] = ways.move, ways.turn
         return (

@@ -103,14 +103,11 @@ def draw_out_of_order(scene: Scene, state: NDArray[np.uint8], shape: NDArray[np.
 def directions(scene: Scene) -> NDArray[np.uint8]:
     """(n,) 0 to 3: the way each robot faces or, if its heading does not tell, drives."""
     assert scene.snapshot is not None
-    fleet, headings = scene.snapshot.robots, scene.floor.headings
-    if headings == 4:
-        return np.asarray(fleet.heading & 3, np.uint8)
-    if headings == 1:
-        return np.asarray(fleet.travel & 3, np.uint8)
-    # On rails: the way it came, or its new axis once it has turned.
-    came = fleet.travel & 1 == fleet.heading
-    return np.where(came, fleet.travel & 3, fleet.heading).astype(np.uint8)
+    fleet = scene.snapshot.robots
+    headings = np.array(scene.floor.headings)[fleet.type]
+    # On rails: the way it came, or its new axis once it has turned. An omni robot: the way it came.
+    came = (headings == 1) | ((headings == 2) & (fleet.travel & 1 == fleet.heading))
+    return np.where(came, fleet.travel & 3, fleet.heading & 3).astype(np.uint8)
 
 
 def shapes(glyphs: GlyphSet) -> NDArray[np.uint32]:

@@ -45,7 +45,7 @@ def time_dependent_path(view, workspace, state, i, around, steps):
     robot_type, grid, target = view.robots.type[i], view.grid, np.int64(view.robots.goal_cell[i])
     duration, type_cell_flags = view.rules.duration[robot_type], grid.type_cell_flags[robot_type]
     begin_plan(view, state, i)
-    headings, own = grid.headings, headings_of(grid, robot_type)
+    headings, apart = grid.headings, headings_of(grid, robot_type)
     bits = bits_for(workspace.cost.shape[0])
     move, turn = np.int64(duration[ACTION_MOVE]), np.int64(duration[ACTION_TURN]) * UNIT
     search = begin_search(workspace)
@@ -63,7 +63,7 @@ def time_dependent_path(view, workspace, state, i, around, steps):
         if cell == target:
             return write_path(grid, workspace, pose, steps)
         flags = np.int64(type_cell_flags[cell])
-        for way in range(heading, 4, own):
+        for way in range(heading, 4, apart):
             after = cell + grid.offset[way]
             if (flags >> way) & 1 == 0 or is_closed(view, after, way, target, around):
                 continue
@@ -75,10 +75,10 @@ def time_dependent_path(view, workspace, state, i, around, steps):
             size = label(
                 view, state, move, workspace, search, bits, size, to, dearer, later, target, way
             )
-        if own > 1 and flags & MAY_TURN:
+        if apart > 1 and flags & MAY_TURN:
             dearer, later = cost + turn, now + np.int64(duration[ACTION_TURN])
             for turned in (1, -1):
-                to = cell * headings + ((heading + turned) & (own - 1))
+                to = cell * headings + ((heading + turned) & (apart - 1))
                 how = how_turned(pose, to)
                 size = label(
                     view, state, move, workspace, search, bits, size, to, dearer, later, target, how

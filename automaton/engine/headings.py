@@ -1,4 +1,4 @@
-"""Which way robots face: each type tells its own number of headings apart.
+"""Which way robots face: each type distinguishes its own number of headings.
 
     omni           1: always heading 0; it moves in any direction at once
     rail           2: its axis, 0 east and west, 1 south and north; it reverses freely
@@ -17,7 +17,7 @@ U = np.uint64  # unsigned where it indexes: saves the test for a negative index
 
 @kernel
 def headings_of(grid, robot_type):
-    """How many headings robots of a type tell apart."""
+    """How many headings robots of a type distinguish."""
     return np.int64(grid.type_headings[U(robot_type)])
 
 

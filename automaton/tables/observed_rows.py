@@ -88,7 +88,7 @@ def state_form(resolved: Resolved) -> Form:
 
 
 def heading_counts(resolved: Resolved) -> list[int]:
-    """How many headings the types of robots tell apart, the most first."""
+    """How many headings the types of robots distinguish, the most first."""
     return sorted({one.headings for one in resolved.fleet.types}, reverse=True)
 
 

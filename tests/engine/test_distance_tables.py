@@ -106,7 +106,7 @@ class Case:
     def found(
         self, tables: DistanceTables, row: int, cost_set: int = 0
     ) -> dict[tuple[int, int], int]:
-        """By pose; a heading that these robots do not tell apart costs what the one does that they do."""
+        """By pose; a heading they do not distinguish costs what the one does that they have."""
         apart = HEADINGS[self.drives[cost_set]]
         costs = {pose: int(cost_in(tables, row, *pose)) for pose in self.poses(apart)}
         for cell, heading in self.poses(max(HEADINGS[one] for one in self.drives)):

@@ -1,4 +1,4 @@
-"""Robots of one fleet that drive differently: each type tells its own headings apart."""
+"""Robots of one fleet that drive differently: each type distinguishes its own headings."""
 
 from __future__ import annotations
 

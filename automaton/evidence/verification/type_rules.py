@@ -24,7 +24,7 @@ class Types:
         self.name: list[str] = []
         self.payload: list[int] = []
         self.closed: list[tuple[set[int], set[int]]] = []  # flat cells, without a load and with one
-        self.headings: list[int] = []  # that it tells apart
+        self.headings: list[int] = []  # that it distinguishes
         for kind, robots in kinds:
             shut = (
                 closed_to(floor, areas, kind["name"], "empty"),

@@ -221,7 +221,7 @@ def robot_line(world: World, floor_plan: FloorPlan, i: int, brief: bool = False)
 def idle_facts(world: World, headings: int) -> list[str]:
     """What nothing follows from here: the way of robots that never turn, wishes to charge in vain.
 
-    `headings`: how many the robot tells apart.
+    `headings`: how many the robot distinguishes.
     """
     names = ["travel"] if headings == 1 else []
     if world.tally.batches[LAYER_CHARGING] == 0:  # there is no strategy for it

@@ -60,8 +60,10 @@ class EpibtParameters(SteeringParameters, forbid_unknown_fields=True, frozen=Tru
         turn = max(ticks for one in types for ticks in one.turns)
         others = [one for one in scenario.fleet.all_kinematics if one != "differential"]
         if others:
-            found = " and ".join(others)
-            return f"it plans for robots with kinematics differential, found {found}; use pibt"
+            return (
+                "it plans for robots with kinematics differential, found "
+                f"{' and '.join(others)}; use pibt"
+            )
         if horizon_of(self.depth, max(move, turn)) > MOST_TICKS:
             return (
                 f"it plans {MOST_TICKS} ticks at most, too few for depth {self.depth} with "

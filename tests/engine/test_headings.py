@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, get_args
 
 import msgspec
+import numpy as np
 import pytest
 from small_runs import SmallRun
 
@@ -13,10 +14,13 @@ from automaton.engine.state import ACTION_TURN
 from automaton.errors import InputError
 from automaton.evidence.recording.recorder import MemoryRecorder
 from automaton.evidence.verification.validator import validate_stored
+from automaton.runs.pictures.robot_lines import robot_line
 from automaton.runs.simulation import Simulation
 from automaton.scenario.durations import Durations
 from automaton.scenario.fleet import FleetType, Kinematics
 from automaton.scenario.schema import Scenario
+from automaton.tables.columns import NO_TEXT
+from automaton.tables.observed_rows import heading_texts, state_form
 from tui.playback.run_source import floor_of
 from tui.render.robot_marks import directions
 from tui.render.scene import Scene
@@ -71,6 +75,20 @@ def test_the_viewer_shows_where_each_robot_faces_or_comes_from() -> None:
     run = SmallRun(CORNERS, {name: "EES" for name in "ABC"}, types=MIXED)
     scene = Scene(floor_of(run.run.resolved), run.tick(3).snapshot())
     assert directions(scene).tolist() == [1, 1, 1]  # A and C have turned, B has driven south
+
+
+def test_tables_and_pictures_name_the_headings_of_each_type() -> None:
+    simulation = Simulation(hall())
+    names = ["E", "S", "W", "N", "EW", "NS"]  # the most headings first
+    form, robots = state_form(simulation.resolved), np.arange(3)
+    assert list(form.texts["heading"]) == names
+    places = heading_texts(simulation, robots).tolist()
+    assert [names[place] if place != NO_TEXT else "" for place in places] == ["NS", "S", ""]
+    plan = simulation.resolved.floor_plan
+    lines = [robot_line(simulation.world, plan, i, brief=True) for i in range(3)]
+    starts = ["A (0, 0) vertical", "B (4, 0) facing south", "C (4, 2)"]
+    assert [line[: len(start)] for line, start in zip(lines, starts, strict=True)] == starts
+    assert "facing" not in lines[2]
 
 
 # What the fleet of a scenario may be.

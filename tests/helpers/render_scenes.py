@@ -25,6 +25,7 @@ NEAR = ["3x1", "2x1", "1x1"]  # steps of the ladder
 ALL = [*NEAR, "half", "braille 1"]
 FIELDS = {  # of a robot that stands still and does nothing
     **dict.fromkeys(("cell", "claim", "load", "order", "slot", "bay", "blocker"), NIL),
+    "type": 0,
     **dict.fromkeys(("heading", "travel", "action", "parked", "cause", "wait_cycle_ticks"), 0),
     **{
         "goal_type": 0,

@@ -93,7 +93,7 @@ def enter_goal(tables, cost_set, goal):
 
 @kernel
 def heading_set(tables, cost_set, direction):
-    """The set of headings in which a robot moves in a direction: with those that it does not distinguish."""
+    """The set of headings in which a robot moves in a direction; those it does not distinguish too."""
     return tables.alike[cost_set] << (direction & (tables.set_headings[cost_set] - 1))
 
 

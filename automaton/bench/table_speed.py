@@ -61,9 +61,9 @@ def shelves(columns: int, rows: int) -> FloorPlan:
 def tables_for(size: tuple[int, int], turn: int, weighted: bool = False) -> DistanceTables:
     """Empty tables for robots with four headings."""
     floor_plan = shelves(*size)
-    grid = floor_for(floor_plan, "differential", "undirected").grid
+    grid = floor_for(floor_plan, "undirected").grid
     step = lattice(grid)[None] if weighted else np.ones(1, np.int64)
-    costs = Costs(cell_flags_of(floor_plan, "differential")[None], step, np.array([turn]))
+    costs = Costs(cell_flags_of(floor_plan, rail=False)[None], step, np.array([turn]))
     return build_tables(grid, costs, TABLE_BYTES, np.zeros(1, np.int64))
 
 

@@ -69,7 +69,7 @@ def bounds(resolved: Resolved) -> Bounds:
     """The bounds of a scenario; they do not depend on the number of robots."""
     scenario = resolved.scenario
     fleet, battery = resolved.fleet, scenario.battery
-    turn = 0 if scenario.fleet.kinematics == "omni" else fleet.least_loaded_turn
+    turn = fleet.least_loaded_turn
     handling = fleet.least_pick + fleet.least_drop
     drives, picks, drops = min_drive_cost(resolved, Price(fleet.least_loaded_move, turn, handling))
     ticks = handling + drives
@@ -192,9 +192,8 @@ def _costs(
     """By axis of travel and flat cell: what the way to the cheapest goal costs (Dijkstra)."""
     floor_plan = resolved.floor_plan
     back, offsets = backward_exits(floor_plan).tolist(), floor_plan.offsets
-    rail = resolved.scenario.fleet.kinematics == "rail"
     kind = floor_plan.kind.reshape(-1)
-    turns = (CAN_TURN[kind] if rail else np.ones(kind.size, np.bool_)).tolist()
+    turns = (CAN_TURN[kind] if resolved.fleet.rail else np.ones(kind.size, np.bool_)).tolist()
     beside: dict[int, list[int]] = {}  # cell: slots that are served from it
     for slot, cells in enumerate(access):
         for cell in cells:
@@ -240,10 +239,10 @@ def _visits(resolved: Resolved) -> bool:
 def drained(robot_type: RobotType, operation: Literal["move", "turn"]) -> float:
     """Percent of its battery that a move or a turn with a load takes a robot of a type."""
     assert robot_type.battery is not None
-    drain, durations = robot_type.battery.drain, robot_type.durations
+    drain = robot_type.battery.drain
     if operation == "move":
         return drain.loaded_factor * drain.move * robot_type.moves.loaded
-    return drain.loaded_factor * drain.turn * durations.turns.loaded
+    return drain.loaded_factor * drain.turn * robot_type.turns.loaded
 
 
 def _held(battery: Battery | None) -> float:

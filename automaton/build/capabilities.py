@@ -60,11 +60,11 @@ def service_for(
     floor_plan: FloorPlan,
     types: tuple[RobotType, ...],
     homes: tuple[int, ...],
-    rail: bool,
 ) -> Service:
     """Who serves what; `homes`: (K,) where a robot of each type begins."""
-    pairs = zip(floor_by_type(floor_plan, rows_of(types, False)).floor_plans, homes, strict=True)
-    within = np.stack([to_and_from(floor, home, rail) for floor, home in pairs])
+    plans = floor_by_type(floor_plan, rows_of(types, False)).floor_plans
+    each = zip(plans, homes, types, strict=True)
+    within = np.stack([to_and_from(floor, home, one.rail) for floor, home, one in each])
     beside = slot_access(floor_plan)
     access = np.where(np.logical_or.reduce(within)[beside], beside, NIL).astype(np.int32)
     serves = ((access != NIL) & within[:, access]).any(axis=2)
@@ -84,7 +84,7 @@ class FleetOnFloor:
         self.types = types_of(scenario)
         self.type_of = type_of_each(scenario.fleet)  # (n,) by identity
         self.counts = np.bincount(self.type_of, minlength=len(self.types)).tolist()
-        self.rail = scenario.fleet.kinematics == "rail"
+        self.rail = all(one.rail for one in self.types)  # all turn on turntables alone
         self.drives_under = scenario.pods.under == "empty"  # pods that others are to lift
         # (K, C) where robots of a type may not begin: nor in storage, where they would bar a pod.
         self.closed = floor_by_type(floor_plan, rows_of(self.types, False)).closed
@@ -94,7 +94,7 @@ class FleetOnFloor:
         # Ticks that they take the fastest robots, without a load or with one.
         self.least_move = min(move for one in self.types for move in one.moves)
         self.least_loaded_move = min(one.moves.loaded for one in self.types)
-        self.least_loaded_turn = min(one.durations.turns.loaded for one in self.types)
+        self.least_loaded_turn = min(one.turns.loaded for one in self.types)
         self.least_pick = min(one.durations.pick for one in self.types)
         self.least_drop = min(one.durations.drop for one in self.types)
 
@@ -128,7 +128,7 @@ class FleetOnFloor:
     def service(self) -> Service:
         """Who serves what, from the first cells where robots may begin."""
         homes = tuple(int(cells[0]) for cells in self.starts)
-        return service_for(self.floor_plan, self.types, homes, self.rail)
+        return service_for(self.floor_plan, self.types, homes)
 
     @cached_property
     def within(self) -> Mask:
@@ -153,7 +153,7 @@ class FleetOnFloor:
         within = service.reachable.astype(np.bool_)
         if not has_closed_ways(self.floor_plan, self.types):
             return within
-        return reached_with_load(self.floor_plan, self.types, within, self.load_ends, self.rail)
+        return reached_with_load(self.floor_plan, self.types, within, self.load_ends)
 
     @cached_property
     def load_ends(self) -> LoadEnds:
@@ -191,7 +191,9 @@ class FleetOnFloor:
                     stands(self.floor_plan, np.array(cells), every.stops, self.loaded[kind])
                     for cells in way
                 )
-                pair = parted_ends(plans[len(self.types) + kind], begin, end, self.rail, known)
+                pair = parted_ends(
+                    plans[len(self.types) + kind], begin, end, robot_type.rail, known
+                )
                 if pair != (NIL, NIL):
                     return robot_type.name, *pair
         return None

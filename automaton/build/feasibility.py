@@ -10,6 +10,7 @@ import numpy as np
 from automaton.build.capabilities import FleetOnFloor, Start
 from automaton.build.gate_feasibility import check_gates
 from automaton.build.pod_feasibility import check_pod_ways, check_pods
+from automaton.build.rail_feasibility import check_rails
 from automaton.build.task_lists import MAX_ORDERS, order_count
 from automaton.engine.state import NIL
 from automaton.errors import alternatives, nearest
@@ -66,6 +67,7 @@ def check_feasible(document: Document, scenario: Scenario, floor: Floor) -> Flee
     """The fleet on its floor, where the scenario fits it. Raises InputError."""
     floor_plan = floor.floor_plan
     check_areas(document, scenario, floor_plan)
+    check_rails(document, scenario, floor_plan)
     check_locations(document, scenario, floor_plan)
     check_gates(document, scenario, floor_plan)
     fleet = FleetOnFloor(scenario, floor_plan, start_of(document, scenario, floor_plan))
@@ -543,7 +545,7 @@ def check_sight(document: Document, scenario: Scenario) -> None:
 
 def closed_way(fleet: FleetOnFloor, cell: int) -> str:
     """Which direction is closed on the way to a slot or back, and what would open it; "" if none is."""
-    floor_plan, rail = fleet.floor_plan, fleet.rail
+    floor_plan, rail = fleet.floor_plan, fleet.types[0].rail
     homes = fleet.starts[0][:1].tolist()
     access = slot_access(floor_plan)[fleet.slot_of[cell]]
     beside = access[access != NIL].tolist()

@@ -81,19 +81,19 @@ def sentence_about(gate: Gate) -> str:
 
 
 def reach_chargers(resolved: Resolved, closed: Iterable[int]) -> Mask:
-    """(C,) bool: cells from which robots get to a charger without these cells."""
+    """(k, C) bool: cells from which robots get to a charger without these cells, on rails or not."""
     floor_plan, cells = resolved.floor_plan, np.array(list(closed), np.int64)
     exits = floor_plan.exits.copy()
     exits.reshape(-1)[cells] = 0
     chargers = np.setdiff1d(np.flatnonzero(floor_plan.kind == CHARGER), cells)
-    rail = resolved.scenario.fleet.kinematics == "rail"
+    ways, plan = sorted({one.rail for one in resolved.fleet.types}), floor_plan.with_exits(exits)
     if not len(chargers):
-        return np.zeros(exits.size, np.bool_)
-    return reached(floor_plan.with_exits(exits), chargers.tolist(), rail, backwards=True)
+        return np.zeros((len(ways), exits.size), np.bool_)
+    return np.stack([reached(plan, chargers.tolist(), rail, backwards=True) for rail in ways])
 
 
 def is_cut_off(before: Mask, after: Mask, inside: Iterable[int]) -> bool:
     """Whether a cell outside of these is cut off from all chargers."""
     lost = before & ~after
-    lost[np.array(list(inside), np.int64)] = False
+    lost[:, np.array(list(inside), np.int64)] = False
     return bool(lost.any())

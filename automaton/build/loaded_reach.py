@@ -33,7 +33,7 @@ def has_closed_ways(floor_plan: FloorPlan, types: tuple[RobotType, ...]) -> bool
 
 
 def reached_with_load(
-    floor_plan: FloorPlan, types: tuple[RobotType, ...], within: Mask, ends: LoadEnds, rail: bool
+    floor_plan: FloorPlan, types: tuple[RobotType, ...], within: Mask, ends: LoadEnds
 ) -> Mask:
     """(K, C) the cells that robots of each type get to with a load, and on from there.
 
@@ -41,7 +41,7 @@ def reached_with_load(
     """
     by_row = floor_by_type(floor_plan, rows_of(types, True))
     result = within.copy()
-    for kind in range(len(types)):
+    for kind, rail in enumerate(one.rail for one in types):
         plan = by_row.floor_plans[len(types) + kind]
         result[kind] &= ~by_row.closed[len(types) + kind]
         if has_storage(floor_plan):

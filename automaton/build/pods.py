@@ -172,7 +172,7 @@ def ticks_to_stations(resolved: Resolved) -> Array:
 
 def ticks_to_each_station(resolved: Resolved) -> list[Array]:
     """Of each station the least ticks with a load from each cell, in its best heading: (cells,)."""
-    floor_plan, driving = resolved.floor_plan, loaded_driving(resolved.scenario)
+    floor_plan, driving = resolved.floor_plan, loaded_driving(resolved.fleet.types[0])
     return [
         ticks_between(floor_plan, driving, int(cell), backwards=True).min(axis=1)
         for cell in floor_plan.stations

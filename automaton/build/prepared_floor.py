@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from automaton.engine.facilities import MAY_TURN, NO_WAY_THROUGH
-from automaton.engine.state import HEADING_COUNTS, NIL, Array, Grid, Workspace
+from automaton.engine.state import NIL, Array, Grid, Workspace
 from automaton.engine.table_building import Costs, build_tables, bytes_taken, renew
 from automaton.errors import InputError
 from automaton.floor.cells import STORAGE
@@ -25,7 +25,7 @@ KEPT_BYTES = 64 * 1024 * 1024  # of distance tables that stay for the next run
 
 
 class Floor(NamedTuple):
-    """What runs on the same floor with the same kinematics and durations share."""
+    """What runs on the same floor with robots that drive alike share."""
 
     grid: Grid
     slot_cell: Array  # (s,) int32
@@ -58,49 +58,46 @@ def give_back(unused: list[Workspace], workspace: Workspace) -> None:
 
 def floor_for(
     floor_plan: FloorPlan,
-    kinematics: str,
     mode: str,
     types: tuple[RobotType, ...] = (RobotType(),),
 ) -> Floor:
-    """The floor for a plan, kinematics, mode of zones and types; built once for all that drive alike."""
-    driving = tuple(one.driving for one in types)
-    return _floor_for(floor_plan, kinematics, mode, driving)
+    """The floor for a plan, mode of zones and types; built once for all that drive alike."""
+    return _floor_for(floor_plan, mode, tuple(one.driving for one in types))
 
 
 @lru_cache(maxsize=16)
 def _floor_for(
     floor_plan: FloorPlan,
-    kinematics: str,
     mode: str,
     types: tuple[RobotType, ...],
 ) -> Floor:
-    headings = HEADING_COUNTS[kinematics]
     rows = rows_of(types, loads_differ(floor_plan, types))
     kind = floor_plan.kind.reshape(-1)
     cells = floor_plan.slots
     slot = np.full(kind.size, NIL, np.int32)
     slot[cells] = np.arange(len(cells), dtype=np.int32)
-    rule, by_type = cell_flags_of(floor_plan, kinematics), floor_by_type(floor_plan, rows)
+    rule, by_type = cell_flags_of(floor_plan, are_on_rails(types)), floor_by_type(floor_plan, rows)
     ticks = [
-        (one.moves.loaded, one.durations.turns.loaded)
+        (one.moves.loaded, one.turns.loaded)
         if row >= len(types)
-        else (one.moves.empty, one.durations.turns.empty)
+        else (one.moves.empty, one.turns.empty)
         for row, one in enumerate(rows)
     ]
     move, turn = np.array(ticks, np.int64).T
     traffic_zones = traffic_zones_of(floor_plan, mode)
     grid = Grid(
         width=floor_plan.stride,
-        headings=headings,
+        headings=max(one.headings for one in types),
         kind=frozen(kind.copy()),
         cell_flags=frozen(rule),
-        type_cell_flags=frozen(flags_by_type(by_type.floor_plans, kinematics)),
+        type_cell_flags=frozen(flags_by_type(by_type.floor_plans, rows)),
         drivable=frozen(np.flatnonzero(DRIVABLE[kind]).astype(np.int32)),
         offset=frozen(np.array(floor_plan.offsets, np.int64)),
         slot=frozen(slot),
         traffic_zone=traffic_zones.of,
         traffic_zone_count=traffic_zones.count,
         min_move_ticks=frozen(floor_plan.min_move_ticks.reshape(-1).copy()),
+        type_headings=frozen(np.array([one.headings for one in rows], np.int64)),
     )
     room = np.where(DRIVABLE[kind], 96, 0).astype(np.uint16)
     longest_route = min(len(grid.drivable), 8 * (floor_plan.width + floor_plan.height)) + 8
@@ -122,22 +119,28 @@ def loads_differ(floor_plan: FloorPlan, types: Iterable[RobotType]) -> bool:
     return has_storage(floor_plan) or any(one.loads_differ for one in types)
 
 
-def flags_by_type(floor_plans: Sequence[FloorPlan], kinematics: str) -> Array:
+def are_on_rails(types: Iterable[RobotType]) -> bool:
+    """Whether robots of all types turn on turntables alone."""
+    return all(one.rail for one in types)
+
+
+def flags_by_type(floor_plans: Sequence[FloorPlan], rows: Sequence[RobotType]) -> Array:
     """(K, C) uint8: the flags of cells for robots of each type, then for those of each with a load.
 
     No way leads through storage: with a load robots cannot pass under pods,
     and without one they would meet others that come out with theirs.
     """
-    by_type: Array = np.stack([cell_flags_of(plan, kinematics) for plan in floor_plans])
+    pairs = zip(floor_plans, rows, strict=True)
+    by_type: Array = np.stack([cell_flags_of(plan, row.rail) for plan, row in pairs])
     storage = floor_plans[0].kind.reshape(-1) == STORAGE
     by_type[:, storage] |= np.uint8(NO_WAY_THROUGH)
     return by_type
 
 
-def cell_flags_of(floor_plan: FloorPlan, kinematics: str) -> Array:
-    """(C,) uint8: exits, where robots of these kinematics may turn, and the class of capacity."""
+def cell_flags_of(floor_plan: FloorPlan, rail: bool) -> Array:
+    """(C,) uint8: exits, where robots may turn, on rails or not, and the class of capacity."""
     kind = floor_plan.kind.reshape(-1)
-    turns = CAN_TURN[kind] if kinematics == "rail" else DRIVABLE[kind]
+    turns = CAN_TURN[kind] if rail else DRIVABLE[kind]
     turning = np.where(turns, MAY_TURN, 0).astype(np.uint8)
     capacity = np.where(DRIVABLE[kind], floor_plan.capacity.reshape(-1), 1).astype(np.uint8)
     rule: Array = floor_plan.exits.reshape(-1) | turning | (capacity << np.uint8(5))
@@ -150,7 +153,9 @@ def make_workspace(floor: Floor, table_bytes: int) -> Workspace:
     cells = grid.kind.size
     poses = cells * grid.headings
     stop = np.zeros(1, np.int64)
-    costs = Costs(grid.type_cell_flags, step_ticks(grid, floor.move), floor.turn)
+    costs = Costs(
+        grid.type_cell_flags, step_ticks(grid, floor.move), floor.turn, grid.type_headings
+    )
     try:
         tables = build_tables(grid, costs, table_bytes, stop)
     except MemoryError:

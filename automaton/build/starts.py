@@ -14,7 +14,7 @@ from automaton.floor.cells import DIRECTIONS, UNLIMITED
 from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.reachability import rack_stands
 from automaton.scenario.robot_types import type_of_each, types_of
-from automaton.scenario.schema import Battery, Fleet, Scenario
+from automaton.scenario.schema import Battery, Scenario
 
 
 def homes(resolved: Resolved, seed: int) -> tuple[Array, Array]:
@@ -84,20 +84,23 @@ def random_stands(floor_plan: FloorPlan, n: int, seed: int, closed: Array | None
     return chosen
 
 
-def start_headings(fleet: Fleet, grid: Grid, cells: Array) -> Array:
+def start_headings(fleet: FleetOnFloor, grid: Grid, cells: Array) -> Array:
     """(n,) uint8 by identity: as the scenario says, or along a way out of the start cell."""
-    if fleet.heading is None:
-        return first_headings(grid, cells)
-    names = fleet.heading if isinstance(fleet.heading, tuple) else (fleet.heading,) * len(cells)
-    return np.array([DIRECTIONS.index(name) for name in names], np.uint8)
+    default, stated = first_headings(grid, cells, fleet.type_of), fleet.scenario.fleet.heading
+    if stated is None:
+        return default
+    names = stated if isinstance(stated, tuple) else (stated,) * len(cells)
+    faces = np.array([DIRECTIONS.index(name) for name in names], np.uint8)
+    differential = grid.type_headings[fleet.type_of] == len(DIRECTIONS)
+    return np.where(differential, faces, default).astype(np.uint8)
 
 
-def first_headings(grid: Grid, cells: Array) -> Array:
-    """(n,) uint8: vertical where the cell leads south or north, else horizontal."""
+def first_headings(grid: Grid, cells: Array, types: Array | int = 0) -> Array:
+    """(n,) uint8: vertical where the cell leads south or north, else horizontal; `types`: (n,)."""
     cell_flags = grid.cell_flags[cells]
     choices = [(cell_flags >> np.uint8(d)) & 1 == 1 for d in (1, 3, 0, 2)]
     direction = np.select(choices, [1, 3, 0, 2], 0)
-    headings: Array = (direction & (grid.headings - 1)).astype(np.uint8)
+    headings: Array = (direction & (grid.type_headings[types] - 1)).astype(np.uint8)
     return headings
 
 

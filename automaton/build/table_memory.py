@@ -7,7 +7,6 @@ import math
 import numpy as np
 
 from automaton.engine.distance_tables import least_table_bytes
-from automaton.engine.state import HEADING_COUNTS
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.document import Document
 from automaton.scenario.robot_types import types_of
@@ -19,9 +18,9 @@ def check_table_memory(document: Document, scenario: Scenario, floor_plan: Floor
     """A table of this floor fits world.distance_tables. Raises InputError."""
     text = scenario.world.distance_tables
     cells = int(np.count_nonzero(floor_plan.drivable))
-    headings = HEADING_COUNTS[scenario.fleet.kinematics]
     types = types_of(scenario)
-    turns = [turn for one in types for turn in one.durations.turns]
+    headings = max(one.headings for one in types)
+    turns = [turn for one in types for turn in one.turns]
     moves = [ticks for one in types for ticks in one.moves]
     limits = np.unique(floor_plan.min_move_ticks).tolist()
     unit = math.gcd(*turns, *(max(move, limit) for move in moves for limit in (0, *limits)))

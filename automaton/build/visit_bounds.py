@@ -13,13 +13,12 @@ import numpy as np
 import numpy.typing as npt
 
 from automaton.build.resolve import Resolved
-from automaton.engine.state import HEADING_COUNTS
 from automaton.floor.travel_ticks import Driving, ticks_between
 from automaton.scenario.handling import Distribution, Handling
 from automaton.scenario.line_table import line_column
 from automaton.scenario.orders import listed_lines
 from automaton.scenario.pod_file import pod_cells
-from automaton.scenario.robot_types import types_of
+from automaton.scenario.robot_types import RobotType, types_of
 from automaton.scenario.schema import Scenario
 from automaton.units import count
 
@@ -41,21 +40,27 @@ class VisitBounds(NamedTuple):
         return self.robots * ticks / self.trip, self.stations * ticks / self.visit
 
 
-def loaded_driving(scenario: Scenario) -> Driving:
-    """How robots of the first type drive with a load."""
-    kinematics, first = scenario.fleet.kinematics, types_of(scenario)[0]
+def loaded_driving(robot_type: RobotType) -> Driving:
+    """How robots of a type drive with a load."""
     return Driving(
-        headings=HEADING_COUNTS[kinematics],
-        move=first.moves.loaded,
-        turn=first.durations.turns.loaded,
-        rail=kinematics == "rail",
+        headings=robot_type.headings,
+        move=robot_type.moves.loaded,
+        turn=robot_type.turns.loaded,
+        rail=robot_type.rail,
         loaded=True,
     )
 
 
 def round_trips(resolved: Resolved) -> Ticks:
-    """(pods, stations) least ticks with a pod to a station and back, turns included."""
-    floor_plan, driving = resolved.floor_plan, loaded_driving(resolved.scenario)
+    """(pods, stations) least ticks with a pod to a station and back, turns included, of any type."""
+    ways = dict.fromkeys(loaded_driving(one) for one in types_of(resolved.scenario))
+    least: Ticks = np.min([round_trips_of(resolved, driving) for driving in ways], axis=0)
+    return least
+
+
+def round_trips_of(resolved: Resolved, driving: Driving) -> Ticks:
+    """The same of robots that drive so."""
+    floor_plan = resolved.floor_plan
     pods = pod_cells(resolved.scenario, floor_plan)
     result = np.zeros((len(pods), len(floor_plan.stations)), np.int64)
     for number, cell in enumerate(floor_plan.stations.tolist()):
@@ -73,14 +78,14 @@ def visit_bounds(resolved: Resolved) -> VisitBounds | None:
     scenario, floor_plan = resolved.scenario, resolved.floor_plan
     if scenario.orders.lines is None:
         return None
-    handling, durations = mean_handling(scenario), scenario.durations
+    handling, fleet = mean_handling(scenario), resolved.fleet
     drive = float(round_trips(resolved).mean())
-    driving = loaded_driving(scenario)
-    passing = handling + least_turns(resolved) * driving.turn + 2 * driving.move - 1
+    turns = least_turns(resolved) * fleet.least_loaded_turn
+    passing = handling + turns + 2 * fleet.least_loaded_move - 1
     return VisitBounds(
         scenario.fleet.robots,
         len(floor_plan.stations),
-        durations.pick + drive + handling + durations.drop,
+        fleet.least_pick + drive + handling + fleet.least_drop,
         passing,
     )
 
@@ -88,8 +93,6 @@ def visit_bounds(resolved: Resolved) -> VisitBounds | None:
 def least_turns(resolved: Resolved) -> int:
     """Quarter turns that a robot makes at least in the cell of a station, on its way through."""
     floor_plan = resolved.floor_plan
-    if HEADING_COUNTS[resolved.scenario.fleet.kinematics] == 1:
-        return 0
     least = 2
     for cell in floor_plan.stations.tolist():
         exits = int(floor_plan.exits.flat[cell])

@@ -89,9 +89,8 @@ def build_world(
     route may have; default what the floor may ask for.
     """
     scenario = resolved.scenario
-    kinematics, zones = scenario.fleet.kinematics, scenario.world.traffic_zones
     types = resolved.fleet.types
-    floor = floor_for(resolved.floor_plan, kinematics, zones, types)
+    floor = floor_for(resolved.floor_plan, scenario.world.traffic_zones, types)
     starts = homes(resolved, seed)
     orders, slots, stops = build_orders(resolved, floor, seed, starts[0])
     carried = build_pods(resolved, floor, slots, orders, seed)
@@ -183,7 +182,7 @@ def build_robots(
     identity = np.arange(n, dtype=np.int32) if storage is None else storage.astype(np.int32)
     at_index = np.zeros(n, np.int32)
     at_index[identity] = np.arange(n, dtype=np.int32)
-    heading = start_headings(resolved.scenario.fleet, floor.grid, home)[identity]
+    heading = start_headings(resolved.fleet, floor.grid, home)[identity]
     home, bay = home[identity], bay[identity]
     cell = np.where(bay == NIL, home, NIL).astype(np.int32)
     occupy_starts(floor.grid, occupancy, cell[bay == NIL], heading[bay == NIL])

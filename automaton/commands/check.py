@@ -142,9 +142,8 @@ def grid_and_durations(resolved: Resolved) -> tuple[Grid, Array]:
     from automaton.build.rules import rules_for
 
     scenario = resolved.scenario
-    driving = (scenario.fleet.kinematics, scenario.world.traffic_zones)
-    fleet = resolved.fleet
-    grid = floor_for(resolved.floor_plan, *driving, fleet.types).grid
+    types = resolved.fleet.types
+    grid = floor_for(resolved.floor_plan, scenario.world.traffic_zones, types).grid
     return grid, rules_for(scenario, scenario.seed).duration[0]
 
 

@@ -14,14 +14,14 @@ from automaton.build.resolve import Resolved
 from automaton.drawings.cell_looks import Looks, box_of, looks_of
 from automaton.drawings.robot_looks import RobotLooks, robot_looks
 from automaton.engine.gates import GATE_CLOSING, GATE_DOOR
-from automaton.engine.state import CLOCK_TICK, HEADING_COUNTS, NIL
+from automaton.engine.state import CLOCK_TICK, NIL
 from automaton.floor.floor_plan import UNBOUNDED, FloorPlan
 
 Cells = NDArray[np.int32]  # flat indices
 
 FROM_ROBOTS: Final = (
     *("cell", "claim", "bay", "load", "parked", "heading", "travel", "status"),
-    *("charge", "goal_type", "goal_cell", "action"),
+    *("charge", "goal_type", "goal_cell", "action", "type"),
 )
 # And what they are of a run that is not observed.
 FROM_OBSERVATION: Final = {"cause": 0, "blocker": NIL, "wanted": NIL, "wait_cycle_ticks": 0}
@@ -32,7 +32,7 @@ class DrawnFloor:
     """What does not change during a run."""
 
     floor_plan: FloorPlan
-    headings: int  # that robots distinguish: 1, 2 (axes) or 4
+    headings: tuple[int, ...]  # that robots distinguish, by type: 1, 2 (axes) or 4
     battery: bool  # robots run on batteries
     may_be_down: bool  # robots may break down
 
@@ -57,7 +57,7 @@ def drawn_floor(resolved: Resolved) -> DrawnFloor:
     """The floor of a scenario."""
     scenario = resolved.scenario
     faults = bool(scenario.faults.listed or scenario.faults.probability)
-    headings = HEADING_COUNTS[scenario.fleet.kinematics]
+    headings = tuple(one.headings for one in resolved.fleet.types)
     return DrawnFloor(resolved.floor_plan, headings, scenario.battery is not None, faults)
 
 

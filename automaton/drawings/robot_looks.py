@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -54,10 +55,12 @@ class RobotLooks(NamedTuple):
     direction: NDArray[np.uint8]  # 0 to 3: the way it faces or drives
 
 
-def robot_looks(robots: Any, headings: int, battery: bool, may_be_down: bool) -> RobotLooks:
+def robot_looks(
+    robots: Any, headings: Sequence[int], battery: bool, may_be_down: bool
+) -> RobotLooks:
     """Read them off the fields of the robots, and `cause` and `wait_cycle_ticks` of the observation.
 
-    `robots`: an object with these arrays, (n,) each; `headings`: that robots of the fleet distinguish;
+    `robots`: an object with these arrays, (n,) each; `headings`: that robots of each type distinguish;
     `battery`: robots run on batteries; `may_be_down`: they may stand on the floor for good.
     """
     loaded, parked = robots.load != NIL, robots.parked != 0
@@ -78,14 +81,15 @@ def robot_looks(robots: Any, headings: int, battery: bool, may_be_down: bool) ->
             state[robots.status == code], shape[robots.status == code] = FAULT, sign
         towed = robots.status >= STATUS_TOWED  # it shows in a parking bay alone
         state[towed], shape[towed] = PARKED, CROSS
-    return RobotLooks(state, shape, _directions(robots, headings))
+    return RobotLooks(state, shape, directions(robots, headings))
 
 
-def _directions(robots: Any, headings: int) -> NDArray[np.uint8]:
-    if headings == 4:
-        return np.asarray(robots.heading & 3, np.uint8)
-    if headings == 1:
-        return np.asarray(robots.travel & 3, np.uint8)
-    # On rails: the way it came, or its new axis once it has turned.
-    came = robots.travel & 1 == robots.heading
-    return np.asarray(np.where(came, robots.travel & 3, robots.heading), np.uint8)
+def directions(robots: Any, headings: Sequence[int]) -> NDArray[np.uint8]:
+    """(n,) 0 to 3: the way each robot faces or, if its heading does not tell, drives.
+
+    `headings`: that robots of each type distinguish.
+    """
+    own = np.array(headings)[robots.type]
+    # On rails: the way it came, or its new axis once it has turned. An omni robot: the way it came.
+    came = (own == 1) | ((own == 2) & (robots.travel & 1 == robots.heading))
+    return np.where(came, robots.travel & 3, robots.heading & 3).astype(np.uint8)

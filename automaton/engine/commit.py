@@ -4,6 +4,7 @@ import numpy as np
 
 from automaton.engine.energy import end_charging
 from automaton.engine.facilities import MAY_TURN
+from automaton.engine.headings import heading_towards
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.loads import begin_leg, reserve_order, reserve_slot
 from automaton.engine.next_stop import has_load, next_stop, next_stop_cell
@@ -305,9 +306,10 @@ def is_drivable(world, i, steps, route_length):
         flags = np.int64(type_cell_flags[cell])
         if direction > 3 or (flags >> direction) & 1 == 0:
             return False
-        if direction & (grid.headings - 1) != heading:
+        towards = heading_towards(grid, robots.type[i], direction)
+        if towards != heading:
             if flags & MAY_TURN == 0:
                 return False
-            heading = direction & (grid.headings - 1)
+            heading = towards
         cell += grid.offset[direction]
     return True

@@ -85,10 +85,16 @@ def enter_goal(tables, cost_set, goal):
             q = 0
             if tables.step_queue.shape[0]:
                 q = np.int64(tables.step_queue[cost_set, 4 * before + direction])
-            heading = 1 << (direction & (tables.headings - 1))
+            heading = heading_set(tables, cost_set, direction)
             cost = np.int64(tables.cost[cost_set, q]) << ENTRY_COST
             tables.queue[q, tables.end[q]] = cost | (before << ENTRY_CELL) | heading
             tables.end[q] += 1
+
+
+@kernel
+def heading_set(tables, cost_set, direction):
+    """The set of headings in which a robot moves in a direction; those it does not distinguish too."""
+    return tables.alike[cost_set] << (direction & (tables.set_headings[cost_set] - 1))
 
 
 @kernel
@@ -97,6 +103,7 @@ def drain(tables, cost_set, source, now):
     headings, entries, offset = tables.headings, tables.entries[cost_set], tables.offset
     queue, end, reached, cost_of = tables.queue, tables.end, tables.reached, tables.cost[cost_set]
     turn_queue = np.int64(tables.turn_queue[cost_set])
+    mask, alike = tables.set_headings[cost_set] - 1, tables.alike[cost_set]
     turn_cost = (now + cost_of[turn_queue]) << ENTRY_COST
     step_cost = (now + cost_of[0]) << ENTRY_COST
     is_weighted = tables.step_queue.shape[0] > 0
@@ -126,7 +133,7 @@ def drain(tables, cost_set, source, now):
         while ways:
             if ways & 1:
                 before = cell - offset[np.uint64(direction)]
-                heading = 1 << (direction & (headings - 1))
+                heading = alike << (direction & mask)
                 if np.int64(reached[np.uint64(before)]) & heading == 0:
                     q, cost = np.uint64(0), step_cost
                     if is_weighted:

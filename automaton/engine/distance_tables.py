@@ -97,6 +97,10 @@ class DistanceTables(Struct, role=SCRATCH):
     head: Array = field("(Q,) int64", "of a search: the next entry of each queue")
     end: Array = field("(Q,) int64", "of a search: entries of each queue so far")
     stop: Array = field("(1,) int64", "not 0 = the run is given up, searches end", role=STOP)
+    set_headings: Array = field("(S,) int64", "headings that set s distinguishes", role=CONSTANT)
+    alike: Array = field(
+        "(S,) int64", "of set s, those that are as good as heading 0: bit h", role=CONSTANT
+    )
 
 
 def is_narrow_for(headings: int, turn: int) -> bool:

@@ -10,6 +10,7 @@ import numpy as np
 from automaton.engine.energy import charge_up, has_energy_for
 from automaton.engine.gate_pass import ask_gates_of_bays, enter_from_bay, note_closing
 from automaton.engine.gate_queries import has_gates, is_cabin_move
+from automaton.engine.headings import entry_heading, headings_of, is_facing
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.loads import pick_up, set_down
 from automaton.engine.motion import (
@@ -116,7 +117,7 @@ def leave_parking_bays(world):
             continue
         if robots.cell[i] == NIL:
             home = np.int64(robots.home[i])
-            heading = entry_heading(world.grid, home)
+            heading = entry_heading(world.grid, robots.type[i], home)
             is_held = gated and world.gates.held[i] != NIL
             if is_held or not has_room(world.traffic.occupancy, home, heading):
                 count_lost_tick(world, i, ACTION_BAY_BLOCKED)
@@ -171,9 +172,9 @@ def halt_robots(world, record):
 def drive(world, record):
     """Set traffic.intent and begin the operations of every robot that is free and on the floor."""
     robots, traffic = world.robots, world.traffic
-    heading_mask = world.grid.headings - 1
     several = world.rules.duration.shape[0] > 1  # types; reading a robot's costs 1 ns
     span = world.rules.duration[0, ACTION_MOVE]
+    heading_mask = headings_of(world.grid, 0) - 1
     for i in range(robots.cell.shape[0]):
         traffic.intent[U(i)] = 0
         if robots.busy[U(i)]:
@@ -183,6 +184,8 @@ def drive(world, record):
             if robots.parked[U(i)]:
                 continue
             direction = np.int64(robots.route[U(i), U(route_index)])
+            if several:
+                heading_mask = headings_of(world.grid, robots.type[U(i)]) - 1
             if direction & heading_mask == robots.heading[U(i)]:
                 if several:
                     span = world.rules.duration[U(robots.type[U(i)]), U(ACTION_MOVE)]
@@ -205,7 +208,7 @@ def drive_without_route(world, record, i):
         hold_back(world, i, direction & ~HOLD)
     elif direction != NO_STEP:
         robots.step[i] = NO_STEP
-        if direction & (world.grid.headings - 1) == robots.heading[i]:
+        if is_facing(world, i, direction):
             world.traffic.move_ticks[i] = world.rules.duration[robots.type[i], ACTION_MOVE]
             world.traffic.intent[i] = LIVE | direction
         else:
@@ -232,7 +235,7 @@ def move_up(world, i):
     """Robot i, which is steered, is in the queue of its station: it tries the next cell in each tick."""
     robots = world.robots
     direction = np.int64(world.pod_stations.queue_way[robots.cell[i]])
-    if direction & (world.grid.headings - 1) == robots.heading[i]:
+    if is_facing(world, i, direction):
         world.traffic.move_ticks[i] = world.rules.duration[robots.type[i], ACTION_MOVE]
         world.traffic.intent[i] = LIVE | direction
     else:
@@ -300,9 +303,9 @@ def turn(world, i, direction):
             return
         occupy(world.traffic.occupancy, cell, other_lane)
         robots.claim[i] = cell
-    heading = np.int64(robots.heading[i])
-    left = grid.headings == 4 and (direction - heading) & 3 == 3
-    robots.heading[i] = (heading + (3 if left else 1)) & (grid.headings - 1)
+    heading, headings = np.int64(robots.heading[i]), headings_of(grid, robots.type[i])
+    left = headings == 4 and (direction - heading) & 3 == 3
+    robots.heading[i] = (heading + (3 if left else 1)) & (headings - 1)
     robots.failed_retries[i] = 0
     begin(world, i, ACTION_TURN, world.rules.duration[robots.type[i], ACTION_TURN])
     robots.executed[i] = np.int64(robots.executed[i]) | (TURN_LEFT if left else TURN_RIGHT)
@@ -378,7 +381,7 @@ def park_if_home(world, i):
     if robots.bay[i] != NIL or world.rules.leave:
         vacate(world.traffic.occupancy, home, np.int64(robots.travel[i]))
         robots.cell[i] = NIL
-        robots.heading[i] = entry_heading(world.grid, home)
+        robots.heading[i] = entry_heading(world.grid, robots.type[i], home)
 
 
 @kernel
@@ -508,13 +511,3 @@ def refused(world, record, i):
         robots.retry_state[i] = RETRY_WAITED
         robots.executed[i] = np.int64(robots.executed[i]) | EXECUTED_WAIT
         record_change(world.clock, record, CHANGE_DURATION, identity, ticks)
-
-
-@kernel
-def entry_heading(grid, cell):
-    """Heading of a robot placed on the floor: vertical if the cell leads north or south."""
-    cell_flags = np.int64(grid.cell_flags[cell])
-    for direction in (1, 3, 0, 2):
-        if (cell_flags >> direction) & 1:
-            return direction & (grid.headings - 1)
-    return 0

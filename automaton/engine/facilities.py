@@ -23,7 +23,7 @@ class Grid(Struct, role=CONSTANT):
     """The floor, static; flat index c = y * width + x, one cell of border wall all round."""
 
     width: int = field("int64", "cells in a row, border included")
-    headings: int = field("int64", "distinguished headings: 1 omni, 2 rail (axes), 4 differential")
+    headings: int = field("int64", "headings of the robots that distinguish most: poses of a cell")
     kind: Array = field("(C,) uint8", "automaton.floor.cells")
     cell_flags: Array = field(
         "(C,) uint8", "bits 0-3 exits E S W N, 4 may turn, 5-6 capacity (0 unlimited)"
@@ -43,6 +43,11 @@ class Grid(Struct, role=CONSTANT):
     min_move_ticks: Array = field(
         "(M,) uint16",
         "ticks that a move from cell c in direction d takes at least: [4 c + d]; M = 0: no limits",
+        role=CONSTANT,
+    )
+    type_headings: Array = field(
+        "(K,) int64",
+        "that robots of type k distinguish: 1 omni, 2 rail (axes), 4 differential",
         role=CONSTANT,
     )
 

@@ -9,8 +9,8 @@ repair is over.
 
 import numpy as np
 
-from automaton.engine.drive import entry_heading
 from automaton.engine.energy import end_charging
+from automaton.engine.headings import entry_heading
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.loads import end_leg, leave_queue, reserve_order, reserve_slot
 from automaton.engine.motion import vacate
@@ -300,7 +300,7 @@ def tow(world, record, i):
         if rules.leave:
             robots.home[i] = robots.cell[i]
         robots.cell[i] = NIL
-        heading = entry_heading(world.grid, np.int64(robots.home[i]))
+        heading = entry_heading(world.grid, robots.type[i], np.int64(robots.home[i]))
         robots.heading[i] = heading
         robots.travel[i] = heading
         world.tally.failures[i, FAILURE_TOWED] += 1

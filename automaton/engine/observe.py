@@ -12,6 +12,7 @@ from automaton.engine.blockers import find_blockers
 from automaton.engine.delayed_robots import is_held_up
 from automaton.engine.facilities import MAY_TURN
 from automaton.engine.gate_queries import has_gates, is_cabin_move
+from automaton.engine.headings import is_facing
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import (
     AHEAD,
@@ -371,7 +372,7 @@ def find_next_cell(world, observation, i):
     if robots.route_index[U(i)] >= robots.route_length[U(i)]:
         return find_held_way_out(world, observation, i)
     direction = np.int64(robots.route[U(i), U(robots.route_index[U(i)])])
-    if direction & (grid.headings - 1) != robots.heading[U(i)]:
+    if not is_facing(world, i, direction):
         return wait_to_turn(world, observation, i)
     return wait_for(
         world, observation, i, cell + grid.offset[U(direction)], direction, CAUSE_UNDECIDED
@@ -385,15 +386,15 @@ def find_held_way_out(world, observation, i):
     Of the cells beside it that others hold, the one nearest to its goal, ties to the least direction.
     """
     robots, grid = world.robots, world.grid
-    cell, heading = np.int64(robots.cell[U(i)]), np.int64(robots.heading[U(i)])
+    cell = np.int64(robots.cell[U(i)])
     flags = np.int64(grid.type_cell_flags[U(robots.type[U(i)]), U(cell)])
     goal = np.int64(robots.goal_cell[U(i)])
     if goal == NIL:
         goal = np.int64(robots.home[U(i)])
     best, least = np.int64(NIL), np.int64(0)
     for direction in range(4):
-        turns = direction & (grid.headings - 1) != heading
-        if (flags >> direction) & 1 == 0 or (turns and flags & MAY_TURN == 0):
+        may_go = flags & MAY_TURN != 0 or is_facing(world, i, direction)
+        if (flags >> direction) & 1 == 0 or not may_go:
             continue
         to = cell + grid.offset[U(direction)]
         if has_room(world.traffic.occupancy, to, direction):

@@ -4,6 +4,7 @@ import numpy as np
 
 from automaton.engine.drive import replan
 from automaton.engine.facilities import MAY_TURN
+from automaton.engine.headings import is_facing
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.operations import begin, count_lost_tick, refuse
 from automaton.engine.record_changes import record_change
@@ -111,8 +112,8 @@ def may_step(world, i, direction):
     if robots.cell[i] == NIL or direction < 0 or direction > 3:
         return False
     flags = np.int64(world.grid.type_cell_flags[robots.type[i], robots.cell[i]])
-    turns = direction & (world.grid.headings - 1) != robots.heading[i]
-    return (flags >> direction) & 1 == 1 and (not turns or flags & MAY_TURN != 0)
+    may_turn = flags & MAY_TURN != 0
+    return (flags >> direction) & 1 == 1 and (may_turn or is_facing(world, i, direction))
 
 
 @kernel

@@ -4,9 +4,10 @@
 
 Robots of a type share the ticks of their moves, and the exits that are open to them.
 A robot moves along its heading (a rail robot both ways along its axis) and turns by 90 degrees
-where the floor allows it. Ties are settled by rule, so every search gives the same path on every
-machine: poses leave the queue by (cost, pose); a path down a distance table prefers a move to a
-turn, then the lowest direction (E, S, W, N).
+where the floor allows it; each type has its own headings (automaton.engine.headings). Ties are
+settled by rule, so every search gives the same path on every machine: poses leave the queue by
+(cost, pose); a path down a distance table prefers a move to a turn, then the lowest direction (E, S,
+W, N).
 """
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 from automaton.engine.distance_tables import POSE16, TABLES_ENCODING, TABLES_WORDS, UNREACHABLE
 from automaton.engine.facilities import MAY_TURN, NO_WAY_THROUGH
 from automaton.engine.gate_queries import closed_until
+from automaton.engine.headings import headings_of
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import has_room
 from automaton.engine.prefetch import prefetch
@@ -112,7 +114,7 @@ def follow_gradient(view, workspace, robot_type, cell, heading, target, steps):
         view.rules.duration[robot_type],
         view.grid.type_cell_flags[robot_type],
     )
-    tables = workspace.tables
+    tables, headings = workspace.tables, headings_of(grid, robot_type)
     table = passing_table(view, workspace, robot_type, target)
     length = 0
     if cost_in(tables, table, cell, heading) >= UNREACHABLE:
@@ -120,7 +122,7 @@ def follow_gradient(view, workspace, robot_type, cell, heading, target, steps):
     while cell != target:
         cost = cost_in(tables, table, cell, heading)
         found = False
-        for direction in range(heading, 4, grid.headings):
+        for direction in range(heading, 4, headings):
             if (np.int64(type_cell_flags[cell]) >> direction) & 1 == 0:
                 continue
             after = cell + grid.offset[direction]
@@ -137,9 +139,9 @@ def follow_gradient(view, workspace, robot_type, cell, heading, target, steps):
                 found = True
                 break
         if not found:
-            ahead = (heading + 1) & (grid.headings - 1)
+            ahead = (heading + 1) & (headings - 1)
             if cost_in(tables, table, cell, ahead) != cost - duration[ACTION_TURN]:
-                ahead = (heading - 1) & (grid.headings - 1)
+                ahead = (heading - 1) & (headings - 1)
             heading = ahead
     return length
 
@@ -193,7 +195,7 @@ def find_path(view, workspace, robot_type, cell, heading, target, around, steps)
         view.rules.duration[robot_type],
         view.grid.type_cell_flags[robot_type],
     )
-    tables = workspace.tables
+    tables, headings = workspace.tables, headings_of(grid, robot_type)
     table = passing_table(view, workspace, robot_type, target)
     estimate = cost_in(tables, table, cell, heading)
     if estimate >= UNREACHABLE:
@@ -213,7 +215,7 @@ def find_path(view, workspace, robot_type, cell, heading, target, around, steps)
         if here == target:
             return write_path(grid, workspace, pose, steps)
         ways = ways_on(np.int64(type_cell_flags[here]), here == cell)
-        for direction in range(h, 4, grid.headings):
+        for direction in range(h, 4, headings):
             if (ways >> direction) & 1:
                 after = here + grid.offset[direction]
                 to = after * grid.headings + h
@@ -227,9 +229,9 @@ def find_path(view, workspace, robot_type, cell, heading, target, around, steps)
                         cost_in(tables, table, after, h),
                         direction,
                     )
-        if grid.headings > 1 and np.int64(type_cell_flags[here]) & MAY_TURN:
+        if headings > 1 and np.int64(type_cell_flags[here]) & MAY_TURN:
             for k in range(2):
-                turned = (h + 1 - 2 * k) & (grid.headings - 1)
+                turned = (h + 1 - 2 * k) & (headings - 1)
                 size = reach(
                     workspace,
                     search,
@@ -237,7 +239,7 @@ def find_path(view, workspace, robot_type, cell, heading, target, around, steps)
                     here * grid.headings + turned,
                     cost + duration[ACTION_TURN],
                     cost_in(tables, table, here, turned),
-                    TURNED_BEHIND if k else TURNED_AHEAD,
+                    how_turned(h, turned),
                 )
     return NIL
 
@@ -271,6 +273,12 @@ def write_path(grid, workspace, pose, steps):
 
 
 @kernel
+def how_turned(pose, to):
+    """How a search came from a pose to one beside it in the same cell: TURNED_*."""
+    return TURNED_AHEAD if (to - pose) & 3 == 1 else TURNED_BEHIND
+
+
+@kernel
 def parent_of(grid, pose, how):
     heading = pose % grid.headings
     if how < 4:
@@ -298,6 +306,7 @@ def nearest_mark(view, workspace, search, robot_type, cell, heading, around):
         view.rules.duration[robot_type],
         view.grid.type_cell_flags[robot_type],
     )
+    headings = headings_of(grid, robot_type)
     size = reach(workspace, search, 0, cell * grid.headings + heading, 0, 0, STARTED)
     best = NIL
     best_cost = UNREACHABLE
@@ -317,17 +326,17 @@ def nearest_mark(view, workspace, search, robot_type, cell, heading, around):
             best_cost = cost
         h = pose % grid.headings
         ways = ways_on(np.int64(type_cell_flags[here]), here == cell)
-        for direction in range(h, 4, grid.headings):
+        for direction in range(h, 4, headings):
             if (ways >> direction) & 1:
                 after = here + grid.offset[direction]
                 if not is_closed(view, after, direction, NIL, around):
                     to = after * grid.headings + h
                     ticks = limited_ticks(grid, duration[ACTION_MOVE], here, direction)
                     size = reach(workspace, search, size, to, cost + ticks, 0, direction)
-        if grid.headings > 1 and np.int64(type_cell_flags[here]) & MAY_TURN:
-            to = here * grid.headings + ((h + 1) & (grid.headings - 1))
+        if headings > 1 and np.int64(type_cell_flags[here]) & MAY_TURN:
+            to = here * grid.headings + ((h + 1) & (headings - 1))
             size = reach(workspace, search, size, to, cost + duration[ACTION_TURN], 0, TURNED_AHEAD)
-            to = here * grid.headings + ((h - 1) & (grid.headings - 1))
+            to = here * grid.headings + ((h - 1) & (headings - 1))
             size = reach(
                 workspace, search, size, to, cost + duration[ACTION_TURN], 0, TURNED_BEHIND
             )

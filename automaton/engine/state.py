@@ -36,7 +36,6 @@ from automaton.engine.stops import Stops
 
 Array = NDArray[Any]
 
-HEADING_COUNTS: Final = {"omni": 1, "rail": 2, "differential": 4}  # by kinematics
 
 KEEP: Final = -(2**31)  # what every decision starts as: go on as before
 

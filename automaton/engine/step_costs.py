@@ -8,6 +8,7 @@ import numpy as np
 
 from automaton.engine.distance_tables import FAR, JOINT, TABLES_ENCODING, TABLES_WORDS, UNREACHABLE
 from automaton.engine.facilities import NO_WAY_THROUGH
+from automaton.engine.headings import heading_towards
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.table_rows import cost_in
 
@@ -59,7 +60,8 @@ def step_cost(view, tables, i, direction, row):
     cell = np.int64(view.robots.cell[U(i)])
     if (np.int64(grid.type_cell_flags[U(robot_type), U(cell)]) >> direction) & 1 == 0:
         return np.int64(UNREACHABLE)
-    return cost_in(tables, row, cell + grid.offset[direction], direction & (grid.headings - 1))
+    heading = heading_towards(grid, robot_type, direction)
+    return cost_in(tables, row, cell + grid.offset[direction], heading)
 
 
 @kernel

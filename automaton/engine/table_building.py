@@ -33,6 +33,7 @@ class Costs(NamedTuple):
     flags: Array  # (S, C) uint8: bits 0-3 exits E S W N, 4 may turn
     step: Array  # (S,) cost of a step; or (S, C, 4): from cell c in direction d
     turn: Array  # (S,) cost of a turn by 90 degrees
+    headings: Array | None = None  # (S,) that are distinguished; None: as many as the grid has
 
 
 def build_tables(grid: Grid, costs: Costs, table_bytes: int, stop: Array) -> DistanceTables:
@@ -58,6 +59,7 @@ def build_tables(grid: Grid, costs: Costs, table_bytes: int, stop: Array) -> Dis
     entries = entries_of(costs.flags, grid.offset)
     goal_entries = entries if (costs.flags & NO_WAY_THROUGH).any() else entries[:0]
     entries = np.where(costs.flags & NO_WAY_THROUGH, costs.flags & np.uint8(MAY_TURN), entries)
+    distinguished = np.full(sets, grid.headings) if costs.headings is None else costs.headings
     order = in_z_order(grid)
     number[order] = np.arange(drivable, dtype=np.int32)
     return DistanceTables.sized(
@@ -80,8 +82,17 @@ def build_tables(grid: Grid, costs: Costs, table_bytes: int, stop: Array) -> Dis
         excess=excess_of(patterns),
         pattern_of=numbers_of(patterns),
         pool=np.empty(pool, np.uint16),
+        set_headings=distinguished.astype(np.int64),
+        alike=np.array(
+            [headings_alike(int(one), grid.headings) for one in distinguished], np.int64
+        ),
         stop=stop,
     )
+
+
+def headings_alike(distinguished: int, headings: int) -> int:
+    """Of robots that distinguish so many headings, the set of those that are as good as heading 0."""
+    return sum(1 << heading for heading in range(0, headings, distinguished))
 
 
 def in_z_order(grid: Grid) -> Array:

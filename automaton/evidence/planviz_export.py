@@ -100,12 +100,13 @@ def _unfit(header: Content, data: dict[str, Any]) -> Iterator[str]:
     """Yield what of a run has no place in an output."""
     scenario = msgspec.convert(data, Scenario)
     fleet, durations, world = scenario.fleet, scenario.durations, scenario.world
-    if fleet.kinematics != "differential":
-        yield f"fleet.kinematics is {fleet.kinematics}"
+    for kinematics in fleet.all_kinematics:
+        if kinematics != "differential":
+            yield f"{'kinematics of a type' if fleet.types else 'fleet.kinematics'} is {kinematics}"
     for name, given in (("move", durations.moves), ("turn", durations.turns)):
         if max(given) != 1:
             yield f"durations.{name} is {max(given)}"
-    if any(max(kind.moves) > 1 or max(kind.durations.turns) > 1 for kind in types_of(scenario)):
+    if any(max(kind.moves) > 1 or max(kind.turns) > 1 for kind in types_of(scenario)):
         yield "fleet.types has robots whose moves or turns take longer"
     if world.slowdown != "none" or world.extra_tick_probability or scenario.floor.speed_limits:
         yield "slow zones, speed limits or chance make moves longer"

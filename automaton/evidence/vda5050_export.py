@@ -268,11 +268,12 @@ class Positions:
         share = sample.moved
         places = np.stack((x + share * (to_x - x), y + share * (to_y - y)), axis=1)
         rounded = np.round(places * self._cell, 6).tolist()
-        thetas = THETAS[int(world.grid.headings)]
-        headings = robots.heading[index].tolist()
+        known = world.grid.type_headings[robots.type[index]].tolist()
+        faces = zip(known, robots.heading[index].tolist(), strict=True)
+        thetas = [THETAS[headings][heading] for headings, heading in faces]
         return [
-            None if one == NIL else (*place, thetas[heading])
-            for one, place, heading in zip(cell.tolist(), rounded, headings, strict=True)
+            None if one == NIL else (*place, theta)
+            for one, place, theta in zip(cell.tolist(), rounded, thetas, strict=True)
         ]
 
     def _centres(self, cell: Any) -> tuple[Any, Any]:

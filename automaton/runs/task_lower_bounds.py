@@ -4,6 +4,7 @@ import numpy as np
 
 from automaton.engine.distance_tables import UNREACHABLE
 from automaton.engine.facilities import MAY_TURN
+from automaton.engine.headings import headings_of
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.next_stop import end_of_stops, has_load
 from automaton.engine.search import (
@@ -174,16 +175,17 @@ def go_on(view, workspace, search, size, robot_type, pose, ticks, access_cell):
         view.grid.type_cell_flags[robot_type],
     )
     cell, heading = pose // grid.headings, pose % grid.headings
-    for way in range(heading, 4, grid.headings):
+    headings = headings_of(grid, robot_type)
+    for way in range(heading, 4, headings):
         if (type_cell_flags[cell] >> way) & 1:
             to = (cell + grid.offset[way]) * grid.headings + heading
             left = estimate(view, robot_type, to, access_cell)
             moved = ticks + limited_ticks(grid, duration[ACTION_MOVE], cell, way)
             size = reach(workspace, search, size, to, moved, left, way)
-    if grid.headings > 1 and type_cell_flags[cell] & MAY_TURN:
+    if headings > 1 and type_cell_flags[cell] & MAY_TURN:
         left = estimate(view, robot_type, pose, access_cell)
         for k in range(2):
-            to = cell * grid.headings + ((heading + 1 - 2 * k) & (grid.headings - 1))
+            to = cell * grid.headings + ((heading + 1 - 2 * k) & (headings - 1))
             how = TURNED_BEHIND if k else TURNED_AHEAD
             size = reach(workspace, search, size, to, ticks + duration[ACTION_TURN], left, how)
     return size

@@ -22,16 +22,15 @@ ONE_CELL: Final = dict.fromkeys(
     ("size", "trailers", "swept_turns"),
     "a robot takes one cell: choose units.cell at least as large as the largest robot",
 )
+Kinematics = Literal["rail", "differential", "omni"]
+HEADING_COUNTS: Final[dict[Kinematics, int]] = {"omni": 1, "rail": 2, "differential": 4}
 ALL, EMPTY, LOADED = GROUPS = ("all", "empty", "loaded")  # of robots, to which areas may be closed
 
 
 class FleetType(ConfigSection, frozen=True, kw_only=True):
     """Robots that are alike; where the fleet has several types, robots have them by identity."""
 
-    refused: ClassVar[dict[str, str]] = {
-        **ONE_CELL,
-        "kinematics": "all robots have the same; set fleet.kinematics",
-    }
+    refused: ClassVar[dict[str, str]] = ONE_CELL
 
     name: Annotated[SingleLine, Meta(description="What areas, priorities and reports call them.")]
     robots: Annotated[
@@ -49,6 +48,9 @@ class FleetType(ConfigSection, frozen=True, kw_only=True):
     )
     payload: Annotated[
         Weight | None, Meta(description="The heaviest order that it carries; left out: any.")
+    ] = None
+    kinematics: Annotated[
+        Kinematics | None, Meta(description="How it drives; left out: as in fleet.kinematics.")
     ] = None
 
 
@@ -71,7 +73,7 @@ class Fleet(ConfigSection, frozen=True, kw_only=True):
 
     robots: Annotated[int, Meta(ge=1, le=1_000_000, description="Number of robots.")]
     kinematics: Annotated[
-        Literal["rail", "differential", "omni"],
+        Kinematics,
         Meta(
             description="rail: reverses freely, turns only on turntables; differential: every turn "
             "by 90 degrees takes time; omni: drives in any direction without turning."
@@ -105,8 +107,9 @@ class Fleet(ConfigSection, frozen=True, kw_only=True):
     ] = ()
 
     def __post_init__(self) -> None:
-        if self.heading is not None and self.kinematics != "differential":
-            raise ValueError(f"heading belongs to differential robots, not to {self.kinematics}")
+        if self.heading is not None and "differential" not in self.all_kinematics:
+            others = " and ".join(self.all_kinematics)
+            raise ValueError(f"heading belongs to differential robots, not to {others}")
         if isinstance(self.heading, tuple) and len(self.heading) != self.robots:
             raise ValueError(
                 f"heading lists {len(self.heading)} directions, but fleet.robots is {self.robots}"
@@ -115,10 +118,10 @@ class Fleet(ConfigSection, frozen=True, kw_only=True):
         for kind in self.types:
             if kind.name in GROUPS:
                 raise ValueError(f"types must not name a type {kind.name}: areas mean others by it")
-            if kind.durations.turn is not None and self.kinematics == "omni":
+            if kind.durations.turn is not None and self.kinematics_of(kind) == "omni":
                 raise ValueError(
                     f"types gives {kind.name} durations.turn, but omni robots do not turn; leave it "
-                    "out, or set fleet.kinematics"
+                    "out, or set kinematics"
                 )
         for name in names:
             if names.count(name) > 1:
@@ -136,6 +139,15 @@ class Fleet(ConfigSection, frozen=True, kw_only=True):
             )
         if self.types and not rest and given != self.robots:
             raise ValueError(f"types list {given} robots, but fleet.robots is {self.robots}")
+
+    def kinematics_of(self, kind: FleetType) -> Kinematics:
+        """How the robots of a type drive."""
+        return kind.kinematics or self.kinematics
+
+    @property
+    def all_kinematics(self) -> tuple[Kinematics, ...]:
+        """How its robots drive, each way once, in the order of the types."""
+        return tuple(dict.fromkeys(map(self.kinematics_of, self.types))) or (self.kinematics,)
 
     @property
     def counts(self) -> list[int]:

@@ -14,7 +14,14 @@ import numpy.typing as npt
 
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.durations import ByLoad, Durations
-from automaton.scenario.fleet import ALL, EMPTY, LOADED, FleetType
+from automaton.scenario.fleet import (
+    ALL,
+    EMPTY,
+    HEADING_COUNTS,
+    LOADED,
+    FleetType,
+    Kinematics,
+)
 from automaton.scenario.schema import Battery, Fleet, Scenario
 
 ANY_WEIGHT = 2**31 - 1  # payload of a robot that carries everything
@@ -34,6 +41,22 @@ class RobotType(NamedTuple):
     closed_empty: tuple[Rectangle, ...] = ()  # further areas, without a load
     closed_loaded: tuple[Rectangle, ...] = ()  # further areas, with a load
     battery: Battery | None = None
+    kinematics: Kinematics = "differential"
+
+    @property
+    def headings(self) -> int:
+        """How many headings these robots distinguish."""
+        return HEADING_COUNTS[self.kinematics]
+
+    @property
+    def rail(self) -> bool:
+        """Whether these robots turn on turntables alone."""
+        return self.kinematics == "rail"
+
+    @property
+    def turns(self) -> ByLoad:
+        """Ticks of a turn by 90 degrees; an omni robot turns in none."""
+        return ByLoad(0, 0) if self.kinematics == "omni" else self.durations.turns
 
     @property
     def moves(self) -> ByLoad:
@@ -46,7 +69,7 @@ class RobotType(NamedTuple):
         """Whether robots of this type drive otherwise with a load than without one."""
         return (
             self.durations.moves.differ
-            or self.durations.turns.differ
+            or self.turns.differ
             or self.closed_empty != self.closed_loaded
         )
 
@@ -75,6 +98,7 @@ def types_of(scenario: Scenario) -> tuple[RobotType, ...]:
             _closed_to(scenario, EMPTY),
             _closed_to(scenario, LOADED),
             None if scenario.battery is None else kind.battery.within(scenario.battery),
+            scenario.fleet.kinematics_of(kind),
         )
         for kind in kinds
     )

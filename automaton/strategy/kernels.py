@@ -14,6 +14,7 @@ from automaton.engine.gate_queries import (
     is_in_full_gate,
     opens_soon,
 )
+from automaton.engine.headings import heading_towards, headings_of, is_facing
 from automaton.engine.holders import lane_of
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import direction_between, has_room
@@ -43,6 +44,7 @@ from automaton.engine.search import (
     fetch_cost,
     find_path,
     follow_gradient,
+    how_turned,
     is_closed,
     mark_goal,
     nearest_mark,
@@ -107,7 +109,11 @@ __all__ = [
     "has_place",
     "has_room",
     "has_room_for",
+    "heading_towards",
+    "headings_of",
+    "how_turned",
     "is_closed",
+    "is_facing",
     "is_in_full_gate",
     "is_in_own_queue",
     "kernel",

@@ -38,10 +38,11 @@ def weighted_tables(view: World, step: Array, turn: int | Array) -> DistanceTabl
         raise ValueError(f"{len(steps)} sets of costs for {len(types)} types of robots")
     flags = np.broadcast_to(types, (len(steps), cells)).copy()
     turns = np.broadcast_to(np.asarray(turn, np.int64), len(steps)).copy()
+    headings = np.broadcast_to(view.grid.type_headings, len(steps)).copy()
     stop = np.zeros(1, np.int64)  # the run puts its own in place
     budget = view.rules.table_bytes
     try:
-        return build_tables(view.grid, Costs(flags, steps, turns), budget, stop)
+        return build_tables(view.grid, Costs(flags, steps, turns, headings), budget, stop)
     except MemoryError:
         raise InputError(
             f"world.distance_tables is {memory(budget)}, and the tables of a strategy with weights of "

@@ -23,7 +23,7 @@ from automaton.engine.observation import (
     EVENT_VISITED,
 )
 from automaton.engine.robot_status import BATTERY_FULL
-from automaton.engine.state import ACTION_IDLE, ACTION_NAMES, HEADING_COUNTS, NIL
+from automaton.engine.state import ACTION_IDLE, ACTION_NAMES, NIL
 from automaton.runs.simulation import Simulation
 from automaton.tables.columns import NO_TEXT, Array, Form, Rows, form_of, texts_where, where
 from automaton.tables.places import columns_and_rows
@@ -32,7 +32,7 @@ EVENTS_IN_CELLS: Final = (
     *(EVENT_PICKED, EVENT_DROPPED, EVENT_DELIVERED, EVENT_VISITED),
     *(EVENT_DEPLETED, EVENT_FAILED),
 )
-HEADINGS: Final = {1: (), 2: ("EW", "NS"), 4: ("E", "S", "W", "N")}  # by their number
+HEADINGS: Final = {1: (), 2: ("EW", "NS"), 4: ("E", "S", "W", "N")}  # by how many a type has
 
 Append = Callable[[Rows], None]
 
@@ -81,10 +81,26 @@ def state_form(resolved: Resolved) -> Form:
     return form_of(
         "states",
         resolved,
-        heading=HEADINGS[HEADING_COUNTS[resolved.scenario.fleet.kinematics]],
+        heading=[name for count in heading_counts(resolved) for name in HEADINGS[count]],
         action=ACTION_NAMES,
         cause=[cause.name for cause in CAUSES],
     )
+
+
+def heading_counts(resolved: Resolved) -> list[int]:
+    """How many headings the types of robots distinguish, the most first."""
+    return sorted({one.headings for one in resolved.fleet.types}, reverse=True)
+
+
+def heading_texts(simulation: Simulation, at: Array) -> Array:
+    """(k,) the places of the headings of some robots among the texts of `state_form`."""
+    robots, before, places = simulation.world.robots, 0, np.full(len(at), NO_TEXT)
+    apart = simulation.world.grid.type_headings[robots.type[at]]
+    for count in heading_counts(simulation.resolved):
+        if count > 1:
+            places = np.where(apart == count, before + robots.heading[at], places)
+        before += len(HEADINGS[count])
+    return places
 
 
 def state_rows_of(simulation: Simulation, robots: Array | None) -> Rows:
@@ -98,13 +114,12 @@ def state_rows_of(simulation: Simulation, robots: Array | None) -> Rows:
     waits = cause != CAUSE_NOT_WAITING
     load, order, blocker = fleet.load[at], fleet.order[at], observation.blocker[at]
     charge = fleet.charge[at] / BATTERY_FULL if world.rules.battery else np.full(len(at), np.nan)
-    heading = fleet.heading[at] if world.grid.headings > 1 else np.full(len(at), NO_TEXT)
     return {
         "tick": np.full(len(at), simulation.tick),
         "robot": identities,
         "x": x,
         "y": y,
-        "heading": heading,
+        "heading": heading_texts(simulation, at),
         "action": np.where(is_idle, ACTION_IDLE, fleet.action[at]),
         "load": where(load != NIL, load),
         "order": where(order != NIL, order),

@@ -33,6 +33,8 @@ from automaton.strategy.kernels import (
     distance,
     gate_before,
     has_room,
+    heading_towards,
+    is_facing,
     kernel,
     lane_of,
     random_between,
@@ -143,7 +145,7 @@ def is_head_on(view, state, i):
     if j == NIL or robots.retreat_moves[j] or robots.route_index[j] >= robots.route_length[j]:
         return False
     direction = np.int64(robots.route[j, robots.route_index[j]])
-    if direction & (grid.headings - 1) != robots.heading[j]:
+    if not is_facing(view, j, direction):
         return False  # it turns first
     return robots.cell[j] + grid.offset[direction] == robots.cell[i]
 
@@ -165,14 +167,13 @@ def retreat_direction(view, workspace, i):
     A straight move that raises the path cost to the target, else the one of largest cost.
     """
     robots, grid = view.robots, view.grid
-    mask = grid.headings - 1
     cell, heading = np.int64(robots.cell[i]), np.int64(robots.heading[i])
     target = np.int64(robots.home[i] if robots.goal_cell[i] == NIL else robots.goal_cell[i])
     robot_type = np.int64(robots.type[i])
     here = distance(view, workspace, robot_type, cell, heading, target)
     best, best_cost, best_raises = NIL, NIL, False
     for direction in range(4):
-        straight = direction & mask == heading
+        straight = is_facing(view, i, direction)
         flags = np.int64(grid.type_cell_flags[robot_type, cell])
         if (flags >> direction) & 1 == 0 or not (straight or can_turn(view, i, flags)):
             continue
@@ -181,7 +182,9 @@ def retreat_direction(view, workspace, i):
             continue
         if np.int64(grid.type_cell_flags[robot_type, to]) & NO_WAY_THROUGH and to != target:
             continue  # storage: with a pod it cannot get in, without one others cannot get out
-        cost = distance(view, workspace, robot_type, to, direction & mask, target)
+        cost = distance(
+            view, workspace, robot_type, to, heading_towards(grid, robot_type, direction), target
+        )
         if cost >= UNREACHABLE:
             continue  # there is no way back
         raises = straight and cost > here
@@ -361,7 +364,7 @@ def yield_direction(view, i, j):
     best = NIL
     for direction in range(4):
         flags = np.int64(grid.type_cell_flags[view.robots.type[i], cell])
-        straight = direction & (grid.headings - 1) == view.robots.heading[i]
+        straight = is_facing(view, i, direction)
         if (flags >> direction) & 1 == 0 or not (straight or can_turn(view, i, flags)):
             continue
         to = cell + grid.offset[direction]

@@ -17,6 +17,7 @@ from automaton.strategy.kernels import (
     closed_until,
     find_path,
     has_gates,
+    headings_of,
     kernel,
     position,
 )
@@ -35,12 +36,13 @@ def ticks_of_route(view, i, steps, length, waits):
     """The ticks that a route takes robot i alone; with the waits for cells that reopen, if asked for."""
     grid, duration = view.grid, view.rules.duration[view.robots.type[i]]
     cell, heading = position(view, i), np.int64(view.robots.heading[i])
+    headings = headings_of(grid, view.robots.type[i])
     ticks, now = np.int64(0), view.clock[CLOCK_TICK]
     for k in range(length):
         direction = np.int64(steps[k])
-        toward = direction & (grid.headings - 1)
+        toward = direction & (headings - 1)
         if toward != heading:
-            difference = (toward - heading) & (grid.headings - 1)
+            difference = (toward - heading) & (headings - 1)
             ticks += duration[ACTION_TURN] * (1 if difference == 3 else difference)
             heading = toward
         cell += grid.offset[direction]

@@ -368,6 +368,7 @@ def fleets(draw: st.DrawFn) -> Resolved:
                     "robots": draw(st.integers(1, 2)),
                     "move_time_factor": factor,
                     "payload": payload,
+                    "kinematics": draw(st.sampled_from(["omni", "differential"])),
                 },
                 {"name": "shuttle"},
             ],

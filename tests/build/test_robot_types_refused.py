@@ -108,7 +108,8 @@ orders:
             ["move_time_factor must be a whole number from 1"],
         ),
         ("payload: 3", "size: 2", 11, ["size: a robot takes one cell", "units.cell"]),
-        ("payload: 3", "kinematics: rail", 11, ["fleet.kinematics"]),
+        ("payload: 3", "kinematics: rails", 11, ["kinematics", "'rail'"]),
+        ("payload: 3", "kinematics: rail", 11, ["tug drives on rails", "no tracks and no turn"]),
         ("payload: 3", "durations: {turn: 2}", 10, ["tug durations.turn", "omni robots do not"]),
         ("payload: 3", "durations: {move: {empty: 1}}", 11, ["'loaded' is missing"]),
         (

@@ -43,7 +43,10 @@ LARGE = 1 << 20  # bytes: room for all tables of these floors
 
 @dataclass
 class Case:
-    """A floor, and one or two sets of costs on it; the second one is for robots with a closed area."""
+    """A floor, and one or two sets of costs on it; the second one is for robots with a closed area.
+
+    And perhaps with kinematics of their own.
+    """
 
     floor_plan: FloorPlan
     kinematics: str
@@ -53,6 +56,12 @@ class Case:
     weights: int | None = None  # the seed of costs by cell and direction: so many times `step`
     factors: tuple[int, ...] = (1, 2, 6)
     room: int = LARGE
+    beside: str | None = None  # kinematics of the second set, if not those of the first
+
+    @property
+    def drives(self) -> list[str]:
+        """The kinematics of each set."""
+        return [self.kinematics, self.beside or self.kinematics][: len(self.step)]
 
     @cached_property
     def plans(self) -> tuple[FloorPlan, ...]:
@@ -70,14 +79,15 @@ class Case:
         return np.asarray(step[:, None, None] * factors)
 
     def tables(self) -> DistanceTables:
-        grid = floor_for(self.floor_plan, self.kinematics, "undirected").grid
-        kinds = self.floor_plan.kind.reshape(-1)
+        types = tuple(RobotType(kinematics=one) for one in self.drives)  # type: ignore[arg-type]
+        grid = floor_for(self.floor_plan, "undirected", types).grid
+        cells = range(self.floor_plan.kind.size)
         turns = [
-            CostSet(self.floor_plan, self.kinematics, 1, 1).may_turn(c) for c in range(len(kinds))
+            [CostSet(self.floor_plan, one, 1, 1).may_turn(c) for c in cells] for one in self.drives
         ]
         may_turn = np.where(turns, MAY_TURN, 0).astype(np.uint8)
-        flags = np.stack([plan.exits.reshape(-1) | may_turn for plan in self.plans])
-        costs = Costs(flags, self.steps, np.array(self.turn, np.int64))
+        flags = np.stack([plan.exits.reshape(-1) for plan in self.plans]) | may_turn
+        costs = Costs(flags, self.steps, np.array(self.turn, np.int64), grid.type_headings)
         return build_tables(grid, costs, self.room, np.zeros(1, np.int64))
 
     def expected(self, cost_set: int, goal: int) -> dict[tuple[int, int], int]:
@@ -87,14 +97,20 @@ class Case:
         )
         step = weights or int(steps)
         plan = self.plans[cost_set]
-        return CostSet(plan, self.kinematics, step, self.turn[cost_set]).costs_to(goal)
+        return CostSet(plan, self.drives[cost_set], step, self.turn[cost_set]).costs_to(goal)
 
-    def poses(self) -> list[tuple[int, int]]:
+    def poses(self, headings: int) -> list[tuple[int, int]]:
         cells = np.flatnonzero(self.floor_plan.drivable.reshape(-1)).tolist()
-        return [(cell, heading) for cell in cells for heading in range(HEADINGS[self.kinematics])]
+        return [(cell, heading) for cell in cells for heading in range(headings)]
 
-    def found(self, tables: DistanceTables, row: int) -> dict[tuple[int, int], int]:
-        costs = {pose: int(cost_in(tables, row, *pose)) for pose in self.poses()}
+    def found(
+        self, tables: DistanceTables, row: int, cost_set: int = 0
+    ) -> dict[tuple[int, int], int]:
+        """By pose; a heading they do not distinguish costs what the one does that they have."""
+        apart = HEADINGS[self.drives[cost_set]]
+        costs = {pose: int(cost_in(tables, row, *pose)) for pose in self.poses(apart)}
+        for cell, heading in self.poses(max(HEADINGS[one] for one in self.drives)):
+            assert cost_in(tables, row, cell, heading) == costs[cell, heading % apart]
         return {pose: cost for pose, cost in costs.items() if cost < FAR}
 
 
@@ -116,6 +132,7 @@ def cases(draw: Any) -> Case:
         draw(st.one_of(st.none(), st.integers(0, 99))),
         draw(st.sampled_from([(1, 2, 6), (1, 300), (2, 20_000, 3)])),
         draw(st.sampled_from([1, 300, LARGE])),
+        draw(st.sampled_from([None, *HEADINGS])),
     )
 
 
@@ -124,7 +141,7 @@ def cases(draw: Any) -> Case:
 def test_tables_hold_what_dijkstra_finds_from_every_pose(case: Case, random: Any) -> None:
     """Asked for in any sequence; those that are kept for the tick are still right at its end."""
     tables = case.tables()
-    goals = sorted({cell for cell, _ in case.poses()})
+    goals = sorted({cell for cell, _ in case.poses(1)})
     for tick in range(1, 4):
         kept: dict[int, tuple[int, int]] = {}
         for _ in range(4):
@@ -135,11 +152,11 @@ def test_tables_hold_what_dijkstra_finds_from_every_pose(case: Case, random: Any
                 assert keeps or kept
                 assert tables.stop[0] == STOP_NO_ROOM
                 return
-            assert case.found(tables, row) == case.expected(cost_set, goal)
+            assert case.found(tables, row, cost_set) == case.expected(cost_set, goal)
             if keeps:
                 kept[row] = cost_set, goal
         for row, (cost_set, goal) in kept.items():
-            assert case.found(tables, row) == case.expected(cost_set, goal)
+            assert case.found(tables, row, cost_set) == case.expected(cost_set, goal)
 
 
 CROSSING = """\

@@ -14,13 +14,14 @@ from example_counts import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_floors import pictures
-from reference_paths import FAR, Pose, Ways
+from reference_paths import FAR, HEADINGS, Pose, Ways
 
 from automaton.build.resolve import Resolved
 from automaton.build.world import build_world
 from automaton.engine import search
 from automaton.engine.state import NIL, Workspace, World
 from automaton.floor.drawn_floors import draw_floor
+from automaton.scenario.fleet import FleetType
 from automaton.scenario.schema import Durations, Fleet, Scenario
 
 SYMBOLS = ".....++--||==~><v^##"
@@ -34,10 +35,15 @@ class Case:
     start: Pose
     targets: list[int]
     robots: list[int]
+    beside: str | None = None  # kinematics of the last robot, where there are two or more
 
     def built(self) -> tuple[World, Workspace]:
         durations = Durations(move=self.ways.move, turn=self.ways.turn)
-        fleet = Fleet(robots=max(1, len(self.robots)), kinematics=self.ways.kinematics)  # type: ignore[arg-type]
+        count, types = max(1, len(self.robots)), []
+        if self.beside and count > 1:
+            last = FleetType(name="last", robots=1, kinematics=self.beside)  # type: ignore[arg-type]
+            types = [FleetType(name="first"), last]
+        fleet = Fleet(robots=count, kinematics=self.ways.kinematics, types=tuple(types))  # type: ignore[arg-type]
         scenario = Scenario(name="paths", layout={}, fleet=fleet, durations=durations)
         start = tuple(self.robots) or (self.start[0],)
         world, floor = build_world(Resolved(scenario, self.ways.floor_plan, {}, start, ""), 1)
@@ -64,7 +70,8 @@ def cases(draw: Any, symbols: str = SYMBOLS) -> Case:
     cells = draw(st.permutations(ways.cells()))
     start = (cells[0], draw(st.integers(0, ways.headings - 1)))
     robots = cells[1 : 1 + draw(st.integers(0, 4))]
-    return Case(ways, start, [cells[-1], cells[len(cells) // 2], cells[0]], robots)
+    beside = draw(st.sampled_from([None, *HEADINGS]))
+    return Case(ways, start, [cells[-1], cells[len(cells) // 2], cells[0]], robots, beside)
 
 
 def found(case: Case, target: int, around: bool, how: Any = search.find_path) -> list[int] | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_args
 
 import msgspec
 import numpy as np
@@ -20,7 +20,7 @@ from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.loaded_ways import to_and_from
 from automaton.floor.traffic_zones import MODES
 from automaton.scenario.durations import MoveByLoad, TypeDurations
-from automaton.scenario.fleet import FleetType
+from automaton.scenario.fleet import FleetType, Kinematics
 from automaton.scenario.orders import WeightRange
 from automaton.scenario.robot_types import floor_by_type, types_of
 from automaton.scenario.schema import (
@@ -259,10 +259,17 @@ def typed(draw: Any, scenario: Scenario, floor_plan: FloorPlan, start: Any) -> S
         move=draw(st.none() | st.builds(MoveByLoad, empty=ticks, loaded=ticks)),
         try_drop=draw(st.none() | ticks),
     )
-    kinds = [
-        FleetType(name="slow", robots=few, move_time_factor=factor, payload=payload, durations=own)
-    ]
-    kinds += [FleetType(name="other", payload=2)] if few < fleet.robots else []
+    ways = st.sampled_from([None, None, *get_args(Kinematics)])
+    slow = FleetType(
+        name="slow",
+        robots=few,
+        move_time_factor=factor,
+        payload=payload,
+        durations=own,
+        kinematics=draw(ways),
+    )
+    other = FleetType(name="other", payload=2, kinematics=draw(ways))
+    kinds = [slow, other] if few < fleet.robots else [slow]
     fleet = msgspec.structs.replace(fleet, types=tuple(kinds))
     orders = scenario.orders
     weight = WeightRange(least=1, most=3)

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from hypothesis import strategies as st
 from random_floors import pictures
-from reference_paths import Pose, Ways
+from reference_paths import HEADINGS, Pose, Ways
 
 from automaton.build.prepared_floor import Floor, floor_for
 from automaton.engine.state import ACTION_COUNT, ACTION_MOVE, ACTION_TURN, Array
@@ -26,11 +26,13 @@ class Case(NamedTuple):
     start: Pose
     target: int
     mode: str = "undirected"
+    beside: str | None = None  # kinematics of another type of robots on the floor
 
     def built(self) -> tuple[Floor, Array, RouteSpace]:
         ways = self.ways
-        alike = RobotType(durations=Durations(move=ways.move, turn=ways.turn))
-        floor = floor_for(ways.floor_plan, ways.kinematics, self.mode, (alike,))
+        durations = Durations(move=ways.move, turn=ways.turn)
+        types = tuple(RobotType(durations=durations, kinematics=one) for one in self.kinematics)  # type: ignore[arg-type]
+        floor = floor_for(ways.floor_plan, self.mode, types)
         duration = np.ones(ACTION_COUNT, np.int32)
         duration[ACTION_MOVE], duration[ACTION_TURN] = ways.move, ways.turn
         return (
@@ -39,8 +41,13 @@ class Case(NamedTuple):
             route_space(floor.grid),
         )
 
+    @property
+    def kinematics(self) -> list[str]:
+        """Of each type; the leg is one of the first."""
+        return [self.ways.kinematics, *([self.beside] if self.beside else [])]
+
     def start_pose(self) -> int:
-        return self.start[0] * self.ways.headings + self.start[1]
+        return self.start[0] * max(HEADINGS[one] for one in self.kinematics) + self.start[1]
 
 
 @st.composite
@@ -58,4 +65,5 @@ def cases(draw: Any) -> Case:
     cells = ways.cells()
     start = (draw(st.sampled_from(cells)), draw(st.integers(0, ways.headings - 1)))
     mode = draw(st.sampled_from(["undirected", "directed", "with-intersections"]))
-    return Case(ways, start, draw(st.sampled_from(cells)), mode)
+    beside = draw(st.sampled_from([None, *HEADINGS]))
+    return Case(ways, start, draw(st.sampled_from(cells)), mode, beside)

@@ -273,7 +273,8 @@ class RandomRightOfWay(RandomStrategy):
         cell, heading = int(view.robots.cell[i]), int(view.robots.heading[i])
         rule = int(view.grid.cell_flags[cell]) if cell != NIL else 0
         ways = [d for d in range(4) if rule >> d & 1]
-        straight = [d for d in ways if d & (view.grid.headings - 1) == heading]
+        apart = int(view.grid.type_headings[view.robots.type[i]])
+        straight = [d for d in ways if d % apart == heading]
         if not rule & 16 or dice.below(2):
             ways = straight or ways
         return dice.among(ways or [0])

@@ -25,6 +25,7 @@ NEAR = ["3x1", "2x1", "1x1"]  # steps of the ladder
 ALL = [*NEAR, "half", "braille 1"]
 FIELDS = {  # of a robot that stands still and does nothing
     **dict.fromkeys(("cell", "claim", "load", "order", "slot", "bay", "blocker"), NIL),
+    "type": 0,
     **dict.fromkeys(("heading", "travel", "action", "parked", "cause", "wait_cycle_ticks"), 0),
     **{
         "goal_type": 0,
@@ -75,7 +76,7 @@ def make_scene(
         service_zones=more.pop("zoning", None),
     )
     kinds = {name: more.pop(name, False) for name in ("battery", "faults")}
-    floor = Floor(floor_plan, cells, endless, headings, more.pop("zones", None), **kinds)
+    floor = Floor(floor_plan, cells, endless, (headings,), more.pop("zones", None), **kinds)
     return Scene(floor, snapshot, **more)  # type: ignore[arg-type]
 
 

@@ -14,6 +14,7 @@ from automaton.evidence.history.event_history import Event, EventHistory
 from automaton.evidence.history.snapshot import Snapshot, take_snapshot
 from automaton.floor.drawn_floors import draw_floor
 from automaton.runs.simulation import Simulation
+from automaton.scenario.fleet import FleetType
 from automaton.scenario.schema import (
     Battery,
     Durations,
@@ -51,6 +52,7 @@ class SmallRun:
         waits: tuple[int, int, int, int, int] = (1, 1, 1, 1, 255),
         battery: Battery | None = None,
         faults: Faults | None = None,
+        types: tuple[FleetType, ...] = (),
     ) -> None:
         self.floor_plan = draw_floor(picture.strip("\n"))
         start = start or self.floor_plan.starts or "parking-bays"
@@ -58,7 +60,7 @@ class SmallRun:
         scenario = Scenario(
             name="staged",
             layout={},
-            fleet=Fleet(robots=robots, kinematics=kinematics),  # type: ignore[arg-type]
+            fleet=Fleet(robots=robots, kinematics=kinematics, types=types),  # type: ignore[arg-type]
             durations=durations or Durations(),
             orders=Orders(generator="picture-loads"),
             world=rules or WorldRules(following=following),

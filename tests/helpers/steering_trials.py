@@ -33,6 +33,7 @@ from automaton.scenario.schema import Scenario
 STRATEGIES = ("pibt", "epibt")
 ROBOT_TICKS = 1_000_000
 MAX_TICKS = 600  # of a run
+KINEMATICS = ("rail", "differential", "omni")
 WAYS = "......"  # symbols of a cell without anything special, drawn as often as they stand here
 SPECIAL = "=~><v^"
 Draws = np.random.Generator
@@ -43,7 +44,7 @@ def scenario_of(strategy: str, seed: int) -> Scenario:
     """Draw a scenario; it may be refused. The same seed draws the same one."""
     draws = np.random.default_rng([seed, len(strategy)])
     plans = strategy == "epibt"  # it refuses what does not take a tick, and cells for more robots
-    kinematics = "differential" if plans else str(draws.choice(["rail", "differential", "omni"]))
+    kinematics = "differential" if plans else str(draws.choice(KINEMATICS))
     rows = picture(draws, kinematics, plans)
     starts = places(draws, rows, kinematics == "rail")
     zoned, battery = chance(draws, 0.2), chance(draws, 0.3)
@@ -118,10 +119,16 @@ def fleet(draws: Draws, kinematics: str, start: Any, robots: int) -> Options:
 
 
 def types(draws: Draws, robots: int) -> Options:
-    if robots < 2 or chance(draws, 0.7):
+    if robots < 2 or chance(draws, 0.6):
         return {}
     slow = {"name": "slow", "robots": robots // 2, "move_time_factor": int(draws.integers(1, 4))}
-    return {"types": [slow, {"name": "other"}]}
+    other = {"name": "other"}
+    for one in (slow, other):
+        if chance(
+            draws, 0.5
+        ):  # rail robots beside others are refused where nothing is laid for them
+            one["kinematics"] = str(draws.choice(KINEMATICS))
+    return {"types": [slow, other]}
 
 
 def closed_area(draws: Draws, rows: list[str], bays: bool) -> Options:

@@ -22,6 +22,7 @@ from automaton.papers.traffic.traffic_trials import (
     warehouse,
 )
 from automaton.runs.simulation import Simulation
+from automaton.scenario.robot_types import RobotType
 from layouts.racks import Racks
 from strategies.routing.astar.frontier import LARGER_G
 from strategies.routing.traffic_avoidance import monte_carlo
@@ -85,7 +86,7 @@ def test_trial_and_automaton_take_the_same_ticks(floor_plan: FloorPlan) -> None:
 
 def test_racks_are_served_from_the_aisle_and_docks_from_their_right(floor_plan: FloorPlan) -> None:
     where = warehouse()
-    floor = floor_for(floor_plan, "omni", "undirected")
+    floor = floor_for(floor_plan, "undirected", (RobotType(kinematics="omni"),))
     aisles = {floor_plan.xy(int(cell))[1] % 3 for cell in stands(floor, RACK)}
     assert aisles == {1}
     assert {floor_plan.xy(int(cell))[0] for cell in where.docks} == {3}

@@ -86,7 +86,7 @@ def ran(tmp_path_factory):
 
 
 def demand(resolved, seed):
-    floor = floor_for(resolved.floor_plan, "omni", "undirected")
+    floor = floor_for(resolved.floor_plan, "undirected", resolved.fleet.types)
     homes = np.array([resolved.floor_plan.cell(1, 1)])
     return build_orders(resolved, floor, seed, homes)[:2]
 

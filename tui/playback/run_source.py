@@ -23,8 +23,6 @@ from tui.render.scene import Floor
 if TYPE_CHECKING:  # it needs Numba
     from automaton.evidence.history.watched_run import Run
 
-HEADING_COUNTS = {"omni": 1, "rail": 2, "differential": 4}
-
 
 class Reload(NamedTuple):
     """How a scenario is opened again when its files have changed."""
@@ -142,7 +140,7 @@ def floor_of(resolved: Resolved) -> Floor:
         resolved.floor_plan,
         cells,
         endless,
-        HEADING_COUNTS[scenario.fleet.kinematics],
+        tuple(one.headings for one in resolved.fleet.types),
         traffic_zones,
         battery=scenario.battery is not None,
         faults=bool(scenario.faults.listed or scenario.faults.probability),

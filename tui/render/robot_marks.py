@@ -8,6 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from automaton.drawings.robot_looks import directions as read_directions
 from automaton.engine.robot_status import BATTERY_PERCENT, STATUS_FAILED, STATUS_TOWED
 from automaton.engine.robot_status import STATUS_DEPLETED as DRAINED
 from automaton.engine.state import NIL
@@ -103,14 +104,7 @@ def draw_out_of_order(scene: Scene, state: NDArray[np.uint8], shape: NDArray[np.
 def directions(scene: Scene) -> NDArray[np.uint8]:
     """(n,) 0 to 3: the way each robot faces or, if its heading does not tell, drives."""
     assert scene.snapshot is not None
-    fleet, headings = scene.snapshot.robots, scene.floor.headings
-    if headings == 4:
-        return np.asarray(fleet.heading & 3, np.uint8)
-    if headings == 1:
-        return np.asarray(fleet.travel & 3, np.uint8)
-    # On rails: the way it came, or its new axis once it has turned.
-    came = fleet.travel & 1 == fleet.heading
-    return np.where(came, fleet.travel & 3, fleet.heading).astype(np.uint8)
+    return read_directions(scene.snapshot.robots, scene.floor.headings)
 
 
 def shapes(glyphs: GlyphSet) -> NDArray[np.uint32]:

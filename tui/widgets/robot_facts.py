@@ -155,8 +155,9 @@ def _kind(view: View, cell: int) -> int:
 
 
 def _heading(view: View, robot: int) -> str:
-    names = HEADING_NAMES[view.run.resolved.scenario.fleet.kinematics]
-    return names[int(view.snapshot.robots.heading[robot])]
+    fleet = view.snapshot.robots
+    names = HEADING_NAMES[view.run.resolved.fleet.types[int(fleet.type[robot])].kinematics]
+    return names[int(fleet.heading[robot])]
 
 
 def _task(view: View, robot: int) -> list[tuple[str, list[str | Span]]]:

@@ -33,7 +33,6 @@ HANDLING: Final = {
     EXECUTED_DROP: "drop",
     EXECUTED_TRY_DROP: "try_drop",
 }  # by code of recorded action: the duration that it takes
-HEADING_COUNTS: Final = {"omni": 1, "rail": 2, "differential": 4}
 
 Acts = list[tuple[int, int]]  # (robot, what the recording says it did), robots ascending
 Complaint = Callable[..., None]  # (rule, robots, cell, text)
@@ -51,8 +50,8 @@ class Motion:
         self.exits: list[int] = floor["exits"].ravel().tolist()
         self.capacity: list[int] = floor["capacity"].ravel().tolist()
         self.kind: list[int] = floor["kind"].ravel().tolist()
-        self.headings = HEADING_COUNTS[scenario["fleet"]["kinematics"]]
         self.types = Types(floor, scenario)
+        self.headings = self.types.headings
         self.pace = MoveTimes(floor, header["seed"], self.types)
         self.apply_rules(scenario)
         self.leave: bool = scenario["fleet"].get("when_idle") == "leave"
@@ -87,6 +86,10 @@ class Motion:
         if len(set(used)) != len(used):
             self.report_violation("bay", [], NIL, "two robots have the same parking bay")
         for r, cell in enumerate(self.cell):
+            if self.heading[r] >= self.headings[r]:
+                self.report_violation(
+                    "heading", [r], cell, "it starts in a heading that it has not"
+                )
             if self.bay[r] != NIL and (self.bay[r], self.home[r]) not in known:
                 self.report_violation(
                     "bay", [r], self.bay[r], "its parking bay does not open on its home cell"
@@ -140,7 +143,7 @@ class Motion:
                 )
                 continue
             home = self.home[r]
-            heading = self.entry_heading(home)
+            heading = self.entry_heading(r, home)
             other = self.holder.get(self.resource(home, heading), NIL)
             if other != NIL:
                 text = "leaves its parking bay although its home cell is held"
@@ -153,11 +156,11 @@ class Motion:
             placed.add(r)
         return placed
 
-    def entry_heading(self, cell: int) -> int:
-        """How a robot stands that comes out of its bay: vertical where the cell leads so."""
+    def entry_heading(self, r: int, cell: int) -> int:
+        """How robot r stands when it comes out of its bay: vertical where the cell leads so."""
         for direction in (SOUTH, NORTH, EAST, WEST):
             if self.exits[cell] >> direction & 1:
-                return direction & (self.headings - 1)
+                return direction & (self.headings[r] - 1)
         return 0
 
     def execute(self, tick: int, acts: Acts, lengths: dict[int, int], placed: set[int]) -> None:
@@ -213,7 +216,7 @@ class Motion:
         cell = self.cell[r]
         if not self.exits[cell] >> direction & 1:
             self.report_violation("exits", [r], cell, "moves where its cell has no exit")
-        elif direction & (self.headings - 1) != self.heading[r]:
+        elif direction & (self.headings[r] - 1) != self.heading[r]:
             self.report_violation("heading", [r], cell, "moves across its heading")
         else:
             self.check_area(r, cell + self.step[direction])
@@ -247,16 +250,16 @@ class Motion:
             self.report_violation("move time", [r], self.cell[r], text)
 
     def _turn(self, tick: int, r: int, code: int) -> None:
-        cell = self.cell[r]
-        if self.headings == 1:
+        cell, headings = self.cell[r], self.headings[r]
+        if headings == 1:
             self.report_violation("turn", [r], cell, "an omnidirectional robot does not turn")
             return
-        if self.headings == 2 and not CELL_KINDS[self.kind[cell]].turns:
+        if headings == 2 and not CELL_KINDS[self.kind[cell]].turns:
             self.report_violation("turn", [r], cell, "turns on rails without a turntable")
-        if self.headings == 2 and code == TURN_LEFT:
+        if headings == 2 and code == TURN_LEFT:
             self.report_violation("turn", [r], cell, "on rails a turn has no side")
         quarter = 3 if code == TURN_LEFT else 1
-        self.heading[r] = (self.heading[r] + quarter) & (self.headings - 1)
+        self.heading[r] = (self.heading[r] + quarter) & (headings - 1)
         if self.capacity[cell] == 2:
             self._take(r, cell, self.travel[r] ^ 2)
             self.claim[r] = (cell, self.travel[r])
@@ -329,14 +332,14 @@ class Motion:
         if self.bay[r] != NIL or self.leave:
             self._give(r, cell, self.travel[r])
             self.cell[r] = NIL
-            self.heading[r] = self.entry_heading(cell)
+            self.heading[r] = self.entry_heading(r, cell)
 
     def tow(self, r: int) -> None:
         """Robot r is off the floor, at home."""
         if self.cell[r] != NIL:
             self._give(r, self.cell[r], self.travel[r])
             self.home[r] = self.cell[r] if self.leave else self.home[r]
-            self.heading[r] = self.travel[r] = self.entry_heading(self.home[r])
+            self.heading[r] = self.travel[r] = self.entry_heading(r, self.home[r])
         self.cell[r], self.parked[r] = NIL, True
         self.unsure.discard(r)
 

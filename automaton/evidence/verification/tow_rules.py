@@ -23,6 +23,7 @@ class LoadedWays:
     def ticks(self, r: int, start: int, headings: Iterable[int]) -> dict[int, int]:
         """Least ticks from a cell to all others that robot r reaches; `headings`: it begins in one."""
         motion = self.motion
+        apart = motion.headings[r]
         move, turn = (motion.types.ticks[r][name][True] for name in ("move", "turn"))
         closed, limits = motion.types.closed[r][True], motion.pace.limits
         best = {(start, heading): 0 for heading in headings}
@@ -32,11 +33,11 @@ class LoadedWays:
             if best[cell, heading] < ticks:
                 continue
             after: list[tuple[int, int, int]] = []
-            if self._turns(cell):
-                turned = {(heading + 1) % motion.headings, (heading - 1) % motion.headings}
+            if self._turns(r, cell):
+                turned = {(heading + 1) % apart, (heading - 1) % apart}
                 after += [(ticks + turn, cell, to) for to in turned]
             if cell == start or motion.kind[cell] != STORAGE:
-                for direction in range(heading, 4, motion.headings):
+                for direction in range(heading, 4, apart):
                     to = cell + motion.step[direction]
                     if motion.exits[cell] >> direction & 1 and to not in closed:
                         least_move = max(move, limits.get((cell, direction), 0))
@@ -50,15 +51,15 @@ class LoadedWays:
             least[cell] = min(ticks, least.get(cell, FAR))
         return least
 
-    def _turns(self, cell: int) -> bool:
-        headings = self.motion.headings
+    def _turns(self, r: int, cell: int) -> bool:
+        headings = self.motion.headings[r]
         return headings == 4 or (headings == 2 and CELL_KINDS[self.motion.kind[cell]].turns)
 
     def useful(self, r: int) -> set[int]:
         """The storage cells to which robot r gets with a load from every station, and back."""
         if r not in self._ends:
             storage = {cell for cell, kind in enumerate(self.motion.kind) if kind == STORAGE}
-            every = range(self.motion.headings)
+            every = range(self.motion.headings[r])
             for station in self._stations:
                 storage &= self.ticks(r, station, every).keys()
             stations = set(self._stations)

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 NIL: Final = -1
 ANY: Final = 1 << 60  # payload of a robot that carries everything
+HEADING_COUNTS: Final = {"omni": 1, "rail": 2, "differential": 4}
 OPERATIONS: Final = ("move", "turn", "pick", "drop", "try_drop")
 
 Ticks = dict[str, tuple[int, int]]  # by operation: without a load, and with one
@@ -23,6 +24,7 @@ class Types:
         self.name: list[str] = []
         self.payload: list[int] = []
         self.closed: list[tuple[set[int], set[int]]] = []  # flat cells, without a load and with one
+        self.headings: list[int] = []  # that it distinguishes
         for kind, robots in kinds:
             shut = (
                 closed_to(floor, areas, kind["name"], "empty"),
@@ -31,6 +33,8 @@ class Types:
             self.name += [kind["name"]] * robots
             self.payload += [kind.get("payload") or ANY] * robots
             self.closed += [shut] * robots
+            drives = kind.get("kinematics") or scenario["fleet"]["kinematics"]
+            self.headings += [HEADING_COUNTS[drives]] * robots
         self.load = [NIL] * len(
             self.name
         )  # what each robot carries: the list that loads are kept in

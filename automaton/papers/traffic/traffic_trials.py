@@ -17,6 +17,7 @@ from automaton.build.prepared_floor import Floor, floor_for
 from automaton.engine.state import ACTION_COUNT, NIL, Array, Grid
 from automaton.floor.cells import DOCK, EAST, RACK
 from automaton.scenario.floor_section import generator_type
+from automaton.scenario.robot_types import RobotType
 from strategies.routing.astar.frontier import LARGER_G
 from strategies.routing.astar.route_workspace import RouteSpace, route_space
 from strategies.routing.traffic_avoidance import monte_carlo
@@ -56,7 +57,7 @@ class Setting:
 def warehouse(side: int = SIDE) -> Warehouse:
     """The warehouse E1, or one of another size like it; undirected zones, a move takes a tick."""
     plan = generator_type("racks")(preset="E1", rows=side, columns=side).build()  # type: ignore[attr-defined]
-    floor = floor_for(plan, "omni", "undirected")
+    floor = floor_for(plan, "undirected", (RobotType(kinematics="omni"),))
     duration = np.ones(ACTION_COUNT, np.int32)
     duration.setflags(write=False)
     grid = floor.grid.read_only()

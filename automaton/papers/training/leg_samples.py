@@ -21,7 +21,7 @@ from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.floor.cells import DOCK, RACK
 from automaton.papers.training.prediction_metrics import measured
-from automaton.scenario.robot_types import RobotType
+from automaton.scenario.robot_types import RobotType, types_of
 from strategies.routing.astar.frontier import FIFO
 from strategies.routing.astar.route_workspace import route_space
 from strategies.routing.traffic_avoidance import training_legs
@@ -70,13 +70,9 @@ def site_of(resolved: Resolved) -> Site:
     On a floor with neither, legs lead from any cell to any other. Raises InputError for a floor
     without zones: nothing could be learnt there.
     """
-    fleet, all_alike = resolved.scenario.fleet, RobotType(durations=resolved.scenario.durations)
-    floor = floor_for(
-        resolved.floor_plan,
-        fleet.kinematics,
-        resolved.scenario.world.traffic_zones,
-        (all_alike,),
-    )
+    kinematics = types_of(resolved.scenario)[0].kinematics
+    all_alike = RobotType(durations=resolved.scenario.durations, kinematics=kinematics)
+    floor = floor_for(resolved.floor_plan, resolved.scenario.world.traffic_zones, (all_alike,))
     if floor.grid.traffic_zone_count == 0:
         raise InputError(f"{resolved.scenario.name}: this floor has no zones to learn")
     kind = floor.grid.kind[floor.slot_cell]

@@ -236,7 +236,7 @@ def set_reservations(world: World) -> None:
 def set_occupancy(world: World, resolved: Resolved) -> None:
     """Let every robot hold its cell, and the one that a long move or a turn claims."""
     mode = resolved.scenario.world.traffic_zones
-    floor = floor_for(resolved.floor_plan, resolved.scenario.fleet.kinematics, mode)
+    floor = floor_for(resolved.floor_plan, mode, resolved.fleet.types)
     robots, occupancy = world.robots, world.traffic.occupancy
     occupancy[:] = floor.occupancy
     on_floor = robots.cell != NIL

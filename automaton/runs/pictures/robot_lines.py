@@ -195,10 +195,11 @@ def robot_line(world: World, floor_plan: FloorPlan, i: int, brief: bool = False)
     robots = world.robots
     facts = robot_facts(world, floor_plan, i)
     default = default_facts(facts, int(world.clock[0]), type(robots))
+    headings = int(world.grid.type_headings[robots.type[i]])
     if brief:
-        facts |= {name: default[name] for name in idle_facts(world)}
+        facts |= {name: default[name] for name in idle_facts(world, headings)}
     said = write_facts(groups_of(type(robots)), facts, default)
-    heading = HEADING_PHRASES[world.grid.headings][int(robots.heading[i])]
+    heading = HEADING_PHRASES[headings][int(robots.heading[i])]
     start = f"{name_of(int(robots.identity[i]))} {_place(facts)}"
     if heading:
         start += f"{',' if facts['cell'] is None else ''} {heading}"
@@ -217,9 +218,12 @@ def robot_line(world: World, floor_plan: FloorPlan, i: int, brief: bool = False)
     return line
 
 
-def idle_facts(world: World) -> list[str]:
-    """What nothing follows from here: the way of robots that never turn, wishes to charge in vain."""
-    names = ["travel"] if world.grid.headings == 1 else []
+def idle_facts(world: World, headings: int) -> list[str]:
+    """What nothing follows from here: the way of robots that never turn, wishes to charge in vain.
+
+    `headings`: how many the robot distinguishes.
+    """
+    names = ["travel"] if headings == 1 else []
     if world.tally.batches[LAYER_CHARGING] == 0:  # there is no strategy for it
         names += ["need_charging", "charging_reason"]
     return names

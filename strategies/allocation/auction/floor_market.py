@@ -32,6 +32,7 @@ from automaton.strategy.kernels import (
     dropoff_cell,
     end_of_stops,
     first_cell,
+    headings_of,
     pickup_cell,
     with_load,
     without_load,
@@ -139,11 +140,11 @@ def way_with_load(view, workspace, robot_type, order, start, end):
 
 
 @kernel
-def rate_of_driving(rules, robot_type, headings, loaded):
+def rate_of_driving(view, robot_type, loaded):
     """Units that a tick on the way takes robots of a type at most."""
-    rate = np.int64(rules.drain[robot_type, ACTION_MOVE, loaded])
-    if headings > 1:
-        rate = max(rate, np.int64(rules.drain[robot_type, ACTION_TURN, loaded]))
+    rate = np.int64(view.rules.drain[robot_type, ACTION_MOVE, loaded])
+    if headings_of(view.grid, robot_type) > 1:
+        rate = max(rate, np.int64(view.rules.drain[robot_type, ACTION_TURN, loaded]))
     return rate
 
 
@@ -172,7 +173,7 @@ def enter_task(view, workspace, market, robot_type, task, order):
         return
     carrying = with_load(view, robot_type)
     drive = way_with_load(view, workspace, carrying, order, begin, end) if drops else 0
-    loaded = rate_of_driving(view.rules, robot_type, view.grid.headings, 1)
+    loaded = rate_of_driving(view, robot_type, 1)
     picking, dropping = np.int64(duration[ACTION_PICK]), np.int64(duration[ACTION_DROP])
     costs.inside[robot_type, task] = min(drive + picking + (dropping if drops else 0), CAPPED)
     energy = drive * loaded + max(picking, 1) * drain[ACTION_PICK, 0]
@@ -188,8 +189,8 @@ def enter_robot(view, workspace, market, r, i):
     robot_type = without_load(view, np.int64(robots.type[i]))
     carrying = with_load(view, robot_type)
     duration, drain = rules.duration[robot_type], rules.drain[robot_type]
-    empty = rate_of_driving(rules, robot_type, view.grid.headings, 0)
-    loaded = rate_of_driving(rules, robot_type, view.grid.headings, 1)
+    empty = rate_of_driving(view, robot_type, 0)
+    loaded = rate_of_driving(view, robot_type, 1)
     place, ready = first_cell(robots, i), np.int64(robots.busy[i])
     charge = np.int64(robots.charge[i])
     order = np.int64(robots.order[i])
@@ -274,7 +275,7 @@ def measure_distances(view, workspace, market, robot_type, robots, tasks):
     costs, battery = market.costs, market.battery
     chargers = view.chargers.cell.shape[0]
     first_task = market.fleet.place.shape[0] + chargers
-    rate = rate_of_driving(view.rules, robot_type, view.grid.headings, 0)
+    rate = rate_of_driving(view, robot_type, 0)
     places = first_task + 2 * tasks
     cell, ticks, energy = market.cell[robot_type], costs.ticks[robot_type], costs.energy[robot_type]
     for b in range(market.fleet.place.shape[0], places):  # one distance field after another

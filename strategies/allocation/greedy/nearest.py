@@ -19,6 +19,7 @@ from automaton.strategy.kernels import (
     can_do,
     cell_beside,
     has_load,
+    headings_of,
     kernel,
     limited_ticks,
     next_stop_cell,
@@ -164,17 +165,17 @@ def go_on(view, search, robot_type, cell, heading, cost):
     """Reach the poses that follow on a pose."""
     grid, duration = view.grid, view.rules.duration
     flags = np.int64(grid.type_cell_flags[U(robot_type), U(cell)])
-    headings = grid.headings
-    for direction in range(heading, 4, headings):
+    headings, own = grid.headings, headings_of(grid, robot_type)
+    for direction in range(heading, 4, own):
         if (flags >> direction) & 1:
             after = cell + grid.offset[U(direction)]
             usual = duration[U(robot_type), U(ACTION_MOVE)]
             moved = cost + limited_ticks(grid, usual, cell, direction)
             reach(search, after * headings + heading, moved)
-    if headings > 1 and flags & MAY_TURN:
+    if own > 1 and flags & MAY_TURN:
         turned = cost + duration[robot_type, ACTION_TURN]
-        reach(search, cell * headings + ((heading + 1) & (headings - 1)), turned)
-        reach(search, cell * headings + ((heading - 1) & (headings - 1)), turned)
+        reach(search, cell * headings + ((heading + 1) & (own - 1)), turned)
+        reach(search, cell * headings + ((heading - 1) & (own - 1)), turned)
 
 
 @kernel
@@ -193,8 +194,8 @@ def find_robot(view, stop, search, open_orders, seekers, place):
 
 @kernel
 def reach_begin(view, search, robot_type, order):
-    """Reach the cells where robots of a type begin an order, with any heading."""
-    headings = view.grid.headings
+    """Reach the cells where robots of a type begin an order, with any of their headings."""
+    headings, own = view.grid.headings, headings_of(view.grid, robot_type)
     for direction in range(4):
         if not has_load(view.orders, order):
             cell = next_stop_cell(view, order)
@@ -204,7 +205,7 @@ def reach_begin(view, search, robot_type, order):
             slot = np.int64(view.orders.current_slot[order])
             cell = pickup_cell(view, robot_type, slot, NIL)
         if cell != NIL:
-            for heading in range(headings):
+            for heading in range(own):
                 reach(search, cell * headings + heading, 0)
 
 
@@ -246,14 +247,14 @@ def offer_robot(view, search, cost, i):
 def go_back(view, search, robot_type, cell, heading, cost):
     """Reach the poses from which a robot comes to a pose."""
     grid, duration, headings = view.grid, view.rules.duration, view.grid.headings
-    flags = grid.type_cell_flags[robot_type]
-    for direction in range(heading, 4, headings):
+    flags, own = grid.type_cell_flags[robot_type], headings_of(grid, robot_type)
+    for direction in range(heading, 4, own):
         before = cell - grid.offset[direction]
         if 0 <= before < flags.shape[0] and (np.int64(flags[before]) >> direction) & 1:
             usual = duration[robot_type, ACTION_MOVE]
             moved = cost + limited_ticks(grid, usual, before, direction)
             reach(search, before * headings + heading, moved)
-    if headings > 1 and np.int64(flags[cell]) & MAY_TURN:
+    if own > 1 and np.int64(flags[cell]) & MAY_TURN:
         turned = cost + duration[robot_type, ACTION_TURN]
-        reach(search, cell * headings + ((heading + 1) & (headings - 1)), turned)
-        reach(search, cell * headings + ((heading - 1) & (headings - 1)), turned)
+        reach(search, cell * headings + ((heading + 1) & (own - 1)), turned)
+        reach(search, cell * headings + ((heading - 1) & (own - 1)), turned)

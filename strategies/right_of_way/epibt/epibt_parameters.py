@@ -57,11 +57,12 @@ class EpibtParameters(SteeringParameters, forbid_unknown_fields=True, frozen=Tru
         types = types_of(scenario)
         limit = int(floor_plan.min_move_ticks.max(initial=0))
         move = max(limit, *(ticks for one in types for ticks in one.moves))
-        turn = max(ticks for one in types for ticks in one.durations.turns)
-        if scenario.fleet.kinematics != "differential":
+        turn = max(ticks for one in types for ticks in one.turns)
+        others = [one for one in scenario.fleet.all_kinematics if one != "differential"]
+        if others:
             return (
                 "it plans for robots with kinematics differential, found "
-                f"{scenario.fleet.kinematics}; use pibt"
+                f"{' and '.join(others)}; use pibt"
             )
         if horizon_of(self.depth, max(move, turn)) > MOST_TICKS:
             return (

@@ -12,7 +12,7 @@ until it is nearer to its goal than where it stood, or the wait is over: it does
 import numpy as np
 
 from automaton.engine.state import ACTION_MOVE, ACTION_TURN, CLOCK_TICK
-from automaton.strategy.kernels import UNREACHABLE, cost_in, kernel, limited_ticks
+from automaton.strategy.kernels import UNREACHABLE, cost_in, headings_of, kernel, limited_ticks
 from strategies.right_of_way.pibt.pibt_state import LONG, U
 
 
@@ -62,7 +62,8 @@ def leads_on(view, state, workspace, i, direction):
     if cell == view.robots.goal_cell[U(i)]:
         return True
     best = np.int64(state.costs[U(i), U(direction)])
-    flags, mask = np.int64(grid.type_cell_flags[U(robot_type), U(cell)]), grid.headings - 1
+    flags = np.int64(grid.type_cell_flags[U(robot_type), U(cell)])
+    mask = headings_of(grid, robot_type) - 1
     for other in range(4):
         to = cell + grid.offset[U(other)]
         if other == direction ^ 2 or (flags >> other) & 1 == 0 or state.holds_fixed[U(to)]:

@@ -23,6 +23,7 @@ from automaton.strategy.kernels import (
     find_step_costs,
     has_gates,
     has_room_for,
+    headings_of,
     kernel,
     limited_ticks,
     splitmix64,
@@ -56,9 +57,11 @@ NO_KEY = (1 << 62) - 1  # of an option that a robot does not have
 
 
 @kernel
-def turns_to(headings, heading, direction):
-    """Turns of 90 degrees from a heading to a direction."""
-    difference = (direction - heading) & (headings - 1)
+def turns_to(view, i, direction):
+    """Turns of 90 degrees that robot i makes before it moves in a direction."""
+    robots = view.robots
+    mask = headings_of(view.grid, robots.type[U(i)]) - 1
+    difference = (direction - np.int64(robots.heading[U(i)])) & mask
     return 1 if difference == 3 else difference
 
 
@@ -94,8 +97,7 @@ def waits_in_vain_to_turn(view, state, i):
     if state.mode[u] <= LEAVING:
         return remaining_ticks(view, state, u) >= LONG
     first = option_of(state, u, 0)
-    heading = np.int64(view.robots.heading[u])
-    return first == STAY or turns_to(view.grid.headings, heading, first) > 0
+    return first == STAY or turns_to(view, u, first) > 0
 
 
 @kernel
@@ -191,7 +193,7 @@ def cost_of_step(view, i, direction):
     """Ticks of a step of robot i in a direction, and of the turns before it."""
     robots = view.robots
     duration = view.rules.duration[U(robots.type[U(i)])]
-    turns = turns_to(view.grid.headings, np.int64(robots.heading[U(i)]), direction)
+    turns = turns_to(view, i, direction)
     cell = np.int64(robots.cell[U(i)])
     move = limited_ticks(view.grid, duration[U(ACTION_MOVE)], cell, direction)
     return turns * np.int64(duration[U(ACTION_TURN)]) + move
@@ -268,7 +270,7 @@ def key_of(view, state, i, direction, draws):
     robots, grid = view.robots, view.grid
     cell, robot_type = np.int64(robots.cell[U(i)]), np.int64(robots.type[U(i)])
     may_turn = np.int64(grid.type_cell_flags[U(robot_type), U(cell)]) & MAY_TURN != 0
-    turns = turns_to(grid.headings, np.int64(robots.heading[U(i)]), direction)
+    turns = turns_to(view, i, direction)
     after = np.int64(state.costs[U(i), U(direction)])
     is_open = (after < UNREACHABLE) & ((turns == 0) | may_turn)
     to = cell + grid.offset[U(direction)] * np.int64(is_open)

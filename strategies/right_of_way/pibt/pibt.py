@@ -36,6 +36,7 @@ from automaton.strategy.kernels import (
     direction_between,
     gate_before,
     has_gates,
+    is_facing,
     is_in_full_gate,
     is_in_own_queue,
     kernel,
@@ -217,8 +218,7 @@ def is_beside_full_gate(view, i):
 @kernel
 def may_turn_to(view, state, i, direction):
     """Whether robot i faces this direction, or may turn to it where it stands."""
-    faces = direction & (view.grid.headings - 1) == view.robots.heading[U(i)]
-    return faces or is_lane_free(view, state, i)
+    return is_facing(view, i, direction) or is_lane_free(view, state, i)
 
 
 @kernel
@@ -321,7 +321,7 @@ def leave_bay(view, state, i):
 
 @kernel
 def give_commands(view, batch, decisions, state):
-    out, robots, mask = decisions.right_of_way, view.robots, view.grid.headings - 1
+    out, robots = decisions.right_of_way, view.robots
     for k in range(batch.count[0]):
         i = np.int64(batch.robot[k])
         if state.mode[i] != DECIDED:
@@ -334,7 +334,7 @@ def give_commands(view, batch, decisions, state):
                 out.value[k] = NIL if to == NIL else 0
         elif to != cell:
             direction = option_of(state, i, np.int64(state.option_next[U(i)]) - 1)
-            state.turning[U(i)] = direction + 1 if direction & mask != robots.heading[U(i)] else 0
+            state.turning[U(i)] = 0 if is_facing(view, i, direction) else direction + 1
             out.command[U(k)] = CMD_GO
             out.value[U(k)] = direction
         elif state.asks[U(i)] and may_turn_to(view, state, i, np.int64(state.asks[U(i)]) - 1):

@@ -76,7 +76,7 @@ def stay(view, state, i):
 @kernel
 def take_option(view, state, i):
     """Reserve the next option of robot i that is left; returns the robot to push, SETTLED or FAILED."""
-    cell, heading = np.int64(view.robots.cell[U(i)]), np.int64(view.robots.heading[U(i)])
+    cell = np.int64(view.robots.cell[U(i)])
     must_turn = False  # for what it likes better than to stay
     while True:
         place = np.int64(state.option_next[U(i)])
@@ -92,7 +92,7 @@ def take_option(view, state, i):
                 stay(view, state, i)
                 return SETTLED
             continue
-        turns = turns_to(view.grid.headings, heading, option) > 0
+        turns = turns_to(view, i, option) > 0
         if turns and not is_lane_free(view, state, i):
             must_turn = True
             continue

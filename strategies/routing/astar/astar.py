@@ -15,8 +15,8 @@ from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import ACTION_MOVE, ACTION_TURN, NIL
 from automaton.strategy.kernels import (
     STARTED,
-    TURNED_AHEAD,
-    TURNED_BEHIND,
+    headings_of,
+    how_turned,
     limited_ticks,
     parent_of,
     random_bits,
@@ -62,7 +62,8 @@ def search(grid, robot_type, duration, workspace, ties, seed, start, target, avo
     `closing`: zones z with workspace.closed[z] may not be entered. The path is left in space.came,
     backwards, and its ticks in workspace.state[COST].
     """
-    width, mask, shift = grid.width, grid.headings - 1, grid.headings >> 1
+    width, shift, headings = grid.width, grid.headings >> 1, headings_of(grid, robot_type)
+    mask = headings - 1
     move, turn = np.int64(duration[ACTION_MOVE]), np.int64(duration[ACTION_TURN])
     if mask and turn == 0 and ties == LARGER_G:
         ties = LARGER_G_HEAP
@@ -134,7 +135,7 @@ def find_turns(workspace, ties, salt, mask, pose, row, fresh, g, f):
         to = (pose & ~mask) | ((pose + 1 - 2 * k) & mask)
         if fresh | g < workspace.label[to]:
             workspace.label[to] = fresh | g
-            workspace.came[to] = TURNED_BEHIND if k else TURNED_AHEAD
+            workspace.came[to] = how_turned(pose, to)
             put(workspace, ties, salt, to, row, f, f - g)
 
 

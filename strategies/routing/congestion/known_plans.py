@@ -10,7 +10,13 @@ import numpy as np
 
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import GOAL_DROP, GOAL_NONE, GOAL_PICK, NIL
-from automaton.strategy.kernels import dropoff_cell, first_cell, next_stop_cell, with_load
+from automaton.strategy.kernels import (
+    dropoff_cell,
+    first_cell,
+    heading_towards,
+    next_stop_cell,
+    with_load,
+)
 from strategies.routing.astar.astar import astar
 from strategies.routing.astar.frontier import LARGER_G
 
@@ -109,7 +115,7 @@ def plan_on(view, workspace, state, i, steps, first, end):
         step = np.int64(steps[s])
         append(state, i, step)
         cell += view.grid.offset[step]
-        heading = step & (view.grid.headings - 1)
+        heading = heading_towards(view.grid, view.robots.type[i], step)
     if cell == view.robots.goal_cell[i]:
         append_rest(view, workspace, state, i, heading)
 

@@ -10,7 +10,13 @@ import numpy as np
 
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import ACTION_DROP, ACTION_MOVE, ACTION_PICK, ACTION_TURN, NIL
-from automaton.strategy.kernels import limited_ticks, with_load, without_load
+from automaton.strategy.kernels import (
+    heading_towards,
+    headings_of,
+    limited_ticks,
+    with_load,
+    without_load,
+)
 from strategies.routing.congestion.known_plans import (
     DROPS,
     PICKS,
@@ -120,7 +126,7 @@ def ticks_of_step(view, state, i, others):
     step = next_step(state, i)
     if step >= PICKS:
         return np.int64(duration[ACTION_DROP if step == DROPS else ACTION_PICK])
-    if step & (view.grid.headings - 1) != state.heading[i]:
+    if heading_towards(view.grid, state.robot_type[i], step) != state.heading[i]:
         return np.int64(duration[ACTION_TURN])
     own = limited_ticks(view.grid, np.int64(duration[ACTION_MOVE]), state.place[i], step)
     return ticks_of_move(view, own, others)
@@ -129,7 +135,7 @@ def ticks_of_step(view, state, i, others):
 @kernel
 def begin_step(view, state, i):
     """Begin the next step; before a move in another heading it is a turn."""
-    headings = view.grid.headings
+    headings = headings_of(view.grid, state.robot_type[i])
     step, before = next_step(state, i), state.heading[i]
     heading = step & (headings - 1)
     if step < PICKS and heading != before:

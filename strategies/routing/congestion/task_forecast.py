@@ -10,7 +10,13 @@ import numpy as np
 
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import CLOCK_TICK, NIL
-from automaton.strategy.kernels import dropoff_cell, pickup_cell, with_load, without_load
+from automaton.strategy.kernels import (
+    dropoff_cell,
+    heading_towards,
+    pickup_cell,
+    with_load,
+    without_load,
+)
 from strategies.routing.congestion.known_plans import DROPS, PICKS, append, append_path, zone_of
 from strategies.routing.congestion.plan_forecast import begin_step, ticks_of_step
 from strategies.routing.congestion.zone_forecast import WHOLE, enter_zone, forget
@@ -66,7 +72,8 @@ def plan_task(view, workspace, state, i):
     heading = np.int64(orders.dispatched_heading[order])
     append_path(view, workspace, state, i, robot_type, origin * headings + heading, access_cell)
     if state.step_count[i] > 0:
-        heading = np.int64(state.steps[i, state.step_count[i] - 1]) & (headings - 1)
+        step = np.int64(state.steps[i, state.step_count[i] - 1])
+        heading = heading_towards(view.grid, robot_type, step)
     append(state, i, PICKS)
     loaded = with_load(view, robot_type)
     append_path(view, workspace, state, i, loaded, access_cell * headings + heading, end)

@@ -14,9 +14,9 @@ from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import ACTION_MOVE, ACTION_TURN, NIL
 from automaton.strategy.kernels import (
     STARTED,
-    TURNED_AHEAD,
-    TURNED_BEHIND,
     begin_search,
+    headings_of,
+    how_turned,
     is_closed,
     limited_ticks,
     pop,
@@ -46,7 +46,8 @@ def time_dependent_path(view, workspace, state, i, around, steps):
     robot_type, grid, target = view.robots.type[i], view.grid, np.int64(view.robots.goal_cell[i])
     duration, type_cell_flags = view.rules.duration[robot_type], grid.type_cell_flags[robot_type]
     begin_plan(view, state, i)
-    headings, bits = grid.headings, bits_for(workspace.cost.shape[0])
+    headings, apart = grid.headings, headings_of(grid, robot_type)
+    bits = bits_for(workspace.cost.shape[0])
     move, turn = np.int64(duration[ACTION_MOVE]), np.int64(duration[ACTION_TURN]) * UNIT
     search = begin_search(workspace)
     start, free = state.place[i] * headings + state.heading[i], state.free[i]
@@ -64,7 +65,7 @@ def time_dependent_path(view, workspace, state, i, around, steps):
             return write_path(grid, workspace, pose, steps)
         flags = np.int64(type_cell_flags[cell])
         ways = ways_on(flags, cell == state.place[i])
-        for way in range(heading, 4, headings):
+        for way in range(heading, 4, apart):
             after = cell + grid.offset[way]
             if (ways >> way) & 1 == 0 or is_closed(view, after, way, target, around):
                 continue
@@ -76,10 +77,11 @@ def time_dependent_path(view, workspace, state, i, around, steps):
             size = label(
                 view, state, move, workspace, search, bits, size, to, dearer, later, target, way
             )
-        if headings > 1 and flags & MAY_TURN:
+        if apart > 1 and flags & MAY_TURN:
             dearer, later = cost + turn, now + np.int64(duration[ACTION_TURN])
-            for turned, how in ((1, TURNED_AHEAD), (-1, TURNED_BEHIND)):
-                to = cell * headings + ((heading + turned) & (headings - 1))
+            for turned in (1, -1):
+                to = cell * headings + ((heading + turned) & (apart - 1))
+                how = how_turned(pose, to)
                 size = label(
                     view, state, move, workspace, search, bits, size, to, dearer, later, target, how
                 )

@@ -57,7 +57,8 @@ def floor_fingerprint(grid: Grid, duration: Array) -> str:
     `duration`: (A,) ticks of each action of a robot of the first type.
     """
     costs = [int(duration[action]) for action in (ACTION_MOVE, ACTION_TURN)]
-    text = f"{grid.width} {grid.headings} {costs if grid.headings > 1 else []}"
+    headings = int(grid.type_headings[0])
+    text = f"{grid.width} {headings} {costs if headings > 1 else []}"
     digest = hashlib.blake2b(text.encode(), digest_size=16)
     digest.update((grid.cell_flags & np.uint8(31)).tobytes())
     digest.update(np.ascontiguousarray(grid.traffic_zone, np.int32).tobytes())

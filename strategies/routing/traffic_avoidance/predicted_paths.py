@@ -4,7 +4,13 @@ import numpy as np
 
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import GOAL_PICK, NIL
-from automaton.strategy.kernels import dropoff_cell, first_cell, next_stop_cell, with_load
+from automaton.strategy.kernels import (
+    dropoff_cell,
+    first_cell,
+    heading_towards,
+    next_stop_cell,
+    with_load,
+)
 from strategies.routing.astar.astar import astar
 
 
@@ -37,7 +43,7 @@ def count_predicted(view, workspace, ties, besides, steps, visible_world, field)
                 view, workspace, ties, i, robot_type, pose, goal_cell, steps, visible_world, field
             )
         if length > 0:
-            heading = np.int64(steps[length - 1]) & (headings - 1)
+            heading = heading_towards(view.grid, robots.type[i], np.int64(steps[length - 1]))
         beyond = next_goal_cell(view, i)
         if beyond != NIL:
             pose = goal_cell * headings + heading

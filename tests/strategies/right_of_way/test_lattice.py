@@ -9,7 +9,7 @@ from automaton.floor.drawn_floors import draw_floor
 from strategies.right_of_way.epibt.lattice import AGAINST_STREET, ALONG_STREET, lattice_weights
 
 FLOOR = draw_floor("....\n....\n....\n....")
-GRID = floor_for(FLOOR, "differential", "undirected").grid
+GRID = floor_for(FLOOR, "undirected").grid
 
 
 def streets(directions: tuple[int, int]) -> Iterator[str]:

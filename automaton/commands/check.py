@@ -100,9 +100,8 @@ def checked_study(file: str, args: argparse.Namespace) -> tuple[Study, tuple[Res
 
 def described_study(study: Study) -> str:
     """A good study in one line."""
-    runs = count(study.runs, "run")
-    points = count(len(study.points), "point")
-    return f"{study.name}: {points} x {count(study.replications, 'replication')}, {runs}, ok"
+    replications, runs = study.planned
+    return f"{study.name}: {count(len(study.points), 'point')} x {replications}, {runs}, ok"
 
 
 def print_study_warnings(study: Study, scenarios: Sequence[Resolved]) -> None:

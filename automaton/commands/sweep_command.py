@@ -190,13 +190,13 @@ class Listener:
 
     def line(self, seconds: float) -> str:
         """How far it is, after so many seconds."""
-        made = self.done - self.before
-        if not made:
+        fresh = self.done - self.before
+        if not fresh:
             return (
                 f"{self.done:,} of {count(self.total, 'run')}; none done yet in {duration(seconds)}"
             )
-        left = (self.total - self.done) * seconds / made
-        rate = f"{made / max(seconds, 1e-3):,.1f} a second"
+        left = (self.total - self.done) * seconds / fresh
+        rate = f"{fresh / max(seconds, 1e-3):,.1f} a second"
         return f"{self.done:,} of {count(self.total, 'run')}, {rate}, about {duration(left)} left"
 
     def decide(self, store: Store) -> int | None:

@@ -110,15 +110,15 @@ def coverage(
 
 def run_in_rounds(runs: Values, at_least: int, at_most: int, precision: float) -> tuple[int, int]:
     """(runs, rounds) that a study of one mean makes of these runs until it is so precise."""
-    made, rounds = at_least, 1
+    n, rounds = at_least, 1
     while True:
-        sample = runs[:made]
+        sample = runs[:n]
         half = precision * abs(float(sample.mean()))
         wanted = fewest(float(sample.var(ddof=1)), 1.0, half, DEFAULT_CONFIDENCE)
-        following = next_round(made, wanted, at_most)
+        following = next_round(n, wanted, at_most)
         if following is None:
-            return made, rounds
-        made, rounds = following, rounds + 1
+            return n, rounds
+        n, rounds = following, rounds + 1
 
 
 def round_coverage(
@@ -132,10 +132,10 @@ def round_coverage(
     found = []
     for _ in range(studies):
         runs = pool[rng.integers(0, len(pool), 10 * needed)]
-        made, rounds = run_in_rounds(runs, at_least, len(runs), precision)
-        found.append((mean_interval(runs[:made]).holds(truth), made, rounds))
-    held, made_runs, made_rounds = np.mean(np.array(found, np.float64), axis=0)
-    return float(held), float(made_runs), float(made_rounds)
+        n, rounds = run_in_rounds(runs, at_least, len(runs), precision)
+        found.append((mean_interval(runs[:n]).holds(truth), n, rounds))
+    held, mean_runs, mean_rounds = np.mean(np.array(found, np.float64), axis=0)
+    return float(held), float(mean_runs), float(mean_rounds)
 
 
 def round_coverages(studies: int = STUDIES, workers: int | None = None) -> bool:

@@ -43,7 +43,7 @@ def written(folder: Path, at_most: int = 60, precision: str = "0.05") -> Path:
 
 
 @pytest.mark.parametrize(
-    ("made", "wanted", "at_most", "expected"),
+    ("n", "wanted", "at_most", "expected"),
     [
         (20, 20, 200, None),  # enough
         (20, 7, 200, None),
@@ -55,9 +55,9 @@ def written(folder: Path, at_most: int = 60, precision: str = "0.05") -> Path:
     ],
 )
 def test_the_next_round_is_what_the_variance_says_within_limits(
-    made: int, wanted: int, at_most: int, expected: int | None
+    n: int, wanted: int, at_most: int, expected: int | None
 ) -> None:
-    assert next_round(made, wanted, at_most) == expected
+    assert next_round(n, wanted, at_most) == expected
 
 
 def test_a_sweep_ends_when_its_intervals_are_as_narrow_as_declared(

@@ -17,12 +17,12 @@ MIN_GROWTH: Final = 1.1  # of the runs from one round to the next
 MAX_GROWTH: Final = 2.0
 
 
-def next_round(made: int, wanted: int, at_most: int) -> int | None:
-    """Runs of each point after the next round; None if `made` are enough, or are all there may be.
+def next_round(n: int, wanted: int, at_most: int) -> int | None:
+    """Runs of each point after the next round; None if `n` are enough, or are all there may be.
 
-    `wanted`: the runs that the declared precision takes, by the variances of those made.
+    `wanted`: the runs that the declared precision takes, by their variances.
     """
-    if wanted <= made or made >= at_most:
+    if wanted <= n or n >= at_most:
         return None
-    least, most = math.ceil(MIN_GROWTH * made), math.floor(MAX_GROWTH * made)
+    least, most = math.ceil(MIN_GROWTH * n), math.floor(MAX_GROWTH * n)
     return min(at_most, max(least, min(most, wanted)))

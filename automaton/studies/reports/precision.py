@@ -49,20 +49,20 @@ def next_replications(store: Store) -> NextRound | None:
     wanted = most_wanted(results)
     if wanted is None:
         return None
-    made, at_most = store.manifest.replications, store.declared.max_replications
-    replications = next_round(made, wanted.runs, at_most)
+    n, at_most = store.manifest.replications, store.declared.max_replications
+    replications = next_round(n, wanted.runs, at_most)
     if replications is None:
         return None
     precision = percent(results.analysis.precision or 0.0)
     why = (
-        f"{made:,} runs of each point are done; {wanted.interval} to within {precision} takes about "
+        f"{n:,} runs of each point are done; {wanted.interval} to within {precision} takes about "
         f"{wanted.runs:,}: going on to {replications:,}"
     )
     return NextRound(replications, why)
 
 
 def most_wanted(results: Results) -> Wanted | None:
-    """The interval that takes the most runs; None where there is none of which a share can be taken."""
+    """The interval that takes the most runs; None without an interval of which a share can be taken."""
     return max(_wanted(results), key=lambda one: one.runs, default=None)
 
 
@@ -76,9 +76,9 @@ def _wanted(results: Results) -> Iterator[Wanted]:
             name = point_name(results.study, one.a)
             against = levels_apart(results.study, one.a, one.b)
             if runs is not None:
-                made = min(one.runs)
+                usable = min(one.runs)
                 yield Wanted(
-                    _with_lost(runs, made, results), f"{one.metric} of {name} against {against}"
+                    _with_lost(runs, usable, results), f"{one.metric} of {name} against {against}"
                 )
 
 
@@ -97,8 +97,8 @@ def _wanted_of_means(results: Results) -> Iterator[Wanted]:
 
 def _with_lost(runs: int, usable: int, results: Results) -> int:
     """Runs to make so that so many count, where some failed or did not finish."""
-    made = results.study.max_replications
-    return runs if runs <= usable else math.ceil(runs * made / usable)
+    n = results.study.max_replications
+    return runs if runs <= usable else math.ceil(runs * n / usable)
 
 
 def stopping_text(results: Results) -> str:
@@ -106,20 +106,20 @@ def stopping_text(results: Results) -> str:
     rounds, precision = results.rounds, percent(results.analysis.precision or 0.0)
     what = "means" if results.analysis.comparisons == "none" else "differences"
     sizes = ", ".join(f"{n:,}" for n in rounds)
-    made = f"{count(len(rounds), 'round')} of {sizes} runs, until {what} are within {precision}"
-    return f"{made}: {_end(results)}"
+    text = f"{count(len(rounds), 'round')} of {sizes} runs, until {what} are within {precision}"
+    return f"{text}: {_end(results)}"
 
 
 def _end(results: Results) -> str:
     if any(results.counts(point).missing for point in results.points):
         return "the last one is not done yet"
-    wanted, made = most_wanted(results), results.rounds[-1]
+    wanted, n = most_wanted(results), results.rounds[-1]
     if wanted is None:
         return "ended, since no interval can be compared with a mean"
-    if wanted.runs <= made:
+    if wanted.runs <= n:
         return "reached"
-    bounded = made >= results.at_most
-    return f"not reached, ended by at_most {made:,}" if bounded else "not reached yet"
+    bounded = n >= results.at_most
+    return f"not reached, ended by at_most {n:,}" if bounded else "not reached yet"
 
 
 def stopping_remarks(results: Results) -> Iterator[str]:

@@ -66,7 +66,7 @@ def forecast(
     retry_failed: bool = False,
     recompute: bool = False,
 ) -> Forecast:
-    """Run a few points once, in this process, and reckon. Nothing is written.
+    """Run a few points once, in this process, and estimate. Nothing is written.
 
     `trial`: of one worker, which starts and loads what all of them will; it is closed. What must be
     compiled is compiled here, and the sweep finds it. `retry_failed`: runs that failed are done again,
@@ -126,7 +126,7 @@ def done_in(folder: Path, plan: SweepPlan, retry_failed: bool, recompute: bool =
 
 
 def pilot(plan: SweepPlan, point: int, budget: float) -> tuple[float, bool, int]:
-    """Seconds of a run, whether it was cut off and reckoned from its beginning, bytes of its row."""
+    """Seconds of a run, whether it was cut off and estimated from its beginning, bytes of its row."""
     resolved = plan.scenarios[point]
     limit = resolved.scenario.stop.max_duration
     begun = time.perf_counter()

@@ -175,7 +175,7 @@ def test_the_zone_of_a_mean_is_told_in_the_time_that_was_typed() -> None:
         make_question(target, (1, 1), mean=True), synthetic([1.0], np.random.default_rng(1))
     )
     told = texts(session)
-    assert "so that makespan <= 60 ticks (30 s)?" in told
+    assert "so that on average makespan <= 60 ticks (30 s)?" in told
     assert "Zone 0.6 ticks (0.3 s): " in told
 
 
@@ -206,7 +206,7 @@ def test_a_fleet_that_a_bound_excludes_shows_the_runs_it_had_all_the_same() -> N
     told = texts(session)
     assert re.search(r"^ +1 +60 +0 +0 .*fails \(bound\)$", told, re.M)
     assert "1: fails without a run, too much work" in told
-    assert "A verdict falls after so many runs of a fleet; the others end its round" in told
+    assert "A verdict falls after so many runs of a fleet; the others were under way" in told
 
 
 def test_what_is_left_of_the_budget_and_what_would_be_needed_are_told() -> None:

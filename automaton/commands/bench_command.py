@@ -85,7 +85,7 @@ def measurements(parts: Sequence[str]) -> list[Measurement]:
 
 
 def measure(wanted: Sequence[Measurement], repeat: int, figures: list[Figure]) -> int:
-    """Append a figure for each measurement; return how many could not be taken, and say why."""
+    """Append what is measured; return how many could not be, and say why."""
     from automaton.bench.measurement import NotMeasuredError, take
 
     unmeasured = 0
@@ -130,13 +130,13 @@ def print_figures(figures: Sequence[Figure], repeat: int) -> None:
     print_blocks(out, [table, "", f"{count(repeat, 'sample')} each at most; {machine(figures)}"])
 
 
-def machine(figures: Sequence[Figure] = ()) -> str:
+def machine(measured: Sequence[Figure] = ()) -> str:
     """This machine, and how busy it was: times on the wall are too long on a busy one."""
     from automaton.bench.measurement import load
 
     cores = os.cpu_count() or 1
     text = f"{platform.machine()} {platform.system()}, {cores} cores"
-    loads = [*(one.load for one in figures), load()]
+    loads = [*(one.load for one in measured), load()]
     known = sorted(one for one in loads if one is not None)
     if not known:
         return text

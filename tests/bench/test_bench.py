@@ -85,8 +85,8 @@ def test_a_figure_is_the_median_between_the_extremes_after_a_warm_up() -> None:
     values = iter([1000.0, 3.0, 1.0, 2.00004, 7.0, 9.0])
     figure = take(Measurement("it", "s", lambda: lambda: next(values)), 5)
     told = {"name": "it", "unit": "s", "median": 3.0, "low": 1.0, "high": 9.0}
-    assert figure._replace(load=None)._asdict() == {**told, "load": None}
-    assert figure.load is not None and figure.load >= 0
+    found = figure._asdict()
+    assert found.pop("load") >= 0 and found == told
     assert take(Measurement("it", "s", lambda: lambda: 5.0, warm_up=False), 1).low == 5.0
     few = iter([4.0, 6.0])
     slow = Measurement("it", "s", lambda: lambda: next(few), warm_up=False, at_most=2)
@@ -316,7 +316,7 @@ def test_what_cannot_be_measured_is_named_and_the_rest_is_measured(
     assert "not measured: first: the viewer has ended (" in told.err and "load" in told.err
 
 
-def test_a_session_that_cannot_be_measured_is_not_tried_for_each_of_its_figures(
+def test_a_session_that_cannot_be_measured_is_tried_once(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     tries = []

@@ -133,3 +133,13 @@ def test_a_symbol_that_looks_like_another_is_told_which(tmp_path: Path) -> None:
         resolve(path)
     assert "shift.yaml:7: row 3, column 5 of the picture: '█' has no meaning" in str(error.value)
     assert "did you mean '#'?" in str(error.value)
+
+
+def test_a_row_of_a_picture_that_is_too_short_is_warned_of(tmp_path: Path) -> None:
+    path = tmp_path / "hall.yaml"
+    text = "name: hall\nlayout:\n  picture: |\n    .....\n    ...\n    ...#\nfleet: {robots: 1}\n"
+    path.write_text(text + "orders: {list: [{stops: [[0, 0]]}]}\n")
+    assert scenario_warnings(resolve(path)) == [
+        "row 2 of the picture ends with '.' after 3 characters, and others have 5: the rest of the row "
+        "is wall; write # there if that is meant"
+    ]

@@ -72,7 +72,8 @@ def short_rows(resolved: Resolved) -> str:
         if row and len(row) < width and row[-1] not in "# ":
             return (
                 f"row {number} of the picture ends with {row[-1]!r} after "
-                f"{count(len(row), 'character')}, and others have {width:,}: the rest of the row is wall; write # there if that is meant"
+                f"{count(len(row), 'character')}, and others have {width:,}: the rest "
+                "of the row is wall; write # there if that is meant"
             )
     return ""
 

@@ -31,7 +31,7 @@ from automaton.studies.sizing.fleet_runs import (
 )
 from automaton.studies.sizing.fleet_search import Candidate, FleetConfig, Run, Search, judged
 from automaton.studies.sizing.question import Target, make_question, read_target
-from automaton.studies.sizing.sizing_report import picture, print_answer, with_half
+from automaton.studies.sizing.sizing_report import changed, picture, print_answer, with_half
 from automaton.studies.sizing.sizing_session import RunBudget, SizingSession
 from automaton.units import Unit
 
@@ -481,3 +481,9 @@ def test_a_steady_state_without_a_warm_up_is_no_target(measure: str, capsys: Any
     )  # fmt: skip
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert "would count the start-up" in err and "--set measure.warm_up=N" in err
+
+
+def test_shorter_durations_say_what_becomes_of_moves() -> None:
+    assert changed(["durations.turn=20"]) == "turn 20, moves as they are"
+    late = "world.extra_tick_probability=0.1"
+    assert changed(["durations.turn=24", late]) == "turn 24, moves a tick longer in 10 %"

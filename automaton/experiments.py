@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from automaton.errors import InputError
-from automaton.studies.sweeps.study import Analysis, Point, Study, read_study
+from automaton.studies.sweeps.study import Analysis, Point, Replications, Study, read_study
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -31,9 +31,10 @@ if TYPE_CHECKING:
     from automaton.scenario.document import Override
     from automaton.scenario.schema import Scenario
     from automaton.studies.sizing.sizing_record import SizingResult
+    from automaton.studies.sweeps.result_store import Store
     from automaton.tables.table_run import TableRun
 
-__all__ = ["Analysis", "Point", "Study", "read_study", "simulate", "size", "sweep"]
+__all__ = ["Analysis", "Point", "Replications", "Study", "read_study", "simulate", "size", "sweep"]
 
 
 def simulate(
@@ -124,6 +125,7 @@ def sweep(
     `if __name__ == "__main__":`). Raises InputError as `automaton sweep` does; what is done when
     something is raised is kept in `out`.
     """
+    from automaton.studies.reports.precision import next_replications
     from automaton.studies.sweeps.pools import MAX_WORKERS, Backend, ExternalExecutor, LocalPool
     from automaton.studies.sweeps.sweep_plan import copies_of, make_sweep_plan
     from automaton.studies.sweeps.sweep_session import sweep_into
@@ -140,15 +142,25 @@ def sweep(
             return DaskCluster(str(scheduler))
         return LocalPool(workers) if executor is None else ExternalExecutor(executor)
 
+    def decide(store: Store) -> int | None:
+        following = next_replications(store)
+        return None if following is None else following.replications
+
     plan = make_sweep_plan(study)
     if out is not None:
         copies = copies_of(study, plan)
         swept = sweep_into(
-            Path(out), plan, backend, recompute, retry_failed=retry_failed, copies=copies
+            Path(out),
+            plan,
+            backend,
+            recompute,
+            retry_failed=retry_failed,
+            copies=copies,
+            decide=decide,
         )
         return swept.store.rows()
     with tempfile.TemporaryDirectory(prefix="automaton-sweep-") as folder:
-        return sweep_into(Path(folder), plan, backend).store.rows()
+        return sweep_into(Path(folder), plan, backend, decide=decide).store.rows()
 
 
 def size(

@@ -6,6 +6,7 @@ core; compiled kernels run on one core, so on an idle machine it equals the time
 
 from __future__ import annotations
 
+import os
 import statistics
 import time
 from collections.abc import Callable, Sequence
@@ -23,6 +24,10 @@ MS_PER_RUN = "ms CPU per run"
 MS = "ms"
 SECONDS = "s"
 EXPONENT = "exponent"  # of a size in the time that it takes
+
+
+class NotMeasuredError(Exception):
+    """What was to be timed did not happen in time, or ended; says what."""
 
 
 class Measurement(NamedTuple):
@@ -44,6 +49,7 @@ class Figure(NamedTuple):
     median: float
     low: float
     high: float
+    load: float | None = None  # processes that wanted a core in the last minute; None: not known
 
 
 def take(measurement: Measurement, repeat: int) -> Figure:
@@ -53,8 +59,13 @@ def take(measurement: Measurement, repeat: int) -> Figure:
         sample()
     samples = max(min(repeat, measurement.at_most), measurement.at_least)
     values = [sample() for _ in range(samples)]
-    figures = (rounded(f(values)) for f in (statistics.median, min, max))
-    return Figure(measurement.name, measurement.unit, *figures)
+    median, low, high = (rounded(f(values)) for f in (statistics.median, min, max))
+    return Figure(measurement.name, measurement.unit, median, low, high, load())
+
+
+def load() -> float | None:
+    """The load average of the last minute; None where the system keeps none."""
+    return round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None
 
 
 def rounded(value: float) -> float:

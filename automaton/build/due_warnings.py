@@ -17,9 +17,11 @@ def due_warnings(resolved: Resolved) -> list[str]:
 
 def due_too_early(resolved: Resolved) -> str:
     """Warn about orders that are due before they are released, which real files have."""
+    if resolved.orders_of_file:
+        return ""  # its rows are warned of by their lines
     orders = resolved.scenario.orders
     lines = listed_lines(orders)
-    what = "line" if lines else "order"
+    key, what = ("orders.lines", "line") if lines else ("orders.list", "order")
     times = [(one.due_tick, one.release) for one in orders.listed or ()]
     early = [
         number for number, (due, release) in enumerate(times) if due is not None and due < release
@@ -28,10 +30,10 @@ def due_too_early(resolved: Resolved) -> str:
     if not early:
         return ""
     if len(early) == 1:
-        return f"{what} {early[0]:,} is due before it is released, and so late at once"
+        return f"{key}[{early[0]}] is due before it is released, and so late at once"
     return (
         f"{count(len(early), what)} are due before they are released, and so late at once; the first "
-        f"of them is {what} {early[0]:,}"
+        f"of them is {key}[{early[0]}]"
     )
 
 

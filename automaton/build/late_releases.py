@@ -10,7 +10,8 @@ import numpy as np
 
 from automaton.build.resolve import Resolved
 from automaton.floor.cells import SHELF
-from automaton.scenario.orders import Mean, MeanTime
+from automaton.scenario.line_table import line_column
+from automaton.scenario.orders import Mean, MeanTime, listed_lines
 from automaton.units import count, ticks_and_time, unit
 
 
@@ -30,10 +31,14 @@ def late_releases(resolved: Resolved) -> list[str]:
     stop, tick = resolved.scenario.stop, unit(resolved.scenario.units.tick)
     end, ends_with_orders = stop.max_duration, stop.when != "never"
     over = f"when the run is over (stop.max_duration {ticks_and_time(end, tick)})"
-    listed = resolved.scenario.orders.listed or ()
-    late = [line.release for line in listed if line.release >= end]
+    orders, lines = resolved.scenario.orders, listed_lines(resolved.scenario.orders)
+    releases = [line.release for line in orders.listed or ()]
+    if lines:
+        releases = line_column(lines, "release").tolist()
+    late = [release for release in releases if release >= end]
     if late:
-        which = f"{len(late):,} of {count(len(listed), 'order')} in the list"
+        what = count(len(releases), "line" if lines else "order")
+        which = f"{len(late):,} of {what} in the {'file' if resolved.orders_of_file else 'list'}"
         comes = "comes" if len(late) == 1 else "come"
         unfinished = ", so it will not finish" if ends_with_orders else ""
         return [

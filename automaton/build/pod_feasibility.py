@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from automaton.build.capabilities import FleetOnFloor
 from automaton.build.queues import queue_path
-from automaton.errors import nearest
+from automaton.errors import InputError, nearest
 from automaton.floor.cells import DIRECTIONS, STATION, STORAGE
 from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.loaded_ways import to_and_from
@@ -120,6 +120,10 @@ def check_listed_pods(document: Document, scenario: Scenario, floor_plan: FloorP
     drawn[list(standing)] = False
     if drawn.any():
         x, y = floor_plan.xy(int(np.argmax(drawn)))
+        file = next((one.file for one in document.listed if one.keys == ("pods", "list")), None)
+        if file is not None:
+            text = f"has no pod at [{x}, {y}], where the layout has one: add a row, or draw it as q"
+            raise InputError(text, file)
         text = f"the layout has a pod at [{x}, {y}], and pods.list has none there: draw it as q"
         raise document.error(("layout",), text)
 
@@ -194,11 +198,11 @@ def check_queue(
 ) -> None:
     """The queue of a station is a path along which robots drive to it. Raises InputError."""
     keys: Keys = ("stations", name, "queue")
-    before = station.at
+    before, hint = station.at, outwards(station)
     for number, (x, y) in enumerate(station.queue):
         if (x != before[0]) == (y != before[1]):
             text = f"the queue of {name} goes from {list(before)} to [{x}, {y}]"
-            raise document.error((*keys, number), f"{text}: along neither a row nor a column")
+            raise document.error((*keys, number), f"{text}: along neither a row nor a column{hint}")
         if not floor_plan.holds(x, y):
             raise document.error((*keys, number), f"[{x}, {y}] lies outside the floor")
         before = (x, y)
@@ -211,16 +215,27 @@ def check_queue(
             text = f"the queue of {name} comes to [{x}, {y}], which is {whose}"
             if owner[cell] == name:
                 text = f"the queue of {name} comes twice to [{x}, {y}]"
-            raise document.error(keys, text)
+            raise document.error(keys, text + hint)
         if not floor_plan.exits.flat[cell] >> way & 1:
             text = f"the queue of {name} breaks at [{x}, {y}]: from there no robot drives "
-            raise document.error(keys, text + DIRECTIONS[way])
+            raise document.error(keys, text + DIRECTIONS[way] + hint)
         if floor_plan.capacity.flat[cell] != 1:
             raise document.error(
                 keys, f"[{x}, {y}] in the queue of {name} has room for more than one robot"
             )
         owner[cell] = name
         ahead = cell
+
+
+def outwards(station: PodStation) -> str:
+    """The rule that a queue breaks whose last cell is nearer to the station than its first; or ""."""
+    if len(station.queue) < 2:
+        return ""
+    x, y = station.at
+    first, *_, last = (abs(u - x) + abs(v - y) for u, v in station.queue)
+    if last >= first:
+        return ""
+    return "; a queue is listed from the cell next to its station outwards: turn the list round"
 
 
 def check_pod_ways(document: Document, fleet: FleetOnFloor) -> None:

@@ -61,6 +61,7 @@ class Resolved:
     conversions: tuple[Conversion, ...] = ()  # of texts with units, but for those of strategies
     file_notes: tuple[str, ...] = ()  # what was read of a file of orders, for `check`
     file_warnings: tuple[str, ...] = ()  # and what is odd in it
+    orders_of_file: bool = False  # whether its orders, or their lines, come from a file
 
     @cached_property
     def fleet(self) -> FleetOnFloor:
@@ -140,7 +141,10 @@ def resolve(
             if file is not None
         ),
         conversions=conversions,
-        file_notes=() if order_file is None else order_file.notes,
+        file_notes=tuple(
+            note for file in (pod_file, order_file) if file is not None for note in file.notes
+        ),
+        orders_of_file=order_file is not None,
         file_warnings=() if order_file is None else order_file.warnings,
     )
     vars(resolved)["fleet"] = fleet  # with the facts that the checks have found

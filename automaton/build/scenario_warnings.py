@@ -36,6 +36,7 @@ def scenario_warnings(resolved: Resolved) -> list[str]:
         stays_on_station(resolved),
         resolved.fleet.handed_over(),
         counts_as_seconds(resolved),
+        short_rows(resolved),
     )
     sentences = [sentence for sentence in found if sentence]
     return [
@@ -60,6 +61,20 @@ def nothing_to_avoid(resolved: Resolved) -> str:
             f"routing {routing} finds no traffic to avoid: every cell holds any number of robots "
             "and world.slowdown is none, so no robot slows another; set world.slowdown: zones"
         )
+    return ""
+
+
+def short_rows(resolved: Resolved) -> str:
+    """Warn about rows of a picture that end on a cell that robots drive on, before others do."""
+    rows = str(resolved.scenario.layout.get("picture", "")).rstrip().split("\n")
+    width = max(map(len, rows))
+    for number, row in enumerate(rows, 1):
+        if row and len(row) < width and row[-1] not in "# ":
+            return (
+                f"row {number} of the picture ends with {row[-1]!r} after "
+                f"{count(len(row), 'character')}, and others have {width:,}: the rest "
+                "of the row is wall; write # there if that is meant"
+            )
     return ""
 
 

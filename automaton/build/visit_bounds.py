@@ -141,5 +141,6 @@ def bounds_in_words(resolved: Resolved) -> list[str]:
     return [
         f"{robots:,.0f} visits {article} {each} by {count(bounds.robots, 'robot')} and "
         f"{stations:,.0f} by {count(bounds.stations, 'station')} at most, if lines want all pods alike, "
-        "each is a trip of its own, and pods go back to where they stood"
+        "each is a trip of its own, and pods go back to where they stood; drives without a pod are not "
+        "counted"
     ]

@@ -1,6 +1,6 @@
 """Measure the speed of this machine: medians of several samples, on one core, after a warm-up.
 
-Exit code 0: measured; 2: bad input.
+Exit code 0: measured; 1: some could not be measured, each of which is named; 2: bad input.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from automaton.bench import PARTS
-from automaton.commands.arguments import progress_bar
+from automaton.commands.arguments import note, progress_bar
 from automaton.errors import InputError, nearest
 
 if TYPE_CHECKING:
@@ -50,14 +50,15 @@ def run(args: argparse.Namespace) -> int:
     parts = chosen(args.only, args.compile, args.startup)
     wanted = measurements(parts)
     figures: list[Figure] = []
+    unmeasured = 0
     try:
-        measure(wanted, args.repeat, figures)
+        unmeasured = measure(wanted, args.repeat, figures)
     finally:
         if args.json:
             print(json.dumps([figure._asdict() for figure in figures], indent=2))
         elif figures:
             print_figures(figures, args.repeat)
-    return 0
+    return 1 if unmeasured else 0
 
 
 def chosen(only: Sequence[str], compile_too: bool, startup_too: bool) -> list[str]:
@@ -83,14 +84,20 @@ def measurements(parts: Sequence[str]) -> list[Measurement]:
     return found
 
 
-def measure(wanted: Sequence[Measurement], repeat: int, figures: list[Figure]) -> None:
-    """Append a figure for each measurement."""
-    from automaton.bench.measurement import take
+def measure(wanted: Sequence[Measurement], repeat: int, figures: list[Figure]) -> int:
+    """Append what is measured; return how many could not be, and say why."""
+    from automaton.bench.measurement import NotMeasuredError, take
 
+    unmeasured = 0
     with progress(len(wanted)) as tell:
         for measurement in wanted:
             tell(measurement.name)
-            figures.append(take(measurement, repeat))
+            try:
+                figures.append(take(measurement, repeat))
+            except NotMeasuredError as error:
+                unmeasured += 1
+                note(f"not measured: {measurement.name}: {error} ({machine()})")
+    return unmeasured
 
 
 @contextlib.contextmanager
@@ -120,11 +127,19 @@ def print_figures(figures: Sequence[Figure], repeat: int) -> None:
         for one in figures
     ]
     table = Table(("measured", "median", "low", "high", "unit"), rows, also_left=(4,))
-    print_blocks(out, [table, "", f"{count(repeat, 'sample')} each; {machine()}"])
+    print_blocks(out, [table, "", f"{count(repeat, 'sample')} each at most; {machine(figures)}"])
 
 
-def machine() -> str:
-    """This machine, and how busy it is: figures of a busy one are too high."""
+def machine(measured: Sequence[Figure] = ()) -> str:
+    """This machine, and how busy it was: times on the wall are too long on a busy one."""
+    from automaton.bench.measurement import load
+
     cores = os.cpu_count() or 1
-    load = f", load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
-    return f"{platform.machine()} {platform.system()}, {cores} cores{load}"
+    text = f"{platform.machine()} {platform.system()}, {cores} cores"
+    loads = [*(one.load for one in measured), load()]
+    known = sorted(one for one in loads if one is not None)
+    if not known:
+        return text
+    low, high = known[0], known[-1]
+    busy = "; busy: times on the wall are too long" if high > cores else ""
+    return f"{text}, load {low:.1f}" + (f" to {high:.1f}" if high > low else "") + busy

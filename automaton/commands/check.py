@@ -16,6 +16,7 @@ import numpy as np
 from automaton.atomic_write import atomic_writer, cannot_write_error
 from automaton.build.conversion_table import conversion_lines
 from automaton.build.default_right_of_way import why_not_steered
+from automaton.build.plain_numbers import plain_number_line
 from automaton.build.resolve import Resolved, document_of, resolve
 from automaton.build.scenario_warnings import scenario_warnings
 from automaton.build.visit_bounds import bounds_in_words
@@ -69,8 +70,10 @@ def run(args: argparse.Namespace) -> int:
             document = document_of(file, args.settings)
             check_files(resolved, document)
             print(described(resolved, names_right_of_way(document)))
-            for line in (*resolved.file_notes, *conversion_lines(resolved)):
-                print(f"  {line}")
+            plain = plain_number_line(document, resolved.scenario.units.scale)
+            for line in (*resolved.file_notes, *conversion_lines(resolved), plain):
+                if line:
+                    print(f"  {line}")
             for line in bounds_in_words(resolved):
                 print(f"  {line}")
             print_warnings(resolved)
@@ -100,9 +103,8 @@ def checked_study(file: str, args: argparse.Namespace) -> tuple[Study, tuple[Res
 
 def described_study(study: Study) -> str:
     """A good study in one line."""
-    runs = count(study.runs, "run")
-    points = count(len(study.points), "point")
-    return f"{study.name}: {points} x {count(study.replications, 'replication')}, {runs}, ok"
+    replications, runs = study.planned
+    return f"{study.name}: {count(len(study.points), 'point')} x {replications}, {runs}, ok"
 
 
 def print_study_warnings(study: Study, scenarios: Sequence[Resolved]) -> None:

@@ -134,9 +134,11 @@ def as_json(args: argparse.Namespace, found: Explanation, snapshot: Snapshot) ->
     from automaton.engine.observation import CAUSES
     from automaton.engine.state import NIL
     from automaton.evidence.history.due_words import has_due_time, ticks_late
+    from automaton.evidence.history.station_words import has_trips
 
     order = int(snapshot.robots.order[args.robot])
     is_due = order != NIL and has_due_time(snapshot.orders, order)
+    is_trip = has_trips(snapshot)
     links = [
         {**link._asdict(), "blocker": None if link.blocker == NIL else link.blocker}
         for link in found.chain
@@ -145,7 +147,8 @@ def as_json(args: argparse.Namespace, found: Explanation, snapshot: Snapshot) ->
         "file": str(args.file),
         "robot": args.robot,
         "tick": args.at,
-        "order": None if order == NIL else order,
+        "order": None if order == NIL or is_trip else order,
+        "trip": order if order != NIL and is_trip else None,
         "due": int(snapshot.orders.due[order]) if is_due else None,
         "late": max(0, ticks_late(snapshot.orders, order, snapshot.tick)) if is_due else None,
         "waits": bool(found.chain[0].cause),

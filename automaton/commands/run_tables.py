@@ -69,6 +69,7 @@ class EventLines:
 
         self._history = EventHistory()
         self._rows: list[dict[str, Any]] = []
+        self._has_trips = False
         self.sampling = Sampling(0, lambda simulation: None, self._history)
 
     def finish(self, simulation: Simulation) -> None:
@@ -78,6 +79,7 @@ class EventLines:
 
         rows = event_rows(simulation, self._history.events)
         self._rows = rows_as_objects(event_form(simulation.resolved), rows)
+        self._has_trips = simulation.resolved.scenario.orders.lines is not None
 
     def as_json(self) -> dict[str, Any]:
         """What they add to the JSON of a run."""
@@ -87,12 +89,13 @@ class EventLines:
         """One line for each event."""
         dropped = self._history.log.dropped
         first = [f"{count(dropped, 'event')} before these are not kept"] if dropped else []
-        return first + [_line(row) for row in self._rows]
+        return first + [_line(row, self._has_trips) for row in self._rows]
 
 
-def _line(row: dict[str, Any]) -> str:
+def _line(row: dict[str, Any], has_trips: bool) -> str:
     parts = [f"tick {row['tick']:>7,}  {row['event']:<16}"]
-    parts += [f"{name} {row[name]}" for name in ("robot", "order") if row[name] is not None]
+    names = {"robot": "robot", "order": "trip" if has_trips else "order"}
+    parts += [f"{name} {row[key]}" for key, name in names.items() if row[key] is not None]
     if row["value"] is not None:
         parts.append(f"{row['value']:g}")
     if row["x"] is not None:

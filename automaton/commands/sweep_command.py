@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import math
 import sys
 import time
 from collections.abc import Iterator
@@ -27,7 +28,12 @@ from automaton.units import SECONDS_PER_UNIT, count
 
 if TYPE_CHECKING:
     from automaton.studies.sweeps.pools import Backend
-    from automaton.studies.sweeps.sweep_session import Forecast, SweepResult, SweepStart
+    from automaton.studies.sweeps.result_store import Store
+    from automaton.studies.sweeps.sweep_forecast import Forecast
+    from automaton.studies.sweeps.sweep_session import SweepResult, SweepStart
+
+
+LINE_EVERY_S = 60.0  # in a pipe
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -82,6 +88,7 @@ def run(args: argparse.Namespace) -> int:
             args.retry_failed,
             copies_of(args.study, plan),
             args.strategy_timeout,
+            listener.decide,
         )
     tell(args, swept, time.monotonic() - begun_at)
     return 1 if swept.failed else 0
@@ -101,11 +108,15 @@ def crew_of(args: argparse.Namespace) -> Backend:
 def dry_run(args: argparse.Namespace, plan: Any) -> int:
     """Say what the sweep would take."""
     from automaton.runs.process_pool import cores
-    from automaton.studies.sweeps.sweep_session import forecast
+    from automaton.studies.sweeps.pools import LocalPool
+    from automaton.studies.sweeps.sweep_forecast import forecast
 
-    found = forecast(plan, args.out, args.workers or cores(), args.retry_failed, args.recompute)
+    workers = args.workers or cores()
+    found = forecast(plan, args.out, workers, LocalPool(1), args.retry_failed, args.recompute)
     if args.json:
-        print(json.dumps({"study": plan.study.name, **found._asdict(), "wall_s": found.wall_s}))
+        seconds = {"wall_s": found.wall_s, "most_wall_s": found.most_wall_s}
+        known = {**found._asdict(), **seconds, "bytes": found.bytes}
+        print(json.dumps({"study": plan.study.name, **known}))
         return 0
     print(plan_text(plan, found))
     print(time_text(found))
@@ -116,8 +127,8 @@ def dry_run(args: argparse.Namespace, plan: Any) -> int:
 def plan_text(plan: Any, found: Forecast) -> str:
     """How many runs there are, and are left."""
     points = count(len(plan.points), "point")
-    repeated = count(plan.study.replications, "replication")
-    text = f"{plan.study.name}: {points} x {repeated} = {count(found.runs, 'run')}"
+    replications, runs = plan.study.planned
+    text = f"{plan.study.name}: {points} x {replications} = {runs}"
     return text + (f", of which {found.done:,} are done" if found.done else "")
 
 
@@ -125,9 +136,12 @@ def time_text(found: Forecast) -> str:
     """How long they will take."""
     least = "at least " if found.cut else ""
     spread = f"{found.least_s * 1e3:,.0f} to {found.most_s * 1e3:,.0f} ms"
+    seconds = duration(found.wall_s)
+    if found.most_runs > found.runs:
+        seconds += f" to {duration(found.most_wall_s)}, as precision takes,"
     return (
-        f"time: {least}{duration(found.wall_s)} with {count(found.workers, 'worker')} "
-        f"({spread} a run, by {count(found.pilots, 'pilot run')})"
+        f"time: {least}{seconds} with {count(found.workers, 'worker')} "
+        f"({duration(found.start_s)} to start; {spread} a run, by {count(found.pilots, 'pilot run')})"
     )
 
 
@@ -146,15 +160,18 @@ def size_text(size: int) -> str:
 
 
 class Listener:
-    """Hears how far a sweep is; shows nothing, but notes what to say."""
+    """Hears how far a sweep is, and notes on stderr what to say: in a pipe also a line a minute."""
 
-    def __init__(self, out: Path) -> None:
+    def __init__(self, out: Path, period_s: float = LINE_EVERY_S) -> None:
         self.out = out
-        self.total = self.done = 0
+        self.total = self.done = self.before = 0
+        self.since = self.said = time.monotonic()
+        self.period_s = period_s
 
     def begin(self, begun: SweepStart) -> None:
         """Tell on stderr what was found in the folder."""
         self.total, self.done = begun.runs, begun.done
+        self.since, self.before = time.monotonic(), begun.done
         for path in begun.aside:
             note(f"{path} is damaged; its runs are done again")
         if begun.reanalysed:
@@ -164,15 +181,40 @@ class Listener:
             )
 
     def rows(self, rows: list[Any]) -> None:
-        """Count what is done."""
+        """Count what is done; say so when it is time."""
         self.done += len(rows)
+        now = time.monotonic()
+        if now - self.said >= self.period_s:
+            self.said = now
+            note(self.line(now - self.since))
+
+    def line(self, seconds: float) -> str:
+        """How far it is, after so many seconds."""
+        fresh = self.done - self.before
+        if not fresh:
+            return (
+                f"{self.done:,} of {count(self.total, 'run')}; none done yet in {duration(seconds)}"
+            )
+        left = (self.total - self.done) * seconds / fresh
+        rate = f"{fresh / max(seconds, 1e-3):,.1f} a second"
+        return f"{self.done:,} of {count(self.total, 'run')}, {rate}, about {duration(left)} left"
+
+    def decide(self, store: Store) -> int | None:
+        """After a round: how many replications the next one makes; None: it is enough."""
+        from automaton.studies.reports.precision import next_replications
+
+        following = next_replications(store)
+        if following is None:
+            return None
+        note(following.why)
+        return following.replications
 
 
 class Bar(Listener):
     """Shows on a terminal's stderr how many runs are done, how fast, and how long the rest takes."""
 
     def __init__(self, out: Path) -> None:
-        super().__init__(out)
+        super().__init__(out, math.inf)
         from rich.console import Console
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
         from rich.progress import TimeRemainingColumn as Remaining
@@ -181,12 +223,9 @@ class Bar(Listener):
         columns = ("runs", BarColumn(), MofNCompleteColumn(), rate, "left", Remaining())
         self.bar = Progress(*columns, console=Console(stderr=True), transient=True)
         self.task = self.bar.add_task("runs", total=None, rate="")
-        self.since = time.monotonic()
-        self.before = 0
 
     def begin(self, begun: SweepStart) -> None:
         super().begin(begun)
-        self.since, self.before = time.monotonic(), begun.done
         self.bar.reset(self.task, total=begun.runs, completed=begun.done)
 
     def rows(self, rows: list[Any]) -> None:
@@ -197,7 +236,7 @@ class Bar(Listener):
 
 @contextlib.contextmanager
 def progress(out: Path) -> Iterator[Listener]:
-    """A progress bar on a terminal, nothing in a pipe; says what is kept after Ctrl-C."""
+    """A progress bar on a terminal, a line a minute in a pipe; says what is kept after Ctrl-C."""
     listener = Bar(out) if sys.stderr.isatty() else Listener(out)
     try:
         with listener.bar if isinstance(listener, Bar) else contextlib.nullcontext():
@@ -211,14 +250,20 @@ def progress(out: Path) -> Iterator[Listener]:
 
 def tell(args: argparse.Namespace, swept: SweepResult, seconds: float) -> None:
     """Say what was done."""
-    begun, tally = swept.begun, swept.tally
+    begun, tally, study = swept.begun, swept.tally, swept.store.study
     if args.json:
-        summary = {"study": swept.store.study.name, "out": str(args.out), "runs": begun.runs}
+        summary = {"study": study.name, "out": str(args.out), "runs": study.runs}
         summary |= {"existing": begun.done, **tally._asdict(), "failed": swept.failed}
         print_json({**summary, "wall_s": round(seconds, 3)})
     else:
         before = f" ({begun.done:,} were done before)" if begun.done else ""
-        print(f"{swept.store.study.name}: {count(begun.runs, 'run')} in {args.out}{before}")
+        print(f"{study.name}: {count(study.runs, 'run')} in {args.out}{before}")
+        if swept.store.declared.in_rounds:
+            from automaton.studies.reports.precision import stopping_remarks, stopping_text
+            from automaton.studies.reports.study_results import read_results
+
+            results = read_results(swept.store)
+            print(stopping_text(results), *stopping_remarks(results), sep="\n")
         if tally.unfinished:
             print(f"{count(tally.unfinished, 'run')} reached the limit of the scenario")
         if tally.repeated:

@@ -33,6 +33,11 @@ Legend = tuple[tuple[str, Symbol], ...]  # symbols beyond the built-in ones; has
 
 ROBOTS = frozenset("ABCDEFGHIJKLMNOPQRSTUVWXYZ")
 MAX_SIDE = 4096
+LOOK_ALIKES = {  # what is written for a symbol by other programs
+    **dict(zip("→←↑↓", "><^v", strict=True)),
+    **dict.fromkeys("█■▓X", "#"),
+    **dict.fromkeys("·•,", "."),
+}
 
 
 class PictureError(InputError):
@@ -127,11 +132,18 @@ def _symbols_of(codes: npt.NDArray[np.uint32], symbols: dict[str, Symbol]) -> di
             row, x = (int(index[0]) for index in np.nonzero(codes == ord(character)))
             known = "".join(sorted(set(symbols) - {" "}))
             raise PictureError(
-                f"the symbol {character!r} (character {x + 1} of its row) has no meaning; "
-                f"known are {known} and blanks, a legend may add others",
+                f"row {row + 1}, column {x + 1} of the picture: {character!r} has no meaning"
+                f"{_alike(character, symbols)}; known are {known}, blanks, and A to Z for robots; a "
+                "legend may add others",
                 row,
             )
     return used
+
+
+def _alike(character: str, symbols: dict[str, Symbol]) -> str:
+    """The symbol that was probably meant, where it is easily mistaken."""
+    meant = LOOK_ALIKES.get(character, character.lower())
+    return f"; did you mean {meant!r}?" if meant != character and meant in symbols else ""
 
 
 def _first_column_is_bays(codes: npt.NDArray[np.uint32]) -> bool:

@@ -50,6 +50,9 @@ class CsvColumns(NamedTuple):
     head: tuple[str, ...]  # the names of all columns
     lines: Array  # (n,) where each row begins, from 1
     columns: dict[str, TextColumn]  # by the names that were chosen
+    has_decimal_commas: bool = (
+        False  # its numbers may have them, as values stand between semicolons
+    )
 
 
 def read_csv_columns(path: Path, encoding: str, choose: Choice, errors: RowErrors) -> CsvColumns:
@@ -129,6 +132,7 @@ def _read(stream: Iterator[str], file: str, choose: Choice, errors: RowErrors) -
         tuple(head),
         _as_array(lines),
         {name: stripped(list(codes[name]), _as_array(numbers[name])) for name in chosen},
+        separator == ";",
     )
 
 

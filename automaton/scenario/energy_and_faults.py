@@ -179,6 +179,13 @@ class Delays(ConfigSection, frozen=True, kw_only=True):
         ),
     ] = ("move", "turn")
 
+    def __post_init__(self) -> None:
+        if self.probability >= 1:
+            raise ValueError(
+                "probability must be below 1: with 1 a robot is delayed again as soon as a delay ends, "
+                "for ever"
+            )
+
 
 class Faults(ConfigSection, frozen=True, kw_only=True):
     """Robots that go down, and what becomes of them."""

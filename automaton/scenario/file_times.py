@@ -139,16 +139,23 @@ def check_format(of_format: str) -> None:
         raise ValueError(f"time is the format '{of_format}', of dates without a year")
 
 
-def unreadable(text: str, of_format: str | None, others: Sequence[str]) -> str:
-    """Describe a text that is not a time, and a format for it; `others`: of the same column."""
+def unreadable(
+    text: str, of_format: str | None, others: Sequence[str], good: str | None = None
+) -> str:
+    """Describe a text that is not a time, and a format for it.
+
+    `others`: of the same column that are not, either; `good`: one that is a time.
+    """
     if _SERIAL.fullmatch(text):
         return f"{text!r} is a number of days, as spreadsheets store dates; format it as a date"
     expected = "ISO 8601 such as 2026-03-02 06:30:00, a time of the day, or ticks"
     if of_format is not None:
         expected = f"the format '{of_format}', such as {_example(of_format)}"
-    formats = fitting_formats([text, *others])
+    formats = fitting_formats([text, *others, *([good] if good is not None else [])])
     offers = "; set " + " or ".join(f'time: "{one}"' for one in formats) if formats else ""
-    if of_format is not None and _DATED.fullmatch(text):
+    if good is not None and not formats:
+        offers = f"; other rows are such as {good!r}: write it so"
+    elif of_format is not None and _DATED.fullmatch(text):
         offers = "; leave out time, and it is read as ISO 8601"
     return f"{text[:40]!r} is not a time; expected is {expected}{offers}"
 

@@ -32,7 +32,7 @@ from automaton.scenario.order_fields import (
     TextField,
 )
 from automaton.scenario.order_file import TransportFile
-from automaton.scenario.order_notes import reading_notes, start_warnings
+from automaton.scenario.order_notes import file_warnings, reading_notes
 from automaton.scenario.pod_file import pod_cells, pod_names, pod_numbers, skus_of
 from automaton.scenario.pods import LineDemand
 from automaton.scenario.schema import Scenario
@@ -87,7 +87,7 @@ def with_lines_of_file(
         columns.content_hash,
         columns,
         tuple(reading_notes(columns, scale)),
-        tuple(start_warnings(columns)),
+        tuple(file_warnings(columns)),
     )
     document = replace(document, listed=(*document.listed, listed))
     return document, msgspec.structs.replace(scenario, orders=orders), file

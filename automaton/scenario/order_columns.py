@@ -43,6 +43,8 @@ from automaton.scenario.text_lines import quoted
 
 WHERE: Final = "where "  # before the names of columns that only select rows
 WHOLE: Final = re.compile(r"[-+]?[0-9]{1,10}")
+ZERO_FRACTION: Final = re.compile(r"(?<=[0-9])\.0+$")
+DECIMAL_COMMA: Final = re.compile(r"([-+]?[0-9]+),([0-9]+)(?=[^0-9,.:]*$)")
 SHOWN: Final = 5  # values of a column in an error
 
 Array = NDArray[np.int32]
@@ -147,6 +149,11 @@ class _Chooser:
             raise InputError(text, self.file, line)
 
 
+def with_decimal_point(text: str) -> str:
+    """A number, or an amount such as "1,5 min", with a point for its decimal comma; else the text."""
+    return DECIMAL_COMMA.sub(r"\1.\2", text, count=1) if DECIMAL_COMMA.match(text) else text
+
+
 def _needs_column(field: Field) -> bool:
     return isinstance(field, ReleaseField) or getattr(field, "is_required", False)
 
@@ -208,6 +215,13 @@ class _Reader:
     def _column(self, name: str) -> TextColumn | None:
         return self.table.columns.get(name)
 
+    def _amounts(self, name: str) -> TextColumn | None:
+        """A column of numbers and times, in which a decimal comma has become a point."""
+        column = self._column(name)
+        if column is None or not self.table.has_decimal_commas:
+            return column
+        return TextColumn([with_decimal_point(text) for text in column.texts], column.codes)
+
     def _refuse(
         self, name: str, kind: str, is_bad: NDArray[np.bool_], sentence: Callable[[str], str]
     ) -> None:
@@ -256,12 +270,13 @@ class _Reader:
         return codes
 
     def _numbers(self, field: NumberField) -> Array:
-        column, default = self._column(field.name), field.default
+        column, default = self._amounts(field.name), field.default
         if column is None:
             return np.full(len(self.table.lines), default or 0, np.int32)
         numbers, is_bad = np.zeros(len(column.texts), np.int32), []
         for code, text in enumerate(column.texts):
-            number = int(text) if WHOLE.fullmatch(text) else None
+            plain = ZERO_FRACTION.sub("", text)
+            number = int(plain) if WHOLE.fullmatch(plain) else None
             if not text and default is not None:
                 number = default
             is_bad.append(number is None or not field.least <= number <= field.most)
@@ -279,16 +294,19 @@ class _Reader:
     def _times(self, release: ReleaseField, due: DueField | None) -> None:
         """Read when rows are released, and until when they are due."""
         of_format, scale, counts = self.options.time, self.scale, self.result.counts
-        texts = self.table.columns[release.name]
+        texts = self._amounts(release.name)
+        assert texts is not None, "a release is required"
         released = read_time_column(release.name, texts, of_format, scale, self._refuse)
         start = start_of(released, scale, counts)
         ticks = release_ticks(released, start, scale, counts, self._refuse)
         self.result.values[release.name] = np.maximum(ticks, 0).astype(np.int32)
         if due is None:
             return
-        column = self._column(due.name)
+        column = self._amounts(due.name)
         until = np.full(len(ticks), NO_DUE, np.int64)
         if column is not None:
             times = read_time_column(due.name, column, of_format, scale, self._refuse)
             until = due_ticks(times, ticks, start, scale, counts, self._refuse)
+            if counts.late_at_once:
+                counts.first_late_line = int(self.table.lines[int(np.argmax(until < ticks))])
         self.result.values[due.name] = until.astype(np.int32)

@@ -122,6 +122,7 @@ class Counts:
     tick_zero: str = ""  # the earliest release, where units.clock does not say what tick 0 is
     before_start: int = 0  # rows that are released before tick 0
     late_at_once: int = 0  # and that are due before their release
+    first_late_line: int = 0  # of the file, from 1
     rounded: int = 0  # times between two ticks
 
 

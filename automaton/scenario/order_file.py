@@ -25,7 +25,7 @@ from automaton.scenario.field_types import DueAt
 from automaton.scenario.locations import names_of_cells
 from automaton.scenario.order_columns import read_columns
 from automaton.scenario.order_fields import NO_DUE, NameField, OrderColumns
-from automaton.scenario.order_notes import reading_notes, start_warnings
+from automaton.scenario.order_notes import file_warnings, reading_notes
 from automaton.scenario.orders import OrderLine
 from automaton.scenario.schema import Scenario
 from automaton.scenario.transports import FIELDS, PLACES
@@ -77,7 +77,7 @@ def with_orders_of_file(
         columns.content_hash,
         columns,
         tuple(reading_notes(columns, scale)),
-        tuple(start_warnings(columns)),
+        tuple(file_warnings(columns)),
     )
     return document, msgspec.structs.replace(scenario, orders=orders), file
 

@@ -30,10 +30,17 @@ def reading_notes(columns: OrderColumns, scale: Scale) -> list[str]:
     return [f"{name}: {note}" for note in notes]
 
 
-def start_warnings(columns: OrderColumns) -> list[str]:
-    """Warn of rows that were released before tick 0, as files of running warehouses have them."""
-    if not columns.counts.before_start:
-        return []
-    rows = count(columns.counts.before_start, "row")
-    name = os.path.basename(columns.path)
-    return [f"{name}: {rows} released before tick 0, so known from the start"]
+def file_warnings(columns: OrderColumns) -> list[str]:
+    """Warn of rows that come before tick 0, or are due before they come, as real files have them."""
+    counts, name = columns.counts, os.path.basename(columns.path)
+    warnings = []
+    if counts.before_start:
+        rows = count(counts.before_start, "row")
+        warnings.append(f"{name}: {rows} released before tick 0, so known from the start")
+    if counts.late_at_once:
+        what = "due before it is released, and so late at once"
+        if counts.late_at_once > 1:
+            rows = count(counts.late_at_once, "row")
+            what = f"the first of {rows} due before they are released, and so late at once"
+        warnings.append(f"{name}:{counts.first_late_line}: {what}")
+    return warnings

@@ -72,7 +72,9 @@ def read_time_column(
         refuse(name, "tick", np.arange(count) == code, lambda text: f"{quoted(text)}: {message}")
         forms = np.zeros(count, np.uint8)
     others = [column.texts[code] for code in np.flatnonzero(bad).tolist()]
-    refuse(name, "time", bad, lambda text: unreadable(text, of_format, others))
+    readable = np.flatnonzero(forms > TICKS)
+    good = column.texts[readable[0]] if len(readable) else None
+    refuse(name, "time", bad, lambda text: unreadable(text, of_format, others, good))
     return TimeColumn(name, column, forms, [time.value for time in times])
 
 

@@ -30,6 +30,7 @@ from automaton.scenario.order_fields import (
     OrderFile,
     TextField,
 )
+from automaton.scenario.order_notes import reading_notes
 from automaton.scenario.pods import Pods
 from automaton.scenario.quantities import Scale
 from automaton.scenario.schema import Scenario
@@ -58,6 +59,7 @@ class PodFile(NamedTuple):
 
     path: str
     content_hash: str  # 16 hex digits
+    notes: tuple[str, ...]  # for `check`
 
 
 def with_pods_of_file(document: Document) -> tuple[Document, PodFile | None]:
@@ -80,7 +82,8 @@ def with_pods_of_file(document: Document) -> tuple[Document, PodFile | None]:
         data={**document.data, "pods": {**rest, "list": _pods(columns, rows)}},
         listed=(*document.listed, ListFile((*PODS, "list"), str(path), columns.lines[rows])),
     )
-    return document, PodFile(str(path.resolve()), columns.content_hash)
+    notes = tuple(reading_notes(columns, Scale("1 tick")))
+    return document, PodFile(str(path.resolve()), columns.content_hash, notes)
 
 
 def _sequence(columns: OrderColumns) -> Array:

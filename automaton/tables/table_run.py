@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from fractions import Fraction
 from pathlib import Path
 from typing import NamedTuple
@@ -99,12 +99,33 @@ def tables_at_end(simulation: Simulation, is_observed: bool) -> Iterator[Table]:
 def table_run(
     resolved: Resolved, options: TableOptions, until: int | None = None
 ) -> Iterator[TableRun]:
-    """Make the tables of a run within; whatever happens, files are closed. Raises InputError."""
+    """Make the tables of a run within; whatever happens, files are closed. Raises InputError.
+
+    Of a run that is interrupted, what was written stays; of one that fails, no file and no new folder.
+    """
+    folder = options.folder
+    before = None if folder is None or not folder.is_dir() else set(folder.iterdir())
     run = TableRun(resolved, options, until)
     try:
         yield run
-    finally:
+    except Exception:
         run.close()
+        if folder is not None:
+            _remove_new(folder, before)
+        raise
+    except BaseException:
+        run.close()
+        raise
+    run.close()
+
+
+def _remove_new(folder: Path, before: set[Path] | None) -> None:
+    """Remove the files that are not among those of before; the folder, too, if it was not there."""
+    with suppress(OSError):
+        for path in set(folder.iterdir()) - (before or set()):
+            path.unlink()
+        if before is None:
+            folder.rmdir()
 
 
 def period_of(states: str | int, resolved: Resolved) -> int:

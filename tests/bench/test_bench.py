@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -23,15 +24,16 @@ from automaton.bench import (
     warehouse_speed,
 )
 from automaton.bench.bench_floors import open_floor, scene
-from automaton.bench.measurement import Measurement, rounded, take
+from automaton.bench.measurement import Measurement, NotMeasuredError, rounded, take
 from automaton.bench.random_walk import random_walk, random_walk_in_spans
 from automaton.bench.step_speed import OPEN, Case, prepare, storage_of, walking_fleet
 from automaton.bench.table_look_ups import compute
-from automaton.commands import main
+from automaton.commands import bench_command, main
 from automaton.commands.bench_command import chosen, measurements
 from automaton.engine.state import LAYER_ALLOCATION, LAYER_ZONING, NIL, World
 from automaton.floor.cells import UNLIMITED
 from strategies.routing.astar.frontier import LARGER_G
+from tui.bench import viewer_measurement
 
 CROWDED = Case(200, 20)
 SMALL_FLOOR = {"generator": "random", "columns": 6, "rows": 6, "obstacles": 0.1}
@@ -82,7 +84,9 @@ def test_parts_are_chosen_by_name_and_by_option() -> None:
 def test_a_figure_is_the_median_between_the_extremes_after_a_warm_up() -> None:
     values = iter([1000.0, 3.0, 1.0, 2.00004, 7.0, 9.0])
     figure = take(Measurement("it", "s", lambda: lambda: next(values)), 5)
-    assert figure._asdict() == {"name": "it", "unit": "s", "median": 3.0, "low": 1.0, "high": 9.0}
+    told = {"name": "it", "unit": "s", "median": 3.0, "low": 1.0, "high": 9.0}
+    found = figure._asdict()
+    assert found.pop("load") >= 0 and found == told
     assert take(Measurement("it", "s", lambda: lambda: 5.0, warm_up=False), 1).low == 5.0
     few = iter([4.0, 6.0])
     slow = Measurement("it", "s", lambda: lambda: next(few), warm_up=False, at_most=2)
@@ -293,3 +297,37 @@ def test_bad_arguments_are_told(
 ) -> None:
     assert main(["bench", *arguments]) == 2
     assert told in capsys.readouterr().err
+
+
+def test_what_cannot_be_measured_is_named_and_the_rest_is_measured(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def ends() -> float:
+        raise NotMeasuredError("the viewer has ended")
+
+    wanted = [
+        Measurement("first", "s", lambda: ends, warm_up=False),
+        Measurement("second", "s", lambda: lambda: 2.0, warm_up=False),
+    ]
+    monkeypatch.setattr(bench_command, "measurements", lambda parts: wanted)
+    assert main(["bench", "--only", "loop", "--repeat", "1"]) == 1
+    told = capsys.readouterr()
+    assert "second" in told.out and "first" not in told.out and "load" in told.out
+    assert "not measured: first: the viewer has ended (" in told.err and "load" in told.err
+
+
+def test_a_session_that_cannot_be_measured_is_tried_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    tries = []
+
+    def too_slow() -> list[float]:
+        tries.append(1)
+        raise NotMeasuredError("too slow")
+
+    monkeypatch.setattr(viewer_measurement, "compile_walkers", lambda: None)
+    sessions = viewer_measurement.Together(too_slow)
+    for at in (0, 1):
+        with pytest.raises(NotMeasuredError):
+            take(sessions.figure(str(at), "s", itemgetter(at)), 1)
+    assert len(tries) == 1

@@ -18,7 +18,8 @@ def test_least_drives_on_a_large_floor() -> None:
     assert drives.mean() == pytest.approx(341.49, abs=0.005)
     assert bounds_in_words(resolved) == [
         "563 visits an hour by 30 robots and 1,108 by 6 stations at most, if lines want all pods alike, "
-        "each is a trip of its own, and pods go back to where they stood"
+        "each is a trip of its own, and pods go back to where they stood; drives without a pod are not "
+        "counted"
     ]
 
 

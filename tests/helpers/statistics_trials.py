@@ -2,7 +2,7 @@
 
     python tests/helpers/statistics_trials.py TRIAL [STUDIES]
 
-TRIAL is one of coverage, families, steady, batches, search, pairing.
+TRIAL is one of coverage, rounds, families, steady, batches, search, pairing.
 
 Each prints what it measured and exits with 1 if a promise is broken. The tests run them in small.
 """
@@ -19,13 +19,14 @@ from typing import Any
 
 import numpy as np
 
-from automaton.studies.inference.effects import bonferroni, effect
+from automaton.studies.inference.effects import bonferroni, effect, fewest
 from automaton.studies.inference.intervals import (
     DEFAULT_CONFIDENCE,
     STUDENT_MIN_RUNS,
     mean_interval,
     skewness,
 )
+from automaton.studies.inference.rounds import next_round
 from automaton.studies.inference.selection import batches, feasible, region, select_least
 from automaton.studies.inference.steady_state import (
     NotSteadyError,
@@ -34,6 +35,7 @@ from automaton.studies.inference.steady_state import (
     mser5,
     replication_deletion,
 )
+from automaton.studies.inference.t_distribution import student
 from automaton.studies.sizing.fleet_runs import replication_seeds
 from automaton.studies.sizing.fleet_search import FleetConfig, Run, Search
 from automaton.studies.sizing.question import Question, Target, make_question
@@ -104,6 +106,52 @@ def coverage(
     """The share of studies of n runs whose interval holds the truth."""
     values = draw(studies, n)
     return float(np.mean([mean_interval(row, level).holds(truth) for row in values]))
+
+
+def run_in_rounds(runs: Values, at_least: int, at_most: int, precision: float) -> tuple[int, int]:
+    """(runs, rounds) that a study of one mean makes of these runs until it is so precise."""
+    n, rounds = at_least, 1
+    while True:
+        sample = runs[:n]
+        half = precision * abs(float(sample.mean()))
+        wanted = fewest(float(sample.var(ddof=1)), 1.0, half, DEFAULT_CONFIDENCE)
+        following = next_round(n, wanted, at_most)
+        if following is None:
+            return n, rounds
+        n, rounds = following, rounds + 1
+
+
+def round_coverage(
+    pool: Values, at_least: int, needed: int, studies: int, seed: int = 11
+) -> tuple[float, float, float]:
+    """Coverage, mean runs and rounds of studies whose precision takes `needed` runs of a pool."""
+    truth, rng = float(pool.mean()), np.random.default_rng(seed)
+    precision = (
+        student(needed - 1, DEFAULT_CONFIDENCE) * float(pool.std()) / np.sqrt(needed) / truth
+    )
+    found = []
+    for _ in range(studies):
+        runs = pool[rng.integers(0, len(pool), 10 * needed)]
+        n, rounds = run_in_rounds(runs, at_least, len(runs), precision)
+        found.append((mean_interval(runs[:n]).holds(truth), n, rounds))
+    held, mean_runs, mean_rounds = np.mean(np.array(found, np.float64), axis=0)
+    return float(held), float(mean_runs), float(mean_rounds)
+
+
+def round_coverages(studies: int = STUDIES, workers: int | None = None) -> bool:
+    """Intervals of studies that go on until they are narrow; of normal runs 93 % is promised."""
+    rng, kept = np.random.default_rng(12), True
+    pools = {"normal": rng.normal(100, 10, 100_000)}
+    for scenario, settings, metric, number in SHIPPED[:2]:
+        pools[f"{scenario}: {metric}"] = shipped_runs(scenario, settings, metric, number, workers)
+    for name, pool in pools.items():
+        for at_least in (10, 20, 30):
+            for needed in (40, 150):
+                held, runs, rounds = round_coverage(pool, at_least, needed, studies)
+                text = f"{name}, from {at_least} runs, {needed} needed: {runs:.0f} in {rounds:.1f} rounds"
+                shown(text, held, studies)
+                kept &= name != "normal" or held >= 0.93 - 2 * np.sqrt(0.05 * 0.95 / studies)
+    return kept
 
 
 def false_families(n: int, comparisons: int, families: int, seed: int = 9) -> float:
@@ -343,6 +391,7 @@ def pairing(number: int = STUDIES) -> bool:
 def parts() -> Iterator[tuple[str, Callable[..., bool]]]:
     yield from {
         "coverage": coverages,
+        "rounds": round_coverages,
         "families": families,
         "steady": steady_coverages,
         "batches": batch_coverages,

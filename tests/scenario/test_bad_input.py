@@ -159,7 +159,7 @@ def test_orders_lead_from_shelves_to_slots(tmp_path: Path, orders: str, words: s
 
 
 PICTURES = [
-    (["A.s", "x.d"], 5, "symbol 'x' (character 1 of its row)"),
+    (["A.s", "x.d"], 5, "row 2, column 1 of the picture: 'x' has no meaning"),
     (
         ["A.d", "###", ".s."],
         6,
@@ -187,7 +187,7 @@ def test_a_picture_is_corrected_in_its_own_row(
 def test_a_floor_file_is_corrected_in_its_own_row(tmp_path: Path) -> None:
     (tmp_path / "floor.txt").write_text("A.s\n.?d\n")
     said = complaint(tmp_path, "name: x\nlayout: {file: floor.txt}\nfleet: {robots: 1}\n")
-    assert said.startswith(f"{tmp_path / 'floor.txt'}:2: the symbol '?'")
+    assert said.startswith(f"{tmp_path / 'floor.txt'}:2: row 2, column 2 of the picture: '?'")
 
 
 LEGENDS = [

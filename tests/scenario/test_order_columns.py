@@ -196,7 +196,8 @@ def test_mistakes_are_gathered_by_kind(tmp_path: Path) -> None:
         "31 more such rows",
         "shift.csv:7: QTY must be a whole number from 1 to 9, found '0'; 33 more such rows",
         "shift.csv:7: CREATED 'soon' is not a time; expected is ISO 8601 such as "
-        "2026-03-02 06:30:00, a time of the day, or ticks; 31 more such rows",
+        "2026-03-02 06:30:00, a time of the day, or ticks; other rows are such as '2026-03-02 06:00': "
+        "write it so; 31 more such rows",
         "shift.csv:39: CREATED is empty",
     ]
 

@@ -169,10 +169,11 @@ def test_a_shift_of_a_warehouse_system_is_read_as_it_is(
     assert told.out.splitlines()[1:] == [
         "  schicht.csv: 2 of 3 rows, left out: 1 STATUS STORNO",
         "  schicht.csv: columns that are not read: POS",
+        "  read in ticks of 0.5 s: stop.max_duration 10,000 (83.33 min)",
     ]
     assert [line.partition("warning: ")[2] for line in told.err.splitlines()] == [
         "schicht.csv: 1 row released before tick 0, so known from the start",
-        "order 1 is due before it is released, and so late at once",
+        "schicht.csv:3: due before it is released, and so late at once",
     ]
 
 

@@ -31,7 +31,7 @@ from automaton.studies.sizing.fleet_runs import (
 )
 from automaton.studies.sizing.fleet_search import Candidate, FleetConfig, Run, Search, judged
 from automaton.studies.sizing.question import Target, make_question, read_target
-from automaton.studies.sizing.sizing_report import picture, print_answer, with_half
+from automaton.studies.sizing.sizing_report import changed, picture, print_answer, with_half
 from automaton.studies.sizing.sizing_session import RunBudget, SizingSession
 from automaton.units import Unit
 
@@ -175,7 +175,7 @@ def test_the_zone_of_a_mean_is_told_in_the_time_that_was_typed() -> None:
         make_question(target, (1, 1), mean=True), synthetic([1.0], np.random.default_rng(1))
     )
     told = texts(session)
-    assert "so that makespan <= 60 ticks (30 s)?" in told
+    assert "so that on average makespan <= 60 ticks (30 s)?" in told
     assert "Zone 0.6 ticks (0.3 s): " in told
 
 
@@ -206,7 +206,7 @@ def test_a_fleet_that_a_bound_excludes_shows_the_runs_it_had_all_the_same() -> N
     told = texts(session)
     assert re.search(r"^ +1 +60 +0 +0 .*fails \(bound\)$", told, re.M)
     assert "1: fails without a run, too much work" in told
-    assert "A verdict falls after so many runs of a fleet; the others end its round" in told
+    assert "A verdict falls after so many runs of a fleet; the others were under way" in told
 
 
 def test_what_is_left_of_the_budget_and_what_would_be_needed_are_told() -> None:
@@ -481,3 +481,9 @@ def test_a_steady_state_without_a_warm_up_is_no_target(measure: str, capsys: Any
     )  # fmt: skip
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert "would count the start-up" in err and "--set measure.warm_up=N" in err
+
+
+def test_shorter_durations_say_what_becomes_of_moves() -> None:
+    assert changed(["durations.turn=20"]) == "turn 20, moves as they are"
+    late = "world.extra_tick_probability=0.1"
+    assert changed(["durations.turn=24", late]) == "turn 24, moves a tick longer in 10 %"

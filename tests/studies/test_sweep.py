@@ -254,6 +254,7 @@ def test_a_dry_run_tells_what_it_would_take_and_writes_nothing(
     text = capsys.readouterr().out
     assert "small: 4 points x 6 replications = 24 runs\n" in text
     assert "with 3 workers" in text and "by 4 pilot runs" in text and "disk: " in text
+    assert " to start; " in text  # what starting and loading takes is part of the time
     assert not out.exists()
     assert main(["sweep", str(study), "--out", str(swept), "--dry-run", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)

@@ -26,8 +26,9 @@ from automaton.errors import InputError
 from automaton.experiments import sweep
 from automaton.studies.sweeps import pools, sweep_runs
 from automaton.studies.sweeps.result_store import Store, read_rows
+from automaton.studies.sweeps.sweep_forecast import done_in
 from automaton.studies.sweeps.sweep_plan import make_sweep_plan
-from automaton.studies.sweeps.sweep_session import done_in, sweep_into
+from automaton.studies.sweeps.sweep_session import sweep_into
 
 Capture = pytest.CaptureFixture[str]
 

@@ -138,6 +138,30 @@ def test_a_run_that_is_stopped_leaves_whole_groups(form: str, tmp_path: Path) ->
 
 
 @pytest.mark.usefixtures("small_groups")
+@pytest.mark.parametrize("is_there", [False, True])
+def test_a_run_that_fails_leaves_nothing_behind(is_there: bool, tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    if is_there:
+        folder.mkdir()
+        (folder / "notes.txt").write_text("mine")
+    options = TableOptions(states=10, folder=folder, form="csv")
+
+    def fail(simulation: Simulation) -> None:
+        sample(simulation)
+        if simulation.tick == 200:
+            raise InputError("the strategy raised")
+
+    with (
+        pytest.raises(InputError, match="the strategy raised"),
+        table_run(resolve("tabletop-mini", []), options) as run,
+    ):
+        sample = run.sampling.on_sample
+        run_once(resolve("tabletop-mini", []), sampling=run.sampling._replace(on_sample=fail))
+    assert [path.name for path in tmp_path.rglob("*.*")] == (["notes.txt"] if is_there else [])
+    assert folder.exists() == is_there
+
+
+@pytest.mark.usefixtures("small_groups")
 def test_groups_end_to_end_are_the_table(tmp_path: Path) -> None:
     folder = written(tmp_path / "out", "parquet")
     file = pyarrow.parquet.ParquetFile(folder / "states.parquet")

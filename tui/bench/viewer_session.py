@@ -13,6 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from automaton.bench.measurement import NotMeasuredError
 from tui.render.depth import Depth
 from tui.render.styles import (
     COLOUR_CURSOR,
@@ -24,10 +25,11 @@ from tui.render.styles import (
 )
 from tui.terminal.terminal_host import FRAME_END, Arrived, Link, TerminalHost
 
-BUILDING_S = 600.0  # until there is a fleet: it may be the first run on this machine
+BUILDING_S = 120.0  # until there is a fleet; what it needs has been compiled before
 SETTLE_S = 3.0  # imports, the collector's last sweep, the first link figures
 ESCAPE = "\x1b[27u"
-KEY_S = 60.0  # a key whose effect is not seen by then counts as having taken so long
+KEY_S = 10.0  # a key whose effect is not seen by then counts as having taken so long
+KEYS_S = 40.0  # for all keys of a session: a busy machine answers fewer of them
 HERTZ = os.sysconf("SC_CLK_TCK")
 
 
@@ -47,7 +49,11 @@ class Session:
         self.host = TerminalHost(command, rows=rows, columns=columns, environ=environ, link=link)
 
     def __enter__(self) -> Self:
-        self.host.wait_for(self._notes.exists, "a fleet", BUILDING_S)
+        try:
+            self.host.wait_for(self._notes.exists, "a fleet", BUILDING_S)
+        except TimeoutError as error:
+            self.__exit__(type(error), error, error.__traceback__)
+            raise NotMeasuredError(f"no viewer with a fleet within {BUILDING_S:g} s") from error
         time.sleep(SETTLE_S)
         return self
 
@@ -108,11 +114,15 @@ class Session:
         """Seconds from a key to the cell that it changes: the wall in the middle gets the cursor.
 
         Every other key takes the cursor away again, and the next one waits until it has gone:
-        if both came between two frames, nothing would be seen of either.
+        if both came between two frames, nothing would be seen of either. After KEYS_S seconds the rest
+        is left out. Raises NotMeasuredError if the viewer ends.
         """
         cursor, wall = cursor_colour(), wall_style()
-        latencies = []
+        latencies: list[float] = []
+        begun = time.monotonic()
         for number in range(presses):
+            if latencies and time.monotonic() - begun > KEYS_S:
+                break
             time.sleep(0.15)
             if number % 2 == 0:
                 latencies.append(self._latency("i", lambda frame: cursor in frame))
@@ -128,7 +138,7 @@ class Session:
         with contextlib.suppress(TimeoutError):
             self.host.wait_for(lambda: self._shown_at(begin, shows) is not None, key, KEY_S)
         if self.host.process.poll() is not None:
-            raise RuntimeError("the viewer has ended")
+            raise NotMeasuredError("the viewer has ended")
         shown = self._shown_at(begin, shows)
         return KEY_S if shown is None else shown - pressed
 

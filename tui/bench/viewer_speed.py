@@ -17,7 +17,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from automaton.bench.measurement import MS, SECONDS, Measurement, wall_seconds
+from automaton.bench.measurement import MS, SECONDS, Measurement, NotMeasuredError, wall_seconds
 from automaton.build.resolve import resolve
 from automaton.evidence.history.live_run import LiveRun
 from automaton.evidence.history.snapshot import take_snapshot
@@ -34,15 +34,16 @@ BYTES: Final = "bytes per frame"
 SHARE: Final = "% of a core"
 FPS: Final = "frames per second"
 SLOW: Final = Link(bytes_per_second=125_000, round_trip=0.05)
-FRAMES_S: Final = 10.0  # 300 frames of 30 per second
-CPU_S: Final = 30.0
+FRAMES_S: Final = 6.0  # 180 frames of 30 per second
+CPU_S: Final = 15.0
 PRESSES: Final = 100
 SEEKS: Final = 200
-OPENINGS: Final = 10
+OPENINGS: Final = 5
+OPENING_S: Final = 30.0  # for each
 
 
 def measurements() -> list[Measurement]:
-    """All of them; some minutes."""
+    """All of them; five minutes on an idle machine, ten at most on one that is busy."""
     return [
         *(
             measured(
@@ -114,7 +115,14 @@ def frame_bytes(walk: dict[str, Any]) -> float:
     """All bytes of a while, the status line's included, by its frames."""
     with Session({**walk, "panels": False}) as session:
         size, frames, _ = session.watch(FRAMES_S)
-        return size / frames
+        return size / some(frames)
+
+
+def some(frames: int) -> int:
+    """The number of frames. Raises NotMeasuredError where none came."""
+    if not frames:
+        raise NotMeasuredError(f"no frame within {FRAMES_S:g} s")
+    return frames
 
 
 def cpu_share() -> float:
@@ -129,7 +137,7 @@ def delivered() -> tuple[float, float]:
     with Session(fleet(1000, fps=60)) as session:
         before = session.cpu()
         _, frames, seconds = session.watch(FRAMES_S)
-        return frames / seconds, 1000 * (session.cpu() - before) / frames
+        return frames / seconds, 1000 * (session.cpu() - before) / some(frames)
 
 
 def key_latencies(walk: dict[str, Any], pinned: bool) -> list[float]:
@@ -204,10 +212,13 @@ def first_floor() -> float:
         begun = time.monotonic()
         with TerminalHost(command, environ=environ) as host:
             seen: Callable[[], bool] = lambda: host.output().count(sign) >= count  # noqa: E731
-            host.wait_for(seen, "the floor")
+            try:
+                host.wait_for(seen, "the floor", OPENING_S)
+            except TimeoutError as error:
+                raise NotMeasuredError(f"no floor was seen within {OPENING_S:g} s") from error
             total = 0
             for event in host.history:
                 total += getattr(event, "data", b"").count(sign)
                 if total >= count:
                     return event.at - begun
-    raise RuntimeError("the floor was not seen")
+    raise NotMeasuredError("the floor was not seen whole")

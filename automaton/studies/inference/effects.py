@@ -17,7 +17,8 @@ How many runs a comparison needs until the interval of its difference is as narr
     paired     t(n - 1) sd(a - b) / sqrt(n) <= half
     unpaired   t(v) sqrt((var a + var b) / n) <= half, n runs of each; v: Satterthwaite (1946)
 
-By the variances of runs that were made: a plan for the next study, no reason to stop this one.
+By the variances of runs that were made: a plan for the next study, or for the next round of one that
+declared beforehand that it goes on until then.
 """
 
 from __future__ import annotations

@@ -30,6 +30,7 @@ from automaton.studies.reports.comparisons import (
     precision_remark,
 )
 from automaton.studies.reports.metric_tables import RUN_HEADS, Scenarios, figure, point_table
+from automaton.studies.reports.precision import stopping_remarks, stopping_text
 from automaton.studies.reports.study_results import (
     Results,
     factor_cells,
@@ -111,11 +112,13 @@ def not_cut(metrics: Sequence[str], cut: Cut) -> str:
 def runs_planned(results: Results) -> str:
     """Runs by point and in all."""
     study = results.study
-    return f"{count(study.replications, 'run')} each, {count(study.runs, 'run')} in all"
+    return f"{count(study.max_replications, 'run')} each, {count(study.runs, 'run')} in all"
 
 
 def fixed(results: Results) -> str:
     """Whether the number of runs was declared before any was made."""
+    if results.rounds and not results.raised:
+        return stopping_text(results)
     if not results.raised:
         return "n fixed beforehand"
     before = ", then ".join(map(str, results.raised))
@@ -174,6 +177,7 @@ def remarks(results: Results) -> Iterator[str]:
         yield not_cut(lost, cut)
     if results.damaged:
         yield f"damaged and left out: {', '.join(results.damaged)}; sweep again to repair"
+    yield from stopping_remarks(results)
     yield from same_remarks(results)
 
 

@@ -71,6 +71,8 @@ class Results:
     damaged: Sequence[str] = ()
     earlier: int = 0  # how often the analysis or warm-up was changed after runs had been made
     raised: Sequence[int] = ()  # replications that were declared before, when runs had been made
+    rounds: Sequence[int] = ()  # replications after each, where a precision says when to stop
+    at_most: int = 0  # replications in such rounds
     cut: Cut | None = None  # of a steady state: metrics are of what comes after it
     warm_ups: Sequence[int] = (0,)  # ticks that the scenarios leave out of their runs' metrics
 
@@ -120,7 +122,7 @@ class Results:
         failed = sum(self.columns["error"][row] is not None for row in rows)
         finished = sum(self._finished(row) for row in rows)
         done = len(rows)
-        return Counts(self.study.replications, done, finished, done - failed - finished, failed)
+        return Counts(self.study.max_replications, done, finished, done - failed - finished, failed)
 
     def values(self, point: Point, metric: str) -> dict[int, float]:
         """A metric by replication, of the runs that finished and have it."""
@@ -236,7 +238,8 @@ class Results:
 def read_results(store: Store) -> Results:
     """The results of a folder. Raises InputError."""
     table, cut = measured_rows(store)
-    declared = [*store.manifest.earlier, declared_by(store.study)]
+    declared = [*store.manifest.earlier, declared_by(store.declared)]
+    rounds = store.manifest.rounds
     counts = [one.replications for one in declared]
     return Results(
         study=store.study,
@@ -246,7 +249,9 @@ def read_results(store: Store) -> Results:
         folder=str(store.folder),
         damaged=[path.name for path in store.damaged],
         earlier=sum(not one.analysed_as(other) for one, other in itertools.pairwise(declared)),
-        raised=list(dict.fromkeys(n for n in counts if n < store.study.replications)),
+        raised=list(dict.fromkeys(n for n in counts if n < store.study.max_replications)),
+        rounds=rounds if isinstance(rounds, tuple) else (),
+        at_most=store.declared.max_replications,
         cut=cut,
         warm_ups=sorted({point.warm_up for point in store.manifest.points}),
     )

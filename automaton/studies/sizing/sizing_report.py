@@ -42,8 +42,8 @@ USES = {
     "utilization": "robots",
 }
 VERDICT_NOTE = (
-    "A verdict falls after so many runs of a fleet; the others end its round, or are made for what "
-    "follows."
+    "A verdict falls after so many runs of a fleet; the others were under way in the same round, or are "
+    "for the comparisons below."
 )
 MAX_CAUSES = 4
 MIN_SHARE_SHOWN = 0.0005  # of the robots' time
@@ -63,7 +63,13 @@ def answer_blocks(
     question = session.question
     unit = question.target.in_unit(question.target.value)
     steady = f" after a warm-up of {count(question.warm_up, 'tick')}" if question.warm_up else ""
-    yield f"{name}: how many robots so that {f'{question.target.text} {unit}'.strip()}{steady}?"
+    target = f"{question.target.text} {unit}".strip()
+    wanted = (
+        f"on average {target}"
+        if question.mean
+        else f"{percent(question.success_share)} of runs have {target}"
+    )
+    yield f"{name}: how many robots so that {wanted}{steady}?"
     yield ""
     yield from headline(session, price)
     for search in session.searches:
@@ -278,14 +284,25 @@ def too_little(session: SizingSession, place: FleetConfig) -> str:
 
 
 def changed(settings: Sequence[str]) -> str:
-    """What makes durations longer or shorter: "turn 24, pick 10, moves a tick longer in 10 %"."""
+    """What makes durations longer or shorter: "turn 24, pick 10, moves a tick longer in 10 %".
+
+    Moves that are too short to be shortened in whole ticks are named as well.
+    """
+    as_they_are = (
+        ""
+        if any(setting.startswith((MOVES_LATE, "durations.move")) for setting in settings)
+        else ", moves as they are"
+    )
     parts = [setting.removeprefix("durations.").replace("=", " ") for setting in settings]
     late = f"{MOVES_LATE}="
-    return ", ".join(
-        f"moves a tick longer in {percent(float(part.partition(' ')[2]), 0)}"
-        if setting.startswith(late)
-        else part
-        for setting, part in zip(settings, parts, strict=True)
+    return (
+        ", ".join(
+            f"moves a tick longer in {percent(float(part.partition(' ')[2]), 0)}"
+            if setting.startswith(late)
+            else part
+            for setting, part in zip(settings, parts, strict=True)
+        )
+        + as_they_are
     )
 
 

@@ -42,51 +42,47 @@ class SweepTally(NamedTuple):
     unfinished: int  # of these reached their limit
     repeated: int  # runs begun a second time, since a worker died
 
-    def and_then(self, other: SweepTally) -> SweepTally:
-        """What both did."""
-        return SweepTally(*map(sum, zip(self, other, strict=True)))
-
 
 class Coordinator:
-    """Carries out the runs of a plan that are not done yet."""
+    """Carries out the runs of plans that are not done yet, round after round, by the same workers."""
 
     def __init__(
         self,
-        plan: SweepPlan,
         backend: Backend,
         writer: Writer,
-        done: set[str],
         on_rows: OnRows | None = None,
         patience: float | None = None,
     ) -> None:
-        self.plan, self.backend, self.writer = plan, backend, writer
-        self.version = plan.manifest.version
-        self.on_rows = on_rows
+        self.backend, self.writer = backend, writer
+        self.on_rows = on_rows  # also called without rows now and then, while none arrive
         self.patience = patience
         self.finished: queue.SimpleQueue[FutureLike] = queue.SimpleQueue()
         self.under_way: dict[FutureLike, tuple[Chunk, bool]] = {}  # chunk, whether it runs alone
         self.retry_in_isolation: deque[Run] = deque()
-        self.waiting = self._missing(done)
+        self.waiting: Iterator[list[Run]] = iter(())
         self.block: deque[Run] = deque()
         self.has_results = False  # a result has arrived, so workers can start
         self.refused = False  # the pool takes nothing more: it has broken
         self.seconds_per_run: dict[int, float] = {}  # point -> seconds of a run
         self.chunks = self.done = self.failed = self.unfinished = self.repeated = 0
 
-    def conduct(self) -> SweepTally:
+    def conduct(self, plan: SweepPlan, done: set[str]) -> None:
         """Run what is missing. What is raised on the way leaves all finished rows written."""
+        self.plan, self.version = plan, plan.manifest.version
+        self.waiting = self._missing(done)
         try:
             while self._submit_while_room():
                 self._wait_for_chunk()
             self.writer.flush()
-            self.backend.close(now=False)
         except BaseException:
             with contextlib.suppress(Exception):  # what has gone wrong already is what is told
                 self._take_finished()
                 self.writer.flush()
-            self.backend.close(now=True)
             raise
-        return self.tally
+
+    def close(self, now: bool) -> None:
+        """End the workers; `now`: without waiting for what they do."""
+        self.backend.close(now)
 
     @property
     def tally(self) -> SweepTally:
@@ -158,6 +154,8 @@ class Coordinator:
             future = self.finished.get(timeout=CLOCK_POLL_S)
         except queue.Empty:
             self.writer.tick()
+            if self.on_rows is not None:
+                self.on_rows([])
             return
         chunk, alone = self.under_way.pop(future)
         try:

@@ -16,6 +16,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+import msgspec
+
 from automaton.errors import InputError
 from automaton.scenario.document import Document
 from automaton.studies.sweeps.result_columns import (
@@ -68,7 +70,8 @@ class Store:
             why = "holds no results of a sweep" if self.folder.is_dir() else "no such folder"
             raise InputError(why, str(folder))
         self.manifest: Manifest = manifest
-        self.study: Study = declared_in(self.folder, manifest)
+        self.declared: Study = declared_in(self.folder, manifest)
+        self.study: Study = so_far(self.declared, manifest)
         self.damaged: list[Path] = []  # files that the last reading left out
 
     @property
@@ -153,6 +156,13 @@ def study_document_in(folder: Path, manifest: Manifest) -> Document:
 def declared_in(folder: Path, manifest: Manifest) -> Study:
     """The study that the rows of a folder belong to. Raises InputError."""
     return checked_study(study_document_in(folder, manifest))
+
+
+def so_far(study: Study, manifest: Manifest) -> Study:
+    """The study that the rows are of: with a number of replications, where they come in rounds."""
+    if not study.in_rounds:
+        return study
+    return msgspec.structs.replace(study, replications=manifest.replications)
 
 
 def schema_of(study: Study, manifest: Manifest) -> pa.Schema:

@@ -83,7 +83,7 @@ class Manifest(msgspec.Struct, frozen=True):
 
     study: str
     text: str  # of the study's file
-    replications: int
+    replications: int  # of a study in rounds: so far
     seed: int
     common_random_numbers: bool
     points: tuple[PlannedPoint, ...]
@@ -91,8 +91,17 @@ class Manifest(msgspec.Struct, frozen=True):
     versions: dict[str, str]  # of libraries; for the record
     counted: tuple[str, ...]  # metrics that the strategies count themselves
     earlier: tuple[Declared, ...] = ()  # what was declared before, when runs had been made
+    # replications after each round, where a study goes on until a precision is reached
+    rounds: tuple[int, ...] | msgspec.UnsetType = msgspec.UNSET
     format: int = MANIFEST_FORMAT
     checksum: str = ""  # of all else, in a file; "" in memory
+
+    def going_on(self, replications: int) -> Manifest:
+        """The manifest of the next round, after which there are so many replications."""
+        rounds = () if self.rounds is msgspec.UNSET else self.rounds
+        return msgspec.structs.replace(
+            self, replications=replications, rounds=(*rounds, replications)
+        )
 
     @property
     def version(self) -> str:
@@ -290,7 +299,7 @@ def checksum_of(manifest: Manifest) -> str:
 def declared_by(study: Study) -> Declared:
     """What must be told of a study if it is another one after runs have been made."""
     analysis = msgspec.json.decode(msgspec.json.encode(study.analysis))  # as a manifest has it
-    return Declared(study.replications, study.warm_up, analysis)
+    return Declared(study.max_replications, study.warm_up, analysis)
 
 
 def manifest_of(
@@ -310,7 +319,7 @@ def manifest_of(
     manifest = Manifest(
         study=study.name,
         text=text,
-        replications=study.replications,
+        replications=study.min_replications,
         seed=study.seed,
         common_random_numbers=study.common_random_numbers,
         points=tuple(
@@ -326,5 +335,6 @@ def manifest_of(
         sources=sources_of(plugins),
         versions=versions,
         counted=counted,
+        rounds=(study.min_replications,) if study.in_rounds else msgspec.UNSET,
     )
     return manifest, plugins

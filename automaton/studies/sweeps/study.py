@@ -22,6 +22,7 @@ from automaton.scenario.scenario_schema import REFERENCE
 from automaton.scenario.schema import ConfigSection, NonEmptyText, SingleLine
 from automaton.scenario.validation import MSER_OR_TIME, TIME_PATTERN, shown, validated
 from automaton.studies.sweeps.result_columns import check_factor, column_type
+from automaton.units import count
 
 STUDY_WANTED: Final = (
     "a study is a file of its own, such as {name: my-fleet, scenario: my-floor.yaml, "
@@ -31,6 +32,7 @@ SHIPPED_STUDIES: Final = SHIPPED_FOLDER / "studies"
 MAX_WINDOW: Final = 1_000_000  # ticks
 MAX_POINTS: Final = 10_000
 MAX_RUNS: Final = 10_000_000
+MIN_FIRST_ROUND: Final = 10  # runs: the variance of fewer ends a study too soon
 SCENARIO: Final = "scenario"  # as a column, and as a factor where a study has several
 
 Levels = dict[str, Any]  # key of a scenario, such as "fleet.robots" -> its value
@@ -87,7 +89,9 @@ class Analysis(ConfigSection, frozen=True, kw_only=True):
         Annotated[float, Meta(ge=1e-6, le=1)] | None,
         Meta(
             description="How far the intervals of differences shall reach to each side, as a share of "
-            "the mean that is compared with: the report says how many runs that takes."
+            "the mean that is compared with (without comparisons: those of means, as a share of the "
+            "mean). The report says how many runs that takes; with replications: {at_most: N} the sweep "
+            "makes them."
         ),
     ] = None
 
@@ -97,8 +101,25 @@ class Analysis(ConfigSection, frozen=True, kw_only=True):
             raise ValueError("comparisons with the baseline need a baseline")
         if self.baseline is not None and self.comparisons != "baseline":
             raise ValueError("baseline belongs to comparisons: baseline")
-        if self.precision is not None and self.comparisons == "none":
-            raise ValueError("precision is that of comparisons, and none are declared")
+
+
+class Replications(ConfigSection, frozen=True, kw_only=True):
+    """Runs of each point in rounds, until all intervals are as narrow as analysis.precision says."""
+
+    at_most: Annotated[
+        int,
+        Meta(ge=MIN_FIRST_ROUND, le=1_000_000, description="The bound: no more runs of a point."),
+    ]
+    at_least: Annotated[
+        int,
+        Meta(
+            ge=MIN_FIRST_ROUND, le=1_000_000, description="Runs of each point in the first round."
+        ),
+    ] = 20
+
+    def __post_init__(self) -> None:
+        if self.at_least > self.at_most:
+            raise ValueError(f"at_least {self.at_least} is more than at_most {self.at_most}")
 
 
 class Point(NamedTuple):
@@ -127,7 +148,11 @@ class Study(ConfigSection, frozen=True, kw_only=True):
         Meta(description="Instead of factors: the combinations one by one, {KEY: VALUE, ...}."),
     ] = msgspec.field(name="points", default=None)
     replications: Annotated[
-        int, Meta(ge=1, le=1_000_000, description="Runs of each point, with different seeds.")
+        Annotated[int, Meta(ge=1, le=1_000_000)] | Replications,
+        Meta(
+            description="Runs of each point, with different seeds; or {at_least: 20, at_most: 200}: as "
+            "many as analysis.precision takes."
+        ),
     ]
     seed: Annotated[
         int, Meta(ge=0, le=2**63 - 1, description="The seeds of all runs follow from it.")
@@ -160,7 +185,7 @@ class Study(ConfigSection, frozen=True, kw_only=True):
     analysis: Analysis | None = None
 
     def __post_init__(self) -> None:
-        for field in set(self.__struct_fields__) - {"analysis"}:
+        for field in set(self.__struct_fields__) - {"analysis", "replications"}:
             msgspec.structs.force_setattr(self, field, plain(getattr(self, field)))
         if (self.factors is None) == (self.listed is None):
             raise ValueError("a study must have either factors or points")
@@ -168,6 +193,8 @@ class Study(ConfigSection, frozen=True, kw_only=True):
             raise ValueError("scenario must name at least one")
         if len(set(self.scenarios)) < len(self.scenarios):
             raise ValueError("scenario names one of them twice")
+        if not isinstance(self.replications, Replications):
+            msgspec.structs.force_setattr(self, "replications", plain(self.replications))
         if self.factors is not None:
             self._check_factors(self.factors)
         if self.listed is not None and not self.listed:
@@ -186,6 +213,32 @@ class Study(ConfigSection, frozen=True, kw_only=True):
             points *= max(1, len(levels)) if isinstance(levels, list | tuple) else 1
         if points > MAX_POINTS:
             raise ValueError(f"factors cross to {points:,} points; {MAX_POINTS:,} are allowed")
+
+    @property
+    def in_rounds(self) -> bool:
+        """Whether runs are made until a precision is reached."""
+        return isinstance(self.replications, Replications)
+
+    @property
+    def min_replications(self) -> int:
+        """Runs of each point that are made in any case."""
+        declared = self.replications
+        return declared.at_least if isinstance(declared, Replications) else declared
+
+    @property
+    def max_replications(self) -> int:
+        """Runs of each point, at most."""
+        declared = self.replications
+        return declared.at_most if isinstance(declared, Replications) else declared
+
+    @property
+    def planned(self) -> tuple[str, str]:
+        """Its replications and its runs in words: "20 to 200 replications", "80 to 800 runs"."""
+        words = count(self.max_replications, "replication"), count(self.runs, "run")
+        if not self.in_rounds:
+            return words
+        least = len(self.points) * self.min_replications
+        return f"{self.min_replications:,} to {words[0]}", f"{least:,} to {words[1]}"
 
     @property
     def paired(self) -> bool:
@@ -229,8 +282,8 @@ class Study(ConfigSection, frozen=True, kw_only=True):
 
     @property
     def runs(self) -> int:
-        """How many runs the study asks for."""
-        return len(self.scenarios) * len(self._combinations()) * self.replications
+        """How many runs the study asks for, at most."""
+        return len(self.scenarios) * len(self._combinations()) * self.max_replications
 
     def _combinations(self) -> list[Levels]:
         if self.factors is None:
@@ -307,7 +360,22 @@ def checked_study(document: Document) -> Study:
         raise document.error(("replications",), text)
     if study.analysis is not None:
         _check_baseline(document, study, study.analysis)
+    _check_precision(document, study)
     return study
+
+
+def _check_precision(document: Document, study: Study) -> None:
+    precise = study.analysis is not None and study.analysis.precision is not None
+    compared = study.analysis is not None and study.analysis.comparisons != "none"
+    if study.in_rounds and not precise:
+        text = "replications with at_most need analysis.precision: it says when there are enough"
+        raise document.error(("replications",), text)
+    if precise and not compared and not study.in_rounds:
+        text = (
+            "precision is that of comparisons, and none are declared; that of means needs "
+            "replications: {at_most: N}, runs that are made until they have it"
+        )
+        raise document.error(("analysis", "precision"), text)
 
 
 def _declared(study: Study) -> Iterator[tuple[tuple[str | int, ...], Levels]]:

@@ -57,6 +57,11 @@ class SweepPlan(NamedTuple):
     plugins: tuple[str, ...]  # modules of foreign strategies
     manifest: Manifest
 
+    @property
+    def runs(self) -> int:
+        """How many runs there are; of a study in rounds, up to the end of the present one."""
+        return len(self.points) * self.manifest.replications
+
 
 def make_sweep_plan(study: str | Path | Study) -> SweepPlan:
     """Check a study completely: a path, the name of a shipped one, or a Study. Raises InputError.
@@ -249,9 +254,9 @@ def check_windows(document: Document, study: Study, scenarios: tuple[Resolved, .
         check_cut(document, study, scenarios)
     if study.warm_up != MSER:
         return
-    if study.replications < MIN_REPLICATIONS:
+    if study.min_replications < MIN_REPLICATIONS:
         text = f"warm_up: mser-5 needs {MIN_REPLICATIONS} replications, there are"
-        raise document.error(("replications",), f"{text} {study.replications}")
+        raise document.error(("replications",), f"{text} {study.min_replications}")
     window, ticks = windows_of(study, scenarios).window, shortest(scenarios)
     if ticks // window < MIN_OBSERVATIONS:
         text = (

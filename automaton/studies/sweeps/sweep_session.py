@@ -1,12 +1,11 @@
 """One sweep into a folder: begun, or gone on with if the code and the study are the same.
 
-A forecast says what it would take: its runs, the time by a few pilot runs, and room on the disk.
+A study with a bound of replications goes on in rounds: all points have equally many runs after each.
 """
 
 from __future__ import annotations
 
 import contextlib
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -14,8 +13,7 @@ from typing import NamedTuple
 import msgspec
 
 from automaton.errors import InputError
-from automaton.runs.headless import WINDOW_TICKS, Marks, attribute_strategy_errors
-from automaton.runs.metrics import counted
+from automaton.runs.headless import attribute_strategy_errors
 from automaton.runs.simulation import Simulation
 from automaton.studies.sweeps.coordinator import Coordinator, OnRows, SweepTally
 from automaton.studies.sweeps.pools import Backend
@@ -30,12 +28,14 @@ from automaton.studies.sweeps.result_writing import (
 from automaton.studies.sweeps.run_keys import Manifest, changed_sources, declared_by, read_manifest
 from automaton.studies.sweeps.study import Point
 from automaton.studies.sweeps.sweep_plan import Copies, SweepPlan, describe_point
-from automaton.studies.sweeps.sweep_runs import Row, figures_of
 from automaton.units import count
 
 ADVICE = (
     "use another folder, or --recompute: then rows of other code, scenarios or seeds are ignored"
 )
+
+
+Decide = Callable[[Store], int | None]  # replications after the next round; None: it is enough
 
 
 class SweepStart(NamedTuple):
@@ -66,11 +66,13 @@ def sweep_into(
     retry_failed: bool = False,
     copies: Copies | None = None,
     patience: float | None = None,
+    decide: Decide | None = None,
 ) -> SweepResult:
     """Do the runs that a folder lacks. Raises InputError; what is done is kept in any case.
 
     `retry_failed`: runs that failed are lacking, too. `copies`: of the study's own files, to keep.
-    `patience`: seconds that a Python strategy has for each decision.
+    `patience`: seconds that a Python strategy has for each decision. `decide`: after each round of a
+    study that goes on until a precision is reached, how many replications the next one is to make.
     """
     arrow()
     with lock_folder(folder):
@@ -78,14 +80,60 @@ def sweep_into(
         begun, done = load_existing(store, reanalysed, retry_failed, on_begun)
         writer = Writer(store)
         try:
-            tally = run_missing(plan, backend, writer, done, on_rows, patience)
-            if lacking(store):  # files were damaged meanwhile
-                _, done = load_existing(store, False, False, on_begun)
-                tally = tally.and_then(run_missing(plan, backend, writer, done, on_rows, patience))
-            check_complete(store)
+            with Crew(backend, writer, on_rows, patience) as crew:
+                while True:
+                    plan = plan._replace(manifest=store.manifest)
+                    crew.run_missing(plan, done)
+                    if lacking(store):  # files were damaged meanwhile
+                        _, done = load_existing(store, False, False, on_begun)
+                        crew.run_missing(plan, done)
+                    check_complete(store)
+                    replications = decide(store) if decide and plan.study.in_rounds else None
+                    if replications is None:
+                        break
+                    store = write_manifest(folder, store.manifest.going_on(replications))
+                    _, done = load_existing(store, False, False, on_begun)
         finally:
             writer.release()
-        return SweepResult(store, begun, tally, len(store.failed()))
+        return SweepResult(store, begun, crew.tally, len(store.failed()))
+
+
+class Crew:
+    """The workers of a sweep: they start when a run is first missing, and end with the sweep."""
+
+    def __init__(
+        self,
+        backend: Callable[[], Backend],
+        writer: Writer,
+        on_rows: OnRows | None,
+        patience: float | None,
+    ) -> None:
+        self.backend, self.writer = backend, writer
+        self.on_rows, self.patience = on_rows, patience
+        self.coordinator: Coordinator | None = None
+
+    def run_missing(self, plan: SweepPlan, done: set[str]) -> None:
+        """Do the runs that are not done, and put all rows into one file."""
+        if len(done) < plan.runs:
+            if self.coordinator is None:
+                warm(plan, self.patience)
+                self.coordinator = Coordinator(
+                    self.backend(), self.writer, self.on_rows, self.patience
+                )
+            self.coordinator.conduct(plan, done)
+        self.writer.close()
+
+    @property
+    def tally(self) -> SweepTally:
+        """What was done so far."""
+        return SweepTally(0, 0, 0, 0) if self.coordinator is None else self.coordinator.tally
+
+    def __enter__(self) -> Crew:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
+        if self.coordinator is not None:
+            self.coordinator.close(now=kind is not None)
 
 
 def load_existing(
@@ -101,23 +149,6 @@ def load_existing(
     if on_begun is not None:
         on_begun(begun)
     return begun, done
-
-
-def run_missing(
-    plan: SweepPlan,
-    backend: Callable[[], Backend],
-    writer: Writer,
-    done: set[str],
-    on_rows: OnRows | None,
-    patience: float | None,
-) -> SweepTally:
-    """Do the runs that are not done, and put all rows into one file."""
-    tally = SweepTally(0, 0, 0, 0)
-    if len(done) < plan.study.runs:
-        warm(plan, patience)
-        tally = Coordinator(plan, backend(), writer, done, on_rows, patience).conduct()
-    writer.close()
-    return tally
 
 
 def lacking(store: Store) -> int:
@@ -144,8 +175,8 @@ def open_results(
     What was declared before stays in the manifest where any of its runs count. Raises InputError if
     the results follow from anything else, unless they are to be computed again.
     """
-    manifest = plan.manifest
     before = read_manifest(folder)
+    manifest = plan.manifest if recompute else gone_on_with(plan, before)
     if before is None:
         check_free(folder, copies or {})
         return write_manifest(folder, manifest, copies), False
@@ -158,6 +189,17 @@ def open_results(
     history = before.earlier if earlier == now else (*before.earlier, earlier)
     manifest = msgspec.structs.replace(manifest, earlier=history)
     return write_manifest(folder, manifest, copies), not earlier.analysed_as(now)
+
+
+def gone_on_with(plan: SweepPlan, before: Manifest | None) -> Manifest:
+    """The manifest of a plan, from the round on which a folder is in."""
+    study, now = plan.study, plan.manifest
+    if before is None or not study.in_rounds:
+        return now
+    if not study.min_replications < before.replications <= study.max_replications:
+        return now
+    rounds = before.rounds if isinstance(before.rounds, tuple) else (before.replications,)
+    return msgspec.structs.replace(now, replications=before.replications, rounds=rounds)
 
 
 def difference(before: Manifest, now: Manifest) -> str:
@@ -187,110 +229,16 @@ def difference(before: Manifest, now: Manifest) -> str:
 
 def warm(plan: SweepPlan, patience: float | None = None) -> None:
     """Compile, or find in the cache, what the workers will load, so that it is done once."""
-    seen = set()
-    for resolved in plan.scenarios:
-        names = tuple(choice.name for choice in resolved.strategies.values())
-        if names not in seen:
-            seen.add(names)
-            # Rows will say what a strategy raises.
-            with contextlib.suppress(Exception), attribute_strategy_errors(resolved):
-                Simulation(resolved, patience=patience)
+    for point in points_to_warm(plan):
+        resolved = plan.scenarios[point]
+        # Rows will say what a strategy raises.
+        with contextlib.suppress(Exception), attribute_strategy_errors(resolved):
+            Simulation(resolved, patience=patience)
 
 
-PILOTS = 8  # points that are tried, spread over the design
-BUDGET_S = 10.0  # for all pilot runs
-TEXT_BYTES = 120  # of a row's words
-NUMBER_BYTES = 8
-
-
-class Forecast(NamedTuple):
-    """What is to be done, and what it will take."""
-
-    runs: int
-    done: int
-    pilots: int
-    run_s: float  # seconds of a run on one core, on average
-    least_s: float
-    most_s: float
-    cut: bool  # pilot runs were cut off: the time is at least that
-    workers: int
-    bytes: int  # on the disk, at most
-
-    @property
-    def wall_s(self) -> float:
-        """Seconds until the sweep is done."""
-        return (self.runs - self.done) * self.run_s / self.workers
-
-
-def forecast(
-    plan: SweepPlan,
-    folder: Path | None,
-    workers: int,
-    retry_failed: bool = False,
-    recompute: bool = False,
-) -> Forecast:
-    """Run a few points once, in this process, and reckon. Nothing is written.
-
-    `retry_failed`: runs that failed are done again, too; `recompute`: of another study's results
-    those count that are of this one. Raises InputError for a strategy that raises.
-    """
-    done = done_in(folder, plan, retry_failed, recompute) if folder is not None else 0
-    warm(plan)
-    number = len(plan.scenarios)
-    chosen = sorted({index * (number - 1) // max(1, PILOTS - 1) for index in range(PILOTS)})
-    pilots: list[tuple[float, bool, int]] = []
-    for point in chosen[: max(1, number)]:
-        left = BUDGET_S - sum(seconds for seconds, *_ in pilots)
-        if left <= 0:
-            break
-        pilots.append(pilot(plan, point, max(left / 2, BUDGET_S / PILOTS)))
-    times = [seconds for seconds, *_ in pilots]
-    return Forecast(
-        runs=plan.study.runs,
-        done=done,
-        pilots=len(pilots),
-        run_s=sum(times) / len(times),
-        least_s=min(times),
-        most_s=max(times),
-        cut=any(cut for _, cut, _ in pilots),
-        workers=workers,
-        bytes=(plan.study.runs - done) * max(size for *_, size in pilots),
-    )
-
-
-def done_in(folder: Path, plan: SweepPlan, retry_failed: bool, recompute: bool = False) -> int:
-    """Runs of a plan that a folder holds, without those that are tried again."""
-    before = read_manifest(folder)
-    if before is None or (not recompute and difference(before, plan.manifest)):
-        return 0
-    return len(Store(folder, plan.manifest).keys(with_failed=not retry_failed))
-
-
-def pilot(plan: SweepPlan, point: int, budget: float) -> tuple[float, bool, int]:
-    """Seconds of a run, whether it was cut off and reckoned from its beginning, bytes of its row."""
-    resolved = plan.scenarios[point]
-    limit = resolved.scenario.stop.max_duration
-    begun = time.perf_counter()
-    with attribute_strategy_errors(resolved):
-        simulation = Simulation(resolved)
-        while not simulation.finished and simulation.tick < limit:
-            simulation.run(min(simulation.tick + WINDOW_TICKS, limit))
-            if time.perf_counter() - begun > budget:
-                break
-    seconds = time.perf_counter() - begun
-    window, stretch = plan.manifest.points[point].windows
-    stretches = (
-        [counted(simulation)] * ((limit - 1) // stretch) if stretch else []
-    )  # of a whole run
-    row = figures_of(simulation, window, Marks(None, stretches))
-    cut = not simulation.finished and simulation.tick < limit
-    if cut and resolved.scenario.stop.when == "never":
-        return seconds * limit / simulation.tick, False, row_bytes(plan, row)
-    return seconds, cut, row_bytes(plan, row)
-
-
-def row_bytes(plan: SweepPlan, row: Row) -> int:
-    """Bytes of a row that is not compressed at all."""
-    numbers = len(row["metrics"]) + len(plan.study.factor_names) + len(row.get("series") or ())
-    numbers += sum(map(len, row.get("sums", {}).values()))
-    return TEXT_BYTES + NUMBER_BYTES * (numbers + 8)
+def points_to_warm(plan: SweepPlan) -> list[int]:
+    """The first point of each combination of strategies."""
+    first: dict[tuple[str, ...], int] = {}
+    for point, resolved in enumerate(plan.scenarios):
+        first.setdefault(tuple(one.name for one in resolved.strategies.values()), point)
+    return list(first.values())

@@ -52,6 +52,8 @@ LEAVES: Final = (
     "--csv",
     "--parquet",
     "--xlsx",
+    "--summary",
+    "--comparisons",
     "--matrix",
     "--planviz",
     "--vda5050",

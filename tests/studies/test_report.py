@@ -124,6 +124,8 @@ def test_the_report_as_one_html_file_that_loads_nothing(
     for told in ("estimand", "Student&#x27;s", "automaton sweep study.yaml", "<svg", "Lost time",
                  "p Holm", "var. ratio", "least"):  # fmt: skip
         assert told in text
+    folded = text.partition("<details><summary>study.yaml</summary>")[2].partition("</details>")[0]
+    assert "name: tiny" in folded
     assert list(tmp_path.iterdir()) == [out]
 
 

@@ -50,7 +50,7 @@ def shares_text(results: Results, effects: FactorEffects) -> str:
     ]
     parts = sorted(names, key=lambda item: -item[1])
     shown = ", ".join(f"{name} {percent(share)}" for name, share in parts if share >= 0.0005)
-    return f"Of the squared differences between the means of points: {shown}."
+    return f"Of the squared differences between the means of points, chance included: {shown}."
 
 
 def main_table(results: Results, effects: FactorEffects) -> Table:

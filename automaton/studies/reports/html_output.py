@@ -40,7 +40,7 @@ td.n, th.l.n { white-space: nowrap }
 .answer li { margin: .4rem 0 }
 pre { background: #f4f4f2; padding: .7rem; overflow-x: auto }
 summary { cursor: pointer; font-weight: 600 }
-figure { margin: .8rem 0 }
+.drawing { margin: .8rem 0 }
 svg { max-width: 100%; height: auto }
 svg text { font: 12px system-ui, sans-serif; fill: #333 }
 @page { size: A4; margin: 14mm 13mm }
@@ -51,14 +51,15 @@ svg text { font: 12px system-ui, sans-serif; fill: #333 }
   table { font-size: 8.5pt }
   th, td { padding-right: .5rem }
   thead { display: table-header-group }
-  tr, figure, svg, .answer { break-inside: avoid }
+  tr, .drawing, svg, .answer { break-inside: avoid }
   h1, h2, h3, h4 { break-after: avoid }
   .wide { overflow-x: visible }
   .turned { page: turned }
   .turned table { font-size: 8pt; width: 100% }
   .turned td, .turned th { padding-right: .35rem }
   .page-end { break-after: page }
-  svg { max-height: 92mm; width: auto }
+  svg { max-height: 74mm; width: auto }
+  .map svg { max-height: 115mm }
   pre { white-space: pre-wrap; overflow-wrap: anywhere }
 }
 """
@@ -122,9 +123,9 @@ def html_parts(block: Block) -> Iterator[str]:
     elif isinstance(block, PageBreak):
         yield '<div class="page-end"></div>'
     elif isinstance(block, Curves):
-        yield f"<figure>{curves_svg(block)}</figure>"
+        yield f'<div class="drawing">{curves_svg(block)}</div>'
     elif isinstance(block, HeatMap):
-        yield f"<figure>{map_svg(block)}</figure>"
+        yield f'<div class="drawing map">{map_svg(block)}</div>'
 
 
 def table_parts(table: Table) -> Iterator[str]:

@@ -19,7 +19,7 @@ from automaton.studies.reports.directions import (
     LOWER_IS_BETTER,
     direction_of,
 )
-from automaton.studies.reports.first_page import answer_sentence, first_page, question
+from automaton.studies.reports.first_page import answer_sentence, answer_table, first_page, question
 from automaton.studies.reports.study_results import Results
 from automaton.studies.sweeps.result_columns import RUN_METRICS
 from automaton.studies.sweeps.study import Analysis, Study
@@ -103,6 +103,12 @@ def test_a_point_whose_runs_failed_or_did_not_finish_is_not_compared() -> None:
     assert said.endswith("did not finish or were not measured: robots 1; robots 2.")
 
 
+def test_a_point_with_runs_that_were_not_measured_is_not_compared() -> None:
+    results = results_of(lambda p, r: None if (p, r) == (0, 3) else noise(p, r) - 50 * (p == 0))
+    (answer,) = answers(results)
+    assert [point.number for point in answer.incomplete] == [0]
+
+
 def test_without_runs_there_is_no_answer() -> None:
     assert sentence(results_of(noise, runs=1)).startswith("No answer: no point has two runs")
 
@@ -163,6 +169,27 @@ def test_the_first_page_compares_with_the_baseline_and_has_one_picture() -> None
     assert drawn.title == "makespan by fleet.robots"
     assert next(b.text for b in blocks if isinstance(b, Text) and b.strong).startswith("Best, with")
     assert blocks[-1] == Listed(["a remark"])
+
+
+def test_a_baseline_that_leads_is_called_so() -> None:
+    study = study_of(
+        {"strategy.allocation": ("a", "b")},
+        comparisons="baseline",
+        baseline={"strategy.allocation": "a"},
+    )
+    results = synthetic_store(study, lambda p, r: noise(p, r) + 30 * p)
+    table = answer_table(results, answers(results), comparisons(results))
+    assert table is not None and table.rows[0][2] == "it is the baseline"
+
+
+def test_where_all_runs_failed_the_page_says_so() -> None:
+    study = Study(
+        name="made up", scenario="tabletop-mini", factors={"fleet.robots": (1, 2)}, replications=2
+    )
+    results = synthetic_store(study, lambda p, r: None, error=lambda p, r: "it broke")
+    blocks = list(first_page(results, answers(results), [], ["2 runs failed"]))
+    assert Text("No answer: no run has a metric.", strong=True) in blocks
+    assert blocks[-1] == Listed(["2 runs failed"])
 
 
 def test_without_numbers_the_picture_is_over_names() -> None:

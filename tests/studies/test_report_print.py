@@ -13,7 +13,7 @@ import pytest
 from report_helpers import tables
 from synthetic_results import noise, study_of, synthetic_store
 
-from automaton.runs.report_document import Block, Document, Heading, Table
+from automaton.runs.report_document import Block, Document, Heading, PageBreak, Table
 from automaton.studies.reports.best_points import answers
 from automaton.studies.reports.comparison_tables import comparison_section
 from automaton.studies.reports.comparisons import comparisons
@@ -65,6 +65,7 @@ def blocks_of(results: Results) -> list[Block]:
     """What a report on them prints, without the parts that need a folder."""
     blocks: list[Block] = [
         *first_page(results, answers(results), comparisons(results), []),
+        PageBreak(),
         *effects_section(results),
     ]
     for metric in results.analysis.metrics:
@@ -141,6 +142,7 @@ def test_a_wide_table_is_turned_together_with_its_heading() -> None:
     before, _, turned = page.partition('<div class="turned">')
     assert "<h2>Narrow</h2>" in before and "<h2>Wide</h2>" in turned and "<table>" in before
     assert "turned" not in divs([Heading("Narrow"), narrow])
+    assert "turned" not in divs([Heading("The first page"), wide, PageBreak()])
 
 
 def test_lines_differ_by_more_than_colour() -> None:

@@ -61,7 +61,12 @@ class Answer(NamedTuple):
 
 
 def answers(results: Results) -> list[Answer]:
-    """For the analysis' first metric, one answer for each of the conditions; all hold together."""
+    """For the analysis' first metric, one answer for each of the conditions; all hold together.
+
+    None if no run has any metric.
+    """
+    if not results.analysis.metrics:
+        return []
     metric = results.analysis.metrics[0]
     groups = groups_by_condition(results)
     level = 1 - results.analysis.error / len(groups)
@@ -115,10 +120,9 @@ def _answer(
 
 
 def is_complete(results: Results, point: Point, metric: str) -> bool:
-    """Whether a point has a metric of all runs that it has, and of two at least."""
-    counts = results.counts(point)
+    """Whether all runs that a point has finished and have a metric, two at least."""
     measured = len(results.values(point, metric))
-    return measured >= 2 and not counts.censored and not counts.failed
+    return measured >= 2 and measured == results.counts(point).done
 
 
 def mean_of(results: Results, point: Point, metric: str) -> float:

@@ -106,8 +106,9 @@ def factor_effects(results: Results, metric: str) -> FactorEffects | None:
     if not all(runs):
         return None
     means = np.array([math.fsum(own.values()) / len(own) for own in runs])
-    mains, pairs = _contrasts(design)
-    family = len(mains) + sum(map(len, pairs.values()))
+    pairs = list(itertools.combinations(range(len(design.factors)), 2))
+    more = [len(levels) - 1 for levels in design.levels]  # than the first one
+    family = sum(more) + sum(more[f] * more[g] for f, g in pairs)
     level = bonferroni(1 - results.analysis.error, max(1, family))
     common = results.study.common_random_numbers
 
@@ -120,51 +121,44 @@ def factor_effects(results: Results, metric: str) -> FactorEffects | None:
             name,
             float(means[design.level_numbers[:, f] == number].mean()),
             design.levels[f][0] if number else "",
-            interval(mains[f, number]) if number else None,
+            interval(step(design, f, number) / cells(design, f)) if number else None,
         )
         for f, factor in enumerate(design.factors)
         for number, name in enumerate(design.levels[f])
     )
     interactions = []
-    for (f, g), own in pairs.items():
-        (a, b), weights = max(own.items(), key=lambda item: abs(float(item[1] @ means)))
+    for f, g in pairs:
+        a, b = largest_interaction(design, means, f, g)
         interactions.append(
             Interaction(
                 (design.factors[f], design.factors[g]),
                 (design.levels[f][a], design.levels[g][b]),
                 (design.levels[f][0], design.levels[g][0]),
-                interval(weights),
+                interval(step(design, f, a) * step(design, g, b) / cells(design, f, g)),
             )
         )
     return FactorEffects(metric, main, tuple(interactions), shares(design, means), family)
 
 
-Contrasts = dict[tuple[int, int], Array]
+def step(design: Crossed, factor: int, level: int) -> Array:
+    """(points,) 1 at this level of a factor, -1 at its first one, else 0."""
+    own = design.level_numbers[:, factor]
+    weights: Array = (own == level) * 1.0 - (own == 0) * 1.0
+    return weights
 
 
-def _contrasts(design: Crossed) -> tuple[Contrasts, dict[tuple[int, int], Contrasts]]:
-    """The weights of points: by factor and level, and by two factors and their levels."""
-    points, factors = design.level_numbers.shape
-    is_at = [
-        np.array(
-            [design.level_numbers[:, f] == number for number in range(len(design.levels[f]))], float
-        )
-        for f in range(factors)
-    ]
-    mains: Contrasts = {}
-    pairs: dict[tuple[int, int], Contrasts] = {}
-    for f in range(factors):
-        many = len(design.levels[f])
-        for a in range(1, many):
-            mains[f, a] = (is_at[f][a] - is_at[f][0]) * many / points
-    for f, g in itertools.combinations(range(factors), 2):
-        cells = len(design.levels[f]) * len(design.levels[g])
-        pairs[f, g] = {
-            (a, b): (is_at[f][a] - is_at[f][0]) * (is_at[g][b] - is_at[g][0]) * cells / points
-            for a in range(1, len(design.levels[f]))
-            for b in range(1, len(design.levels[g]))
-        }
-    return mains, pairs
+def cells(design: Crossed, *factors: int) -> float:
+    """How many points share each combination of levels of these factors."""
+    return len(design.level_numbers) / math.prod(len(design.levels[f]) for f in factors)
+
+
+def largest_interaction(design: Crossed, means: Array, f: int, g: int) -> tuple[int, int]:
+    """The levels of two factors with the largest difference of differences from their first ones."""
+    table = np.zeros((len(design.levels[f]), len(design.levels[g])))
+    np.add.at(table, (design.level_numbers[:, f], design.level_numbers[:, g]), means)
+    beyond = np.abs(table - table[:1] - table[:, :1] + table[0, 0])[1:, 1:]
+    a, b = np.unravel_index(int(beyond.argmax()), beyond.shape)
+    return int(a) + 1, int(b) + 1
 
 
 def contrast(

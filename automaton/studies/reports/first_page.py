@@ -43,21 +43,19 @@ def first_page(
     notes: Sequence[str],
 ) -> Iterator[Block]:
     """Question, answer, the best point against the baseline, a picture, and what to know first."""
-    yield Heading("Question")
-    yield Text(question(results))
-    yield Heading("Answer")
-    lines = answer_lines(results, answers)
-    if len(lines) == 1:
-        yield Text(lines[0], strong=True)
+    if not answers:
+        yield Heading("Answer")
+        yield Text("No answer: no run has a metric.", strong=True)
     else:
-        yield Listed(lines, strong=True)
-    yield Text(certainty(results, answers))
-    table = answer_table(results, answers, compared)
-    if table is not None:
-        yield table
-    drawn = picture(results, results.analysis.metrics[0])
-    if drawn is not None:
-        yield drawn
+        yield Heading("Question")
+        yield Text(question(results))
+        yield Heading("Answer")
+        lines = answer_lines(results, answers)
+        yield Listed(lines, strong=True) if len(lines) > 1 else Text(lines[0], strong=True)
+        yield Text(certainty(results, answers))
+        table = answer_table(results, answers, compared)
+        drawn = picture(results, answers[0].metric)
+        yield from [block for block in (table, drawn) if block is not None]
     if notes:
         yield Text("To know beforehand:")
         yield Listed(notes)
@@ -170,7 +168,7 @@ def _limits(results: Results, answer: Answer) -> Iterator[str]:
 
 
 def _name(results: Results, point: Point) -> str:
-    """The levels that were chosen, and which points have the same runs."""
+    """The levels that were chosen; conditions stand beside them."""
     study, conditions = results.study, condition_factors(results)
     varied = ([SCENARIO] if len(study.scenarios) > 1 else []) + varied_factors(study)
     chosen = [name for name in varied if name not in conditions]
@@ -225,6 +223,8 @@ def answer_table(
                 relative_text(opponent.effect.relative),
                 "-" if adjusted is None else p_text(adjusted),
             ]
+        elif any(one.b.number == leading.number for one in compared):
+            cells[0] = "it is the baseline"
         value = mean_of(results, leading, answer.metric) * scale.factor
         row = [_name(results, leading), NumberText(number(value), value), *cells]
         rows.append([*([answer.conditions] if answer.conditions else []), *row])

@@ -77,18 +77,24 @@ def as_html(document: Document) -> str:
 
 
 def page_parts(blocks: Sequence[Block]) -> Iterator[str]:
-    """All blocks; a table on turned pages takes the headings and texts before it along."""
-    before: list[str] = []
+    """All blocks; a table on turned pages takes its heading and what follows that along.
+
+    The first page is not turned.
+    """
+    before: list[str] = []  # from a heading on
+    is_first_page = any(isinstance(block, PageBreak) for block in blocks)
     for block in blocks:
         parts = list(html_parts(block))
-        if isinstance(block, Heading | Text):
+        if isinstance(block, Heading) or (isinstance(block, Text) and before):
             before += parts
             continue
-        is_turned = isinstance(block, Table) and printed_width(block) > WIDEST_UPRIGHT
+        is_wide = isinstance(block, Table) and printed_width(block) > WIDEST_UPRIGHT
+        is_turned = is_wide and not is_first_page
         yield from ['<div class="turned">'] if is_turned else []
         yield from [*before, *parts]
         yield from ["</div>"] if is_turned else []
         before = []
+        is_first_page = is_first_page and not isinstance(block, PageBreak)
     yield from before
 
 

@@ -24,7 +24,7 @@ def as_json(report: StudyReport) -> dict[str, Any]:
     return {
         "study": study.name,
         "summary": study.summary,
-        "question": question(results),
+        "question": question(results) if analysis.metrics else None,
         "answers": list(answer_records(results, report.answers, sentences)),
         "remarks": list(report.notes),
         "design": {

@@ -139,7 +139,8 @@ def write_files(
     wrote: list[Path] = []
     if args.csv or args.parquet or args.xlsx:
         rows, _ = measured_rows(store)
-    summaries = without_empty(list(summary_records(results, report.scenarios)))
+    if args.summary or args.xlsx:
+        summaries = without_empty(list(summary_records(results, report.scenarios)))
     compared = without_empty(list(comparison_records(results, report.compared)))
     if args.csv is not None:
         write_rows_csv(rows, args.csv)

@@ -44,7 +44,7 @@ def add_recording_argument(parser: argparse.ArgumentParser, name: str = "FILE") 
     parser.add_argument("file", type=Path, metavar=name, help="a recording, whole or cut short")
 
 
-def add_json_argument(parser: argparse.ArgumentParser) -> None:
+def add_json_argument(parser: argparse._ActionsContainer) -> None:
     """Whether to print JSON: `json`."""
     parser.add_argument("--json", action="store_true", help="one JSON object instead of text")
 

@@ -18,19 +18,33 @@ class Heading:
     level: int = 2
 
 
+class NumberText(str):
+    """A number as a table prints it; `value` has all of its digits, in the unit of the table."""
+
+    value: float
+
+    def __new__(cls, text: str, value: float) -> NumberText:
+        """Remember the number behind a text."""
+        self = super().__new__(cls, text)
+        self.value = value
+        return self
+
+
 @dataclass(frozen=True)
 class Text:
-    """A paragraph, or with `code` lines that are kept as they are."""
+    """A paragraph, or with `code` lines that are kept as they are; `strong`: what is to be read first."""
 
     text: str
     code: bool = False
+    strong: bool = False
 
 
 @dataclass(frozen=True)
 class Listed:
-    """Sentences, one below the other."""
+    """Sentences, one below the other; `strong`: what is to be read first."""
 
     items: Sequence[str]
+    strong: bool = False
 
 
 @dataclass(frozen=True)
@@ -65,12 +79,18 @@ class Line:
 
 @dataclass(frozen=True)
 class Curves:
-    """Curves with intervals over a number, such as that of robots."""
+    """Curves with intervals over a number, such as that of robots, or over things with names.
+
+    `x_names`: those of x = 0, 1, ..., if they are not numbers; there is nothing between them to draw.
+    `from_zero`: of a quantity, whose scale begins at 0.
+    """
 
     title: str
     x_label: str
     y_label: str
     lines: Sequence[Line]
+    x_names: Sequence[str] = ()
+    from_zero: bool = False
 
     @property
     def x(self) -> list[float]:
@@ -83,6 +103,11 @@ class Curves:
         ends = (end for line in self.lines for end in (line.low, line.high, line.value))
         return [value for several in ends for value in several if math.isfinite(value)]
 
+    @property
+    def span(self) -> tuple[float, float]:
+        """The least and the most of the scale of values, apart."""
+        return span([0.0, *self.values] if self.from_zero else self.values)
+
 
 @dataclass(frozen=True)
 class HeatMap:
@@ -94,7 +119,28 @@ class HeatMap:
     note: str = ""
 
 
-Block = Heading | Text | Listed | Table | Curves | HeatMap
+@dataclass(frozen=True)
+class Folded:
+    """What few will read: a page folds it away behind its title."""
+
+    title: str
+    blocks: Sequence[Heading | Text | Listed | Table]
+
+
+@dataclass(frozen=True)
+class PageBreak:
+    """The end of a page, or of a sheet of a workbook."""
+
+
+Block = Heading | Text | Listed | Table | Curves | HeatMap | Folded | PageBreak
+
+
+def span(values: Sequence[float]) -> tuple[float, float]:
+    """The least and the most of some values, apart."""
+    low, high = min(values), max(values)
+    if high > low:
+        return low, high
+    return low - (abs(low) / 10 or 1), high + (abs(high) / 10 or 1)
 
 
 @dataclass

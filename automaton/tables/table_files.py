@@ -175,7 +175,7 @@ class WorkbookSink:
         sheet = self._sheets[name]
         for batch in table.to_batches(max_chunksize=4096):
             for row in zip(*(column.to_pylist() for column in batch.columns), strict=True):
-                sheet.append([_cell(sheet, value) for value in row])
+                sheet.append([sheet_cell(sheet, value) for value in row])
 
     def describe(self, metrics: dict[str, Any], scenario: Iterable[str]) -> None:
         describe(self.folder, metrics, scenario)
@@ -192,7 +192,7 @@ class WorkbookSink:
         return Tables({}, f": they are sheets of {self.folder / WORKBOOK}")
 
 
-def _cell(sheet: Any, value: Any) -> Any:
+def sheet_cell(sheet: Any, value: Any) -> Any:
     """A value as a cell: a text that begins as formulas do is not one."""
     if not isinstance(value, str) or not value.startswith("="):
         return value

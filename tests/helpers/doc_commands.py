@@ -53,6 +53,8 @@ LEAVES: Final = (
     "--csv",
     "--parquet",
     "--xlsx",
+    "--summary",
+    "--comparisons",
     "--matrix",
     "--planviz",
     "--vda5050",

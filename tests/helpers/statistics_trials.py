@@ -2,7 +2,7 @@
 
     python tests/helpers/statistics_trials.py TRIAL [STUDIES]
 
-TRIAL is one of coverage, rounds, families, steady, batches, search, pairing.
+TRIAL is one of coverage, rounds, families, answers, steady, batches, search, pairing.
 
 Each prints what it measured and exits with 1 if a promise is broken. The tests run them in small.
 """
@@ -10,6 +10,7 @@ Each prints what it measured and exits with 1 if a promise is broken. The tests 
 from __future__ import annotations
 
 import contextlib
+import itertools
 import sys
 import tempfile
 import time
@@ -36,6 +37,7 @@ from automaton.studies.inference.steady_state import (
     replication_deletion,
 )
 from automaton.studies.inference.t_distribution import student
+from automaton.studies.reports.best_points import answers
 from automaton.studies.sizing.fleet_runs import replication_seeds
 from automaton.studies.sizing.fleet_search import FleetConfig, Run, Search
 from automaton.studies.sizing.question import Question, Target, make_question
@@ -171,6 +173,36 @@ def families(studies: int = STUDIES) -> bool:
         shown(f"normal, n = {n}: families of {comparisons} with a miss", found, studies)
         kept &= found <= most
     return kept
+
+
+def lost_best(n: int, studies: int, is_skewed: bool = False, points: int = 5) -> float:
+    """The share of studies whose answer leaves out the best point, if all have the same mean.
+
+    Then it is hardest to keep: any of them, say the first one, is the best as much as any other.
+    """
+    from synthetic_results import study_of, synthetic_store
+
+    study = study_of({"fleet.robots": tuple(range(points))}, n)
+    lost = 0
+    for number in range(studies):
+        rng = np.random.default_rng(number)
+        runs = 100 + 10 * (
+            rng.exponential(1, (points, n)) if is_skewed else rng.normal(0, 1, (points, n))
+        )
+        results = synthetic_store(study, lambda point, r, runs=runs: float(runs[point, r]))
+        lost += all(point.number != 0 for point in answers(results)[0].candidates)
+    return lost / studies
+
+
+def lost_answers(studies: int = STUDIES) -> bool:
+    """Answers that leave out the best point; at most 5 %, and 2 standard errors, is promised."""
+    most = 0.05 + 2 * np.sqrt(0.05 * 0.95 / studies)
+    shares = {}
+    for is_skewed, n in itertools.product((False, True), (5, 12, STUDENT_MIN_RUNS)):
+        shares[is_skewed, n] = lost_best(n, studies, is_skewed)
+        kind = "exponential (skew 2)" if is_skewed else "normal"
+        shown(f"{kind}, n = {n}: the best of five points left out", shares[is_skewed, n], studies)
+    return max(shares.values()) <= most
 
 
 def drawn_from(pool: Values, seed: int) -> Callable[[int, int], Values]:
@@ -393,6 +425,7 @@ def parts() -> Iterator[tuple[str, Callable[..., bool]]]:
         "coverage": coverages,
         "rounds": round_coverages,
         "families": families,
+        "answers": lost_answers,
         "steady": steady_coverages,
         "batches": batch_coverages,
         "search": searches,

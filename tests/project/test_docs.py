@@ -193,6 +193,7 @@ def test_the_page_on_json_names_the_keys_that_are_printed(tmp_path: Path) -> Non
             "branch a.rec --at 100 --until 150",
             "list",
             "sweep small.yaml --out out",
+            "report out",
             "size tabletop-mini --target makespan<=5000 --robots 2 --budget 70 --workers 1",
             "reproduce tabletop --seeds 1 --strategies cooperative --workers 1",
         ):

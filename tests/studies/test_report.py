@@ -29,10 +29,11 @@ from automaton.runs.report_document import (
     Text,
 )
 from automaton.studies.inference.effects import effect
+from automaton.studies.reports.comparison_tables import comparison_section
 from automaton.studies.reports.comparisons import comparisons, declared_pairs
 from automaton.studies.reports.html_output import as_html
 from automaton.studies.reports.metric_tables import metric_section, summary
-from automaton.studies.reports.sections import comparison_section, remarks
+from automaton.studies.reports.remarks import remarks
 from automaton.studies.reports.study_results import columns_of
 from automaton.studies.reports.text_output import (
     as_markdown,
@@ -123,6 +124,8 @@ def test_the_report_as_one_html_file_that_loads_nothing(
     for told in ("estimand", "Student&#x27;s", "automaton sweep study.yaml", "<svg", "Lost time",
                  "p Holm", "var. ratio", "least"):  # fmt: skip
         assert told in text
+    folded = text.partition("<details><summary>study.yaml</summary>")[2].partition("</details>")[0]
+    assert "name: tiny" in folded
     assert list(tmp_path.iterdir()) == [out]
 
 
@@ -136,7 +139,7 @@ def test_rows_for_other_tools(folder: Path, capsys: Any, tmp_path: Path) -> None
     columns = pyarrow.parquet.read_table(table)
     assert len(rows) == columns.num_rows == 24
     assert [float(row["makespan"]) for row in rows] == columns.column("makespan").to_pylist()
-    assert {row["strategy.allocation"] for row in rows} == {"independent", "cooperative"}
+    assert {row["strategy_allocation"] for row in rows} == {"independent", "cooperative"}
 
 
 def test_plots(folder: Path, capsys: Any, tmp_path: Path) -> None:
@@ -144,7 +147,7 @@ def test_plots(folder: Path, capsys: Any, tmp_path: Path) -> None:
     code, _, _ = report(capsys, str(folder), "--plots", str(tmp_path / "plots"), "--floor", "0")
     assert code == 0
     names = {path.name for path in (tmp_path / "plots").iterdir()}
-    assert {"t-total-by-fleet-robots.png", "t-total-by-fleet-robots.svg"} <= names
+    assert {"makespan-by-fleet-robots.png", "makespan-by-fleet-robots.svg"} <= names
     assert any(name.startswith("lost-time-point-0") for name in names)
 
 

@@ -7,9 +7,9 @@ import json
 import pytest
 from synthetic_results import study_of, synthetic_store
 
-from automaton.studies.reports.html_output import COLOURS
-from automaton.studies.reports.metric_tables import curves
-from automaton.studies.reports.study_results import point_name
+from automaton.studies.reports.curves import curves
+from automaton.studies.reports.line_styles import LINE_STYLES
+from automaton.studies.reports.point_names import point_name
 from automaton.studies.reports.text_output import CURVE_MARKS
 
 
@@ -17,7 +17,7 @@ def test_curves_are_drawn_over_the_robots_one_for_each_other_level() -> None:
     factors = {"strategy.allocation": ("a", "b"), "fleet.robots": (1, 2, 4)}
     results = synthetic_store(study_of(factors), lambda p, r: 100.0 * p + r)
     (drawn,) = curves(results)
-    assert [line.name for line in drawn.lines] == ["a", "b"]
+    assert [line.name for line in drawn.lines] == ["allocation a", "allocation b"]
     assert list(drawn.lines[1].x) == [1, 2, 4]
     assert drawn.lines[1].value == pytest.approx([329.5, 429.5, 529.5])
 
@@ -31,9 +31,9 @@ def test_levels_with_equal_values_have_lines_of_their_own_and_names_that_tell_th
     factors = {"fleet.robots": (1, 2), "strategy.right_of_way": rules}
     (drawn,) = curves(synthetic_store(study_of(factors), lambda p, r: 100.0 * p))
     assert [line.name for line in drawn.lines] == [
-        "retreat max_retries 3",
-        "retreat after 3",
-        "wait",
+        "right_of_way retreat max_retries 3",
+        "right_of_way retreat after 3",
+        "right_of_way wait",
     ]
     assert [list(line.x) for line in drawn.lines] == [[1, 2]] * 3
     assert drawn.lines[1].value == pytest.approx([100, 400])
@@ -50,15 +50,21 @@ def test_curves_find_no_bounds_since_they_show_none(monkeypatch: pytest.MonkeyPa
 def test_every_line_has_a_sign_and_a_colour_of_its_own() -> None:
     factors = {"fleet.robots": (1, 2), "strategy.allocation": tuple("abcdefghij")}
     (drawn,) = curves(synthetic_store(study_of(factors, 2), lambda p, r: 100.0 * p))
-    assert len(drawn.lines) == len(CURVE_MARKS) == len(COLOURS)
+    assert len(drawn.lines) == len(CURVE_MARKS) == len(LINE_STYLES)
     assert drawn.title == "makespan by fleet.robots, 2 more not shown"
 
 
 def test_points_are_named_by_their_levels() -> None:
     study = study_of(
-        {"fleet.robots": (1, 2), "strategy.routing": ({"name": "astar", "tie_break": "fifo"},)}
+        {
+            "fleet.robots": (1, 2),
+            "strategy.charging": ("none",),
+            "strategy.routing": ("shortest", {"name": "astar", "tie_break": "fifo"}),
+        }
     )
-    assert point_name(study, study.points[1]) == "robots 2, routing astar fifo"
+    assert point_name(study, study.points[3]) == "robots 2, routing astar fifo"
+    alone = study_of({"fleet.robots": (1,), "strategy.charging": ("none",)})
+    assert point_name(alone, alone.points[0]) == "robots 1, charging none"
     assert json.dumps(point_name(study, study.points[0]))
 
 

@@ -10,10 +10,11 @@ from synthetic_results import noise, study_of, synthetic_store
 
 from automaton.commands import main
 from automaton.runs.report_document import Table, Text
+from automaton.studies.reports.comparison_tables import comparison_section
 from automaton.studies.reports.comparisons import comparisons, left_out
 from automaton.studies.reports.metric_tables import metric_section
-from automaton.studies.reports.sections import comparison_section
-from automaton.studies.reports.study_results import Results, same_remarks
+from automaton.studies.reports.same_runs import same_remarks
+from automaton.studies.reports.study_results import Results
 from automaton.studies.sweeps.study import Study
 
 FLEETS = {"fleet.robots": (1, 2), "strategy.right_of_way": ("wait", "retreat")}

@@ -227,7 +227,7 @@ def test_a_report_would_be_the_same_whatever_the_warm_up_had_been(
         monkeypatch.setattr(warm_up_cut, "cut_of", lambda *_: cut)  # noqa: B023
     assert told[0] == told[1]
     assert "lead_time_p95: left out, since rows keep no sums" in told[0][1]
-    assert "makespan tells how long runs are" in told[0][1]
+    assert "makespan is how long runs last" in told[0][1]
 
 
 def poisoned(store: Store) -> Any:

@@ -4,22 +4,27 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 from automaton.errors import InputError
-from automaton.runs.report_document import Document, Heading, Listed, Text
+from automaton.runs.report_document import Document, Folded, Heading, PageBreak, Text
 from automaton.scenario.reading import shipped
 from automaton.scenario.unavailable_metrics import warm_up_of
-from automaton.studies.reports.metric_tables import Scenarios, curves, metric_section
-from automaton.studies.reports.sections import (
-    comparison_section,
-    design,
-    not_cut,
-    remarks,
-    started_cold,
-    steady_section,
-)
-from automaton.studies.reports.study_results import Results, point_name, read_results
+from automaton.studies.reports.best_points import Answer, answers
+from automaton.studies.reports.comparison_tables import comparison_section
+from automaton.studies.reports.comparisons import Comparison, comparisons
+from automaton.studies.reports.curves import curves
+from automaton.studies.reports.design_section import design, not_cut
+from automaton.studies.reports.effect_tables import effects_section
+from automaton.studies.reports.first_page import first_page
+from automaton.studies.reports.metric_tables import Scenarios, metric_section
+from automaton.studies.reports.point_names import point_name
+from automaton.studies.reports.reader_units import units_of_points
+from automaton.studies.reports.remarks import remarks, started_cold
+from automaton.studies.reports.steady_throughput import steady_section
+from automaton.studies.reports.study_results import Results, read_results
 from automaton.studies.reports.warm_up_cut import LENGTHS
 from automaton.studies.sweeps.result_store import STUDY_FILE, Store, content_of, study_document_in
 from automaton.studies.sweeps.run_keys import fingerprint
@@ -28,7 +33,7 @@ from automaton.studies.sweeps.sweep_plan import resolved_study
 from automaton.units import count
 
 NOT_DECLARED = (
-    "Not declared by the study: told of every floor whose orders arrive over time, or whose "
+    "Not declared by the study: reported of every floor whose orders arrive over time, or whose "
     "tasks are "
     "measured. Quantiles are taken within each run, and then over runs: orders of a run depend on each "
     "other."
@@ -39,7 +44,50 @@ MAX_POINTS_NAMED = 24  # points
 
 
 def compose(store: Store, floors: Sequence[int] = ()) -> Document:
-    """The report; `floors`: points of which one run is observed again. Raises InputError."""
+    """The report of a folder; `floors`: points of which one run is observed again. Raises InputError."""
+    return document_of(read_report(store), store, floors)
+
+
+def document_of(report: StudyReport, store: Store, floors: Sequence[int] = ()) -> Document:
+    """What a report prints, in order. Raises InputError for floors that cannot be drawn."""
+    results, scenarios, lacking = report.results, report.scenarios, report.lacking
+    study = results.study
+    document = Document(study.name)
+    document.add(Heading(study.name, 1))
+    if study.summary:
+        document.add(Text(study.summary))
+    document.add(*first_page(results, report.answers, report.compared, report.notes), PageBreak())
+    document.add(*effects_section(results), Heading("Metrics"))
+    for metric in results.analysis.metrics:
+        if results.has(metric):
+            document.add(*metric_section(results, scenarios, metric))
+        else:
+            document.add(Heading(metric, 3), Text(without(results, metric)))
+    for metric in results.quantiles:
+        document.add(*metric_section(results, scenarios, metric), Text(NOT_DECLARED))
+    document.add(*steady_section(results), *comparison_section(results, report.compared))
+    drawn = [one for one in curves(results) if one not in document.blocks]  # the first page has one
+    if drawn:
+        document.add(Heading("Curves"), *drawn)
+    add_floors(document, results, scenarios, floors, lacking)
+    document.add(*design(results, scenarios), Text(numbered_points(study)))
+    add_repeat(document, store)
+    return document
+
+
+class StudyReport(NamedTuple):
+    """What a report prints, whatever it is written as."""
+
+    results: Results
+    scenarios: Scenarios
+    answers: list[Answer]
+    compared: list[Comparison]
+    notes: list[str]
+    lacking: str  # why scenarios are not there, or ""
+
+
+def read_report(store: Store) -> StudyReport:
+    """The results of a folder and what follows from them. Raises InputError."""
     results = read_results(store)
     if not results.rows:
         why = "holds no runs of its study yet"
@@ -48,29 +96,9 @@ def compose(store: Store, floors: Sequence[int] = ()) -> Document:
             why = f"holds no runs that can be read: damaged are {names}; sweep again to repair"
         raise InputError(why, str(store.folder))
     scenarios, lacking = scenarios_of(store)
-    study = results.study
-    document = Document(study.name)
-    document.add(Heading(study.name, 1))
-    if study.summary:
-        document.add(Text(study.summary))
+    results = replace(results, units=units_of_points(scenarios.values(), len(results.points)))
     notes = [*remarks(results), *started_cold(results, scenarios), *([lacking] if lacking else [])]
-    if notes:
-        document.add(Listed(notes))
-    document.add(*design(results, scenarios), Text(numbered_points(study)), Heading("Figures"))
-    for metric in results.analysis.metrics:
-        if results.has(metric):
-            document.add(*metric_section(results, scenarios, metric))
-        else:
-            document.add(Heading(metric, 3), Text(without(results, metric)))
-    for metric in results.quantiles:
-        document.add(*metric_section(results, scenarios, metric), Text(NOT_DECLARED))
-    document.add(*steady_section(results), *comparison_section(results))
-    drawn = list(curves(results))
-    if drawn:
-        document.add(Heading("Curves"), *drawn)
-    add_floors(document, results, scenarios, floors, lacking)
-    add_repeat(document, store)
-    return document
+    return StudyReport(results, scenarios, answers(results), comparisons(results), notes, lacking)
 
 
 def numbered_points(study: Study) -> str:
@@ -84,7 +112,7 @@ def numbered_points(study: Study) -> str:
 def without(results: Results, metric: str) -> str:
     """Why there is no table of a metric."""
     if results.study.design == "steady-state" and metric in LENGTHS:
-        return f"{metric} tells how long runs are, not what they do in a steady state."
+        return f"{metric} is how long runs last, not what they do in a steady state."
     if results.cut is not None and metric in results.cut.left_out:
         return not_cut([metric], results.cut)
     unsteady = results.cut is not None and any(name == metric for _, name in results.cut.unsteady)
@@ -146,21 +174,19 @@ def add_floors(
 
 
 def add_repeat(document: Document, store: Store) -> None:
-    """How to get the same again."""
+    """How to get the same again; the files are folded away."""
     folder = Path(store.folder)
     command = f"automaton sweep {shlex.quote(STUDY_FILE)} --out {shlex.quote(folder.name)}"
     document.add(
         Heading("Repeat"),
         Text("This command, with the code named above and these files, gives the same rows:"),
         Text(f"{command} && automaton report {shlex.quote(folder.name)}", code=True),
-        Text(f"{STUDY_FILE}:"),
-        Text(store.manifest.text.strip(), code=True),
+        Folded(STUDY_FILE, [Text(store.manifest.text.strip(), code=True)]),
     )
     for name in dict.fromkeys(point.scenario for point in store.manifest.points):
         if (folder / name).is_file():  # a copy; shipped ones come with the code
-            document.add(
-                Text(f"{name} (files that it names lie in the folder of results, too):"),
-                Text(content_of(folder / name).decode(errors="replace").strip(), code=True),
-            )
+            text = content_of(folder / name).decode(errors="replace").strip()
+            title = f"{name} (files that it names lie in the folder of results, too)"
+            document.add(Folded(title, [Text(text, code=True)]))
         elif name not in shipped():
             document.add(Text(f"And {name} as it was, which lies outside the study's folder."))

@@ -22,7 +22,8 @@ from automaton.studies.inference.effects import (
     paired_runs,
     unpaired_runs,
 )
-from automaton.studies.reports.study_results import Results, levels_beside
+from automaton.studies.reports.point_names import levels_beside
+from automaton.studies.reports.study_results import Results
 from automaton.studies.sweeps.study import SCENARIO, Levels, Point
 from automaton.units import percent
 

@@ -1,46 +1,73 @@
-"""A report as one HTML file that needs nothing else: tables, curves and maps as SVG inside."""
+"""A report as one HTML file that needs nothing else: tables, curves and maps as SVG inside.
+
+On paper it is A4: cells wrap, a table that is too wide for that has pages in landscape of its own, and
+no drawing is cut.
+"""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from html import escape
-
-import numpy as np
+from typing import Final
 
 from automaton.runs.report_document import (
     Block,
     Curves,
     Document,
+    Folded,
     Heading,
     HeatMap,
-    Line,
     Listed,
+    PageBreak,
     Table,
     Text,
 )
-from automaton.studies.reports.text_output import coarse, scale
-from automaton.units import number
+from automaton.studies.reports.svg_drawings import curves_svg, map_svg
 
-COLOURS = ("#1f6fb4", "#d1602b", "#2f8f4e", "#8a4fa3", "#b08900", "#0f8f8f", "#b43a5b", "#5a5a5a")
-WIDTH, HEIGHT, LEFT, TOP, RIGHT, BOTTOM = 640, 320, 70, 14, 14, 44
-WIDEST_MAP = 200  # cells; larger floors by the means of blocks
-STYLE = """
+WIDEST_UPRIGHT: Final = 105  # characters of a table on a page that is not turned
+WIDEST_TEXT: Final = 16  # characters of a cell of text that is not wrapped
+STYLE: Final = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem;
   color: #1b1b1b; background: #fff }
+h1 { margin-bottom: .2rem }
 table { border-collapse: collapse; margin: .8rem 0; font-variant-numeric: tabular-nums }
-th, td { padding: .15rem .7rem .15rem 0; text-align: right; white-space: nowrap }
-th { border-bottom: 1px solid #888 }
+th, td { padding: .15rem .7rem .15rem 0; text-align: right; vertical-align: top }
+th { border-bottom: 1px solid #888; vertical-align: bottom }
+td.n, th.l.n { white-space: nowrap }
 .l { text-align: left }
 .wide { overflow-x: auto }
+.answer { font-size: 1.1rem; border-left: 4px solid #1f6fb4; padding: .4rem .9rem; background: #f3f7fb }
+.answer li { margin: .4rem 0 }
 pre { background: #f4f4f2; padding: .7rem; overflow-x: auto }
+summary { cursor: pointer; font-weight: 600 }
+.drawing { margin: .8rem 0 }
+svg { max-width: 100%; height: auto }
 svg text { font: 12px system-ui, sans-serif; fill: #333 }
+@page { size: A4; margin: 14mm 13mm }
+@page turned { size: A4 landscape; margin: 13mm 14mm }
+@media print {
+  body { font-size: 10pt; line-height: 1.35; margin: 0; padding: 0; max-width: none }
+  .answer { font-size: 10.5pt }
+  table { font-size: 8.5pt }
+  th, td { padding-right: .5rem }
+  thead { display: table-header-group }
+  tr, .drawing, svg, .answer { break-inside: avoid }
+  h1, h2, h3, h4 { break-after: avoid }
+  .wide { overflow-x: visible }
+  .turned { page: turned }
+  .turned table { font-size: 8pt; width: 100% }
+  .turned td, .turned th { padding-right: .35rem }
+  .page-end { break-after: page }
+  svg { max-height: 74mm; width: auto }
+  .map svg { max-height: 115mm }
+  pre { white-space: pre-wrap; overflow-wrap: anywhere }
+}
 """
 
 
 def as_html(document: Document) -> str:
     """The whole page."""
-    parts = "\n".join(part for block in document.blocks for part in html_parts(block))
+    parts = "\n".join(page_parts(document.blocks))
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width">\n'
@@ -49,22 +76,62 @@ def as_html(document: Document) -> str:
     )
 
 
+def page_parts(blocks: Sequence[Block]) -> Iterator[str]:
+    """All blocks; a table on turned pages takes its heading and what follows that along.
+
+    The first page is not turned.
+    """
+    before: list[str] = []  # from a heading on
+    is_first_page = any(isinstance(block, PageBreak) for block in blocks)
+    for block in blocks:
+        parts = list(html_parts(block))
+        if isinstance(block, Heading) or (isinstance(block, Text) and before):
+            before += parts
+            continue
+        is_wide = isinstance(block, Table) and printed_width(block) > WIDEST_UPRIGHT
+        is_turned = is_wide and not is_first_page
+        yield from ['<div class="turned">'] if is_turned else []
+        yield from [*before, *parts]
+        yield from ["</div>"] if is_turned else []
+        before = []
+        is_first_page = is_first_page and not isinstance(block, PageBreak)
+    yield from before
+
+
+def printed_width(table: Table) -> int:
+    """Characters in a line of a table whose texts wrap."""
+    width = 0
+    for column, cells in enumerate(zip(table.head, *table.rows, strict=True)):
+        head, *body = cells
+        longest = max(map(len, body), default=0)
+        words = max(len(word) for word in head.split() or [""])
+        width += 2 + max(words, min(longest, WIDEST_TEXT) if table.is_left(column) else longest)
+    return width
+
+
 def html_parts(block: Block) -> Iterator[str]:
     """One block."""
     if isinstance(block, Heading):
         yield f"<h{block.level}>{escape(block.text)}</h{block.level}>"
     elif isinstance(block, Text):
         tag = "pre" if block.code else "p"
-        yield f"<{tag}>{escape(block.text)}</{tag}>"
+        mark = ' class="answer"' if block.strong else ""
+        yield f"<{tag}{mark}>{escape(block.text)}</{tag}>"
     elif isinstance(block, Listed):
         items = "".join(f"<li>{escape(item)}</li>" for item in block.items)
-        yield f"<ul>{items}</ul>"
+        mark = ' class="answer"' if block.strong else ""
+        yield f"<div{mark}><ul>{items}</ul></div>"
     elif isinstance(block, Table):
         yield from table_parts(block)
+    elif isinstance(block, Folded):
+        inner = "\n".join(part for one in block.blocks for part in html_parts(one))
+        yield f"<details><summary>{escape(block.title)}</summary>\n{inner}\n</details>"
+    elif isinstance(block, PageBreak):
+        yield '<div class="page-end"></div>'
     elif isinstance(block, Curves):
-        yield curves_svg(block)
+        yield f'<div class="drawing">{curves_svg(block)}</div>'
     elif isinstance(block, HeatMap):
-        yield map_svg(block)
+        yield f'<div class="drawing map">{map_svg(block)}</div>'
 
 
 def table_parts(table: Table) -> Iterator[str]:
@@ -72,7 +139,7 @@ def table_parts(table: Table) -> Iterator[str]:
 
     def line(cells: Sequence[str], tag: str) -> str:
         return "".join(
-            f"<{tag}{' class=l' if table.is_left(index) else ''}>{escape(cell)}</{tag}>"
+            f"<{tag}{_classes(table, index, cell)}>{escape(cell)}</{tag}>"
             for index, cell in enumerate(cells)
         )
 
@@ -82,97 +149,8 @@ def table_parts(table: Table) -> Iterator[str]:
     yield "</tbody></table></div>"
 
 
-def curves_svg(curves: Curves) -> str:
-    """Curves with bars for their intervals."""
-    if not curves.values:
-        return f"<p>{escape(curves.title)}: no metrics</p>"
-    y_span, x_span = scale(curves.values), scale(curves.x)
-
-    def x_at(value: float) -> float:
-        return LEFT + (value - x_span[0]) / (x_span[1] - x_span[0]) * (WIDTH - LEFT - RIGHT)
-
-    def y_at(value: float) -> float:
-        part = (value - y_span[0]) / (y_span[1] - y_span[0])
-        return HEIGHT - BOTTOM - part * (HEIGHT - TOP - BOTTOM)
-
-    parts = [svg_open(WIDTH, HEIGHT + 18 * len(curves.lines), curves.title)]
-    for step in range(5):
-        value = y_span[0] + step / 4 * (y_span[1] - y_span[0])
-        y = y_at(value)
-        parts.append(
-            f'<line x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{y:.1f}" y2="{y:.1f}" stroke="#ddd"/>'
-        )
-        parts.append(svg_text(LEFT - 6, y + 4, number(value), "end"))
-    for x in curves.x:
-        parts.append(svg_text(x_at(x), HEIGHT - BOTTOM + 16, number(x), "middle"))
-    middle = (LEFT + WIDTH - RIGHT) / 2
-    parts.append(svg_text(middle, HEIGHT - BOTTOM + 34, curves.x_label, "middle"))
-    for index, line in enumerate(curves.lines):
-        colour = COLOURS[index % len(COLOURS)]
-        parts += line_parts(line, x_at, y_at, colour)
-        y = HEIGHT + 18 * index + 6
-        parts.append(f'<rect x="{LEFT}" y="{y - 9}" width="14" height="4" fill="{colour}"/>')
-        parts.append(svg_text(LEFT + 20, y - 2, line.name or curves.y_label, "start"))
-    return (
-        f"<h4>{escape(curves.title)} ({escape(curves.y_label)})</h4>\n" + "".join(parts) + "</svg>"
-    )
-
-
-def line_parts(
-    line: Line, x_at: Callable[[float], float], y_at: Callable[[float], float], colour: str
-) -> Iterator[str]:
-    """One curve."""
-    points = [
-        (x_at(x), y_at(value))
-        for x, value in zip(line.x, line.value, strict=True)
-        if math.isfinite(value)
-    ]
-    path = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
-    yield f'<polyline points="{path}" fill="none" stroke="{colour}" stroke-width="2"/>'
-    for x, y in points:
-        yield f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3" fill="{colour}"/>'
-    for x, low, high in zip(line.x, line.low, line.high, strict=True):
-        if math.isfinite(low) and math.isfinite(high):
-            yield (
-                f'<line x1="{x_at(x):.1f}" x2="{x_at(x):.1f}" y1="{y_at(low):.1f}" '
-                f'y2="{y_at(high):.1f}" stroke="{colour}"/>'
-            )
-
-
-def map_svg(heat: HeatMap) -> str:
-    """A floor of coloured cells."""
-    field = coarse(heat.field, max(1, math.ceil(heat.field.shape[1] / WIDEST_MAP)))
-    high, wide = field.shape
-    most = float(field[np.isfinite(field)].max(initial=0))
-    cell = max(3, min(16, WIDTH // wide))
-    parts = [svg_open(wide * cell, high * cell, heat.title)]
-    for (row, column), value in np.ndenumerate(field):
-        parts.append(
-            f'<rect x="{column * cell}" y="{row * cell}" width="{cell}" height="{cell}" '
-            f'fill="{heat_colour(float(value), most)}"/>'
-        )
-    caption = f"{heat.title} (most: {number(most)} {heat.unit}). {heat.note}".strip()
-    return f"<h4>{escape(caption)}</h4>\n{''.join(parts)}</svg>"
-
-
-def heat_colour(value: float, most: float) -> str:
-    """From light to dark red; walls are grey."""
-    if not math.isfinite(value):
-        return "#8c8c8c"
-    if value <= 0 or most <= 0:
-        return "#f5f5f0"
-    part = math.sqrt(value / most)  # so that little is seen beside much
-    return (
-        f"#{round(250 - 90 * part):02x}{round(225 * (1 - part)):02x}{round(190 * (1 - part)):02x}"
-    )
-
-
-def svg_open(width: int, height: int, title: str) -> str:
-    return (
-        f'<svg viewBox="0 0 {width} {height}" width="{width}" height="{height}" role="img" '
-        f'style="max-width:100%" xmlns="http://www.w3.org/2000/svg"><title>{escape(title)}</title>'
-    )
-
-
-def svg_text(x: float, y: float, text: str, anchor: str) -> str:
-    return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{escape(text)}</text>'
+def _classes(table: Table, column: int, cell: str) -> str:
+    """Texts are aligned left and wrap if they are long; numbers stay on one line."""
+    if not table.is_left(column):
+        return " class=n"
+    return " class=l" if len(cell) > WIDEST_TEXT else ' class="l n"'

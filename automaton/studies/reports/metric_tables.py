@@ -1,7 +1,4 @@
-"""The metrics of a report: for each a table of means with one line for each point, and curves.
-
-Curves go over the size of the fleet, one for each combination of the other factors.
-"""
+"""The metrics of a report: for each a table of means with one line for each point."""
 
 from __future__ import annotations
 
@@ -14,10 +11,9 @@ from automaton.build.resolve import Resolved
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
 from automaton.runs.report_document import (
     Block,
-    Curves,
     Heading,
-    Line,
     Listed,
+    NumberText,
     Table,
     Text,
 )
@@ -29,17 +25,14 @@ from automaton.studies.inference.intervals import (
     mean_interval,
     skewness,
 )
-from automaton.studies.reports.study_results import (
-    Counts,
-    Results,
-    described,
+from automaton.studies.reports.point_names import (
     factor_cells,
     factor_heads,
-    levels_beside,
     point_name,
-    same_cells,
-    same_heads,
 )
+from automaton.studies.reports.reader_units import described
+from automaton.studies.reports.same_runs import same_cells, same_heads
+from automaton.studies.reports.study_results import Counts, Results
 from automaton.studies.sweeps.result_columns import RUN_METRICS
 from automaton.studies.sweeps.study import Point
 from automaton.units import count, number, percent
@@ -56,7 +49,7 @@ class Summary(NamedTuple):
     interval: Interval | None  # None: no run has a metric
     sd: float | None
     skew: float  # of the runs
-    bound: str  # what no strategy can beat, or ""
+    bound: float | None  # what no strategy can beat
 
 
 def summary(results: Results, scenarios: Scenarios, point: Point, metric: str) -> Summary:
@@ -76,50 +69,53 @@ def interval_of(results: Results, metric: str, values: Sequence[float]) -> Inter
     if not values:
         return None
     interval = mean_interval(values, 1 - results.analysis.error)
-    is_ours = metric in METRIC_CATALOGUE or metric in RUN_METRICS
-    return interval.not_below_zero() if is_ours else interval
+    return interval.not_below_zero() if is_ours(metric) else interval
 
 
-def bound(scenarios: Scenarios, point: Point, metric: str) -> str:
-    """What no strategy can beat: the least makespan, the most throughput; or ""."""
+def is_ours(metric: str) -> bool:
+    """Whether a metric is one of the catalogue: a quantity, which is never negative."""
+    return metric in METRIC_CATALOGUE or metric in RUN_METRICS
+
+
+def bound(scenarios: Scenarios, point: Point, metric: str) -> float | None:
+    """What no strategy can beat, in the unit of runs: the least makespan, the most throughput."""
     resolved = scenarios.get(point.number)
     if resolved is None:
-        return ""
+        return None
     scenario = resolved.scenario
     of_time, of_rate = metric in ("makespan", "ticks"), metric == "throughput"
     # Of orders that are drawn the cheapest possible say next to nothing of the rate of these.
     drawn = scenario.orders.generator in DRAWN
     if scenario.stop.when == "never" or not (of_time or of_rate) or (of_rate and drawn):
-        return ""
+        return None
     found = bounds(resolved)
     least, _ = least_ticks(found, scenario.fleet.robots)
     if of_time:
-        return number(least)
-    return number(1000 * found.orders / least) if least else ""
+        return least
+    return 1000 * found.orders / least if least else None
 
 
 def metric_section(results: Results, scenarios: Scenarios, metric: str) -> Iterator[Block]:
     """A table of a metric, one line for each point."""
-    unit, meaning = described(metric)
+    _, meaning = described(metric)
+    scale = results.scale(metric)
     yield Heading(metric, 3)
-    yield Text(f"{meaning} ({unit})")
-    found = [summary(results, scenarios, point, metric) for point in results.points]
-    bounded = any(one.bound for one in found)
+    yield Text(f"{meaning} ({scale.unit})")
+    points = [summary(results, scenarios, point, metric) for point in results.points]
+    is_bounded = any(one.bound is not None for one in points)
     level = percent(1 - results.analysis.error, 0)
-    heads = ["mean", f"{level} low", "high", "sd", "by"]
     limit = "most" if metric == "throughput" else "least"
-    heads += [limit] if bounded else []
+    heads = ["mean", f"{level} low", "high", "sd", *([limit] if is_bounded else [])]
     rows = []
-    for one in found:
-        interval = one.interval
-        cells = ["-"] * 5
-        if interval is not None:
-            ends = ["-" if end is None else figure(end) for end in (interval.low, interval.high)]
-            sd = "-" if one.sd is None else figure(one.sd)
-            cells = [figure(interval.value), *ends, sd, interval.method]
-        rows.append([*cells, *([one.bound or "-"] if bounded else [])])
+    for one in points:
+        cells = ["-"] * 4
+        if one.interval is not None:
+            interval = scale.of(one.interval)
+            ends = [figure(end) for end in (interval.value, interval.low, interval.high)]
+            cells = [*ends, figure(None if one.sd is None else one.sd * scale.factor)]
+        rows.append([*cells, *([limit_cell(one.bound, scale.factor)] if is_bounded else [])])
     yield point_table(results, heads, rows)
-    if bounded:
+    if is_bounded:
         yield Text(
             f"{limit}: no strategy can do better; by the work of the orders over the robots, each "
             "the cheapest way, and by what stations and chargers can do"
@@ -128,12 +124,17 @@ def metric_section(results: Results, scenarios: Scenarios, metric: str) -> Itera
         f"{point_name(results.study, one.point)}: {without} of "
         f"{count(one.counts.finished, 'run')} without {metric}, since nothing ended that it is "
         "measured by; the mean is of the others"
-        for one in found
+        for one in points
         if one.interval is not None and (without := one.counts.finished - one.interval.n)
     ]
     if lacking:
         yield Listed(lacking)
-    yield from warnings(results, found)
+    yield from warnings(results, points)
+
+
+def limit_cell(bound: float | None, factor: float) -> str:
+    """What no strategy can beat, as a cell of a table."""
+    return "-" if bound is None else NumberText(number(bound * factor), bound * factor)
 
 
 def warnings(results: Results, found: list[Summary]) -> Iterator[Block]:
@@ -172,70 +173,8 @@ def point_table(results: Results, heads: Sequence[str], cells: Sequence[Sequence
     return Table(head, rows, left=max(1, len(factors)))
 
 
-def figure(value: float) -> str:
-    """A metric of a table: four digits, more for large ones."""
-    return f"{value:,.1f}" if abs(value) >= 1000 else f"{value:.4g}"
-
-
-ROBOTS = "fleet.robots"
-WANTED = ("throughput", "makespan", "delay", "lead_time")  # beside the metrics of the analysis
-MAX_CURVES = 8  # signs and colours that there are
-
-
-def curves(results: Results) -> Iterator[Curves]:
-    """For each metric its curve over a factor of numbers: the robots if they vary."""
-    factor = factor_of(results)
-    if factor is None:
-        return
-    wanted: tuple[str, ...] = WANTED
-    if results.study.design == "steady-state":  # all runs are as long
-        wanted = tuple(metric for metric in WANTED if metric != "makespan")
-    for metric in dict.fromkeys([*results.analysis.metrics, *wanted]):
-        if results.has(metric):
-            yield curve(results, metric, factor)
-
-
-def factor_of(results: Results) -> str | None:
-    """The factor on the x axis: the robots, else the first with several numbers as levels."""
-    names = results.study.factor_names
-    for name in sorted(names, key=lambda name: name != ROBOTS):
-        levels = results.study.levels(name)
-        numbers = all(isinstance(x, int | float) and not isinstance(x, bool) for x in levels)
-        if numbers and len(levels) > 1:
-            return name
-    return None
-
-
-def curve(results: Results, metric: str, factor: str) -> Curves:
-    """A metric over a factor."""
-    groups: dict[str, list[Point]] = {}
-    for point in results.points:
-        if factor in point.levels:
-            groups.setdefault(levels_beside(point, (factor,)), []).append(point)
-    lines = [
-        line(results, metric, sorted(points, key=lambda p: p.levels[factor]), factor)
-        for points in list(groups.values())[:MAX_CURVES]
-    ]
-    left_out = len(groups) - len(lines)
-    title = f"{metric} by {factor}" + (f", {left_out} more not shown" if left_out else "")
-    unit = described(metric)[0]
-    label = "robots" if factor == ROBOTS else factor
-    return Curves(title, label, unit, lines)
-
-
-def _others(results: Results, point: Point, factor: str) -> str:
-    heads, cells = factor_heads(results.study), factor_cells(results.study, point)
-    several = len(heads) - len(results.study.factor_names)  # 1: the scenario comes first
-    at = several + results.study.factor_names.index(factor)
-    return ", ".join(cell for index, cell in enumerate(cells) if index != at)
-
-
-def line(results: Results, metric: str, points: list[Point], factor: str) -> Line:
-    """One curve."""
-    runs = [list(results.values(point, metric).values()) for point in points]
-    found = [interval_of(results, metric, values) for values in runs]
-    value = [math.nan if one is None else one.value for one in found]
-    low = [math.nan if one is None or one.low is None else one.low for one in found]
-    high = [math.nan if one is None or one.high is None else one.high for one in found]
-    name = _others(results, points[0], factor)
-    return Line(name, [float(point.levels[factor]) for point in points], value, low, high)
+def figure(value: float | None) -> str:
+    """A metric of a table: four digits, more for large ones; "-" where there is none."""
+    if value is None:
+        return "-"
+    return NumberText(f"{value:,.1f}" if abs(value) >= 1000 else f"{value:.4g}", value)

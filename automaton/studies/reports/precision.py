@@ -14,7 +14,8 @@ from automaton.studies.inference.effects import fewest
 from automaton.studies.inference.intervals import checked
 from automaton.studies.inference.rounds import next_round
 from automaton.studies.reports.comparisons import comparisons
-from automaton.studies.reports.study_results import Results, levels_apart, point_name, read_results
+from automaton.studies.reports.point_names import levels_apart, point_name
+from automaton.studies.reports.study_results import Results, read_results
 from automaton.units import count, percent
 
 if TYPE_CHECKING:

@@ -1,6 +1,6 @@
 """The rows of a study by design point: which runs there are, and the metrics of those that count.
 
-A run that failed has no figures. One that did not finish has some, but they do not say what it
+A run that failed has no metrics. One that did not finish has some, but they do not say what it
 would have come to: means leave it out, and every table counts it.
 
 Points whose runs are the same compare nothing: a factor has no effect there. With one robot, right of
@@ -12,25 +12,20 @@ A warm-up changes no run, but what is measured of it.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection, Iterator, Mapping, Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from automaton.runs.metric_catalogue import METRIC_CATALOGUE
+from automaton.studies.reports.reader_units import Scale, Units
 from automaton.studies.reports.warm_up_cut import LENGTHS, Cut, lists, measured_rows
-from automaton.studies.sweeps.result_columns import (
-    RUN_METRICS,
-    SERIES,
-    SUMS_COLUMN,
-    TICKS_PER_SECOND,
-)
+from automaton.studies.sweeps.result_columns import SERIES, SUMS_COLUMN, TICKS_PER_SECOND
 from automaton.studies.sweeps.run_keys import declared_by
-from automaton.studies.sweeps.study import SCENARIO, Analysis, Point, Study
-from automaton.units import count
+from automaton.studies.sweeps.study import Analysis, Point, Study
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -75,6 +70,7 @@ class Results:
     at_most: int = 0  # replications in such rounds
     cut: Cut | None = None  # of a steady state: metrics are of what comes after it
     warm_ups: Sequence[int] = (0,)  # ticks that the scenarios leave out of their runs' metrics
+    units: Units = field(default_factory=Units)  # in which reports print metrics
 
     @cached_property
     def _rows(self) -> dict[int, npt.NDArray[np.int64]]:
@@ -110,7 +106,7 @@ class Results:
         )
 
     def has(self, metric: str) -> bool:
-        """Whether any run has this metric; of a steady state, whether it tells of that."""
+        """Whether any run has this metric; of a steady state, whether it is one of that."""
         if self.study.design == "steady-state" and metric in LENGTHS:
             return False
         column = self.columns.get(metric)
@@ -136,13 +132,25 @@ class Results:
             if self._finished(row) and column[row] is not None
         }
 
+    def scale(self, metric: str) -> Scale:
+        """The unit in which a metric is printed, by its largest mean over the runs of a point."""
+        if metric not in self._scales:
+            runs = (self.values(point, metric).values() for point in self.points)
+            largest = max((math.fsum(own) / len(own) for own in runs if own), default=0.0)
+            self._scales[metric] = self.units.scale(metric, largest)
+        return self._scales[metric]
+
+    @cached_property
+    def _scales(self) -> dict[str, Scale]:
+        return {}
+
     @property
     def reported(self) -> tuple[str, ...]:
-        """The metrics that reports tell of."""
+        """The metrics that reports print."""
         return (*(name for name in self.analysis.metrics if self.has(name)), *self.quantiles)
 
     def runs(self, point: Point, metric: str | None = None) -> Runs:
-        """What tells the runs that did not fail apart: digests and, of a metric, its values."""
+        """What distinguishes the runs that did not fail: digests and, of a metric, its values."""
         return self._runs_of(metric)[point.number]
 
     def _runs_of(self, metric: str | None) -> Sequence[Runs]:
@@ -225,7 +233,7 @@ class Results:
         return [column[row] for row in self._rows[point.number] if column[row] is not None]
 
     def first_run(self, point: Point) -> tuple[int, str] | None:
-        """Seed and digest of a point's first run that has figures."""
+        """Seed and digest of a point's first run that has metrics."""
         for row in self._rows[point.number]:
             if self.columns["error"][row] is None:
                 return int(self.columns["seed"][row]), str(self.columns["digest"][row])
@@ -268,158 +276,3 @@ def columns_of(table: pa.Table) -> dict[str, Sequence[Any]]:
         for ticks, seconds in zip(columns["ticks"], columns["cpu_s"], strict=True)
     ]
     return columns
-
-
-def described(metric: str) -> tuple[str, str]:
-    """Unit and meaning of a metric."""
-    known = METRIC_CATALOGUE.get(metric) or RUN_METRICS.get(metric)
-    return known or ("times", "counted by a strategy")
-
-
-def level_text(study: Study, factor: str, level: Any) -> str:
-    """A level of a factor as text; with its keys and all digits if it needs them to be told apart."""
-    text = _values_of(level)
-    if not isinstance(level, float | Mapping):
-        return text
-    others = (other for other in study.levels(factor) if other != level)
-    return _in_full(level) if any(_values_of(other) == text for other in others) else text
-
-
-def _values_of(level: Any) -> str:
-    if isinstance(level, Mapping):
-        return " ".join(str(value) for value in level.values())
-    if isinstance(level, float):
-        return f"{level:g}"
-    return "null" if level is None else str(level)
-
-
-def _in_full(level: Any) -> str:
-    if not isinstance(level, Mapping):
-        return repr(level)
-    return " ".join(str(v) if key == "name" else f"{key} {v}" for key, v in level.items())
-
-
-def factor_heads(study: Study) -> list[str]:
-    """Names of factors for the heads of tables: their last part, where that tells them apart."""
-    names = list(study.factor_names)
-    short = [name.rpartition(".")[2] for name in names]
-    heads = [s if short.count(s) == 1 else name for s, name in zip(short, names, strict=True)]
-    return (["scenario"] if len(study.scenarios) > 1 else []) + heads
-
-
-def factor_cells(study: Study, point: Point) -> list[str]:
-    """The levels of a point, under `factor_heads`."""
-    several = [point.scenario] if len(study.scenarios) > 1 else []
-    missing = "-"
-    levels = (
-        level_text(study, name, point.levels[name]) if name in point.levels else missing
-        for name in study.factor_names
-    )
-    return [*several, *levels]
-
-
-def levels_beside(point: Point, factors: Collection[str]) -> str:
-    """What identifies the points that differ in these factors alone."""
-    beside = {SCENARIO: point.scenario, **point.levels}
-    return repr(sorted((key, level) for key, level in beside.items() if key not in factors))
-
-
-def point_name(study: Study, point: Point) -> str:
-    """The levels of a point in one phrase: "robots 4, allocation cooperative"."""
-    pairs = zip(factor_heads(study), factor_cells(study, point), strict=True)
-    return ", ".join(f"{head} {cell}" for head, cell in pairs) or point.scenario
-
-
-def levels_apart(study: Study, point: Point, other: Point) -> str:
-    """The levels of `other` that are not those of a point: "independent"."""
-    pairs = zip(factor_cells(study, point), factor_cells(study, other), strict=True)
-    return ", ".join(theirs for own, theirs in pairs if own != theirs)
-
-
-MAX_SAME_RUNS_NAMED: Final = 6  # pairs of points
-
-
-def same_heads(results: Results) -> list[str]:
-    """The head of a table's column about the same runs; none if all points differ."""
-    return ["the same runs as"] if results.repeats else []
-
-
-def same_cells(results: Results, point: Point) -> list[str]:
-    """Under `same_heads`: the number of the first point with the same runs."""
-    first = results.first_same[point.number]
-    cell = "-" if first == point.number else f"point {first}"
-    return [cell for _ in same_heads(results)]
-
-
-def same_remarks(results: Results) -> Iterator[str]:
-    """Which factors change no run, and where; if none is so, which points have the same runs."""
-    inert = list(inert_factors(results)) if results.repeats else []
-    yield from inert
-    if results.repeats and not inert:
-        named = [
-            f"point {p.number} and point {results.first_same[p.number]}"
-            for p in results.repeats[:MAX_SAME_RUNS_NAMED]
-        ]
-        more = len(results.repeats) - len(named)
-        rest = f"; and {more:,} more" if more else ""
-        yield f"the same runs, digest by digest: {'; '.join(named)}{rest}"
-
-
-def inert_factors(results: Results) -> Iterator[str]:
-    """Sentences for each factor whose levels give the same runs, everywhere or somewhere."""
-    study = results.study
-    several = [SCENARIO] if len(study.scenarios) > 1 else []
-    for factor in [*several, *study.factor_names]:
-        groups: dict[str, list[Point]] = {}
-        for point in results.points:
-            if factor == SCENARIO or factor in point.levels:
-                groups.setdefault(levels_beside(point, (factor,)), []).append(point)
-        compared = [group for group in groups.values() if len(group) > 1]
-        same = [group for group in compared if _agree(results, group)]
-        apart = [[m for m in results.reported if not _agree(results, g, m)] for g in same]
-        inert = [group for group, metrics in zip(same, apart, strict=True) if not metrics]
-        otherwise = [group for group, metrics in zip(same, apart, strict=True) if metrics]
-        if inert:
-            yield (
-                f"{factor} has no effect{_where(results, inert, compared, factor)}: its levels give "
-                "the same runs, digest by digest, and are not compared"
-            )
-        if otherwise:
-            differ = dict.fromkeys(metric for metrics in apart for metric in metrics)
-            yield (
-                f"{factor} changes no run{_where(results, otherwise, compared, factor)}: its levels "
-                f"give the same runs, digest by digest, measured otherwise ({', '.join(differ)})"
-            )
-
-
-def _agree(results: Results, group: list[Point], metric: str | None = None) -> bool:
-    """Whether all of these points have the same runs, with seeds that all of them share."""
-    known: dict[int, object] = {}
-    for point in group:
-        for seed, run in results.runs(point, metric).items():
-            if known.setdefault(seed, run) != run:
-                return False
-    shared = set(known).intersection(*(results.runs(point) for point in group))
-    return len(shared) >= MIN_SHARED_SEEDS
-
-
-def _where(
-    results: Results, groups: list[list[Point]], compared: list[list[Point]], factor: str
-) -> str:
-    """Where that is, if it is not everywhere."""
-    everywhere = len(groups) == len(compared)
-    return "" if everywhere else f" with {_beside(results, groups, factor)}"
-
-
-def _beside(results: Results, groups: list[list[Point]], factor: str) -> str:
-    """The levels of the other factors in these groups; only what all of them share, if there is."""
-    study = results.study
-    heads = factor_heads(study)[len(factor_heads(study)) - len(study.factor_names) :]
-    shared = [
-        f"{head} {level_text(study, name, levels[0])}"
-        for head, name in zip(heads, study.factor_names, strict=True)
-        if name != factor
-        and (levels := [group[0].levels.get(name) for group in groups])
-        and all(level == levels[0] for level in levels)
-    ]
-    return ", ".join(shared) or f"{count(len(groups), 'combination')} of the other factors"

@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import html
 import math
 import textwrap
 from collections.abc import Iterator, Sequence
@@ -20,11 +21,14 @@ from automaton.runs.report_document import (
     Block,
     Curves,
     Document,
+    Folded,
     Heading,
     HeatMap,
     Listed,
+    PageBreak,
     Table,
     Text,
+    span,
 )
 from automaton.units import number
 
@@ -35,7 +39,8 @@ def as_text(document: Document, width: int = 100) -> str:
     """For a terminal."""
     lines: list[str] = []
     for block in document.blocks:
-        lines += [*text_lines(block, width), ""]
+        if not isinstance(block, PageBreak):
+            lines += [*text_lines(block, width), ""]
     return "\n".join(lines).rstrip() + "\n"
 
 
@@ -55,6 +60,11 @@ def text_lines(block: Block, width: int) -> Iterator[str]:
         yield from chart(block)
     elif isinstance(block, HeatMap):
         yield from shaded(block, width)
+    elif isinstance(block, Folded):
+        yield f"{block.title}:"
+        for inner in block.blocks:
+            yield ""
+            yield from text_lines(inner, width)
 
 
 def table_lines(table: Table) -> Iterator[str]:
@@ -77,7 +87,8 @@ def as_markdown(document: Document) -> str:
     """For a repository or an editor; charts are text, kept as they are."""
     lines: list[str] = []
     for block in document.blocks:
-        lines += [*markdown_lines(block), ""]
+        if not isinstance(block, PageBreak):
+            lines += [*markdown_lines(block), ""]
     return "\n".join(lines).rstrip() + "\n"
 
 
@@ -86,7 +97,13 @@ def markdown_lines(block: Block) -> Iterator[str]:
     if isinstance(block, Heading):
         yield f"{'#' * block.level} {block.text}"
     elif isinstance(block, Text) and not block.code:
-        yield escaped(block.text)
+        yield f"**{escaped(block.text)}**" if block.strong else escaped(block.text)
+    elif isinstance(block, Folded):
+        yield f"<details><summary>{html.escape(block.title)}</summary>"
+        for inner in block.blocks:
+            yield ""
+            yield from markdown_lines(inner)
+        yield from ("", "</details>")
     elif isinstance(block, Listed):
         yield from (f"- {escaped(item)}" for item in block.items)
     elif isinstance(block, Table):
@@ -136,7 +153,7 @@ def chart(curves: Curves, width: int = CHART_COLUMNS, height: int = CHART_HEIGHT
     if not curves.values:
         yield "no metrics"
         return
-    x_scale, (low, high) = scale(curves.x), scale(curves.values)
+    x_scale, (low, high) = span(curves.x), curves.span
     grid = [[" "] * width for _ in range(height)]
     for bars in (True, False):  # signs over bars
         for index, line in enumerate(curves.lines):
@@ -171,27 +188,21 @@ def put(row: list[str], column: int, index: int) -> None:
     row[free] = CURVE_MARKS[index % len(CURVE_MARKS)]
 
 
-def scale(values: Sequence[float]) -> tuple[float, float]:
-    """The least and the most, apart."""
-    low, high = min(values), max(values)
-    if high > low:
-        return low, high
-    return low - (abs(low) / 10 or 1), high + (abs(high) / 10 or 1)
-
-
-def at(value: float, span: tuple[float, float], cells: int) -> int:
-    """The cell of a value."""
-    low, high = span
+def at(value: float, ends: tuple[float, float], cells: int) -> int:
+    """The cell of a value on a scale with these ends."""
+    low, high = ends
     return min(cells - 1, max(0, round((value - low) / (high - low) * (cells - 1))))
 
 
-def ticks(curves: Curves, span: tuple[float, float], width: int) -> str:
-    """The x values that have room, below their columns."""
+def ticks(curves: Curves, ends: tuple[float, float], width: int) -> str:
+    """The x values, or their names, that have room, below their columns."""
     line = [" "] * (width + 12)
     free = 0
     for x in curves.x:
-        text = number(x)
-        start = max(0, at(x, span, width) - len(text) // 2)
+        text = curves.x_names[int(x)] if curves.x_names else number(x)
+        start = max(0, at(x, ends, width) - len(text) // 2)
+        if start + len(text) > len(line):
+            start = max(0, len(line) - len(text))
         if start >= free:
             line[start : start + len(text)] = text
             free = start + len(text) + 1

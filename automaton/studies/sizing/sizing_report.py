@@ -460,8 +460,20 @@ def curves(session: SizingSession) -> list[Curves]:
     )
     target = level(f"target {shown(question.target.value)}", ends, question.target.value)
     return [
-        Curves(f"share of runs with {question.target.text}", "robots", "share", [*shares, *wanted]),
-        Curves(f"mean {metric} by robots", "robots", question.target.unit, [*means, target]),
+        Curves(
+            f"share of runs with {question.target.text}",
+            "robots",
+            "share",
+            [*shares, *wanted],
+            from_zero=True,
+        ),
+        Curves(
+            f"mean {metric} by robots",
+            "robots",
+            question.target.unit,
+            [*means, target],
+            from_zero=True,
+        ),
     ]
 
 

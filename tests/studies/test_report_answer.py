@@ -1,0 +1,206 @@
+"""The answer on the first page of a report: the best point, or those that cannot be told apart."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from statistics_trials import lost_best
+from synthetic_results import noise, study_of, synthetic_store
+
+from automaton.runs.metric_catalogue import METRIC_CATALOGUE
+from automaton.runs.report_document import Curves, Listed, Table, Text
+from automaton.studies.reports.best_points import answers, groups_by_condition
+from automaton.studies.reports.comparisons import comparisons
+from automaton.studies.reports.directions import (
+    HIGHER_IS_BETTER,
+    LOWER_IS_BETTER,
+    direction_of,
+)
+from automaton.studies.reports.first_page import answer_sentence, answer_table, first_page, question
+from automaton.studies.reports.study_results import Results
+from automaton.studies.sweeps.result_columns import RUN_METRICS
+from automaton.studies.sweeps.study import Analysis, Study
+
+pytest.importorskip("pyarrow")
+
+
+def results_of(
+    value: Callable[[int, int], float | None], robots: int = 3, runs: int = 60, **columns: Any
+) -> Results:
+    study = study_of({"fleet.robots": tuple(range(1, robots + 1))}, runs)
+    return synthetic_store(study, value, **columns)
+
+
+def sentence(results: Results) -> str:
+    (answer,) = answers(results)
+    return answer_sentence(results, answer)
+
+
+def test_a_best_point_is_named_with_its_certainty() -> None:
+    said = sentence(results_of(lambda p, r: noise(p, r) + 20 * abs(p - 1)))
+    assert said.startswith("Best, with 95 % certainty: robots 2 (")
+    assert said.endswith("No other of the 3 points compared has a lower mean makespan.")
+
+
+def test_points_that_cannot_be_told_apart_are_named_with_the_leading_one_first() -> None:
+    results = results_of(lambda p, r: noise(0, r) + (50 if p == 0 else noise(p + 9, r) / 50))
+    (answer,) = answers(results)
+    assert answer.best is None
+    assert {point.number for point in answer.candidates} == {1, 2}
+    means = [
+        np.mean(list(results.values(point, "makespan").values())) for point in answer.candidates
+    ]
+    assert means == sorted(means)
+    said = answer_sentence(results, answer)
+    assert said.startswith("Cannot be told apart: robots ")
+    assert "is at one of these 2, and not at the other." in said
+
+
+def test_of_throughput_the_highest_is_the_best() -> None:
+    study = Study(
+        name="made up",
+        scenario="tabletop-mini",
+        factors={"fleet.robots": (1, 2)},
+        replications=60,
+        analysis=Analysis(metrics=("throughput",)),
+    )
+    results = synthetic_store(study, noise, throughput=lambda p, r: noise(p, r) + 30 * p)
+    (answer,) = answers(results)
+    assert answer.best is not None and answer.best.number == 1
+    assert "has a higher mean throughput" in answer_sentence(results, answer)
+
+
+def test_a_metric_that_is_not_better_low_or_high_has_no_best_point() -> None:
+    study = Study(
+        name="made up",
+        scenario="tabletop-mini",
+        factors={"fleet.robots": (1, 2)},
+        replications=9,
+        analysis=Analysis(metrics=("redesigns",)),
+    )
+    results = synthetic_store(study, noise, redesigns=lambda p, r: 5.0 + p)
+    (answer,) = answers(results)
+    assert answer.better is None and answer.best is None
+    assert answer_sentence(results, answer).startswith(
+        "No best point, since redesigns is not better"
+    )
+
+
+def test_a_point_whose_runs_failed_or_did_not_finish_is_not_compared() -> None:
+    """Its mean would leave out just the runs that went wrong."""
+    results = results_of(
+        lambda p, r: noise(p, r) - 50 * (p == 0),
+        finished=lambda p, r: p > 0 or r > 2,
+        error=lambda p, r: "it broke" if p == 1 and r == 5 else None,
+    )
+    (answer,) = answers(results)
+    assert [point.number for point in answer.compared] == [2]
+    said = answer_sentence(results, answer)
+    assert "robots 3" in said.partition("is the only point")[0]
+    assert said.endswith("did not finish or were not measured: robots 1; robots 2.")
+
+
+def test_a_point_with_runs_that_were_not_measured_is_not_compared() -> None:
+    results = results_of(lambda p, r: None if (p, r) == (0, 3) else noise(p, r) - 50 * (p == 0))
+    (answer,) = answers(results)
+    assert [point.number for point in answer.incomplete] == [0]
+
+
+def test_without_runs_there_is_no_answer() -> None:
+    assert sentence(results_of(noise, runs=1)).startswith("No answer: no point has two runs")
+
+
+def test_equal_runs_are_one_point() -> None:
+    same = lambda p, r: f"{min(p, 1)}-{r}"  # noqa: E731
+    results = results_of(lambda p, r: noise(min(p, 1), r) + 40 * (p == 0), digest=same)
+    (answer,) = answers(results)
+    assert [point.number for point in answer.compared] == [0, 1]
+    assert answer.best is not None
+    assert "the same runs as robots 3" in answer_sentence(results, answer)
+
+
+def test_runs_without_spread_are_judged_by_a_permutation_test() -> None:
+    """Two of 2 ** 3 ways are not rare enough; of 2 ** 8 they are."""
+    for runs, is_certain in ((3, False), (8, True)):
+        (answer,) = answers(results_of(lambda p, r: 100.0 + p, robots=2, runs=runs))
+        assert (answer.best is not None) == is_certain
+
+
+def test_the_best_of_equal_points_is_left_out_as_seldom_as_is_said() -> None:
+    share = lost_best(n=12, studies=1000)
+    assert 0 < share <= 0.05 + 3 * (0.05 * 0.95 / 1000) ** 0.5
+
+
+def test_conditions_have_answers_of_their_own_that_hold_together() -> None:
+    factors = {"orders.mean_interarrival_time": (8, 11), "strategy.routing": ("a", "b")}
+    results = synthetic_store(study_of(factors), lambda p, r: noise(p, r) + 30 * (p in (0, 3)))
+    given = answers(results)
+    assert [one.conditions for one in given] == [
+        "mean_interarrival_time 8",
+        "mean_interarrival_time 11",
+    ]
+    assert [one.best.number for one in given if one.best] == [1, 2]
+    assert {one.level for one in given} == {0.975}
+    said = answer_sentence(results, given[0])
+    assert said.startswith("mean_interarrival_time 8: Best, with 95 % certainty: routing b (")
+    assert "for each mean_interarrival_time (8, 11)?" in question(results)
+
+
+def test_what_would_be_a_condition_is_compared_if_nothing_else_varies() -> None:
+    results = synthetic_store(study_of({"durations.turn": (1, 2)}), noise)
+    assert list(groups_by_condition(results)) == [""]
+
+
+def test_the_first_page_compares_with_the_baseline_and_has_one_picture() -> None:
+    factors = {"fleet.robots": (1, 2), "strategy.allocation": ("a", "b")}
+    study = study_of(factors, comparisons="baseline", baseline={"strategy.allocation": "a"})
+    results = synthetic_store(study, lambda p, r: noise(p, r) - 30 * (p == 3))
+    blocks = list(first_page(results, answers(results), comparisons(results), ["a remark"]))
+    (table,) = (block for block in blocks if isinstance(block, Table))
+    declared = next(one for one in comparisons(results) if one.a.number == 3)
+    assert table.head[0] == "best point"
+    assert list(table.rows[0][:1]) == ["robots 2, allocation b"]
+    assert table.rows[0][2] == "robots 2, allocation a"
+    assert table.rows[0][4].value == declared.effect.difference.value  # type: ignore[attr-defined]
+    (drawn,) = (block for block in blocks if isinstance(block, Curves))
+    assert drawn.title == "makespan by fleet.robots"
+    assert next(b.text for b in blocks if isinstance(b, Text) and b.strong).startswith("Best, with")
+    assert blocks[-1] == Listed(["a remark"])
+
+
+def test_a_baseline_that_leads_is_called_so() -> None:
+    study = study_of(
+        {"strategy.allocation": ("a", "b")},
+        comparisons="baseline",
+        baseline={"strategy.allocation": "a"},
+    )
+    results = synthetic_store(study, lambda p, r: noise(p, r) + 30 * p)
+    table = answer_table(results, answers(results), comparisons(results))
+    assert table is not None and table.rows[0][2] == "it is the baseline"
+
+
+def test_where_all_runs_failed_the_page_says_so() -> None:
+    study = Study(
+        name="made up", scenario="tabletop-mini", factors={"fleet.robots": (1, 2)}, replications=2
+    )
+    results = synthetic_store(study, lambda p, r: None, error=lambda p, r: "it broke")
+    blocks = list(first_page(results, answers(results), [], ["2 runs failed"]))
+    assert Text("No answer: no run has a metric.", strong=True) in blocks
+    assert blocks[-1] == Listed(["2 runs failed"])
+
+
+def test_without_numbers_the_picture_is_over_names() -> None:
+    results = synthetic_store(study_of({"strategy.allocation": ("a", "b", "c")}), noise)
+    blocks = first_page(results, answers(results), [], [])
+    (drawn,) = (block for block in blocks if isinstance(block, Curves))
+    assert drawn.x == [0, 1, 2] and list(drawn.x_names) == ["a", "b", "c"]
+
+
+def test_directions_are_of_metrics_that_there_are() -> None:
+    known = {*METRIC_CATALOGUE, *RUN_METRICS}
+    assert known >= HIGHER_IS_BETTER | LOWER_IS_BETTER
+    assert not HIGHER_IS_BETTER & LOWER_IS_BETTER
+    assert direction_of("lost_waiting") == "lowest" and direction_of("my_counter") is None

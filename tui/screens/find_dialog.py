@@ -22,6 +22,7 @@ from tui.widgets.rows import Rows
 from tui.widgets.service_zone_facts import partition_of
 from tui.widgets.styled_lines import Line, cell_link, dim, line
 from tui.widgets.traffic_zone_facts import robots_in
+from tui.widgets.typed_fields import TypedInput
 
 EXAMPLES: Final = (
     "17, robot 17, load 7, order 7, pod 12, 12,4, station 11, zone 9, "
@@ -96,7 +97,7 @@ class FindScreen(Dialog[Found]):
         self._view, self._text = view, text
 
     def inside(self) -> ComposeResult:
-        yield Input(self._text, placeholder="robot 17", compact=True)
+        yield TypedInput(self._text, placeholder="robot 17", compact=True)
         yield Static(EXAMPLES, classes="hint", markup=False)
         yield Static("", id="many", markup=False)
         yield MatchList(self._view)

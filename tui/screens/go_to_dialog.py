@@ -11,6 +11,7 @@ from automaton.errors import InputError
 from automaton.units import Unit, unit
 from tui.playback.panel_view import View
 from tui.screens.dialog import Dialog
+from tui.widgets.typed_fields import TypedInput
 
 AMOUNT = re.compile(r"([+-]?)\s*(\d[\d,]{0,17}(?:\.\d+)?)\s*(%|[^\W\d]\w*)?")
 
@@ -64,7 +65,7 @@ class GoToScreen(Dialog[int]):
             if playback.end is not None
             else f"has come to {playback.head:,}"
         )
-        yield Input(placeholder=examples(self._unit), compact=True)
+        yield TypedInput(placeholder=examples(self._unit), compact=True)
         yield Static(
             f"now {playback.tick:,}; the run {last}; write {examples(self._unit)}",
             classes="hint",

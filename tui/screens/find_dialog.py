@@ -101,7 +101,8 @@ class FindScreen(Dialog[Found]):
     FindScreen.-normal > Vertical, FindScreen.-wide > Vertical {
         width: 35%; min-width: 42; max-width: 56;
     }
-    FindScreen.-narrow Rows, FindScreen.-low Rows { height: 3; }
+    FindScreen.-narrow Rows, FindScreen.-low Rows { height: 4; }
+    FindScreen.-short Rows { height: 3; }
     FindScreen.-narrow Horizontal, FindScreen.-low Horizontal { margin-top: 0; }
     FindScreen.-narrow > Vertical { width: 100%; }
     FindScreen.-narrow .hint { height: 1; }

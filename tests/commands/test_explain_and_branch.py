@@ -52,7 +52,9 @@ def first_wait(recording: Recording) -> tuple[int, int]:
 def test_a_tick_may_be_a_clock_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "day.rec"
     units = "units={tick: 10 s, clock: '06:00'}"
-    assert main(["run", "tabletop-mini", "--set", units, "--until", "30", "--record", str(path)]) == 0
+    assert (
+        main(["run", "tabletop-mini", "--set", units, "--until", "30", "--record", str(path)]) == 0
+    )
     asked = ("explain", str(path), "--robot", "0", "--at")
     assert told(capsys, *asked, "06:04")["tick"] == 24
     for time, sentence in (

@@ -71,20 +71,20 @@ def test_on_a_terminal_one_line_is_overwritten_and_then_gone(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     compiling, shown = Compiling(lambda: 0.0), threading.Event()
-    told = compiling.now
+    progress_now = compiling.now
 
     def now() -> Any:
-        progress = told()
+        progress = progress_now()
         shown.set()
         return progress
 
     monkeypatch.setattr(compiling, "now", now)
-    assert not compiling.told_in_line()
+    assert not compiling.show_in_line()
     compiling.on_terminal = True
-    assert not compiling.told_in_line()  # nothing is expected
+    assert not compiling.show_in_line()  # nothing is expected
     with compiling.expected([other]):
         compiling.begin()
-        assert compiling.told_in_line() and compiling.told_in_line()
+        assert compiling.show_in_line() and compiling.show_in_line()
         assert shown.wait(20)
     said = capsys.readouterr().err.split(CLEAR_LINE)
     assert len(said) >= 3 and said[0] == said[-1] == ""

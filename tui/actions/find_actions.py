@@ -28,13 +28,13 @@ class Before:
 
     def __init__(self, session: Session) -> None:
         choice, pictures = session.choice, session.pictures
-        self._found = choice.matches, choice.match_cells
+        self._marked = choice.matches, choice.match_cells
         self._view = pictures.camera.copy(), pictures.fitted
 
     def restore(self, session: Session) -> None:
         """Show it again."""
         choice, pictures = session.choice, session.pictures
-        choice.matches, choice.match_cells = self._found
+        choice.matches, choice.match_cells = self._marked
         rows, columns = pictures.camera.rows, pictures.camera.columns
         pictures.camera, pictures.fitted = self._view
         pictures.resize(rows, columns)
@@ -80,20 +80,20 @@ class FindActions:
         before = Before(self._session)
         self._app.screen.add_class("-finding")  # makes room
 
-        def taken(found: Found | None) -> None:
+        def taken(chosen: Found | None) -> None:
             self._app.screen.remove_class("-finding")
-            if found is None:
+            if chosen is None:
                 before.restore(self._session)
             else:
-                self._take_found(found)
+                self._take_found(chosen)
 
         self._app.push_screen(FindScreen(self._session.view(), text, self._preview), taken)
 
-    def _mark(self, found: Found) -> None:
-        """Have the map show what was found."""
+    def _mark(self, matches: Found) -> None:
+        """Have the map show the matches."""
         choice = self._session.choice
-        choice.matches = np.array(found.robots, np.int32)
-        cells = found.cells or self._cells_of(found.zones)
+        choice.matches = np.array(matches.robots, np.int32)
+        cells = matches.cells or self._cells_of(matches.zones)
         choice.match_cells = np.array(cells, np.int32)
 
     def _cells_of(self, zones: tuple[int, ...]) -> list[int]:
@@ -101,15 +101,15 @@ class FindActions:
         of_zone = partial(session.pictures.zone_cells, session.playback, side=session.choice.side)
         return [cell for zone in zones for cell in of_zone(zone)]
 
-    def _preview(self, found: Found) -> None:
+    def _preview(self, matches: Found) -> None:
         """Mark it while it is typed, and bring the match under the cursor on the screen."""
         session, playback = self._session, self._session.playback
-        self._mark(found)
-        if found and playback is not None:
-            place = found.places[found.first]
-            if found.robots:
+        self._mark(matches)
+        if matches and playback is not None:
+            place = matches.places[matches.first]
+            if matches.robots:
                 place = robot_cell(playback, replace(session.choice, robot=place))
-            elif found.zones:
+            elif matches.zones:
                 place = next(iter(self._cells_of((place,))), NIL)
             session.show_cell(place)
         session.changed()

@@ -20,7 +20,7 @@ WIDE: Final = 100  # columns from which panels have room beside the map
 BESIDE_COLUMNS: Final = 36  # of a panel beside the map on a narrow screen,
 BELOW_SHARE: Final = 0.45  # or the part of the rows that it has below it,
 LEAST_ROWS: Final = 6  # and how many these are at least
-TELLING: Final = ("inspector", "why")  # panels that tell of what is selected on the map
+ABOUT_CHOICE: Final = ("inspector", "why")  # panels about what is selected on the map
 
 
 class PanelActions:
@@ -90,16 +90,18 @@ class PanelActions:
             self.show("side")
         column.open(name, focus=focus and (self.opened or self.shown == "full"))
         self._display.refresh_panels()
-        if name in TELLING:
+        if name in ABOUT_CHOICE:
             self._app.call_after_refresh(self._session.show_choice)
 
     def open_for_click(self) -> None:
-        """Something on the map was clicked: open the inspector, unless a panel tells of it already."""
+        """Something on the map was clicked: open the inspector, unless a panel shows it already."""
         column, is_robot = self._display.column, self._session.choice.robot != NIL
         if column is None or self._app.screen.has_class("-map-alone"):
             return
-        told = column.name_open == "inspector" or (is_robot and column.name_open in TELLING)
-        if self._seen == "off" or not told:
+        is_shown = column.name_open == "inspector" or (
+            is_robot and column.name_open in ABOUT_CHOICE
+        )
+        if self._seen == "off" or not is_shown:
             self.open("inspector", focus=False)
 
     def leave_full(self) -> None:

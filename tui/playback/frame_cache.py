@@ -104,7 +104,7 @@ class Pictures:
             cursor=_cursor(choice),
             layer="" if late else choice.layer,  # not the numbers of the layer before
             zone=choice.zone,
-            found=choice.match_cells[choice.match_cells < self.floors[side].looks.size],
+            marked_cells=choice.match_cells[choice.match_cells < self.floors[side].looks.size],
             least=choice.least,
             marked=found if len(found) else differing(playback),
         )

@@ -35,8 +35,8 @@ EXAMPLES: Final = (
 Preview = Callable[[Found], None]
 
 
-def no_preview(found: Found) -> None:
-    """Nothing is to be seen on a map."""
+def no_preview(matches: Found) -> None:
+    """There is no map."""
 
 
 class MatchList(Rows, can_focus=False):

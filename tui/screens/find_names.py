@@ -40,7 +40,7 @@ def named_places(words: str, view: View) -> Places | None:
 
 
 def places_of_pods(pods: Iterable[int], view: View) -> Places:
-    """Who carries them or, if nobody does, where they stand."""
+    """Who carries them or, if no robot does, where they stand."""
     snapshot = view.snapshot
     slots = {pod: int(snapshot.pods.slot[pod]) for pod in pods if pod != NIL}
     carried = [pod for pod, slot in slots.items() if slot == NIL]
@@ -53,8 +53,8 @@ def places_of_pods(pods: Iterable[int], view: View) -> Places:
 def _location(words: str, view: View) -> tuple[int, ...]:
     locations = view.run.resolved.scenario.locations
     assert not isinstance(locations, str), "its file has been read"
-    found = (cell for name, cell in locations.items() if name.lower() == words)
-    return tuple(view.floor_plan.cell(*cell) for cell in found)
+    cells = (cell for name, cell in locations.items() if name.lower() == words)
+    return tuple(view.floor_plan.cell(*cell) for cell in cells)
 
 
 def _gates(kind: str, number: str | None, view: View) -> tuple[int, ...]:

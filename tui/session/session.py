@@ -193,9 +193,9 @@ class Session:
         camera, cell = self.pictures.camera, self.choice.cell
         if self.playback is not None and self.choice.robot != NIL:
             cell = robot_cell(self.playback, self.choice)
-        seen = cell != NIL and camera.place_of(cell) is not None
+        was_shown = cell != NIL and camera.place_of(cell) is not None
         yield
-        if seen:
+        if was_shown:
             self.show_cell(cell)
 
     def show_choice(self) -> None:

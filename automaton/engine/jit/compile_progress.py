@@ -48,7 +48,7 @@ class Compiling:
         self._functions: list[Any] = []
         self._needed: dict[Any, tuple[Any, ...]] = {}  # kernels by the function that calls them
         self._finished: set[Any] = set()
-        self._teller: threading.Thread | None = None
+        self._writer: threading.Thread | None = None
 
     @contextmanager
     def expected(self, functions: list[Any]) -> Iterator[None]:
@@ -58,9 +58,9 @@ class Compiling:
             yield
         finally:
             self._functions, self._needed = [], {}
-            if self._teller is not None:
-                self._teller.join()
-                self._teller = None
+            if self._writer is not None:
+                self._writer.join()
+                self._writer = None
 
     def begin(self) -> None:
         """A kernel is compiled now."""
@@ -85,16 +85,16 @@ class Compiling:
             done |= {one: over or done.get(one, False) or bool(one.overloads) for one in kernels}
         return Progress(sum(done.values()), len(done), self._clock() - begun)
 
-    def told_in_line(self) -> bool:
-        """Whether a line on the terminal tells of it from here on."""
+    def show_in_line(self) -> bool:
+        """Show it in a line of the terminal from here on; whether that can be done."""
         if not self.on_terminal or not self._functions:
             return False
-        if self._teller is None:
-            self._teller = threading.Thread(target=self._tell, name="compiling", daemon=True)
-            self._teller.start()
+        if self._writer is None:
+            self._writer = threading.Thread(target=self._write_line, name="compiling", daemon=True)
+            self._writer.start()
         return True
 
-    def _tell(self) -> None:
+    def _write_line(self) -> None:
         from shutil import get_terminal_size
 
         while self._functions:
@@ -112,14 +112,14 @@ COMPILING: Final = Compiling()
 
 def kernels_of(function: Any) -> tuple[Any, ...]:
     """The kernels that a function is made of, itself included, as far as they are compiled alone."""
-    found: dict[Any, Any] = {}
+    reached: dict[Any, Any] = {}
     todo = [function]
     while todo:
         one = todo.pop()
-        if plain(one) not in found:
-            found[plain(one)] = one
+        if plain(one) not in reached:
+            reached[plain(one)] = one
             todo += [named for named in _named_in(plain(one)) if _is_kernel(named)]
-    return tuple(one for one in found.values() if _is_kernel(one) and not _is_pasted(one))
+    return tuple(one for one in reached.values() if _is_kernel(one) and not _is_pasted(one))
 
 
 def plain(function: Any) -> Any:

@@ -237,7 +237,7 @@ class _Compilations(event.Listener):  # type: ignore[misc]
 
     def announce(self, subject: str) -> None:
         """Announce that something is compiled, once in a process."""
-        if COMPILING.told_in_line():
+        if COMPILING.show_in_line():
             return
         if subject not in self._told:
             self._told.add(subject)

@@ -14,6 +14,7 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
+from automaton.engine.jit.compile_progress import COMPILING
 from automaton.engine.jit.unfit_numba import UnfitNumbaError
 from automaton.errors import InputError, WorkerDiedError, nearest
 from automaton.printable import PrintedText, one_line
@@ -135,6 +136,7 @@ def _dispatch(arguments: list[str], debug: bool) -> int:
     if os.getcwd() not in sys.path:
         # So that "module:Class" in a scenario finds a file beside it; last, lest it hide another.
         sys.path.append(os.getcwd())
+    COMPILING.on_terminal = sys.stderr.isatty()
     module = importlib.import_module(module_name)
     parser = Parser(
         prog=f"automaton {name}",

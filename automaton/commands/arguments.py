@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from automaton.build.resolve import Resolved
 from automaton.build.scenario_warnings import scenario_warnings
+from automaton.scenario.clock_times import is_clock_time
 
 if TYPE_CHECKING:
     from rich.progress import Progress, ProgressColumn
@@ -111,4 +112,11 @@ def whole(name: str, least: int, most: int | None = None) -> Callable[[str], int
 
 
 tick = whole("a tick", 0)
+
+
+def tick_or_time(text: str) -> int | str:
+    """The type of an argument that is a tick, or a clock time of a run whose units have a clock."""
+    return text if is_clock_time(text) else tick(text)
+
+
 frame_rate = whole("a frame rate", 1, 120)

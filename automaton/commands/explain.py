@@ -13,7 +13,7 @@ from automaton.commands.arguments import (
     add_json_argument,
     add_recording_argument,
     print_json,
-    tick,
+    tick_or_time,
     whole,
 )
 from automaton.errors import InputError
@@ -32,7 +32,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add_recording_argument(parser)
     add("--robot", type=whole("a robot", 0), required=True, metavar="R", help="which, from 0")
-    add("--at", type=tick, required=True, metavar="T", help="in this tick")
+    text = "in this tick, or at this clock time"
+    add("--at", type=tick_or_time, required=True, metavar="T", help=text)
     add_json_argument(parser)
 
 
@@ -43,12 +44,17 @@ def run(args: argparse.Namespace) -> int:
     if args.robot >= robots:
         there = "only robot 0" if robots == 1 else f"robots 0 to {robots - 1}"
         raise InputError(f"there is no robot {args.robot}: it has {there}", str(args.file))
-    check_tick(args.file, args.at, recording.ticks)
+    if isinstance(args.at, int):
+        check_tick(args.file, args.at, recording.ticks)
     from automaton.evidence.history.explanation import explain
     from automaton.evidence.history.snapshot import take_snapshot
     from automaton.evidence.history.watched_run import RecordedRun
 
-    shown = shown_at(RecordedRun(recording), args.at)
+    recorded = RecordedRun(recording)
+    if isinstance(args.at, str):
+        args.at = tick_at(args.file, recorded, args.at)
+        check_tick(args.file, args.at, recording.ticks)
+    shown = shown_at(recorded, args.at)
     snapshot = take_snapshot(shown.shown)
     found = explain(snapshot, shown.floor_plan, args.robot)
     if args.json:
@@ -65,6 +71,14 @@ def check_tick(file: Path, at: int, last: int) -> None:
     """Raises InputError for a tick that a recording does not have."""
     if at > last:
         raise InputError(f"there is no tick {at}: it has ticks 0 to {last}", str(file))
+
+
+def tick_at(file: Path, recorded: RecordedRun, time: str) -> int:
+    """The tick of a clock time. Raises InputError."""
+    try:
+        return recorded.resolved.scenario.units.scale.tick_at(time)
+    except InputError as error:
+        raise InputError(str(error), str(file)) from None
 
 
 def shown_at(recorded: RecordedRun, at: int) -> RecordedRun:

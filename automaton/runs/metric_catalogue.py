@@ -38,7 +38,7 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     "utilization": ("share", "active ticks / all robot ticks"),
     "blocked_share": (
         "share",
-        "robot ticks lost to other robots and to illegal decisions / active ticks",
+        "robot ticks lost to other robots and to illegal decisions / these and active ticks",
     ),
     "task_time": ("ticks", "from taking an order to its delivery, both ticks included"),
     "delay": ("ticks", "by how much the same task is shorter on an empty floor"),

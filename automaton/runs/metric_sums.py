@@ -1,6 +1,6 @@
 """Metrics as quotients of what a run adds up, so that any stretch of it can be measured alone.
 
-    throughput = 1000 deliveries / ticks        blocked_share = lost ticks / active ticks
+    throughput = 1000 deliveries / ticks        blocked_share = lost ticks / (active + lost outside)
 
 Sums of stretches that follow each other add up to those of the whole. What is no such quotient
 cannot be taken out of a run that is over: quantiles of its orders, the station that works most.
@@ -25,6 +25,7 @@ LOST_TICK_SUMS: Final = (
     "lost_held_back",
     "lost_at_gates",
 )
+LOST_OUTSIDE: Final = ("lost_station_queue", "lost_held_back", "lost_at_gates")  # of "active"
 COUNTED_BY_STRATEGIES: Final = (
     *(
         "redesigns",
@@ -73,7 +74,7 @@ QUOTIENTS: Final = {
     "ticks_per_operation": Quotient("active", "operations"),
     "legs_per_order": Quotient("legs", "delivered", measured=False),
     "utilization": Quotient("active", "robot_ticks"),
-    "blocked_share": Quotient(LOST_TICK_SUMS, "active"),
+    "blocked_share": Quotient(LOST_TICK_SUMS, ("active", *LOST_OUTSIDE)),
     "task_time": Quotient("task_times", "taken", measured=False),
     "delay": Quotient("delays", "taken", measured=False),
     "throughput_per_robot": Quotient("completed", "watched_robot_ticks", 1000),

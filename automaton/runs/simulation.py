@@ -21,6 +21,7 @@ from automaton.drawings.palette import Theme
 from automaton.engine import loop as loop_kernels
 from automaton.engine.digest import DIGEST_NAMES, combine, digest_world
 from automaton.engine.distance_tables import STOP_NO_ROOM
+from automaton.engine.jit.compile_progress import COMPILING
 from automaton.engine.jit.kernel import first_compilation_announced, jit_is_on
 from automaton.engine.jit.structs import Struct, lent_address, window
 from automaton.engine.observation import COUNT_CURVE_ROWS, COUNT_EVENTS
@@ -138,7 +139,14 @@ class Simulation:
             and self.world.rules.loaded_types == after.world.rules.loaded_types
         ):
             self._restore_states(after)
-        self._ticks = self._start()
+        with COMPILING.expected(self._to_be_compiled()):
+            self._ticks = self._start()
+
+    def _to_be_compiled(self) -> list[Any]:
+        """The functions that the first tick needs compiled."""
+        loop = [] if "loop" in _LOOPS else [loop_kernels.ticks]
+        kinds = [type(strategy) for strategy in self._strategies if strategy is not None]
+        return [*loop, *(kind.compiled for kind in kinds if kind.compiled is not None)]
 
     def continue_with(self, resolved: Resolved) -> Simulation:
         """Return a simulation that continues from the state of this one with another scenario.
@@ -415,5 +423,6 @@ def _compiled_loop(arguments: tuple[Any, ...], memory: Memory) -> tuple[Any, Any
     if "loop" not in _LOOPS:
         with first_compilation_announced():
             _LOOPS["loop"] = loop_kernels.compile_loop(arguments, memory)  # type: ignore[no-untyped-call]
+        COMPILING.finish(loop_kernels.ticks)
     found: tuple[Any, Any] = _LOOPS["loop"]
     return found

@@ -8,6 +8,7 @@ as well. Texts are read as exact fractions; `conversions` rounds them where a wh
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
@@ -17,7 +18,7 @@ from msgspec import Meta
 
 from automaton.errors import InputError, alternatives
 from automaton.scenario.amounts import Amount, Dimension
-from automaton.scenario.clock_times import Moment
+from automaton.scenario.clock_times import Moment, seconds_after
 from automaton.units import (
     LENGTH_UNITS,
     TIME_UNITS,
@@ -58,6 +59,10 @@ class Scale:
                 "set it, such as units: {tick: 0.5 s}"
             )
         return seconds
+
+    def tick_at(self, text: str) -> int:
+        """The tick in which a clock time falls, such as "06:30". Raises InputError."""
+        return math.floor(seconds_after(self.clock, text) / self.tick_seconds)
 
     @property
     def cell_metres(self) -> Fraction:

@@ -17,6 +17,8 @@ STUDY_KEYS: Final = frozenset(
 SHIPPED_FOLDER: Final = Path(__file__).resolve().parent.parent.parent / "layouts"
 
 
+# What recordings begin with (automaton.evidence.recording.frames): scenarios know none.
+RECORDING_START: Final = b"\x93AUTOMATON\r\n"
 STUDIES_ARE_SWEPT: Final = "`automaton sweep STUDY --out FOLDER` does its runs"
 
 
@@ -48,10 +50,20 @@ def find(name: str | Path) -> Path:
     raise InputError(f"no file and no shipped scenario is called '{name}'{hint}")
 
 
+def is_recording(path: Path) -> bool:
+    """Whether a file begins as recordings do. Raises OSError."""
+    if not os.path.isfile(path):
+        return False
+    with path.open("rb") as stream:
+        return stream.read(len(RECORDING_START)) == RECORDING_START
+
+
 def read_text(path: Path) -> str:
     """The text of a file of at most MAX_BYTES bytes. Raises InputError."""
     file = str(path)
     try:
+        if is_recording(path):
+            raise InputError("is a recording, not a scenario; automaton replay shows it", file)
         size = path.stat().st_size
         if size > MAX_BYTES:
             limit = MAX_BYTES // 1_000_000

@@ -6,6 +6,7 @@ import inspect
 from collections.abc import Callable
 from typing import Any
 
+from automaton.engine.jit.compile_progress import COMPILING
 from automaton.engine.jit.kernel import jit_is_on
 from automaton.errors import InputError
 
@@ -22,6 +23,7 @@ def compiled_decide(function: Callable[..., None], signature: Any) -> Any:
         return function
     if function not in _COMPILED:
         _COMPILED[function] = _compile(function, signature)
+        COMPILING.finish(function)
     return _COMPILED[function]
 
 

@@ -49,6 +49,22 @@ def first_wait(recording: Recording) -> tuple[int, int]:
     raise AssertionError("nobody waits")
 
 
+def test_a_tick_may_be_a_clock_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "day.rec"
+    units = "units={tick: 10 s, clock: '06:00'}"
+    assert (
+        main(["run", "tabletop-mini", "--set", units, "--until", "30", "--record", str(path)]) == 0
+    )
+    asked = ("explain", str(path), "--robot", "0", "--at")
+    assert told(capsys, *asked, "06:04")["tick"] == 24
+    for time, sentence in (
+        ("07:00", "there is no tick 360: it has ticks 0 to 30"),
+        ("05:00", "'05:00' is before tick 0, which is units.clock"),
+    ):
+        assert main([*asked, time]) == 2
+        assert f"automaton: {path}: {sentence}" in capsys.readouterr().err
+
+
 def test_the_chain_is_the_one_that_the_viewer_tells(
     recorded: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

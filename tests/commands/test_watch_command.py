@@ -52,6 +52,16 @@ def test_nothing_is_recorded_when_that_is_asked_for(state: Path) -> None:
     assert not state.exists()
 
 
+@pytest.mark.parametrize("command", ["watch", "run", "check"])
+def test_a_recording_that_is_given_as_a_scenario_is_called_one(
+    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = record(tmp_path / "a.rec", until=5)
+    assert main([command, str(path)]) == 2
+    said = f"{path}: is a recording, not a scenario; automaton replay shows it"
+    assert said in "".join(capsys.readouterr())
+
+
 def test_a_recording_is_told_and_two_are_compared(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

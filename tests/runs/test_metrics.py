@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from gate_scenes import gate_scene
 from metric_names import OF_OTHER_RUNS
 
 from automaton.build.resolve import resolve
@@ -155,3 +156,14 @@ def test_figures_do_not_depend_on_how_robots_are_stored() -> None:
     turned.run()
     assert metrics_of(plain) == metrics_of(turned)
     assert metrics_by_robot(plain) == metrics_by_robot(turned)
+
+
+def test_a_robot_that_does_little_but_wait_is_blocked_for_less_than_all_of_the_time() -> None:
+    """It waits before a door for 90 ticks after a drive of few."""
+    door = {"at": [3, 0], "opening_time": 150, "hold_open": 5}
+    simulation = Simulation(gate_scene({"doors": [door]}, (7, 0)))
+    simulation.run(100)
+    metrics = metrics_of(simulation)
+    assert metrics["lost_at_gates"] > 90
+    assert metrics["blocked_share"] == metrics["lost_at_gates"] / 100
+    assert metrics_by_robot(simulation)[0]["blocked_share"] == metrics["blocked_share"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -13,12 +14,31 @@ from automaton.engine.state import NIL
 from tui.actions import Command
 from tui.actions.clock_actions import ClockActions
 from tui.actions.panel_actions import PanelActions
+from tui.playback.frame_cache import robot_cell
 from tui.render.scene import NO_CELLS
 from tui.session.display import Display
 from tui.session.session import Session
 
 if TYPE_CHECKING:
     from tui.screens.find_query import Found
+
+
+class Before:
+    """What the map showed before something was looked for."""
+
+    def __init__(self, session: Session) -> None:
+        choice, pictures = session.choice, session.pictures
+        self._marked = choice.matches, choice.match_cells
+        self._view = pictures.camera.copy(), pictures.fitted
+
+    def restore(self, session: Session) -> None:
+        """Show it again."""
+        choice, pictures = session.choice, session.pictures
+        choice.matches, choice.match_cells = self._marked
+        rows, columns = pictures.camera.rows, pictures.camera.columns
+        pictures.camera, pictures.fitted = self._view
+        pictures.resize(rows, columns)
+        session.changed()
 
 
 class FindActions:
@@ -57,13 +77,46 @@ class FindActions:
         from tui.screens.find_dialog import FindScreen
 
         text = "" if self._found is None else self._found.text
-        self._app.push_screen(FindScreen(self._session.view(), text), self._take_found)
+        before = Before(self._session)
+        self._app.screen.add_class("-finding")  # makes room
 
-    def _take_found(self, found: Found | None) -> None:
-        if found is None:
-            return
+        def taken(chosen: Found | None) -> None:
+            self._app.screen.remove_class("-finding")
+            if chosen is None:
+                before.restore(self._session)
+            else:
+                self._take_found(chosen)
+
+        self._app.push_screen(FindScreen(self._session.view(), text, self._preview), taken)
+
+    def _mark(self, matches: Found) -> None:
+        """Have the map show the matches."""
+        choice = self._session.choice
+        choice.matches = np.array(matches.robots, np.int32)
+        cells = matches.cells or self._cells_of(matches.zones)
+        choice.match_cells = np.array(cells, np.int32)
+
+    def _cells_of(self, zones: tuple[int, ...]) -> list[int]:
+        session = self._session
+        of_zone = partial(session.pictures.zone_cells, session.playback, side=session.choice.side)
+        return [cell for zone in zones for cell in of_zone(zone)]
+
+    def _preview(self, matches: Found) -> None:
+        """Mark it while it is typed, and bring the match under the cursor on the screen."""
+        session, playback = self._session, self._session.playback
+        self._mark(matches)
+        if matches and playback is not None:
+            place = matches.places[matches.first]
+            if matches.robots:
+                place = robot_cell(playback, replace(session.choice, robot=place))
+            elif matches.zones:
+                place = next(iter(self._cells_of((place,))), NIL)
+            session.show_cell(place)
+        session.changed()
+
+    def _take_found(self, found: Found) -> None:
         self._found, self._stepping = found, "found"
-        self._session.choice.matches = np.array(found.robots, np.int32)
+        self._mark(found)
         self._panels.leave_full()
         self._show_found(found.first)
 
@@ -149,8 +202,8 @@ class FindActions:
     def _clear(self) -> None:
         self._session.choose()
         self._found, self._stepping = None, "events"
-        self._session.choice.matches = NO_CELLS
+        self._session.choice.matches = self._session.choice.match_cells = NO_CELLS
         self._session.hovered = NIL
         self._app.screen.remove_class("-map-alone")
-        self._panels.leave_full()
+        self._panels.leave()
         self._session.changed()

@@ -1,4 +1,4 @@
-"""Actions on the panels: off, beside the map, or in its place; and which one is open."""
+"""Actions on the panels: off, beside or below the map, or in its place; and which one is open."""
 
 from __future__ import annotations
 
@@ -17,6 +17,10 @@ from tui.session.display import Display
 from tui.session.session import Session
 
 WIDE: Final = 100  # columns from which panels have room beside the map
+BESIDE_COLUMNS: Final = 36  # of a panel beside the map on a narrow screen,
+BELOW_SHARE: Final = 0.45  # or the part of the rows that it has below it,
+LEAST_ROWS: Final = 6  # and how many these are at least
+ABOUT_CHOICE: Final = ("inspector", "why")  # panels about what is selected on the map
 
 
 class PanelActions:
@@ -24,7 +28,8 @@ class PanelActions:
 
     def __init__(self, app: App[None], session: Session, display: Display) -> None:
         self._app, self._session, self._display = app, session, display
-        self.shown = "side"  # off, side or full; on a narrow screen "side" counts as off
+        self.shown = "side"  # off, side or full; on a narrow screen "side" counts as off,
+        self.opened = False  # unless a panel was opened there, beside or below the map
         # Before a panel is opened by its key; False: there is nothing to open it for.
         self.before: dict[str, Callable[[], bool]] = {
             "why": self._choose_waiting,
@@ -44,10 +49,10 @@ class PanelActions:
             self.open(name)
 
     def show(self, panels: str) -> None:
-        """Off, side or full."""
-        if panels == "side" and self._app.size.width < WIDE:
-            panels = "full"
+        """Off, side or full; on a narrow screen the side is where it leaves more of the map."""
         self.shown, column = panels, self._display.column
+        self.opened = panels == "side" and self._is_narrow
+        self.fit()
         for name in ("off", "side", "full"):
             self._app.screen_stack[0].set_class(name == panels, f"-panels-{name}")
         if column is not None:
@@ -56,28 +61,70 @@ class PanelActions:
             self._display.maps[0].focus()
         self._display.refresh_panels()
 
-    def open(self, name: str) -> None:
-        """Show this panel; if it is what is shown in place of the map, go back to the map."""
+    def fit(self) -> None:
+        """Put an open panel of a narrow screen beside or below the map."""
+        screen, pictures = self._app.screen_stack[0], self._session.pictures
+        body, side = screen.query_one("#body"), screen.query_one("#side")
+        opened, room = self.opened and self._is_narrow, body.size
+        rows = max(LEAST_ROWS, round(BELOW_SHARE * room.height))
+        beside = len(self._display.maps) == 1 and pictures.larger_beside(
+            room.height, room.width, rows, BESIDE_COLUMNS
+        )
+        screen.set_class(opened, "-panels-open")
+        screen.set_class(opened and not beside, "-panels-below")
+        side.styles.height = rows if opened and not beside else None
+
+    def open(self, name: str, focus: bool = True) -> None:
+        """Show this panel; on a narrow screen, and in place of the map, its key closes it again.
+
+        With `focus` it gets the keys, unless there is room for all panels beside the map.
+        """
         column = self._display.column
         if not self._session.ready() or column is None:
             return
-        if self._seen == "full" and column.name_open == name:
-            self.leave_full()
+        if (self._seen == "full" or self.opened) and column.name_open == name:
+            self.leave()
             return
         self._app.screen.remove_class("-map-alone")
         if self._seen == "off":
             self.show("side")
-        column.open(name, focus=self.shown == "full")
+        column.open(name, focus=focus and (self.opened or self.shown == "full"))
         self._display.refresh_panels()
+        if name in ABOUT_CHOICE:
+            self._app.call_after_refresh(self._session.show_choice)
+
+    def open_for_click(self) -> None:
+        """Something on the map was clicked: open the inspector, unless a panel shows it already."""
+        column, is_robot = self._display.column, self._session.choice.robot != NIL
+        if column is None or self._app.screen.has_class("-map-alone"):
+            return
+        is_shown = column.name_open == "inspector" or (
+            is_robot and column.name_open in ABOUT_CHOICE
+        )
+        if self._seen == "off" or not is_shown:
+            self.open("inspector", focus=False)
 
     def leave_full(self) -> None:
         """Show the map again."""
         if self.shown == "full":
-            self.show("side" if self._app.size.width >= WIDE else "off")
+            self.show("side")
+
+    def leave(self) -> None:
+        """The map as it is without having opened a panel."""
+        self.leave_full()
+        if self.opened:
+            self.opened = False
+            self.fit()
+            self._display.maps[0].focus()
+
+    @property
+    def _is_narrow(self) -> bool:
+        return self._app.size.width < WIDE
 
     @property
     def _seen(self) -> str:
-        return "off" if self.shown == "side" and self._app.size.width < WIDE else self.shown
+        is_hidden = self.shown == "side" and self._is_narrow and not self.opened
+        return "off" if is_hidden else self.shown
 
     def _turn(self) -> None:
         self.show({"off": "side", "side": "full", "full": "off"}[self._seen])

@@ -97,6 +97,16 @@ class Pictures:
             return "vertical" if columns < NARROW else "horizontal"
         return min(steps, key=steps.__getitem__)
 
+    def larger_beside(self, rows: int, columns: int, below: int, beside: int) -> bool:
+        """Whether the map is larger beside a panel of so many columns than above one of so many rows."""
+        nearest = []
+        for size in ((rows, columns - beside), (rows - below, columns)):
+            camera = self.camera.copy()
+            camera.resize(max(1, size[0]), max(1, size[1]))
+            camera.fit()
+            nearest.append(camera.size()[0])
+        return nearest[0] > nearest[1]
+
     def scene(self, playback: PlaybackState | None, choice: Choice, side: int) -> Scene:
         """What one run's picture is made of."""
         if playback is None:
@@ -115,6 +125,7 @@ class Pictures:
             cursor=_cursor(choice),
             layer="" if late else choice.layer,  # not the numbers of the layer before
             zone=choice.zone,
+            marked_cells=choice.match_cells[choice.match_cells < self.floors[side].looks.size],
             least=choice.least,
             marked=found if len(found) else differing(playback),
         )

@@ -45,7 +45,7 @@ def near_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
         draw_robots(canvas)
     if scene.shaded:
         keep_heat(canvas, ground)
-    if scene.zone != NIL:
+    if len(scene.zone_cells):
         canvas.set_background(canvas.at(scene.zone_cells)[0], styles.COLOUR_MARKED)
     if scene.snapshot is not None:
         draw_chosen(canvas)

@@ -25,7 +25,8 @@ class Choice:
     following: bool = False
     route: bool = True
     minimap: bool = True
-    matches: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # robots
+    matches: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # robots that were found,
+    match_cells: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # or cells
 
     @property
     def laid(self) -> str:

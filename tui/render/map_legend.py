@@ -138,7 +138,7 @@ def _overlays(scene: Scene, glyphs: GlyphSet, near: bool) -> list[Entry]:
                 scene.zone_name,
             )
         )
-    if len(scene.marked):
+    if len(scene.marked) or len(scene.marked_cells):
         entries.append(Entry(bg(styles.COLOUR_MARKED), "found"))
     return entries
 

@@ -141,6 +141,9 @@ class Scene:
     cursor: int | None = None  # cell
     layer: str = ""  # the name of one that is registered, or none
     marked: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # robots
+    marked_cells: NDArray[np.int32] = field(
+        default_factory=lambda: NO_CELLS
+    )  # cells, marked like a zone
     zone: int = NIL  # whose cells are marked
     least: int = 2  # paths that lead through a cell of the overlay "predicted"
 
@@ -231,8 +234,8 @@ class Scene:
 
     @cached_property
     def zone_cells(self) -> NDArray[np.int32]:
-        """(k,) the cells of the zone that is marked: of one that robots serve, if they do."""
+        """(k,) the cells that are marked: of a zone, which robots may serve, or of a search."""
         if self.zone == NIL:
-            return NO_CELLS
+            return self.marked_cells
         of_layers = (layer.zone_cells(self, self.zone) for layer in layers().by_name.values())
         return next((cells for cells in of_layers if cells is not None), NO_CELLS)

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
-from textual.widgets import Static, TextArea
+from textual.widgets import Static
 
 from automaton.build.resolve import CHANGEABLE, branched
 from automaton.errors import InputError
@@ -16,6 +16,7 @@ from tui.playback.panel_view import View
 from tui.screens.dialog import Dialog
 from tui.widgets.rows import Rows
 from tui.widgets.styled_lines import Line, Span
+from tui.widgets.typed_fields import TypedText
 
 
 def settings_of(scenario: Scenario) -> list[str]:
@@ -51,7 +52,7 @@ class SettingList(Rows):
         self.screen.query_one(SettingField).add(self.settings[index])
 
 
-class SettingField(TextArea):
+class SettingField(TypedText):
     """Lines KEY=VALUE."""
 
     DEFAULT_CSS = "SettingField { height: 5; }"

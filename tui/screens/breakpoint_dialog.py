@@ -15,6 +15,7 @@ from tui.screens.dialog import Dialog
 from tui.widgets.rows import Rows
 from tui.widgets.signs import UNICODE, Signs
 from tui.widgets.styled_lines import Line, Link, Span, dim, line
+from tui.widgets.typed_fields import TypedInput
 
 GRAMMAR: Final = (
     "deadlock, wait cycle, zones redesigned, delivered 7, stalled > 50, or a condition on "
@@ -99,7 +100,7 @@ class BreakpointsScreen(Dialog[tuple[Stop, ...]]):
         self._list = StopList(stops, signs)
 
     def inside(self) -> ComposeResult:
-        yield Input(placeholder="add one: stalled > 50", compact=True)
+        yield TypedInput(placeholder="add one: stalled > 50", compact=True)
         yield Static(f"Write {GRAMMAR}.", classes="hint", markup=False)
         yield Static(f"A robot has {', '.join(FIELDS)}.", classes="hint", markup=False)
         yield Static(WAYS, classes="hint spare", markup=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import ClassVar, Final
 
 import numpy as np
@@ -22,12 +23,20 @@ from tui.widgets.rows import Rows
 from tui.widgets.service_zone_facts import partition_of
 from tui.widgets.styled_lines import Line, cell_link, dim, line
 from tui.widgets.traffic_zone_facts import robots_in
+from tui.widgets.typed_fields import TypedInput
 
 EXAMPLES: Final = (
-    "17, robot 17, load 7, order 7, pod 12, 12,4, station 11, zone 9, "
-    "or a condition: waiting > 20 and loaded, deadlock, stalled > 50, battery < 20, "
-    "queueing, jam, starved"
+    "17, robot 17, order 7, load 7, line 7, pod 12, 12,4, station 11, door 1, lift 1, zone 9, "
+    "a name that the scenario gives, or a condition: waiting > 20 and loaded, deadlock, "
+    "stalled > 50, battery < 20, queueing, jam, starved"
 )
+
+
+Preview = Callable[[Found], None]
+
+
+def no_preview(matches: Found) -> None:
+    """There is no map."""
 
 
 class MatchList(Rows, can_focus=False):
@@ -82,7 +91,22 @@ class MatchList(Rows, can_focus=False):
 
 
 class FindScreen(Dialog[Found]):
-    """Enter takes the match under the cursor; the others can be stepped through later."""
+    """Enter takes the match under the cursor; the others can be stepped through later.
+
+    It lies below the map, or in the place of the panels beside it: what matches is seen on the map.
+    """
+
+    DEFAULT_CSS = """
+    FindScreen { align: right bottom; background: $background 25%; }
+    FindScreen.-normal > Vertical, FindScreen.-wide > Vertical {
+        width: 35%; min-width: 42; max-width: 56;
+    }
+    FindScreen.-narrow Rows, FindScreen.-low Rows { height: 4; }
+    FindScreen.-short Rows { height: 3; }
+    FindScreen.-narrow Horizontal, FindScreen.-low Horizontal { margin-top: 0; }
+    FindScreen.-narrow > Vertical { width: 100%; }
+    FindScreen.-narrow .hint { height: 1; }
+    """
 
     HEADING = "Find"
     ACCEPT = "Go there"
@@ -91,12 +115,13 @@ class FindScreen(Dialog[Found]):
         Binding("down", "move(1)", "Next match", show=False),
     ]
 
-    def __init__(self, view: View, text: str = "") -> None:
+    def __init__(self, view: View, text: str = "", preview: Preview = no_preview) -> None:
+        """`preview` gets what is found whenever that, or the match under the cursor, changes."""
         super().__init__()
-        self._view, self._text = view, text
+        self._view, self._text, self._preview = view, text, preview
 
     def inside(self) -> ComposeResult:
-        yield Input(self._text, placeholder="robot 17", compact=True)
+        yield TypedInput(self._text, placeholder="robot 17", compact=True)
         yield Static(EXAMPLES, classes="hint", markup=False)
         yield Static("", id="many", markup=False)
         yield MatchList(self._view)
@@ -119,6 +144,11 @@ class FindScreen(Dialog[Found]):
         told = found.many if found else "nothing matches now" if text.strip() else ""
         self.query_one("#many", Static).update("" if wrong else told)
         self.complain(wrong)
+        self._show_on_map()
+
+    def _show_on_map(self) -> None:
+        matches = self.query_one(MatchList)
+        self._preview(matches.found._replace(first=matches.cursor))
 
     def on_input_submitted(self) -> None:
         self.accept()
@@ -135,3 +165,4 @@ class FindScreen(Dialog[Found]):
     def action_move(self, rows: int) -> None:
         """Choose another match."""
         self.query_one(MatchList).action_move(rows)
+        self._show_on_map()

@@ -1,6 +1,7 @@
 """Robots, cells, zones by what a user types.
 
-17, load 7, pod 12, 12,4, station 11, station P1, zone 9, waiting > 20, jam, starved
+17, load 7, pod 12, 12,4, station 11, station P1, zone 9, waiting > 20, jam, starved, and what the
+scenario names: see tui.screens.find_names
 """
 
 from __future__ import annotations
@@ -13,11 +14,11 @@ import numpy as np
 from automaton.engine.state import NIL
 from automaton.errors import InputError, nearest
 from automaton.evidence.history.breakpoints import robots_where
-from automaton.evidence.history.snapshot import Snapshot
 from automaton.floor.cells import KIND_BY_NAME, WALL
 from automaton.units import count
 from tui.playback.jam_place import middle_robot
 from tui.playback.panel_view import View
+from tui.screens.find_names import named_places, places_of_pods
 from tui.widgets.pod_facts import has_pods, makes_trips
 from tui.widgets.service_zone_facts import checked_station
 from tui.widgets.traffic_zone_facts import checked_zone
@@ -52,6 +53,8 @@ def find(text: str, view: View) -> Found:
     words = " ".join(text.lower().split())
     if number := re.fullmatch(r"(?:robot )?(\d{1,9})", words):
         return Found(words, robots=(_robot(int(number[1]), view),))
+    if (named := named_places(words, view)) is not None:
+        return Found(words, *named)
     if has_pods(view) and (places := _with_pods(words, view)):
         return places
     if number := re.fullmatch(r"(?:load|order) (\d{1,9})", words):
@@ -96,7 +99,7 @@ def _with_pods(words: str, view: View) -> Found | None:
     """A pod or a station by its name or number, or a trip, where pods are carried."""
     snapshot = view.snapshot
     if words.startswith("pod ") and snapshot.pod_names:
-        return _pod(words, snapshot)
+        return _pod(words, view)
     if (number := re.fullmatch(r"trip (\d{1,9})", words)) and makes_trips(view):
         return _order(words, int(number[1]), view)
     names = [name.lower() for name in snapshot.station_names]
@@ -110,8 +113,9 @@ def _with_pods(words: str, view: View) -> Found | None:
     return None
 
 
-def _pod(words: str, snapshot: Snapshot) -> Found:
+def _pod(words: str, view: View) -> Found:
     """Where a pod stands, or who carries it."""
+    snapshot = view.snapshot
     name = words.removeprefix("pod ")
     names = [one.lower() for one in snapshot.pod_names]
     if name not in names and not (name.isdecimal() and 1 <= int(name) <= len(names)):
@@ -120,10 +124,7 @@ def _pod(words: str, snapshot: Snapshot) -> Found:
             f"there is no pod {name}{nearest(name, snapshot.pod_names) or f'; {there}'}"
         )
     pod = names.index(name) if name in names else int(name) - 1
-    slot = int(snapshot.pods.slot[pod])
-    if slot != NIL:
-        return Found(words, cells=(int(snapshot.slots.cell[slot]),))
-    return Found(words, robots=(int(snapshot.orders.reserved_by[snapshot.pods.trip[pod]]),))
+    return Found(words, *places_of_pods([pod], view))
 
 
 def _order(words: str, number: int, view: View) -> Found:

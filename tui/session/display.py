@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from textual.app import App
 
+from automaton.engine.jit.compile_progress import COMPILING
 from automaton.engine.state import NIL
 from automaton.units import unit
 from tui.registration import failure, layer_named
@@ -120,7 +121,7 @@ class Display:
         if session.playback is not before:
             self._texts_stale = True
             self._follow_playback(before)
-        if session.player is not None and session.player.computing():
+        if COMPILING.now() or (session.player is not None and session.player.computing()):
             self._texts_stale = True  # the seconds go on
         drawn = False
         if session.playback is not before or self._stale:
@@ -206,7 +207,9 @@ class Display:
         link = link_words(self.frames.figures()) if self.link_shown else []
         changed: bool = self.info.set_words(self._message(), link)
         if playback is None:
-            state = "cannot run" if session.error else "the world is being built ..."
+            compiling = COMPILING.now()
+            building = compiling.words if compiling else "the world is being built ..."
+            state = "cannot run" if session.error else building
             changed |= self.status.set_words([word(state, styles.COLOUR_DIM)])
             return changed
         words = time_words(playback, choice.side, session.speed, self._unit, session.glyphs)
@@ -257,6 +260,8 @@ class Display:
         error = session.error or session.broken or (playback.error if playback is not None else "")
         if error:
             return [word(error, styles.COLOUR_FAULT, "play_pause")]
+        if playback is not None and (compiling := COMPILING.now()):  # for a branch
+            return [word(compiling.words, styles.COLOUR_CURSOR)]
         if session.player is not None and (slow := session.player.computing()):
             return [word(long_tick_words(*slow), styles.COLOUR_CURSOR)]
         if playback is not None and playback.stopped:

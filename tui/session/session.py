@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -216,6 +217,24 @@ class Session:
             self.pictures.fitted = False
             self.pictures.camera.centre_on(cell)
         self.changed()
+
+    @contextmanager
+    def kept_in_sight(self) -> Iterator[None]:
+        """While inside, the map gets another size: what is selected stays on it."""
+        camera, cell = self.pictures.camera, self.choice.cell
+        if self.playback is not None and self.choice.robot != NIL:
+            cell = robot_cell(self.playback, self.choice)
+        was_shown = cell != NIL and camera.place_of(cell) is not None
+        yield
+        if was_shown:
+            self.show_cell(cell)
+
+    def show_choice(self) -> None:
+        """Bring what is selected on the screen."""
+        if self.choice.robot != NIL:
+            self.show_robot()
+        else:
+            self.show_cell(self.choice.cell)
 
     def show_robot(self) -> None:
         """Bring the selected robot on the screen."""

@@ -30,6 +30,7 @@ from tui.actions.map_actions import MapActions
 from tui.actions.panel_actions import PanelActions
 from tui.playback.run_source import Opening
 from tui.registration import layers, panels
+from tui.render.depth import Depth
 from tui.render.glyphs import ASCII
 from tui.render.styles import Look
 from tui.screens.help_screen import HelpScreen
@@ -108,6 +109,7 @@ class Viewer(App[None]):
         for theme in themes():
             self.register_theme(theme)
         self.theme = f"automaton-{options.theme}"
+        self.set_class(self.session.look.depth <= Depth.SIXTEEN, "-few-colours")
         glyphs = self.session.glyphs
         self._spelling = [AsciiOnly()] if glyphs is ASCII else []
         ScrollBar.renderer = WholeCells if glyphs is ASCII else ScrollBarRender
@@ -198,6 +200,7 @@ class Viewer(App[None]):
         self._keep_focus(classes["-tight"] or classes["-flat"])
         for screen in self.screen_stack:  # Textual tells the one in front only
             screen.update_classes(classes)
+        self.call_after_refresh(self.panels.fit)
         self.main_display.presenter.terminal_resized()
         self.session.changed()
 
@@ -248,7 +251,9 @@ class Viewer(App[None]):
             if self.session.opening.comparing:
                 self._split()
             rows = min(view.size.height for view in maps)
-            pictures.resize(rows, min(view.size.width for view in maps))
+            columns = min(view.size.width for view in maps)
+            with self.session.kept_in_sight():
+                pictures.resize(rows, columns)
         self.main_display.show_titles()
         self.session.changed()
 
@@ -269,13 +274,15 @@ class Viewer(App[None]):
         cell = session.pictures.cell_at(choice, event.row, event.column)
         if session.pictures.centre(choice, event.row, event.column):
             session.changed()
+        elif event.double:  # the first click has selected; the robot may have left since
+            if choice.robot != NIL and not choice.following:
+                self.map.follow()
         elif cell is None:
             session.choose()
         else:
             choice.side = self.main_display.maps.index(event.view)
             session.choose_at(cell)
-            if event.double and choice.robot != NIL and not choice.following:
-                self.map.follow()
+            self.panels.open_for_click()
 
     def on_map_view_dragged(self, event: MapView.Dragged) -> None:
         if event.view in self.main_display.maps:

@@ -23,6 +23,7 @@ from tui.widgets.rows import Rows
 from tui.widgets.service_zone_facts import partition_of, parts_finished
 from tui.widgets.signs import UNICODE, Signs
 from tui.widgets.styled_lines import Line, Link, Span, dim, line, title
+from tui.widgets.typed_fields import TypedInput
 
 NO_ROWS: Final = np.zeros(0, np.int64)
 
@@ -48,7 +49,7 @@ class Matches:
         return self._found
 
 
-class Filter(Input):
+class Filter(TypedInput):
     """Words that events must match."""
 
     BINDINGS: ClassVar[list[BindingType]] = [

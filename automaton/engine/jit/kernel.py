@@ -26,6 +26,7 @@ import numba
 from numba import njit, types
 
 import automaton.engine.jit.struct_types  # noqa: F401  teaches Numba what a Struct is
+from automaton.engine.jit.compile_progress import COMPILING
 from automaton.engine.jit.kernel_sources import sources_digest
 from automaton.engine.jit.numba_parts import config, event
 
@@ -221,6 +222,7 @@ class _Compilations(event.Listener):  # type: ignore[misc]
         if self._depth > 1:
             return  # a kernel that another one calls
         self._begun = time.perf_counter()
+        COMPILING.begin()
         subject = subject_of(event.data["dispatcher"].py_func.__module__)
         if not self.announced:
             self._timer = threading.Timer(COMPILE_NOTICE_DELAY_S, self.announce, [subject])
@@ -235,6 +237,8 @@ class _Compilations(event.Listener):  # type: ignore[misc]
 
     def announce(self, subject: str) -> None:
         """Announce that something is compiled, once in a process."""
+        if COMPILING.show_in_line():
+            return
         if subject not in self._told:
             self._told.add(subject)
             part = "another part of the world" if subject == WORLD else subject

@@ -17,7 +17,8 @@ from textual.widgets import Input, Static
 from automaton.errors import InputError
 from automaton.evidence.history.breakpoints import FIELDS
 from automaton.floor.cells import TURNTABLE
-from automaton.units import Unit
+from automaton.scenario.clock_times import read_clock
+from automaton.scenario.quantities import Scale
 from tui.screens.branch_dialog import BranchScreen, SettingField, SettingList, settings_of
 from tui.screens.breakpoint_dialog import BreakpointsScreen, Stop, StopList
 from tui.screens.find_dialog import FindScreen, MatchList
@@ -190,7 +191,8 @@ def test_a_match_is_taken_by_a_click() -> None:
 
 # Go to.
 
-HALF_SECONDS = Unit(0.5, "s")
+HALF_SECONDS = Scale("0.5 s")
+FROM_SIX = Scale("0.5 s", clock=read_clock("2026-03-02 06:00"))
 
 
 @pytest.mark.parametrize(
@@ -217,6 +219,18 @@ def test_what_is_no_tick_is_refused_in_a_sentence(words: str, sentence: str) -> 
     with pytest.raises(InputError) as caught:
         tick_of(words, 300, 900, 4000, HALF_SECONDS)
     assert str(caught.value) == sentence
+
+
+def test_where_units_have_a_clock_a_tick_is_a_time_of_the_day() -> None:
+    for words, tick in (("06:30", 3600), ("2026-03-03 06:00", 172_800)):
+        assert tick_of(words, 300, 900, None, FROM_SIX) == tick
+    for words, scale, reason in (
+        ("05:59", FROM_SIX, "'05:59' is before tick 0"),
+        ("06:30", HALF_SECONDS, "units.clock does not say what time it is in tick 0"),
+        ("soon", FROM_SIX, "50 %, 15 s, 07:00"),
+    ):
+        with pytest.raises(InputError, match=reason):
+            tick_of(words, 300, 900, None, scale)
 
 
 def test_a_live_run_without_an_end_can_be_sent_ahead() -> None:

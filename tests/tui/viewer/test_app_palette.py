@@ -1,0 +1,57 @@
+"""Every action without its key: by name from the command palette, which the mouse opens, too."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+from textual.screen import Screen
+from viewer_harness import Watched, mini, screen_text, viewing
+
+from tui.terminal.options import Options
+from tui.viewer.app import Viewer
+from tui.widgets.bindings import ACTIONS, COMPARING
+
+
+def test_the_palette_carries_out_every_action_of_the_table(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Two runs have all of them. Each is replaced by a note that it was called."""
+    called: list[str] = []
+    viewer = Viewer(mini(), Options())
+    monkeypatch.setattr(
+        viewer,
+        "_commands",
+        {action.id: lambda id=action.id: called.append(id) for action in ACTIONS},
+    )
+
+    async def walk(comparing: bool) -> list[str]:
+        monkeypatch.setattr(type(viewer.session.opening), "comparing", comparing)
+        called.clear()
+        for command in viewer.get_system_commands(Screen()):
+            await command.callback()
+        return called
+
+    ids = [action.id for action in ACTIONS]
+    assert asyncio.run(walk(True)) == ids
+    assert asyncio.run(walk(False)) == [id for id in ids if id not in COMPARING]
+
+
+def test_a_click_leads_to_the_palette_and_there_a_name_to_its_action() -> None:
+    async def story() -> None:
+        async with viewing(size=(80, 24)) as user:
+            await user.at(20)
+            await click(user, "ctrl+p all commands")
+            await user.until(lambda: "10 ticks on" in screen_text(user.app))
+            await user.press(*"100 ticks on")
+            await user.until(lambda: "10 ticks on" not in screen_text(user.app))
+            await user.press("enter", "enter")
+            await user.until(lambda: user.tick == 120)
+
+    asyncio.run(story())
+
+
+async def click(user: Watched, words: str) -> None:
+    rows = screen_text(user.app).splitlines()
+    (row,) = (at for at, text in enumerate(rows) if words in text)
+    await user.pilot.click(offset=(rows[row].index(words) + 1, row))

@@ -66,15 +66,15 @@ class Pictures:
         if rows < 4 or columns < 2:
             return ""
         sizes = {"horizontal": (rows - 1, columns // 2), "vertical": (rows // 2 - 1, columns)}
-        steps = {}
+        sizes_of_cells = {}
         for name, size in sizes.items():
             camera = self.camera.copy()
             camera.resize(*size)
             camera.fit()
-            steps[name] = camera.ladder.index(camera.zoom)
-        if steps["horizontal"] == steps["vertical"]:
+            sizes_of_cells[name] = camera.zoom.area
+        if sizes_of_cells["horizontal"] == sizes_of_cells["vertical"]:
             return "vertical" if columns < NARROW else "horizontal"
-        return min(steps, key=steps.__getitem__)
+        return max(sizes_of_cells, key=sizes_of_cells.__getitem__)
 
     def scene(self, playback: PlaybackState | None, choice: Choice, side: int) -> Scene:
         """What one run's picture is made of."""

@@ -27,7 +27,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--speed", type=speed, metavar="F", help="x1 is 10 ticks a second")
     add("--fps", type=frame_rate, metavar="N", help="pictures a second at most (10)")
     add("--size", type=size, metavar="COLSxROWS", help="of the screen; else as the floor needs")
-    add("--zoom", default="fit", metavar="ZOOM", help="fit, 3x1, 2x1, 1x1, half, braille-1, ...")
+    add(
+        "--zoom",
+        default="fit",
+        metavar="ZOOM",
+        help="fit, 6x3, 4x2, 3x1, 1x1, half, braille-1, ...",
+    )
     add(
         "--follow",
         type=whole("a robot", 0),

@@ -224,8 +224,8 @@ def intended(rows: int, columns: int, tick: int, glyphs: GlyphSet, steps: str = 
         {
             "+": camera.zoom_in,
             "-": camera.zoom_out,
-            "l": lambda: camera.pan_characters(4, 0),
-            "j": lambda: camera.pan_characters(0, 2),
+            "l": lambda: camera.pan_characters(max(4, camera.zoom.width), 0),
+            "j": lambda: camera.pan_characters(0, max(2, camera.zoom.height)),
             "0": camera.fit,
         }[step]()
     return compose(Scene(floor_of(resolved), take_snapshot(simulation)), camera, glyphs)

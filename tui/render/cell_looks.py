@@ -26,7 +26,7 @@ from automaton.floor.cells import (
 )
 from tui.render import styles
 from tui.render.cell_outlines import UNSIGNED, line_glyphs, outline
-from tui.render.glyphs import GlyphSet, code
+from tui.render.glyphs import ASCII, GlyphSet, code
 from tui.render.scene import (
     DETAIL_FULL_SHELF,
     DETAIL_ONE_WAY,
@@ -110,10 +110,20 @@ def drawn_cell(
     """(height x width) glyphs of a cell of several rows: an outline, and its sign where it has room."""
     if kind == WALL:
         return np.full(height * width, rest, np.uint32)
-    cells = line_glyphs(glyphs, outline(kind, detail, width, height))
-    if kind not in UNSIGNED or (kind == TURNTABLE and height > 2):
+    if glyphs is ASCII and kind in STORING_KINDS:
+        return filled(glyphs, width, height, first)
+    frames = glyphs is not ASCII  # letters make none
+    cells = line_glyphs(glyphs, outline(kind, detail, width, height, frames))
+    if kind not in UNSIGNED or glyphs is ASCII or (kind == TURNTABLE and height > 2):
         cells[sign_place(width, height)] = first
     return cells
+
+
+def filled(glyphs: GlyphSet, width: int, height: int, sign: int) -> NDArray[np.uint32]:
+    """(height x width) a cell full of its sign, but for its edges."""
+    cells = np.full((height, width), glyphs.blank, np.uint32)
+    cells[: max(height - 1, 2), 1:-1] = sign
+    return cells.reshape(-1)
 
 
 def _characters(glyphs: GlyphSet, kind: int, detail: int) -> tuple[int, int]:

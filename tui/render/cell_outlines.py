@@ -43,11 +43,13 @@ def line_glyphs(glyphs: GlyphSet, dots: Dots) -> NDArray[np.uint32]:
     return cells
 
 
-def outline(kind: int, detail: int, width: int, height: int) -> Dots:
-    """The lines of a kind of cell with its detail, see `looks_of`."""
+def outline(kind: int, detail: int, width: int, height: int, frames: bool = True) -> Dots:
+    """The lines of a kind of cell with its detail, see `looks_of`; without frames tracks alone."""
     dots = np.zeros((4 * height, 2 * width), bool)
     if kind in (TRACK, TURNTABLE):
         draw_exits(dots, detail, step=2)
+    if not frames:
+        return dots
     if kind == TURNTABLE:
         draw_ring(dots)
     elif kind in (SHELF, RACK):

@@ -36,9 +36,13 @@ def drawn_robots(
     load = (snapshot.robots.load[which] != NIL).astype(np.intp)
     colours = pixel_colours(canvas, which, body, drawings.bar[outline, direction])
     robot = np.arange(len(which))[:, None]
-    upper = colours[robot, drawings.upper[outline, load, direction]]
-    lower = colours[robot, drawings.lower[outline, load, direction]]
+    above = drawings.upper[outline, load, direction]
+    below = drawings.lower[outline, load, direction]
+    upper, lower = colours[robot, above], colours[robot, below]
     codes = paired(canvas, upper, lower)
+    if canvas.glyphs.shaded:  # without colours signs tell the load from the body
+        cargo = (above == LOAD) & (below == LOAD)
+        codes[cargo] = code(style(styles.COLOUR_FLOOR, lower[cargo]), canvas.glyphs.cargo)
     sign = drawings.sign[outline, direction]
     glyph = fleet.shapes(canvas.glyphs)[shape, direction]
     row = np.arange(len(which))

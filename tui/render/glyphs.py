@@ -55,21 +55,14 @@ def _by_dots(ramp: str) -> str:
 
 
 def _by_lines() -> str:
-    """The character that looks most like the lines of each braille pattern."""
-    signs = {}
-    for pattern in range(256):
-        left, right = pattern & 0x47, pattern & 0xB8  # columns of dots
-        tall, wide = max(left.bit_count(), right.bit_count()), (pattern & -pattern).bit_length()
-        level = any(pattern & row == row for row in (0x09, 0x12, 0x24, 0xC0))
-        if pattern.bit_count() > 5:
-            signs[pattern] = "#"
-        elif tall > 2 or (tall == 2 and not level):
-            signs[pattern] = "+" if level else "|"
-        elif level or (left and right):
-            signs[pattern] = "-"
-        else:
-            signs[pattern] = "." if wide else " "
-    return "".join(signs[pattern] for pattern in range(256))
+    """The character that looks most like the line of each braille pattern."""
+    rows = (0x09, 0x12, 0x24, 0xC0)
+    signs = [" "] * 256
+    for pattern in range(1, 256):
+        across = sum(pattern & row != 0 for row in rows)  # rows with a dot
+        both = any(pattern & row == row for row in rows)
+        signs[pattern] = "-" if across == 1 else "+" if both else "|"
+    return "".join(signs)
 
 
 class GlyphSet:

@@ -17,6 +17,7 @@ from tui.render.cell_view import flow_codes, heat_codes
 from tui.render.field import HEAT_LEVELS
 from tui.render.glyphs import GlyphSet, code
 from tui.render.pixels import DRIVEN
+from tui.render.robot_sprites import BAR_HEIGHT
 from tui.render.scene import (
     DETAIL_FULL_SHELF,
     DETAIL_OUTSIDE,
@@ -69,11 +70,12 @@ def _robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
         return (*drawn, int(code(cargo, glyphs.blank))) if loaded else drawn
 
     ways = (0, 1, 2, 3)
+    waits = "waits: flat in front" if zoom.is_drawn else "waits"
     load = "pod" if (scene.floor.floor_plan.kind == STORAGE).any() else "load"
     entries = [
         Entry(signs(fleet.DRAW_EMPTY, fleet.SHAPE_HOLLOW, ways), "robot, and the way it faces"),
         Entry(signs(fleet.DRAW_LOADED, fleet.SHAPE_FILLED, ways), f"robot with a {load}"),
-        Entry(signs(fleet.DRAW_WAITING, fleet.SHAPE_HOLLOW, (0,)), "waits"),
+        Entry(signs(fleet.DRAW_WAITING, fleet.SHAPE_HOLLOW, (0,)), waits),
         Entry(signs(fleet.DRAW_DEADLOCK, fleet.SHAPE_HOLLOW, (0,)), "waits in a wait cycle"),
         Entry(signs(fleet.DRAW_PARKED, fleet.SHAPE_SQUARE, (0,)), "parked"),
     ]
@@ -85,6 +87,9 @@ def _robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
             Entry(signs(fleet.DRAW_LOW_BATTERY, fleet.SHAPE_BOXED, ways), f"{low}, with a load"),
             Entry(signs(fleet.DRAW_DEADLOCK, fleet.SHAPE_VOID, (0,)), "battery empty, down"),
         ]
+        if zoom.height >= BAR_HEIGHT:
+            bar = style(styles.COLOUR_DONE, styles.COLOUR_ROBOT)
+            entries.append(Entry((int(code(bar, glyphs.lower_half)),), "charge of its battery"))
     if scene.floor.faults:
         entries.append(Entry(signs(fleet.DRAW_DEADLOCK, fleet.SHAPE_CROSS, (0,)), "broken down"))
     if scene.floor.loads_may_lie:

@@ -79,7 +79,8 @@ class MapActions:
 
     def _page(self, across: int, down: int) -> None:
         camera = self._pictures.camera
-        self.pan(across * (camera.columns // 2), down * (camera.rows // 2))
+        columns = max(camera.columns // 2, camera.zoom.width)
+        self.pan(across * columns, down * max(camera.rows // 2, camera.zoom.height))
 
     def _fit(self) -> None:
         self._pictures.fitted = True

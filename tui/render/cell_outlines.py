@@ -34,7 +34,7 @@ UNSIGNED: Final = (SHELF, RACK, STORAGE, BAY, TRACK, TURNTABLE)  # the lines say
 
 
 def line_glyphs(glyphs: GlyphSet, dots: Dots) -> NDArray[np.uint32]:
-    """(height x width) the characters that show these dots, blanks where there are none."""
+    """(height x width) the characters that show these dots, and blanks."""
     rows, columns = dots.shape[0] // 4, dots.shape[1] // 2
     grid = dots.reshape(rows, 4, columns, 2)
     pattern = (grid * DOT_BITS[None, :, None, :]).sum(axis=(1, 3))

@@ -207,34 +207,34 @@ def draw_claims(canvas: Canvas) -> None:
 def draw_robots(canvas: Canvas) -> None:
     """Each robot in the cell where it is; a number where there are several."""
     scene = canvas.scene
-    seen = fleet.robots_of(scene)
-    index, which = canvas.at(seen.cell)
+    robots = fleet.robots_of(scene)
+    index, which = canvas.at(robots.cell)
     if canvas.height > 1:
-        body, ink = chosen_colours(scene, fleet.body_colours(scene, seen))
-        canvas.flat[index] = drawn_robots(canvas, seen, which, body[which], ink[which])
+        body, ink = chosen_colours(scene, fleet.body_colours(scene, robots))
+        canvas.flat[index] = drawn_robots(canvas, robots, which, body[which], ink[which])
     else:
-        body, ink = chosen_colours(scene, seen.colour)
-        draw_signs(canvas, seen, index, which, style(ink, body)[which])
-    draw_crowds(canvas, index, which, seen.state, chosen_colours(scene, seen.colour))
+        body, ink = chosen_colours(scene, robots.colour)
+        draw_signs(canvas, robots, index, which, style(ink, body)[which])
+    draw_crowds(canvas, index, which, robots.state, chosen_colours(scene, robots.colour))
 
 
 def draw_signs(
     canvas: Canvas,
-    seen: fleet.Robots,
+    robots: fleet.Robots,
     index: Cells,
     which: NDArray[np.intp],
     robot_styles: NDArray[np.uint32],
 ) -> None:
     """Robots in cells of one row: a sign, and a mark for the load or the number beside it."""
     scene, glyphs = canvas.scene, canvas.glyphs
-    glyph = fleet.shapes(glyphs)[seen.shape[which], seen.direction[which]]
+    glyph = fleet.shapes(glyphs)[robots.shape[which], robots.direction[which]]
     canvas.flat[index, 0] = code(robot_styles, glyph)
     if canvas.width == 2:
         assert scene.snapshot is not None
         mark = np.where(scene.snapshot.robots.load[which] != NIL, glyphs.cargo, glyphs.blank)
         canvas.flat[index, 1] = code(robot_styles, mark)
     elif canvas.width > 2:
-        names = fleet.names(glyphs, len(seen.cell), canvas.width - 1)
+        names = fleet.names(glyphs, len(robots.cell), canvas.width - 1)
         canvas.flat[index, 1:] = code(robot_styles[:, None], names[which])
 
 

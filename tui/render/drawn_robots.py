@@ -24,13 +24,13 @@ GAP: Final = styles.COLOUR_VOID  # foreground of blanks, which are never underli
 
 
 def drawn_robots(
-    canvas: Canvas, seen: fleet.Robots, which: NDArray[np.intp], body: Colours, ink: Colours
+    canvas: Canvas, robots: fleet.Robots, which: NDArray[np.intp], body: Colours, ink: Colours
 ) -> Codes:
     """(k, characters of a cell) codes of the robots `which`, (k,), in these colours, (k,) each."""
     snapshot = canvas.scene.snapshot
     assert snapshot is not None
     drawings = sprites(canvas.width, canvas.height, canvas.scene.floor.battery)
-    shape, direction = seen.shape[which], seen.direction[which].astype(np.intp)
+    shape, direction = robots.shape[which], robots.direction[which].astype(np.intp)
     waits = snapshot.robots.cause[which] != 0
     outline = np.where(np.isin(shape, HEADLESS), ROUND, np.where(waits, FLAT, POINTED))
     load = (snapshot.robots.load[which] != NIL).astype(np.intp)
@@ -40,7 +40,7 @@ def drawn_robots(
     below = drawings.lower[outline, load, direction]
     upper, lower = colours[robot, above], colours[robot, below]
     codes = paired(canvas, upper, lower)
-    if canvas.glyphs.shaded:  # without colours signs tell the load from the body
+    if canvas.glyphs.shaded:  # without colours signs show the load
         cargo = (above == LOAD) & (below == LOAD)
         codes[cargo] = code(style(styles.COLOUR_FLOOR, lower[cargo]), canvas.glyphs.cargo)
     sign = drawings.sign[outline, direction]
@@ -48,7 +48,7 @@ def drawn_robots(
     row = np.arange(len(which))
     codes[row, sign] = code(style(ink, ground(upper[row, sign], lower[row, sign])), glyph)
     starts, room = drawings.number[outline, direction], drawings.room[outline, direction]
-    draw_numbers(canvas, codes, len(seen.cell), which, (starts, room), (upper, lower, ink))
+    draw_numbers(canvas, codes, len(robots.cell), which, (starts, room), (upper, lower, ink))
     return codes
 
 
@@ -91,15 +91,15 @@ def ground(upper: Colours, lower: Colours) -> Colours:
 def draw_numbers(
     canvas: Canvas,
     codes: Codes,
-    robots: int,
+    fleet_size: int,
     which: NDArray[np.intp],
     places: tuple[NDArray[np.intp], NDArray[np.intp]],
     colours: tuple[Colours, Colours, Colours],
 ) -> None:
     """Write the numbers of robots where they have room, in the middle of it."""
-    digits = len(str(max(robots - 1, 0)))
+    digits = len(str(max(fleet_size - 1, 0)))
     (starts, room), (upper, lower, ink) = places, colours
-    names = fleet.names(canvas.glyphs, robots, digits)[which]
+    names = fleet.names(canvas.glyphs, fleet_size, digits)[which]
     first = starts + (room - digits + 1) // 2
     for column in range(digits):
         here = np.flatnonzero((room >= digits) & (names[:, column] != canvas.glyphs.blank))

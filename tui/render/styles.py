@@ -213,8 +213,8 @@ class Look:
         """Weight, and without colours what stands for them.
 
         What is written on a robot's colour is reversed; so are the selection, the cursor and faults.
-        What waits is underlined at every depth, on the floor and on a robot: its colour alone would
-        tell it. The blanks of a robot that is drawn have the foreground "beyond the floor".
+        What waits is underlined at every depth, on the floor and on a robot, for its colour alone is
+        not enough. The blanks of a robot that is drawn have the foreground "beyond the floor".
         """
         fg, bg = divmod(style, len(COLOURS))
         bold = COLOURS[fg].bold

@@ -231,7 +231,7 @@ BROAD = (
 @pytest.mark.parametrize(
     ("scenario", "zoom", "size"),
     [
-        ("tabletop-2", "fit", (73, 10)),  # 23 cells of 3 columns, and a margin
+        ("tabletop-2", "fit", (119, 24)),  # 23 x 7 cells of 5 x 3 characters, and a margin
         ("tabletop-mini", "1x1", (52, 11)),  # the status is broader
         (BROAD, "fit", (66, 12)),  # 123 x 32 cells, 2 x 4 in a character
         (BROAD, "3x1", (120, 35)),  # as many columns as there may be, and a single line below
@@ -270,7 +270,7 @@ def test_the_film_has_its_name_and_says_how_large_it_is(
     cast(here, "--to", 10)
     out = tmp_path / "my.run.cast"
     size = out.stat().st_size
-    assert capsys.readouterr().out == f"{out}: 12 events, {size:,} bytes, 3.0 s of 52x10\n"
+    assert capsys.readouterr().out == f"{out}: 12 events, {size:,} bytes, 3.0 s of 112x33\n"
     cast(here, "--to", 0)
     assert out.stat().st_size < size  # replaced
 
@@ -298,7 +298,7 @@ STILL = ("--picture", "still.svg")
             ("run.rec", *MADE, "--layer", "explored"),
             "explored shows the search for one robot: --fo",
         ),
-        (("run.rec", *MADE, "--zoom", "4x1"), "unknown zoom '4x1': allowed are fit, 3x1, 2x1, "),
+        (("run.rec", *MADE, "--zoom", "4x1"), "unknown zoom '4x1': allowed are fit, 9x5, 8x4, 6x3, "),
         (("run.rec", *MADE, "--follow", "4"), "there is no robot 4: the last one is robot 3"),
         (("run.rec", *MADE, "--speed", "0"), "'0' is not a speed: allowed are 0.01 to 10000"),
         (("run.rec", *MADE, "--speed", "1/0"), "'1/0' is not a speed"),

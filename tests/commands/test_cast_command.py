@@ -144,8 +144,8 @@ def test_the_header_says_what_players_ask_for(crossing: Path, tmp_path: Path) ->
     header, _ = film_of(out)
     assert header == {
         "version": 2,
-        "width": 52,
-        "height": 10,
+        "width": 112,
+        "height": 33,
         "title": "automaton: crossing, 4 robots, seed 1",
         "env": {"TERM": "xterm-256color"},
     }
@@ -158,12 +158,12 @@ def test_an_event_comes_when_its_tick_does(crossing: Path, tmp_path: Path) -> No
     _, events = film_of(out)
     times = [time for time, _ in events]
     assert times == [round(tick * 0.2, 6) for tick in range(41)] + [10.0]
-    screen = pyte.Screen(52, 10)
+    screen = pyte.Screen(112, 33)
     stream = pyte.Stream(screen)
     shown = []
     for _, data in events[:-1]:
         stream.feed(for_pyte(data))
-        shown.append(int(screen.display[8].split()[1]))
+        shown.append(int(screen.display[32].split()[1]))
     assert shown == list(range(20, 61))
 
 
@@ -255,7 +255,7 @@ def test_a_still_is_a_drawing_or_text(crossing: Path, tmp_path: Path) -> None:
     for name in ("still.svg", "still.txt"):
         assert cast(crossing, "--picture", tmp_path / name, "--at", 90, "--layer", "visits") == 0
     (snapshot,) = snapshots_at(90, layer="visits")
-    codes = intended(resolve("crossing"), snapshot, 52, 10, UNICODE, "visits")
+    codes = intended(resolve("crossing"), snapshot, 112, 33, UNICODE, "visits")
     text, drawing = ((tmp_path / f"still.{suffix}").read_text() for suffix in ("txt", "svg"))
     assert text == as_text(codes, UNICODE) and text.count("visits") == 1
     title = "crossing, 4 robots, seed 1"

@@ -42,7 +42,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="WxH",
         help="columns and rows, or pixels of .gif, .mp4 and .png; else as the floor needs",
     )
-    add("--zoom", default="fit", metavar="ZOOM", help="fit, 3x1, 2x1, 1x1, half, braille-1, ...")
+    add(
+        "--zoom",
+        default="fit",
+        metavar="ZOOM",
+        help="fit, 6x3, 4x2, 3x1, 1x1, half, braille-1, ...",
+    )
     add(
         "--follow",
         type=whole("a robot", 0),

@@ -144,8 +144,8 @@ def test_the_header_says_what_players_ask_for(crossing: Path, tmp_path: Path) ->
     header, _ = film_of(out)
     assert header == {
         "version": 2,
-        "width": 52,
-        "height": 10,
+        "width": 112,
+        "height": 33,
         "title": "automaton: crossing, 4 robots, seed 1",
         "env": {"TERM": "xterm-256color"},
     }
@@ -158,12 +158,12 @@ def test_an_event_comes_when_its_tick_does(crossing: Path, tmp_path: Path) -> No
     _, events = film_of(out)
     times = [time for time, _ in events]
     assert times == [round(tick * 0.2, 6) for tick in range(41)] + [10.0]
-    screen = pyte.Screen(52, 10)
+    screen = pyte.Screen(112, 33)
     stream = pyte.Stream(screen)
     shown = []
     for _, data in events[:-1]:
         stream.feed(for_pyte(data))
-        shown.append(int(screen.display[8].split()[1]))
+        shown.append(int(screen.display[32].split()[1]))
     assert shown == list(range(20, 61))
 
 
@@ -231,7 +231,7 @@ BROAD = (
 @pytest.mark.parametrize(
     ("scenario", "zoom", "size"),
     [
-        ("tabletop-2", "fit", (73, 10)),  # 23 cells of 3 columns, and a margin
+        ("tabletop-2", "fit", (119, 24)),  # 23 x 7 cells of 5 x 3 characters, and a margin
         ("tabletop-mini", "1x1", (52, 11)),  # the status is broader
         (BROAD, "fit", (66, 12)),  # 123 x 32 cells, 2 x 4 in a character
         (BROAD, "3x1", (120, 35)),  # as many columns as there may be, and a single line below
@@ -255,7 +255,7 @@ def test_a_still_is_a_drawing_or_text(crossing: Path, tmp_path: Path) -> None:
     for name in ("still.svg", "still.txt"):
         assert cast(crossing, "--picture", tmp_path / name, "--at", 90, "--layer", "visits") == 0
     (snapshot,) = snapshots_at(90, layer="visits")
-    codes = intended(resolve("crossing"), snapshot, 52, 10, UNICODE, "visits")
+    codes = intended(resolve("crossing"), snapshot, 112, 33, UNICODE, "visits")
     text, drawing = ((tmp_path / f"still.{suffix}").read_text() for suffix in ("txt", "svg"))
     assert text == as_text(codes, UNICODE) and text.count("visits") == 1
     title = "crossing, 4 robots, seed 1"
@@ -270,7 +270,7 @@ def test_the_film_has_its_name_and_says_how_large_it_is(
     cast(here, "--to", 10)
     out = tmp_path / "my.run.cast"
     size = out.stat().st_size
-    assert capsys.readouterr().out == f"{out}: 12 events, {size:,} bytes, 3.0 s of 52x10\n"
+    assert capsys.readouterr().out == f"{out}: 12 events, {size:,} bytes, 3.0 s of 112x33\n"
     cast(here, "--to", 0)
     assert out.stat().st_size < size  # replaced
 
@@ -298,7 +298,7 @@ STILL = ("--picture", "still.svg")
             ("run.rec", *MADE, "--layer", "explored"),
             "explored shows the search for one robot: --fo",
         ),
-        (("run.rec", *MADE, "--zoom", "4x1"), "unknown zoom '4x1': allowed are fit, 3x1, 2x1, "),
+        (("run.rec", *MADE, "--zoom", "4x1"), "unknown zoom '4x1': allowed are fit, 9x5, 8x4, 6x3, "),
         (("run.rec", *MADE, "--follow", "4"), "there is no robot 4: the last one is robot 3"),
         (("run.rec", *MADE, "--speed", "0"), "'0' is not a speed: allowed are 0.01 to 10000"),
         (("run.rec", *MADE, "--speed", "1/0"), "'1/0' is not a speed"),

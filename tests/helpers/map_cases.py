@@ -31,24 +31,26 @@ for way, step in {"left": (0, -1), "right": (0, 1), "up": (-1, 0), "down": (1, 0
     pans(f"page_{way}", *step)
 
 
-def zooms(name: str, start: int, end: int) -> None:
-    """An action that goes from one step of the ladder to another."""
+def zooms(name: str, start: str, end: str) -> None:
+    """An action that goes from one step of the ladder to another; "fit" is the one that fits."""
 
     async def action(user: Watched) -> None:
         camera = user.session.pictures.camera
-        camera.zoom = camera.ladder[start]
+        fitting = camera.copy()
+        fitting.fit()
+        camera.zoom = next(step for step in camera.ladder if step.name == start)
         user.session.pictures.fitted = False
         await press(user, name)
-        assert camera.ladder.index(camera.zoom) == end
+        assert camera.zoom.name == (fitting.zoom.name if end == "fit" else end)
         assert user.session.pictures.fitted == (name == "zoom_fit")
 
     CHECKS[name] = action
 
 
-zooms("zoom_in", 2, 1)
-zooms("zoom_out", 2, 3)
-zooms("zoom_cell", 4, 2)
-zooms("zoom_fit", 4, 0)
+zooms("zoom_in", "1x1", "2x1")
+zooms("zoom_out", "1x1", "half")
+zooms("zoom_cell", "braille 1", "1x1")
+zooms("zoom_fit", "braille 1", "fit")
 
 
 def zooms_time(name: str, before: int, after: int) -> None:

@@ -22,6 +22,7 @@ from tui.render.glyphs import UNICODE, Codes, GlyphSet
 from tui.render.scene import Floor, Scene
 
 NEAR = ["3x1", "2x1", "1x1"]  # steps of the ladder
+DRAWN = ["4x2", "6x3", "8x4"]  # at which robots are drawn
 ALL = [*NEAR, "half", "braille 1"]
 FIELDS = {  # of a robot that stands still and does nothing
     **dict.fromkeys(("cell", "claim", "load", "order", "slot", "bay", "blocker"), NIL),
@@ -112,6 +113,11 @@ def fg(code: int) -> int:
 
 def bg(code: int) -> int:
     return (int(code) >> 16) % len(styles.COLOURS)
+
+
+def body(code: int) -> int:
+    """The colour of a robot: behind its sign, or of its block or dots."""
+    return bg(code) if fg(code) in styles.GROUNDS else fg(code)
 
 
 def open_floor(width: int, height: int) -> FloorPlan:

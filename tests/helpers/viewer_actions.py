@@ -307,15 +307,15 @@ async def screenshot(user: Watched) -> None:
     await user.at(120)
     await press(user, "screenshot")
     await user.until(lambda: list(Path.cwd().glob("tabletop-mini-120-*.svg")))
-    assert "◍" in next(Path.cwd().glob("*.svg")).read_text(encoding="utf-8")
+    assert "⊔" in next(Path.cwd().glob("*.svg")).read_text(encoding="utf-8")
 
 
 @check
 async def copy_text(user: Watched) -> None:
     await press(user, "copy_text")
     await user.until(lambda: list(Path.cwd().glob("tabletop-mini-0-*.txt")))
-    assert "◍" in next(Path.cwd().glob("*.txt")).read_text(encoding="utf-8")
-    assert "◍" in user.app.clipboard
+    assert "⊔" in next(Path.cwd().glob("*.txt")).read_text(encoding="utf-8")
+    assert "⊔" in user.app.clipboard
 
 
 @check

@@ -26,8 +26,7 @@ class MapActions:
     def commands(self) -> dict[str, Command]:
         ways = {"left": (-1, 0), "right": (1, 0), "up": (0, -1), "down": (0, 1)}
         pans: dict[str, Command] = {
-            f"pan_{name}": partial(self.pan, STEP_COLUMNS * x, STEP_ROWS * y)
-            for name, (x, y) in ways.items()
+            f"pan_{name}": partial(self._step, x, y) for name, (x, y) in ways.items()
         }
         pages = {f"page_{name}": partial(self._page, *way) for name, way in ways.items()}
         return {
@@ -73,9 +72,15 @@ class MapActions:
             self._pictures.follow(session.playback, choice)
         session.changed()
 
+    def _step(self, across: int, down: int) -> None:
+        """Some characters, and at least a cell: the view moves by whole cells."""
+        zoom = self._pictures.camera.zoom
+        self.pan(across * max(STEP_COLUMNS, zoom.width), down * max(STEP_ROWS, zoom.height))
+
     def _page(self, across: int, down: int) -> None:
         camera = self._pictures.camera
-        self.pan(across * (camera.columns // 2), down * (camera.rows // 2))
+        columns = max(camera.columns // 2, camera.zoom.width)
+        self.pan(across * columns, down * max(camera.rows // 2, camera.zoom.height))
 
     def _fit(self) -> None:
         self._pictures.fitted = True

@@ -10,7 +10,6 @@ from textual.app import App
 from tui.actions.branch_actions import BranchActions
 from tui.playback.reloading import Reloader
 from tui.playback.run_source import Opening
-from tui.render.depth import Depth
 from tui.screens.reload_error import ReloadErrorScreen
 from tui.session.display import Display
 from tui.session.session import Session
@@ -66,5 +65,4 @@ class Reloading:
         if isinstance(screen, ReloadErrorScreen):
             screen.complain(sentence)
         else:
-            dims = self._session.look.depth in (Depth.INDEXED, Depth.TRUE)
-            self._app.push_screen(ReloadErrorScreen(sentence, dims))
+            self._app.push_screen(ReloadErrorScreen(sentence))

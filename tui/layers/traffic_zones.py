@@ -47,7 +47,7 @@ class TrafficZoneLayer(Layer):
         if traffic_zones is not None:
             crossing = canvas.cells(traffic_zones.intersection).reshape(-1)
             index = np.flatnonzero(crossing & (tints == NIL) & (looks == FLOOR))
-            canvas.flat[index, 0] = crossing_sign(canvas.glyphs)
+            canvas.flat[index, canvas.sign] = crossing_sign(canvas.glyphs)
 
     def entries(self, scene: Scene, glyphs: GlyphSet) -> Entries:
         traffic_zones = _zones(scene)

@@ -87,15 +87,15 @@ class Pictures:
         if rows < 4 or columns < 2:
             return ""
         sizes = {"horizontal": (rows - 1, columns // 2), "vertical": (rows // 2 - 1, columns)}
-        steps = {}
+        sizes_of_cells = {}
         for name, size in sizes.items():
             camera = self.camera.copy()
             camera.resize(*size)
             camera.fit()
-            steps[name] = camera.ladder.index(camera.zoom)
-        if steps["horizontal"] == steps["vertical"]:
+            sizes_of_cells[name] = camera.zoom.area
+        if sizes_of_cells["horizontal"] == sizes_of_cells["vertical"]:
             return "vertical" if columns < NARROW else "horizontal"
-        return min(steps, key=steps.__getitem__)
+        return max(sizes_of_cells, key=sizes_of_cells.__getitem__)
 
     def larger_beside(self, rows: int, columns: int, below: int, beside: int) -> bool:
         """Whether the map is larger beside a panel of so many columns than above one of so many rows."""

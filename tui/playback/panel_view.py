@@ -13,10 +13,10 @@ from automaton.evidence.history.snapshot import Snapshot
 from automaton.evidence.history.watched_run import Run
 from automaton.floor.floor_plan import FloorPlan
 from tui.playback.playback_state import PlaybackState
-from tui.render.camera import Zoom
 from tui.render.glyphs import GlyphSet
 from tui.render.scene import Scene
 from tui.render.styles import Look
+from tui.render.zoom_ladder import Zoom
 
 
 class Picture(NamedTuple):

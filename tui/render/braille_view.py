@@ -1,8 +1,9 @@
 """Pictures in braille: k x k cells in each dot, 2 x 4 dots in a character.
 
-A character has one colour. Where robots are, it shows their dots alone, in the colour of the worst;
-elsewhere the structure of the floor in faint colours: a dot of which half the cells are shelves or
-walls is set, and stations stand out of what surrounds them.
+A character has one colour. Where robots are, it shows them alone, in the colour of the worst: a few
+robots fill their characters or a half of them, many are dots. Elsewhere it shows the structure of the
+floor in faint colours: a dot of which half the cells are shelves or walls is set, and stations stand
+out of what surrounds them.
 """
 
 from __future__ import annotations
@@ -19,14 +20,12 @@ from tui.render import styles
 from tui.render.blocks import Part, blocks, part_of
 from tui.render.camera import Camera, Rectangle
 from tui.render.cell_looks import FAR_SHELF, STORING_KINDS, look
-from tui.render.glyphs import Codes, GlyphSet, code
+from tui.render.glyphs import DOT_BITS, Codes, GlyphSet, code
 from tui.render.scene import DETAIL_OUTSIDE, Floor, Scene
 from tui.render.styles import style
 
 Backgrounds = int | NDArray[np.uint8]  # one for all characters of a part, or one for each
 HALVES = np.array([0x1B, 0xE4], np.uint8)  # the dots of the upper and the lower half of a character
-# row, column
-DOT_BITS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], np.uint8)
 STATION_COLOURS = (
     (BAY, styles.COLOUR_BAY),
     (CHARGER, styles.COLOUR_CHARGER),
@@ -63,9 +62,7 @@ def draw_over(
         draw_robots(codes, part, scene, camera, glyphs, backgrounds)
     if scene.cursor is not None:
         spots = Dots(np.array([scene.cursor], np.int32), part, camera).index
-        codes.reshape(-1)[spots] = styles.with_background(
-            codes.reshape(-1)[spots], styles.COLOUR_CURSOR
-        )
+        codes.reshape(-1)[spots] = fleet.with_cursor(codes.reshape(-1)[spots])
 
 
 @lru_cache(maxsize=16)
@@ -130,15 +127,20 @@ def draw_robots(
     glyphs: GlyphSet,
     backgrounds: Backgrounds = styles.COLOUR_FLOOR,
 ) -> None:
-    """The robots' dots; marked robots and the selected one on backgrounds of their own."""
+    """The robots; marked ones and the selected one on backgrounds of their own."""
     seen = fleet.robots_of(scene)
     dots = Dots(seen.cell, part, camera)
     flat = codes.reshape(-1)
-    worst = np.zeros(flat.size, np.uint8)
-    np.maximum.at(worst, dots.index, seen.state[dots.which])
-    foregrounds = fleet.STATE_COLOURS[worst[dots.index]]
-    signs = np.array(glyphs.fleet)[dots.patterns(flat.size)]
-    flat[dots.index] = code(style(foregrounds, _at(backgrounds, dots)), signs)
+    order = np.argsort(seen.state[dots.which], kind="stable")  # the worst is written last
+    colours = np.zeros(flat.size, np.uint32)
+    colours[dots.index[order]] = seen.colour[dots.which[order]]
+    on_layer = camera.zoom.kind == "pixels" or not isinstance(backgrounds, int)
+    rows, columns = camera.size()
+    mark = fleet.far_mark(len(seen.cell), rows * columns, on_layer)
+    signs, solid = robot_signs(glyphs, dots.patterns(flat.size), mark)
+    fg = colours[dots.index]
+    plain = style(fg, _at(backgrounds, dots))
+    flat[dots.index] = code(np.where(solid, style(styles.COLOUR_FLOOR, fg), plain), signs)
     for robots, bg in (
         (scene.marked, styles.COLOUR_MARKED),
         ((scene.selected,), styles.COLOUR_SELECTED),
@@ -148,6 +150,20 @@ def draw_robots(
         if chosen.size:
             spots = Dots(seen.cell[chosen], part, camera).index
             flat[spots] = styles.with_background(flat[spots], bg)
+
+
+def robot_signs(
+    glyphs: GlyphSet, patterns: NDArray[np.uint8], mark: int
+) -> tuple[NDArray[np.uint32], NDArray[np.bool_]]:
+    """(k,) glyphs of characters with robots on these dots, and which are filled with their colour."""
+    upper, lower = (patterns & half != 0 for half in HALVES)
+    solid = np.full(patterns.shape, mark == fleet.MARK_FULL)
+    if mark == fleet.MARK_DOT:
+        return np.array(glyphs.fleet, np.uint32)[patterns], solid
+    if mark == fleet.MARK_HALF:
+        solid = upper & lower
+    halves = np.where(upper, glyphs.fleet_half[0], glyphs.fleet_half[1])
+    return np.where(solid, glyphs.fleet_full, halves).astype(np.uint32), solid
 
 
 def draw_dots(

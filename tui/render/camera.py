@@ -1,40 +1,20 @@
-"""Which part of a floor is on the screen, and how large: the zoom ladder, panning, cell <-> screen.
+"""Which part of a floor is on the screen, and how large: zooming, panning, cell <-> screen.
 
-The whole floor, drawn at one step of the ladder, is a picture of `size()` characters; the camera is
-a window on it whose upper left corner is character (top, left).
-
-    cells   n characters for each cell       1>_ 2v_ ...   identities are readable
-    pixels  half blocks, 1 x 2 cells each
-    dots    braille, 2 x 4 dots each, k x k cells in a dot; k grows until the floor fits
+The whole floor, drawn at one step of the zoom ladder, is a picture of `size()` characters; the camera
+is a window on it whose upper left corner is character (top, left).
 """
 
 from __future__ import annotations
 
 import copy
-from typing import Final, Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from automaton.floor.cells import WALL
 from automaton.floor.floor_plan import FloorPlan
-
-Place = tuple[int, int]  # row, column of the screen
-
-
-class Zoom(NamedTuple):
-    """One step of the ladder: a character holds `across` x `down` cells, a cell `width` columns."""
-
-    name: str
-    kind: Literal["cells", "pixels", "dots"]
-    width: int = 1
-    across: int = 1
-    down: int = 1
-
-    @property
-    def scale(self) -> tuple[float, float]:
-        """Characters for one cell: rows, columns."""
-        return 1 / self.down, self.width / self.across
+from tui.render.zoom_ladder import ZOOM_ONE_TO_ONE, Place, Zoom, fits, zoom_ladder
 
 
 class Rectangle(NamedTuple):
@@ -44,11 +24,6 @@ class Rectangle(NamedTuple):
     left: int
     bottom: int
     right: int
-
-
-ZOOM_SQUARE: Final = Zoom("2x1", "cells", 2)
-ZOOM_ONE_TO_ONE: Final = Zoom("1x1", "cells")
-ZOOM_HALF: Final = Zoom("half", "pixels", 1, 1, 2)
 
 
 def shown_rectangle(floor_plan: FloorPlan) -> Rectangle:
@@ -62,17 +37,6 @@ def shown_rectangle(floor_plan: FloorPlan) -> Rectangle:
     )
 
 
-def with_identities(robots: int) -> Zoom:
-    """Cells wide enough for a robot and its number."""
-    width = 1 + max(2, len(str(robots - 1)))
-    return Zoom(f"{width}x1", "cells", width)
-
-
-def dots(k: int) -> Zoom:
-    """Braille with k x k cells in a dot."""
-    return Zoom(f"braille {k}", "dots", 1, 2 * k, 4 * k)
-
-
 class Camera:
     """A window of rows x columns characters on the floor."""
 
@@ -82,7 +46,7 @@ class Camera:
         self.height = self.shown.bottom - self.shown.top
         self.width = self.shown.right - self.shown.left
         self.rows, self.columns = rows, columns
-        self._identities = with_identities(robots)
+        self._robots = robots
         self.ladder = self._steps()
         self.zoom = ZOOM_ONE_TO_ONE
         self.top = self.left = 0  # character of the whole picture in the upper left corner
@@ -99,7 +63,7 @@ class Camera:
 
     def size(self) -> Place:
         """Rows and columns of the picture of the whole floor."""
-        return self._size(self.zoom)
+        return self.zoom.size((self.height, self.width))
 
     def exceeds(self) -> bool:
         """Whether some of the floor is off the screen."""
@@ -136,7 +100,7 @@ class Camera:
         on_floor = self.cell_at(row, column) is not None
         y, x = self._floor_at(row, column)
         self.zoom = zoom = self.ladder[index]
-        top = y // zoom.down - row
+        top = (y // zoom.down - row // zoom.height) * zoom.height
         left = (x // zoom.across - column // zoom.width) * zoom.width
         if steps > 0 or not on_floor:
             top, left = _inside(top, *self._range(0)), _inside(left, *self._range(1))
@@ -169,7 +133,8 @@ class Camera:
         self.rows, self.columns = rows, columns
         self.ladder = self._steps()
         if self.zoom not in self.ladder:
-            self.zoom = self.ladder[-1]
+            smaller = (zoom for zoom in self.ladder if zoom.area <= self.zoom.area)
+            self.zoom = next(smaller, self.ladder[-1])
         self._settle(self._range(0), self._range(1))
 
     # Between cells and characters.
@@ -188,17 +153,19 @@ class Camera:
         y, x = y - self.shown.top, x - self.shown.left
         if not (0 <= y < self.height and 0 <= x < self.width):
             return None
-        row = y // self.zoom.down - self.top
+        row = y // self.zoom.down * self.zoom.height - self.top
         column = x // self.zoom.across * self.zoom.width - self.left
+        if -self.zoom.height < row < 0:
+            row = 0  # the cell is cut by the upper edge
         if -self.zoom.width < column < 0:
-            column = 0  # the cell is cut by the left edge
+            column = 0
         inside = 0 <= row < self.rows and 0 <= column < self.columns
         return (row, column) if inside else None
 
     def rectangle_at(self, row: int, column: int) -> Rectangle:
         """The cells that the character at a place of the screen stands for."""
         zoom = self.zoom
-        y = (row + self.top) * zoom.down + self.shown.top
+        y = (row + self.top) // zoom.height * zoom.down + self.shown.top
         x = (column + self.left) // zoom.width * zoom.across + self.shown.left
         return Rectangle(y, x, y + zoom.down, x + zoom.across)
 
@@ -223,19 +190,10 @@ class Camera:
 
     def _steps(self) -> tuple[Zoom, ...]:
         """The ladder for this size of the screen, nearest first."""
-        steps = [self._identities, ZOOM_SQUARE, ZOOM_ONE_TO_ONE, ZOOM_HALF, dots(1)]
-        k, after = 2, 3
-        while not self._fits(steps[-1]):
-            steps.append(dots(k))
-            k, after = after, k + after
-        return tuple(steps)
-
-    def _size(self, zoom: Zoom) -> Place:
-        return -(-self.height // zoom.down), -(-self.width // zoom.across) * zoom.width
+        return zoom_ladder((self.height, self.width), (self.rows, self.columns), self._robots)
 
     def _fits(self, zoom: Zoom) -> bool:
-        rows, columns = self._size(zoom)
-        return rows <= max(self.rows, 1) and columns <= max(self.columns, 1)
+        return fits(zoom, (self.height, self.width), (self.rows, self.columns))
 
     def _floor_at(self, row: int, column: int) -> tuple[int, int]:
         """Row and column within the shown rectangle of the middle cell of a character.
@@ -243,7 +201,7 @@ class Camera:
         Of a character that the edge of the floor cuts it is a cell on the floor.
         """
         zoom = self.zoom
-        y = (row + self.top) * zoom.down
+        y = (row + self.top) // zoom.height * zoom.down
         x = (column + self.left) // zoom.width * zoom.across
         y_end = self.height if y < self.height else y + zoom.down
         x_end = self.width if x < self.width else x + zoom.across
@@ -257,8 +215,9 @@ class Camera:
     def _corner(self) -> tuple[int, int]:
         """The character in the upper left corner that belongs to the centre, on whole cells."""
         down, across = self.zoom.scale
+        top = round((self._y * down - self.rows / 2) / self.zoom.height)
         left = round((self._x * across - self.columns / 2) / self.zoom.width)
-        return round(self._y * down - self.rows / 2), left * self.zoom.width
+        return top * self.zoom.height, left * self.zoom.width
 
     def _range(self, axis: int) -> tuple[int, int]:
         """Where `top` (axis 0) or `left` (1) may lie: no blank margin, or the floor in the middle."""
@@ -266,8 +225,8 @@ class Camera:
         screen = (self.rows, self.columns)[axis]
         if picture <= screen:
             return (-((screen - picture) // 2),) * 2
-        width = self.zoom.width if axis else 1
-        return 0, -(-(picture - screen) // width) * width
+        step = self.zoom.width if axis else self.zoom.height  # of whole cells
+        return 0, -(-(picture - screen) // step) * step
 
     def _settle(self, rows: tuple[int, int], columns: tuple[int, int]) -> None:
         """Show what the centre asks for, with `top` and `left` in these ranges."""

@@ -25,7 +25,8 @@ from automaton.floor.cells import (
     WALL,
 )
 from tui.render import styles
-from tui.render.glyphs import GlyphSet, code
+from tui.render.cell_outlines import UNSIGNED, line_glyphs, outline
+from tui.render.glyphs import ASCII, GlyphSet, code
 from tui.render.scene import (
     DETAIL_FULL_SHELF,
     DETAIL_ONE_WAY,
@@ -81,17 +82,48 @@ def colour_of(number: int) -> int:
     return KIND_COLOURS[kind]
 
 
+def sign_place(width: int, height: int) -> int:
+    """The character of a cell that bears its sign, in reading order."""
+    return 0 if height == 1 else (height - 1) // 2 * width + (width - 1) // 2
+
+
 @lru_cache(maxsize=16)
-def cell_codes(glyphs: GlyphSet, width: int) -> NDArray[np.uint32]:
-    """(LOOK_COUNT, width) codes. A cell's sign stands in its first column, where its robot stands."""
-    table = np.zeros((LOOK_COUNT, width), np.uint32)
+def cell_codes(glyphs: GlyphSet, width: int, height: int = 1) -> NDArray[np.uint32]:
+    """(LOOK_COUNT, height x width) codes. In a cell of one row a robot stands where its sign does."""
+    table = np.zeros((LOOK_COUNT, height * width), np.uint32)
     for number in range(LOOK_COUNT):
-        if number & KIND_MASK not in KIND_COLOURS:
+        kind, detail = number & KIND_MASK, number >> DETAIL_SHIFT
+        if kind not in KIND_COLOURS:
             continue  # more numbers than kinds
-        first, rest = _characters(glyphs, number & KIND_MASK, number >> DETAIL_SHIFT)
+        first, rest = _characters(glyphs, kind, detail)
         fg = style(colour_of(number), styles.COLOUR_FLOOR)
-        table[number] = [code(fg, glyph) for glyph in [first] + [rest] * (width - 1)]
+        if height > 1:
+            table[number] = code(fg, drawn_cell(glyphs, width, height, kind, detail, first, rest))
+        else:
+            table[number] = [code(fg, glyph) for glyph in [first] + [rest] * (width - 1)]
     return table
+
+
+def drawn_cell(
+    glyphs: GlyphSet, width: int, height: int, kind: int, detail: int, first: int, rest: int
+) -> NDArray[np.uint32]:
+    """(height x width) glyphs of a cell of several rows: an outline, and its sign where it has room."""
+    if kind == WALL:
+        return np.full(height * width, rest, np.uint32)
+    if glyphs is ASCII and kind in STORING_KINDS:
+        return filled(glyphs, width, height, first)
+    frames = glyphs is not ASCII  # letters make none
+    cells = line_glyphs(glyphs, outline(kind, detail, width, height, frames))
+    if kind not in UNSIGNED or glyphs is ASCII or (kind == TURNTABLE and height > 2):
+        cells[sign_place(width, height)] = first
+    return cells
+
+
+def filled(glyphs: GlyphSet, width: int, height: int, sign: int) -> NDArray[np.uint32]:
+    """(height x width) a cell full of its sign, but for its edges."""
+    cells = np.full((height, width), glyphs.blank, np.uint32)
+    cells[: max(height - 1, 2), 1:-1] = sign
+    return cells.reshape(-1)
 
 
 def _characters(glyphs: GlyphSet, kind: int, detail: int) -> tuple[int, int]:

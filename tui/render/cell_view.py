@@ -3,8 +3,8 @@
 They are painted from below: the empty floor, loads, the layer, the selected robot's route, claims
 of long moves, robots, the cursor.
 
-    ─┼─▶12     a robot stands in the first column of its cell, its number in the others
-     │
+    -+-}12     in cells of one row a robot stands in the first column, its number in the others
+     |         in cells of several rows it is drawn, see tui.render.robot_sprites
 """
 
 from __future__ import annotations
@@ -15,12 +15,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from automaton.engine.state import NIL
-from automaton.floor.cells import SHELF, STORAGE
+from automaton.floor.cells import (
+    EXIT_EAST,
+    EXIT_NORTH,
+    EXIT_SOUTH,
+    EXIT_WEST,
+    SHELF,
+    STORAGE,
+)
 from tui.render import robot_marks as fleet
 from tui.render import styles
 from tui.render.camera import Camera
 from tui.render.canvas import Canvas, Cells
 from tui.render.cell_looks import cell_codes, look
+from tui.render.cell_outlines import draw_box, draw_exits, line_glyphs
+from tui.render.drawn_robots import drawn_robots
 from tui.render.field import HEAT_LEVELS
 from tui.render.glyphs import GLYPH_BITS, GLYPHS, Codes, GlyphSet, code
 from tui.render.scene import DETAIL_FULL_SHELF, DETAIL_POD, Scene
@@ -28,6 +37,7 @@ from tui.render.shelf_marks import full_shelves, pods_in
 from tui.render.styles import style
 from tui.render.tints import draw_tints
 
+BodyAndInk = tuple[NDArray[np.uint32], NDArray[np.uint32]]  # (n,) each
 FLOW_LEVELS = (0, 4, 4, 4, 5, 5, 6, 7, 8)  # of heat: thin arrows would not show in its first ones
 
 
@@ -42,23 +52,21 @@ def near_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
         draw_gates(canvas)
         draw_route(canvas)
         draw_claims(canvas)
-        draw_robots(canvas)
-    if scene.shaded:
-        keep_heat(canvas, ground)
     if len(scene.zone_cells):
         canvas.set_background(canvas.at(scene.zone_cells)[0], styles.COLOUR_MARKED)
     if scene.snapshot is not None:
-        draw_chosen(canvas)
+        draw_robots(canvas)
+    if scene.shaded:
+        keep_heat(canvas, ground)
     if scene.cursor is not None:
         index, _ = canvas.at(np.array([scene.cursor], np.int32))
-        canvas.set_background(index, styles.COLOUR_CURSOR)
-    rows, columns, width = canvas.codes.shape
-    return canvas.codes.reshape(rows, columns * width)
+        canvas.flat[index] = fleet.with_cursor(canvas.flat[index])
+    return canvas.picture()
 
 
 def draw_loads(canvas: Canvas) -> None:
     """Shelves that hold a load, and pods in storage."""
-    codes = cell_codes(canvas.glyphs, canvas.width)
+    codes = cell_codes(canvas.glyphs, canvas.width, canvas.height)
     full = full_shelves(canvas.scene, canvas.seen)
     canvas.flat[full] = codes[look(SHELF, DETAIL_FULL_SHELF)]
     canvas.flat[pods_in(canvas.scene, canvas.seen)] = codes[look(STORAGE, DETAIL_POD)]
@@ -86,7 +94,7 @@ def draw_flow(canvas: Canvas, index: NDArray[np.intp], levels: NDArray[np.uint8]
     snapshot = canvas.scene.snapshot
     assert snapshot is not None and snapshot.flow is not None
     flow = canvas.cells(snapshot.flow).reshape(-1, 4)
-    canvas.flat[index, 0] = flow_codes(canvas.glyphs)[levels, flow[index].argmax(axis=1)]
+    canvas.flat[index, canvas.sign] = flow_codes(canvas.glyphs)[levels, flow[index].argmax(axis=1)]
 
 
 @lru_cache(maxsize=2)
@@ -111,9 +119,7 @@ def flow_codes(glyphs: GlyphSet) -> Codes:
 def draw_left_loads(canvas: Canvas) -> None:
     """Loads that lie on the floor where robots had to leave them."""
     index, _ = canvas.at(canvas.scene.left_loads)
-    canvas.flat[index, 0] = code(
-        style(styles.COLOUR_LOADED, styles.COLOUR_FLOOR), canvas.glyphs.left_load
-    )
+    draw_sign(canvas, index, styles.COLOUR_LOADED, canvas.glyphs.left_load)
 
 
 def draw_gates(canvas: Canvas) -> None:
@@ -121,7 +127,16 @@ def draw_gates(canvas: Canvas) -> None:
     signs = (canvas.glyphs.closed, canvas.glyphs.door)
     for cells, sign in zip(canvas.scene.shut_cells, signs, strict=True):
         index, _ = canvas.at(cells)
-        canvas.flat[index, 0] = code(style(styles.COLOUR_FAULT, styles.COLOUR_FLOOR), sign)
+        draw_sign(canvas, index, styles.COLOUR_FAULT, sign)
+
+
+def draw_sign(canvas: Canvas, index: Cells, fg: int, sign: int) -> None:
+    """A sign in some cells; where they are several rows high it has a frame."""
+    if canvas.height > 1:
+        dots = np.zeros((4 * canvas.height, 2 * canvas.width), bool)
+        draw_box(dots)
+        canvas.flat[index] = code(style(fg, styles.COLOUR_FLOOR), line_glyphs(canvas.glyphs, dots))
+    canvas.flat[index, canvas.sign] = code(style(fg, styles.COLOUR_FLOOR), sign)
 
 
 def draw_route(canvas: Canvas) -> None:
@@ -130,14 +145,49 @@ def draw_route(canvas: Canvas) -> None:
     route = np.asarray(scene.route, np.int32)
     if not route.size:
         return
-    index, _ = canvas.at(route)
-    canvas.flat[index, 0] = code(style(styles.COLOUR_ROUTE, styles.COLOUR_FLOOR), glyphs.route)
+    fg = style(styles.COLOUR_ROUTE, styles.COLOUR_FLOOR)
+    index, which = canvas.at(route)
+    if canvas.height > 1:
+        lines = route_glyphs(glyphs, canvas.width, canvas.height)[route_exits(route, canvas.stride)]
+        drawn = lines[which]
+        canvas.flat[index] = np.where(drawn, code(fg, drawn), canvas.flat[index])
+    else:
+        canvas.flat[index, 0] = code(fg, glyphs.route)
     index, _ = canvas.at(route[-1:])
-    canvas.flat[index, 0] = code(style(styles.COLOUR_ROUTE, styles.COLOUR_FLOOR), glyphs.stand)
+    canvas.flat[index, canvas.sign] = code(fg, glyphs.stand)
     goal = scene.goal_cell
     if goal != NIL:
         index, _ = canvas.at(np.array([goal], np.int32))
         canvas.set_foreground(index, styles.COLOUR_ROUTE)
+
+
+def route_exits(route: Cells, stride: int) -> NDArray[np.uint8]:
+    """(cells,) the sides over which a route comes into each of its cells and leaves it."""
+    exits = np.zeros(len(route), np.uint8)
+    step = np.diff(route)
+    for change, out, into in (
+        (1, EXIT_EAST, EXIT_WEST),
+        (stride, EXIT_SOUTH, EXIT_NORTH),
+        (-1, EXIT_WEST, EXIT_EAST),
+        (-stride, EXIT_NORTH, EXIT_SOUTH),
+    ):
+        exits[:-1][step == change] |= out
+        exits[1:][step == change] |= into
+    _, number = np.unique(route, return_inverse=True)  # a route may come to a cell twice
+    both = np.zeros(len(route), np.uint8)
+    np.bitwise_or.at(both, number, exits)
+    return both[number]
+
+
+@lru_cache(maxsize=8)
+def route_glyphs(glyphs: GlyphSet, width: int, height: int) -> NDArray[np.uint32]:
+    """(16, height x width) lines from the middle of a cell to its sides, by exits; 0: nothing."""
+    table = np.zeros((16, height * width), np.uint32)
+    for exits in range(16):
+        dots = np.zeros((4 * height, 2 * width), bool)
+        draw_exits(dots, exits)
+        table[exits] = line_glyphs(glyphs, dots)
+    return table
 
 
 def draw_claims(canvas: Canvas) -> None:
@@ -151,26 +201,54 @@ def draw_claims(canvas: Canvas) -> None:
     step = (robots.claim - robots.cell)[held[which]]
     direction = np.select([step == 1, step == -1, step > 0], [0, 2, 1], 3)
     arrows = np.array(canvas.glyphs.arrow)[direction]
-    canvas.flat[index, 0] = code(style(styles.COLOUR_DIM, styles.COLOUR_FLOOR), arrows)
+    canvas.flat[index, canvas.sign] = code(style(styles.COLOUR_DIM, styles.COLOUR_FLOOR), arrows)
 
 
 def draw_robots(canvas: Canvas) -> None:
     """Each robot in the cell where it is; a number where there are several."""
+    scene = canvas.scene
+    robots = fleet.robots_of(scene)
+    index, which = canvas.at(robots.cell)
+    if canvas.height > 1:
+        body, ink = chosen_colours(scene, fleet.body_colours(scene, robots))
+        canvas.flat[index] = drawn_robots(canvas, robots, which, body[which], ink[which])
+    else:
+        body, ink = chosen_colours(scene, robots.colour)
+        draw_signs(canvas, robots, index, which, style(ink, body)[which])
+    draw_crowds(canvas, index, which, robots.state, chosen_colours(scene, robots.colour))
+
+
+def draw_signs(
+    canvas: Canvas,
+    robots: fleet.Robots,
+    index: Cells,
+    which: NDArray[np.intp],
+    robot_styles: NDArray[np.uint32],
+) -> None:
+    """Robots in cells of one row: a sign, and a mark for the load or the number beside it."""
     scene, glyphs = canvas.scene, canvas.glyphs
-    seen = fleet.robots_of(scene)
-    index, which = canvas.at(seen.cell)
-    state = seen.state[which]
-    glyph = fleet.shapes(glyphs)[seen.shape[which], seen.direction[which]]
-    foregrounds = style(fleet.STATE_COLOURS[state], styles.COLOUR_FLOOR)
-    canvas.flat[index, 0] = code(foregrounds, glyph)
+    glyph = fleet.shapes(glyphs)[robots.shape[which], robots.direction[which]]
+    canvas.flat[index, 0] = code(robot_styles, glyph)
     if canvas.width == 2:
         assert scene.snapshot is not None
         mark = np.where(scene.snapshot.robots.load[which] != NIL, glyphs.cargo, glyphs.blank)
-        canvas.flat[index, 1] = code(foregrounds, mark)
+        canvas.flat[index, 1] = code(robot_styles, mark)
     elif canvas.width > 2:
-        names = fleet.names(glyphs, len(seen.cell), canvas.width - 1)
-        canvas.flat[index, 1:] = code(foregrounds[:, None], names[which])
-    draw_crowds(canvas, index, state)
+        names = fleet.names(glyphs, len(robots.cell), canvas.width - 1)
+        canvas.flat[index, 1:] = code(robot_styles[:, None], names[which])
+
+
+def chosen_colours(scene: Scene, colour: NDArray[np.uint32]) -> BodyAndInk:
+    """The colours of robots and of what is written on them; those of chosen ones change places."""
+    body, ink = colour.copy(), np.full_like(colour, styles.COLOUR_FLOOR)
+    for robots, bg in (
+        (scene.marked, styles.COLOUR_MARKED),
+        ((scene.selected,), styles.COLOUR_SELECTED),
+    ):
+        chosen = np.asarray(robots, np.int32)
+        chosen = chosen[chosen != NIL]
+        body[chosen], ink[chosen] = bg, colour[chosen]
+    return body, ink
 
 
 def keep_heat(canvas: Canvas, ground: Codes) -> None:
@@ -188,39 +266,24 @@ def keep_heat(canvas: Canvas, ground: Codes) -> None:
     canvas.flat[blank] = ground[blank]
 
 
-def draw_chosen(canvas: Canvas) -> None:
-    """Marked robots and the selected one on backgrounds of their own."""
-    scene = canvas.scene
-    assert scene.snapshot is not None
-    robots_now = scene.snapshot.robots
-    for robots, bg in (
-        (scene.marked, styles.COLOUR_MARKED),
-        ((scene.selected,), styles.COLOUR_SELECTED),
-    ):
-        chosen = np.asarray(robots, np.int32)
-        chosen = chosen[chosen != NIL]
-        cell, bay = robots_now.cell[chosen], robots_now.bay[chosen]
-        spots, _ = canvas.at(np.where(cell == NIL, bay, cell))
-        canvas.set_background(spots, bg)
-        canvas.flat[spots] = without_shades(canvas.flat[spots])
-
-
-def without_shades(codes: Codes) -> Codes:
-    """Blanks for the shades of heat, which are seen on another background than their own."""
-    fg = (codes >> np.uint32(GLYPH_BITS)) // np.uint32(len(styles.COLOURS))
-    shade = (fg >= styles.COLOUR_HEAT_0) & (fg < styles.COLOUR_HEAT_0 + HEAT_LEVELS)
-    return np.where(shade, codes & ~GLYPHS, codes)
-
-
-def draw_crowds(canvas: Canvas, index: Cells, state: NDArray[np.uint8]) -> None:
+def draw_crowds(
+    canvas: Canvas,
+    index: Cells,
+    which: NDArray[np.intp],
+    state: NDArray[np.uint8],
+    colours: BodyAndInk,
+) -> None:
     """The number of robots in each cell that holds several (+ from ten), in the worst colour."""
     count = np.bincount(index, minlength=len(canvas.flat))
     several = count[index] > 1
     if not several.any():
         return
-    index, state = index[several], state[several]
-    order = np.argsort(state, kind="stable")  # the worst is written last
-    index, foregrounds = index[order], fleet.STATE_COLOURS[state[order]]
+    index, which = index[several], which[several]
+    body, ink = (colour[which] for colour in colours)
+    chosen = ink != styles.COLOUR_FLOOR
+    order = np.lexsort((state[which], chosen))  # the worst, or one that is chosen, is written last
+    index = index[order]
+    crowds = style(ink[order], body[order])
     digit = np.array([*canvas.glyphs.digits, ord("+")])[np.minimum(count[index], 10)]
-    canvas.flat[index] = code(style(styles.COLOUR_FLOOR, foregrounds), canvas.glyphs.blank)[:, None]
-    canvas.flat[index, 0] = code(style(styles.COLOUR_FLOOR, foregrounds), digit)
+    canvas.flat[index] = code(crowds, canvas.glyphs.blank)[:, None]
+    canvas.flat[index, canvas.sign] = code(crowds, digit)

@@ -21,8 +21,10 @@ def compose(scene: Scene, camera: Camera, glyphs: GlyphSet, out: Codes | None = 
     kind, top, left = camera.zoom.kind, max(-camera.top, 0), max(-camera.left, 0)
     if kind == "cells":
         part = near_picture(scene, camera, glyphs)
-        before = camera.left % camera.zoom.width if camera.left > 0 else 0  # columns cut off
-        part = part[:, before : before + camera.columns]
+        zoom = camera.zoom
+        above = camera.top % zoom.height if camera.top > 0 else 0  # rows cut off
+        before = camera.left % zoom.width if camera.left > 0 else 0  # and columns
+        part = part[above : above + camera.rows, before : before + camera.columns]
     elif kind == "pixels" or scene.shaded:
         part = pixel_picture(scene, camera, glyphs)
     else:

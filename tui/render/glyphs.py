@@ -3,7 +3,7 @@
 A glyph is an index into the characters of either set, so that a picture can be shown with the one
 or the other. Glyphs 32 to 126 are the printable ASCII characters themselves; 0 is the blank.
 
-    unicode   ▹▿◃▵ empty  ▸▾◂▴ loaded  ⊡ parked  ▯▮ shelf  ⊔ destination  ◍ turntable  ↯ charger
+    unicode   ▹▿◃▵ empty  ▸▾◂▴ loaded  ⊡ parked  ▯▮ shelf  ⊔ destination  ◊ turntable  ↯ charger
               ◫ rack  ⊏ dock  ⌂ station  ⋈ transfer station  ⊓ pod  ▫ storage without
               ≻⋎≺⋏ battery low  ⍄⍌⍃⍓ the same, loaded  ⊞ charges  ∅ battery empty  ✗ broken  ▬ load
     ascii     >v<^ empty  }V{A loaded  p parked  #$ shelf  = destination  @ turntable  c charger
@@ -29,6 +29,8 @@ GLYPHS: Final = np.uint32((1 << GLYPH_BITS) - 1)
 
 _PRINTABLE: Final = " " * 32 + "".join(map(chr, range(32, 127))) + " "
 BRAILLE: Final = "".join(map(chr, range(0x2800, 0x2900)))
+# Of the dots of a character, row and column: its place in BRAILLE is the sum of those that are set.
+DOT_BITS: Final = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], np.uint8)
 _unicode = list(_PRINTABLE)
 _ascii = list(_PRINTABLE)
 
@@ -52,6 +54,17 @@ def _by_dots(ramp: str) -> str:
     return "".join(ramp[pattern.bit_count()] for pattern in range(256))
 
 
+def _by_lines() -> str:
+    """The character that looks most like the line of each braille pattern."""
+    rows = (0x09, 0x12, 0x24, 0xC0)
+    signs = [" "] * 256
+    for pattern in range(1, 256):
+        across = sum(pattern & row != 0 for row in rows)  # rows with a dot
+        both = any(pattern & row == row for row in rows)
+        signs[pattern] = "-" if across == 1 else "+" if both else "|"
+    return "".join(signs)
+
+
 class GlyphSet:
     """Names of the glyphs, and the characters that draw them. Directions are E, S, W, N."""
 
@@ -72,7 +85,7 @@ class GlyphSet:
     wall: Final = _shape("░", "%")
     track: Final = _shapes("╌╎", "-|")  # by axis
     crossing: Final = ord("+")  # of tracks, where no robot turns
-    turntable: Final = _shape("◍", "@")
+    turntable: Final = _shape("◊", "@")  # in the fonts of all systems
     one_way: Final = _shapes(
         "\u203a⌄\u2039⌃", ")u(n"
     )  # ›⌄‹⌃, by direction; ASCII arrows are robots
@@ -103,6 +116,9 @@ class GlyphSet:
     full: Final = _shape("█", ":")
     braille: Final = _shapes(BRAILLE, _by_dots(" .:-=+*#@"))
     fleet: Final = _shapes(BRAILLE, _by_dots(" rrrRRRRR"))  # the dots of robots
+    fleet_full: Final = _shape(" ", "R")  # a character filled by robots: their colour is behind it
+    fleet_half: Final = _shapes("▀▄", "rr")  # its upper and its lower half
+    lines: Final = _shapes(BRAILLE, _by_lines())  # outlines of cells that are drawn
 
     def __init__(self, name: str, characters: str, shaded: bool) -> None:
         self.name = name

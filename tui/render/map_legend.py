@@ -11,12 +11,13 @@ from automaton.engine.robot_status import BATTERY_PERCENT
 from automaton.floor.cells import CELL_KINDS, FLOOR, SHELF, STORAGE, TRACK, WALL
 from tui.render import robot_marks as fleet
 from tui.render import styles
-from tui.render.camera import Zoom
+from tui.render.camera import shown_rectangle
 from tui.render.cell_looks import FAR_SHELF, STORING_KINDS, cell_codes, colour_of, look
 from tui.render.cell_view import flow_codes, heat_codes
 from tui.render.field import HEAT_LEVELS
 from tui.render.glyphs import GlyphSet, code
 from tui.render.pixels import DRIVEN
+from tui.render.robot_sprites import BAR_HEIGHT
 from tui.render.scene import (
     DETAIL_FULL_SHELF,
     DETAIL_OUTSIDE,
@@ -28,7 +29,9 @@ from tui.render.scene import (
     Scene,
 )
 from tui.render.styles import style
+from tui.render.zoom_ladder import Zoom
 
+STROKE = 0x24  # dots of a line from left to right
 MAX_WORST_CELLS = 10  # cells of a layer that are listed
 
 
@@ -42,10 +45,8 @@ class Entry(NamedTuple):
 def legend(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
     """The layer, the robots, what lies over the floor, and the floor."""
     near = zoom.kind == "cells"
-    solid = zoom.kind == "pixels" and scene.values is None and scene.tints is None
-    sign = glyphs.full if solid else glyphs.fleet[255]
-    entries = _robots(scene, glyphs) if near else _far_robots(scene, sign)
-    entries = _layer(scene, glyphs) + entries + _overlays(scene, glyphs, near)
+    entries = _robots(scene, zoom, glyphs) if near else _far_robots(scene, zoom, glyphs)
+    entries = _layer(scene, glyphs) + entries + _overlays(scene, zoom, glyphs)
     return entries + (_cells(scene, glyphs) if near else _far_cells(scene, glyphs))
 
 
@@ -57,19 +58,24 @@ def worst_cells(scene: Scene) -> list[tuple[int, int]]:
     return [(int(cell), int(scene.values[cell])) for cell in order if scene.values[cell] > 0]
 
 
-def _robots(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
+def _robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
     shapes = fleet.shapes(glyphs)
 
     def signs(state: int, shape: int, directions: tuple[int, ...]) -> tuple[int, ...]:
-        fg = style(int(fleet.STATE_COLOURS[state]), styles.COLOUR_FLOOR)
-        return tuple(int(code(fg, shapes[shape, d])) for d in directions)
+        loaded = zoom.is_drawn and state == fleet.DRAW_LOADED
+        body = int(fleet.STATE_COLOURS[fleet.DRAW_EMPTY if loaded else state])
+        written = style(styles.COLOUR_FLOOR, body)
+        drawn = tuple(int(code(written, shapes[shape, d])) for d in directions)
+        cargo = style(styles.COLOUR_FLOOR, styles.COLOUR_LOADED)
+        return (*drawn, int(code(cargo, glyphs.blank))) if loaded else drawn
 
     ways = (0, 1, 2, 3)
+    waits = "waits: flat in front" if zoom.is_drawn else "waits"
     load = "pod" if (scene.floor.floor_plan.kind == STORAGE).any() else "load"
     entries = [
         Entry(signs(fleet.DRAW_EMPTY, fleet.SHAPE_HOLLOW, ways), "robot, and the way it faces"),
         Entry(signs(fleet.DRAW_LOADED, fleet.SHAPE_FILLED, ways), f"robot with a {load}"),
-        Entry(signs(fleet.DRAW_WAITING, fleet.SHAPE_HOLLOW, (0,)), "waits"),
+        Entry(signs(fleet.DRAW_WAITING, fleet.SHAPE_HOLLOW, (0,)), waits),
         Entry(signs(fleet.DRAW_DEADLOCK, fleet.SHAPE_HOLLOW, (0,)), "waits in a wait cycle"),
         Entry(signs(fleet.DRAW_PARKED, fleet.SHAPE_SQUARE, (0,)), "parked"),
     ]
@@ -81,6 +87,9 @@ def _robots(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
             Entry(signs(fleet.DRAW_LOW_BATTERY, fleet.SHAPE_BOXED, ways), f"{low}, with a load"),
             Entry(signs(fleet.DRAW_DEADLOCK, fleet.SHAPE_VOID, (0,)), "battery empty, down"),
         ]
+        if zoom.height >= BAR_HEIGHT:
+            bar = style(styles.COLOUR_DONE, styles.COLOUR_ROBOT)
+            entries.append(Entry((int(code(bar, glyphs.lower_half)),), "charge of its battery"))
     if scene.floor.faults:
         entries.append(Entry(signs(fleet.DRAW_DEADLOCK, fleet.SHAPE_CROSS, (0,)), "broken down"))
     if scene.floor.loads_may_lie:
@@ -101,7 +110,7 @@ def _robots(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
     return [*entries, Entry((claim,), "held by a robot that is moving in")]
 
 
-def _far_robots(scene: Scene, sign: int) -> list[Entry]:
+def _far_robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
     worst = "waiting in a wait cycle" + (", down" if scene.floor.loads_may_lie else "")
     names = {
         fleet.DRAW_DEADLOCK: worst,
@@ -115,12 +124,27 @@ def _far_robots(scene: Scene, sign: int) -> list[Entry]:
     entries = []
     for state in names:
         if state not in (fleet.DRAW_CHARGING, fleet.DRAW_LOW_BATTERY) or scene.floor.battery:
-            shown = int(code(style(int(fleet.STATE_COLOURS[state]), styles.COLOUR_FLOOR), sign))
+            shown = _far_sign(scene, zoom, glyphs, int(fleet.STATE_COLOURS[state]))
             entries.append(Entry((shown,), names[state]))
     return entries
 
 
-def _overlays(scene: Scene, glyphs: GlyphSet, near: bool) -> list[Entry]:
+def _far_sign(scene: Scene, zoom: Zoom, glyphs: GlyphSet, colour: int) -> int:
+    """A robot from afar."""
+    floor = shown_rectangle(scene.floor.floor_plan)
+    rows, columns = zoom.size((floor.bottom - floor.top, floor.right - floor.left))
+    robots = 0 if scene.snapshot is None else len(scene.snapshot.robots.cell)
+    on_layer = scene.values is not None or scene.tints is not None
+    if zoom.kind == "pixels" and not on_layer:
+        return int(code(style(colour, styles.COLOUR_FLOOR), glyphs.upper_half))
+    mark = fleet.far_mark(robots, rows * columns, on_layer or zoom.kind == "pixels")
+    if mark == fleet.MARK_FULL:
+        return int(code(style(styles.COLOUR_FLOOR, colour), glyphs.fleet_full))
+    sign = glyphs.fleet_half[0] if mark == fleet.MARK_HALF else glyphs.fleet[255]
+    return int(code(style(colour, styles.COLOUR_FLOOR), sign))
+
+
+def _overlays(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
     def bg(fg: int) -> tuple[int, ...]:
         return (int(code(style(styles.COLOUR_ROBOT, fg), glyphs.robot[0])),)
 
@@ -128,8 +152,9 @@ def _overlays(scene: Scene, glyphs: GlyphSet, near: bool) -> list[Entry]:
     if scene.selected >= 0:
         entries.append(Entry(bg(styles.COLOUR_SELECTED), f"robot {scene.selected}, selected"))
         route = style(styles.COLOUR_ROUTE, styles.COLOUR_FLOOR)
-        entries.append(Entry((int(code(route, glyphs.route)),), "its route"))
-        if near:
+        sign = glyphs.lines[STROKE] if zoom.is_drawn else glyphs.route
+        entries.append(Entry((int(code(route, sign)),), "its route"))
+        if zoom.kind == "cells":
             entries.append(Entry((int(code(route, glyphs.stand)),), "where the route ends"))
     if scene.zone >= 0:
         entries.append(

@@ -223,7 +223,7 @@ def draw_robots(canvas: Pixels, scene: Scene) -> None:
     seen = fleet.robots_of(scene)
     index, which = canvas.at(seen.cell)
     order = np.argsort(seen.state[which], kind="stable")
-    canvas.flat[index[order]] = fleet.STATE_COLOURS[seen.state[which[order]]]
+    canvas.flat[index[order]] = seen.colour[which[order]]
     chosen = np.asarray(scene.marked, np.int32)
     canvas.paint(seen.cell[chosen], styles.COLOUR_MARKED)
     if scene.selected != NIL:

@@ -14,8 +14,9 @@ from automaton.engine.robot_status import STATUS_DEPLETED as DRAINED
 from automaton.engine.state import NIL
 from automaton.evidence.history.charging_words import charging
 from tui.render import styles
-from tui.render.glyphs import GlyphSet
+from tui.render.glyphs import GLYPH_BITS, GLYPHS, Codes, GlyphSet, code
 from tui.render.scene import Scene
+from tui.render.styles import style
 
 # States of a robot, the worse the higher: the worst one gives a shared character its colour.
 DRAW_PARKED: Final = 0
@@ -59,6 +60,18 @@ class Robots(NamedTuple):
     state: NDArray[np.uint8]
     direction: NDArray[np.uint8]
     shape: NDArray[np.uint8]
+    colour: NDArray[np.uint32]
+
+
+def colours_of(scene: Scene, state: NDArray[np.uint8]) -> NDArray[np.uint32]:
+    """(n,) the colour of each robot of the scene: that of its state."""
+    return STATE_COLOURS[state]
+
+
+def body_colours(scene: Scene, robots: Robots) -> NDArray[np.uint32]:
+    """(n,) the same where a robot's load has a colour of its own."""
+    state = np.where(robots.state == DRAW_LOADED, np.uint8(DRAW_EMPTY), robots.state)
+    return colours_of(scene, state)
 
 
 def robots_of(scene: Scene) -> Robots:
@@ -78,7 +91,7 @@ def robots_of(scene: Scene) -> Robots:
     if scene.floor.loads_may_lie:
         draw_out_of_order(scene, state, shape)
     cell = np.where(fleet.cell == NIL, fleet.bay, fleet.cell)
-    return Robots(cell, state, directions(scene), shape)
+    return Robots(cell, state, directions(scene), shape, colours_of(scene, state))
 
 
 def draw_batteries(scene: Scene, state: NDArray[np.uint8], shape: NDArray[np.uint8]) -> None:
@@ -96,8 +109,8 @@ def draw_out_of_order(scene: Scene, state: NDArray[np.uint8], shape: NDArray[np.
     """Robots that are down, and such as were towed, which show in a parking bay alone."""
     assert scene.snapshot is not None
     status = scene.snapshot.robots.status
-    for code, sign in ((DRAINED, SHAPE_VOID), (STATUS_FAILED, SHAPE_CROSS)):
-        state[status == code], shape[status == code] = DRAW_DEADLOCK, sign
+    for down, sign in ((DRAINED, SHAPE_VOID), (STATUS_FAILED, SHAPE_CROSS)):
+        state[status == down], shape[status == down] = DRAW_DEADLOCK, sign
     state[status >= STATUS_TOWED], shape[status >= STATUS_TOWED] = DRAW_PARKED, SHAPE_CROSS
 
 
@@ -117,6 +130,32 @@ def shapes(glyphs: GlyphSet) -> NDArray[np.uint32]:
         ],
         np.uint32,
     )
+
+
+# What a robot is from afar, where a character holds many cells.
+MARK_FULL: Final = 0  # a whole character
+MARK_HALF: Final = 1  # half of one
+MARK_DOT: Final = 2  # a dot of braille
+FEW: Final = 16  # characters of the picture for each robot from which on it takes a whole one
+SOME: Final = 4  # and half of one
+
+
+def far_mark(robots: int, characters: int, on_layer: bool) -> int:
+    """How a fleet is drawn on a picture of the whole floor with so many characters.
+
+    On a layer a robot is half a character at most, so that the layer is seen beside it.
+    """
+    if robots * FEW <= characters and not on_layer:
+        return MARK_FULL
+    return MARK_HALF if robots * SOME <= characters else MARK_DOT
+
+
+def with_cursor(codes: Codes) -> Codes:
+    """The same on the background of the cursor; a robot's colour becomes that of its signs."""
+    fg, bg = np.divmod(codes >> np.uint32(GLYPH_BITS), np.uint32(len(styles.COLOURS)))
+    on_robot = (bg >= styles.COLOUR_PARKED) & (fg < styles.COLOUR_TRACK)
+    foregrounds = style(np.where(on_robot, bg, fg), styles.COLOUR_CURSOR)
+    return np.asarray(code(foregrounds, codes & GLYPHS), np.uint32)
 
 
 @lru_cache(maxsize=4)

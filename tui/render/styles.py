@@ -212,19 +212,23 @@ class Look:
     def attributes(self, style: int) -> Attributes:
         """Weight, and without colours what stands for them.
 
-        A dark digit on a robot's colour is reversed; so are the selection, the cursor and faults.
-        On the floor, what waits is underlined at every depth: its colour alone would tell it.
+        What is written on a robot's colour is reversed; so are the selection, the cursor and faults.
+        What waits is underlined at every depth, on the floor and on a robot, for its colour alone is
+        not enough. The blanks of a robot that is drawn have the foreground "beyond the floor".
         """
         fg, bg = divmod(style, len(COLOURS))
         bold = COLOURS[fg].bold
-        if self.depth != Depth.NONE:
-            return Attributes(
-                bold, underline=fg in (COLOUR_WAITING, COLOUR_FAULT) and bg != COLOUR_VOID
-            )
         cut_out = fg in GROUNDS and bg not in GROUNDS
+        written = fg == COLOUR_FLOOR and bg in (COLOUR_WAITING, COLOUR_FAULT)
+        if self.depth != Depth.NONE:
+            waits = fg in (COLOUR_WAITING, COLOUR_FAULT) and bg != COLOUR_VOID
+            return Attributes(bold, underline=waits or written)
         return Attributes(
-            bold=bold or fg == COLOUR_LOADED or bg == COLOUR_MARKED,
-            underline=fg == COLOUR_WAITING or bg in (COLOUR_SELECTED, COLOUR_MARKED),
+            bold=bold
+            or fg == COLOUR_LOADED
+            or bg in (COLOUR_MARKED, COLOUR_SELECTED)
+            or (cut_out and COLOURS[bg].bold),
+            underline=COLOUR_WAITING in (fg, bg) or bg in (COLOUR_SELECTED, COLOUR_MARKED),
             reverse=cut_out or fg == COLOUR_FAULT or bg in (COLOUR_SELECTED, COLOUR_CURSOR),
         )
 

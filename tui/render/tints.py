@@ -44,9 +44,9 @@ def draw_tints(canvas: Canvas, zone_tints: NDArray[np.int8]) -> None:
     letters, foregrounds = TINT_LETTERS[tint], TINT_COLOURS[tint]
     plain = (looks[index] & KIND_MASK if layer.whole_floor else looks[index]) == FLOOR
     rails = looks[index] & KIND_MASK == TRACK
-    canvas.flat[index[plain], 0] = code(style(foregrounds, foregrounds), letters)[plain]
+    canvas.flat[index[plain], canvas.sign] = code(style(foregrounds, foregrounds), letters)[plain]
     tracks = style(np.full(len(index), styles.COLOUR_TRACK), foregrounds)
-    canvas.flat[index[rails], 0] = code(tracks, letters)[rails]
+    canvas.flat[index[rails], canvas.sign] = code(tracks, letters)[rails]
     if canvas.width > 1:
         beside = canvas.flat[index, 1] & GLYPHS == canvas.glyphs.blank
         signed = beside & ~plain & ~rails

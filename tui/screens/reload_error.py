@@ -30,9 +30,8 @@ class ReloadErrorScreen(ModalScreen[None]):
         Binding("q", "app.quit", "Quit"),
     ]
 
-    def __init__(self, sentence: str, dims: bool) -> None:
-        """`dims`: the terminal has colours enough to show a dimmed map."""
-        super().__init__(classes="" if dims else "-undimmed")
+    def __init__(self, sentence: str) -> None:
+        super().__init__()
         self._sentence = sentence
 
     def compose(self) -> ComposeResult:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from render_scenes import (
+    body,
     camera_at,
     composed,
     crossing,
     drawn,
-    fg,
     make_scene,
     mini,
     open_floor,
@@ -28,12 +28,12 @@ def test_the_legend_explains_every_sign_of_the_picture(zoom: str):
     for scene in (crossing(), mini()):
         codes, camera = composed(scene, zoom)
         explained = {
-            (fg(sign), sign & 0xFFFF if zoom == "1x1" else 0)
+            (body(sign), sign & 0xFFFF if zoom == "1x1" else 0)
             for entry in legend(scene, camera.zoom, UNICODE)
             for sign in entry.signs
         }
         shown = {
-            (fg(code), int(code) & 0xFFFF if zoom == "1x1" else 0)
+            (body(code), int(code) & 0xFFFF if zoom == "1x1" else 0)
             for code in codes.reshape(-1)
             if signs(np.array([code]))[0] not in " ⠀"
         }

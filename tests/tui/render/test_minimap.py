@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
-from render_scenes import make_scene, open_floor, signs
+from render_scenes import body, make_scene, open_floor, signs
 
 from automaton.build.resolve import resolve
 from tui.playback.frame_cache import Pictures
@@ -62,7 +62,7 @@ def test_robots_are_seen_in_the_overview_and_layers_are_not():
     )
     minimap = Minimap(camera, 10, 20)
     codes = minimap.picture(scene, camera, UNICODE)
-    assert (codes[0, 0] >> 16) // len(styles.COLOURS) == styles.COLOUR_ROBOT
+    assert body(codes[0, 0]) == styles.COLOUR_ROBOT
     assert np.array_equal(codes, minimap.picture(scene.with_(layer="visits"), camera, UNICODE))
 
 

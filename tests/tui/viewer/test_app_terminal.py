@@ -27,7 +27,7 @@ from tui.render.camera import Camera
 from tui.render.compose import compose
 from tui.render.depth import Depth, depth_of
 from tui.render.encode import encode
-from tui.render.glyphs import ASCII, UNICODE, Codes, GlyphSet
+from tui.render.glyphs import ASCII, SHADED, UNICODE, Codes, GlyphSet
 from tui.render.scene import Scene
 from tui.render.styles import Look
 from tui.terminal.terminal_host import TerminalHost
@@ -224,8 +224,8 @@ def intended(rows: int, columns: int, tick: int, glyphs: GlyphSet, steps: str = 
         {
             "+": camera.zoom_in,
             "-": camera.zoom_out,
-            "l": lambda: camera.pan_characters(4, 0),
-            "j": lambda: camera.pan_characters(0, 2),
+            "l": lambda: camera.pan_characters(max(4, camera.zoom.width), 0),
+            "j": lambda: camera.pan_characters(0, max(2, camera.zoom.height)),
             "0": camera.fit,
         }[step]()
     return compose(Scene(floor_of(resolved), take_snapshot(simulation)), camera, glyphs)
@@ -247,7 +247,7 @@ def wrong(session: Session, codes: Codes, look: Look, glyphs: GlyphSet) -> int:
     ("environ", "options", "glyphs"),
     [
         ({}, (), UNICODE),
-        ({"NO_COLOR": "1"}, (), UNICODE),
+        ({"NO_COLOR": "1"}, (), SHADED),
         ({}, ("--ascii", "--color", "16"), ASCII),
         ({}, ("--theme", "light", "--renderer", "textual"), UNICODE),
     ],

@@ -28,7 +28,7 @@ from tui.render.shelf_marks import full_shelves, pods_in
 from tui.render.styles import style
 from tui.render.tints import draw_tints
 
-FLOW_LEVELS = (0, 4, 4, 4, 5, 5, 6, 7, 8)  # of heat: thin arrows would not show in its first ones
+FLOW_LEVELS = (0, 5, 5, 5, 5, 6, 6, 7, 8)  # of heat: thin arrows would not show in its first ones
 
 
 def near_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:

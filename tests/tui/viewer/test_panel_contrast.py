@@ -20,9 +20,10 @@ from tui.render.styles import TEXT_CONTRAST, Theme, contrast, rgb
 from tui.terminal.options import Options
 from tui.viewer.app import Viewer
 
-SYSTEMS = {  # by option; panels have true colours until they are sent
-    "16": (ColorSystem.STANDARD,),
-    "true": (ColorSystem.TRUECOLOR, ColorSystem.EIGHT_BIT),
+SYSTEMS = {
+    "16": ColorSystem.STANDARD,
+    "256": ColorSystem.EIGHT_BIT,
+    "true": ColorSystem.TRUECOLOR,
 }
 VISITS = {
     "inspector": ["i"],
@@ -62,9 +63,7 @@ def words(app: Viewer) -> Iterator[tuple[str, Style]]:
             x += len(text)
 
 
-async def illegible(
-    user: Watched, systems: tuple[ColorSystem, ...]
-) -> list[tuple[str, str, float]]:
+async def illegible(user: Watched, system: ColorSystem) -> list[tuple[str, str, float]]:
     found = []
     for name, keys in VISITS.items():
         await user.press(*keys)
@@ -73,10 +72,9 @@ async def illegible(
             fg, bg = style.color, style.bgcolor
             if fg is None or bg is None or fg.is_default or bg.is_default:
                 continue  # the terminal's own
-            for system in systems:
-                clear = contrast(shade(fg, system), shade(bg, system), Depth.TRUE)
-                if clear < TEXT_CONTRAST:
-                    found.append((name, text.strip(), round(clear, 2)))
+            clear = contrast(shade(fg, system), shade(bg, system), Depth.TRUE)
+            if clear < TEXT_CONTRAST:
+                found.append((name, text.strip(), round(clear, 2)))
         while len(user.app.screen_stack) > 1:
             await user.press("escape")
     return found

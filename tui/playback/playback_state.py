@@ -48,6 +48,9 @@ class PlaybackState:
     side: int  # and in which of the runs
     error: str  # why it cannot go on, or ""
     failed: str = ""  # why a strategy could not go on, for as long as its run is there
+    trails: tuple[
+        Array, ...
+    ] = ()  # of each run (n, k) int32 cells that robots came through, or NIL
 
     @property
     def end(self) -> int | None:

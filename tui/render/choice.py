@@ -25,6 +25,9 @@ class Choice:
     following: bool = False
     route: bool = True
     minimap: bool = True
+    colouring: str = "state"  # of robots, of tui.render.colouring.COLOURINGS
+    trails: bool = False
+    lines: str = ""  # whose goals lines lead to, of tui.render.trails.LINES
     matches: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # robots
 
     @property

@@ -14,8 +14,10 @@ from tui.render import styles
 from tui.render.camera import Zoom
 from tui.render.cell_looks import FAR_SHELF, STORING_KINDS, cell_codes, colour_of, look
 from tui.render.cell_view import flow_codes, heat_codes
+from tui.render.colouring import colour_entries, is_possible
 from tui.render.field import HEAT_LEVELS
-from tui.render.glyphs import GlyphSet, code
+from tui.render.glyphs import GLYPH_BITS, GLYPHS, GlyphSet, code
+from tui.render.layer_scale import nothing_yet
 from tui.render.pixels import DRIVEN
 from tui.render.scene import (
     DETAIL_FULL_SHELF,
@@ -28,6 +30,7 @@ from tui.render.scene import (
     Scene,
 )
 from tui.render.styles import style
+from tui.render.trails import path_entries
 
 MAX_WORST_CELLS = 10  # cells of a layer that are listed
 
@@ -45,8 +48,31 @@ def legend(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
     solid = zoom.kind == "pixels" and scene.values is None and scene.tints is None
     sign = glyphs.full if solid else glyphs.fleet[255]
     entries = _robots(scene, glyphs) if near else _far_robots(scene, sign)
+    if scene.colouring != "state" and is_possible(scene, scene.colouring):
+        colours = [
+            Entry(*entry) for entry in colour_entries(scene, glyphs.loaded[0] if near else sign)
+        ]
+        entries = colours + _without_colours(entries, near)
     entries = _layer(scene, glyphs) + entries + _overlays(scene, glyphs, near)
     return entries + (_cells(scene, glyphs) if near else _far_cells(scene, glyphs))
+
+
+def _without_colours(entries: list[Entry], near: bool) -> list[Entry]:
+    """The signs of robots where colours say something else than the state: shapes in one colour.
+
+    From afar there are no shapes; only robots in wait cycles or down keep their colour.
+    """
+    alarm = style(styles.COLOUR_FAULT, styles.COLOUR_FLOOR)
+    waits = style(styles.COLOUR_WAITING, styles.COLOUR_FLOOR)
+    kept = []
+    for signs, meaning in entries:
+        number = signs[0] >> GLYPH_BITS
+        if number == alarm or not near:
+            kept += [Entry(signs, meaning)] * (number == alarm)
+        elif number != waits:
+            plain = style(styles.COLOUR_TEXT, styles.COLOUR_FLOOR)
+            kept.append(Entry(tuple(int(code(plain, one & int(GLYPHS))) for one in signs), meaning))
+    return kept
 
 
 def worst_cells(scene: Scene) -> list[tuple[int, int]]:
@@ -131,6 +157,7 @@ def _overlays(scene: Scene, glyphs: GlyphSet, near: bool) -> list[Entry]:
         entries.append(Entry((int(code(route, glyphs.route)),), "its route"))
         if near:
             entries.append(Entry((int(code(route, glyphs.stand)),), "where the route ends"))
+    entries += [Entry(*entry) for entry in path_entries(scene, glyphs)]
     if scene.zone >= 0:
         entries.append(
             Entry(
@@ -150,6 +177,8 @@ def _layer(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
         return [Entry(*entry) for entry in own]
     if scene.values is None:
         return []
+    if not scene.values.any():
+        return [Entry((), nothing_yet(scene))]
     lines: dict[tuple[int, ...], list[int]] = {}
     for level in range(1, HEAT_LEVELS):
         heat = (int(heat_codes(glyphs)[level]),)

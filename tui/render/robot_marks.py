@@ -13,6 +13,7 @@ from automaton.engine.robot_status import STATUS_DEPLETED as DRAINED
 from automaton.engine.state import NIL
 from automaton.evidence.history.charging_words import charging
 from tui.render import styles
+from tui.render.colouring import OTHER_COLOURS, coloured
 from tui.render.glyphs import GlyphSet
 from tui.render.scene import Scene
 
@@ -35,6 +36,7 @@ STATE_COLOURS: Final = np.array(
             styles.COLOUR_LOW_BATTERY,
         ),
         *(styles.COLOUR_WAITING, styles.COLOUR_FAULT, styles.COLOUR_SELECTED),
+        *OTHER_COLOURS,
     ],
     np.uint32,
 )
@@ -77,6 +79,7 @@ def robots_of(scene: Scene) -> Robots:
     if scene.floor.loads_may_lie:
         draw_out_of_order(scene, state, shape)
     cell = np.where(fleet.cell == NIL, fleet.bay, fleet.cell)
+    state = coloured(scene, state, DRAW_PARKED, DRAW_DEADLOCK)
     return Robots(cell, state, directions(scene), shape)
 
 

@@ -89,12 +89,27 @@ COLOUR_STATION: Final = _row("station", (0xC48484, 174, 3), (0xA05050, 131, 5))
 COLOUR_LOAD: Final = _row("load", (0xB08860, 137, 3), (0x7A5C45, 95, 0))
 # What is written and laid over.
 COLOUR_DIM: Final = _row("dim text", (0x8F8F8F, 246, 8), (0x606060, 241, 0))
+COLOUR_TRAIL: Final = _row("trail", (0x8C8C6A, 101, 8), (0x6F6F48, 58, 8))
+COLOUR_GOAL_LINE: Final = _row("line to a goal", (0x8A80A8, 103, 8), (0x6F6590, 60, 8))
 COLOUR_TEXT: Final = _row("text", (0xD0D0D0, 252, 7), (0x262626, 235, 0))
 COLOUR_DONE: Final = _row("done", (0x009E73, 36, 2), (0x007A58, 23, 4))
 COLOUR_ROUTE: Final = _row("route", (0xE4E4E4, 254, 15), (0x303030, 236, 13))
 COLOUR_MARKED: Final = _row("marked", (0xCDB2FF, 183, 4), (0xCDB2FF, 183, 14))
 # Robots.
 COLOUR_PARKED: Final = _row("parked", (0x6A93BC, 67, 6), (0x56738F, 24, 8))
+COLOUR_CLASS_0: Final = _row("robots 0", (0x6EA8FE, 111, 12), (0x1F5FBF, 25, 4))
+COLOUR_CLASS_1: Final = _row("robots 1", (0xF0E442, 227, 11), (0x7A6A00, 58, 8))
+COLOUR_CLASS_2: Final = _row("robots 2", (0x2EC4B6, 43, 14), (0x00706A, 23, 12))
+COLOUR_CLASS_3: Final = _row("robots 3", (0xFF8A5C, 209, 9), (0xB03A12, 124, 1))
+COLOUR_CLASS_4: Final = _row("robots 4", (0xB79CFF, 141, 13), (0x6A2BD9, 56, 5))
+COLOUR_CLASS_5: Final = _row("robots 5", (0xC8C8C8, 251, 7), (0x4A4A4A, 239, 0))
+COLOUR_CLASS_6: Final = _row("robots 6", (0x7BC96F, 114, 10), (0x2C7A1F, 22, 9))
+COLOUR_CLASS_7: Final = _row("robots 7", (0xFF8FC7, 212, 5), (0xB01070, 125, 13))
+COLOUR_LEVEL_0: Final = _row("amount 0", (0x8A82B4, 103, 8), (0x756C00, 58, 8))
+COLOUR_LEVEL_1: Final = _row("amount 1", (0x5FA8D8, 74, 12), (0x3C7A2A, 22, 9))
+COLOUR_LEVEL_2: Final = _row("amount 2", (0x3FBF9F, 43, 6), (0x0B6F7A, 24, 5))
+COLOUR_LEVEL_3: Final = _row("amount 3", (0x9FD750, 149, 10), (0x2F4B9F, 19, 4))
+COLOUR_LEVEL_4: Final = _row("amount 4", (0xFDE725, 226, 11), (0x440154, 53, 0))
 COLOUR_CHARGING: Final = _row("charging", (0xF0E442, 227, 10), (0x467000, 58, 0))
 COLOUR_ROBOT: Final = _row("robot", (0x56B4E9, 74, 14), (0x006DAA, 25, 4))
 COLOUR_LOADED: Final = _row("loaded robot", (0xE69F00, 214, 11), (0x875000, 94, 5))
@@ -110,6 +125,8 @@ STYLE_COUNT: Final = len(COLOURS) ** 2
 GROUNDS: Final = range(COLOUR_FLOOR, COLOUR_FLOOR_MARK)
 BACKGROUNDS: Final = (*GROUNDS, COLOUR_MARKED, COLOUR_CURSOR, COLOUR_SELECTED)
 # Robots bear numbers; words are written in the others, on the lines around the map and on the floor.
+CLASSES: Final = range(COLOUR_CLASS_0, COLOUR_CLASS_7 + 1)  # of kinds of robots
+LEVELS: Final = range(COLOUR_LEVEL_0, COLOUR_LEVEL_4 + 1)  # of amounts that robots have
 ROBOTS: Final = range(COLOUR_PARKED, COLOUR_FAULT + 1)
 WORDS: Final = (
     *(COLOUR_FLOOR, COLOUR_STATION, COLOUR_DIM, COLOUR_TEXT, COLOUR_DONE, COLOUR_CURSOR),

@@ -223,6 +223,9 @@ class Viewer(App[None]):
                 told = f"{named}   {action.meaning}".strip()
                 yield SystemCommand(action.label, told, partial(self.action_do, action.id))
 
+        for label, told, command in self.layers.colourings():
+            yield SystemCommand(label, told, command)
+
     def _keys(self) -> dict[str, list[str]]:
         """The keys that are bound to actions now, by id."""
         keys: dict[str, list[str]] = {}

@@ -152,7 +152,7 @@ def _colours(looks: list[int], theme: int) -> dict[str, Any]:
 
     return {
         "looks": {str(look): css(colour_of(look)) for look in looks},
-        "states": [css(int(colour)) for colour in STATE_COLOURS],
+        "states": [css(int(colour)) for colour in STATE_COLOURS[: len(STATES)]],
         **{name: css(colour) for name, colour in GROUND.items()},
     }
 

@@ -20,6 +20,7 @@ from automaton.floor.traffic_zones import traffic_zones_of
 from tui.render import styles
 from tui.render.depth import Depth
 from tui.render.glyphs import GLYPHS, UNICODE
+from tui.render.robot_marks import STATE_COLOURS
 from tui.render.scene import Scene
 from tui.render.styles import COLOURS, STYLE_COUNT, Look, contrast
 
@@ -134,6 +135,7 @@ def test_all_that_a_picture_shows_is_legible_in_every_theme_at_every_depth(layer
 def test_there_are_styles_of_every_kind_in_the_pictures_that_are_measured() -> None:
     seen = {styles.style(fg, bg) for layer in LAYERS for fg, bg, _ in drawn_styles(layer, "3x1")}
     foregrounds, backgrounds = zip(*(divmod(one, len(COLOURS)) for one in seen), strict=True)
-    assert set(styles.ROBOTS) <= {*foregrounds, *backgrounds}
+    states = {*STATE_COLOURS[:8].tolist()} - {styles.COLOUR_SELECTED}
+    assert states <= {*foregrounds, *backgrounds}
     assert {styles.COLOUR_HEAT_1, styles.COLOUR_HEAT_8, styles.COLOUR_ZONE_0} <= {*backgrounds}
     assert len(seen) > 60 and max(seen) < STYLE_COUNT

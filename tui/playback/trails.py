@@ -39,7 +39,7 @@ class Trails:
             return past.cells
         position, steps, cells = _driven(simulation)
         if past is not None and 0 < tick - past.tick <= MAX_GAP_TICKS:
-            cells = _with_older(cells, steps, past)
+            cells = _with_older(position, cells, steps, past)
         self._past = Past(tick, position, steps, cells)
         return cells
 
@@ -60,13 +60,22 @@ def _driven(simulation: Simulation) -> tuple[Array, Array, Array]:
     return position, steps, np.where(at >= 0, cells, NIL).astype(np.int32)
 
 
-def _with_older(cells: Array, steps: Array, past: Past) -> Array:
+def _with_older(position: Array, cells: Array, steps: Array, past: Past) -> Array:
     """Trails that go on with those of before where the present route began."""
     before = np.concatenate((past.position[:, None], past.cells), axis=1)
+    now = np.concatenate((position[:, None], cells), axis=1)
     on_route = np.minimum(steps, TRAIL_CELLS)
-    same = steps >= past.steps  # it is still on the route of then
-    first = np.where(same, 1 + np.minimum(past.steps, TRAIL_CELLS), 0)
+    since = np.clip(steps - past.steps, 0, TRAIL_CELLS)
+    same = (steps >= past.steps) & (_of(now, since) == past.position)  # it is still on that route
+    stood = _of(now, on_route) == past.position  # it began its new route there
+    first = np.where(same, 1 + np.minimum(past.steps, TRAIL_CELLS), stood)
     at = first[:, None] + np.arange(TRAIL_CELLS) - on_route[:, None]
     older = np.take_along_axis(before, np.clip(at, 0, TRAIL_CELLS), axis=1)
     known = (np.arange(TRAIL_CELLS) >= on_route[:, None]) & (at <= TRAIL_CELLS)
     return np.where(known, older, cells)
+
+
+def _of(rows: Array, columns: Array) -> Array:
+    """One value of each row."""
+    values: Array = np.take_along_axis(rows, columns[:, None], axis=1)[:, 0]
+    return values

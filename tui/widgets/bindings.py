@@ -76,6 +76,9 @@ _FIXED: Final = (
             Action("follow", "f", "Follow", "keep the selected robot on the screen", True),
             Action("maximise", "m", "Map alone", "nothing but the map, or all again"),
             Action("minimap", "M", "Minimap", "minimap, while the floor exceeds the map"),
+            Action("next_colouring", "c", "Colours", "robots by state, order, type, zone, ..."),
+            Action("trails", "v", "Trails", "trails of cells that robots came through"),
+            Action("goal_lines", "G", "Goals", "lines to goals: of the selected robot, all, none"),
         ),
     ),
     Topic(
@@ -99,11 +102,6 @@ _FIXED: Final = (
         (
             Action("layer_none", "f2", "No layer"),
             Action("layer_route", "f8", "Route", "the selected robot's route, on or off", place=65),
-            Action(
-                "next_colouring", "c", "Colours", "robots by state, order, type, ...", place=10_010
-            ),
-            Action("trails", "v", "Trails", "the cells that robots came through", place=10_020),
-            Action("goal_lines", "G", "Goals", "lines to goals: selected, all, none", place=10_030),
             Action("next_layer", "L", "Layer", "the next layer", True, 10_000),
         ),
     ),

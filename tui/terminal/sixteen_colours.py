@@ -7,6 +7,7 @@ made orange on white yellow on light grey, of a contrast of 1.7.
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import Final
 
 from rich.color import Color, ColorSystem
 from rich.segment import Segment
@@ -16,6 +17,9 @@ from textual.filter import LineFilter
 
 from tui.render.depth import Depth
 from tui.render.styles import TEXT_CONTRAST, XTERM, contrast
+
+GREYS: Final = (0, 7, 8, 15)
+GREY: Final = 24  # the channels of a grey differ by less, of 255
 
 
 class SixteenColours(LineFilter):
@@ -35,20 +39,20 @@ def _legible(style: Style) -> Style:
         return style
     below = bg.downgrade(ColorSystem.STANDARD).number
     assert below is not None
-    return style + Style(
-        color=Color.from_ansi(_foreground(fg.triplet.hex, below)), bgcolor=Color.from_ansi(below)
-    )
+    number = _foreground(_channels(int(fg.triplet.hex[1:], 16)), below)
+    return style + Style(color=Color.from_ansi(number), bgcolor=Color.from_ansi(below))
 
 
-def _foreground(colour: str, below: int) -> int:
-    """The nearest of the 16 that can be read; black or white always can."""
-    wanted = _channels(int(colour[1:], 16))
+def _foreground(wanted: tuple[int, int, int], below: int) -> int:
+    """The nearest of the 16 that can be read, of greys a grey; black or white always can be."""
+    grey = max(wanted) - min(wanted) < GREY
+    those = GREYS if grey else range(16)
 
     def distance(number: int) -> int:
         near = zip(wanted, _channels(XTERM[number]), strict=True)
         return sum((one - other) ** 2 for one, other in near)
 
-    legible = (n for n in range(16) if contrast(n, below, Depth.SIXTEEN) >= TEXT_CONTRAST)
+    legible = (n for n in those if contrast(n, below, Depth.SIXTEEN) >= TEXT_CONTRAST)
     return min(legible, key=distance)
 
 

@@ -9,7 +9,7 @@ from tui.render.scene import Scene
 from tui.render.styles import style
 from tui.widgets.word_row import Word
 
-SCALE_RANK = 9  # what else is said in the line goes first, where there is not room for both
+SCALE_RANK = 1  # where there is not room for all, hints go before it, and it before messages
 
 
 def scale_words(scene: Scene, glyphs: GlyphSet) -> list[Word]:

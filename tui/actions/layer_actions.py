@@ -50,7 +50,7 @@ class LayerActions:
         """Robots get their colours by one of COLOURINGS, if there are colours and they differ in it."""
         session = self._session
         if session.look.depth == Depth.NONE:
-            session.notify("there are no colours here: robots are told by their shapes")
+            session.notify("there are no colours here: shapes alone distinguish robots")
         elif not is_possible(session.scene(), name):
             session.notify(f"robots cannot be coloured by {name} here: they have none")
         else:

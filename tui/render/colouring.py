@@ -1,6 +1,6 @@
 """Robots coloured by something else than their state: order, type, service zone, battery, wait.
 
-Shapes go on to tell the state, and robots in wait cycles or down keep the colour of that. Kinds have
+Shapes go on to show the state, and robots in wait cycles or down keep the colour of that. Kinds have
 eight colours in turn, amounts five that grow brighter (darker in the light theme).
 """
 

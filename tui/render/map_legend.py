@@ -64,15 +64,17 @@ def _without_colours(entries: list[Entry], near: bool) -> list[Entry]:
     """
     alarm = style(styles.COLOUR_FAULT, styles.COLOUR_FLOOR)
     waits = style(styles.COLOUR_WAITING, styles.COLOUR_FLOOR)
-    kept = []
+    shown = []
     for signs, meaning in entries:
         number = signs[0] >> GLYPH_BITS
         if number == alarm or not near:
-            kept += [Entry(signs, meaning)] * (number == alarm)
+            shown += [Entry(signs, meaning)] * (number == alarm)
         elif number != waits:
             plain = style(styles.COLOUR_TEXT, styles.COLOUR_FLOOR)
-            kept.append(Entry(tuple(int(code(plain, one & int(GLYPHS))) for one in signs), meaning))
-    return kept
+            shown.append(
+                Entry(tuple(int(code(plain, one & int(GLYPHS))) for one in signs), meaning)
+            )
+    return shown
 
 
 def worst_cells(scene: Scene) -> list[tuple[int, int]]:

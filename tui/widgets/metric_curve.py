@@ -1,6 +1,6 @@
 """A metric over time, drawn in braille: two points of time and four levels in each character.
 
-A curve is filled, or a line where two of them have to be told apart by more than their colours.
+A curve is filled, or a line where two of them have to differ by more than their colours.
 
 24 ⡀   ⢀⣀⡀        The label of the greatest value is above, 0 below; the last column but the
  0 ⣷⣶⣶⣿⣿⣷         labels is the last tick. Without braille one point in each character.

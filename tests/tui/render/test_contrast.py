@@ -128,8 +128,8 @@ def test_all_that_a_picture_shows_is_legible_in_every_theme_at_every_depth(layer
             for look in COLOURED:
                 values = look.pair(styles.style(fg, bg))
                 said = (zoom, look.depth.name, look.theme, COLOURS[fg].name, COLOURS[bg].name)
-                found = contrast(*values, look.depth)
-                assert found >= least(look, fg, character), (*said, character, round(found, 2))
+                clear = contrast(*values, look.depth)
+                assert clear >= least(look, fg, character), (*said, character, round(clear, 2))
 
 
 def test_there_are_styles_of_every_kind_in_the_pictures_that_are_measured() -> None:

@@ -64,7 +64,7 @@ def words(app: Viewer) -> Iterator[tuple[str, Style]]:
 
 
 async def illegible(user: Watched, system: ColorSystem) -> list[tuple[str, str, float]]:
-    found = []
+    pale = []
     for name, keys in VISITS.items():
         await user.press(*keys)
         await user.pilot.pause(0.3)
@@ -74,10 +74,10 @@ async def illegible(user: Watched, system: ColorSystem) -> list[tuple[str, str, 
                 continue  # the terminal's own
             clear = contrast(shade(fg, system), shade(bg, system), Depth.TRUE)
             if clear < TEXT_CONTRAST:
-                found.append((name, text.strip(), round(clear, 2)))
+                pale.append((name, text.strip(), round(clear, 2)))
         while len(user.app.screen_stack) > 1:
             await user.press("escape")
-    return found
+    return pale
 
 
 @pytest.mark.parametrize("theme", ["dark", "light"])

@@ -115,10 +115,10 @@ class Explored(AstarLayer):
             return [(0, "explored: select a robot")]
         if values is None or not values.any():
             return [(0, f"explored: robot {scene.selected} is on no way")]
-        found, path = np.count_nonzero(values), np.count_nonzero(values == 2)
+        explored, path = np.count_nonzero(values), np.count_nonzero(values == 2)
         return [
             *([(0, f"A*, hypothetical ({scene.floor.routing} routes)")] * is_hypothetical(scene)),
-            (EXPLORED, f"explored {found:,} cells"),
+            (EXPLORED, f"explored {explored:,} cells"),
             (ON_PATH, f"path {path:,}"),
         ]
 

@@ -223,8 +223,8 @@ class Viewer(App[None]):
                 told = f"{named}   {action.meaning}".strip()
                 yield SystemCommand(action.label, told, partial(self.action_do, action.id))
 
-        for label, told, command in self.layers.colourings():
-            yield SystemCommand(label, told, command)
+        for label, meaning, command in self.layers.colourings():
+            yield SystemCommand(label, meaning, command)
 
     def _keys(self) -> dict[str, list[str]]:
         """The keys that are bound to actions now, by id."""

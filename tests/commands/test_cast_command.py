@@ -298,7 +298,10 @@ STILL = ("--picture", "still.svg")
             ("run.rec", *MADE, "--layer", "explored"),
             "explored shows the search for one robot: --fo",
         ),
-        (("run.rec", *MADE, "--zoom", "4x1"), "unknown zoom '4x1': allowed are fit, 9x5, 8x4, 6x3, "),
+        (
+            ("run.rec", *MADE, "--zoom", "4x1"),
+            "unknown zoom '4x1': allowed are fit, 9x5, 8x4, 6x3, ",
+        ),
         (("run.rec", *MADE, "--follow", "4"), "there is no robot 4: the last one is robot 3"),
         (("run.rec", *MADE, "--speed", "0"), "'0' is not a speed: allowed are 0.01 to 10000"),
         (("run.rec", *MADE, "--speed", "1/0"), "'1/0' is not a speed"),

@@ -35,6 +35,9 @@ FIELDS = {  # of a robot that stands still and does nothing
         "charge_target": 0,
         "status": 0,
         "ticket": 0,
+        "type": 0,
+        "since": 0,
+        "service_zone": NIL,
     },
 }
 

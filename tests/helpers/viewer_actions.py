@@ -266,6 +266,37 @@ async def layer_predicted(user: Watched) -> None:
 
 
 @check
+async def next_colouring(user: Watched) -> None:
+    choice, seen = user.session.choice, []
+    for _ in range(3):
+        await press(user, "next_colouring")
+        seen.append(choice.colouring)
+    assert seen == ["order", "waiting", "state"]  # all that robots differ in here
+    offered = {one.title: one.callback for one in user.app.get_system_commands(user.app.screen)}
+    assert "Colours: battery" not in offered
+    offered["Colours: order"]()
+    assert user.session.scene().colouring == "order"
+
+
+@check
+async def trails(user: Watched) -> None:
+    await user.at(100)
+    await press(user, "trails")
+    await user.until(lambda: (user.session.scene().trails != NIL).any())
+    await press(user, "trails")
+    await user.until(lambda: not user.session.scene().trails.size)
+
+
+@check
+async def goal_lines(user: Watched) -> None:
+    seen = []
+    for _ in range(3):
+        await press(user, "goal_lines")
+        seen.append(user.session.scene().lines)
+    assert seen == ["selected", "all", ""]
+
+
+@check
 async def layer_route(user: Watched) -> None:
     await user.at(120)
     user.session.choose(int(np.argmax(user.session.playback.snapshots[0].robots.route_length)))

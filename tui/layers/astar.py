@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from automaton.engine.state import NIL, Array
-from tui.render.layer import Entries, Layer
+from tui.render.layer import Entries, Layer, ScaleLine
 
 if TYPE_CHECKING:  # it needs Numba
     from automaton.runs.simulation import Simulation
@@ -25,6 +25,7 @@ EXPLORED, ON_PATH = 4, 7  # levels of heat: the cells that A* finds, and its pat
 PREDICTED: Final = (3, 5, 6, 7, 8)  # of the least number of paths, of one more, ...
 MAX_RUNS: Final = 2  # that are shown beside each other
 MAX_PREDICTED_PATHS: Final = 5  # paths through a cell
+ASTAR_ROUTERS: Final = ("astar", "traffic-avoidance")  # routing strategies that search so
 
 
 class AstarLayer(Layer):
@@ -55,16 +56,32 @@ class AstarLayer(Layer):
         said = self.meanings(scene)
         return [((int(heat[level]),) if level else (), text) for level, text in said]
 
+    def scale(self, scene: Scene, glyphs: GlyphSet) -> ScaleLine:
+        from tui.render.cell_view import heat_codes
+
+        heat, line = heat_codes(glyphs), ScaleLine()
+        for level, words in self.short_meanings(scene):
+            line += [(int(heat[level]),)] if level else []
+            line += [words] if words else []
+        return line
+
+    def short_meanings(self, scene: Scene) -> list[tuple[int, str]]:
+        """The same in a few words each, for one line."""
+        raise NotImplementedError
+
     def meanings(self, scene: Scene) -> list[tuple[int, str]]:
         """What the levels mean on this floor now, with how many cells there are; 0 has no sign."""
         raise NotImplementedError
 
 
 class Explored(AstarLayer):
-    """What A* looks at for the selected robot."""
+    """What A* looks at for the selected robot: its own search, where the scenario routes by A*.
+
+    Elsewhere it is what A* would look at, and the way may be another than the route of the robot.
+    """
 
     key, label, position = "f9,E", "Explored", 70
-    meaning = "what A* looks at for the selected robot"
+    meaning = "what A* looks at for the selected robot, or would"
 
     def field(self, simulation: Simulation, paths: Paths, selected: int) -> Array:
         from tui.layers.astar_paths import explored
@@ -81,9 +98,28 @@ class Explored(AstarLayer):
         if values is None or not values.any():
             return [(0, f"explored: {robot} is on no way")]
         found, path = np.count_nonzero(values), np.count_nonzero(values == 2)
+        if is_hypothetical(scene):
+            return [
+                (0, f"hypothetical: this scenario routes by {scene.floor.routing}, not by A*"),
+                (EXPLORED, f"A* would explore for {robot}: {found:,} cells"),
+                (ON_PATH, f"the path that it would find: {path:,} cells"),
+            ]
         return [
             (EXPLORED, f"explored by the search of A* for {robot}: {found:,} cells"),
             (ON_PATH, f"the path that it finds: {path:,} cells"),
+        ]
+
+    def short_meanings(self, scene: Scene) -> list[tuple[int, str]]:
+        values = scene.values
+        if scene.selected == NIL:
+            return [(0, "explored: select a robot")]
+        if values is None or not values.any():
+            return [(0, f"explored: robot {scene.selected} is on no way")]
+        explored, path = np.count_nonzero(values), np.count_nonzero(values == 2)
+        return [
+            *([(0, f"A*, hypothetical ({scene.floor.routing} routes)")] * is_hypothetical(scene)),
+            (EXPLORED, f"explored {explored:,} cells"),
+            (ON_PATH, f"path {path:,}"),
         ]
 
     def value_words(self, value: int) -> list[str]:
@@ -91,6 +127,11 @@ class Explored(AstarLayer):
 
     def shown(self, choice: Choice, again: bool) -> str:
         return "" if choice.robot != NIL else "select a robot, and the search for its way is shown"
+
+
+def is_hypothetical(scene: Scene) -> bool:
+    """Whether the scenario is known to route by something else than A*."""
+    return scene.floor.routing not in ("", *ASTAR_ROUTERS)
 
 
 class Predicted(AstarLayer):
@@ -119,6 +160,18 @@ class Predicted(AstarLayer):
             words = f"{many}{' or more' if more else ''} {others} will drive here: {cells:,} cells"
             said.append((level, words))
         return said
+
+    def short_meanings(self, scene: Scene) -> list[tuple[int, str]]:
+        values, last = scene.values, scene.least + len(PREDICTED) - 1
+        if values is None:
+            return []
+        if values.max(initial=0) < scene.least:
+            return [(0, f"no cell through which {scene.least} or more will drive")]
+        return [
+            (0, f"robots to come: {scene.least}"),
+            *((level, "") for level in PREDICTED),
+            (0, f"{last} or more"),
+        ]
 
     def title(self, choice: Choice) -> str:
         return f"predicted {choice.least}+"

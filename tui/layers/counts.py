@@ -30,6 +30,7 @@ class Waiting(Layer):
     key, label, position = "f4", "Waiting", 20
     meaning = "waiting: where time is lost"
     unit, counted = "ticks lost", "ticks lost here"
+    empty = "no ticks lost so far"
     ranked = True
 
     def numbers(self, simulation: Simulation, selected: int) -> Array:
@@ -43,6 +44,7 @@ class Congestion(Layer):
     key, label, position = "f5", "Congestion", 30
     meaning = "congestion: where time was lost of late"
     unit, counted = "ticks lost of late", "ticks lost here of late"
+    empty = "no ticks lost of late"
     ranked = True
 
     def numbers(self, simulation: Simulation, selected: int) -> Array:

@@ -24,7 +24,7 @@ from tui.layers.service_zone_tints import (
 from tui.render import styles
 from tui.render.canvas import Canvas
 from tui.render.glyphs import GlyphSet, code
-from tui.render.layer import Entries, Layer
+from tui.render.layer import Entries, Layer, ScaleLine
 from tui.render.pixels import Pixels
 from tui.render.scene import Scene
 from tui.render.styles import style
@@ -69,6 +69,15 @@ class ServiceZoneLayer(Layer):
 
     def entries(self, scene: Scene, glyphs: GlyphSet) -> Entries:
         return design_entries(scene, glyphs)
+
+    def scale(self, scene: Scene, glyphs: GlyphSet) -> ScaleLine:
+        if scene.service_zones is None:
+            return [NO_ZONES_TEXT]
+        tints = np.array(TINTS)[np.unique(service_zone_tints(scene.service_zones))]
+        codes = code(style(tints, tints), np.array(TINT_CODES)[: len(tints)])
+        zones = len(scene.service_zones.server)
+        shared = "; touching ones differ" if tints_shared(zones) else ""
+        return ["zone 1", tuple(codes.tolist()), f"{zones}{shared}"]
 
     def key_words(self, scene: Scene, resolved: Resolved, glyphs: GlyphSet) -> list[str]:
         zones = 0 if scene.service_zones is None else len(scene.service_zones.server)

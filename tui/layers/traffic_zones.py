@@ -18,7 +18,7 @@ from tui.layers.traffic_zone_tints import tints_of
 from tui.render import styles
 from tui.render.canvas import Canvas
 from tui.render.glyphs import GlyphSet, code
-from tui.render.layer import Entries, Layer
+from tui.render.layer import Entries, Layer, ScaleLine
 from tui.render.scene import Floor, Scene
 from tui.render.styles import style
 from tui.render.tints import TINT_COLOURS, TINT_LETTERS
@@ -62,6 +62,14 @@ class TrafficZoneLayer(Layer):
         if traffic_zones.mode != "with-intersections" and traffic_zones.intersection.any():
             entries.append(((crossing_sign(glyphs),), "intersection, in no zone"))
         return entries
+
+    def scale(self, scene: Scene, glyphs: GlyphSet) -> ScaleLine:
+        traffic_zones = _zones(scene)
+        if traffic_zones is None:
+            return [self.absent]
+        tints = TINT_COLOURS[_used(scene.floor)]
+        codes = code(style(tints, tints), TINT_LETTERS[_used(scene.floor)])
+        return [f"{traffic_zones.count:,} zones", tuple(codes.tolist()), "touching ones differ"]
 
     def key_words(self, scene: Scene, resolved: Resolved, glyphs: GlyphSet) -> list[str]:
         traffic_zones, floor = _zones(scene), scene.floor

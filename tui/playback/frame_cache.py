@@ -127,16 +127,16 @@ class Pictures:
             zone=choice.zone,
             marked_cells=choice.match_cells[choice.match_cells < self.floors[side].looks.size],
             least=choice.least,
+            colouring=choice.colouring,
+            trails=playback.trails[side] if choice.trails and playback.trails else NO_CELLS,
+            lines=choice.lines,
             marked=found if len(found) else differing(playback),
         )
 
     def take_zones(self, resolved: Resolved) -> bool:
         """After a branch of the only run: whether it has other zones."""
-        traffic_zones = self.floors[0].traffic_zones
-        other = traffic_zones is None or traffic_zones.mode != resolved.scenario.world.traffic_zones
-        if other:
-            self.floors[0] = floor_of(resolved)
-        return other
+        before, self.floors[0] = self.floors[0].traffic_zones, floor_of(resolved)
+        return before is None or before.mode != resolved.scenario.world.traffic_zones
 
     def zone_cells(self, playback: PlaybackState | None, zone: int, side: int) -> list[int]:
         """The cells of a zone, in reading order."""

@@ -47,7 +47,11 @@ class View:
     def key(self) -> tuple[object, ...]:
         """Two views with one key show the same."""
         chosen = (self.robot, self.cell, self.zone, self.side, self.layer)
-        drawn = () if self.picture is None else (self.picture.scene.least, *self.picture[1:])
+        drawn: tuple[object, ...] = ()
+        if self.picture is not None:
+            scene = self.picture.scene
+            laid = (scene.least, scene.colouring, scene.lines, scene.trails.size)
+            drawn = (*laid, *self.picture[1:])
         return (id(self.run), self.playback.seq, *chosen, *drawn)
 
     @property

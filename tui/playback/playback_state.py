@@ -50,6 +50,9 @@ class PlaybackState:
     error: str  # why it cannot go on, or ""
     failed: str = ""  # why a strategy could not go on, for as long as its run is there
     divergence: Divergence | None = None  # where two live runs part, once that is known
+    trails: tuple[
+        Array, ...
+    ] = ()  # of each run (n, k) int32 cells that robots came through, or NIL
 
     @property
     def end(self) -> int | None:

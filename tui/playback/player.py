@@ -25,6 +25,7 @@ from automaton.evidence.history.watched_run import COMPUTE_SLICE_S, Run
 from tui.playback.breakpoint_hits import Hit, begun, held_by, reason
 from tui.playback.laid_over import Overlays
 from tui.playback.playback_state import Figures, LongTick, PlaybackState, figures_of
+from tui.playback.trails import Trails
 
 TICKS_PER_S: Final = 10.0  # at speed x1
 REWIND: Final = 64.0  # the fastest way back
@@ -64,6 +65,7 @@ class Player:
         self._overlays = [Overlays() for _ in self.runs]
         live = [run for run in self.runs if isinstance(run, LiveRun)]
         self._divergence = LiveDivergence(*live) if len(live) == 2 else None
+        self._trails: list[Trails] | None = None  # None: they are not shown
         self._figures: tuple[Figures, ...] = ()
         self._parted: Divergence | None = None
         self._figures_at = -math.inf  # when the metrics may be read again while ticks go by
@@ -134,6 +136,12 @@ class Player:
     def show_layer(self, name: str) -> None:
         """The layer of which the snapshots hold the field, or ""."""
         self._enqueue_request(lambda: self._choose(self._selected, name))
+
+    def show_trails(self, on: bool) -> None:
+        """Whether states hold the cells that robots came through."""
+        self._enqueue_request(
+            lambda: setattr(self, "_trails", [Trails() for _ in self.runs] if on else None)
+        )
 
     def set_breakpoints(self, breakpoints: Sequence[Breakpoint]) -> None:
         """Stop where one of them begins to hold."""
@@ -440,6 +448,12 @@ class Player:
             error=self._error or trouble,
             failed=failed,
             divergence=self._parted,
+            trails=tuple(
+                trails.at(run.shown)
+                for trails, run in zip(
+                    self._trails or (), self.runs, strict=self._trails is not None
+                )
+            ),
         )
 
     def _snapshot_of(self, run: Run, overlays: Overlays) -> Snapshot:

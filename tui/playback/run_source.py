@@ -136,6 +136,7 @@ def floor_of(resolved: Resolved) -> Floor:
     endless = UNBOUNDED[resolved.floor_plan.kind.reshape(-1)[cells]].astype(np.uint8)
     traffic_zones = traffic_zones_of(resolved.floor_plan, resolved.scenario.world.traffic_zones)
     scenario = resolved.scenario
+    routing = scenario.strategy.routing
     return Floor(
         resolved.floor_plan,
         cells,
@@ -144,4 +145,6 @@ def floor_of(resolved: Resolved) -> Floor:
         traffic_zones,
         battery=scenario.battery is not None,
         faults=bool(scenario.faults.listed or scenario.faults.probability),
+        routing=routing if isinstance(routing, str) else str(routing.get("name", "")),
+        type_names=tuple(kind.name for kind in scenario.fleet.types),
     )

@@ -56,7 +56,10 @@ def draw_over(
     backgrounds: Backgrounds = styles.COLOUR_FLOOR,
 ) -> None:
     """The route, the robots and the cursor, on these backgrounds."""
+    from tui.render.trails import draw_path_dots
+
     if scene.snapshot is not None:
+        draw_path_dots(codes, part, scene, camera, glyphs, backgrounds)
         route = np.asarray(scene.route, np.int32)
         draw_dots(codes, part, camera, glyphs, route, styles.COLOUR_ROUTE, backgrounds)
         draw_robots(codes, part, scene, camera, glyphs, backgrounds)

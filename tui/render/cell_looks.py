@@ -60,7 +60,7 @@ KIND_COLOURS = {  # of a kind of cell
 # marks there, so that robots stand out. So do storage cells.
 STORING_KINDS = (SHELF, RACK, STORAGE)
 FAR_SHELF = styles.COLOUR_FLOOR_MARK
-FAR_LOAD = styles.COLOUR_TRACK
+FAR_LOAD = styles.COLOUR_RACK
 
 
 def look(kind: int, detail: int = 0) -> int:

@@ -36,9 +36,10 @@ from tui.render.scene import DETAIL_FULL_SHELF, DETAIL_POD, Scene
 from tui.render.shelf_marks import full_shelves, pods_in
 from tui.render.styles import style
 from tui.render.tints import draw_tints
+from tui.render.trails import draw_paths
 
 BodyAndInk = tuple[NDArray[np.uint32], NDArray[np.uint32]]  # (n,) each
-FLOW_LEVELS = (0, 4, 4, 4, 5, 5, 6, 7, 8)  # of heat: thin arrows would not show in its first ones
+FLOW_LEVELS = (0, 5, 5, 5, 5, 6, 6, 7, 8)  # of heat: thin arrows would not show in its first ones
 
 
 def near_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
@@ -50,6 +51,7 @@ def near_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
     if scene.snapshot is not None:
         draw_left_loads(canvas)
         draw_gates(canvas)
+        draw_paths(canvas)
         draw_route(canvas)
         draw_claims(canvas)
     if len(scene.zone_cells):

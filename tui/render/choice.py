@@ -27,6 +27,9 @@ class Choice:
     minimap: bool = True
     matches: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # robots that were found,
     match_cells: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # or cells
+    colouring: str = "state"  # of robots, of tui.render.colouring.COLOURINGS
+    trails: bool = False
+    lines: str = ""  # whose goals lines lead to, of tui.render.trails.LINES
 
     @property
     def laid(self) -> str:

@@ -107,6 +107,7 @@ class GlyphSet:
     door: Final = _shape("⊟", "D")  # that is shut
     # What is laid over them.
     route: Final = _shape("∙", "o")
+    trail: Final = _shape("∘", ",")
     stand: Final = _shape("⊗", "O")  # where the route ends
     arrow: Final = _shapes("⇢⇣⇠⇡", ")u(n")  # flow, by direction
     ramp: Final = tuple(map(ord, " .:-=+*#@"))  # nine levels, for heat without colours

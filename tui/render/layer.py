@@ -24,6 +24,7 @@ if TYPE_CHECKING:  # it needs Numba, pictures do not
     from tui.render.scene import Scene
 
 Entries = list[tuple[tuple[int, ...], str]]  # signs, which are codes, and what they mean
+ScaleLine = list[str | tuple[int, ...]]  # words, and signs, which are codes, from the left
 
 
 class Layer:
@@ -38,6 +39,7 @@ class Layer:
     unit: str = ""  # of its numbers, in the legend
     counted: str = ""  # the same in the inspector: "ticks lost here"
     words: str = ""  # what it is called in the status line; "": its name
+    empty: str = ""  # said while all its numbers are 0; "": no ... yet, with its unit
     heat: bool = True  # it has numbers, even before they are computed; False: tints or nothing
     arrows: bool = False  # numbers are (C, 4), by direction, and drawn as arrows
     ranked: bool = False  # the cells with the greatest numbers are listed beside the legend
@@ -73,6 +75,10 @@ class Layer:
 
     def entries(self, scene: Scene, glyphs: GlyphSet) -> Entries | None:
         """Signs and meanings for the legend; None: the levels of heat with their numbers."""
+        return None
+
+    def scale(self, scene: Scene, glyphs: GlyphSet) -> ScaleLine | None:
+        """Its scale in one line; None: the least and the greatest number with the levels of heat."""
         return None
 
     def key_words(self, scene: Scene, resolved: Resolved, glyphs: GlyphSet) -> list[str]:
@@ -113,6 +119,9 @@ class NoLayer(Layer):
     """The plain floor."""
 
     heat = False
+
+    def scale(self, scene: Scene, glyphs: GlyphSet) -> ScaleLine:
+        return []
 
 
 NO_LAYER = NoLayer()

@@ -14,8 +14,10 @@ from tui.render import styles
 from tui.render.camera import shown_rectangle
 from tui.render.cell_looks import FAR_SHELF, STORING_KINDS, cell_codes, colour_of, look
 from tui.render.cell_view import flow_codes, heat_codes
+from tui.render.colouring import colour_entries, is_possible
 from tui.render.field import HEAT_LEVELS
-from tui.render.glyphs import GlyphSet, code
+from tui.render.glyphs import GLYPH_BITS, GLYPHS, GlyphSet, code
+from tui.render.layer_scale import nothing_yet
 from tui.render.pixels import DRIVEN
 from tui.render.robot_sprites import BAR_HEIGHT
 from tui.render.scene import (
@@ -29,6 +31,7 @@ from tui.render.scene import (
     Scene,
 )
 from tui.render.styles import style
+from tui.render.trails import path_entries
 from tui.render.zoom_ladder import Zoom
 
 STROKE = 0x24  # dots of a line from left to right
@@ -46,8 +49,31 @@ def legend(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
     """The layer, the robots, what lies over the floor, and the floor."""
     near = zoom.kind == "cells"
     entries = _robots(scene, zoom, glyphs) if near else _far_robots(scene, zoom, glyphs)
+    if scene.colouring != "state" and is_possible(scene, scene.colouring):
+        sign = glyphs.loaded[0] if near else glyphs.fleet_full
+        colours = [Entry(*entry) for entry in colour_entries(scene, sign)]
+        entries = colours + _without_colours(entries, near)
     entries = _layer(scene, glyphs) + entries + _overlays(scene, zoom, glyphs)
     return entries + (_cells(scene, glyphs) if near else _far_cells(scene, glyphs))
+
+
+def _without_colours(entries: list[Entry], near: bool) -> list[Entry]:
+    """The signs of robots where colours say something else than the state: shapes in one colour.
+
+    From afar there are no shapes; only robots in wait cycles or down keep their colour.
+    """
+    bodies = {style(styles.COLOUR_FLOOR, int(colour)): colour for colour in fleet.STATE_COLOURS}
+    plain = style(styles.COLOUR_FLOOR, styles.COLOUR_TEXT)
+    shown = []
+    for signs, meaning in entries:
+        alarms = styles.COLOUR_FAULT in divmod(signs[0] >> GLYPH_BITS, len(styles.COLOURS))
+        body = bodies.get(signs[0] >> GLYPH_BITS)
+        if alarms or (near and body is None):
+            shown.append(Entry(signs, meaning))
+        elif near and body != styles.COLOUR_WAITING:
+            shapes = [int(code(plain, one & int(GLYPHS))) for one in signs if one & int(GLYPHS)]
+            shown.append(Entry(tuple(shapes), meaning))
+    return shown
 
 
 def worst_cells(scene: Scene) -> list[tuple[int, int]]:
@@ -156,6 +182,7 @@ def _overlays(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
         entries.append(Entry((int(code(route, sign)),), "its route"))
         if zoom.kind == "cells":
             entries.append(Entry((int(code(route, glyphs.stand)),), "where the route ends"))
+    entries += [Entry(*entry) for entry in path_entries(scene, glyphs)]
     if scene.zone >= 0:
         entries.append(
             Entry(
@@ -175,6 +202,8 @@ def _layer(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
         return [Entry(*entry) for entry in own]
     if scene.values is None:
         return []
+    if not scene.values.any():
+        return [Entry((), nothing_yet(scene))]
     lines: dict[tuple[int, ...], list[int]] = {}
     for level in range(1, HEAT_LEVELS):
         heat = (int(heat_codes(glyphs)[level]),)

@@ -14,6 +14,7 @@ from automaton.engine.robot_status import STATUS_DEPLETED as DRAINED
 from automaton.engine.state import NIL
 from automaton.evidence.history.charging_words import charging
 from tui.render import styles
+from tui.render.colouring import OTHER_COLOURS, coloured
 from tui.render.glyphs import GLYPH_BITS, GLYPHS, Codes, GlyphSet, code
 from tui.render.scene import Scene
 from tui.render.styles import style
@@ -37,6 +38,7 @@ STATE_COLOURS: Final = np.array(
             styles.COLOUR_LOW_BATTERY,
         ),
         *(styles.COLOUR_WAITING, styles.COLOUR_FAULT, styles.COLOUR_SELECTED),
+        *OTHER_COLOURS,
     ],
     np.uint32,
 )
@@ -64,8 +66,8 @@ class Robots(NamedTuple):
 
 
 def colours_of(scene: Scene, state: NDArray[np.uint8]) -> NDArray[np.uint32]:
-    """(n,) the colour of each robot of the scene: that of its state."""
-    return STATE_COLOURS[state]
+    """(n,) the colour of each robot of the scene: that of its state, or of what colours robots."""
+    return STATE_COLOURS[coloured(scene, state, DRAW_PARKED, DRAW_DEADLOCK)]
 
 
 def body_colours(scene: Scene, robots: Robots) -> NDArray[np.uint32]:

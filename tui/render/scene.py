@@ -107,6 +107,8 @@ class Floor:
     traffic_zones: TrafficZones | None = None
     battery: bool = False  # robots run on batteries
     faults: bool = False  # robots may go down
+    routing: str = ""  # the strategy; "" is unknown
+    type_names: tuple[str, ...] = ()  # of robots; () where all are alike
 
     @cached_property
     def looks(self) -> NDArray[np.uint8]:
@@ -145,6 +147,9 @@ class Scene:
         default_factory=lambda: NO_CELLS
     )  # cells, marked like a zone
     zone: int = NIL  # whose cells are marked
+    colouring: str = "state"  # of robots, of tui.render.colouring.COLOURINGS
+    trails: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # (n, k) cells, or NIL
+    lines: str = ""  # whose goals lines lead to, of tui.render.trails.LINES
     least: int = 2  # paths that lead through a cell of the overlay "predicted"
 
     def with_(self, **changes: Any) -> Scene:

@@ -55,7 +55,7 @@ def _row(
 # From the ground up: what comes later in the table is painted earlier, and stands out more.
 # Grounds. Heat leaves out the middle greys, on which no foreground is legible.
 COLOUR_FLOOR: Final = _row("floor", (0x121212, 233, 0), (0xFFFFFF, 231, 15))
-COLOUR_VOID: Final = _row("beyond the floor", (0x080808, 232, 0), (0xEEEEEE, 255, 7))
+COLOUR_VOID: Final = _row("beyond the floor", (0x080808, 232, 0), (0xEEEEEE, 255, 15))
 COLOUR_HEAT_0: Final = _row("heat 0", (0x121212, 233, 0), (0xFFFFFF, 231, 15))
 COLOUR_HEAT_1: Final = _row("heat 1", (0x00224E, 17, 4), (0xFBF3C0, 230, 11))
 COLOUR_HEAT_2: Final = _row("heat 2", (0x17325F, 18, 4), (0xF3E48E, 229, 11))
@@ -73,31 +73,46 @@ COLOUR_ZONE_4: Final = _row("zone 4", (0x3A3A3A, 237, 8), (0xDADADA, 253, 7))
 COLOUR_ZONE_5: Final = _row("zone 5", (0x5E1C14, 52, 1), (0xFCD5CE, 224, 9))
 COLOUR_ZONE_6: Final = _row("zone 6", (0x12430F, 22, 2), (0xD3F2CB, 194, 10))
 COLOUR_ZONE_7: Final = _row("zone 7", (0x4B4B80, 60, 7), (0xAFC9F0, 153, 6))
-COLOUR_FLOOR_MARK: Final = _row("floor mark", (0x444444, 238, 8), (0xBCBCBC, 250, 7))
+COLOUR_FLOOR_MARK: Final = _row("floor mark", (0x626262, 241, 8), (0x919191, 246, 8))
 # Cells.
-COLOUR_TRACK: Final = _row("track", (0x6C6C6C, 242, 8), (0x8A8A8A, 245, 8))
+COLOUR_TRACK: Final = _row("track", (0x767676, 243, 8), (0x828282, 244, 8))
 COLOUR_FLOW: Final = _row("direction", (0x5F8787, 66, 6), (0x5F8787, 66, 8))
-COLOUR_WALL: Final = _row("wall", (0x585858, 240, 8), (0x585858, 240, 8))
-COLOUR_RACK: Final = _row("rack", (0x767676, 243, 8), (0x767676, 243, 8))
-COLOUR_SHELF: Final = _row("shelf", (0x8A8A8A, 245, 7), (0x808080, 244, 8))
+COLOUR_WALL: Final = _row("wall", (0x6C6C6C, 242, 8), (0x585858, 240, 8))
+COLOUR_RACK: Final = _row("rack", (0x858585, 245, 8), (0x767676, 243, 8))
+COLOUR_SHELF: Final = _row("shelf", (0x949494, 246, 7), (0x6C6C6C, 242, 8))
 COLOUR_BAY: Final = _row("bay", (0x7A7AA8, 103, 8), (0x7474A0, 61, 8))
 COLOUR_TURNTABLE: Final = _row("turntable", (0xA8648C, 132, 5), (0x96648A, 96, 5))
-COLOUR_CHARGER: Final = _row("charger", (0xAFAF5F, 143, 2), (0x75750A, 100, 6))
-COLOUR_DESTINATION: Final = _row("destination", (0x2C7FD0, 26, 12), (0x2A2AA8, 19, 12))
-COLOUR_DOCK: Final = _row("dock", (0x5FA35F, 71, 2), (0x4A7F4A, 65, 2))
-COLOUR_STATION: Final = _row("station", (0xB87878, 131, 5), (0xA05050, 131, 5))
+COLOUR_CHARGER: Final = _row("charger", (0xAFAF5F, 143, 2), (0x75750A, 100, 0))
+COLOUR_DESTINATION: Final = _row("destination", (0x3F8FE0, 68, 12), (0x2A2AA8, 19, 12))
+COLOUR_DOCK: Final = _row("dock", (0x5FA35F, 71, 2), (0x3F753F, 65, 12))
+COLOUR_STATION: Final = _row("station", (0xC48484, 174, 3), (0xA05050, 131, 5))
 COLOUR_LOAD: Final = _row("load", (0xB08860, 137, 3), (0x7A5C45, 95, 0))
 # What is written and laid over.
-COLOUR_DIM: Final = _row("dim text", (0x8F8F8F, 246, 8), (0x6C6C6C, 242, 8))
+COLOUR_DIM: Final = _row("dim text", (0x8F8F8F, 246, 8), (0x606060, 241, 0))
+COLOUR_TRAIL: Final = _row("trail", (0x8C8C6A, 101, 8), (0x6F6F48, 58, 8))
+COLOUR_GOAL_LINE: Final = _row("line to a goal", (0x8A80A8, 103, 8), (0x6F6590, 60, 8))
 COLOUR_TEXT: Final = _row("text", (0xD0D0D0, 252, 7), (0x262626, 235, 0))
-COLOUR_DONE: Final = _row("done", (0x009E73, 36, 2), (0x007A58, 23, 2))
+COLOUR_DONE: Final = _row("done", (0x009E73, 36, 2), (0x007A58, 23, 4))
 COLOUR_ROUTE: Final = _row("route", (0xE4E4E4, 254, 15), (0x303030, 236, 13))
 COLOUR_MARKED: Final = _row("marked", (0xCDB2FF, 183, 4), (0xCDB2FF, 183, 14))
 # Robots.
-COLOUR_PARKED: Final = _row("parked", (0x5F87AF, 67, 6), (0x5F7F9F, 67, 8))
-COLOUR_CHARGING: Final = _row("charging", (0xF0E442, 227, 10), (0x4E7A00, 64, 2))
-COLOUR_ROBOT: Final = _row("robot", (0x56B4E9, 74, 14), (0x0072B2, 25, 4))
-COLOUR_LOADED: Final = _row("loaded robot", (0xE69F00, 214, 11), (0xA85F00, 130, 5))
+COLOUR_PARKED: Final = _row("parked", (0x6A93BC, 67, 6), (0x56738F, 24, 8))
+COLOUR_CLASS_0: Final = _row("robots 0", (0x6EA8FE, 111, 12), (0x1F5FBF, 25, 4))
+COLOUR_CLASS_1: Final = _row("robots 1", (0xF0E442, 227, 11), (0x7A6A00, 58, 8))
+COLOUR_CLASS_2: Final = _row("robots 2", (0x2EC4B6, 43, 14), (0x00706A, 23, 12))
+COLOUR_CLASS_3: Final = _row("robots 3", (0xFF8A5C, 209, 9), (0xB03A12, 124, 1))
+COLOUR_CLASS_4: Final = _row("robots 4", (0xB79CFF, 141, 13), (0x6A2BD9, 56, 5))
+COLOUR_CLASS_5: Final = _row("robots 5", (0xC8C8C8, 251, 7), (0x4A4A4A, 239, 0))
+COLOUR_CLASS_6: Final = _row("robots 6", (0x7BC96F, 114, 10), (0x2C7A1F, 22, 9))
+COLOUR_CLASS_7: Final = _row("robots 7", (0xFF8FC7, 212, 5), (0xB01070, 125, 13))
+COLOUR_LEVEL_0: Final = _row("amount 0", (0x8A82B4, 103, 12), (0x756C00, 58, 12))
+COLOUR_LEVEL_1: Final = _row("amount 1", (0x5FA8D8, 74, 6), (0x3C7A2A, 22, 13))
+COLOUR_LEVEL_2: Final = _row("amount 2", (0x3FBF9F, 43, 2), (0x0B6F7A, 24, 5))
+COLOUR_LEVEL_3: Final = _row("amount 3", (0x9FD750, 149, 10), (0x2F4B9F, 19, 4))
+COLOUR_LEVEL_4: Final = _row("amount 4", (0xFDE725, 226, 11), (0x440154, 53, 0))
+COLOUR_CHARGING: Final = _row("charging", (0xF0E442, 227, 10), (0x467000, 58, 0))
+COLOUR_ROBOT: Final = _row("robot", (0x56B4E9, 74, 14), (0x006DAA, 25, 4))
+COLOUR_LOADED: Final = _row("loaded robot", (0xE69F00, 214, 11), (0x875000, 94, 5))
 COLOUR_LOW_BATTERY: Final = _row("low battery", (0xE06FD0, 170, 1), (0x6A2BD9, 56, 12))
 COLOUR_WAITING: Final = _row("waiting robot", (0xFFC8D8, 224, 13), (0xA0107A, 126, 9))
 COLOUR_FAULT: Final = _row("fault", (0xFF5F1F, 202, 9), (0xC8102E, 160, 1), bold=True)
@@ -107,12 +122,23 @@ COLOUR_SELECTED: Final = _row("selected", (0xFFFFFF, 231, 15), (0x000000, 16, 13
 COLOURS: Final = tuple(_rows)
 STYLE_COUNT: Final = len(COLOURS) ** 2
 # Grounds keep their value as foreground; all others adapt to these backgrounds, see `Look`.
-GROUNDS: Final = range(COLOUR_FLOOR, COLOUR_TRACK)
+GROUNDS: Final = range(COLOUR_FLOOR, COLOUR_FLOOR_MARK)
 BACKGROUNDS: Final = (*GROUNDS, COLOUR_MARKED, COLOUR_CURSOR, COLOUR_SELECTED)
+# Robots bear numbers; words are written in the others, on the lines around the map and on the floor.
+CLASSES: Final = range(COLOUR_CLASS_0, COLOUR_CLASS_7 + 1)  # of kinds of robots
+LEVELS: Final = range(COLOUR_LEVEL_0, COLOUR_LEVEL_4 + 1)  # of amounts that robots have
+ROBOTS: Final = range(COLOUR_PARKED, COLOUR_FAULT + 1)
+WORDS: Final = (
+    *(COLOUR_FLOOR, COLOUR_STATION, COLOUR_DIM, COLOUR_TEXT, COLOUR_DONE, COLOUR_CURSOR),
+)
+WHITE: Final = Shades(0xFFFFFF, 231, 15)
+BLACK: Final = Shades(0x000000, 16, 0)
 
-LEGIBLE: Final = 2.0  # contrast of a large sign with what is behind it
+TEXT_CONTRAST: Final = 4.5  # of words and of robots, which have numbers, with what is behind them
+MARK_CONTRAST: Final = 3.0  # of signs
 
-# The first 16 colours as xterm has them.
+
+# The first 16 colours as xterm has them, by which contrast is measured; other terminals have others.
 XTERM: Final = (
     *(0x000000, 0xCD0000, 0x00CD00, 0xCDCD00, 0x0000EE, 0xCD00CD, 0x00CDCD, 0xE5E5E5),
     *(0x7F7F7F, 0xFF0000, 0x00FF00, 0xFFFF00, 0x5C5CFF, 0xFF00FF, 0x00FFFF, 0xFFFFFF),
@@ -151,9 +177,10 @@ class Attributes(NamedTuple):
 class Look:
     """How styles are shown at one depth in one theme.
 
-    A foreground that would lose half its contrast on a background takes its value of the other
-    theme, if that is better: on a hot cell of a dark theme, which is bright, a robot is as dark as
-    on white. Where neither is legible it takes that of text, so that at least its shape is seen.
+    A foreground that lacks contrast on a background takes its value of the other theme, if that has
+    enough: on a hot cell of a dark theme, which is bright, a robot is as dark as on white. Where
+    neither has, it is white or black, so that at least its shape is seen: one of these has a contrast
+    of 4.58 or more with any colour.
     """
 
     def __init__(self, depth: Depth, theme: Theme = "dark") -> None:
@@ -197,17 +224,27 @@ class Look:
         index = 3 - self.depth  # of the depth in `Shades`
         below = _own(COLOURS[bg], self.theme)[index]
         own = _own(COLOURS[fg], self.theme)[index]
-        if fg in GROUNDS or bg not in BACKGROUNDS:
+        cut_out = fg == COLOUR_FLOOR and bg not in GROUNDS
+        if not cut_out and (fg in GROUNDS or bg not in BACKGROUNDS):
             return own, below
-        floor = _own(COLOURS[COLOUR_FLOOR], self.theme)[index]
-        if contrast(own, below, self.depth) >= max(contrast(own, floor, self.depth) / 2, LEGIBLE):
+        needed = self.needed(fg, bg)
+        if contrast(own, below, self.depth) >= needed:
             return own, below
-        for colour in (COLOURS[fg], COLOURS[COLOUR_TEXT]):
-            both = colour.dark[index], colour.light[index]
-            best = max(both, key=lambda value: contrast(value, below, self.depth))
-            if contrast(best, below, self.depth) >= LEGIBLE:
-                break
-        return best, below
+        of_other_theme = COLOURS[fg].light if self.theme == "dark" else COLOURS[fg].dark
+        if contrast(of_other_theme[index], below, self.depth) >= needed:
+            return of_other_theme[index], below
+        either = WHITE[index], BLACK[index]
+        return max(either, key=lambda value: contrast(value, below, self.depth)), below
+
+    def needed(self, fg: int, bg: int) -> float:
+        """The least contrast of a style: that of text or, of what is a sign alone, of marks.
+
+        Lines of words lie beyond the floor. On white only five of 16 colours have the contrast of
+        text, too few for the states of a robot.
+        """
+        written = fg in WORDS or bg == COLOUR_VOID
+        written = written or (fg in ROBOTS and self.depth != Depth.SIXTEEN)
+        return TEXT_CONTRAST if written else MARK_CONTRAST
 
     def attributes(self, style: int) -> Attributes:
         """Weight, and without colours what stands for them.

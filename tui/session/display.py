@@ -26,6 +26,7 @@ from tui.session.session import Session
 from tui.terminal.frame_pacing import FrameClock, FramePacer
 from tui.terminal.presenter import Presenter
 from tui.widgets.map_view import MapView
+from tui.widgets.scale_words import scale_words
 from tui.widgets.status import (
     choice_words,
     end_words,
@@ -204,8 +205,9 @@ class Display:
     def _update_lines(self) -> bool:
         session = self._session
         playback, choice = session.playback, session.choice
-        link = link_words(self.frames.figures()) if self.link_shown else []
-        changed: bool = self.info.set_words(self._message(), link)
+        right = scale_words(session.scene(), session.glyphs)
+        right += link_words(self.frames.figures()) if self.link_shown else []
+        changed: bool = self.info.set_words(self._message(), right)
         if playback is None:
             compiling = COMPILING.now()
             building = compiling.words if compiling else "the world is being built ..."
@@ -282,7 +284,15 @@ class Display:
             return
         choice, pictures = session.choice, session.pictures
         chosen = (choice.robot, choice.cell, choice.zone, choice.layer, choice.least, choice.side)
-        know = (session.playback, chosen, session.look, pictures.camera.zoom, pictures.glyphs)
+        looks = (choice.colouring, choice.trails, choice.lines)
+        know = (
+            session.playback,
+            chosen,
+            looks,
+            session.look,
+            pictures.camera.zoom,
+            pictures.glyphs,
+        )
         if self._panels_know == know or not self.column.is_on_screen:
             return
         self._panels_at, self._panels_know = now, know

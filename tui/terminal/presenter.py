@@ -22,6 +22,7 @@ from textual.strip import Strip
 from tui.render.depth import Depth
 from tui.render.encode import encode
 from tui.terminal.monochrome import Colourless
+from tui.terminal.sixteen_colours import SixteenColours
 
 if TYPE_CHECKING:
     from tui.render.glyphs import Codes, GlyphSet
@@ -113,12 +114,14 @@ class Presenter:
         filters = getattr(self._app, "_filters", None)
         if filters is None:
             return
-        unfit: tuple[type, ...] = (Monochrome, Colourless)
+        unfit: tuple[type, ...] = (Monochrome, Colourless, SixteenColours)
         if look.depth <= Depth.SIXTEEN:
             unfit += (ANSIToTruecolor,)  # one of 16 colours is not a certain shade
         filters[:] = [one for one in filters if not isinstance(one, unfit)]
         if look.depth == Depth.NONE:
             filters.append(Colourless(look.theme))
+        elif look.depth == Depth.SIXTEEN:
+            filters.append(SixteenColours())
 
     @property
     def why_not(self) -> str:

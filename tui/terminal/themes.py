@@ -35,6 +35,8 @@ def _theme(theme: Theme) -> TextualTheme:
             "footer-background": colour(styles.COLOUR_VOID),
             "footer-key-foreground": colour(styles.COLOUR_LOADED),
             "footer-description-foreground": colour(styles.COLOUR_DIM),
+            "text-disabled": colour(styles.COLOUR_DIM),  # of placeholders
+            "block-cursor-blurred-background": "#303030" if theme == "dark" else "#dadada",
             "border": colour(styles.COLOUR_WALL),
             "border-blurred": colour(styles.COLOUR_WALL),
         },

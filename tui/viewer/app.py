@@ -235,6 +235,9 @@ class Viewer(App[None]):
                 told = f"{named}   {action.meaning}".strip()
                 yield SystemCommand(action.label, told, partial(self.action_do, action.id))
 
+        for label, meaning, command in self.layers.colourings():
+            yield SystemCommand(label, meaning, command)
+
     def _keys(self) -> dict[str, list[str]]:
         """The keys that are bound to actions now, by id."""
         keys: dict[str, list[str]] = {}

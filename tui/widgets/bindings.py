@@ -76,6 +76,9 @@ _FIXED: Final = (
             Action("follow", "f", "Follow", "keep the selected robot on the screen", True),
             Action("maximise", "m", "Map alone", "nothing but the map, or all again"),
             Action("minimap", "M", "Minimap", "minimap, while the floor exceeds the map"),
+            Action("next_colouring", "c", "Colours", "robots by state, order, type, zone, ..."),
+            Action("trails", "v", "Trails", "trails of cells that robots came through"),
+            Action("goal_lines", "G", "Goals", "lines to goals: of the selected robot, all, none"),
         ),
     ),
     Topic(

@@ -1,5 +1,7 @@
 """A metric over time, drawn in braille: two points of time and four levels in each character.
 
+A curve is filled, or a line where two of them have to differ by more than their colours.
+
 24 ⡀   ⢀⣀⡀        The label of the greatest value is above, 0 below; the last column but the
  0 ⣷⣶⣶⣿⣿⣷         labels is the last tick. Without braille one point in each character.
 """
@@ -23,6 +25,7 @@ NOW_TICKS: Final = 500  # "now" in throughput: the deliveries of the last so man
 RISING: Final = np.array([[0x40, 0x44, 0x46, 0x47], [0x80, 0xA0, 0xB0, 0xB8]])
 STEPS_OF_TEN: Final = (1, 1.5, 2, 3, 4, 5, 6, 8, 10)  # where an axis may end
 CURVE_CHARACTERS: Final = " .:|"  # the filling of a character in ASCII
+LINE_CHARACTERS: Final = " .-'"  # the height of a line in it
 
 
 def edges(ticks: int, points: int) -> NDArray[np.int64]:
@@ -66,28 +69,38 @@ def points_for(width: int, dots: bool) -> int:
     return max(1, (width - LABEL_WIDTH) * (2 if dots else 1))
 
 
-def drawn(values: Values, rows: int, dots: bool) -> list[str]:
-    """Rows of characters, labels included; the greatest value fills all rows."""
+def drawn(values: Values, rows: int, dots: bool, filled: bool = True) -> list[str]:
+    """Rows of characters, labels included; the greatest value is as high as all rows."""
     top = nice(float(values.max(initial=0.0)))
     levels = 4 if dots else len(CURVE_CHARACTERS) - 1
     heights = np.round(values / top * rows * levels).astype(np.int64)
     heights = np.maximum(heights, (values > 0).astype(np.int64))
-    bodies = [_row(heights - (rows - 1 - row) * levels, dots) for row in range(rows)]
+    below = np.zeros_like(heights) if filled else _below_line(heights)
+    signs = CURVE_CHARACTERS if filled else LINE_CHARACTERS
+    lifted = [(rows - 1 - row) * levels for row in range(rows)]
+    bodies = [_row(heights - lift, below - lift, "" if dots else signs) for lift in lifted]
     labels = [number(top), *[""] * (rows - 2), "0"]
     return [
         f"{label:>{LABEL_WIDTH - 1}} {body}" for label, body in zip(labels, bodies, strict=True)
     ]
 
 
-def _row(heights: NDArray[np.int64], dots: bool) -> str:
-    """One row of characters from what reaches into it."""
-    if not dots:
-        return "".join(
-            CURVE_CHARACTERS[level] for level in np.clip(heights, 0, len(CURVE_CHARACTERS) - 1)
-        )
+def _below_line(heights: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(points,) what is left out under a line: it rises from the point before, and is never broken."""
+    before = np.concatenate((heights[:1], heights[:-1]))
+    return np.maximum(0, np.minimum(heights - 1, before))
+
+
+def _row(heights: NDArray[np.int64], below: NDArray[np.int64], signs: str) -> str:
+    """One row from what reaches into it, without what is below: in these signs, or in braille."""
+    if signs:
+        levels = np.clip(heights, 0, len(signs) - 1)
+        levels = np.where(below >= len(signs) - 1, 0, levels)
+        return "".join(signs[level] for level in levels)
     filled = np.concatenate((np.zeros((2, 1), np.int64), RISING), axis=1)
-    levels = np.clip(heights, 0, 4).reshape(-1, 2)
-    patterns = filled[0, levels[:, 0]] | filled[1, levels[:, 1]]
+    top, bottom = (np.clip(one, 0, 4).reshape(-1, 2) for one in (heights, below))
+    patterns = filled[0, top[:, 0]] | filled[1, top[:, 1]]
+    patterns &= ~(filled[0, bottom[:, 0]] | filled[1, bottom[:, 1]])
     return "".join(chr(0x2800 + pattern) for pattern in patterns.tolist())
 
 

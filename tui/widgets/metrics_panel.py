@@ -169,16 +169,20 @@ class Figures(TextPanel):
         rate = "throughput, orders/1000 ticks"
         name = rate if width >= len(rate) else "orders/1000 ticks"
         throughput = self._curve(name, metric_curve.throughput(known, points), known.ticks)
-        waiting = self._curve("waiting robots", metric_curve.waiting(known, points), known.ticks)
+        mean = metric_curve.waiting(known, points)
+        waiting = self._curve("waiting robots", mean, known.ticks, filled=False)
         last = f"tick {known.ticks:,}"
         axis = "0".ljust(max(1, width - metric_curve.LABEL_WIDTH - len(last))) + last
         return throughput, [*waiting, line(dim(" " * metric_curve.LABEL_WIDTH + axis))]
 
-    def _curve(self, name: str, values: metric_curve.Values, ticks: int) -> list[Line]:
-        lines = [line(title(name))]
-        for text in metric_curve.drawn(values, CURVE_ROWS, self.signs.dots):
+    def _curve(
+        self, name: str, values: metric_curve.Values, ticks: int, filled: bool = True
+    ) -> list[Line]:
+        """One colour for each curve: one for each character would cost ten times the bytes."""
+        lines, look = [line(title(name))], "good" if filled else "warn"
+        for text in metric_curve.drawn(values, CURVE_ROWS, self.signs.dots, filled):
             label, body = text[: metric_curve.LABEL_WIDTH], text[metric_curve.LABEL_WIDTH :]
-            lines.append(line(dim(label), Span(body, "plain", ("curve", ticks))))
+            lines.append(line(dim(label), Span(body, look, ("curve", ticks))))
         return lines
 
     def _lost(self, view: View, width: int) -> list[Line]:

@@ -21,6 +21,7 @@ class Word(NamedTuple):
     fg: int = styles.COLOUR_TEXT
     action: str = ""  # what a click on it does
     rank: int = 0  # on a narrow screen words of the highest rank go first
+    codes: tuple[int, ...] = ()  # signs in styles of their own, as many as glyphs, in their place
 
     @property
     def text(self) -> str:
@@ -65,6 +66,8 @@ class Line(MapView, can_focus=False):
         row[:] = code(
             style(one.fg, styles.COLOUR_VOID), np.array(one.glyphs[: len(row)], np.uint32)
         )
+        if one.codes:
+            row[:] = one.codes[: len(row)]
         self._places.append((at, at + len(one.glyphs), one.action))
         return at + len(one.glyphs)
 

@@ -6,10 +6,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from render_scenes import bg, camera_at, composed, fg, make_scene, text
+from zone_pictures import two_zones
 from zoning_scenes import drawn
 
 from automaton.build.initial_service_zones import roads_of, service_zones_of
-from automaton.engine.state import NIL
 from automaton.floor.drawn_floors import draw_floor
 from strategies.zoning.design.design_files import read_design
 from strategies.zoning.design.zone_cells import ways_of
@@ -22,30 +22,6 @@ from tui.render.glyphs import ASCII
 from tui.render.map_legend import legend
 from tui.render.scene import Scene
 from tui.render.tints import TINTS, TRANSFER_COLOUR
-
-FLOOR = """
-1...2...3
-.#######.
-4.......5
-"""
-ZONES = {
-    "zones": [
-        {"stations": [1, 2, 4], "segments": [[[0, 0], [4, 0]], [[0, 0], [0, 2]]]},
-        {"stations": [3, 5], "segments": [[[8, 0], [8, 2]]]},
-    ],
-    "transfers": [{"zones": [1, 2], "stations": [2]}],
-}
-
-
-def two_zones(layer: str = "service-zones") -> Scene:
-    floor_plan, roads = drawn(FLOOR)
-    design = read_design(floor_plan, roads, ZONES)
-    slots = floor_plan.slots
-    station_of = np.full(len(slots), NIL, np.int32)
-    for station, cell in enumerate(roads.cell[roads.point].tolist()):
-        station_of[slots.tolist().index(cell)] = station
-    service_zones = service_zones_of(roads, 2, station_of, 0, 2).replaced(design=design)
-    return make_scene(floor_plan, zoning=service_zones, layer=layer)
 
 
 def rows(scene: Scene, zoom: str) -> list[str]:

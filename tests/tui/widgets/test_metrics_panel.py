@@ -146,6 +146,15 @@ def test_a_curve_fills_its_rows_up_to_the_label() -> None:
     assert metric_curve.drawn(values, 2, dots=False) == ["    10   ||  ", "     0   ||||"]
 
 
+def test_a_line_differs_from_a_filled_curve_by_more_than_its_colour_and_has_no_gap() -> None:
+    values = np.array([0.0, 0, 4, 8, 8, 8, 4, 0])
+    assert metric_curve.drawn(values, 2, dots=True) == ["     8 \u2800⢸⣿\u2800", "     0 \u2800⣿⣿⡇"]
+    line = metric_curve.drawn(values, 2, dots=True, filled=False)
+    assert line == ["     8 \u2800⢸⠉\u2800", "     0 \u2800⡇\u2800⠁"]
+    rows = metric_curve.drawn(values, 2, dots=False, filled=False)
+    assert rows == ["     8    '''  ", "     0   '   ' "]
+
+
 def test_throughput_counts_the_deliveries_of_each_stretch() -> None:
     rows = np.zeros((4000, 3), np.int32)
     rows[:, 2] = np.arange(4000) // 100  # a delivery every 100 ticks

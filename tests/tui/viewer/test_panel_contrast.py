@@ -1,0 +1,98 @@
+"""Words of panels and dialogs have a contrast of 4.5 (WCAG 2.2) in both themes at every depth.
+
+Measured on the screens themselves, in the colours that are sent: of 256 and of 16 the nearest ones,
+as Rich chooses them. Of 16 colours each terminal has its own; these are xterm's.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from rich.color import Color, ColorSystem, ColorType
+from rich.style import Style
+from viewer_harness import Watched, mini, viewing
+
+from tui.render.depth import DEPTHS, Depth
+from tui.render.styles import TEXT_CONTRAST, Theme, contrast, rgb
+from tui.terminal.options import Options
+from tui.viewer.app import Viewer
+
+SYSTEMS = {
+    "16": ColorSystem.STANDARD,
+    "256": ColorSystem.EIGHT_BIT,
+    "true": ColorSystem.TRUECOLOR,
+}
+VISITS = {
+    "inspector": ["i"],
+    "why": ["w"],
+    "events": ["e"],
+    "robots": ["t"],
+    "legend": ["f3", "K"],
+    "panels alone": ["p"],
+    "help": ["question_mark"],
+    "find": ["slash", *"robot"],
+    "breakpoints": ["b"],
+    "a wrong tick": ["g", "x", "enter"],
+    "palette": ["ctrl+p"],
+}
+
+
+def shade(colour: Color, system: ColorSystem) -> int:
+    """0xRRGGBB that a terminal shows for a colour."""
+    sent = colour.downgrade(system)
+    if sent.type == ColorType.TRUECOLOR:
+        assert sent.triplet is not None
+        return int(sent.triplet.hex[1:], 16)
+    assert sent.number is not None
+    return rgb(sent.number, Depth.INDEXED)
+
+
+def words(app: Viewer) -> Iterator[tuple[str, Style]]:
+    """What is written on the screen; numbers of robots on the map are measured elsewhere."""
+    on_maps = [view.region for view in app.main_display.maps if view.is_on_screen]
+    alone = len(app.screen_stack) == 1
+    for y, strip in enumerate(app.screen._compositor.render_strips(app.size)):
+        x = 0
+        for text, style, _ in strip:
+            on_map = alone and any(region.contains(x, y) for region in on_maps)
+            if style is not None and not on_map and any(map(str.isalnum, text)):
+                yield text, style
+            x += len(text)
+
+
+async def illegible(user: Watched, system: ColorSystem) -> list[tuple[str, str, float]]:
+    pale = []
+    for name, keys in VISITS.items():
+        await user.press(*keys)
+        await user.pilot.pause(0.3)
+        for text, style in words(user.app):
+            fg, bg = style.color, style.bgcolor
+            if fg is None or bg is None or fg.is_default or bg.is_default:
+                continue  # the terminal's own
+            clear = contrast(shade(fg, system), shade(bg, system), Depth.TRUE)
+            if clear < TEXT_CONTRAST:
+                pale.append((name, text.strip(), round(clear, 2)))
+        while len(user.app.screen_stack) > 1:
+            await user.press("escape")
+    return pale
+
+
+@pytest.mark.parametrize("theme", ["dark", "light"])
+@pytest.mark.parametrize("colours", list(SYSTEMS))
+def test_words_are_legible_wherever_they_stand(
+    theme: Theme, colours: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+
+    async def story() -> list[tuple[str, str, float]]:
+        options = Options(paused=True, color=colours, theme=theme)
+        async with viewing(mini(), (120, 36), options) as user:
+            await user.at(320)
+            user.session.choose(1)
+            assert user.session.look.depth == DEPTHS[colours]
+            return await illegible(user, SYSTEMS[colours])
+
+    assert asyncio.run(story()) == []

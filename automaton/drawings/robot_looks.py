@@ -92,4 +92,4 @@ def directions(robots: Any, headings: Sequence[int]) -> NDArray[np.uint8]:
     own = np.array(headings)[robots.type]
     # On rails: the way it came, or its new axis once it has turned. An omni robot: the way it came.
     came = (own == 1) | ((own == 2) & (robots.travel & 1 == robots.heading))
-    return np.where(came, robots.travel & 3, robots.heading & 3).astype(np.uint8)
+    return np.asarray(np.where(came, robots.travel & 3, robots.heading & 3), np.uint8)

@@ -50,7 +50,7 @@ def legend(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
     near = zoom.kind == "cells"
     entries = _robots(scene, zoom, glyphs) if near else _far_robots(scene, zoom, glyphs)
     if scene.colouring != "state" and is_possible(scene, scene.colouring):
-        sign = glyphs.loaded[0] if near else glyphs.fleet_full
+        sign = glyphs.loaded[0] if near else glyphs.fleet[255]
         colours = [Entry(*entry) for entry in colour_entries(scene, sign)]
         entries = colours + _without_colours(entries, near)
     entries = _layer(scene, glyphs) + entries + _overlays(scene, zoom, glyphs)

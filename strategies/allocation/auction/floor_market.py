@@ -37,7 +37,14 @@ from automaton.strategy.kernels import (
     with_load,
     without_load,
 )
-from strategies.allocation.auction.market import INF_COST, Battery, Fleet, Scratch, TaskCosts
+from strategies.allocation.auction.market import (
+    BATTERY_FULL,
+    INF_COST,
+    Battery,
+    Fleet,
+    Scratch,
+    TaskCosts,
+)
 from strategies.allocation.auction.market_preparation import (
     battery_of,
     deliveries,
@@ -229,7 +236,7 @@ def enter_robot(view, workspace, market, r, i):
     fleet.robot_type[r] = robot_type
     market.cell[robot_type, r] = place
     fleet.ready[r] = min(ready, CAPPED)
-    fleet.charge[r] = charge
+    fleet.charge[r] = max(charge, -BATTERY_FULL)  # a way that there is not may take any number
     fleet.first[r] = 0
     fleet.length[r] = 0
 

@@ -89,7 +89,7 @@ def directions(robots: Any, headings: Sequence[int]) -> NDArray[np.uint8]:
 
     `headings`: that robots of each type distinguish.
     """
-    own = np.array(headings)[robots.type]
+    own = np.array(headings)[robots.type % len(headings)]  # types with a load come behind
     # On rails: the way it came, or its new axis once it has turned. An omni robot: the way it came.
     came = (own == 1) | ((own == 2) & (robots.travel & 1 == robots.heading))
     return np.asarray(np.where(came, robots.travel & 3, robots.heading & 3), np.uint8)

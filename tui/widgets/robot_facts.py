@@ -156,7 +156,9 @@ def _kind(view: View, cell: int) -> int:
 
 def _heading(view: View, robot: int) -> str:
     fleet = view.snapshot.robots
-    names = HEADING_NAMES[view.run.resolved.fleet.types[int(fleet.type[robot])].kinematics]
+    types = view.run.resolved.fleet.types
+    own = types[int(fleet.type[robot]) % len(types)]  # types with a load come behind
+    names = HEADING_NAMES[own.kinematics]
     return names[int(fleet.heading[robot])]
 
 

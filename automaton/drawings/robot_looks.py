@@ -85,7 +85,7 @@ def robot_looks(
 
 
 def directions(robots: Any, headings: Sequence[int]) -> NDArray[np.uint8]:
-    """(n,) 0 to 3: the way each robot faces or, if its heading does not tell, drives.
+    """(n,) 0 to 3: the way each robot faces or, if its heading does not say, drives.
 
     `headings`: that robots of each type distinguish.
     """

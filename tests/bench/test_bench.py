@@ -249,7 +249,7 @@ def test_bench_prints_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bench", "--only", "loop", "--repeat", "3", "--json"]) == 0
     captured = capsys.readouterr()
     rows = json.loads(captured.out)
-    assert [list(row) for row in rows] == [["name", "unit", "median", "low", "high"]] * 2
+    assert [list(row) for row in rows] == [["name", "unit", "median", "low", "high", "load"]] * 2
     assert [(row["name"], row["unit"]) for row in rows] == [
         ("loop, idle fleet", "ns per tick"),
         ("digest", "us"),
@@ -262,7 +262,7 @@ def test_bench_prints_a_table(capsys: pytest.CaptureFixture[str]) -> None:
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].split() == ["measured", "median", "low", "high", "unit"]
     assert lines[1].startswith("loop, idle fleet") and lines[1].endswith("ns per tick")
-    assert lines[-1].startswith("1 sample each; ")
+    assert lines[-1].startswith("1 sample each at most; ")
 
 
 def test_interrupted_it_prints_what_it_has(

@@ -23,6 +23,7 @@ from tui.render.cell_looks import FAR_SHELF, STORING_KINDS, look
 from tui.render.glyphs import DOT_BITS, Codes, GlyphSet, code
 from tui.render.scene import DETAIL_OUTSIDE, Floor, Scene
 from tui.render.styles import style
+from tui.render.trails import goal_lines
 
 Backgrounds = int | NDArray[np.uint8]  # one for all characters of a part, or one for each
 HALVES = np.array([0x1B, 0xE4], np.uint8)  # the dots of the upper and the lower half of a character
@@ -56,10 +57,8 @@ def draw_over(
     backgrounds: Backgrounds = styles.COLOUR_FLOOR,
 ) -> None:
     """The route, the robots and the cursor, on these backgrounds."""
-    from tui.render.trails import draw_path_dots
-
     if scene.snapshot is not None:
-        draw_path_dots(codes, part, scene, camera, glyphs, backgrounds)
+        draw_paths(codes, part, scene, camera, glyphs, backgrounds)
         route = np.asarray(scene.route, np.int32)
         draw_dots(codes, part, camera, glyphs, route, styles.COLOUR_ROUTE, backgrounds)
         draw_robots(codes, part, scene, camera, glyphs, backgrounds)
@@ -120,6 +119,20 @@ class Dots:
         np.bitwise_or.at(pattern, self.index, self.bit)
         found: NDArray[np.uint8] = pattern[self.index]
         return found
+
+
+def draw_paths(
+    codes: Codes,
+    part: Part,
+    scene: Scene,
+    camera: Camera,
+    glyphs: GlyphSet,
+    backgrounds: Backgrounds = styles.COLOUR_FLOOR,
+) -> None:
+    """Trails of robots and lines to their goals."""
+    trails, (cells, _) = scene.trails.reshape(-1), goal_lines(scene)
+    draw_dots(codes, part, camera, glyphs, trails, styles.COLOUR_TRAIL, backgrounds)
+    draw_dots(codes, part, camera, glyphs, cells, styles.COLOUR_GOAL_LINE, backgrounds)
 
 
 def draw_robots(

@@ -14,15 +14,12 @@ from numpy.typing import NDArray
 
 from automaton.engine.state import NIL
 from tui.render import styles
-from tui.render.braille_view import Backgrounds, draw_dots
-from tui.render.glyphs import Codes, GlyphSet, code
+from tui.render.glyphs import GlyphSet, code
 from tui.render.layer import Entries
 from tui.render.scene import NO_CELLS, Scene
 from tui.render.styles import style
 
 if TYPE_CHECKING:
-    from tui.render.blocks import Part
-    from tui.render.camera import Camera
     from tui.render.canvas import Canvas
     from tui.render.pixels import Pixels
 
@@ -40,20 +37,6 @@ def draw_paths(canvas: Canvas) -> None:
     index, which = canvas.at(cells)
     signs = np.array([ord(sign) for sign in "-|\\/"])[ways[which]]
     canvas.flat[index, 0] = code(style(styles.COLOUR_GOAL_LINE, styles.COLOUR_FLOOR), signs)
-
-
-def draw_path_dots(
-    codes: Codes,
-    part: Part,
-    scene: Scene,
-    camera: Camera,
-    glyphs: GlyphSet,
-    backgrounds: Backgrounds = styles.COLOUR_FLOOR,
-) -> None:
-    """The same in braille."""
-    trails, (cells, _) = scene.trails.reshape(-1), goal_lines(scene)
-    draw_dots(codes, part, camera, glyphs, trails, styles.COLOUR_TRAIL, backgrounds)
-    draw_dots(codes, part, camera, glyphs, cells, styles.COLOUR_GOAL_LINE, backgrounds)
 
 
 def paint_paths(canvas: Pixels, scene: Scene) -> None:

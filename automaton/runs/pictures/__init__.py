@@ -48,8 +48,9 @@ def drawn(subject: Any) -> str:
     """The picture of whatever has one: a FloorPlan, a Simulation, or a Story."""
     if isinstance(subject, FloorPlan):
         return floor_picture(subject)
-    if hasattr(subject, "picture"):
-        return str(subject.picture)
+    picture = getattr(subject, "picture", None)
+    if isinstance(picture, str):  # a run has a method of this name
+        return picture
     from automaton.runs.pictures.picture_writing import picture_of
 
     return picture_of(subject)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from render_scenes import at, camera_at, fg, make_scene, open_floor
+from render_scenes import at, bg, camera_at, fg, make_scene, open_floor
 from zone_pictures import two_zones
 
 from automaton.engine.observation import CAUSE_NO_ORDER
@@ -21,7 +21,7 @@ FLOOR = open_floor(6, 3)
 
 def colours(scene: Scene) -> list[int]:
     """The colour of each robot."""
-    return STATE_COLOURS[robots_of(scene).state].tolist()
+    return robots_of(scene).colour.tolist()
 
 
 def scene_of(*robots: dict[str, int], **more: object) -> Scene:
@@ -93,10 +93,11 @@ def test_the_legend_says_what_the_colours_mean_and_which_signs_tell_the_state(zo
     steps = camera_at(FLOOR, zoom).zoom
     for colouring in ("order", "battery", "waiting"):
         entries = legend(scene.with_(colouring=colouring), steps, UNICODE)
-        used = {fg(sign) for entry in entries for sign in entry.signs}
+        signs = [sign for entry in entries for sign in entry.signs]
+        used = {fg(sign) for sign in signs} | {bg(sign) for sign in signs}
         wanted = styles.CLASSES if colouring == "order" else styles.LEVELS
         assert set(wanted) <= used and styles.COLOUR_FAULT in used
-        assert not {styles.COLOUR_ROBOT, styles.COLOUR_LOADED, styles.COLOUR_WAITING} & used
+        assert not {styles.COLOUR_ROBOT, styles.COLOUR_WAITING} & used
         words = " ".join(entry.meaning for entry in entries)
         assert ("robot with a load" in words) == (zoom == "1x1")
     said = [entry.meaning for entry in legend(scene.with_(colouring="waiting"), steps, UNICODE)]

@@ -29,7 +29,8 @@ def test_the_palette_carries_out_every_action_of_the_table(
         monkeypatch.setattr(type(viewer.session.opening), "comparing", comparing)
         called.clear()
         for command in viewer.get_system_commands(Screen()):
-            await command.callback()
+            if command.title in {action.label for action in ACTIONS}:
+                await command.callback()
         return called
 
     ids = [action.id for action in ACTIONS]

@@ -51,14 +51,19 @@ def shade(colour: Color, system: ColorSystem) -> int:
 
 
 def words(app: Viewer) -> Iterator[tuple[str, Style]]:
-    """What is written on the screen; numbers of robots on the map are measured elsewhere."""
+    """What is written on the screen or in its dialog, which lies over what is dimmed.
+
+    Numbers of robots on the map are measured elsewhere.
+    """
     on_maps = [view.region for view in app.main_display.maps if view.is_on_screen]
     alone = len(app.screen_stack) == 1
+    boxes = [child.region for child in app.screen.children]
     for y, strip in enumerate(app.screen._compositor.render_strips(app.size)):
         x = 0
         for text, style, _ in strip:
             on_map = alone and any(region.contains(x, y) for region in on_maps)
-            if style is not None and not on_map and any(map(str.isalnum, text)):
+            dimmed = not alone and not any(box.contains(x, y) for box in boxes)
+            if style is not None and not on_map and not dimmed and any(map(str.isalnum, text)):
                 yield text, style
             x += len(text)
 

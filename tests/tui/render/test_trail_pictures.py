@@ -71,7 +71,7 @@ def test_a_trail_is_dim_and_beneath_robots(zoom: str) -> None:
     before = scene_of(((3, 2), None), ((6, 0), None))
     after = before.with_(trails=np.array([cells[:2], cells[2:]], np.int32))
     assert fg(at(after, zoom, cells[1])) == styles.COLOUR_TRAIL or zoom == "braille 1"
-    assert fg(at(after, zoom, cells[0])) == fg(at(before, zoom, cells[0])) == styles.COLOUR_ROBOT
+    assert at(after, zoom, cells[0]) == at(before, zoom, cells[0])
     changed = np.argwhere(composed(before, zoom)[0] != composed(after, zoom)[0])
     assert len(changed) <= 1
 

@@ -80,19 +80,19 @@ def test_no_byte_beyond_ascii_leaves_the_viewer(short_path: Path) -> None:
             ("p", "all metrics"),
             ("pp", "tick 40"),
             ("\x10", "Search for commands"),
-            ("\x1b", "tick 40"),
+            ("\x1b", "-Search for commands"),
             ("?", "Play backwards"),
-            ("\x1b", "tick 40"),
+            ("\x1b", "-Play backwards"),
             ("b", "the run stops where"),
             ("stalled > 50\r", "+ stalled > 50"),
-            ("\x1b", "tick 40"),
+            ("\x1b", "-+ stalled > 50"),
             ("/", "Go there"),
-            ("\x1b", "tick 40"),
+            ("\x1b", "-Go there"),
             ("s", "Zustande"),  # a toast with the path of the picture
             ("q", ""),
         ):
             session.press(keys)
-            session.wait_for_text(text)
+            session.wait_for_text(text.removeprefix("-"), not text.startswith("-"))
             assert session.host.output().isascii(), (keys, text)
         assert session.host.wait_for_end() == 0
         output = session.host.output()

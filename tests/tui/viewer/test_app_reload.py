@@ -94,10 +94,10 @@ def test_what_is_wrong_is_shown_over_the_old_floor_until_it_is_mended(hall: Path
         player = user.session.player
         floor.write_text(FLOOR.replace("s", "?", 1))
         await user.until(lambda: isinstance(user.app.screen, ReloadErrorScreen))
-        await user.until(lambda: "hall.txt:2: the symbol '?'" in screen_text(user.app))
+        await user.until(lambda: "hall.txt:2: row 2, column 3" in screen_text(user.app))
         assert user.session.player is player and "Save the file again" in screen_text(user.app)
         floor.write_text(FLOOR.replace("v", "!", 1))
-        await user.until(lambda: "hall.txt:1: the symbol '!'" in screen_text(user.app))
+        await user.until(lambda: "hall.txt:1: row 1, column 7" in screen_text(user.app))
         new = hall.with_name("new")
         new.write_text(FLOOR)
         new.replace(floor)  # as many editors write

@@ -44,7 +44,7 @@ from tui.render.scene import KIND_MASK, LOOK_COUNT, Floor, Scene
 from tui.render.shelf_marks import full_shelves, pods_in
 from tui.render.styles import style
 from tui.render.tints import paint_tints, sign_tints
-from tui.render.trails import paint_paths
+from tui.render.trails import goal_lines
 
 Colours = NDArray[np.uint8]
 # These show in a pixel of many cells, the last one first.
@@ -83,7 +83,8 @@ def pixel_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
     if scene.snapshot is not None:
         for cells in scene.shut_cells:
             canvas.paint(cells, styles.COLOUR_TURNTABLE)
-        paint_paths(canvas, scene)
+        canvas.paint(scene.trails.reshape(-1), styles.COLOUR_TRAIL)
+        canvas.paint(goal_lines(scene)[0], styles.COLOUR_GOAL_LINE)
         canvas.paint(np.asarray(scene.route, np.int32), styles.COLOUR_ROUTE)
         draw_robots(canvas, scene)
     if scene.cursor is not None:

@@ -21,7 +21,6 @@ from tui.render.styles import style
 
 if TYPE_CHECKING:
     from tui.render.canvas import Canvas
-    from tui.render.pixels import Pixels
 
 MAX_LINE_CELLS: Final = 100_000  # of all lines together: 8 ms; the robots that follow have none
 LINES: Final = ("", "selected", "all")  # whose goals lines lead to
@@ -37,12 +36,6 @@ def draw_paths(canvas: Canvas) -> None:
     index, which = canvas.at(cells)
     signs = np.array([ord(sign) for sign in "-|\\/"])[ways[which]]
     canvas.flat[index, 0] = code(style(styles.COLOUR_GOAL_LINE, styles.COLOUR_FLOOR), signs)
-
-
-def paint_paths(canvas: Pixels, scene: Scene) -> None:
-    """The same in pixels."""
-    canvas.paint(scene.trails.reshape(-1), styles.COLOUR_TRAIL)
-    canvas.paint(goal_lines(scene)[0], styles.COLOUR_GOAL_LINE)
 
 
 def goal_lines(scene: Scene) -> tuple[NDArray[np.int32], NDArray[np.int8]]:

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from automaton.engine.state import NIL, Array
-from tui.render.layer import Entries, Layer, ScaleLine
+from tui.render.layer import Layer, ScaleLine
 
 if TYPE_CHECKING:  # it needs Numba
     from automaton.runs.simulation import Simulation
     from tui.layers.astar_paths import Paths
     from tui.render.choice import Choice
-    from tui.render.glyphs import GlyphSet
+    from tui.render.glyphs import Entries, GlyphSet
     from tui.render.scene import Scene
 
 PAUSE_S: Final = 0.25  # between two computations while ticks go by

@@ -23,8 +23,8 @@ from tui.layers.service_zone_tints import (
 )
 from tui.render import styles
 from tui.render.canvas import Canvas
-from tui.render.glyphs import GlyphSet, code
-from tui.render.layer import Entries, Layer, ScaleLine
+from tui.render.glyphs import Entries, GlyphSet, code
+from tui.render.layer import Layer, ScaleLine
 from tui.render.pixels import Pixels
 from tui.render.scene import Scene
 from tui.render.styles import style

@@ -17,8 +17,8 @@ from automaton.floor.traffic_zones import TrafficZones
 from tui.layers.traffic_zone_tints import tints_of
 from tui.render import styles
 from tui.render.canvas import Canvas
-from tui.render.glyphs import GlyphSet, code
-from tui.render.layer import Entries, Layer, ScaleLine
+from tui.render.glyphs import Entries, GlyphSet, code
+from tui.render.layer import Layer, ScaleLine
 from tui.render.scene import Floor, Scene
 from tui.render.styles import style
 from tui.render.tints import TINT_COLOURS, TINT_LETTERS

@@ -16,8 +16,7 @@ from automaton.engine.observation import is_waiting
 from automaton.engine.robot_status import BATTERY_FULL
 from automaton.engine.state import NIL
 from tui.render import styles
-from tui.render.glyphs import code
-from tui.render.layer import Entries
+from tui.render.glyphs import Entries, code
 from tui.render.scene import Scene
 from tui.render.styles import style
 

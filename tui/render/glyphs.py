@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from tui.render.ascii_fallback import to_ascii
 
 Codes = NDArray[np.uint32]  # (rows, columns) style << GLYPH_BITS | glyph
+Entries = list[tuple[tuple[int, ...], str]]  # lines of a legend: codes and what they mean
 GLYPH_BITS: Final = 16
 GLYPHS: Final = np.uint32((1 << GLYPH_BITS) - 1)
 

@@ -19,11 +19,10 @@ if TYPE_CHECKING:  # it needs Numba, pictures do not
     from automaton.runs.simulation import Simulation
     from tui.render.canvas import Canvas
     from tui.render.choice import Choice
-    from tui.render.glyphs import GlyphSet
+    from tui.render.glyphs import Entries, GlyphSet
     from tui.render.pixels import Pixels
     from tui.render.scene import Scene
 
-Entries = list[tuple[tuple[int, ...], str]]  # signs, which are codes, and what they mean
 ScaleLine = list[str | tuple[int, ...]]  # words, and signs, which are codes, from the left
 
 

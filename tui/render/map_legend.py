@@ -31,7 +31,6 @@ from tui.render.scene import (
     Scene,
 )
 from tui.render.styles import style
-from tui.render.trails import path_entries
 from tui.render.zoom_ladder import Zoom
 
 STROKE = 0x24  # dots of a line from left to right
@@ -182,7 +181,7 @@ def _overlays(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
         entries.append(Entry((int(code(route, sign)),), "its route"))
         if zoom.kind == "cells":
             entries.append(Entry((int(code(route, glyphs.stand)),), "where the route ends"))
-    entries += [Entry(*entry) for entry in path_entries(scene, glyphs)]
+    entries += path_entries(scene, glyphs)
     if scene.zone >= 0:
         entries.append(
             Entry(
@@ -257,3 +256,13 @@ def _meaning(number: int) -> str:
     return {"turntable": "turntable: robots turn here"}.get(
         CELL_KINDS[kind].name, CELL_KINDS[kind].name.replace("-", " ")
     )
+
+
+def path_entries(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
+    """Trails of robots and lines to their goals."""
+    trail = int(code(style(styles.COLOUR_TRAIL, styles.COLOUR_FLOOR), glyphs.trail))
+    line = style(styles.COLOUR_GOAL_LINE, styles.COLOUR_FLOOR)
+    signs = tuple(int(code(line, ord(sign))) for sign in "-/")
+    whose = "the selected robot" if scene.lines == "selected" else "each robot"
+    entries = [Entry((trail,), "where robots came from")] if scene.trails.size else []
+    return entries + ([Entry(signs, f"from {whose} straight to its goal")] if scene.lines else [])

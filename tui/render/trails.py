@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from automaton.engine.state import NIL
 from tui.render import styles
-from tui.render.glyphs import GlyphSet, code
-from tui.render.layer import Entries
+from tui.render.glyphs import code
 from tui.render.scene import NO_CELLS, Scene
 from tui.render.styles import style
 
@@ -62,13 +61,3 @@ def goal_lines(scene: Scene) -> tuple[NDArray[np.int32], NDArray[np.int8]]:
     along = np.abs(dx) > 2 * np.abs(dy), np.abs(dy) > 2 * np.abs(dx)
     way = np.select(along, [0, 1], np.where(dx * dy > 0, 2, 3)).astype(np.int8)
     return cells.astype(np.int32), way[line]
-
-
-def path_entries(scene: Scene, glyphs: GlyphSet) -> Entries:
-    """What they are, for the legend."""
-    trail = int(code(style(styles.COLOUR_TRAIL, styles.COLOUR_FLOOR), glyphs.trail))
-    line = style(styles.COLOUR_GOAL_LINE, styles.COLOUR_FLOOR)
-    signs = tuple(int(code(line, ord(sign))) for sign in "-/")
-    whose = "the selected robot" if scene.lines == "selected" else "each robot"
-    entries: Entries = [((trail,), "where robots came from")] if scene.trails.size else []
-    return entries + ([(signs, f"from {whose} straight to its goal")] if scene.lines else [])

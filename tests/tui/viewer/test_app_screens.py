@@ -44,10 +44,12 @@ async def legend(user: Watched) -> None:
 
 
 async def help_(user: Watched) -> None:
+    await user.shown()  # what lies under a dialog stays as it was
     await user.press("question_mark")
 
 
 async def find(user: Watched) -> None:
+    await user.shown()
     await user.press("slash", *"robot", "space", "2")
 
 

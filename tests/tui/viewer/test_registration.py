@@ -56,14 +56,31 @@ mud = my_viewer:Mud
 notes = my_viewer:NOTES
 wrong = my_viewer:WRONG
 """
-STORY = """
+RECORDED = """
 import asyncio
+from tui.session.notices import Notices
+from tui.viewer.app import Viewer
 from viewer_harness import screen_text, viewing
 
+sentences = []  # a busy machine may be late to look at the screen
 
+
+def recorded(method):
+    def say(self, message, *rest, **options):
+        sentences.append(message)
+        return method(self, message, *rest, **options)
+
+    return say
+
+
+Viewer.notify, Notices.say = recorded(Viewer.notify), recorded(Notices.say)
+"""
+STORY = (
+    RECORDED
+    + """
 async def story():
     async with viewing(size=(140, 40)) as user:
-        print(*user.toasts(), sep="\\n")
+        print(*sentences, sep="\\n")
         await user.at(20)
         await user.press("f11")
         await user.until(lambda: user.session.playback.snapshots[0].heat is not None)
@@ -74,6 +91,7 @@ async def story():
 
 asyncio.run(story())
 """
+)
 
 
 def test_ours_are_registered_and_all_of_them_load() -> None:
@@ -193,26 +211,9 @@ smoke = my_viewer:Smoke
 silent = my_viewer:SILENT
 unbuilt = my_viewer:UNBUILT
 """
-FAILURES = """
-import asyncio
-from tui.session.notices import Notices
-from tui.viewer.app import Viewer
-from viewer_harness import viewing
-
-sentences = []  # a busy machine may be late to look at the screen
-
-
-def recorded(method):
-    def say(self, message, *rest, **options):
-        sentences.append(message)
-        return method(self, message, *rest, **options)
-
-    return say
-
-
-Viewer.notify, Notices.say = recorded(Viewer.notify), recorded(Notices.say)
-
-
+FAILURES = (
+    RECORDED
+    + """
 async def story():
     async with viewing(size=(140, 40)) as user:
         for key, words in (("f11", "no rust"), ("f12", "no smoke"), ("u", "no words")):
@@ -232,6 +233,7 @@ async def story():
 
 asyncio.run(story())
 """
+)
 
 
 def said_with(folder: Path, module: str, points: str, story: str) -> str:

@@ -739,7 +739,10 @@ def metrics_page() -> str:
         "Metrics",
         "`run` prints them in this order, `run --json` has them under `metrics`, and each is a column "
         "in the rows of a sweep. A metric that a run did not measure is absent, not 0. Robot ticks "
-        "are summed over all robots. A strategy may add metrics of its own, which come last. "
+        "are summed over all robots. Active ticks are those in which a robot moves, turns, picks up, "
+        "drops, stands at a stop, charges or waits for a charger, and those lost in waits, refused moves "
+        "and retreats; not those in the queue of a station, held back, at gates, delayed or down. "
+        "A strategy may add metrics of its own, which come last. "
         "`measure: {warm_up: N}` in a scenario adds metrics of tasks, over what is taken after N ticks; "
         "under `stop: {when: never}` all metrics of sweeps and of `size` leave these ticks out, while "
         "`run` covers the whole run.",

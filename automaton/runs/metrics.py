@@ -25,6 +25,7 @@ from automaton.engine.state import (
     ACTION_DROP,
     ACTION_GATE,
     ACTION_HELD_BACK,
+    ACTION_IDLE,
     ACTION_ILLEGAL,
     ACTION_MOVE,
     ACTION_NAMES,
@@ -54,6 +55,7 @@ OPERATIONS = [
     *(ACTION_MOVE, ACTION_TURN, ACTION_PICK, ACTION_DROP, ACTION_TRY_DROP, ACTION_WAIT),
     ACTION_SERVE,
 ]
+ACTIVE = [*range(ACTION_IDLE + 1, ACTION_DOWN), ACTION_SERVE]  # a stop is work, as a pick is
 DRIVING = [ACTION_MOVE, ACTION_TURN, ACTION_WAIT]  # what can be an empty run
 LOST_IN = dict(
     zip(
@@ -322,7 +324,7 @@ def metrics_by_type(run: Measured) -> list[dict[str, Any]]:
             ACTION_NAMES[a]: int(ticks[mine, a].sum())
             for a in (ACTION_MOVE, ACTION_TURN, ACTION_PICK, ACTION_DROP)
         }
-        active = int(ticks[mine, 1:ACTION_DOWN].sum())
+        active = int(ticks[mine][:, ACTIVE].sum())
         row = {
             "type": kind.name,
             "robots": int(mine.sum()),
@@ -356,7 +358,7 @@ def _of_actions(times: Array, ticks: Array) -> dict[str, int]:
         "empty_moves": int(times[ACTION_MOVE, 0]),
         "empty_driving": int(times[DRIVING, 0].sum()),
         "empty_driving_ticks": int(ticks[DRIVING, 0].sum()),
-        "active": int(ticks[1:ACTION_DOWN].sum()),
+        "active": int(ticks[ACTIVE].sum()),
         **{name: int(ticks[action].sum()) for name, action in LOST_IN.items()},
     }
 

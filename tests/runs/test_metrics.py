@@ -137,6 +137,18 @@ def test_empty_runs_by_cycles_counted_by_hand() -> None:
     )
 
 
+def test_time_at_stops_is_active_and_in_the_queue_of_a_station_lost() -> None:
+    """Goods-mini by hand: a trip drives 26 ticks, lifts and stores in 6, and is served for 20."""
+    simulation = Simulation(resolve("goods-mini"))
+    simulation.run()
+    first, second = metrics_by_robot(simulation)
+    assert first["lost_station_queue"] == 20 and second["lost_station_queue"] == 0
+    assert first["utilization"] == (2 * 52 - 2) / 122, "its second pod is home as its drop begins"
+    assert second["utilization"] == 52 / 122
+    figures = metrics_of(simulation)
+    assert figures["blocked_share"] == 20 / (102 + 52 + 20)
+
+
 def test_a_run_of_no_ticks_has_figures() -> None:
     simulation = Simulation(resolve("tabletop-mini"))
     figures = metrics_of(simulation)

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automaton.build.capabilities import FleetOnFloor
+from automaton.build.pod_destinations import check_destinations
 from automaton.build.queues import queue_path
 from automaton.errors import InputError, nearest
 from automaton.floor.cells import DIRECTIONS, STATION, STORAGE
@@ -33,6 +34,7 @@ def check_pods(document: Document, scenario: Scenario, floor_plan: FloorPlan) ->
     check_stations(document, scenario, floor_plan)
     if scenario.orders.lines is None:
         check_pod_orders(document, scenario, floor_plan)
+        check_destinations(document, scenario, floor_plan)
         return
     if not len(floor_plan.stations):
         raise document.error(("layout",), "lines are done at stations, and the floor has none")

@@ -21,8 +21,8 @@ from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.carried_pods import carries_pods
 from automaton.scenario.conversions import Conversion, with_numbers
 from automaton.scenario.document import Document, Keys, Override, override
+from automaton.scenario.duration_file import with_durations_of_files
 from automaton.scenario.floor_section import floor_of
-from automaton.scenario.handling_file import with_handling_of_files
 from automaton.scenario.line_file import with_lines_of_file
 from automaton.scenario.line_table import plain_data
 from automaton.scenario.locations import names_of_cells, with_locations_of_file
@@ -107,7 +107,7 @@ def resolve(
     document, checked, conversions = checked_scenario(document)
     document, checked, order_file = with_orders_of_file(document, checked)
     document, checked, start_file = with_starts_of_file(document, checked)
-    checked, handling_files = with_handling_of_files(document, checked)
+    checked, handling_files = with_durations_of_files(document, checked)
     floor = floor_of(document, checked.layout)
     check_speed_limits(document, checked, floor.floor_plan)
     limits = checked.floor.speed_limits

@@ -85,8 +85,6 @@ class Closing(ConfigSection, frozen=True, kw_only=True):
                 "a closing by schedule lasts so many ticks; for may be drawn where every is "
                 "{mean: ...}"
             )
-        if isinstance(self.ticks, Distribution) and isinstance(self.ticks.empirical, str):
-            raise ValueError("for takes a list of durations, empirical: [5 s, 8 s], not a file")
         if isinstance(self.every, int) and isinstance(self.ticks, int) and self.ticks >= self.every:
             raise ValueError(
                 f"for ({self.ticks}) must be less than every ({self.every}): cells reopen between "

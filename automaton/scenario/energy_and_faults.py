@@ -238,9 +238,6 @@ class Faults(ConfigSection, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         if self.mtbf is not None and self.failure_probability:
             raise ValueError("mtbf and failure_probability say the same; set one of them")
-        drawn = self.repair_in_place
-        if isinstance(drawn, Distribution) and isinstance(drawn.empirical, str):
-            raise ValueError("repair_in_place takes no file; list the durations")
 
     @property
     def probability(self) -> float:

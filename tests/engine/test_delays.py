@@ -326,10 +326,6 @@ def test_a_delay_that_is_left_out_or_altered_breaks_a_rule() -> None:
     ("faults", "sentence"),
     [
         (delays(4, 1), "faults.delays.ticks.from (4) must not be above to (1)"),
-        (
-            {"repair_in_place": {"empirical": "times.csv", "column": "s"}},
-            "faults.repair_in_place takes no file; list the durations",
-        ),
         ({"mtbf": 50, "failure_probability": 0.1}, "mtbf and failure_probability say the same"),
     ],
 )

@@ -132,6 +132,39 @@ def test_orders_that_cannot_be(order: dict[str, Any], says: str) -> None:
     assert says in error.value.message
 
 
+@pytest.mark.parametrize(
+    ("orders", "says"),
+    [
+        (
+            [{"from": POD_1, "to": POD_2}],
+            "order 0 brings pod 1 to [3, 1], where pod 2 stays: no order carries it away",
+        ),
+        (
+            [{"from": POD_1, "to": EMPTY}, {"from": POD_2, "stops": [VISIT], "to": EMPTY}],
+            "order 1 brings pod 2 to [7, 1], where pod 1 stays: order 0 brings it there",
+        ),
+        (
+            [{"from": POD_2, "to": EMPTY, "release": 9}, {"from": POD_2, "to": POD_1}],
+            "order 1 brings pod 2 to [2, 1], where pod 1 stays: no order carries it away",
+        ),
+    ],
+)
+def test_two_pods_that_would_stay_in_one_cell(orders: list[dict[str, Any]], says: str) -> None:
+    with pytest.raises(InputError) as error:
+        scene(*orders)
+    assert error.value.message == f"{says}; choose another cell"
+
+
+def test_pods_may_change_places_and_follow_each_other() -> None:
+    fleet = {"robots": 2, "kinematics": "omni", "start": [POD_1, [5, 1]]}
+    run = played({"from": POD_1, "to": [5, 1]}, {"from": [5, 1], "to": POD_1}, fleet=fleet)
+    assert run.finished and cells_of_pods(run) == [(5, 1), (3, 1), (4, 1), (2, 1)]
+    third = [4, 1]
+    assert scene(
+        {"from": POD_2, "to": POD_1}, {"from": POD_1, "to": third}, {"from": third, "to": EMPTY}
+    )
+
+
 def test_a_load_that_is_no_pod_needs_to() -> None:
     with pytest.raises(InputError, match="only the order of a pod, from storage, may leave it out"):
         resolve("tabletop-mini", ("orders={list: [{from: [1, 1]}]}",))

@@ -1,4 +1,4 @@
-"""How long handling takes: distributions that cannot be, and measured durations of a file."""
+"""Distributions of durations that cannot be, and measured durations of a file."""
 
 from __future__ import annotations
 
@@ -47,6 +47,22 @@ def test_a_station_may_have_a_file_of_its_own(tmp_path: Path) -> None:
     handling = resolved.scenario.stations["P1"].handling
     assert handling is not None and handling.line == Distribution(empirical=(3,))
     assert [Path(name).name for name, _ in resolved.files] == ["times.csv"]
+
+
+def test_repairs_and_closings_may_have_files_too(tmp_path: Path) -> None:
+    more = (
+        "faults: {mtbf: 400 s, repair_in_place: {empirical: times.csv, column: took}}\n"
+        "floor: {closed: [{cells: [[0, 0]], every: {mean: 90}, for: {empirical: times.csv, "
+        "column: shut}}]}\n"
+    )
+    (tmp_path / "times.csv").write_text("took;shut\n5;10\n7 s;20\n")
+    (tmp_path / "measured.yaml").write_text(SCENARIO + more)
+    scenario = resolve(tmp_path / "measured.yaml").scenario
+    assert scenario.faults.repair_in_place == Distribution(empirical=(5, 14))
+    assert [one.ticks for one in scenario.floor.closed] == [Distribution(empirical=(10, 20))]
+    (tmp_path / "measured.yaml").write_text(SCENARIO + more.replace("shut", "open"))
+    with pytest.raises(InputError, match="there is no column 'open'; the columns are took, shut"):
+        resolve(tmp_path / "measured.yaml")
 
 
 @pytest.mark.parametrize(

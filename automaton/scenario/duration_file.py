@@ -1,4 +1,6 @@
-"""Measured durations of handling, of a column of a CSV file: `{empirical: times.csv, column: seconds}`.
+"""Measured durations, of a column of a CSV file: `{empirical: times.csv, column: seconds}`.
+
+Of handling, of repairs in place and of closings by chance.
 
 A value is a number of ticks or a time such as 20 s. The values become the scenario's own, so that
 recordings stand alone.
@@ -9,9 +11,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
-import msgspec
+from msgspec.structs import replace
 
 from automaton.errors import InputError, nearest
 from automaton.scenario.conversions import Bounds, Place, convert
@@ -35,45 +37,58 @@ class DurationFile(NamedTuple):
     content_hash: str  # 16 hex digits
 
 
-def with_handling_of_files(
+def with_durations_of_files(
     document: Document, scenario: Scenario
 ) -> tuple[Scenario, list[DurationFile]]:
     """The scenario with the durations of its files as lists. Raises InputError."""
-    files: list[DurationFile] = []
-    usual = _filled(document, ("durations",), scenario.durations.handling, scenario, files)
+    filler = _Filler(document, scenario.units.scale)
+    durations, faults, floor = scenario.durations, scenario.faults, scenario.floor
+    usual = filler.of_handling(("durations",), durations.handling)
     stations = {
         name: station
         if station.handling is None
-        else msgspec.structs.replace(
-            station,
-            handling=_filled(document, ("stations", name), station.handling, scenario, files),
-        )
+        else replace(station, handling=filler.of_handling(("stations", name), station.handling))
         for name, station in scenario.stations.items()
     }
-    if not files:
-        return scenario, files
-    durations = msgspec.structs.replace(scenario.durations, handling=usual)
-    return msgspec.structs.replace(scenario, durations=durations, stations=stations), files
+    repair = filler.filled(("faults", "repair_in_place"), faults.repair_in_place)
+    closed = tuple(
+        replace(closing, ticks=filler.filled(("floor", "closed", k, "for"), closing.ticks))
+        for k, closing in enumerate(floor.closed)
+    )
+    if not filler.files:
+        return scenario, filler.files
+    filled = replace(
+        scenario,
+        durations=replace(durations, handling=usual),
+        stations=stations,
+        faults=replace(faults, repair_in_place=repair),
+        floor=replace(floor, closed=closed),
+    )
+    return filled, filler.files
 
 
-def _filled(
-    document: Document,
-    keys: Keys,
-    handling: Handling,
-    scenario: Scenario,
-    files: list[DurationFile],
-) -> Handling:
-    drawn = handling.line
-    if not isinstance(drawn, Distribution) or not isinstance(drawn.empirical, str):
-        return handling
-    path = document.folder / drawn.empirical
-    if not path.exists():
-        text = f"there is no file of durations '{drawn.empirical}'"
-        raise document.error((*keys, "handling", "line", "empirical"), text)
-    values = tuple(durations_of(path, drawn.column or "", scenario.units.scale))
-    files.append(DurationFile(str(path.resolve()), content_hash(path)))
-    line = msgspec.structs.replace(drawn, empirical=values, column=None)
-    return msgspec.structs.replace(handling, line=line)
+class _Filler:
+    """Puts durations of files into distributions, and notes the files."""
+
+    def __init__(self, document: Document, scale: Scale) -> None:
+        self.document, self.scale = document, scale
+        self.files: list[DurationFile] = []
+
+    def of_handling(self, keys: Keys, handling: Handling) -> Handling:
+        """What a visit takes, its lines by what stands in their file."""
+        return replace(handling, line=self.filled((*keys, "handling", "line"), handling.line))
+
+    def filled(self, keys: Keys, drawn: Any) -> Any:
+        """A distribution with the values of its file, if it names one; anything else as it is."""
+        if not isinstance(drawn, Distribution) or not isinstance(drawn.empirical, str):
+            return drawn
+        path = self.document.folder / drawn.empirical
+        if not path.exists():
+            text = f"there is no file of durations '{drawn.empirical}'"
+            raise self.document.error((*keys, "empirical"), text)
+        values = tuple(durations_of(path, drawn.column or "", self.scale))
+        self.files.append(DurationFile(str(path.resolve()), content_hash(path)))
+        return replace(drawn, empirical=values, column=None)
 
 
 def durations_of(path: Path, column: str, scale: Scale) -> Iterator[float]:

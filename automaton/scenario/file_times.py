@@ -4,6 +4,7 @@
     06:00 or 06:00:05       on the day of units.clock
     240, 20 s               ticks, or a time, after tick 0
     02.03.2026 06:00        by a format such as "%d.%m.%Y %H:%M"
+    46083.25                with "serial": days, as spreadsheets store dates; below 1 a time of the day
 
 Without units.clock the earliest of the times is tick 0. Times without an offset are counted as if
 every day had 24 hours.
@@ -31,6 +32,9 @@ _BARE: Final = re.compile(r"([0-9]{1,2}):([0-9]{2})(?::([0-9]{2})(?:[.,]([0-9]{1
 _SHORT_HOUR: Final = re.compile(r"([T ])([0-9]:)")
 _SHORT_DATE: Final = re.compile(r"-([0-9])(?=[-T ])")
 _SERIAL: Final = re.compile(r"[0-9]{5}[.,][0-9]+")
+_DAYS: Final = re.compile(r"([0-9]{1,6})(?:[.,]([0-9]{1,20}))?")
+SERIAL: Final = "serial"  # instead of a format
+SERIAL_DAY_0: Final = datetime.date(1899, 12, 30).toordinal()
 _OF_DATES: Final = re.compile(r"%[dmyYjbBcGuVxUW]")
 _OF_YEARS: Final = re.compile(r"%[yYcGx]")
 
@@ -64,7 +68,9 @@ def read_time(text: str, of_format: str | None, scale: Scale) -> Time:
     """Read a text, by a format of `strptime` if there is one. Raises UnreadableError, InputError."""
     if not text:
         return NO_TIME
-    if of_format is not None:
+    if of_format == SERIAL and (match := _DAYS.fullmatch(text)):
+        return _of_days(int(match[1]), match[2] or "0")
+    if of_format is not None and of_format != SERIAL:
         return _by_format(text, of_format)
     if _TICKS.fullmatch(text):
         return Time(TICKS, int(text))
@@ -107,6 +113,14 @@ def _by_format(text: str, of_format: str) -> Time:
     return Time(BARE, _microseconds(moment) - _microseconds(datetime.datetime(1900, 1, 1)))
 
 
+def _of_days(days: int, fraction: str) -> Time:
+    """Days and a decimal fraction of one, to the next second: files seldom have more than six digits."""
+    seconds = _rounded(Fraction(int(fraction) * SECONDS_OF_DAY, 10 ** len(fraction)))
+    if not days:
+        return Time(BARE, seconds * MICRO)
+    return Time(DATED, ((SERIAL_DAY_0 + days) * SECONDS_OF_DAY + seconds) * MICRO)
+
+
 def _dated(moment: datetime.datetime) -> Time:
     offset = moment.utcoffset()
     if offset is None:
@@ -128,6 +142,8 @@ def _of_day(hours: str, minutes: str, seconds: str | None, fraction: str | None)
 
 def check_format(of_format: str) -> None:
     """Raise ValueError with a sentence for a format that cannot be one of times."""
+    if of_format == SERIAL:
+        return
     sample = datetime.datetime(2026, 3, 2, 6, 30, tzinfo=datetime.UTC)
     if "%" not in of_format:
         raise ValueError(f"time must be a format such as '%d.%m.%Y %H:%M', found '{of_format}'")
@@ -147,9 +163,12 @@ def unreadable(
     `others`: of the same column that are not, either; `good`: one that is a time.
     """
     if _SERIAL.fullmatch(text):
-        return f"{text!r} is a number of days, as spreadsheets store dates; format it as a date"
+        days = f"{text!r} is a number of days, as spreadsheets store dates"
+        return f"{days}; set time: {SERIAL}, or format it as a date"
     expected = "ISO 8601 such as 2026-03-02 06:30:00, a time of the day, or ticks"
-    if of_format is not None:
+    if of_format == SERIAL:
+        expected = "a number of days such as 46083.2708333, or ISO 8601"
+    elif of_format is not None:
         expected = f"the format '{of_format}', such as {_example(of_format)}"
     formats = fitting_formats([text, *others, *([good] if good is not None else [])])
     offers = "; set " + " or ".join(f'time: "{one}"' for one in formats) if formats else ""

@@ -239,7 +239,23 @@ def test_a_format_is_offered_that_all_times_have(tmp_path: Path) -> None:
     said = said_of(tmp_path, "2026-03-02 06:30", time="%d.%m.%Y %H:%M")
     assert "expected is the format '%d.%m.%Y %H:%M', such as 02.03.2026 06:30; leave out" in said
     said = said_of(tmp_path, "46083.2708333")
-    assert "'46083.2708333' is a number of days, as spreadsheets store dates" in said
+    assert (
+        "'46083.2708333' is a number of days, as spreadsheets store dates; set time: serial" in said
+    )
+
+
+@pytest.mark.parametrize(
+    ("time", "tick"),
+    [
+        ("46083.2708333", 3600),
+        ("46083,270833", 3600),
+        ("46084", 18 * 7200),
+        ("0.2708333", 3600),
+        ("2026-03-02 06:30", 3600),
+    ],
+)
+def test_times_are_days_as_spreadsheets_store_dates(time: str, tick: int, tmp_path: Path) -> None:
+    assert released(tmp_path, time, time="serial") == [tick]
 
 
 @pytest.mark.parametrize("of_format", ["ISO", "%Q", "%d.%m. %H:%M", "%H:%M %"])

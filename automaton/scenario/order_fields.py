@@ -52,8 +52,8 @@ class OrderFile(ConfigSection, frozen=True, kw_only=True):
         SingleLine | None,
         Meta(
             description='The format of its times, as of strptime: "%d.%m.%Y %H:%M". null: ISO 8601, '
-            "times of the clock's day such as 06:30, ticks, or times after tick 0 such as 20 s. serial: days "
-            "such as 46083.25, as spreadsheets store dates."
+            "times of the clock's day such as 06:30, ticks, or times after tick 0 such as 20 s. serial: "
+            "days such as 46083.25, as spreadsheets store dates."
         ),
     ] = None
     encoding: Annotated[

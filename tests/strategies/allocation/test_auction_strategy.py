@@ -9,6 +9,7 @@ import pytest
 from battery_scenes import scene
 
 from automaton.build.resolve import resolve
+from automaton.engine.robot_status import BATTERY_FULL
 from automaton.engine.state import CLOCK_TICK, LAYER_ALLOCATION, NIL, ORDER_DELIVERED
 from automaton.errors import InputError
 from automaton.evidence.recording.recorder import MemoryRecorder
@@ -320,6 +321,29 @@ def test_an_order_that_nobody_can_do_does_not_keep_the_others_from_being_done(ki
     state = run.world.orders.state
     assert (state[1:] == ORDER_DELIVERED).all() and state[0] != ORDER_DELIVERED
     assert (run.world.tally.failures == 0).all()
+
+
+ISLAND = """
+t....t#.
+......#.
+c.....#t
+"""
+
+
+def test_a_robot_whose_way_there_is_not_counts_as_empty_and_not_as_charged() -> None:
+    """It would take more units than a battery counts; the other one gets what is sold next."""
+    orders = [{"from": [0, 0], "to": [5, 0]}, {"from": [5, 0], "to": [0, 0], "release": 3}]
+    battery = {"drain": {"move": 1.0}, "charge_rate": 10.0, "reserve": 10}
+    strategy = {"allocation": "auction", "charging": "threshold", "right_of_way": "retreat"}
+    rules = {"battery": battery, "strategy": strategy}
+    run = Simulation(scene(ISLAND, [(1, 1), (4, 1)], orders={"list": orders}, **rules))
+    run.run(2)
+    assert run.world.robots.order.tolist() == [0, NIL]
+    run.world.robots.goal_cell[0] = run.resolved.floor_plan.cell(7, 0)
+    run.run(3)
+    fleet = run.states[LAYER_ALLOCATION].market.fleet
+    assert fleet.charge.tolist() == [-BATTERY_FULL, BATTERY_FULL]
+    assert lists(run)[1] == [1]
 
 
 def first_genes(seed: int, monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, ...]]:

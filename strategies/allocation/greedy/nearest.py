@@ -182,7 +182,7 @@ def go_on(view, search, robot_type, cell, heading, cost):
 def find_robot(view, stop, search, open_orders, seekers, place):
     """search.found: the cheapest robot for the order at a place, of equal ones the least identity."""
     order = np.int64(open_orders.order[place])
-    search.found[0] = NOTHING
+    search.found[0], search.found[1] = NOTHING, NIL
     for robot_type in range(types_of_robots(view)):
         cost, robot = search.found[0], search.found[1]
         begin(search)

@@ -104,6 +104,28 @@ def test_loads_are_fetched_nearest_first_and_brought_to_their_targets() -> None:
     assert run.finished and verify_recording(recorder.recording()).passed
 
 
+def test_an_order_that_none_of_them_carries_waits_for_who_does() -> None:
+    """The strong robot is under way when the second heavy load comes, beside a light one."""
+    types = [
+        {"name": "light", "robots": 3, "payload": 1},
+        {"name": "strong", "robots": 1, "payload": 9},
+    ]
+    start = [(1, 0), (2, 0), (3, 0), (8, 0)]
+    fleet = {"robots": 4, "kinematics": "omni", "start": start, "types": types}
+    loads = [(8, 0, 9), (2, 5, 1), (5, 5, 9)]  # column, release and weight
+    orders = [
+        {"from": [x, 1], "to": [0, 1], "release": release, "weight": weight}
+        for x, release, weight in loads
+    ]
+    strategy = {"allocation": {"name": "greedy", "idle": "stay"}, "right_of_way": GIVE_WAY}
+    parts = {"orders": {"list": orders}, "strategy": strategy}
+    run = Simulation(scene(".........\nt.t..t..t", start, **(parts | {"fleet": fleet})))
+    run.run(until=7)
+    assert run.world.robots.order.tolist() == [NIL, 1, NIL, 0]
+    run.run()
+    assert run.finished and run.world.orders.dispatched_to.tolist()[::2] == [3, 3]
+
+
 def test_an_order_goes_to_a_robot_that_has_become_nearer() -> None:
     """B gets 1, the only one left; when A is done, it is nearer by far."""
     orders = [[(2, 0)], [(4, 0)]]

@@ -249,7 +249,7 @@ def check_pod_ways(document: Document, fleet: FleetOnFloor) -> None:
     names = pod_names(fleet.scenario, len(cells))
     carried = carried_from(document, fleet, cells)
     if fleet.scenario.orders.lines is None:
-        check_ways_of_orders(document, fleet, dict(zip(cells.tolist(), carried, strict=True)))
+        check_ways_of_orders(document, fleet, dict(zip(cells.tolist(), carried.T, strict=True)))
         return
     within: Mask = np.logical_or.reduce(fleet.within)
     for number, station in enumerate(floor_plan.stations.tolist(), 1):
@@ -257,7 +257,8 @@ def check_pod_ways(document: Document, fleet: FleetOnFloor) -> None:
         if not within[station]:
             text = f"no robot gets to station {number} at ({x}, {y}) and back"
             raise document.error(("layout",), text)
-        apart: Mask = ~(to_and_from(floor_plan, station, fleet.rail)[cells] & carried)
+        ways = [to_and_from(floor_plan, station, one.rail)[cells] for one in fleet.types]
+        apart: Mask = ~(np.stack(ways) & carried).any(axis=0)
         if apart.any():
             pod = int(np.argmax(apart))
             u, v = floor_plan.xy(int(cells[pod]))
@@ -266,8 +267,11 @@ def check_pod_ways(document: Document, fleet: FleetOnFloor) -> None:
             raise document.error(pod_place(fleet.scenario, pod), text)
 
 
-def check_ways_of_orders(document: Document, fleet: FleetOnFloor, carried: dict[int, bool]) -> None:
-    """The pods of listed orders get to all stops and to where they go. Raises InputError."""
+def check_ways_of_orders(document: Document, fleet: FleetOnFloor, carried: dict[int, Mask]) -> None:
+    """The pods of listed orders get to all stops and to where they go. Raises InputError.
+
+    `carried`: (K,) by cell of a pod, the types that carry it. One type does all of an order.
+    """
     floor_plan = fleet.floor_plan
     for index, order in enumerate(fleet.scenario.orders.listed or ()):
         if order.source is None:
@@ -276,22 +280,25 @@ def check_ways_of_orders(document: Document, fleet: FleetOnFloor, carried: dict[
         x, y = order.source
         begin = floor_plan.cell(x, y)
         ends = () if order.target is None else (order.target,)
+        able = carried[begin].copy()
         for u, v in (*order.stop_cells, *ends):
-            if not (carried[begin] and joined(fleet, floor_plan.cell(u, v))[begin]):
+            for kind in np.flatnonzero(able).tolist():
+                ways = joined(floor_plan, floor_plan.cell(u, v), fleet.types[kind].rail)
+                able[kind] = ways[begin]
+            if not able.any():
                 text = f"the pod at [{x}, {y}] has no way to [{u}, {v}] and back"
                 raise document.error(keys, f"{text} that leads through no other storage")
 
 
-def joined(fleet: FleetOnFloor, cell: int) -> Mask:
+def joined(floor_plan: FloorPlan, cell: int, rail: bool) -> Mask:
     """(C,) the cells from which a load gets to a cell, and to which it comes back."""
-    floor_plan = fleet.floor_plan
     kind = floor_plan.kind.reshape(-1)
     if kind[cell] != STORAGE:
-        return to_and_from(floor_plan, cell, fleet.rail)
+        return to_and_from(floor_plan, cell, rail)
     ways_in: Mask = np.zeros(kind.size, np.bool_)
     for offset in floor_plan.offsets:
         if kind[cell + offset] != STORAGE and floor_plan.drivable.flat[cell + offset]:
-            ways = to_and_from(floor_plan, cell + offset, fleet.rail)
+            ways = to_and_from(floor_plan, cell + offset, rail)
             ways_in |= ways & ways[cell]
     return ways_in
 
@@ -302,19 +309,19 @@ def pod_place(scenario: Scenario, pod: int) -> Keys:
 
 
 def carried_from(document: Document, fleet: FleetOnFloor, cells: npt.NDArray[np.intp]) -> Mask:
-    """(p,) whether a robot that carries it gets to where a pod stands. Raises InputError."""
+    """(K, p) whether robots of a type carry a pod and get to where it stands. Raises InputError."""
     listed = fleet.scenario.pods.listed
     weights: npt.NDArray[np.int64] = np.ones(len(cells), np.int64)
     if listed is not None:
         weights[:] = [pod.weight for pod in listed]
-    carried: Mask = np.zeros(len(cells), np.bool_)
+    carried: Mask = np.zeros((len(fleet.types), len(cells)), np.bool_)
     for weight in np.unique(weights).tolist():
         here = weights == weight
-        carries = [robot_type.payload >= weight for robot_type in fleet.types]
-        if not any(carries):
+        carries = np.array([robot_type.payload >= weight for robot_type in fleet.types])
+        if not carries.any():
             pod = int(np.argmax(here))
             name = pod_names(fleet.scenario, len(cells))[pod]
             text = f"pod {name} weighs {weight:,}, but no robot carries more than {fleet.payload:,}"
             raise document.error((*pod_place(fleet.scenario, pod), "weight"), text)
-        carried[here] = fleet.loaded[carries][:, cells[here]].any(axis=0)
+        carried[:, here] = fleet.loaded[:, cells[here]] & carries[:, None]
     return carried

@@ -56,9 +56,10 @@ def crossed_queues(resolved: Resolved) -> Iterator[str]:
         others = [cell for cell in floor_plan.stations.tolist() if cell not in own]
         if len(own) == 1 or not others:
             continue
-        before = to_and_from(floor_plan, others[0], fleet.rail)
-        after = to_and_from(without(floor_plan, own), others[0], fleet.rail)
-        lost = used & before & ~after
+        around, lost = without(floor_plan, own), np.zeros_like(used)
+        for rail in {one.rail for one in fleet.types}:
+            before = to_and_from(floor_plan, others[0], rail)
+            lost |= used & before & ~to_and_from(around, others[0], rail)
         lost[own] = False
         if lost.any():
             x, y = floor_plan.xy(int(np.argmax(lost)))

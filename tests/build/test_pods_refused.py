@@ -142,3 +142,33 @@ def test_a_pod_that_no_robot_carries() -> None:
     pods = listed({"at": [7, 1], "weight": 10, "name": "A"})
     says = refused(pods=pods, fleet=fleet)
     assert says == "pod A weighs 10, but no robot carries more than 9"
+
+
+# The pods weigh 5, which a robot on rails alone carries; it does not turn at [2, 0].
+BENT = """\
+p..-+.t
+##.#.##
+##.#.##"""
+
+
+def carried_by_rail(stop: list[int]) -> None:
+    types = [
+        {"name": "tug", "robots": 1, "kinematics": "rail", "payload": 5},
+        {"name": "amr", "robots": 1, "kinematics": "differential", "payload": 1},
+    ]
+    order = {"from": [0, 0], "stops": [stop], "to": [0, 0]}
+    parts = {
+        "layout": {"picture": BENT},
+        "fleet": {"robots": 2, "start": [[4, 0], [5, 0]], "types": types},
+        "pods": {"list": [{"at": [0, 0], "weight": 5}]},
+        "orders": {"list": [order]},
+        "stations": {},
+    }
+    resolve(msgspec.convert(pod_scenario([], **parts), Scenario))
+
+
+def test_a_pod_goes_where_the_robots_that_carry_it_drive() -> None:
+    carried_by_rail([6, 0])
+    carried_by_rail([4, 2])  # over the turntable
+    with pytest.raises(InputError, match=r"the pod at \[0, 0\] has no way to \[2, 2\] and back"):
+        carried_by_rail([2, 2])

@@ -109,12 +109,17 @@ def replay_task(view, state, i):
 
 @kernel
 def share_zones(view, state, i, sign):
-    """Add robot i's shares of its zones to those of all, or take them away (sign -1)."""
+    """Add robot i's shares of its zones to those of all, or take them away (sign -1).
+
+    A task that takes no time, such as a pick and a drop of 0 ticks where the robot is, has none.
+    """
     begin_task(view, state, i)
     ticks = 0
     while state.step[i] < state.step_count[i]:
         ticks += ticks_of_step(view, state, i, 0)
         begin_step(view, state, i)
+    if ticks == 0:
+        return
     begin_task(view, state, i)
     while state.step[i] < state.step_count[i]:
         zone = zone_of(view.grid, state.place[i], state.travel[i])

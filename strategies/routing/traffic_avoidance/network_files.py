@@ -54,11 +54,15 @@ class ZoneNetwork:
 def floor_fingerprint(grid: Grid, duration: Array) -> str:
     """32 hex digits of all that A* paths and their zones follow from: ways, turns, zones.
 
-    `duration`: (A,) ticks of each action of a robot of the first type.
+    `duration`: (A,) ticks of each action of a robot of the first type. Where types turn differently,
+    the headings of all count: their paths are not those of the first type alone.
     """
     costs = [int(duration[action]) for action in (ACTION_MOVE, ACTION_TURN)]
     headings = int(grid.type_headings[0])
     text = f"{grid.width} {headings} {costs if headings > 1 else []}"
+    kinds = np.unique(grid.type_headings).tolist()
+    if len(kinds) > 1:
+        text += f" {kinds}"
     digest = hashlib.blake2b(text.encode(), digest_size=16)
     digest.update((grid.cell_flags & np.uint8(31)).tobytes())
     digest.update(np.ascontiguousarray(grid.traffic_zone, np.int32).tobytes())

@@ -93,6 +93,22 @@ def test_a_network_of_ones_own_serves_its_floor(own_file, capsys):
     assert capsys.readouterr().err == ""
 
 
+def test_types_that_turn_otherwise_make_another_floor():
+    """The first type is the same; the ways of the others are not."""
+
+    def fingerprint(*others):
+        types = ", ".join(
+            f"{{name: type{k}, robots: 1, kinematics: {way}}}"
+            for k, way in enumerate(("differential", *others))
+        )
+        settings = [f"fleet.robots={1 + len(others)}", f"fleet.types=[{types}]"]
+        world = build_world(resolve("tabletop-mini", settings), 1)[0]
+        return floor_fingerprint(world.grid, world.rules.duration[0])
+
+    assert fingerprint() == fingerprint("differential")
+    assert fingerprint("omni") != fingerprint("differential")
+
+
 @pytest.fixture
 def own_scenario(own_file):
     """A scenario beside the file of the network that it names."""

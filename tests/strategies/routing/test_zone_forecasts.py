@@ -13,7 +13,7 @@ from random_floors import pictures
 from slow_zone_scenes import ONE_WAY, Traffic, is_empty
 
 from automaton.build.resolve import resolve
-from automaton.engine.state import NIL, Array
+from automaton.engine.state import ACTION_DROP, ACTION_PICK, NIL, Array
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.traffic_zones import MODES
 from automaton.runs.simulation import Simulation
@@ -288,3 +288,21 @@ def test_shares_are_those_of_the_ticks_of_a_task() -> None:
     assert occupancy(tasks, int(ticks.argmax()), 10_000) == 0
     remove_task_forecast(run.view, shares, 0)
     assert is_empty(shares)
+
+
+def test_a_task_that_takes_no_time_has_no_shares(tmp_path: Path) -> None:
+    """The robot stands between rack and dock, and neither pick nor drop takes a tick."""
+    scenario = tmp_path / "between.yaml"
+    scenario.write_text(
+        "name: between\nlayout:\n  picture: |\n    s##\n    A~~\n    d##\n"
+        "fleet: {robots: 1, kinematics: omni}\norders: {list: [{from: [0, 0], to: [0, 2]}]}\n"
+        "stop: {when: delivered, max_duration: 50}\n"
+    )
+    run = Simulation(resolve(scenario))
+    run.run(1)
+    assert run.world.robots.order[0] == 0
+    run.world.rules.duration[:, (ACTION_PICK, ACTION_DROP)] = 0
+    state = congestion_state(run.view, SharedPlans(horizon=50, forecast="task-averages"))
+    add_task_forecasts(run.view, run.workspace, state)
+    assert state.step_count[0] == 2
+    assert is_empty(state)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -101,6 +103,18 @@ def test_a_point_whose_runs_failed_or_did_not_finish_is_not_compared() -> None:
     said = answer_sentence(results, answer)
     assert "robots 3" in said.partition("is the only point")[0]
     assert said.endswith("did not finish or were not measured: robots 1; robots 2.")
+
+
+def test_a_point_that_lacks_planned_runs_is_not_compared() -> None:
+    """An interrupted sweep: the runs that robots 1 has may be the short ones."""
+    whole = results_of(noise, runs=10)
+    there = [key != "0-9" for key in whole.columns["key"]]
+    lacking = replace(
+        whole, columns={name: list(compress(own, there)) for name, own in whole.columns.items()}
+    )
+    (answer,) = answers(lacking)
+    assert [point.number for point in answer.incomplete] == [0]
+    assert "Not compared, since runs of them lack, failed," in answer_sentence(lacking, answer)
 
 
 def test_a_point_with_runs_that_were_not_measured_is_not_compared() -> None:

@@ -162,7 +162,7 @@ def _limits(results: Results, answer: Answer) -> Iterator[str]:
         more = len(answer.incomplete) - len(names)
         rest = f"; and {more:,} more" if more else ""
         yield (
-            "Not compared, since runs of them failed, did not finish or were not measured: "
+            "Not compared, since runs of them lack, failed, did not finish or were not measured: "
             f"{'; '.join(names)}{rest}."
         )
 

@@ -97,7 +97,7 @@ def _wanted_of_means(results: Results) -> Iterator[Wanted]:
 
 
 def without_interval(results: Results) -> int:
-    """Intervals that the declared precision is of and that cannot be computed: too few runs, or a mean of 0."""
+    """Intervals that are declared but cannot be computed: of too few runs, or beside a mean of 0."""
     metrics = results.analysis.metrics
     if results.analysis.comparisons == "none":
         asked = len(metrics) * len(results.points)

@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--xlsx",
         type=Path,
         metavar="FILE",
-        help="the report and all rows as a workbook (extra excel)",
+        help="the report and all rows as a workbook, instead of the text (extra excel)",
     )
     add("--plots", type=Path, metavar="DIR", help="curves and maps as PNG and SVG (extra plots)")
     add("--summary", type=Path, metavar="FILE", help="a line for each point and metric, as CSV")
@@ -79,7 +79,8 @@ def run(args: argparse.Namespace) -> int:
     wrote = write_files(args, store, report, document)
     if args.plots is not None:
         wrote += write_plots(document.blocks, args.plots)
-    text = rendered(report, document, form)
+    is_asked = args.xlsx is None or args.format is not None or args.json
+    text = rendered(report, document, form) if is_asked or args.out is not None else ""
     if args.out is None:
         print(text, end="")
     else:

@@ -83,13 +83,18 @@ class EventLines:
 
     def as_json(self) -> dict[str, Any]:
         """What they add to the JSON of a run."""
-        return {"events": self._rows}
+        return {"events": [_named(row, self._has_trips) for row in self._rows]}
 
     def lines(self) -> list[str]:
         """One line for each event."""
         dropped = self._history.log.dropped
         first = [f"{count(dropped, 'event')} before these are not kept"] if dropped else []
         return first + [_line(row, self._has_trips) for row in self._rows]
+
+
+def _named(row: dict[str, Any], has_trips: bool) -> dict[str, Any]:
+    """An event with `trip` instead of `order` where robots take trips."""
+    return {"trip" if has_trips and key == "order" else key: row[key] for key in row}
 
 
 def _line(row: dict[str, Any], has_trips: bool) -> str:

@@ -37,7 +37,7 @@ def test_they_are_objects_in_json(capsys: pytest.CaptureFixture[str]) -> None:
         "tick": 37,
         "event": "visited",
         "robot": 1,
-        "order": 1,
+        "trip": 1,
         "value": None,
         "x": 5,
         "y": 3,

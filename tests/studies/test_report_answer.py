@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -59,6 +61,23 @@ def test_points_that_cannot_be_told_apart_are_named_with_the_leading_one_first()
     assert "is at one of these 2, and not at the other." in said
 
 
+def test_a_best_point_at_the_edge_of_what_was_tried_says_where_to_go_on() -> None:
+    said = [sentence(results_of(lambda p, r, b=b: noise(p, r) + 20 * abs(p - b))) for b in range(3)]
+    edge = "The best is at the edge of what was tried: try more than 3 robots."
+    assert [edge in one for one in said] == [False, False, True]
+    assert "edge" not in said[0] + said[1]  # fewer than 1 robot there are not
+
+
+def test_the_table_of_the_answer_says_what_its_heads_mean() -> None:
+    study = study_of({"fleet.robots": (1, 2)}, comparisons="baseline", baseline={"fleet.robots": 1})
+    results = synthetic_store(study, lambda p, r: noise(p, r) - 20 * p)
+    page = list(first_page(results, answers(results), comparisons(results), []))
+    at = next(number for number, block in enumerate(page) if isinstance(block, Table))
+    baseline, p_holm = (str(block.text) for block in page[at + 1 : at + 3])
+    assert baseline.startswith("baseline: ") and baseline.endswith("fleet.robots 1.")
+    assert p_holm.startswith("p Holm: ") and "below 0.05" in p_holm
+
+
 def test_of_throughput_the_highest_is_the_best() -> None:
     study = Study(
         name="made up",
@@ -101,6 +120,18 @@ def test_a_point_whose_runs_failed_or_did_not_finish_is_not_compared() -> None:
     said = answer_sentence(results, answer)
     assert "robots 3" in said.partition("is the only point")[0]
     assert said.endswith("did not finish or were not measured: robots 1; robots 2.")
+
+
+def test_a_point_that_lacks_planned_runs_is_not_compared() -> None:
+    """An interrupted sweep: the runs that robots 1 has may be the short ones."""
+    whole = results_of(noise, runs=10)
+    there = [key != "0-9" for key in whole.columns["key"]]
+    lacking = replace(
+        whole, columns={name: list(compress(own, there)) for name, own in whole.columns.items()}
+    )
+    (answer,) = answers(lacking)
+    assert [point.number for point in answer.incomplete] == [0]
+    assert "Not compared, since runs of them lack, failed," in answer_sentence(lacking, answer)
 
 
 def test_a_point_with_runs_that_were_not_measured_is_not_compared() -> None:

@@ -47,6 +47,27 @@ def test_effects_are_those_that_were_put_in() -> None:
     assert sum(effects.shares.values()) == pytest.approx(1)
 
 
+@pytest.mark.parametrize("common", [True, False])
+def test_an_effect_that_is_nothing_but_round_off_is_0(common: bool) -> None:
+    """0.1 + 0.7 and 0.3 + 0.5 are equal in the mean, and not as sums of floating-point numbers."""
+    values = (0.1, 0.3, 0.7, 0.5)
+    study = Study(
+        name="made up",
+        scenario="tabletop-mini",
+        factors={"fleet.robots": (1, 2), "strategy.allocation": ("a", "b")},
+        replications=10,
+        common_random_numbers=common,
+        analysis=Analysis(metrics=("makespan",)),
+    )
+    results = synthetic_store(study, lambda p, r: 1000 * values[p] + (r % 3) / 10)
+    effects = factor_effects(results, "makespan")
+    assert effects is not None
+    by_level = {one.level: one.difference for one in effects.main}
+    allocation = by_level["b"]
+    assert allocation is not None and allocation.value == 0.0
+    assert by_level["2"] is not None and by_level["2"].value == pytest.approx(400)
+
+
 def test_shares_are_sums_of_squares() -> None:
     results = synthetic_store(study_of(FACTORS), noise)
     effects = factor_effects(results, "makespan")

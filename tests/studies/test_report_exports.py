@@ -101,6 +101,28 @@ def test_sheets_for_readers_have_the_answer_and_numbers_as_such(folder: Path) ->
     assert lines[at + 1][0] == 2 and lines[at + 1][2] == pytest.approx(means(folder)[0, "makespan"])
 
 
+def test_sheets_keep_their_heads_and_show_numbers_as_people_read_them(folder: Path) -> None:
+    book = openpyxl.load_workbook(folder / "report.xlsx")
+    frozen = {sheet.title: sheet.freeze_panes for sheet in book}
+    assert frozen["rows"] == frozen["summary"] == frozen["comparisons"] == "A2"
+    head = [cell.value for cell in book["summary"][1]]
+    assert book["summary"].cell(2, head.index("mean") + 1).number_format.startswith("#,##0")
+    for sheet in book:
+        for row in sheet.iter_rows():
+            assert not [
+                c for c in row if isinstance(c.value, float) and c.number_format == "General"
+            ]
+        assert max(one.width for one in sheet.column_dimensions.values()) <= 40
+
+
+def test_a_workbook_stands_for_the_text(folder: Path, capsys: Any, tmp_path: Path) -> None:
+    path = tmp_path / "report.xlsx"
+    code, out, err = report(capsys, str(folder / "results"), "--xlsx", str(path))
+    assert (code, out, err) == (0, "", f"automaton: wrote {path}\n")
+    code, out, _ = report(capsys, str(folder / "results"), "--xlsx", str(path), "--format", "text")
+    assert code == 0 and "Answer" in out
+
+
 def test_csv_has_the_numbers_of_the_rows(folder: Path) -> None:
     summaries = list(csv.DictReader((folder / "summary.csv").open()))
     told = {(int(one["point"]), one["metric"]): float(one["mean"]) for one in summaries}

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from statistics_trials import round_coverage
 from sweep_studies import plain, swept_here
-from synthetic_results import noise, synthetic_store
+from synthetic_results import noise, study_of, synthetic_store
 
 from automaton.commands import main
 from automaton.commands.sweep_command import Listener
@@ -17,7 +18,9 @@ from automaton.errors import InputError
 from automaton.experiments import Analysis, Replications, Study, read_study
 from automaton.studies.inference.rounds import next_round
 from automaton.studies.reports.build_report import compose
-from automaton.studies.reports.precision import most_wanted
+from automaton.studies.reports.design_section import fixed
+from automaton.studies.reports.precision import most_wanted, stopping_text
+from automaton.studies.reports.study_results import read_results
 from automaton.studies.sweeps.pools import ExternalExecutor
 from automaton.studies.sweeps.result_store import Store
 from automaton.studies.sweeps.sweep_plan import make_sweep_plan
@@ -134,6 +137,37 @@ def test_means_decide_where_nothing_is_compared() -> None:
     assert 100 < wanted.runs < 1000  # sd 10 % of the mean: about 390
 
 
+def test_an_interval_that_cannot_be_computed_is_not_called_reached() -> None:
+    """Of 2 robots one run alone finished: nothing says how far off its mean is."""
+    study = Study(
+        name="made up",
+        scenario="tabletop-mini",
+        factors={"fleet.robots": [1, 2]},
+        replications=10,
+        analysis=Analysis(metrics=("makespan",), precision=0.5),
+    )
+    ends = []
+    for finished in (1, 10):
+        results = synthetic_store(
+            study, noise, finished=lambda p, r, finished=finished: p == 0 or r < finished
+        )
+        ends.append(stopping_text(replace(results, rounds=(10,), at_most=20)).partition(": ")[2])
+    assert ends == ["reached, except for 1 interval that cannot be computed", "reached"]
+
+
+def test_a_comparison_that_cannot_be_made_is_not_called_reached() -> None:
+    study = study_of(
+        {"fleet.robots": (1, 2, 3)},
+        10,
+        precision=0.5,
+        comparisons="baseline",
+        baseline={"fleet.robots": 1},
+    )
+    results = synthetic_store(study, noise, finished=lambda p, r: p < 2 or r < 1)
+    told = stopping_text(replace(results, rounds=(10,), at_most=20))
+    assert told.endswith("reached, except for 1 interval that cannot be computed")
+
+
 def test_nothing_is_decided_by_a_mean_of_zero() -> None:
     study = Study(
         name="made up",
@@ -143,6 +177,32 @@ def test_nothing_is_decided_by_a_mean_of_zero() -> None:
         analysis=Analysis(metrics=("makespan",), precision=0.01),
     )
     assert most_wanted(synthetic_store(study, lambda point, replication: 0.0)) is None
+
+
+def test_rounds_are_remembered_when_at_least_is_raised_and_when_n_is_fixed(tmp_path: Path) -> None:
+    study, out = written(tmp_path, at_most=12, precision="0.01"), tmp_path / "out"
+    swept_here(study, out)
+    assert Store(out).manifest.rounds == (10, 12)
+    study.write_text(study.read_text().replace("10, at_most: 12", "15, at_most: 15"))
+    swept_here(study, out)
+    results = read_results(Store(out))
+    assert (results.rounds, results.raised) == ((10, 12, 15), [12])
+    said = fixed(results)
+    assert "3 rounds of 10, 12, 15 runs" in said and "raised from 12 after runs" in said
+    study.write_text(study.read_text().replace("{at_least: 15, at_most: 15}", "16"))
+    swept_here(study, out)
+    assert "n not fixed beforehand: raised from 12, then 15" in fixed(read_results(Store(out)))
+
+
+def test_runs_added_to_rounds_that_had_ended_were_not_fixed_beforehand(tmp_path: Path) -> None:
+    """The rounds ended far below their bound, and the new number lies between."""
+    study, out = written(tmp_path, at_most=60, precision="0.2"), tmp_path / "out"
+    swept_here(study, out)
+    made = read_results(Store(out)).rounds
+    assert made[-1] < 30
+    study.write_text(study.read_text().replace("{at_least: 10, at_most: 60}", "30"))
+    swept_here(study, out)
+    assert f"raised from {made[-1]} after runs had been made" in fixed(read_results(Store(out)))
 
 
 @pytest.mark.parametrize(

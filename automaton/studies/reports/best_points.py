@@ -120,9 +120,9 @@ def _answer(
 
 
 def is_complete(results: Results, point: Point, metric: str) -> bool:
-    """Whether all runs that a point has finished and have a metric, two at least."""
+    """Whether all runs that are planned of a point finished and have a metric, two at least."""
     measured = len(results.values(point, metric))
-    return measured >= 2 and measured == results.counts(point).done
+    return measured >= 2 and measured == results.counts(point).planned
 
 
 def mean_of(results: Results, point: Point, metric: str) -> float:

@@ -162,7 +162,10 @@ def add_floors(
             last = len(results.points) - 1
             raise InputError(f"--floor {number}: the study has the points 0 to {last}")
         if number not in scenarios:
-            raise InputError(f"--floor {number}: no map can be made; the report is {lacking}")
+            raise InputError(
+                f"--floor {number}: no map can be made, so nothing is written; there is a report "
+                f"without --floor, {lacking}"
+            )
         point = results.points[number]
         first = results.first_run(point)
         if first is None:

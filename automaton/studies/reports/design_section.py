@@ -85,12 +85,11 @@ def runs_planned(results: Results) -> str:
 
 def fixed(results: Results) -> str:
     """Whether the number of runs was declared before any was made."""
-    if results.rounds and not results.raised:
-        return stopping_text(results)
+    rounds = stopping_text(results) if results.rounds else ""
     if not results.raised:
-        return "n fixed beforehand"
+        return rounds or "n fixed beforehand"
     before = ", then ".join(map(str, results.raised))
-    return (
+    return f"{rounds}; " * bool(rounds) + (
         f"n not fixed beforehand: raised from {before} after runs had been made; if their metrics "
         "were the reason, intervals and p values say too much"
     )

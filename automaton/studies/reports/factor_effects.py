@@ -17,7 +17,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -30,6 +30,7 @@ from automaton.studies.reports.study_results import Results
 from automaton.studies.sweeps.study import SCENARIO
 
 Array = npt.NDArray[np.float64]
+ROUND_OFF: Final = 1e-12  # of what is summed up; a sum that is less is 0
 
 
 class MainEffect(NamedTuple):
@@ -174,7 +175,9 @@ def contrast(
         if len(both) < 2:
             return None
         values = np.array([[runs[point][r] for r in both] for point in used])
-        return mean_interval(weights[used] @ values, level)
+        sizes = np.abs(weights[used]) @ np.abs(values)
+        found = mean_interval(without_round_off(weights[used] @ values, sizes), level)
+        return found._replace(value=float(without_round_off(found.value, sizes.mean())))
     if any(len(runs[point]) < 2 for point in used):
         return None
     parts = np.array(
@@ -183,7 +186,8 @@ def contrast(
             for point in used
         ]
     )
-    value, variance = float(weights @ means), float(parts.sum())
+    total = without_round_off(weights @ means, np.abs(weights) @ np.abs(means))
+    value, variance = float(total), float(parts.sum())
     n = min(len(runs[point]) for point in used)
     if variance <= 0:
         return Interval(value, value, value, n, "Welch", level, NO_SPREAD_WARNING)
@@ -192,6 +196,11 @@ def contrast(
     )
     half = student(float(degrees), level) * math.sqrt(variance)
     return Interval(value, value - half, value + half, n, "Welch", level)
+
+
+def without_round_off(sums: npt.ArrayLike, sizes: npt.ArrayLike) -> Array:
+    """Sums with 0 for those that are nothing beside what was summed up: `sizes`, of equal shape."""
+    return np.where(np.abs(sums) <= ROUND_OFF * np.asarray(sizes), 0.0, sums)
 
 
 def shares(design: Crossed, means: Array) -> dict[tuple[str, ...], float]:

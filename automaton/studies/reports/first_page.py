@@ -14,7 +14,13 @@ from automaton.studies.reports.comparisons import Comparison
 from automaton.studies.reports.curves import picture
 from automaton.studies.reports.directions import direction_of
 from automaton.studies.reports.metric_tables import interval_of
-from automaton.studies.reports.point_names import heads_by_factor, levels_named, varied_factors
+from automaton.studies.reports.point_names import (
+    heads_by_factor,
+    level_text,
+    levels_named,
+    varied_factors,
+)
+from automaton.studies.reports.range_edges import edge_sentences
 from automaton.studies.reports.reader_units import described
 from automaton.studies.reports.study_results import Results
 from automaton.studies.sweeps.study import SCENARIO, Point
@@ -55,7 +61,10 @@ def first_page(
         yield Text(certainty(results, answers))
         table = answer_table(results, answers, compared)
         drawn = picture(results, answers[0].metric)
-        yield from [block for block in (table, drawn) if block is not None]
+        if table is not None:
+            yield table
+            yield from (Text(line) for line in table_words(results, table))
+        yield from [drawn] if drawn is not None else []
     if notes:
         yield Text("To know beforehand:")
         yield Listed(notes)
@@ -107,7 +116,8 @@ def answer_lines(results: Results, answers: Sequence[Answer]) -> list[str]:
 def answer_sentence(results: Results, answer: Answer) -> str:
     """What the runs say of the best point, with its certainty."""
     start = f"{answer.conditions}: " if answer.conditions else ""
-    return start + " ".join([_verdict(results, answer), *_limits(results, answer)])
+    edges = edge_sentences(results, answer)
+    return start + " ".join([_verdict(results, answer), *edges, *_limits(results, answer)])
 
 
 def _verdict(results: Results, answer: Answer) -> str:
@@ -162,8 +172,21 @@ def _limits(results: Results, answer: Answer) -> Iterator[str]:
         more = len(answer.incomplete) - len(names)
         rest = f"; and {more:,} more" if more else ""
         yield (
-            "Not compared, since runs of them failed, did not finish or were not measured: "
+            "Not compared, since runs of them lack, failed, did not finish or were not measured: "
             f"{'; '.join(names)}{rest}."
+        )
+
+
+def table_words(results: Results, table: Table) -> Iterator[str]:
+    """What the heads of the table of answers mean."""
+    if results.analysis.baseline:
+        levels = results.analysis.baseline.items()
+        what = ", ".join(f"{key} {level_text(results.study, key, one)}" for key, one in levels)
+        yield f"baseline: what the study declares to compare with, {what}."
+    if "p Holm" in table.head:
+        yield (
+            "p Holm: how likely a difference at least as large is by chance alone, corrected for all "
+            f"comparisons that are made (Holm); below {results.analysis.error:g} it is taken for more."
         )
 
 

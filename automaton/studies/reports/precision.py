@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 from automaton.studies.inference.effects import fewest
 from automaton.studies.inference.intervals import checked
 from automaton.studies.inference.rounds import next_round
-from automaton.studies.reports.comparisons import comparisons
+from automaton.studies.reports.comparisons import comparisons, declared_pairs, differing
 from automaton.studies.reports.point_names import levels_apart, point_name
 from automaton.studies.reports.study_results import Results, read_results
 from automaton.units import count, percent
@@ -96,6 +96,17 @@ def _wanted_of_means(results: Results) -> Iterator[Wanted]:
                 yield Wanted(_with_lost(runs, len(values), results), f"{metric} of {name}")
 
 
+def without_interval(results: Results) -> int:
+    """Intervals that are declared but cannot be computed: of too few runs, or beside a mean of 0."""
+    metrics = results.analysis.metrics
+    if results.analysis.comparisons == "none":
+        asked = len(metrics) * len(results.points)
+    else:
+        pairs = list(declared_pairs(results))
+        asked = sum(len(list(differing(results, metric, pairs))) for metric in metrics)
+    return asked - sum(1 for _ in _wanted(results))
+
+
 def _with_lost(runs: int, usable: int, results: Results) -> int:
     """Runs to make so that so many count, where some failed or did not finish."""
     n = results.study.max_replications
@@ -117,10 +128,12 @@ def _end(results: Results) -> str:
     wanted, n = most_wanted(results), results.rounds[-1]
     if wanted is None:
         return "ended, since no interval can be compared with a mean"
-    if wanted.runs <= n:
-        return "reached"
-    bounded = n >= results.at_most
-    return f"not reached, ended by at_most {n:,}" if bounded else "not reached yet"
+    if wanted.runs > n:
+        bounded = n >= results.at_most
+        return f"not reached, ended by at_most {n:,}" if bounded else "not reached yet"
+    lacking = without_interval(results)
+    excepted = f"{count(lacking, 'interval')} that cannot be computed"
+    return f"reached, except for {excepted}" if lacking else "reached"
 
 
 def stopping_remarks(results: Results) -> Iterator[str]:

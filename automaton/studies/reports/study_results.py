@@ -65,7 +65,7 @@ class Results:
     folder: str = ""
     damaged: Sequence[str] = ()
     earlier: int = 0  # how often the analysis or warm-up was changed after runs had been made
-    raised: Sequence[int] = ()  # replications that were declared before, when runs had been made
+    raised: Sequence[int] = ()  # replications asked for before, if fewer, when runs had been made
     rounds: Sequence[int] = ()  # replications after each, where a precision says when to stop
     at_most: int = 0  # replications in such rounds
     cut: Cut | None = None  # of a steady state: metrics are of what comes after it

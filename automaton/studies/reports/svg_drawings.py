@@ -16,6 +16,8 @@ from automaton.units import number
 
 WIDTH, HEIGHT, LEFT, TOP, RIGHT, BOTTOM = 640, 320, 70, 14, 14, 44
 LEGEND_LINE: Final = 18  # pixels
+MAP_WIDTH, MAP_HEIGHT = 960, 720  # pixels at most: the width of the page, and what a screen shows
+WIDEST_CELL: Final = 40  # pixels
 WIDEST_MAP: Final = 200  # cells; larger floors by the means of blocks
 MAX_NAME: Final = 90  # pixels of WIDTH that a name below the x axis has at least
 SCALE_STEPS: Final = (0.0, 0.1, 0.25, 0.5, 0.75, 1.0)  # of the most, in the scale of a map
@@ -118,7 +120,7 @@ def map_svg(heat: HeatMap) -> str:
     field = coarse(heat.field, max(1, math.ceil(heat.field.shape[1] / WIDEST_MAP)))
     high, wide = field.shape
     most = float(field[np.isfinite(field)].max(initial=0))
-    cell = max(3, min(16, WIDTH // wide))
+    cell = max(3, min(WIDEST_CELL, MAP_WIDTH // wide, MAP_HEIGHT // high))
     width = max(wide * cell, 90 * len(SCALE_STEPS))
     parts = [svg_open(width, high * cell + 2 * SWATCH, heat.title)]
     for (row, column), value in np.ndenumerate(field):

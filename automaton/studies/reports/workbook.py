@@ -9,6 +9,7 @@ rows         a line for each run
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -47,24 +48,73 @@ def write_workbook(
     columns = columns_for_sheets(rows_table(rows))
     columns.pop(SERIES, None)  # a list by window, longer than a cell may be
     fill_sheet(book, "answer", (line for b in document.blocks[:end] for line in block_lines(b)))
-    fill_sheet(book, "summary", record_lines(summaries))
+    fill_sheet(book, "summary", record_lines(summaries), has_head=True)
     fill_sheet(book, "tables", (line for b in document.blocks[end:] for line in table_lines_of(b)))
-    fill_sheet(book, "comparisons", record_lines(compared))
-    fill_sheet(book, "rows", [list(columns), *zip(*columns.values(), strict=True)])
+    fill_sheet(book, "comparisons", record_lines(compared), has_head=True)
+    lines = [list(columns), *zip(*columns.values(), strict=True)]
+    fill_sheet(book, "rows", lines, has_head=True)
     with atomic_writer(path) as file:
         book.save(file)
 
 
-def fill_sheet(book: Any, name: str, lines: Iterable[Sequence[Any]]) -> None:
-    """Add a sheet whose columns are as wide as their heads and numbers."""
+def fill_sheet(
+    book: Any, name: str, lines: Iterable[Sequence[Any]], has_head: bool = False
+) -> None:
+    """Add a sheet whose columns are as wide as their heads and numbers.
+
+    `has_head`: the first line is the head of all others; it stays where it is when they scroll.
+    """
     sheet, rows = book.create_sheet(name), [list(line) for line in lines]
+    if has_head:
+        sheet.freeze_panes = "A2"
+    decimals = []
     for column in range(max(map(len, rows), default=0)):
         cells = [row[column] for row in rows if len(row) > max(1, column)]  # texts may run over
-        widest = max((len(str(cell)) for cell in cells if cell is not None), default=8)
+        decimals.append(decimals_of(cells))
+        shown = (text_of(cell, decimals[-1]) for cell in cells if cell is not None)
+        widest = max(map(len, shown), default=8)
         letter = _letter(column)
         sheet.column_dimensions[letter].width = min(WIDEST_COLUMN, widest + 2)
     for row in rows:
-        sheet.append([sheet_cell(sheet, _value(value)) for value in row])
+        sheet.append([_cell(sheet, value, decimals[at]) for at, value in enumerate(row)])
+
+
+def decimals_of(column: Sequence[Any]) -> int:
+    """Decimals with which the largest number of a column has four digits."""
+    sizes = (abs(one) for one in column if isinstance(one, float) and math.isfinite(one))
+    largest = max(sizes, default=0.0)
+    return 0 if largest >= 1000 or not largest else min(8, 3 - math.floor(math.log10(largest)))
+
+
+def text_of(value: Any, decimals: int) -> str:
+    """A cell as the sheet shows it."""
+    return f"{value:,.{decimals}f}" if isinstance(value, float) else str(value)
+
+
+def number_format(value: Any, decimals: int) -> str:
+    """The format of a cell of numbers, as Excel writes it; "" of any other."""
+    if isinstance(value, NumberText):  # as the report prints it
+        mantissa, exponent, _ = value.partition("e")
+        if exponent:
+            return "0.000E+00"
+        decimals = len(mantissa.rstrip(" %").partition(".")[2])
+    elif isinstance(value, bool) or not isinstance(value, int | float):
+        return ""
+    elif isinstance(value, int):
+        decimals = 0
+    return "#,##0." + "0" * decimals if decimals else "#,##0"
+
+
+def _cell(sheet: Any, value: Any, decimals: int) -> Any:
+    """A value as a cell, a number with its format."""
+    form = number_format(value, decimals)
+    if not form:
+        return sheet_cell(sheet, _value(value))
+    from openpyxl.cell import WriteOnlyCell
+
+    cell = WriteOnlyCell(sheet, _value(value))
+    cell.number_format = form
+    return cell
 
 
 def _letter(column: int) -> str:

@@ -63,7 +63,7 @@ class PlannedPoint(msgspec.Struct, frozen=True):
 class Declared(msgspec.Struct, frozen=True):
     """What a study says of its analysis, and no key of a run follows from."""
 
-    replications: int
+    replications: int  # of a study in rounds its bound; of an earlier one those asked for by then
     warm_up: int | str | None
     analysis: Any  # as plain data; None: nothing was declared
 

@@ -184,22 +184,25 @@ def open_results(
     if objection:
         raise InputError(f"{objection}; {ADVICE}", str(folder))
     if not Store(folder, manifest).keys():
-        return write_manifest(folder, manifest, copies), False
+        return write_manifest(folder, plan.manifest, copies), False
     earlier, now = declared_by(declared_in(folder, before)), declared_by(plan.study)
-    history = before.earlier if earlier == now else (*before.earlier, earlier)
+    is_same, asked = earlier == now, before.replications  # of a study in rounds: so far
+    earlier = msgspec.structs.replace(earlier, replications=asked)
+    history = before.earlier if is_same else (*before.earlier, earlier)
     manifest = msgspec.structs.replace(manifest, earlier=history)
     return write_manifest(folder, manifest, copies), not earlier.analysed_as(now)
 
 
 def gone_on_with(plan: SweepPlan, before: Manifest | None) -> Manifest:
-    """The manifest of a plan, from the round on which a folder is in."""
+    """The manifest of a plan, from the round on which a folder is in; all rounds before stay in it."""
     study, now = plan.study, plan.manifest
-    if before is None or not study.in_rounds:
-        return now
-    if not study.min_replications < before.replications <= study.max_replications:
+    if before is None or not study.in_rounds or before.replications > study.max_replications:
         return now
     rounds = before.rounds if isinstance(before.rounds, tuple) else (before.replications,)
-    return msgspec.structs.replace(now, replications=before.replications, rounds=rounds)
+    replications = max(before.replications, study.min_replications)
+    if replications > rounds[-1]:
+        rounds = (*rounds, replications)
+    return msgspec.structs.replace(now, replications=replications, rounds=rounds)
 
 
 def difference(before: Manifest, now: Manifest) -> str:

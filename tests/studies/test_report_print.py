@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 import unicodedata
@@ -13,7 +14,15 @@ import pytest
 from report_helpers import tables
 from synthetic_results import noise, study_of, synthetic_store
 
-from automaton.runs.report_document import Block, Document, Heading, PageBreak, Table
+from automaton.runs.report_document import (
+    Block,
+    Document,
+    Heading,
+    Listed,
+    PageBreak,
+    Table,
+    Text,
+)
 from automaton.studies.reports.best_points import answers
 from automaton.studies.reports.comparison_tables import comparison_section
 from automaton.studies.reports.comparisons import comparisons
@@ -131,6 +140,30 @@ def test_all_columns_are_on_paper(name: str, tmp_path: Path) -> None:
     assert not missing
 
 
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium")
+def test_a_short_table_is_on_one_page_with_its_heading(tmp_path: Path) -> None:
+    blocks: list[Block] = []
+    for number in range(12):
+        rows = [[f"[{number}.{row}]", "1"] for row in range(number + 3)]
+        blocks += [Heading(f"[{number}.title]"), Text("What it has."), Table(["row", "n"], rows)]
+    pages = words_on_paper(printed(as_html(Document("tables", blocks)), tmp_path))
+    on = {part: page for page, words in enumerate(pages)
+          for part in re.findall(r"\[[\w.]+\]", words)}  # fmt: skip
+    assert len(on) == 12 + sum(range(3, 15)) and len(pages) > 2
+    for number in range(12):
+        assert len({on[f"[{number}.{part}]"] for part in ("title", *range(number + 3))}) == 1
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium")
+@pytest.mark.parametrize("name", STUDIES)
+def test_the_first_page_has_the_answer_and_its_picture(name: str, tmp_path: Path) -> None:
+    results = results_like(name)
+    pages = words_on_paper(printed(as_html(Document(name, blocks_of(results))), tmp_path))
+    metric = results.analysis.metrics[0]
+    assert "Question" in pages[0] and "Answer" in pages[0] and f"{metric} by " in pages[0]
+    assert "Effects of the factors" in pages[1]
+
+
 def divs(blocks: Sequence[Block]) -> str:
     return "\n".join(page_parts(blocks))
 
@@ -143,6 +176,15 @@ def test_a_wide_table_is_turned_together_with_its_heading() -> None:
     assert "<h2>Narrow</h2>" in before and "<h2>Wide</h2>" in turned and "<table>" in before
     assert "turned" not in divs([Heading("Narrow"), narrow])
     assert "turned" not in divs([Heading("The first page"), wide, PageBreak()])
+
+
+def test_what_is_said_below_a_wide_table_is_on_its_page() -> None:
+    wide = Table(["name", *(f"column {n}" for n in range(20))], [["x", *["1,000"] * 20]])
+    said = [Listed(["a warning"]), Text("A remark.")]
+    page = divs([Heading("Wide"), wide, *said, Heading("Wide, too"), wide, Heading("Narrow")])
+    before, turned = page.split('<div class="turned">')
+    assert "<h2>" not in before and turned.endswith("\n</div>\n<h2>Narrow</h2>")
+    assert "a warning" in turned and "A remark." in turned and turned.count("<table>") == 2
 
 
 def test_lines_differ_by_more_than_colour() -> None:

@@ -26,6 +26,7 @@ from automaton.studies.reports.svg_drawings import curves_svg, map_svg
 
 WIDEST_UPRIGHT: Final = 105  # characters of a table on a page that is not turned
 WIDEST_TEXT: Final = 16  # characters of a cell of text that is not wrapped
+MOST_ROWS_KEPT: Final = 15  # of a table that is not divided between two pages
 STYLE: Final = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem;
   color: #1b1b1b; background: #fff }
@@ -51,15 +52,18 @@ svg text { font: 12px system-ui, sans-serif; fill: #333 }
   table { font-size: 8.5pt }
   th, td { padding-right: .5rem }
   thead { display: table-header-group }
-  tr, .drawing, svg, .answer { break-inside: avoid }
-  h1, h2, h3, h4 { break-after: avoid }
+  tr, .drawing, svg, .answer, .short { break-inside: avoid }
+  h1, h2, h3, h4, p:has(+ .wide) { break-after: avoid }
   .wide { overflow-x: visible }
   .turned { page: turned }
   .turned table { font-size: 8pt; width: 100% }
   .turned td, .turned th { padding-right: .35rem }
   .page-end { break-after: page }
   svg { max-height: 74mm; width: auto }
-  .map svg { max-height: 115mm }
+  svg text { font-size: 13.5px }
+  .page-end ~ .drawing svg { max-height: 104mm }
+  .page-end ~ .drawing svg text { font-size: 12px }
+  .drawing.map svg { max-height: 115mm }
   pre { white-space: pre-wrap; overflow-wrap: anywhere }
 }
 """
@@ -77,25 +81,32 @@ def as_html(document: Document) -> str:
 
 
 def page_parts(blocks: Sequence[Block]) -> Iterator[str]:
-    """All blocks; a table on turned pages takes its heading and what follows that along.
+    """All blocks; a table on turned pages takes its heading and the texts around it along.
 
     The first page is not turned.
     """
     before: list[str] = []  # from a heading on
+    is_turned = False
     is_first_page = any(isinstance(block, PageBreak) for block in blocks)
     for block in blocks:
         parts = list(html_parts(block))
         if isinstance(block, Heading) or (isinstance(block, Text) and before):
             before += parts
             continue
-        is_wide = isinstance(block, Table) and printed_width(block) > WIDEST_UPRIGHT
-        is_turned = is_wide and not is_first_page
-        yield from ['<div class="turned">'] if is_turned else []
+        if before or not isinstance(block, (Text, Listed)):
+            was_turned, is_turned = is_turned, is_too_wide(block) and not is_first_page
+            yield from ["</div>"] if was_turned and not is_turned else []
+            yield from ['<div class="turned">'] if is_turned and not was_turned else []
         yield from [*before, *parts]
-        yield from ["</div>"] if is_turned else []
         before = []
         is_first_page = is_first_page and not isinstance(block, PageBreak)
+    yield from ["</div>"] if is_turned else []
     yield from before
+
+
+def is_too_wide(block: Block) -> bool:
+    """Whether it is a table that does not fit on an upright page."""
+    return isinstance(block, Table) and printed_width(block) > WIDEST_UPRIGHT
 
 
 def printed_width(table: Table) -> int:
@@ -143,7 +154,8 @@ def table_parts(table: Table) -> Iterator[str]:
             for index, cell in enumerate(cells)
         )
 
-    yield '<div class="wide"><table>'
+    short = " short" if len(table.rows) <= MOST_ROWS_KEPT else ""
+    yield f'<div class="wide{short}"><table>'
     yield f"<thead><tr>{line(table.head, 'th')}</tr></thead><tbody>"
     yield from (f"<tr>{line(row, 'td')}</tr>" for row in table.rows)
     yield "</tbody></table></div>"

@@ -155,9 +155,10 @@ def _check_stands(document: Document, robots: int, floor_plan: FloorPlan) -> Non
 
 def _drawn_start(document: Document, robots: int, floor_plan: FloorPlan) -> Start:
     if robots != len(floor_plan.starts):
+        x, y = floor_plan.xy(floor_plan.starts[-1])
         raise document.error(
             ROBOTS,
-            f"{_robots(robots)} but the picture draws {len(floor_plan.starts)}; "
+            f"{_robots(robots)} but the picture draws {len(floor_plan.starts)}, the last at [{x}, {y}]; "
             "change one of them, or set fleet.start",
         )
     return floor_plan.starts

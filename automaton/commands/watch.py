@@ -91,17 +91,25 @@ def run(args: argparse.Namespace) -> int:
     if args.reload:
         return _reloading(args)
     resolved = resolve(args.scenario, args.settings, args.seed)
-    recordings = viewer("playback.recording_files")
+    other = _other(args) if args.against else None
+    recordings, sources = viewer("playback.recording_files"), viewer("playback.run_source")
+    path, paths = None, []
     if args.record is not None:
         path = recordings.checked_target(args.record)
-    else:
-        name = resolved.scenario.name
-        path = None if args.no_record else recordings.new_recording(name, os.environ)
-    sources = viewer("playback.run_source")
-    opening = sources.live(resolved, path)
-    if args.against:
-        opening = sources.live_pair(resolved, _other(args), path)
-    return int(viewer("viewer.launch").show(opening, viewer("terminal.options").Options.of(args)))
+    elif not args.no_record:
+        path = recordings.new_recording(resolved.scenario.name, os.environ)
+        paths = [path]
+    try:
+        opening = sources.live(resolved, path)
+        if other is not None:
+            opening = sources.live_pair(resolved, other, path)
+        paths = opening.paths
+        return int(
+            viewer("viewer.launch").show(opening, viewer("terminal.options").Options.of(args))
+        )
+    finally:
+        for reserved in paths:
+            recordings.give_up_unused(reserved)
 
 
 def _reloading(args: argparse.Namespace) -> int:

@@ -24,7 +24,13 @@ FROM_ROBOTS: Final = (
     *("charge", "goal_type", "goal_cell", "action", "type"),
 )
 # And what they are of a run that is not observed.
-FROM_OBSERVATION: Final = {"cause": 0, "blocker": NIL, "wanted": NIL, "wait_cycle_ticks": 0}
+FROM_OBSERVATION: Final = {
+    "cause": 0,
+    "blocker": NIL,
+    "wanted": NIL,
+    "wait_cycle_ticks": 0,
+    "since": 0,
+}
 
 
 @dataclass(frozen=True, eq=False)

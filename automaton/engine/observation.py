@@ -355,6 +355,16 @@ def is_waiting(cause: Array) -> Array:
     return kept
 
 
+def waited_ticks(cause: Array, since: Array, tick: int) -> Array:
+    """(n,) int64: how long each robot has waited at a tick, whatever kept it; 0 for one that does not.
+
+    A wait whose cause changes goes on, but a wait for an order is one of its own. The first tick lost
+    counts.
+    """
+    waited: Array = np.where(cause != CAUSE_NOT_WAITING, tick - since, 0)
+    return waited
+
+
 def visits_of(flow: Array, offset: Array) -> Array:
     """(C,) int32: robots that entered a cell, from the moves out of its neighbours.
 

@@ -20,7 +20,7 @@ from automaton.drawings.moment import (
     shut_cells,
 )
 from automaton.drawings.robot_looks import RobotLooks
-from automaton.engine.observation import CAUSES
+from automaton.engine.observation import CAUSES, waited_ticks
 from automaton.engine.robot_status import BATTERY_PERCENT
 from automaton.engine.state import NIL
 from automaton.errors import InputError
@@ -36,7 +36,7 @@ PARTS: Final = 16  # of a cell: positions are counted in these
 # A robot's mark in one number: its state, its direction from bit 3, its shape from bit 5.
 DIRECTION_SHIFT: Final = 3
 SHAPE_SHIFT: Final = 5
-BY_ROBOT: Final = ("cell", "claim", "mark", "cause", "blocker", "wanted", "charge")
+BY_ROBOT: Final = ("cell", "claim", "mark", "cause", "blocker", "wanted", "charge", "waited")
 FIGURES: Final = ("working", "waiting", "circling", "delivered", "orders")
 
 
@@ -111,6 +111,7 @@ class FilmColumns:
             "cause": fleet.cause,
             "blocker": fleet.blocker,
             "wanted": fleet.wanted,
+            "waited": waited_ticks(fleet.cause, fleet.since, simulation.tick),
             "charge": fleet.charge // BATTERY_PERCENT if self.floor.battery else np.int32(0),
         }
         for name, value in values.items():

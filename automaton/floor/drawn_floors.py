@@ -164,13 +164,16 @@ def _mapped(
 def _starts(codes: npt.NDArray[np.uint32]) -> list[int]:
     """Flat cells of the robots drawn, A first."""
     starts: dict[str, int] = {}
-    flat = codes.reshape(-1)
+    flat, width = codes.reshape(-1), codes.shape[1]
     drawn = np.flatnonzero((flat >= ord("A")) & (flat <= ord("Z"))).tolist()
     for cell in drawn:
         name = chr(flat[cell])
         if name in starts:
-            row = cell // codes.shape[1] - 1
-            raise PictureError(f"robot {name} is drawn twice", row)
+            (x, y), (first_x, first_y) = (
+                (c % width - 1, c // width - 1) for c in (cell, starts[name])
+            )
+            text = f"robot {name} is drawn twice, at [{first_x}, {first_y}] and at [{x}, {y}]"
+            raise PictureError(text, y)
         starts[name] = cell
     return [starts[name] for name in sorted(starts)]
 

@@ -16,7 +16,7 @@ from automaton.evidence.history.divergence import first_difference
 from automaton.evidence.recording.frames import FRAME, FRAME_KIND_TICKS, PREAMBLE
 from automaton.evidence.recording.recording_reader import read_recording
 from automaton.floor.cells import DESTINATION
-from tui.playback.recording_files import MAX_RECORDINGS_KEPT, new_recording
+from tui.playback.recording_files import MAX_RECORDINGS_KEPT, give_up_unused, new_recording
 from tui.playback.run_source import recorded
 
 
@@ -142,10 +142,10 @@ def test_bad_input_is_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture
 def test_a_folder_that_takes_no_recording_is_told_before_anything_is_drawn(
     state: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def refused(**_: object) -> None:
+    def refused(*_: object, **__: object) -> None:
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr("tui.playback.recording_files.tempfile.TemporaryFile", refused)
+    monkeypatch.setattr(Path, "touch", refused)
     assert main(["watch", "tabletop-mini"]) == 2
     told = capsys.readouterr()
     assert told.out == "" and told.err.count("\n") == 1
@@ -177,17 +177,38 @@ def test_a_damaged_recording_is_one_sentence(
 
 def test_only_the_newest_recordings_are_kept(tmp_path: Path) -> None:
     environ = {"XDG_STATE_HOME": str(tmp_path)}
-    folder = new_recording("my floor/1", environ).parent
+    first = new_recording("my floor/1", environ)
+    give_up_unused(first)
+    folder = first.parent
     for age in range(MAX_RECORDINGS_KEPT + 5):
         path = folder / f"{age}.rec{'.part' if age % 2 else ''}"
         path.touch()
         os.utime(path, (1000 - age, 1000 - age))
     path = new_recording("my floor/1", environ)
     assert not path.exists() and path.name.startswith("my-floor-1-")
+    give_up_unused(path)
     kept = {int(path.name.partition(".")[0]) for path in folder.iterdir()}
     assert kept == set(range(MAX_RECORDINGS_KEPT - 1))
-    path.touch()
-    assert new_recording("my floor/1", environ) != path
+
+
+def test_viewers_that_begin_in_the_same_second_get_a_recording_each(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tui.playback.recording_files.time.strftime", lambda _: "now")
+    environ = {"XDG_STATE_HOME": str(tmp_path)}
+    names = [new_recording("floor", environ).name for _ in range(3)]  # nothing is written yet
+    assert names == ["floor-now.rec", "floor-now-2.rec", "floor-now-3.rec"]
+    folder = tmp_path / "automaton" / "recordings"
+    assert sorted(path.name for path in folder.iterdir()) == sorted(f"{n}.part" for n in names)
+
+
+def test_a_viewer_that_does_not_begin_leaves_no_file(
+    state: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    larger = ["--against", "layout.tables=4"]
+    assert main(["watch", "tabletop-mini", *larger]) == 2
+    assert "floors of different sizes" in capsys.readouterr().err
+    assert [path for path in state.rglob("*") if path.is_file()] == []
 
 
 def test_a_floor_is_known_without_numba(tmp_path: Path) -> None:

@@ -50,6 +50,24 @@ def zooms(name: str, start: str, end: str) -> None:
 zooms("zoom_in", "1x1", "2x1")
 zooms("zoom_out", "1x1", "half")
 zooms("zoom_cell", "braille 1", "1x1")
+_zoom_cell_steps = CHECKS["zoom_cell"]
+
+
+async def zoom_cell(user: Watched) -> None:
+    """It shows what is selected in the middle of a map that is larger than the screen."""
+    await _zoom_cell_steps(user)
+    camera = user.session.pictures.camera
+    user.session.pictures.resize = lambda rows, columns: None  # type: ignore[method-assign]
+    camera.resize(3, 7)
+    camera.centre_on(camera.floor_plan.cell(0, 0))
+    selected = camera.floor_plan.cell(6, 3)
+    user.session.choose(cell=selected)
+    assert camera.place_of(selected) != (1, 3)
+    await press(user, "zoom_cell")
+    assert camera.place_of(selected) == (1, 3)
+
+
+CHECKS["zoom_cell"] = zoom_cell
 zooms("zoom_fit", "braille 1", "fit")
 
 

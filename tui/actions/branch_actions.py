@@ -12,7 +12,12 @@ from textual.app import App
 from automaton.engine.state import NIL
 from automaton.evidence.recording.titles import short, title_of
 from tui.actions import Command
-from tui.playback.recording_files import beside, comparing_command, short_path
+from tui.playback.recording_files import (
+    beside,
+    comparing_command,
+    give_up_unused,
+    short_path,
+)
 from tui.session.display import Display
 from tui.session.session import Session
 from tui.widgets.signs import signs_of
@@ -105,6 +110,8 @@ class BranchActions:
 
         def done(error: str) -> None:
             if error:
+                if path is not None:
+                    give_up_unused(path)
                 self._app.call_later(self._display.notices.say, error, "error", 10)
             else:
                 self._app.call_later(self._branched, made[0])

@@ -88,9 +88,16 @@ class MapActions:
         self._session.changed()
 
     def _one_to_one(self) -> None:
+        """About what is selected, if some of the floor is off the screen then."""
+        session, camera = self._session, self._pictures.camera
         self._pictures.fitted = False
-        self._pictures.camera.one_to_one()
-        self._session.changed()
+        camera.one_to_one()
+        cell = self._choice.cell
+        if session.playback is not None and self._choice.robot != NIL:
+            cell = robot_cell(session.playback, self._choice)
+        if cell != NIL and camera.exceeds():
+            camera.centre_on(cell)
+        session.changed()
 
     def _maximise(self) -> None:
         self._app.screen.toggle_class("-map-alone")

@@ -103,13 +103,19 @@ def draw_stations(canvas: Canvas, service_zones: ServiceZones) -> None:
     bg = np.array(TINTS)[service_zone_tints(service_zones)[zones[which]]]
     fg = np.where(shared[which], TRANSFER_COLOUR, styles.COLOUR_STATION)
     sign = np.where(shared[which], canvas.glyphs.transfer, canvas.glyphs.station)
-    canvas.flat[index, 0] = code(style(fg, bg), sign)
-    if canvas.width > STATION_DIGITS:
+    row, column = divmod(canvas.sign, canvas.width)
+    numbered = canvas.width > STATION_DIGITS
+    # The sign goes to the left as far as its number needs the room.
+    first = row * canvas.width + (
+        min(column, canvas.width - 1 - STATION_DIGITS) if numbered else column
+    )
+    canvas.flat[index, first] = code(style(fg, bg), sign)
+    if numbered:
         numbers = np.char.ljust((which + 1).astype(str), STATION_DIGITS)
-        for column in range(STATION_DIGITS):
-            digit = np.array([ord(number[column]) for number in numbers], np.uint32)
+        for place in range(STATION_DIGITS):
+            digit = np.array([ord(number[place]) for number in numbers], np.uint32)
             digit[digit == ord(" ")] = canvas.glyphs.blank
-            canvas.flat[index, 1 + column] = code(style(fg, bg), digit)
+            canvas.flat[index, first + 1 + place] = code(style(fg, bg), digit)
 
 
 def design_entries(scene: Scene, glyphs: GlyphSet) -> Entries:

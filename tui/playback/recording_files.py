@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import re
 import shlex
-import tempfile
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 
 from automaton.errors import InputError
@@ -33,12 +34,11 @@ def new_recording(name: str, environ: Mapping[str, str]) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         _tidy(folder)
-        tempfile.TemporaryFile(dir=folder).close()  # rights alone do not tell whether it works
+        return _reserved_for(folder, name, ".rec")
     except OSError as error:
         raise InputError(
             f"cannot keep recordings here: {error.strerror}; --no-record does without", str(folder)
         ) from None
-    return _free(folder, name, ".rec")
 
 
 def checked_target(path: Path) -> Path:
@@ -58,13 +58,17 @@ def checked_target(path: Path) -> Path:
 
 
 def beside(path: Path) -> Path:
-    """A free file for a branch of the run that is recorded in `path`."""
-    return _numbered(path.parent, path.stem + "-branch", path.suffix)
+    """A free file for a branch of the run that is recorded in `path`. Raises OSError."""
+    return _reserved(path.parent, path.stem + "-branch", path.suffix)
 
 
 def against(path: Path) -> Path:
-    """A free file for the run beside the one that is recorded in `path`."""
-    return _numbered(path.parent, path.stem + "-against", path.suffix)
+    """A free file for the run beside the one that is recorded in `path`. Raises InputError."""
+    try:
+        return _reserved(path.parent, path.stem + "-against", path.suffix)
+    except OSError as error:
+        text = f"cannot write the recording: {error.strerror}"
+        raise InputError(text, str(path.parent)) from None
 
 
 def short_path(path: Path) -> str:
@@ -78,26 +82,47 @@ def comparing_command(old: Path, new: Path) -> str:
 
 
 def capture_file(name: str, suffix: str, environ: Mapping[str, str], here: bool) -> Path:
-    """A free file for a screenshot: in the current folder, or in the state folder."""
+    """A free file for a screenshot: in the current folder, or in the state folder. Raises OSError."""
     folder = Path.cwd()
     if not here or not os.access(folder, os.W_OK):
         folder = state_folder(environ) / "screenshots"
         folder.mkdir(parents=True, exist_ok=True)
-    return _free(folder, name, suffix)
+    return _reserved_for(folder, name, suffix)
 
 
-def _free(folder: Path, name: str, suffix: str) -> Path:
+def give_up_unused(path: Path) -> None:
+    """Remove what reserves a file that nothing was written to."""
+    part = _part_of(path)
+    with suppress(OSError):
+        if part.stat().st_size == 0:
+            part.unlink()
+
+
+def _reserved_for(folder: Path, name: str, suffix: str) -> Path:
     safe = re.sub(r"[^\w.-]+", "-", name).strip("-.") or "run"
-    return _numbered(folder, f"{safe}-{time.strftime('%Y%m%d-%H%M%S')}", suffix)
+    return _reserved(folder, f"{safe}-{time.strftime('%Y%m%d-%H%M%S')}", suffix)
 
 
-def _numbered(folder: Path, stem: str, suffix: str) -> Path:
-    number = 1
-    path = folder / f"{stem}{suffix}"
-    while path.exists() or path.with_name(path.name + ".part").exists():
-        number += 1
-        path = folder / f"{stem}-{number}{suffix}"
-    return path
+def _reserved(folder: Path, stem: str, suffix: str) -> Path:
+    """A free file, reserved by an empty FILE.part: of viewers that begin at once each gets its own.
+
+    Raises OSError where no file can be made.
+    """
+    for number in itertools.count(1):
+        path = folder / f"{stem}{'' if number == 1 else f'-{number}'}{suffix}"
+        try:
+            _part_of(path).touch(exist_ok=False)
+        except FileExistsError:
+            continue
+        if not path.exists():
+            return path
+        _part_of(path).unlink()
+    raise AssertionError
+
+
+def _part_of(path: Path) -> Path:
+    """What a file is called until it is complete."""
+    return path.with_name(f"{path.name}.part")
 
 
 def _tidy(folder: Path) -> None:

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.engine.observation import is_waiting
+from automaton.engine.observation import is_waiting, waited_ticks
 from automaton.engine.robot_status import BATTERY_FULL
 from automaton.engine.state import NIL
 from tui.render import styles
@@ -67,7 +67,8 @@ def _values(scene: Scene) -> NDArray[np.int64]:
             fleet.charge.astype(np.int64) * LEVEL_COUNT // BATTERY_FULL, 0, LEVEL_COUNT - 1
         )
     if scene.colouring == "waiting":
-        waited = np.where(is_waiting(fleet.cause), scene.snapshot.tick - fleet.since + 1, 0)
+        waited = waited_ticks(fleet.cause, fleet.since, scene.snapshot.tick)
+        waited = np.where(is_waiting(fleet.cause), waited, 0)
         return np.searchsorted(WAITED, waited, "right").astype(np.int64)
     if scene.colouring == "type":  # a robot with a load has another row of durations
         return (fleet.type.astype(np.int64) % len(scene.floor.type_names)) % CLASS_COUNT

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from automaton.engine.observation import CAUSE_REDUCED_SPEED, CAUSES, is_waiting
+from automaton.engine.observation import CAUSE_REDUCED_SPEED, CAUSES, is_waiting, waited_ticks
 from automaton.engine.robot_status import (
     BATTERY_FULL,
     STATUS_DEPLETED,
@@ -90,7 +90,8 @@ def _doing_keys(view: View) -> Array:
 
 def _waited(view: View) -> Array:
     fleet = view.snapshot.robots
-    ticks: Array = np.where(is_waiting(fleet.cause), view.snapshot.tick - fleet.since, 0)
+    waited = waited_ticks(fleet.cause, fleet.since, view.snapshot.tick)
+    ticks: Array = np.where(is_waiting(fleet.cause), waited, 0)
     return ticks
 
 
@@ -213,7 +214,9 @@ ROBOT_TABLE_COLUMNS: Final = (
 
 def _waited_of(view: View, robot: int) -> int:
     fleet = view.snapshot.robots
-    return view.snapshot.tick - int(fleet.since[robot]) if is_waiting(fleet.cause[robot]) else 0
+    if not is_waiting(fleet.cause[robot]):
+        return 0
+    return int(waited_ticks(fleet.cause[robot], fleet.since[robot], view.snapshot.tick))
 
 
 def ordered(view: View, column: Column, greatest_first: bool) -> Array:

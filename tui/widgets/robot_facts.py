@@ -6,7 +6,13 @@ from typing import Final
 
 import numpy as np
 
-from automaton.engine.observation import CAUSE_NOT_WAITING, CAUSE_REDUCED_SPEED, CAUSES, is_waiting
+from automaton.engine.observation import (
+    CAUSE_NOT_WAITING,
+    CAUSE_REDUCED_SPEED,
+    CAUSES,
+    is_waiting,
+    waited_ticks,
+)
 from automaton.engine.robot_status import STATUS_DEPLETED, STATUS_FAILED, STATUS_TOWED
 from automaton.engine.state import (
     GOAL_CHARGE,
@@ -109,7 +115,7 @@ def _state(view: View, robot: int) -> str:
     fleet = view.snapshot.robots
     if fleet.cause[robot] == CAUSE_NOT_WAITING:
         return doing(view.snapshot, robot)
-    ticks = view.snapshot.tick - int(fleet.since[robot])
+    ticks = int(waited_ticks(fleet.cause[robot], fleet.since[robot], view.snapshot.tick))
     name = CAUSES[int(fleet.cause[robot])].name
     circle = ", in a wait cycle" if fleet.wait_cycle_ticks[robot] else ""
     return f"{count(ticks, 'tick')}: {name}{circle}"

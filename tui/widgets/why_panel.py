@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from automaton.engine.observation import CAUSE_NOT_WAITING, CAUSES, is_waiting
+from automaton.engine.observation import CAUSE_NOT_WAITING, CAUSES, is_waiting, waited_ticks
 from automaton.engine.state import NIL
 from automaton.evidence.history.explanation import Explanation, explain
 from automaton.units import count, percent
@@ -120,7 +120,7 @@ def longest_waits(view: View, width: int) -> list[Line]:
     head = "wait, longest first" if len(ordered) > 1 else "waits"
     lines = [line(title(f"{count(len(ordered), 'robot')} {head}"))]
     for robot in ordered[:MAX_WAITING_LISTED]:
-        ticks = now - int(fleet.since[robot])
+        ticks = int(waited_ticks(fleet.cause[robot], fleet.since[robot], now))
         look = "fault" if fleet.wait_cycle_ticks[robot] else "plain"
         cause = CAUSES[int(fleet.cause[robot])].name
         name = robot_link(robot)

@@ -24,6 +24,7 @@ from automaton.engine.observation import (
     DEADLOCK_TICKS,
     Observation,
     is_waiting,
+    waited_ticks,
 )
 from automaton.engine.robot_status import (
     BATTERY_PERCENT,
@@ -260,7 +261,11 @@ def _fields(
         "loaded": (robots.load != NIL).astype(np.int64),
         "load": robots.load,
         "order": robots.order,
-        "waiting": np.where(is_waiting(observation.cause), tick - observation.since, 0),
+        "waiting": np.where(
+            is_waiting(observation.cause),
+            waited_ticks(observation.cause, observation.since, tick),
+            0,
+        ),
         "slowdown_ticks": observation.lost[:, CAUSE_REDUCED_SPEED],
         "cause": observation.cause.astype(np.int64),
         "action": robots.action.astype(np.int64),

@@ -17,6 +17,7 @@ from automaton.engine.observation import (
     CAUSE_STATION_BREAK,
     CAUSE_STATION_QUEUE,
     CAUSES,
+    waited_ticks,
 )
 from automaton.engine.robot_status import (
     BATTERY_FULL,
@@ -114,7 +115,7 @@ def link_of(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> Link:
         because = STATION_WORDS[code](snapshot, robot)
     elif code == CAUSE_NO_ORDER and (full := no_place_words(snapshot, robot)):
         because = f"{because}: {full}"
-    ticks = snapshot.tick - int(fleet.since[robot])
+    ticks = int(waited_ticks(fleet.cause[robot], fleet.since[robot], snapshot.tick))
     since = f"has waited {ticks:,} tick{'s' if ticks != 1 else ''}"
     return Link(
         robot, cause.name, cell, blocker, ticks, f"robot {robot} {since}: {because}", cause.rule

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from automaton.engine.observation import EVENT_DEADLOCK, is_waiting
+from automaton.engine.observation import EVENT_DEADLOCK, is_waiting, waited_ticks
 from automaton.engine.state import NIL, Array
 from automaton.errors import InputError, nearest
 from automaton.evidence.history.event_history import Event, event_of
@@ -198,7 +198,8 @@ class Narration:
         observation, identity = simulation.observation, simulation.world.robots.identity
         waiting = is_waiting(observation.cause)
         self._note_ended_waits(simulation, waiting)
-        long = np.flatnonzero(waiting & (self._run.tick - observation.since == WAIT_TICKS))
+        waited = waited_ticks(observation.cause, observation.since, self._run.tick)
+        long = np.flatnonzero(waiting & (waited == WAIT_TICKS))
         if not len(long):
             return
         robots = np.sort(identity[long])[: self._room("waits", len(long))]

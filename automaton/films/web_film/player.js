@@ -287,15 +287,14 @@ function robotWords() {
   const k = tickNow(), code = of("cause", selected, k), words = [];
   if (code === 0) words.push(film.states[of("mark", selected, k) & 7]);
   else {
-    let since = k;
-    while (since > 0 && of("cause", selected, since - 1) === code) since--;
     const blocker = of("blocker", selected, k), cell = of("wanted", selected, k);
     const at = cell < 0 ? "its next cell" : `(${(cell % film.stride) - 1}, ${Math.floor(cell / film.stride) - 1})`;
     const sentence = film.causes[code].text
       .replaceAll("{robot}", `robot ${selected}`)
       .replaceAll("{blocker}", blocker < 0 ? "no robot" : `robot ${blocker}`)
       .replaceAll("{cell}", at);
-    words.push(`waits for ${number(k - since + 1)} ticks: ${film.causes[code].name}`, sentence);
+    const waited = of("waited", selected, k);
+    words.push(`has waited ${number(waited)} tick${waited === 1 ? "" : "s"}: ${film.causes[code].name}`, sentence);
   }
   const place = placeOf(selected);
   words.push(place ? `at (${Math.round(place[0])}, ${Math.round(place[1])})` : "off the floor");

@@ -20,6 +20,7 @@ from automaton.build.resolve import resolve
 from automaton.commands import Parser, cast_command
 from automaton.engine.state import NIL
 from automaton.errors import InputError
+from automaton.evidence.history.explanation import link_of
 from automaton.evidence.history.fleet_summary import summarize
 from automaton.evidence.history.playback import Playback
 from automaton.evidence.history.snapshot import Snapshot, take_snapshot
@@ -98,6 +99,18 @@ def test_its_columns_are_the_run(crossing: Path) -> None:
         assert of_robots["blocker"][:, tick].tolist() == fleet.blocker.tolist()
         now = summarize(shown)
         assert of_fleet[:, tick].tolist() == [getattr(now, name) for name in figures]
+
+
+def test_a_wait_is_as_long_in_the_film_as_in_its_explanation(crossing: Path) -> None:
+    film = film_of(page(crossing, "--from", 3))
+    waited, cause = (column(film, name, film["robots"]) for name in ("waited", "cause"))
+    floor_plan = resolve("crossing").floor_plan
+    for shown in snapshots(crossing, list(range(3, LAST + 1))):
+        links = [link_of(shown, floor_plan, robot) for robot in range(film["robots"])]
+        assert waited[:, shown.tick - 3].tolist() == [link.ticks for link in links]
+    goes_on = (cause[:, :-1] != cause[:, 1:]) & (waited[:, :-1] > 0) & (waited[:, 1:] > 1)
+    assert waited[cause > 0].min() == 1  # the first tick lost counts
+    assert goes_on.any()  # a wait whose cause changes is one wait
 
 
 def test_loads_are_on_shelves_until_they_are_picked(crossing: Path) -> None:

@@ -51,7 +51,7 @@ def test_a_fuller_battery_has_a_higher_level() -> None:
 
 
 def test_a_longer_wait_has_a_higher_level_and_a_robot_without_order_does_not_wait() -> None:
-    waits = [{"cause": 3, "since": 1001 - ticks} for ticks in (1, 9, 10, 50, 200)]
+    waits = [{"cause": 3, "since": 1000 - ticks} for ticks in (1, 9, 10, 50, 200)]
     scene = scene_of(*waits, {"cause": CAUSE_NO_ORDER}, colouring="waiting")
     vars(scene.snapshot)["tick"] = 1000
     levels = [styles.LEVELS.index(colour) for colour in colours(scene)]

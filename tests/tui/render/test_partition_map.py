@@ -36,6 +36,17 @@ def test_where_there_is_room_stations_bear_their_numbers() -> None:
     assert rows(two_zones(), "3x1")[0] == "t1 d  d  d  T2 .  .  .  t3"
 
 
+@pytest.mark.parametrize("zoom", ["4x2", "6x3", "8x4"])
+def test_in_large_cells_a_station_has_one_sign_beside_its_number(zoom: str) -> None:
+    width, height = map(int, zoom.split("x"))
+    first, second = (
+        "".join(row[x * width : (x + 1) * width] for row in rows(two_zones(), zoom)[:height])
+        for x in (0, 4)
+    )
+    assert first.count("t") == 1 and "t1" in first
+    assert second.count("T") == 1 and "t" not in second and "T2" in second
+
+
 def test_nothing_is_left_of_the_number_of_a_station_on_which_a_robot_stands() -> None:
     floor_plan = draw_floor("t" * 11)
     roads = roads_of(floor_plan, floor_plan.stations)

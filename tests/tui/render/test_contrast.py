@@ -18,6 +18,7 @@ from automaton.engine.robot_status import BATTERY_FULL, STATUS_FAILED
 from automaton.engine.state import ACTION_CHARGE, GOAL_CHARGE
 from automaton.floor.traffic_zones import traffic_zones_of
 from tui.render import styles
+from tui.render.colouring import DRAW_CLASS
 from tui.render.depth import Depth
 from tui.render.glyphs import GLYPHS, UNICODE
 from tui.render.robot_marks import STATE_COLOURS
@@ -135,7 +136,7 @@ def test_all_that_a_picture_shows_is_legible_in_every_theme_at_every_depth(layer
 def test_there_are_styles_of_every_kind_in_the_pictures_that_are_measured() -> None:
     seen = {styles.style(fg, bg) for layer in LAYERS for fg, bg, _ in drawn_styles(layer, "3x1")}
     foregrounds, backgrounds = zip(*(divmod(one, len(COLOURS)) for one in seen), strict=True)
-    states = {*STATE_COLOURS[:8].tolist()} - {styles.COLOUR_SELECTED}
+    states = {*STATE_COLOURS[:DRAW_CLASS].tolist()}
     assert states <= {*foregrounds, *backgrounds}
     assert {styles.COLOUR_HEAT_8, styles.COLOUR_ZONE_0} <= {*backgrounds}
     assert len(seen) > 25 and max(seen) < STYLE_COUNT

@@ -258,7 +258,7 @@ def check_pod_ways(document: Document, fleet: FleetOnFloor) -> None:
             text = f"no robot gets to station {number} at ({x}, {y}) and back"
             raise document.error(("layout",), text)
         ways = [to_and_from(floor_plan, station, one.rail)[cells] for one in fleet.types]
-        apart: Mask = ~(np.stack(ways) & carried).any(axis=0)
+        apart: Mask = ~np.logical_or.reduce(np.stack(ways) & carried)
         if apart.any():
             pod = int(np.argmax(apart))
             u, v = floor_plan.xy(int(cells[pod]))

@@ -25,8 +25,9 @@ Looks = NDArray[np.uint8]
 
 DETAIL_SHIFT: Final = 4
 KIND_MASK: Final = (1 << DETAIL_SHIFT) - 1
-OUTSIDE: Final = 1  # detail of a wall that touches nothing but walls
-ONE_WAY: Final = 1  # to 4: details of floor; 1 + direction
+LOOK_COUNT: Final = 16 << DETAIL_SHIFT
+DETAIL_OUTSIDE: Final = 1  # detail of a wall that touches nothing but walls
+DETAIL_ONE_WAY: Final = 1  # to 4: details of floor; 1 + direction
 KIND_COLOURS: Final = {
     kind.code: {"floor": "mark", "storage": "mark"}.get(kind.name, kind.name) for kind in CELL_KINDS
 }
@@ -40,15 +41,15 @@ def looks_of(floor_plan: FloorPlan) -> Looks:
     detail[rails] = exits[rails]
     onwards = exits & ~_exits_into(kind == STORAGE)
     for direction in range(4):
-        detail[(kind == FLOOR) & _one_way(onwards, direction)] = ONE_WAY + direction
-    detail[(kind == WALL) & ~_beside_something(kind)] = OUTSIDE
+        detail[(kind == FLOOR) & _one_way(onwards, direction)] = DETAIL_ONE_WAY + direction
+    detail[(kind == WALL) & ~_beside_something(kind)] = DETAIL_OUTSIDE
     return np.asarray(kind | detail << DETAIL_SHIFT, np.uint8)
 
 
 def colour_of(look: int) -> str:
     """The name of the colour in which a look is drawn."""
     kind, detail = look & KIND_MASK, look >> DETAIL_SHIFT
-    if kind == WALL and detail == OUTSIDE:
+    if kind == WALL and detail == DETAIL_OUTSIDE:
         return "void"
     return "direction" if kind == FLOOR and detail else KIND_COLOURS[kind]
 

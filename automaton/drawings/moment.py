@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from automaton.build.resolve import Resolved
 from automaton.drawings.cell_looks import Looks, box_of, looks_of
-from automaton.drawings.robot_looks import RobotLooks, robot_looks
+from automaton.drawings.robot_looks import RobotLooks, cell_of, robot_looks
 from automaton.engine.gates import GATE_CLOSING, GATE_DOOR
 from automaton.engine.state import CLOCK_TICK, NIL
 from automaton.floor.floor_plan import UNBOUNDED, FloorPlan
@@ -95,11 +95,6 @@ def fleet_of(world: Any, observation: Any) -> Any:
 def looks_of_fleet(fleet: Any, floor: DrawnFloor) -> RobotLooks:
     """What the robots of fleet_of look like."""
     return robot_looks(fleet, floor.headings, floor.battery, floor.may_be_down)
-
-
-def cell_of(fleet: Any) -> Cells:
-    """(n,) the cell in which each robot is drawn, that of its parking bay if it is there; or NIL."""
-    return np.asarray(np.where(fleet.cell == NIL, fleet.bay, fleet.cell), np.int32)
 
 
 def moment_of(floor: DrawnFloor, world: Any, observation: Any) -> Moment:

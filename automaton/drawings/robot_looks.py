@@ -18,32 +18,31 @@ from automaton.engine.robot_status import (
 from automaton.engine.state import NIL
 
 # States of a robot, the worse the higher.
-PARKED: Final = 0
-CHARGING: Final = 1
-EMPTY: Final = 2
-LOADED: Final = 3
-LOW_BATTERY: Final = 4
-WAITING: Final = 5
-FAULT: Final = 6  # in a wait cycle, or down
+DRAW_PARKED: Final = 0
+DRAW_CHARGING: Final = 1
+DRAW_EMPTY: Final = 2
+DRAW_LOADED: Final = 3
+DRAW_LOW_BATTERY: Final = 4
+DRAW_WAITING: Final = 5
+DRAW_FAULT: Final = 6  # in a wait cycle, or down
 STATE_COLOURS: Final = (
     *("parked", "charging", "empty", "loaded", "low battery", "waiting", "fault"),
-    "selected",
 )
 STATE_WORDS: Final = (
     *("parked", "charging", "without a load", "with a load", "battery low"),
-    *("waiting", "in a wait cycle, or down", "selected"),
+    *("waiting", "in a wait cycle, or down"),
 )
 
 # Shapes of a robot.
-HOLLOW: Final = 0
-FILLED: Final = 1  # with a load
-SQUARE: Final = 2  # parked
-PLUG: Final = 3  # charges
-VOID: Final = 4  # its battery is empty
-CROSS: Final = 5  # broken
-THIN: Final = 6  # its battery is low
-BOXED: Final = 7  # its battery is low, with a load
-WITH_LOAD: Final = (FILLED, BOXED)
+SHAPE_HOLLOW: Final = 0
+SHAPE_FILLED: Final = 1  # with a load
+SHAPE_SQUARE: Final = 2  # parked
+SHAPE_PLUG: Final = 3  # charges
+SHAPE_VOID: Final = 4  # its battery is empty
+SHAPE_CROSS: Final = 5  # broken
+SHAPE_THIN: Final = 6  # its battery is low
+SHAPE_BOXED: Final = 7  # its battery is low, with a load
+WITH_LOAD: Final = (SHAPE_FILLED, SHAPE_BOXED)
 LOW_CHARGE: Final = 20 * BATTERY_PERCENT
 
 
@@ -64,24 +63,29 @@ def robot_looks(
     `battery`: robots run on batteries; `may_be_down`: they may stand on the floor for good.
     """
     loaded, parked = robots.load != NIL, robots.parked != 0
-    state = np.where(loaded, np.uint8(LOADED), np.uint8(EMPTY))
-    state[robots.cause != 0] = WAITING
-    state[parked] = PARKED
-    state[robots.wait_cycle_ticks != 0] = FAULT
+    state = np.where(loaded, np.uint8(DRAW_LOADED), np.uint8(DRAW_EMPTY))
+    state[robots.cause != 0] = DRAW_WAITING
+    state[parked] = DRAW_PARKED
+    state[robots.wait_cycle_ticks != 0] = DRAW_FAULT
     shape = loaded.astype(np.uint8)
-    shape[parked] = SQUARE
+    shape[parked] = SHAPE_SQUARE
     if battery:
         plugged = is_charging(robots)
-        state[plugged], shape[plugged] = CHARGING, PLUG
+        state[plugged], shape[plugged] = DRAW_CHARGING, SHAPE_PLUG
         low = (robots.charge < LOW_CHARGE) & ~plugged
-        state[low] = np.maximum(state[low], LOW_BATTERY)
-        shape[low] = np.where(loaded[low], BOXED, THIN)
+        state[low] = np.maximum(state[low], DRAW_LOW_BATTERY)
+        shape[low] = np.where(loaded[low], SHAPE_BOXED, SHAPE_THIN)
     if battery or may_be_down:
-        for code, sign in ((STATUS_DEPLETED, VOID), (STATUS_FAILED, CROSS)):
-            state[robots.status == code], shape[robots.status == code] = FAULT, sign
+        for code, sign in ((STATUS_DEPLETED, SHAPE_VOID), (STATUS_FAILED, SHAPE_CROSS)):
+            state[robots.status == code], shape[robots.status == code] = DRAW_FAULT, sign
         towed = robots.status >= STATUS_TOWED  # it shows in a parking bay alone
-        state[towed], shape[towed] = PARKED, CROSS
+        state[towed], shape[towed] = DRAW_PARKED, SHAPE_CROSS
     return RobotLooks(state, shape, directions(robots, headings))
+
+
+def cell_of(robots: Any) -> NDArray[np.int32]:
+    """(n,) the cell in which each robot is drawn, that of its parking bay if it is there; or NIL."""
+    return np.asarray(np.where(robots.cell == NIL, robots.bay, robots.cell), np.int32)
 
 
 def directions(robots: Any, headings: Sequence[int]) -> NDArray[np.uint8]:

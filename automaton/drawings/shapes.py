@@ -10,12 +10,12 @@ from typing import Final, NamedTuple
 
 from automaton.drawings.cell_looks import DETAIL_SHIFT, KIND_MASK, colour_of
 from automaton.drawings.robot_looks import (
-    CROSS,
-    FAULT,
-    PLUG,
-    SQUARE,
+    DRAW_FAULT,
+    DRAW_WAITING,
+    SHAPE_CROSS,
+    SHAPE_PLUG,
+    SHAPE_SQUARE,
     STATE_COLOURS,
-    WAITING,
     WITH_LOAD,
 )
 from automaton.floor.cells import (
@@ -123,16 +123,16 @@ def shut_shapes() -> tuple[Shape, ...]:
 def robot_shapes(state: int, shape: int, direction: int, name: str = "") -> tuple[Shape, ...]:
     """A robot: its body in the colour of its state, its front, its load, and its number on top."""
     colour, r = STATE_COLOURS[state], RADIUS
-    if shape == SQUARE:
+    if shape == SHAPE_SQUARE:
         side = 1.6 * r
         body: list[Shape] = [Box(0.5 - side / 2, 0.5 - side / 2, side, side, colour)]
     else:
         body = [Disc(0.5, 0.5, r, colour), Disc(0.5, 0.5, r, "floor", 0.05)]
-    if state in (WAITING, FAULT) and shape != CROSS:
+    if state in (DRAW_WAITING, DRAW_FAULT) and shape != SHAPE_CROSS:
         body.append(Disc(0.5, 0.5, r - 0.06, "floor", 0.04))  # a second ring: not the colour alone
-    if shape == CROSS:
+    if shape == SHAPE_CROSS:
         return *body, *_cross(0.2)
-    if shape not in (SQUARE, PLUG):
+    if shape not in (SHAPE_SQUARE, SHAPE_PLUG):
         body.append(Disc(*_towards(direction, 0.8 * r), 0.2 * r, "floor"))
     if shape in WITH_LOAD:
         corner, side = 0.5 - LOAD_SIDE / 2, LOAD_SIDE

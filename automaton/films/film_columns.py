@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 from automaton.drawings.moment import (
     DrawnFloor,
     Moment,
-    cell_of,
     fleet_of,
     full_cells,
     looks_of_fleet,
     shut_cells,
 )
-from automaton.drawings.robot_looks import RobotLooks
+from automaton.drawings.robot_looks import RobotLooks, cell_of
 from automaton.engine.observation import CAUSES, waited_ticks
 from automaton.engine.robot_status import BATTERY_PERCENT
 from automaton.engine.state import NIL

@@ -14,7 +14,7 @@ from automaton.drawings import floor_svg as module
 from automaton.drawings.floor_svg import floor_svg
 from automaton.drawings.moment import DrawnFloor, Moment, drawn_floor, moment_of
 from automaton.drawings.palette import css, rgb
-from automaton.drawings.robot_looks import WAITING
+from automaton.drawings.robot_looks import DRAW_WAITING
 from automaton.engine.state import NIL
 from automaton.runs.simulation import Simulation
 
@@ -93,7 +93,7 @@ def test_a_chosen_robot_is_ringed_and_tied_to_what_keeps_it(
 def test_waiting_is_told_by_shape_too(crossing: tuple[DrawnFloor, Moment, Simulation]) -> None:
     floor, moment, _ = crossing
     state = moment.looks.state.copy()
-    state[0] = WAITING
+    state[0] = DRAW_WAITING
     waits = replace(moment, looks=moment.looks._replace(state=state))
     rings = [floor_svg(floor, one).count(f'stroke="{colour("floor")}"') for one in (moment, waits)]
     assert rings[1] == rings[0] + 1

@@ -22,7 +22,7 @@ from automaton.scenario.schema import Scenario
 from automaton.tables.columns import NO_TEXT
 from automaton.tables.observed_rows import heading_texts, state_form
 from tui.playback.run_source import floor_of
-from tui.render.robot_marks import directions
+from tui.render.robot_marks import robots_of
 from tui.render.scene import Scene
 
 MIXED = tuple(
@@ -74,7 +74,11 @@ def test_back_from_where_it_came_a_robot_on_rails_does_not_turn() -> None:
 def test_the_viewer_shows_where_each_robot_faces_or_comes_from() -> None:
     run = SmallRun(CORNERS, {name: "EES" for name in "ABC"}, types=MIXED)
     scene = Scene(floor_of(run.run.resolved), run.tick(3).snapshot())
-    assert directions(scene).tolist() == [1, 1, 1]  # A and C have turned, B has driven south
+    assert robots_of(scene).direction.tolist() == [
+        1,
+        1,
+        1,
+    ]  # A and C have turned, B has driven south
 
 
 def test_tables_and_pictures_name_the_headings_of_each_type() -> None:

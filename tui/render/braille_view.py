@@ -13,6 +13,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from automaton.drawings.cell_looks import DETAIL_OUTSIDE
 from automaton.engine.state import NIL
 from automaton.floor.cells import BAY, CHARGER, DESTINATION, DOCK, STATION, WALL
 from tui.render import robot_marks as fleet
@@ -21,7 +22,7 @@ from tui.render.blocks import Part, blocks, part_of
 from tui.render.camera import Camera, Rectangle
 from tui.render.cell_looks import FAR_SHELF, STORING_KINDS, look
 from tui.render.glyphs import DOT_BITS, Codes, GlyphSet, code
-from tui.render.scene import DETAIL_OUTSIDE, Floor, Scene
+from tui.render.scene import Floor, Scene
 from tui.render.styles import style
 from tui.render.trails import goal_lines
 

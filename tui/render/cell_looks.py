@@ -7,6 +7,13 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from automaton.drawings.cell_looks import (
+    DETAIL_ONE_WAY,
+    DETAIL_OUTSIDE,
+    DETAIL_SHIFT,
+    KIND_MASK,
+    LOOK_COUNT,
+)
 from automaton.floor.cells import (
     ALONG_X,
     ALONG_Y,
@@ -27,17 +34,7 @@ from automaton.floor.cells import (
 from tui.render import styles
 from tui.render.cell_outlines import UNSIGNED, line_glyphs, outline
 from tui.render.glyphs import ASCII, GlyphSet, code
-from tui.render.scene import (
-    DETAIL_FULL_SHELF,
-    DETAIL_ONE_WAY,
-    DETAIL_OUTSIDE,
-    DETAIL_PASSING,
-    DETAIL_POD,
-    DETAIL_SHIFT,
-    DETAIL_UNLIMITED,
-    KIND_MASK,
-    LOOK_COUNT,
-)
+from tui.render.scene import DETAIL_FULL_SHELF, DETAIL_PASSING, DETAIL_POD, DETAIL_UNLIMITED
 from tui.render.styles import style
 
 KIND_COLOURS = {  # of a kind of cell

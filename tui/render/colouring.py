@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from automaton.drawings.robot_looks import STATE_COLOURS
 from automaton.engine.observation import is_waiting, waited_ticks
 from automaton.engine.robot_status import BATTERY_FULL
 from automaton.engine.state import NIL
@@ -32,7 +33,7 @@ WAITED: Final = (1, 10, 50, 200)  # ticks from which on levels 1 to 4 of a wait 
 CLASS_COUNT: Final = len(styles.CLASSES)
 LEVEL_COUNT: Final = len(styles.LEVELS)
 # Rows of tui.render.robot_marks.STATE_COLOURS behind those of the states.
-DRAW_CLASS: Final = 8
+DRAW_CLASS: Final = len(STATE_COLOURS)
 DRAW_LEVEL: Final = DRAW_CLASS + CLASS_COUNT
 DRAW_ALARM: Final = DRAW_LEVEL + LEVEL_COUNT  # in a wait cycle, or down
 OTHER_COLOURS: Final = (*styles.CLASSES, *styles.LEVELS, styles.COLOUR_FAULT)

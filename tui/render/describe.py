@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from automaton.drawings.cell_looks import DETAIL_ONE_WAY, DETAIL_SHIFT, KIND_MASK
 from automaton.engine.observation import CAUSES
 from automaton.engine.robot_status import BATTERY_PERCENT, STATUS_TOWED
 from automaton.engine.state import ACTION_IDLE, ACTION_NAMES, NIL, ORDER_DELIVERED, ORDER_WAITING
@@ -22,14 +23,7 @@ from automaton.evidence.history.station_words import (
 )
 from automaton.floor.cells import ANY, CELL_KINDS, DIRECTIONS, EXIT_EAST, EXIT_WEST, FLOOR, TRACK
 from tui.registration import layers
-from tui.render.scene import (
-    DETAIL_ONE_WAY,
-    DETAIL_PASSING,
-    DETAIL_SHIFT,
-    DETAIL_UNLIMITED,
-    KIND_MASK,
-    Scene,
-)
+from tui.render.scene import DETAIL_PASSING, DETAIL_UNLIMITED, Scene
 
 MAX_NAMED_ROBOTS = 3  # named in one line
 

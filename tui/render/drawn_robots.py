@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from automaton.drawings import robot_looks as looks
 from automaton.engine.robot_status import BATTERY_FULL
 from automaton.engine.state import NIL
 from tui.render import robot_marks as fleet
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from tui.render.canvas import Canvas
 
 Colours = NDArray[np.uint32]
-HEADLESS: Final = (fleet.SHAPE_SQUARE, fleet.SHAPE_PLUG, fleet.SHAPE_VOID, fleet.SHAPE_CROSS)
+HEADLESS: Final = (looks.SHAPE_SQUARE, looks.SHAPE_PLUG, looks.SHAPE_VOID, looks.SHAPE_CROSS)
 GAP: Final = styles.COLOUR_VOID  # foreground of blanks, which are never underlined as signs are
 
 
@@ -67,7 +68,7 @@ def pixel_colours(
         assert canvas.scene.snapshot is not None
         charge = canvas.scene.snapshot.robots.charge[which]
         pixels = -(-charge.astype(np.int64) * bar // BATTERY_FULL)
-        full = np.where(charge < fleet.LOW_CHARGE, styles.COLOUR_LOW_BATTERY, styles.COLOUR_DONE)
+        full = np.where(charge < looks.LOW_CHARGE, styles.COLOUR_LOW_BATTERY, styles.COLOUR_DONE)
         lit = np.arange(canvas.width) < pixels[:, None]
         colours[:, BAR:] = np.where(lit, full[:, None], styles.COLOUR_FLOOR)
     return colours

@@ -6,6 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from automaton.drawings import robot_looks as looks
+from automaton.drawings.cell_looks import DETAIL_OUTSIDE, DETAIL_SHIFT, KIND_MASK
 from automaton.engine.gates import GATE_CLOSING, GATE_DOOR
 from automaton.engine.robot_status import BATTERY_PERCENT
 from automaton.floor.cells import CELL_KINDS, FLOOR, SHELF, STORAGE, TRACK, WALL
@@ -20,16 +22,7 @@ from tui.render.glyphs import GLYPH_BITS, GLYPHS, GlyphSet, code
 from tui.render.layer_scale import nothing_yet
 from tui.render.pixels import DRIVEN
 from tui.render.robot_sprites import BAR_HEIGHT
-from tui.render.scene import (
-    DETAIL_FULL_SHELF,
-    DETAIL_OUTSIDE,
-    DETAIL_PASSING,
-    DETAIL_POD,
-    DETAIL_SHIFT,
-    DETAIL_UNLIMITED,
-    KIND_MASK,
-    Scene,
-)
+from tui.render.scene import DETAIL_FULL_SHELF, DETAIL_PASSING, DETAIL_POD, DETAIL_UNLIMITED, Scene
 from tui.render.styles import style
 from tui.render.zoom_ladder import Zoom
 
@@ -87,8 +80,8 @@ def _robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
     shapes = fleet.shapes(glyphs)
 
     def signs(state: int, shape: int, directions: tuple[int, ...]) -> tuple[int, ...]:
-        loaded = zoom.is_drawn and state == fleet.DRAW_LOADED
-        body = int(fleet.STATE_COLOURS[fleet.DRAW_EMPTY if loaded else state])
+        loaded = zoom.is_drawn and state == looks.DRAW_LOADED
+        body = int(fleet.STATE_COLOURS[looks.DRAW_EMPTY if loaded else state])
         written = style(styles.COLOUR_FLOOR, body)
         drawn = tuple(int(code(written, shapes[shape, d])) for d in directions)
         cargo = style(styles.COLOUR_FLOOR, styles.COLOUR_LOADED)
@@ -98,25 +91,25 @@ def _robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
     waits = "waits: flat in front" if zoom.is_drawn else "waits"
     load = "pod" if (scene.floor.floor_plan.kind == STORAGE).any() else "load"
     entries = [
-        Entry(signs(fleet.DRAW_EMPTY, fleet.SHAPE_HOLLOW, ways), "robot, and the way it faces"),
-        Entry(signs(fleet.DRAW_LOADED, fleet.SHAPE_FILLED, ways), f"robot with a {load}"),
-        Entry(signs(fleet.DRAW_WAITING, fleet.SHAPE_HOLLOW, (0,)), waits),
-        Entry(signs(fleet.DRAW_DEADLOCK, fleet.SHAPE_HOLLOW, (0,)), "waits in a wait cycle"),
-        Entry(signs(fleet.DRAW_PARKED, fleet.SHAPE_SQUARE, (0,)), "parked"),
+        Entry(signs(looks.DRAW_EMPTY, looks.SHAPE_HOLLOW, ways), "robot, and the way it faces"),
+        Entry(signs(looks.DRAW_LOADED, looks.SHAPE_FILLED, ways), f"robot with a {load}"),
+        Entry(signs(looks.DRAW_WAITING, looks.SHAPE_HOLLOW, (0,)), waits),
+        Entry(signs(looks.DRAW_FAULT, looks.SHAPE_HOLLOW, (0,)), "waits in a wait cycle"),
+        Entry(signs(looks.DRAW_PARKED, looks.SHAPE_SQUARE, (0,)), "parked"),
     ]
     if scene.floor.battery:
-        low = f"battery below {fleet.LOW_CHARGE // BATTERY_PERCENT} %"
+        low = f"battery below {looks.LOW_CHARGE // BATTERY_PERCENT} %"
         entries += [
-            Entry(signs(fleet.DRAW_CHARGING, fleet.SHAPE_PLUG, (0,)), "charges"),
-            Entry(signs(fleet.DRAW_LOW_BATTERY, fleet.SHAPE_THIN, ways), low),
-            Entry(signs(fleet.DRAW_LOW_BATTERY, fleet.SHAPE_BOXED, ways), f"{low}, with a load"),
-            Entry(signs(fleet.DRAW_DEADLOCK, fleet.SHAPE_VOID, (0,)), "battery empty, down"),
+            Entry(signs(looks.DRAW_CHARGING, looks.SHAPE_PLUG, (0,)), "charges"),
+            Entry(signs(looks.DRAW_LOW_BATTERY, looks.SHAPE_THIN, ways), low),
+            Entry(signs(looks.DRAW_LOW_BATTERY, looks.SHAPE_BOXED, ways), f"{low}, with a load"),
+            Entry(signs(looks.DRAW_FAULT, looks.SHAPE_VOID, (0,)), "battery empty, down"),
         ]
         if zoom.height >= BAR_HEIGHT:
             bar = style(styles.COLOUR_DONE, styles.COLOUR_ROBOT)
             entries.append(Entry((int(code(bar, glyphs.lower_half)),), "charge of its battery"))
     if scene.floor.faults:
-        entries.append(Entry(signs(fleet.DRAW_DEADLOCK, fleet.SHAPE_CROSS, (0,)), "broken down"))
+        entries.append(Entry(signs(looks.DRAW_FAULT, looks.SHAPE_CROSS, (0,)), "broken down"))
     if scene.floor.loads_may_lie:
         left = int(code(style(styles.COLOUR_LOADED, styles.COLOUR_FLOOR), glyphs.left_load))
         entries.append(Entry((left,), "load that a robot had to leave"))
@@ -138,17 +131,17 @@ def _robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
 def _far_robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
     worst = "waiting in a wait cycle" + (", down" if scene.floor.loads_may_lie else "")
     names = {
-        fleet.DRAW_DEADLOCK: worst,
-        fleet.DRAW_WAITING: "waiting",
-        fleet.DRAW_LOW_BATTERY: f"battery below {fleet.LOW_CHARGE // BATTERY_PERCENT} %",
-        fleet.DRAW_LOADED: "with a load",
-        fleet.DRAW_EMPTY: "empty",
-        fleet.DRAW_CHARGING: "charging",
-        fleet.DRAW_PARKED: "parked robots",
+        looks.DRAW_FAULT: worst,
+        looks.DRAW_WAITING: "waiting",
+        looks.DRAW_LOW_BATTERY: f"battery below {looks.LOW_CHARGE // BATTERY_PERCENT} %",
+        looks.DRAW_LOADED: "with a load",
+        looks.DRAW_EMPTY: "empty",
+        looks.DRAW_CHARGING: "charging",
+        looks.DRAW_PARKED: "parked robots",
     }
     entries = []
     for state in names:
-        if state not in (fleet.DRAW_CHARGING, fleet.DRAW_LOW_BATTERY) or scene.floor.battery:
+        if state not in (looks.DRAW_CHARGING, looks.DRAW_LOW_BATTERY) or scene.floor.battery:
             shown = _far_sign(scene, zoom, glyphs, int(fleet.STATE_COLOURS[state]))
             entries.append(Entry((shown,), names[state]))
     return entries

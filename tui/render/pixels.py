@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from automaton.drawings.cell_looks import KIND_MASK, LOOK_COUNT
 from automaton.engine.state import NIL
 from automaton.floor.cells import (
     BAY,
@@ -40,7 +41,7 @@ from tui.render.cell_looks import (
 )
 from tui.render.cell_view import heat_codes
 from tui.render.glyphs import Codes, GlyphSet, code
-from tui.render.scene import KIND_MASK, LOOK_COUNT, Floor, Scene
+from tui.render.scene import Floor, Scene
 from tui.render.shelf_marks import full_shelves, pods_in
 from tui.render.styles import style
 from tui.render.tints import paint_tints, sign_tints

@@ -8,26 +8,21 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.drawings.robot_looks import directions as read_directions
-from automaton.engine.robot_status import BATTERY_PERCENT, STATUS_FAILED, STATUS_TOWED
-from automaton.engine.robot_status import STATUS_DEPLETED as DRAINED
-from automaton.engine.state import NIL
-from automaton.evidence.history.charging_words import charging
+from automaton.drawings.robot_looks import (
+    DRAW_EMPTY,
+    DRAW_FAULT,
+    DRAW_LOADED,
+    DRAW_PARKED,
+    cell_of,
+    robot_looks,
+)
 from tui.render import styles
 from tui.render.colouring import OTHER_COLOURS, coloured
 from tui.render.glyphs import GLYPH_BITS, GLYPHS, Codes, GlyphSet, code
 from tui.render.scene import Scene
 from tui.render.styles import style
 
-# States of a robot, the worse the higher: the worst one gives a shared character its colour.
-DRAW_PARKED: Final = 0
-DRAW_CHARGING: Final = 1
-DRAW_EMPTY: Final = 2
-DRAW_LOADED: Final = 3
-DRAW_LOW_BATTERY: Final = 4  # its battery is
-DRAW_WAITING: Final = 5
-DRAW_DEADLOCK: Final = 6  # and down
-DRAW_SELECTED: Final = 7
+# By state, the worse the higher: the worst one gives a shared character its colour.
 STATE_COLOURS: Final = np.array(
     [
         *(
@@ -37,22 +32,11 @@ STATE_COLOURS: Final = np.array(
             styles.COLOUR_LOADED,
             styles.COLOUR_LOW_BATTERY,
         ),
-        *(styles.COLOUR_WAITING, styles.COLOUR_FAULT, styles.COLOUR_SELECTED),
+        *(styles.COLOUR_WAITING, styles.COLOUR_FAULT),
         *OTHER_COLOURS,
     ],
     np.uint32,
 )
-
-# Shapes of a robot in its heading.
-SHAPE_HOLLOW: Final = 0
-SHAPE_FILLED: Final = 1
-SHAPE_SQUARE: Final = 2
-SHAPE_PLUG: Final = 3  # charges
-SHAPE_VOID: Final = 4  # battery empty
-SHAPE_CROSS: Final = 5  # broken
-SHAPE_THIN: Final = 6  # battery low
-SHAPE_BOXED: Final = 7  # battery low, with a load
-LOW_CHARGE: Final = 20 * BATTERY_PERCENT
 
 
 class Robots(NamedTuple):
@@ -67,7 +51,7 @@ class Robots(NamedTuple):
 
 def colours_of(scene: Scene, state: NDArray[np.uint8]) -> NDArray[np.uint32]:
     """(n,) the colour of each robot of the scene: that of its state, or of what colours robots."""
-    return STATE_COLOURS[coloured(scene, state, DRAW_PARKED, DRAW_DEADLOCK)]
+    return STATE_COLOURS[coloured(scene, state, DRAW_PARKED, DRAW_FAULT)]
 
 
 def body_colours(scene: Scene, robots: Robots) -> NDArray[np.uint32]:
@@ -79,47 +63,10 @@ def body_colours(scene: Scene, robots: Robots) -> NDArray[np.uint32]:
 def robots_of(scene: Scene) -> Robots:
     """The robots of a scene's snapshot."""
     assert scene.snapshot is not None
-    fleet = scene.snapshot.robots
-    loaded = fleet.load != NIL
-    parked = fleet.parked != 0
-    state = np.where(loaded, np.uint8(DRAW_LOADED), np.uint8(DRAW_EMPTY))
-    state[fleet.cause != 0] = DRAW_WAITING
-    state[parked] = DRAW_PARKED
-    state[fleet.wait_cycle_ticks != 0] = DRAW_DEADLOCK
-    shape = loaded.astype(np.uint8)
-    shape[parked] = SHAPE_SQUARE
-    if scene.floor.battery:
-        draw_batteries(scene, state, shape)
-    if scene.floor.loads_may_lie:
-        draw_out_of_order(scene, state, shape)
-    cell = np.where(fleet.cell == NIL, fleet.bay, fleet.cell)
-    return Robots(cell, state, directions(scene), shape, colours_of(scene, state))
-
-
-def draw_batteries(scene: Scene, state: NDArray[np.uint8], shape: NDArray[np.uint8]) -> None:
-    """Robots that charge, and such as have little energy left; who waits keeps the colour for it."""
-    assert scene.snapshot is not None
-    fleet = scene.snapshot.robots
-    plugged = charging(fleet)
-    state[plugged], shape[plugged] = DRAW_CHARGING, SHAPE_PLUG
-    low = (fleet.charge < LOW_CHARGE) & ~plugged
-    state[low] = np.maximum(state[low], DRAW_LOW_BATTERY)
-    shape[low] = np.where(fleet.load[low] != NIL, SHAPE_BOXED, SHAPE_THIN)
-
-
-def draw_out_of_order(scene: Scene, state: NDArray[np.uint8], shape: NDArray[np.uint8]) -> None:
-    """Robots that are down, and such as were towed, which show in a parking bay alone."""
-    assert scene.snapshot is not None
-    status = scene.snapshot.robots.status
-    for down, sign in ((DRAINED, SHAPE_VOID), (STATUS_FAILED, SHAPE_CROSS)):
-        state[status == down], shape[status == down] = DRAW_DEADLOCK, sign
-    state[status >= STATUS_TOWED], shape[status >= STATUS_TOWED] = DRAW_PARKED, SHAPE_CROSS
-
-
-def directions(scene: Scene) -> NDArray[np.uint8]:
-    """(n,) 0 to 3: the way each robot faces or, if its heading does not tell, drives."""
-    assert scene.snapshot is not None
-    return read_directions(scene.snapshot.robots, scene.floor.headings)
+    fleet, floor = scene.snapshot.robots, scene.floor
+    looks = robot_looks(fleet, floor.headings, floor.battery, floor.faults)
+    colour = colours_of(scene, looks.state)
+    return Robots(cell_of(fleet), looks.state, looks.direction, looks.shape, colour)
 
 
 def shapes(glyphs: GlyphSet) -> NDArray[np.uint32]:

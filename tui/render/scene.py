@@ -9,23 +9,10 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from automaton.drawings.cell_looks import DETAIL_SHIFT, Looks, looks_of
 from automaton.engine.state import GOAL_STOP, NIL
 from automaton.evidence.history.gate_words import shut_cells
-from automaton.floor.cells import (
-    ALL_EXITS,
-    DIRECTION_VECTORS,
-    EXIT_EAST,
-    EXIT_NORTH,
-    EXIT_SOUTH,
-    EXIT_WEST,
-    FLOOR,
-    STORAGE,
-    TRACK,
-    TURNTABLE,
-    UNLIMITED,
-    WALL,
-    opposite_exits,
-)
+from automaton.floor.cells import FLOOR, UNLIMITED
 from automaton.floor.floor_plan import DRIVABLE, FloorPlan
 from automaton.floor.traffic_zones import TrafficZones
 from tui.registration import layer_named, layers
@@ -35,12 +22,7 @@ if TYPE_CHECKING:  # it needs Numba, pictures do not
     from automaton.engine.service_zones import ServiceZones
     from automaton.evidence.history.snapshot import Snapshot
 
-# What a cell looks like: its kind, and a detail in the bits above.
-DETAIL_SHIFT: Final = 4
-KIND_MASK: Final = (1 << DETAIL_SHIFT) - 1
-LOOK_COUNT: Final = 16 << DETAIL_SHIFT
-DETAIL_OUTSIDE: Final = 1  # detail of a wall that touches nothing but walls
-DETAIL_ONE_WAY: Final = 1  # to 4: details of floor; 1 + direction
+# Details of cells that drawings do not tell apart, see automaton.drawings.cell_looks.
 DETAIL_PASSING: Final = 5
 DETAIL_UNLIMITED: Final = 6  # any number of robots
 DETAIL_FULL_SHELF: Final = 1  # detail of a shelf: it holds a load
@@ -48,52 +30,17 @@ DETAIL_POD: Final = 1  # detail of a storage cell: a pod stands there
 NO_CELLS: Final = np.zeros(0, np.int32)
 
 
-def looks_of(floor_plan: FloorPlan) -> NDArray[np.uint8]:
+def looks_with_capacity(floor_plan: FloorPlan) -> Looks:
     """(height + 2, width + 2) kind and detail of each cell; shelves are empty.
 
     How many robots a cell of floor holds is a detail only where cells differ in it.
     """
-    kind, exits = floor_plan.kind, floor_plan.exits
-    detail = np.zeros_like(kind)
-    rails = (kind == TRACK) | (kind == TURNTABLE)
-    detail[rails] = exits[rails]
-    if (
-        len(np.unique(floor_plan.capacity[kind == FLOOR])) > 1
-    ):  # else there is nothing to tell apart
-        detail[(kind == FLOOR) & (floor_plan.capacity == 2)] = DETAIL_PASSING
-        detail[(kind == FLOOR) & (floor_plan.capacity == UNLIMITED)] = DETAIL_UNLIMITED
-    onwards = exits & ~_exits_into(kind == STORAGE)
-    for direction in range(4):
-        detail[(kind == FLOOR) & _one_way(onwards, direction)] = DETAIL_ONE_WAY + direction
-    detail[(kind == WALL) & ~_beside_something(kind)] = DETAIL_OUTSIDE
-    return np.asarray(kind | detail << DETAIL_SHIFT, np.uint8)
-
-
-def _exits_into(cells: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """The exits that lead into some cells: an aisle is one-way, though robots turn off into storage."""
-    sides = np.zeros(cells.shape, np.uint8)
-    for direction, (dx, dy) in enumerate(DIRECTION_VECTORS):
-        sides |= np.where(np.roll(cells, (-dy, -dx), (0, 1)), np.uint8(1 << direction), np.uint8(0))
-    return sides
-
-
-def _one_way(exits: NDArray[np.uint8], direction: int) -> NDArray[np.bool_]:
-    """Cells with that exit alone, from which there is no way back: a dead end is not one-way."""
-    bit = (EXIT_EAST, EXIT_SOUTH, EXIT_WEST, EXIT_NORTH)[direction]
-    dx, dy = DIRECTION_VECTORS[direction]
-    ahead = np.roll(exits, (-dy, -dx), (0, 1))
-    one_way: NDArray[np.bool_] = (exits == bit) & (ahead & opposite_exits(bit) & ALL_EXITS == 0)
-    return one_way
-
-
-def _beside_something(kind: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    some = np.pad(kind != WALL, 1)
-    height, width = kind.shape
-    near = np.zeros(kind.shape, bool)
-    for dy in range(3):
-        for dx in range(3):
-            near |= some[dy : dy + height, dx : dx + width]
-    return near
+    looks = looks_of(floor_plan)
+    plain, capacity = looks == FLOOR, floor_plan.capacity
+    if len(np.unique(capacity[floor_plan.kind == FLOOR])) > 1:
+        looks[plain & (capacity == 2)] |= DETAIL_PASSING << DETAIL_SHIFT
+        looks[plain & (capacity == UNLIMITED)] |= DETAIL_UNLIMITED << DETAIL_SHIFT
+    return looks
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,8 +58,8 @@ class Floor:
     type_names: tuple[str, ...] = ()  # of robots; () where all are alike
 
     @cached_property
-    def looks(self) -> NDArray[np.uint8]:
-        return looks_of(self.floor_plan)
+    def looks(self) -> Looks:
+        return looks_with_capacity(self.floor_plan)
 
     @cached_property
     def drivable(self) -> NDArray[np.bool_]:

@@ -10,12 +10,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from automaton.drawings.cell_looks import KIND_MASK
 from automaton.engine.state import NIL
 from automaton.floor.cells import FLOOR, TRACK
 from tui.render import styles
 from tui.render.canvas import Canvas
 from tui.render.glyphs import GLYPH_BITS, GLYPHS, Codes, GlyphSet, code
-from tui.render.scene import KIND_MASK
 from tui.render.styles import style
 
 # The six that stay farthest apart under all three kinds of colour blindness, in both themes; the

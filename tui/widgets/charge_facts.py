@@ -6,11 +6,12 @@ from typing import Final
 
 import numpy as np
 
+from automaton.drawings.robot_looks import LOW_CHARGE
+from automaton.engine.robot_states import is_charging
 from automaton.engine.robot_status import BATTERY_FULL, STATUS_DEPLETED, STATUS_FAILING
 from automaton.engine.state import GOAL_CHARGE, NIL
 from automaton.evidence.history.charging_words import (
     charger_queue,
-    charging,
     charging_at,
     sent_to,
     up_to,
@@ -18,7 +19,6 @@ from automaton.evidence.history.charging_words import (
 from automaton.evidence.history.explanation import out_of_order
 from automaton.units import count, percent
 from tui.playback.panel_view import View
-from tui.render.robot_marks import LOW_CHARGE
 from tui.widgets.signs import Signs, bar
 from tui.widgets.styled_lines import Line, Span, fact, line, linked, robot_link
 
@@ -54,7 +54,7 @@ def charging_plan(view: View, robot: int) -> Parts:
     if fleet.goal_type[robot] != GOAL_CHARGE:
         return []
     cell = int(fleet.goal_cell[robot])
-    if charging(fleet)[robot]:
+    if is_charging(fleet)[robot]:
         return [up_to(snapshot, robot)]
     told = f"up to {percent(int(fleet.charge_target[robot]) / BATTERY_FULL, 0)}"
     in_line = charger_queue(snapshot, cell)

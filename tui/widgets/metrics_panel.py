@@ -8,17 +8,17 @@ from typing import Final
 
 import numpy as np
 
+from automaton.drawings.robot_looks import LOW_CHARGE
 from automaton.engine.observation import CAUSE_NO_ORDER, CAUSE_NOT_WAITING, CAUSES, is_waiting
+from automaton.engine.robot_states import is_charging, is_queueing
 from automaton.engine.robot_status import BATTERY_FULL, STATUS_DEPLETED, STATUS_FAILED, STATUS_TOWED
 from automaton.engine.state import ORDER_DELIVERED
-from automaton.evidence.history.charging_words import charging, is_queueing
 from automaton.evidence.history.event_history import Curve
 from automaton.evidence.history.fleet_summary import FleetSummary, summarize
 from automaton.runs.metrics import METRIC_CATALOGUE
 from automaton.units import count, number, percent
 from tui.playback.jam_place import middle_robot
 from tui.playback.panel_view import JamChosen, TickChosen, View
-from tui.render.robot_marks import LOW_CHARGE
 from tui.widgets import lost_time, metric_curve
 from tui.widgets.charge_facts import battery_figures, may_fail
 from tui.widgets.metric_comparison import compared_lines
@@ -141,7 +141,7 @@ class Figures(TextPanel):
         if charge is None or "energy" not in metrics:
             return []
         fleet = view.snapshot.robots
-        there, waiting = charging(fleet), np.count_nonzero(is_queueing(fleet))
+        there, waiting = is_charging(fleet), np.count_nonzero(is_queueing(fleet))
         look = "warn" if charge[0] * BATTERY_FULL < LOW_CHARGE else "plain"
         least, mean = percent(charge[0], 0), percent(charge[1], 0)
         chargers = f"{np.count_nonzero(there):,}, {waiting:,} queue"

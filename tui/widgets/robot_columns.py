@@ -8,6 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from automaton.engine.observation import CAUSE_REDUCED_SPEED, CAUSES, is_waiting, waited_ticks
+from automaton.engine.robot_states import is_queueing
 from automaton.engine.robot_status import (
     BATTERY_FULL,
     STATUS_DEPLETED,
@@ -16,7 +17,6 @@ from automaton.engine.robot_status import (
     STATUS_TOWED,
 )
 from automaton.engine.state import ACTION_NAMES, ACTION_SERVE, NIL, Array
-from automaton.evidence.history.charging_words import is_queueing
 from automaton.evidence.history.snapshot import Fleet
 from automaton.evidence.history.station_words import carries_pods
 from automaton.units import percent

@@ -26,6 +26,7 @@ from automaton.engine.observation import (
     is_waiting,
     waited_ticks,
 )
+from automaton.engine.robot_states import is_charging, is_queueing
 from automaton.engine.robot_status import (
     BATTERY_PERCENT,
     STATUS_DEPLETED,
@@ -34,7 +35,6 @@ from automaton.engine.robot_status import (
 )
 from automaton.engine.state import ACTION_NAMES, CLOCK_TICK, NIL, Array, Robots
 from automaton.errors import InputError, nearest
-from automaton.evidence.history.charging_words import charging, is_queueing
 from automaton.evidence.history.snapshot import Fleet, Snapshot
 from automaton.floor.floor_plan import FloorPlan
 from automaton.runs.simulation import Simulation
@@ -275,7 +275,7 @@ def _fields(
         "priority": robots.priority,
         "steps": steps,
         "battery": robots.charge / BATTERY_PERCENT,
-        "charging": charging(robots).astype(np.int64),
+        "charging": is_charging(robots).astype(np.int64),
         "queueing": is_queueing(robots).astype(np.int64),
         "empty": (robots.status == STATUS_DEPLETED).astype(np.int64),
         "broken": (robots.status == STATUS_FAILED).astype(np.int64),

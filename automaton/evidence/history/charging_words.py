@@ -6,18 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from automaton.engine import robot_states
+from automaton.engine.robot_states import is_charging, is_queueing
 from automaton.engine.robot_status import BATTERY_FULL
-from automaton.engine.state import GOAL_CHARGE, NIL, Array, Robots
+from automaton.engine.state import GOAL_CHARGE, NIL, Array
 from automaton.units import count, percent
 
 if TYPE_CHECKING:  # it needs Numba, pictures do not
-    from automaton.evidence.history.snapshot import Fleet, Snapshot
-
-
-def charging(robots: Robots | Fleet) -> Array:
-    """(n,) bool: robots that charge."""
-    return robot_states.is_charging(robots)
+    from automaton.evidence.history.snapshot import Snapshot
 
 
 def ticks_to_charge(charge: int, level: int, curve: Array) -> int:
@@ -37,15 +32,10 @@ def ticks_to_charge(charge: int, level: int, curve: Array) -> int:
     return ticks
 
 
-def is_queueing(robots: Robots | Fleet) -> Array:
-    """(n,) bool: robots that queue before a charger."""
-    return robot_states.is_queueing(robots)
-
-
 def charging_at(snapshot: Snapshot, cell: int) -> list[int]:
     """The robots that charge in a cell."""
     fleet = snapshot.robots
-    found: list[int] = np.flatnonzero(charging(fleet) & (fleet.cell == cell)).tolist()
+    found: list[int] = np.flatnonzero(is_charging(fleet) & (fleet.cell == cell)).tolist()
     return found
 
 

@@ -19,6 +19,7 @@ from automaton.engine.observation import (
     CAUSES,
     waited_ticks,
 )
+from automaton.engine.robot_states import is_charging
 from automaton.engine.robot_status import (
     BATTERY_FULL,
     STATUS_DEPLETED,
@@ -27,7 +28,7 @@ from automaton.engine.robot_status import (
     STATUS_TOWED,
 )
 from automaton.engine.state import ACTION_NAMES, NIL
-from automaton.evidence.history.charging_words import charging, queueing_words, up_to
+from automaton.evidence.history.charging_words import queueing_words, up_to
 from automaton.evidence.history.gate_words import gate_words, is_kept_by_gate
 from automaton.evidence.history.snapshot import Snapshot
 from automaton.evidence.history.station_words import (
@@ -162,7 +163,7 @@ def doing(snapshot: Snapshot, robot: int) -> str:
     }
     if carries_pods(snapshot):
         texts |= _pod_texts(snapshot, robot)
-    if charging(fleet)[robot]:
+    if is_charging(fleet)[robot]:
         return f"charges {up_to(snapshot, robot)}"
     text = texts.get(action, "is about to go on")
     slowed = fleet.slow_zone[robot] != NIL

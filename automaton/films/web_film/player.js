@@ -331,7 +331,7 @@ function drawKey() {
   const head = document.createElement("h2");
   head.textContent = "Robots";
   const shapes = [2, 3, 0, 1, 6, 0, 5];
-  const rows = film.states.slice(0, 7).flatMap((words, state) => {
+  const rows = film.states.flatMap((words, state) => {
     if (!film.battery && (state === 1 || state === 4)) return [];
     const sign = document.createElement("canvas"), text = document.createElement("span");
     sign.width = sign.height = 44;

@@ -11,13 +11,14 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-from render_scenes import ALL, composed, drawn, make_scene
+from render_scenes import ALL, DRAWN, composed, drawn, make_scene
 from zone_pictures import two_zones
 
 from automaton.engine.robot_status import BATTERY_FULL, STATUS_FAILED
 from automaton.engine.state import ACTION_CHARGE, GOAL_CHARGE
 from automaton.floor.traffic_zones import traffic_zones_of
 from tui.render import styles
+from tui.render.colouring import DRAW_CLASS
 from tui.render.depth import Depth
 from tui.render.glyphs import GLYPHS, UNICODE
 from tui.render.robot_marks import STATE_COLOURS
@@ -45,6 +46,7 @@ PICTURE = """
 ................
 ................
 """
+LADDER = (*DRAWN, *ALL)
 LAYERS = ("", "visits", "flow", "traffic-zones", "service-zones", "explored", "predicted")
 
 
@@ -123,7 +125,7 @@ def drawn_styles(layer: str, zoom: str) -> Iterator[tuple[int, int, str]]:
 
 @pytest.mark.parametrize("layer", LAYERS)
 def test_all_that_a_picture_shows_is_legible_in_every_theme_at_every_depth(layer: str) -> None:
-    for zoom in ALL:
+    for zoom in LADDER:
         for fg, bg, character in drawn_styles(layer, zoom):
             for look in COLOURED:
                 values = look.pair(styles.style(fg, bg))
@@ -133,9 +135,10 @@ def test_all_that_a_picture_shows_is_legible_in_every_theme_at_every_depth(layer
 
 
 def test_there_are_styles_of_every_kind_in_the_pictures_that_are_measured() -> None:
-    seen = {styles.style(fg, bg) for layer in LAYERS for fg, bg, _ in drawn_styles(layer, "3x1")}
+    pictures = [drawn_styles(layer, zoom) for layer in LAYERS for zoom in LADDER]
+    seen = {styles.style(fg, bg) for picture in pictures for fg, bg, _ in picture}
     foregrounds, backgrounds = zip(*(divmod(one, len(COLOURS)) for one in seen), strict=True)
-    states = {*STATE_COLOURS[:8].tolist()} - {styles.COLOUR_SELECTED}
+    states = {*STATE_COLOURS[:DRAW_CLASS].tolist()}
     assert states <= {*foregrounds, *backgrounds}
-    assert {styles.COLOUR_HEAT_8, styles.COLOUR_ZONE_0} <= {*backgrounds}
-    assert len(seen) > 25 and max(seen) < STYLE_COUNT
+    assert {styles.COLOUR_HEAT_1, styles.COLOUR_HEAT_8, styles.COLOUR_ZONE_0} <= {*backgrounds}
+    assert len(seen) > 110 and max(seen) < STYLE_COUNT

@@ -60,9 +60,9 @@ def test_the_viewer_shows_both_with_their_difference(tmp_path: Path) -> None:
 
     async def story() -> None:
         async with viewing(opening) as user:
-            heads = [said(head) for head in user.display.heads]
-            assert heads[0].startswith("A right_of_way=retreat  tabletop-mini, 3 robots, seed 1")
-            assert heads[1].startswith("B right_of_way=wait")
+            first = "A right_of_way=retreat  tabletop-mini, 3 robots, seed 1"
+            await user.until(lambda: said(user.display.heads[0]).startswith(first))
+            assert said(user.display.heads[1]).startswith("B right_of_way=wait")
             await user.press("x")
             await user.until(lambda: "so far the runs are equal" in said(user.display.info))
             await user.at(40)

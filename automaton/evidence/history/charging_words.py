@@ -35,8 +35,8 @@ def ticks_to_charge(charge: int, level: int, curve: Array) -> int:
 def charging_at(snapshot: Snapshot, cell: int) -> list[int]:
     """The robots that charge in a cell."""
     fleet = snapshot.robots
-    found: list[int] = np.flatnonzero(is_charging(fleet) & (fleet.cell == cell)).tolist()
-    return found
+    robots: list[int] = np.flatnonzero(is_charging(fleet) & (fleet.cell == cell)).tolist()
+    return robots
 
 
 def charger_queue(snapshot: Snapshot, cell: int) -> list[int]:

@@ -176,8 +176,8 @@ def contrast(
             return None
         values = np.array([[runs[point][r] for r in both] for point in used])
         sizes = np.abs(weights[used]) @ np.abs(values)
-        found = mean_interval(without_round_off(weights[used] @ values, sizes), level)
-        return found._replace(value=float(without_round_off(found.value, sizes.mean())))
+        effect = mean_interval(without_round_off(weights[used] @ values, sizes), level)
+        return effect._replace(value=float(without_round_off(effect.value, sizes.mean())))
     if any(len(runs[point]) < 2 for point in used):
         return None
     parts = np.array(

@@ -160,10 +160,11 @@ def test_a_row_may_have_any_sku_beside_its_pod(tmp_path: Path) -> None:
 def test_orders_of_a_list_name_pods_and_stations(tmp_path: Path) -> None:
     """Where pods stand first is where they are told to go, too."""
     old = "{lines: {file: lines.csv, columns: {released: T, pod: LOCATION, sku: ITEM}}}"
-    new = "{list: [{from: A-17-8, stops: [{at: P1, for: 20}], to: A-17-2}]}"
+    there, back = "from: A-17-8, stops: [{at: P1, for: 20}], to: A-17-2", "from: A-17-2, to: A-17-8"
+    new = f"{{list: [{{{there}}}, {{{back}}}]}}"
     order = (shift(tmp_path, **{old: new}).scenario.orders.listed or ())[0]
     assert (order.source, order.stop_cells, order.target) == ((3, 1), ((5, 3),), (5, 1))
-    said = refused(tmp_path, **{old: new.replace("A-17-8", "A-17-3")})
+    said = refused(tmp_path, **{old: new.replace("A-17-8", "A-17-3", 1)})
     assert (
         said
         == "shift.yaml:12: orders.list[0].from: 'A-17-3' is not a location (did you mean 'A-17-8'?)"

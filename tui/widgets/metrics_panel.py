@@ -212,9 +212,13 @@ class Figures(TextPanel):
                 continue
             value = percent(float(metrics[name])) if unit == "share" else number(metrics[name])
             unit = "" if unit == "share" else f" {unit}"
-            room = width - len(name) - len(unit)
             link = ("metric", at)
-            lines.append(line(*term(name, link, 0), f"{value:>{max(1, room)}}", dim(unit)))
+            room = width - len(name) - len(unit)
+            if room > len(value):
+                lines.append(line(*term(name, link, 0), f"{value:>{room}}", dim(unit)))
+            else:  # the figure has a line of its own
+                lines.append(line(*term(name, link, 0)))
+                lines.append(line(f"{value:>{max(1, width - len(unit))}}", dim(unit)))
             lines += self.explanation(link, meaning, width)
         return lines
 

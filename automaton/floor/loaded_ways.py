@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from automaton.floor.cells import STORAGE
 from automaton.floor.floor_plan import FloorPlan
-from automaton.floor.reachability import Mask, backward_exits, reached
+from automaton.floor.reachability import Mask, backward_exits, reached, reached_along
 
 
 def has_storage(floor_plan: FloorPlan) -> bool:
@@ -33,26 +33,27 @@ def to_and_from(floor_plan: FloorPlan, cell: int, rail: bool) -> Mask:
         into |= np.where(ahead, np.uint8(1 << direction), np.uint8(0)).astype(np.uint8)
     aisles = floor_plan.with_exits(np.where(storage, 0, floor_plan.exits & ~into).astype(np.uint8))
     exits, entries = floor_plan.exits.reshape(-1), backward_exits(floor_plan)
-    from_it = reached(aisles, _aisles_beside(floor_plan, cell, exits), rail)
-    to_it = reached(aisles, _aisles_beside(floor_plan, cell, entries), rail, backwards=True)
+    from_it = reached_along(aisles, _aisles_beside(floor_plan, cell, exits), rail)
+    to_it = reached_along(aisles, _aisles_beside(floor_plan, cell, entries), rail, backwards=True)
     leaves, enters = (np.zeros(flat.size, np.bool_) for _ in range(2))
     for direction, offset in enumerate(floor_plan.offsets):
-        bit = np.uint8(1 << direction)
-        leaves |= (exits & bit != 0) & np.roll(to_it & ~flat, -offset)
-        enters |= (entries & bit != 0) & np.roll(from_it & ~flat, -offset)
-    mask: Mask = np.where(flat, leaves & enters, from_it & to_it)
+        bit, axis = np.uint8(1 << direction), direction % 2
+        leaves |= (exits & bit != 0) & np.roll(to_it[axis] & ~flat, -offset)
+        enters |= (entries & bit != 0) & np.roll(from_it[axis] & ~flat, -offset)
+    mask: Mask = np.where(flat, leaves & enters, from_it.any(axis=0) & to_it.any(axis=0))
     mask.setflags(write=False)
     return mask
 
 
-def _aisles_beside(floor_plan: FloorPlan, cell: int, sides: npt.NDArray[np.uint8]) -> list[int]:
-    """A cell outside storage itself; of one in storage those beside it, over some of its sides."""
+def _aisles_beside(
+    floor_plan: FloorPlan, cell: int, sides: npt.NDArray[np.uint8]
+) -> tuple[list[int], list[int]]:
+    """By axis: a cell outside storage itself; of one in storage those beside it, over these sides."""
     storage = floor_plan.kind.reshape(-1) == STORAGE
     if not storage[cell]:
-        return [cell]
-    beside = [
-        cell + offset
-        for direction, offset in enumerate(floor_plan.offsets)
-        if sides[cell] >> direction & 1
-    ]
-    return [one for one in beside if not storage[one]]
+        return [cell], [cell]
+    beside: tuple[list[int], list[int]] = ([], [])
+    for direction, offset in enumerate(floor_plan.offsets):
+        if sides[cell] >> direction & 1 and not storage[cell + offset]:
+            beside[direction % 2].append(cell + offset)
+    return beside

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from typing import Final
 
@@ -44,13 +44,25 @@ def reached(
 
     Robots on rails change their axis on turntables only; they may start along either axis.
     """
+    first = sorted(set(starts))
+    either: Mask = np.logical_or.reduce(reached_along(floor_plan, (first, first), rail, backwards))
+    return either
+
+
+def reached_along(
+    floor_plan: FloorPlan,
+    starts: tuple[Sequence[int], Sequence[int]],
+    rail: bool,
+    backwards: bool = False,
+) -> npt.NDArray[np.bool_]:
+    """(2, cells) as `reached`, by the axis of travel; `starts`: where robots begin along each axis."""
     exits = backward_exits(floor_plan) if backwards else floor_plan.exits.reshape(-1)
     turns = CAN_TURN[floor_plan.kind.reshape(-1)] if rail else np.ones(exits.size, np.bool_)
     offsets = floor_plan.offsets
-    seen = np.zeros((2, exits.size), np.bool_)  # by axis of travel
-    first = np.array(sorted(set(starts)), np.int64)
-    seen[:, first] = True
-    front = [first, first]
+    seen = np.zeros((2, exits.size), np.bool_)
+    front = [np.array(sorted(set(first)), np.int64) for first in starts]
+    for axis in (0, 1):
+        seen[axis, front[axis]] = True
     while front[0].size or front[1].size:
         following = []
         for axis in (0, 1):
@@ -61,8 +73,7 @@ def reached(
         for axis in (0, 1):
             seen[axis, following[axis]] = True
         front = following
-    either: Mask = seen[0] | seen[1]
-    return either
+    return seen
 
 
 def closed_step(

@@ -18,7 +18,7 @@ from conservation_trials import digests, trials
 from automaton.runs.simulation import Simulation
 
 HELPERS = Path(__file__).parents[1] / "helpers"
-FLOORS, WITHOUT_JIT = range(260, 300), range(100, 108)
+FLOORS, WITHOUT_JIT = range(256, 300), range(100, 108)
 
 
 def test_on_drawn_floors_everything_adds_up() -> None:

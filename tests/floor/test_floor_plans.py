@@ -218,6 +218,17 @@ def test_rails_turn_on_turntables_only() -> None:
     assert slots_beside(table, ~to_and_from(table, start, rail=True)).size == 0
 
 
+def test_rails_enter_storage_along_the_way_they_are_on() -> None:
+    passing, turning = picture("+.+", "#p#"), picture("+++", "#p#")
+    pod, ahead = passing.cell(1, 1), passing.cell(1, 0)
+    for start in (passing.cell(0, 0), passing.cell(2, 0)):
+        assert not to_and_from(passing, start, rail=True)[pod]
+        assert not to_and_from(passing, pod, rail=True)[start]
+        assert to_and_from(passing, start, rail=False)[pod]
+        assert to_and_from(turning, start, rail=True)[pod]
+    assert to_and_from(passing, ahead, rail=True)[pod]  # the robot there may stand across
+
+
 def test_exits_never_lead_into_the_border_or_a_wall() -> None:
     generator = np.random.default_rng(1)
     symbols = list("#.-|+sdc><v^=~")

@@ -216,7 +216,7 @@ class Figures(TextPanel):
             room = width - len(name) - len(unit)
             if room > len(value):
                 lines.append(line(*term(name, link, 0), f"{value:>{room}}", dim(unit)))
-            else:  # the figure has a line of its own
+            else:  # the metric has a line of its own
                 lines.append(line(*term(name, link, 0)))
                 lines.append(line(f"{value:>{max(1, width - len(unit))}}", dim(unit)))
             lines += self.explanation(link, meaning, width)

@@ -93,6 +93,7 @@ class Counted(NamedTuple):
     ]  # by the names of automaton.runs.metric_sums, those of orders and parts aside
     actions: Array  # (A,) int64: robot ticks spent in each action
     busy: Array  # (k,) int64: ticks in which each station worked
+    served: int  # ticks in which stations served robots with pods, all stations together
 
 
 def executed_ticks(world: World) -> Array:
@@ -149,7 +150,8 @@ def counted(run: Measured) -> Counted:
     if len(world.delays.until):
         sums["delayed"] = int(world.delays.lasted.sum())
     found = {**dict(run.counted), **sums}
-    return Counted(int(world.clock[CLOCK_TICK]), found, ticks.sum(1), busy_ticks(world))
+    served = int(world.pod_stations.served_ticks.sum())
+    return Counted(int(world.clock[CLOCK_TICK]), found, ticks.sum(1), busy_ticks(world), served)
 
 
 def metrics_of(run: Measured, since: Counted | None = None) -> dict[str, float | int]:

@@ -22,6 +22,8 @@ from automaton.errors import InputError
 from automaton.runs import process_pool
 from automaton.runs.process_pool import PersistentPool
 from automaton.runs.simulation import Simulation
+from automaton.runs.station_metrics import metrics_by_station
+from automaton.scenario.handling import Distribution
 from automaton.studies.sizing.fleet_runs import (
     Checked,
     Fleets,
@@ -383,6 +385,30 @@ def test_durations_ten_percent_longer_in_whole_ticks() -> None:
     ]  # fmt: skip
     assert longer(resolved, -10) == ["durations.turn=20", "durations.pick=8", "durations.drop=8"]
     assert longer(resolve("warehouse-100"), -10) == []
+
+
+def test_visits_at_stations_take_longer_too() -> None:
+    handling = "{visit: 10, line: {uniform: {from: 2, to: 4}}}"
+    resolved = resolve("goods-mini", (f"durations.handling={handling}",))
+    settings = [one for one in longer(resolved, 10) if ".handling" in one]
+    assert settings == [
+        "durations.handling.visit=11",
+        "durations.handling.line.uniform.from=2.2",
+        "durations.handling.line.uniform.to=4.4",
+    ]
+    moved = resolve("goods-mini", (f"durations.handling={handling}", *settings))
+    assert isinstance(line := moved.scenario.durations.handling.line, Distribution)
+    assert line.uniform is not None and line.uniform.most == 4.4
+
+
+def test_stations_are_in_use_while_they_serve_pods() -> None:
+    used = []
+    for visit in (10, 30):
+        run = Simulation(resolve("goods-mini", (f"durations.handling={{visit: {visit}}}",)))
+        used.append(run_and_measure_use(run)["station_use"])
+        shares = [station["service_share"] for station in metrics_by_station(run)]
+        assert used[-1] == pytest.approx(sum(shares) / len(shares))
+    assert used[1] > 1.5 * used[0] > 0
 
 
 def test_ctrl_c_prints_what_is_known(capsys: Any, monkeypatch: Any) -> None:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -40,9 +41,10 @@ from automaton.studies.sweeps.run_keys import seed_of
 from automaton.units import Unit, ticks_and_time, unit
 
 ORDER_METRICS = (*OF_TIMES, "legs_per_order")  # once an order is delivered
-STATION_USE = "station_use"  # share of the time of all stations in which a robot works there
+STATION_USE = "station_use"  # share of the time of all stations in which a robot is served there
 MEASURED = "measured"  # ticks of which the metrics are
 MOVE_KEY = re.compile(r"durations\.move[.=]")
+PLAIN_KEY = re.compile(r"[\w-]+")  # a name that may stand between the points of a key
 CHARGER_USE = "charger_use"  # share of the time of all chargers in which a robot charges
 
 
@@ -50,15 +52,18 @@ def run_and_measure_use(simulation: Simulation) -> dict[str, float | int]:
     """Run to the end; the metrics after the warm-up, and how busy stations and chargers were then."""
     since = run_marked(simulation).warm_up
     figures, now = metrics_of(simulation, since), counted(simulation)
-    begin, before = (0, 0) if since is None else (since.tick, since.actions)
+    begin, before, served = (
+        (0, 0, 0) if since is None else (since.tick, since.actions, since.served)
+    )
     ticks, elapsed = now.actions - before, max(1, now.tick - begin)
     figures[MEASURED] = elapsed
     world, floor_plan = simulation.world, simulation.resolved.floor_plan
     stations, chargers = (int(np.count_nonzero(floor_plan.kind == k)) for k in (STATION, CHARGER))
     if stations:
-        figures[STATION_USE] = float(ticks[[ACTION_PICK, ACTION_DROP, ACTION_TRY_DROP]].sum()) / (
-            stations * elapsed
-        )
+        handling = int(ticks[[ACTION_PICK, ACTION_DROP, ACTION_TRY_DROP]].sum())
+        # Pods are picked and dropped in storage.
+        used = now.served - served if len(world.trips.pod) else handling
+        figures[STATION_USE] = used / (stations * elapsed)
     if chargers and world.rules.battery:
         figures[CHARGER_USE] = float(ticks[ACTION_CHARGE].sum()) / (chargers * elapsed)
     return figures
@@ -249,7 +254,8 @@ def replication_seeds(seed: int, first: int, number: int) -> list[int]:
 
 
 def longer(resolved: Resolved, percent: int) -> list[str]:
-    """Settings that make all durations longer by so many percent, or shorter; in whole ticks.
+    """Settings that make all durations longer by so many percent, or shorter; in whole ticks but for
+    those of visits at stations.
 
     Where moves take few ticks, a tick more by chance makes them longer; shorter they cannot be.
     """
@@ -259,6 +265,8 @@ def longer(resolved: Resolved, percent: int) -> list[str]:
         other = round(ticks * (1 + percent / 100))
         if other != ticks:
             settings.append(f"{key}={other}")
+    for key, duration in handling_by_key(scenario).items():
+        settings.append(f"{key}={duration * (1 + percent / 100):g}")
     chance = max(scenario.durations.moves) * percent / 100
     moves_as_before = not any(MOVE_KEY.search(setting) for setting in settings)
     if (
@@ -285,3 +293,28 @@ def ticks_by_key(scenario: Scenario) -> dict[str, int]:
             elif name in ("move", "turn") and value is not None:
                 ticks |= {f"{key}.{name}.{load}": one for load, one in value.items()}
     return ticks
+
+
+def handling_by_key(scenario: Scenario) -> dict[str, float]:
+    """All durations of visits at stations that a scenario gives, in ticks that are not rounded, by their
+    keys; measured ones aside.
+    """
+    sections = {"durations.handling": scenario.durations.handling} | {
+        f"stations.{name}.handling": station.handling
+        for name, station in scenario.stations.items()
+        if PLAIN_KEY.fullmatch(name)
+    }
+    return {
+        key: duration
+        for section, handling in sections.items()
+        for key, duration in _numbers(section, msgspec.to_builtins(handling))
+    }
+
+
+def _numbers(key: str, value: Any) -> Iterator[tuple[str, float]]:
+    """The numbers of a section above 0, by their keys."""
+    if isinstance(value, dict):
+        for name, one in value.items():
+            yield from _numbers(f"{key}.{name}", one)
+    elif isinstance(value, int | float) and value > 0:
+        yield key, value

@@ -22,7 +22,7 @@ from textual.pilot import Pilot
 from automaton.engine.observation import CAUSE_NO_ORDER, CAUSE_NOT_WAITING, CAUSES
 from automaton.evidence.history.event_history import Curve
 from automaton.runs.metrics import METRIC_CATALOGUE
-from automaton.units import Unit
+from automaton.units import Unit, percent
 from tui.render.glyphs import ASCII
 from tui.widgets import metric_curve
 from tui.widgets.lost_time import CAUSE_LETTERS
@@ -105,6 +105,18 @@ def test_two_runs_stand_side_by_side_with_the_better_one_marked() -> None:
     assert row == ["delivered", f"{first['delivered']}◂", f"{second['delivered']}", f"{difference}"]
     assert f"empty_moves_share {100 * first['empty_moves_share']:.1f}" in shown(Figures(), view, 64)
     assert "delivered orders" in shown(Figures(), view, NARROW)
+
+
+def test_a_metric_without_room_beside_its_value_has_a_line_of_its_own() -> None:
+    view = busy()
+    metrics = view.playback.figures[0].metrics
+    lines = [
+        "".join(span if isinstance(span, str) else span.text for span in made)
+        for made in Figures().panel_lines(view, 22)
+    ]
+    at = lines.index("empty_moves_share")
+    assert lines[at + 1] == f"{percent(metrics['empty_moves_share'])}".rjust(22)
+    assert f"delivered{metrics['delivered']:>6} orders" in lines
 
 
 def test_figures_of_different_ticks_are_not_judged() -> None:

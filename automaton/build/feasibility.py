@@ -90,7 +90,7 @@ def check_areas(document: Document, scenario: Scenario, floor_plan: FloorPlan) -
         for key, (x, y) in (("from", area.first), ("to", area.last)):
             if not floor_plan.holds(x, y):
                 text = f"the corner [{x}, {y}] of the area {area_name} lies outside the floor"
-                raise document.error(("areas", area_name, key), f"{text} {_extent(floor_plan)}")
+                raise document.error(("areas", area_name, key), f"{text} {floor_plan.extent}")
         for number, name in enumerate(area.closed_to):
             if name not in (*names, *GROUPS):
                 known = (
@@ -107,7 +107,7 @@ def check_locations(document: Document, scenario: Scenario, floor_plan: FloorPla
     assert not isinstance(scenario.locations, str), "its file has been read"
     for name, (x, y) in scenario.locations.items():
         if not floor_plan.holds(x, y):
-            text = f"the location {name} [{x}, {y}] lies outside the floor {_extent(floor_plan)}"
+            text = f"the location {name} [{x}, {y}] lies outside the floor {floor_plan.extent}"
             raise document.error(("locations", name), text)
 
 
@@ -176,7 +176,7 @@ def _listed_start(
         keys: Keys = (*START, robot)
         where = f"robot {robot} would start at [{x}, {y}]"
         if not floor_plan.holds(x, y):
-            raise document.error(keys, f"{where}, outside the floor {_extent(floor_plan)}")
+            raise document.error(keys, f"{where}, outside the floor {floor_plan.extent}")
         cell = floor_plan.cell(x, y)
         if not DRIVABLE[floor_plan.kind.flat[cell]]:
             name = floor_plan.kind_of(cell).name
@@ -325,7 +325,7 @@ def check_stops(
     for number, (x, y) in enumerate(stops):
         stop = f"{dotted((*keys, number))}: the stop [{x}, {y}]"
         if not floor_plan.holds(x, y):
-            text = f"{stop} lies outside the floor {_extent(floor_plan)}"
+            text = f"{stop} lies outside the floor {floor_plan.extent}"
             raise document.error((*keys, number), text)
         kind = floor_plan.kind.flat[floor_plan.cell(x, y)]
         if not DRIVABLE[kind]:
@@ -338,7 +338,7 @@ def _check_order(document: Document, order: OrderLine, keys: Keys, floor_plan: F
     for name, (x, y) in (("from", source), ("to", target)):
         if not floor_plan.holds(x, y):
             raise document.error(
-                (*keys, name), f"[{x}, {y}] lies outside the floor {_extent(floor_plan)}"
+                (*keys, name), f"[{x}, {y}] lies outside the floor {floor_plan.extent}"
             )
         kind = floor_plan.kind_of(floor_plan.cell(x, y))
         verb, allowed = ("begins", kind.gives) if name == "from" else ("ends", kind.takes)
@@ -576,7 +576,3 @@ def _robots(number: int) -> str:
 
 def _count(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
-
-
-def _extent(floor_plan: FloorPlan) -> str:
-    return f"(x 0..{floor_plan.width - 1}, y 0..{floor_plan.height - 1})"

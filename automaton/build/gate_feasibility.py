@@ -36,7 +36,7 @@ def check_gates(document: Document, scenario: Scenario, floor_plan: FloorPlan) -
         for key, (x, y) in (("from", level.first), ("to", level.last)):
             if not floor_plan.holds(x, y):
                 text = f"the corner [{x}, {y}] of the level {name} lies outside the floor"
-                raise document.error(("floor", "levels", name, key), text)
+                raise document.error(("floor", "levels", name, key), f"{text} {floor_plan.extent}")
 
 
 def check_lift(

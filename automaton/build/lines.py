@@ -62,8 +62,8 @@ def _of_table(lines: LineTable, scenario: Scenario, stations: dict[str, int]) ->
     _, first, which = np.unique(alike, return_index=True, return_inverse=True)
     numbers = np.array([stations[str(name)] for name in lines.stations], np.int64)
     at = np.where(values["station"] == NOTHING, NIL, numbers[values["station"]])
-    known = skus_of(scenario)
-    skus = np.array([*(known[sku] for sku in lines.skus), NIL], np.int64)
+    known = skus_of(scenario)  # a row that names its pod may have any SKU beside it
+    skus = np.array([*(known.get(sku, NIL) for sku in lines.skus), NIL], np.int64)
     has_pod = values["pod"] != NOTHING
     order = np.argsort(np.argsort(first))[which]  # in the sequence of their first lines
     return LineColumns(

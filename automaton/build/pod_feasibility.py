@@ -72,7 +72,11 @@ def check_pod_orders(document: Document, scenario: Scenario, floor_plan: FloorPl
         inside = floor_plan.holds(u, v)
         cell = floor_plan.cell(u, v) if inside else 0
         if not inside or floor_plan.kind.flat[cell] != STORAGE:
-            what = f"is a {floor_plan.kind_of(cell).name}" if inside else "lies outside"
+            what = (
+                f"is a {floor_plan.kind_of(cell).name}"
+                if inside
+                else f"lies outside the floor {floor_plan.extent}"
+            )
             text = f"the order of a pod ends in storage, but [{u}, {v}] {what}"
             raise document.error((*keys, "to"), text)
 
@@ -105,7 +109,11 @@ def check_listed_pods(document: Document, scenario: Scenario, floor_plan: FloorP
         inside = floor_plan.holds(x, y)
         cell = floor_plan.cell(x, y) if inside else 0
         if not inside or floor_plan.kind.flat[cell] != STORAGE:
-            there = f"a {floor_plan.kind_of(cell).name} is there" if inside else "it lies outside"
+            there = (
+                f"a {floor_plan.kind_of(cell).name} is there"
+                if inside
+                else f"it lies outside the floor {floor_plan.extent}"
+            )
             raise document.error(keys, f"{who} stands at [{x}, {y}], but {there}, not storage")
         if cell in standing:
             raise document.error(keys, f"{standing[cell]} and {who} both stand at [{x}, {y}]")
@@ -179,7 +187,11 @@ def check_stations(document: Document, scenario: Scenario, floor_plan: FloorPlan
         inside = floor_plan.holds(x, y)
         cell = floor_plan.cell(x, y) if inside else 0
         if not inside or floor_plan.kind.flat[cell] != STATION:
-            there = f"a {floor_plan.kind_of(cell).name} is there" if inside else "it lies outside"
+            there = (
+                f"a {floor_plan.kind_of(cell).name} is there"
+                if inside
+                else f"it lies outside the floor {floor_plan.extent}"
+            )
             raise document.error(
                 (*keys, "at"), f"station {name} is at [{x}, {y}], but {there}, not a station"
             )
@@ -206,7 +218,9 @@ def check_queue(
             text = f"the queue of {name} goes from {list(before)} to [{x}, {y}]"
             raise document.error((*keys, number), f"{text}: along neither a row nor a column{hint}")
         if not floor_plan.holds(x, y):
-            raise document.error((*keys, number), f"[{x}, {y}] lies outside the floor")
+            raise document.error(
+                (*keys, number), f"[{x}, {y}] lies outside the floor {floor_plan.extent}"
+            )
         before = (x, y)
     ahead = floor_plan.cell(*station.at)
     for cell in queue_path(floor_plan, station.at, station.queue):

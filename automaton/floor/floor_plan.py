@@ -83,6 +83,11 @@ class FloorPlan:
         """Whether (x, y) lies on the floor, border excluded."""
         return 0 <= x < self.width and 0 <= y < self.height
 
+    @property
+    def extent(self) -> str:
+        """The coordinates that there are: "(x 0..29, y 0..19)"."""
+        return f"(x 0..{self.width - 1}, y 0..{self.height - 1})"
+
     def kind_of(self, cell: int) -> Kind:
         """Return what a flat cell is."""
         return CELL_KINDS[self.kind.flat[cell]]

@@ -176,7 +176,7 @@ def _chunks(
     chunk: list[list[str]] = []
     for line, row in rows:
         if len(row) != width:
-            errors.add("width", line, partial(_width_sentence, len(row), width))
+            errors.add("width", [line], partial(_width_sentence, len(row), width))
             continue
         if len(lines) == MAX_ROWS:
             raise InputError(f"has more than {MAX_ROWS:,} rows", errors.file, line)

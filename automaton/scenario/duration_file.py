@@ -113,7 +113,7 @@ def durations_of(path: Path, column: str, scale: Scale) -> Iterator[float]:
         except InputError as error:
             rows = codes == code
             ticks.append(0.0)
-            errors.add("time", int(table.lines[rows][0]), error.message.__str__, int(rows.sum()))
+            errors.add("time", table.lines[rows].tolist(), error.message.__str__)
     errors.raise_any()
     return (ticks[code] for code in codes.tolist())
 

@@ -12,7 +12,7 @@ What is wrong in the rows is gathered, so that the caller may add what it finds 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -44,8 +44,10 @@ from automaton.scenario.text_lines import quoted
 WHERE: Final = "where "  # before the names of columns that only select rows
 WHOLE: Final = re.compile(r"[-+]?[0-9]{1,10}")
 ZERO_FRACTION: Final = re.compile(r"(?<=[0-9])\.0+$")
+THOUSANDS: Final = re.compile(r"[-+]?[0-9]{1,3}(\.[0-9]{3})+")  # or decimals: who knows
 DECIMAL_COMMA: Final = re.compile(r"([-+]?[0-9]+),([0-9]+)(?=[^0-9,.:]*$)")
 SHOWN: Final = 5  # values of a column in an error
+MAX_NAMES: Final = 8  # that are known and are shown
 
 Array = NDArray[np.int32]
 Alternatives = Sequence[Sequence[str]]  # groups of fields, one of which must have columns
@@ -152,6 +154,12 @@ class _Chooser:
 def with_decimal_point(text: str) -> str:
     """A number, or an amount such as "1,5 min", with a point for its decimal comma; else the text."""
     return DECIMAL_COMMA.sub(r"\1.\2", text, count=1) if DECIMAL_COMMA.match(text) else text
+
+
+def _instead(text: str, known: Collection[str]) -> str:
+    """The name that is meant, or, where none is near, all that there are if they are few."""
+    like = nearest(text, known)
+    return like if like or not 0 < len(known) <= MAX_NAMES else f"; there are {', '.join(known)}"
 
 
 def _needs_column(field: Field) -> bool:
@@ -264,7 +272,7 @@ class _Reader:
             field.name,
             "unknown",
             (numbers == NOTHING) & ~is_empty,
-            lambda text: f"{quoted(text)} is not a {field.what}{nearest(text, field.known)}",
+            lambda text: f"{quoted(text)} is not a {field.what}{_instead(text, field.known)}",
         )
         codes: Array = numbers[column.codes]
         return codes
@@ -274,11 +282,14 @@ class _Reader:
         if column is None:
             return np.full(len(self.table.lines), default or 0, np.int32)
         numbers, is_bad = np.zeros(len(column.texts), np.int32), []
+        as_written = self.table.columns[field.name].texts
         for code, text in enumerate(column.texts):
             plain = ZERO_FRACTION.sub("", text)
             number = int(plain) if WHOLE.fullmatch(plain) else None
             if not text and default is not None:
                 number = default
+            if self._is_ambiguous(as_written[code]):
+                number = None
             is_bad.append(number is None or not field.least <= number <= field.most)
             numbers[code] = 0 if is_bad[-1] or number is None else number
         allowed = f"from {field.least:,} to {field.most:,}"
@@ -286,10 +297,17 @@ class _Reader:
             field.name,
             "number",
             np.array(is_bad),
-            lambda text: f"must be a whole number {allowed}, found {quoted(text)}",
+            lambda text: (
+                f"must be a whole number {allowed}, found {quoted(text)}"
+                + ("; write it without a point" if self._is_ambiguous(text) else "")
+            ),
         )
         values: Array = numbers[column.codes]
         return values
+
+    def _is_ambiguous(self, text: str) -> bool:
+        """Whether its point may stand behind thousands, as in 1.000 where decimals have commas."""
+        return self.table.has_decimal_commas and THOUSANDS.fullmatch(text) is not None
 
     def _times(self, release: ReleaseField, due: DueField | None) -> None:
         """Read when rows are released, and until when they are due."""

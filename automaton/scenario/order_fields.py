@@ -149,6 +149,4 @@ class OrderColumns:
         """Add a mistake of rows to `errors`; `sentence`: of a row by its index."""
         first = int(np.argmax(rows))
         if rows[first]:
-            count = int(np.count_nonzero(rows))
-            line = int(self.lines[first])
-            self.errors.add((kind, field_name), line, lambda: sentence(first), count)
+            self.errors.add((kind, field_name), self.lines[rows].tolist(), lambda: sentence(first))

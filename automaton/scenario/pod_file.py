@@ -135,10 +135,15 @@ def _refuse_second(
     columns: OrderColumns, field: str, codes: NDArray[Any], sentence: Callable[[int], str]
 ) -> None:
     """Refuse rows with a code that a row before them has."""
-    _, first = np.unique(codes, return_index=True)
+    _, first, which = np.unique(codes, return_index=True, return_inverse=True)
     again = codes != NOTHING
     again[first] = False
-    columns.refuse("twice", field, again, sentence)
+    columns.refuse(
+        "twice",
+        field,
+        again,
+        lambda row: f"{sentence(row)} (first in line {columns.lines[first[which[row]]]})",
+    )
 
 
 def _pods(columns: OrderColumns, rows: Array) -> list[dict[str, Any]]:

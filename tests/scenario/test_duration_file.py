@@ -70,7 +70,7 @@ def test_repairs_and_closings_may_have_files_too(tmp_path: Path) -> None:
     [
         ("take\n3\n", 1, "there is no column 'took'; the columns are take"),
         ("took\n", None, "has no rows below its head"),
-        ("took\n3\n-1\n-1\n", 3, "took: '-1' must not be below 0; 1 more such row"),
+        ("took\n3\n-1\n-1\n", 3, "took: '-1' must not be below 0; 1 more such row, in line 4"),
         ("took\n3\nlong\n", 3, "'long'"),
         ("took\n70000\n", 2, "took must be at most 65,535 ticks, found '70000'"),
         ("took\n10 h\n", 2, "allowed is from 0"),

@@ -152,7 +152,7 @@ def test_umlauts_are_read_in_the_encoding_that_is_set(encoding: str, tmp_path: P
         (b'order;released\n"A" B;5\n', {},
          "shift.csv:2: a quoted value goes on behind its quote; a quote within one is written twice"),
         (b"order;released\nA;5\nB;6;7\nC\n", {},
-         "shift.csv:3: the row has 3 values, the head names 2 columns; 1 more such row"),
+         "shift.csv:3: the row has 3 values, the head names 2 columns; 1 more such row, in line 4"),
         (b"order;relased\nA;5\n", {},
          "shift.csv:1: there is no column for released (did you mean 'relased'?); the "
          "columns are order, relased; "
@@ -193,13 +193,23 @@ def test_mistakes_are_gathered_by_kind(tmp_path: Path) -> None:
     content = "LOCATION;CREATED;QTY\n" + "\n".join(rows)
     assert complaint(tmp_path, content, columns, fields=fields) == [
         "shift.csv:7: LOCATION 'A-17-100' is not a location (did you mean 'A-17-8'?); "
-        "31 more such rows",
-        "shift.csv:7: QTY must be a whole number from 1 to 9, found '0'; 33 more such rows",
+        f"31 more such rows, in lines {', '.join(map(str, range(8, 18)))} and 21 more",
+        "shift.csv:7: QTY must be a whole number from 1 to 9, found '0'; "
+        f"33 more such rows, in lines {', '.join(map(str, range(8, 18)))} and 23 more",
         "shift.csv:7: CREATED 'soon' is not a time; expected is ISO 8601 such as "
         "2026-03-02 06:30:00, a time of the day, or ticks; other rows are such as '2026-03-02 06:00': "
-        "write it so; 31 more such rows",
+        f"write it so; 31 more such rows, in lines {', '.join(map(str, range(8, 18)))} and 21 more",
         "shift.csv:39: CREATED is empty",
     ]
+
+
+def test_a_point_behind_thousands_is_not_taken_for_that_of_decimals(tmp_path: Path) -> None:
+    fields: list[Field] = [ReleaseField(), TextField("order"), NumberField("units", 1, 9999)]
+    says = "units must be a whole number from 1 to 9,999, found '1.000'; write it without a point"
+    semicolons = "order;released;units\nA;5;1.000\nB;5;1,000\nC;5;1.00\nD;5;1000\n"
+    assert complaint(tmp_path, semicolons, fields=fields) == [f"shift.csv:2: {says}"]
+    commas = read(tmp_path, "order,released,units\nA,5,1.000\n", fields=fields)
+    assert commas.values["units"].tolist() == [1]
 
 
 def test_five_kinds_of_mistakes_are_shown_at_most(tmp_path: Path) -> None:
@@ -233,7 +243,7 @@ def test_times_are_read_by_a_format(time: str, of_format: str, tick: int, tmp_pa
 
 def test_a_format_is_offered_that_all_times_have(tmp_path: Path) -> None:
     said = said_of(tmp_path, "3/2/2026 6:30", "3/13/2026 6:30")
-    assert said.endswith('ticks; set time: "%m/%d/%Y %H:%M"; 1 more such row')
+    assert said.endswith('ticks; set time: "%m/%d/%Y %H:%M"; 1 more such row, in line 3')
     said = said_of(tmp_path, "3/2/2026 6:30")
     assert said.endswith('set time: "%m/%d/%Y %H:%M" or time: "%d/%m/%Y %H:%M"')
     said = said_of(tmp_path, "2026-03-02 06:30", time="%d.%m.%Y %H:%M")

@@ -207,7 +207,7 @@ def test_unknown_places_are_gathered_and_check_says_so(
     place = f"{tmp_path}/schicht.csv"
     assert capsys.readouterr().err.splitlines() == [
         f"automaton: {place}:5: VON 'Regal-Nord' is not a location (did you mean 'Regal-Süd'?); "
-        "30 more such rows",
+        f"30 more such rows, in lines {', '.join(map(str, range(6, 16)))} and 20 more",
         f"{place}:36: NACH is empty",
     ]
 

@@ -95,11 +95,11 @@ def test_a_recording_has_the_pods_itself(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("pods", "says"),
     [
-        ("x,y\n9,9\n", "pods.csv:2: pod 1 stands at [9, 9], but it lies outside, not storage"),
+        ("x,y\n9,9\n", "pods.csv:2: pod 1 stands at [9, 9], but it lies outside the floor "),
         ("x,y\n2,1\n1,1\n", "pods.csv:3: pod 2 stands at [1, 1], but a wall is there, not storage"),
-        ("x,y\n2,1\n2,1\n2,1\n", "pods.csv:3: a second pod stands at [2, 1]; 1 more such row"),
-        ("x,y,name\n2,1,A\n3,1,A\n", "pods.csv:3: name 'A' is here twice"),
-        ("x,y,pod\n2,1,1\n3,1,1\n", "pods.csv:3: pod 1 is here twice"),
+        ("x,y\n2,1\n2,1\n2,1\n", "pods.csv:3: a second pod stands at [2, 1] (first in line 2); 1 "),
+        ("x,y,name\n2,1,A\n3,1,A\n", "pods.csv:3: name 'A' is here twice (first in line 2)"),
+        ("x,y,pod\n2,1,1\n3,1,1\n", "pods.csv:3: pod 1 is here twice (first in line 2)"),
         ("x,y,pod\n2,1,1\n3,1,7\n", "pods.csv:3: pod 7: pods are numbered from 1 to 2"),
         (
             "x,y,pod\n2,1,1\n3,1,\n",
@@ -147,14 +147,27 @@ def test_lines_that_name_what_there_is_not(tmp_path: Path, lines: str, says: str
 
 def test_a_station_that_there_is_not(tmp_path: Path) -> None:
     lines = "T;LOCATION;ITEM;DEST\n0;1;;P1\n0;1;;1\n0;1;;\n0;1;;p1\n0;1;;2\n"
-    said = refused(tmp_path, lines=lines, **{"sku: ITEM}": "sku: ITEM, station: DEST}"})
-    assert said == "lines.csv:5: DEST 'p1' is not a station (did you mean 'P1'?); 1 more such row"
+    named = {"sku: ITEM}": "sku: ITEM, station: DEST}"}
+    said = refused(tmp_path, lines=lines, **named)
+    assert (
+        said
+        == "lines.csv:5: DEST 'p1' is not a station (did you mean 'P1'?); 1 more such row, in line 6"
+    )
+
+
+def test_where_stations_are_few_they_are_named(tmp_path: Path) -> None:
+    named = {"sku: ITEM}": "sku: ITEM, station: DEST}"}
+    said = refused(tmp_path, lines="T;LOCATION;ITEM;DEST\n0;1;;East\n", **named)
+    assert said == "lines.csv:2: DEST 'East' is not a station; there are P1, 1"
 
 
 def test_a_row_may_have_any_sku_beside_its_pod(tmp_path: Path) -> None:
     resolved = shift(tmp_path, lines="T;LOCATION;ITEM\n0;1;plum\n")
     lines: Any = resolved.scenario.orders.lines
     assert [(line.pod, line.sku) for line in lines] == [("A-17-2", "plum")]
+    run = Simulation(resolved)
+    run.run()
+    assert run.finished
 
 
 def test_orders_of_a_list_name_pods_and_stations(tmp_path: Path) -> None:

@@ -65,7 +65,10 @@ def test_headings_are_those_of_identities_however_robots_are_stored(tmp_path: Pa
         (None, "floor.yaml:6: there is no file of starts 'starts.csv'"),
         ("", "starts.csv: is empty; its first line must name the columns"),
         ("x,y\n", "starts.csv: has no rows below its head"),
-        ("x,y,heading\n4,0,up\n0,1,est\n", "starts.csv:2: heading 'up' is not a direction; 1 more"),
+        (
+            "x,y,heading\n4,0,up\n0,1,est\n",
+            "starts.csv:2: heading 'up' is not a direction; there are east, south, west, north; 1 more",
+        ),
         ("x,y,heading\n4,0,east\n0,1,\n", "starts.csv:3: heading is empty"),
         (
             "x,y\n4,0\n0,1.5\n",

@@ -415,7 +415,7 @@ class Orders(Struct):
         header=True,
     )
     dispatched: Array = field(
-        "(m,) int32", "tick in which a robot last took it, or NIL", default=NIL, role=MEASURED
+        "(m,) int32", "tick in which a robot last took it, or NIL", default=NIL, role=DERIVED
     )
     dispatched_from: Array = field(
         "(m,) int32", "the cell where that robot was then, or NIL", default=NIL, role=MEASURED

@@ -6,7 +6,7 @@ rules.radius   NIL          everything: one call for the whole batch
                             Euclidean with rules.circle)
 
 With rules.own_zones a strategy knows no other orders, works and stations than those of the zones of
-the robots that its robot sees.
+the robots that its robot sees, and of no order what is only measured.
 
 Hidden robots look like robots in no cell, with nothing to do; their cells look empty. Under a radius
 a strategy gets its robot's own rows of its state only (state_rows).
@@ -29,7 +29,8 @@ HIDDEN = -2  # design.held: the point belongs to a robot out of sight
 hide_robot, show_robot = hiding(Robots, "n"), showing(Robots, "n")
 hide_tally, show_tally = hiding(Tally, "n"), showing(Tally, "n")
 hide_signals, show_signals = hiding(ServiceZones, "n"), showing(ServiceZones, "n")
-hide_order, show_order = hiding(Orders, "m"), showing(Orders, "m")
+hide_order = hiding(Orders, "m", measured=False)
+show_order = showing(Orders, "m", measured=False)
 hide_queue, show_queue = hiding(ServiceZones, "m"), showing(ServiceZones, "m")
 hide_station, show_station = hiding(Stations, "k"), showing(Stations, "k")
 hide_job, show_job = hiding(Stations, "j"), showing(Stations, "j")

@@ -13,7 +13,7 @@ import pytest
 
 from automaton.build.resolve import resolve
 from automaton.engine.jit.structs import Struct
-from automaton.engine.state import NIL
+from automaton.engine.state import NIL, ORDER_DELIVERED
 from automaton.engine.visibility import is_visible, is_zone_visible, mask_world, zone_of_order
 from automaton.runs.simulation import Simulation
 
@@ -160,3 +160,15 @@ def test_nothing_that_is_hidden_changes_what_a_robot_sees(
     assert len(before) > 50
     mask_world(world, visible_world, hidden[0])
     assert contents(run.view, known) != before  # the poison is there for those who may see it
+
+
+def test_who_knows_only_his_own_zones_sees_of_orders_what_decides_not_what_is_measured() -> None:
+    settings = ["strategy.zoning={name: decentralized, design: factory-ddz, adjacency: 300}"]
+    settings.append("information={radius: 131, shape: circle, orders: zones}")
+    run = Simulation(resolve("factory", settings))
+    run.run(until=3000)
+    seen, orders = run.visible_world.orders, run.world.orders
+    shown = seen.state == ORDER_DELIVERED
+    assert shown.any() and (orders.picked[shown] != NIL).all()
+    assert (seen.dispatched[shown] == orders.dispatched[shown]).all()
+    assert (seen.picked == NIL).all() and not seen.moves.any()

@@ -15,16 +15,19 @@ from typing import Any, Final
 
 import numpy as np
 
-from automaton.engine.jit.fields import CALL, DECISION, VISIBLE, Field
+from automaton.engine.jit.fields import CALL, DECISION, MEASURED, VISIBLE, Field
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import Struct
 
 ELEMENTS: Final = {"n": "identity[i]"}  # what an element is called along an extent, if not i
 
 
-def hiding(struct: type[Struct], extent: str) -> Any:
-    """A kernel (s, i): what the arrays along an extent have of element i looks as if it were hidden."""
-    arrays = hidden_fields(struct, extent)
+def hiding(struct: type[Struct], extent: str, measured: bool = True) -> Any:
+    """A kernel (s, i): what the arrays along an extent have of element i looks as if it were hidden.
+
+    `measured`: whether it treats what is only measured, too.
+    """
+    arrays = _sorted_out(hidden_fields(struct, extent), measured)
     lines = [
         _for_each("s", name, one, f"s.{name}[@] = {one.hidden}")
         for name, one in sorted(arrays.items(), key=lambda item: not item[1].used)
@@ -32,11 +35,14 @@ def hiding(struct: type[Struct], extent: str) -> Any:
     return kernel(written_out(f"hide_{struct.__name__}_{extent}", "s, i", lines), cached=False)
 
 
-def showing(struct: type[Struct], extent: str) -> Any:
-    """A kernel (a, b, i): what the arrays of b along an extent have of element i is copied to a."""
+def showing(struct: type[Struct], extent: str, measured: bool = True) -> Any:
+    """A kernel (a, b, i): what the arrays of b along an extent have of element i is copied to a.
+
+    `measured`: whether it copies what is only measured, too.
+    """
     lines = [
         _for_each("b", name, one, f"a.{name}[@] = b.{name}[@]")
-        for name, one in hidden_fields(struct, extent).items()
+        for name, one in _sorted_out(hidden_fields(struct, extent), measured).items()
     ]
     return kernel(written_out(f"show_{struct.__name__}_{extent}", "a, b, i", lines), cached=False)
 
@@ -48,6 +54,10 @@ def hidden_fields(struct: type[Struct], extent: str) -> dict[str, Field]:
         for name, one in struct._declared.items()
         if one.extents[:1] == (extent,) and one.hidden is not VISIBLE
     }
+
+
+def _sorted_out(arrays: Mapping[str, Field], measured: bool) -> dict[str, Field]:
+    return {name: one for name, one in arrays.items() if measured or one.role != MEASURED}
 
 
 def digested_fields(world: type[Struct]) -> dict[int, tuple[str, str, Field]]:

@@ -23,6 +23,7 @@ Keys = tuple[str | int, ...]  # the way to a value: ("fleet", "start", 0)
 
 MAX_NODES: Final = 100_000  # values after aliases are expanded: a bomb of aliases is refused unread
 MAX_DEPTH: Final = 40
+DEEP: Final = f"nested more than {MAX_DEPTH} levels deep"
 LOADER: Final = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 TAG: Final = "tag:yaml.org,2002:"
 TEXT_TAGS: Final = (TAG + "str", TAG + "timestamp", TAG + "value", TAG + "merge")
@@ -141,7 +142,7 @@ def _refuse_unbounded(text: str, file: str | None) -> None:
         mark: Any = event.start_mark
         line = mark.line + 1
         if depth > MAX_DEPTH:
-            raise InputError(f"nested more than {MAX_DEPTH} levels deep", file, line)
+            raise InputError(DEEP, file, line)
         if count > MAX_NODES:
             raise InputError(f"holds more than {MAX_NODES:,} values", file, line)
 
@@ -149,6 +150,8 @@ def _refuse_unbounded(text: str, file: str | None) -> None:
 def _unparsable(error: yaml.MarkedYAMLError, file: str | None) -> InputError:
     mark: Any = error.problem_mark or error.context_mark
     problem = str(error.problem)
+    if "nesting depth" in problem:  # libyaml counts too, as PyYAML 6.0.4 brings it
+        return InputError(DEEP, file, mark.line + 1)
     if "cannot start any token" in problem:
         problem = "a character that cannot begin a value; put the value in quotes"
     elif "mapping values are not allowed" in problem:

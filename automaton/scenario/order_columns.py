@@ -72,7 +72,7 @@ def read_columns(
     """
     errors = RowErrors(str(path))
     chooser = _Chooser(fields, columns, options.where, needed, str(path), may_rename)
-    if may_rename and is_workbook(path):
+    if is_workbook(path):
         table = read_sheet_columns(path, options.sheet, options.time, chooser, errors)
     else:
         table = read_csv_columns(path, options.encoding, chooser, errors)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Final, Literal
 
+import msgspec
 import numpy as np
 from msgspec import Meta, field
 from numpy.typing import NDArray
@@ -26,6 +27,16 @@ NOTHING: Final = -1  # the code of a text field without a text
 NO_DUE: Final = 2**31 - 1  # no tick is later
 LAST_TICK: Final = 2_000_000_000
 Values = str | int | tuple[str | int, ...]
+Column = SingleLine | None
+
+
+class ColumnNames(ConfigSection, frozen=True, kw_only=True):
+    """What the columns of a file are called: a key for each field; other columns are not read."""
+
+    @property
+    def of_fields(self) -> dict[str, str]:
+        """The column of each field that has one."""
+        return {name: text for name, text in msgspec.to_builtins(self).items() if text is not None}
 
 
 class OrderFile(ConfigSection, frozen=True, kw_only=True):

@@ -3,6 +3,8 @@
 pod;x;y;name;class;weight;skus      pod: its number from 1; left out: as the rows come
 1;2;1;A-17-3;A;380;4711 4712        skus: between blanks; only x and y are needed
 
+The columns may be called otherwise, as `pods.columns` says.
+
 They become the scenario's own list, so that recordings stand alone.
 """
 
@@ -27,7 +29,6 @@ from automaton.scenario.order_fields import (
     Field,
     NumberField,
     OrderColumns,
-    OrderFile,
     TextField,
 )
 from automaton.scenario.order_notes import reading_notes
@@ -49,6 +50,7 @@ FIELDS: Final[tuple[Field, ...]] = (
     NumberField("weight", 1, HEAVIEST, default=1),
     TextField("skus"),
 )
+OF_FILE: Final = ("file", "columns", "sheet", "encoding")  # keys that the list does without
 NEEDED: Final = ((("x",),), (("y",),))  # columns
 
 Array = NDArray[np.int32]
@@ -71,12 +73,12 @@ def with_pods_of_file(document: Document) -> tuple[Document, PodFile | None]:
     path = document.folder / str(pods.file)
     if not os.path.isfile(path):
         raise document.error((*PODS, "file"), f"there is no file of pods '{pods.file}'")
-    options = OrderFile(file=path.name, encoding=pods.encoding)
-    columns = read_columns(path, FIELDS, options, None, Scale("1 tick"), NEEDED, may_rename=False)
+    named = None if pods.columns is None else pods.columns.of_fields
+    columns = read_columns(path, FIELDS, pods.options, named, Scale("1 tick"), NEEDED)
     rows = _sequence(columns)
     _check_rows(columns, list(pods.classes or ()))
     columns.errors.raise_any()
-    rest = {key: value for key, value in section.items() if key not in ("file", "encoding")}
+    rest = {key: value for key, value in section.items() if key not in OF_FILE}
     document = replace(
         document,
         data={**document.data, "pods": {**rest, "list": _pods(columns, rows)}},
@@ -95,13 +97,15 @@ def _sequence(columns: OrderColumns) -> Array:
         "beyond",
         "pod",
         numbers > count,
-        lambda row: f"pod {numbers[row]}: pods are numbered from 1 to {count:,}",
+        lambda row: (
+            f"{columns.column_of['pod']} {numbers[row]}: pods are numbered from 1 to {count:,}"
+        ),
     )
     _refuse_second(
         columns,
         "pod",
         np.where((numbers < 1) | (numbers > count), NOTHING, numbers),
-        lambda row: f"pod {numbers[row]} is here twice",
+        lambda row: f"{columns.column_of['pod']} {numbers[row]} is here twice",
     )
     rows: Array = np.argsort(numbers, kind="stable").astype(np.int32)
     return rows
@@ -110,15 +114,15 @@ def _sequence(columns: OrderColumns) -> Array:
 def _check_rows(columns: OrderColumns, classes: list[str]) -> None:
     """No two pods have a name or a cell, and classes are those of the scenario."""
     values, names, texts = columns.values, columns.names["name"], columns.names["class"]
-    x, y, codes = values["x"], values["y"], values["class"]
+    x, y, codes, called = values["x"], values["y"], values["class"], columns.column_of
 
     def named_twice(row: int) -> str:
-        return f"name {quoted(names[values['name'][row]])} is here twice"
+        return f"{called['name']} {quoted(names[values['name'][row]])} is here twice"
 
     def unknown(row: int) -> str:
         text = texts[codes[row]]
         there = f"pods.classes has {', '.join(classes)}" if classes else "set pods.classes"
-        return f"class {quoted(text)} is not a class of pods{nearest(text, classes)}: {there}"
+        return f"{called['class']} {quoted(text)} is not a class of pods{nearest(text, classes)}: {there}"
 
     _refuse_second(columns, "name", values["name"], named_twice)
     places = x.astype(np.int64) * (FARTHEST + 1) + y
@@ -126,9 +130,8 @@ def _check_rows(columns: OrderColumns, classes: list[str]) -> None:
     is_known = np.array([*(text in classes for text in texts), True])  # the last one: no class
     columns.refuse("unknown", "class", ~is_known[codes], unknown)
     if (codes != NOTHING).any():
-        columns.refuse(
-            "empty", "class", codes == NOTHING, lambda row: "class is empty, where others have one"
-        )
+        empty = f"{called['class']} is empty, where others have one"
+        columns.refuse("empty", "class", codes == NOTHING, lambda row: empty)
 
 
 def _refuse_second(

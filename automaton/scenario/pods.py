@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-import msgspec
 from msgspec import Meta, field
 
 from automaton.scenario.field_types import (
@@ -18,14 +17,13 @@ from automaton.scenario.field_types import (
     Weight,
 )
 from automaton.scenario.handling import Handling
-from automaton.scenario.order_fields import OrderFile
+from automaton.scenario.order_fields import Column, ColumnNames, OrderFile
 from automaton.scenario.quantities import GAP, TIME, quantity
 
 MAX_POD_STOPS = 64
 MAX_LINES = 1_000_000
 SHARE_ERROR = 0.001  # by which shares may miss 1
 
-Column = SingleLine | None
 DRAWN_ALONE: dict[str, Any] = {  # keys of lines that are drawn, as they are when left out
     "mean_interarrival_time": 0.0,
     "per_order": 1,
@@ -67,6 +65,22 @@ class Pod(ConfigSection, frozen=True, kw_only=True):
     ] = ()
 
 
+class PodColumns(ColumnNames, frozen=True, kw_only=True):
+    """What the columns of a file of pods are called; others are not read."""
+
+    x: Annotated[Column, Meta(description="Where the pod stands: its column.")] = None
+    y: Annotated[Column, Meta(description="And its row.")] = None
+    pod: Annotated[
+        Column, Meta(description="Its number from 1; without a column: that of its row.")
+    ] = None
+    name: Annotated[Column, Meta(description="What lines and orders call it.")] = None
+    pod_class: Annotated[Column, Meta(description="One of pods.classes.")] = field(
+        name="class", default=None
+    )
+    weight: Annotated[Column, Meta(description="How heavy it is; empty: 1.")] = None
+    skus: Annotated[Column, Meta(description="What it holds, between blanks.")] = None
+
+
 class Pods(ConfigSection, frozen=True, kw_only=True):
     """Pods: what stands in storage cells, and is carried to stations and back."""
 
@@ -80,9 +94,16 @@ class Pods(ConfigSection, frozen=True, kw_only=True):
     file: Annotated[
         NonEmptyText | None,
         Meta(
-            description="A CSV file with a pod in each row: x, y, and if wanted pod, name, class, weight "
-            "and skus, between blanks; path relative to the scenario."
+            description="A CSV file with a pod in each row, whose first row names its columns, or a "
+            "workbook (.xlsx, extra excel); path relative to the scenario."
         ),
+    ] = None
+    columns: Annotated[
+        PodColumns | None,
+        Meta(description="What its columns are called; null: as the keys of this are."),
+    ] = None
+    sheet: Annotated[
+        SingleLine | None, Meta(description="The sheet of a workbook; null: its only one.")
     ] = None
     encoding: Annotated[
         Literal["utf-8", "cp1252"], Meta(description="How the text of the file is stored.")
@@ -111,10 +132,17 @@ class Pods(ConfigSection, frozen=True, kw_only=True):
             check_shares("classes", self.classes)
         if self.file is not None and self.listed is not None:
             raise ValueError("pods have either a file or a list")
-        if self.file is None and self.encoding != "utf-8":
-            raise ValueError("encoding belongs to pods with a file")
+        for name, default in READ_ALONE.items() if self.file is None else ():
+            if getattr(self, name, default) != default:
+                raise ValueError(f"{name} belongs to pods with a file")
+        _ = self.options
         if self.listed == ():
             raise ValueError("list must hold at least one pod")
+
+    @property
+    def options(self) -> OrderFile:
+        """How the file is read. Raises ValueError for options that do not go together."""
+        return OrderFile(file=self.file or "", sheet=self.sheet, encoding=self.encoding)
 
 
 class Break(ConfigSection, frozen=True, kw_only=True):
@@ -199,7 +227,7 @@ class PerOrder(ConfigSection, frozen=True, kw_only=True):
     mean: Annotated[float, Meta(ge=1, le=1000, description="Its mean.")]
 
 
-class LineColumns(ConfigSection, frozen=True, kw_only=True):
+class LineColumns(ColumnNames, frozen=True, kw_only=True):
     """What the columns of a file of lines are called; others are not read."""
 
     released: Annotated[Column, Meta(description="When the line is released.")] = None
@@ -214,11 +242,6 @@ class LineColumns(ConfigSection, frozen=True, kw_only=True):
     ] = None
     priority: Annotated[Column, Meta(description="From -100 to 100; empty: 0.")] = None
     units: Annotated[Column, Meta(description="Units that are picked; empty: 1.")] = None
-
-    @property
-    def of_fields(self) -> dict[str, str]:
-        """The column of each field that has one."""
-        return {name: text for name, text in msgspec.to_builtins(self).items() if text is not None}
 
 
 class LineDemand(OrderFile, frozen=True, kw_only=True):

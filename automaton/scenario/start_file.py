@@ -78,7 +78,9 @@ def with_starts_of_file(
 
 def read_starts(path: Path) -> ReadStarts:
     """The starts of a CSV file. Raises InputError with the line."""
-    columns = read_columns(path, FIELDS, OrderFile(file=path.name), None, Scale("1 tick"), NEEDED)
+    columns = read_columns(
+        path, FIELDS, OrderFile(file=path.name), None, Scale("1 tick"), NEEDED, may_rename=False
+    )
     if columns.counts.ignored:
         name, known = columns.counts.ignored[0], [field.name for field in FIELDS]
         text = f"unknown column '{name[:40]}'{nearest(name, known)}"

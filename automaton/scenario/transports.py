@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, Final
 
-import msgspec
 from msgspec import Meta, field
 
-from automaton.scenario.field_types import ConfigSection, SingleLine
 from automaton.scenario.order_fields import (
+    Column,
+    ColumnNames,
     DueField,
     Field,
     NumberField,
@@ -17,7 +17,6 @@ from automaton.scenario.order_fields import (
     TextField,
 )
 
-Column = SingleLine | None
 FARTHEST: Final = 1_000_000
 MAX_WEIGHT: Final = 1_000_000_000
 
@@ -35,7 +34,7 @@ FIELDS: Final[tuple[Field, ...]] = (
 )
 
 
-class TransportColumns(ConfigSection, frozen=True, kw_only=True):
+class TransportColumns(ColumnNames, frozen=True, kw_only=True):
     """What the columns of a file of transports are called; others are not read."""
 
     released: Annotated[Column, Meta(description="When the order is released.")] = None
@@ -55,11 +54,6 @@ class TransportColumns(ConfigSection, frozen=True, kw_only=True):
     ] = None
     priority: Annotated[Column, Meta(description="From -100 to 100; empty: 0.")] = None
     weight: Annotated[Column, Meta(description="How heavy the load is; empty: 1.")] = None
-
-    @property
-    def of_fields(self) -> dict[str, str]:
-        """The column of each field that has one."""
-        return {name: text for name, text in msgspec.to_builtins(self).items() if text is not None}
 
 
 class Transports(OrderFile, frozen=True, kw_only=True):

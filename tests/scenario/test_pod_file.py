@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import csv
 from pathlib import Path
 from typing import Any
 
+import openpyxl
 import pytest
 
 from automaton.build.resolve import Resolved, resolve
@@ -80,6 +82,55 @@ def test_what_is_said_of_a_robot_has_the_name_of_its_pod(tmp_path: Path) -> None
         run.run(run.tick + 1)
     found = explain(take_snapshot(run), run.resolved.floor_plan, 0)
     assert "lifts pod A-17-8" in found.lines[0]
+
+
+def test_columns_are_called_as_the_scenario_says(tmp_path: Path) -> None:
+    names = "{x: COL, y: ROW, name: BIN, class: ABC}"
+    pods = "BIN;COL;ROW;ABC;NOTE\nA-17-2;3;1;A;\nA-17-8;2;1;B;old\n"
+    files = {
+        "lines": "T;LOCATION;ITEM\n0;A-17-8;\n",
+        "file": f"{{file: pods.csv, columns: {names}, ",
+    }
+    resolved = shift(tmp_path, pods, **files)
+    listed = resolved.scenario.pods.listed or ()
+    assert [(pod.name, pod.at, pod.pod_class) for pod in listed] == [
+        ("A-17-2", (3, 1), "A"),
+        ("A-17-8", (2, 1), "B"),
+    ]
+    assert "pods.csv: columns that are not read: NOTE" in resolved.file_notes
+    said = refused(tmp_path, pods=pods.replace(";B", ";C"), **files)
+    assert said.startswith("pods.csv:3: ABC 'C' is not a class of pods")
+
+
+def test_a_workbook_has_the_pods_of_the_csv_file(tmp_path: Path) -> None:
+    book = openpyxl.Workbook()
+    book.active.title = "Bins"
+    for row in csv.reader(PODS.splitlines(), delimiter=";"):
+        book.active.append([int(text) if text.isdigit() else text for text in row])
+    book.create_sheet("Notes")
+    book.save(tmp_path / "pods.xlsx")
+    of_sheet = shift(tmp_path, file="{file: pods.xlsx, sheet: Bins, ")
+    assert of_sheet.scenario.pods == shift(tmp_path).scenario.pods
+
+
+@pytest.mark.parametrize(
+    ("pods", "says"),
+    [
+        ("{columns: {name: BIN}, ", "pods.columns belongs to pods with a file"),
+        ("{sheet: Bins, ", "pods.sheet belongs to pods with a file"),
+        ("{file: pods.csv, sheet: Bins, ", "pods.sheet belongs to a workbook (.xlsx)"),
+        (
+            "{file: pods.csv, columns: {nam: BIN}, ",
+            "unknown key 'nam' in pods.columns (did you mean 'name'?)",
+        ),
+        (
+            "{file: pods.csv, columns: {x: X}, ",
+            "pods.csv:1: there is no column 'X' (did you mean 'x'?)",
+        ),
+    ],
+)
+def test_keys_of_a_file_that_do_not_fit(tmp_path: Path, pods: str, says: str) -> None:
+    assert says in refused(tmp_path, file=pods)
 
 
 def test_a_recording_has_the_pods_itself(tmp_path: Path) -> None:

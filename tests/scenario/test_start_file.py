@@ -64,6 +64,7 @@ def test_headings_are_those_of_identities_however_robots_are_stored(tmp_path: Pa
     [
         (None, "floor.yaml:6: there is no file of starts 'starts.csv'"),
         ("", "starts.csv: is empty; its first line must name the columns"),
+        ("X,y\n4,0\n5,1\n", "there is no column for x (did you mean 'X'?); the columns are X, y\n"),
         ("x,y\n", "starts.csv: has no rows below its head"),
         (
             "x,y,heading\n4,0,up\n0,1,est\n",

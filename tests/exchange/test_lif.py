@@ -112,7 +112,7 @@ def test_nodes_without_an_edge_are_left_out(tmp_path: Path) -> None:
     ("old", "new", "sentence"),
     [
         ('"x": 4.0', '"x": "4"', "Expected `float`, got `str` - at `nodes[1].nodePosition.x` (B)"),
-        ('"x": 4.0', '"x": NaN', "is not JSON: JSON is malformed: invalid character (byte"),
+        ('"x": 4.0', '"x": NaN', "is not JSON: invalid character at 'NaN'"),
         ('"x": 4.0', '"x": 1e999', "is not JSON: Number out of range"),
         ('"x": 4.0', '"x": 1e200', "the node B is at x 1e+200, y 0; at most 1e+09 m are allowed"),
         ('"x": 4.0, "y": 3.0', '"x": 4.0, "y": 0.0', "the nodes B and C are both at x 4, y 0"),

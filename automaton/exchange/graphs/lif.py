@@ -38,13 +38,15 @@ from automaton.exchange.graphs.lif_structs import (
     NodeProperties,
     Trajectory,
 )
+from automaton.scenario.text_lines import quoted
 
 MAX_OBJECTS: Final = 1_000_000  # of a file, lists included
 MAX_VALUES: Final = 10_000_000
 MAX_LISTED: Final = 8  # names in an error
 START_CHARGING: Final = "startCharging"
 IDS: Final = ("nodeId", "edgeId", "stationId")
-AT_BYTE: Final = re.compile(r"\(byte (\d+)\)")
+MALFORMED: Final = re.compile(r"JSON is malformed: (.*) \(byte (\d+)\)")
+WORD: Final = re.compile(rb"[^\s,}\]]{1,20}")
 CLOSED: Final = LoadRestriction(unloaded=False, loaded=False)
 
 T = TypeVar("T")
@@ -107,9 +109,13 @@ def _decoded(path: Path) -> dict[str, Any]:
     except RecursionError:
         raise InputError("is nested too deeply", file) from None
     except (msgspec.MsgspecError, UnicodeDecodeError) as error:
-        place = AT_BYTE.search(str(error))
-        line = content.count(b"\n", 0, int(place[1])) + 1 if place else None
-        raise InputError(f"is not JSON: {error}", file, line) from None
+        malformed = MALFORMED.fullmatch(str(error))
+        if malformed is None:
+            raise InputError(f"is not JSON: {error}", file) from None
+        place = int(malformed[2])
+        found, line = WORD.match(content, place), content.count(b"\n", 0, place) + 1
+        at = f" at {quoted(found[0].decode(errors='replace'))}" if found else ""
+        raise InputError(f"is not JSON: {malformed[1]}{at}", file, line) from None
     if not isinstance(data, dict):
         raise InputError("must be a JSON object with layouts", file)
     return data

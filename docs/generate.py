@@ -562,7 +562,8 @@ def contract_page() -> str:
         ),
         "## One robot at a time\n",
         "With `@per_robot(layer)` a strategy is a function `decide(me, view)`, which returns one of the "
-        "decisions below, or None to go on (`automaton.strategy.per_robot`).\n",
+        "decisions below, or None to go on (`automaton.strategy.per_robot`). "
+        "`@per_robot(layer, memory=2)` gives each robot two numbers of its own, 0 at first, in `me.memory`.\n",
         *(
             f"### {name}\n\n" + table(("attribute", "meaning"), _members(one))
             for name, one in (
@@ -634,7 +635,7 @@ def _constants(prefix: str) -> Iterator[tuple[str, str]]:
 
 def _members(kind: type) -> Iterator[tuple[str, str]]:
     """Yield the public attributes of a class: fields with the comment behind them, then the others."""
-    stored = r"^ +(?:self\.([a-z]\w*) = \w+|([a-z]\w*): int)(?:  # (.*))?$"
+    stored = r"^ +(?:self\.([a-z]\w*) = \w+|([a-z]\w*): int(?: = \w+)?)(?:  # (.*))?$"
     for assigned, declared, comment in re.findall(stored, inspect.getsource(kind), re.MULTILINE):
         yield code(assigned or declared), comment
     for name, member in vars(kind).items():

@@ -147,7 +147,7 @@ class Me:
     ) -> None:
         self._view, self._workspace, self._robot = view, workspace, robot
         self.reason = reason  # automaton.engine.state.REASON_*
-        self.memory = row  # int64 numbers that are kept for this robot
+        self.memory = row  # (k,) int64 numbers that are kept for this robot
 
     @property
     def identity(self) -> int:

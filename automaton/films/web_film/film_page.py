@@ -15,6 +15,7 @@ from automaton.atomic_write import atomic_writer
 from automaton.drawings.cell_looks import DETAIL_SHIFT, KIND_MASK, colour_of
 from automaton.drawings.palette import THEMES, Theme, css, rgb
 from automaton.drawings.robot_looks import STATE_COLOURS, STATE_WORDS
+from automaton.drawings.shapes import LETTERS
 from automaton.engine.state import NIL
 from automaton.evidence.recording.recording_reader import read_recording
 from automaton.films.film_columns import FIGURES, PARTS, cause_words, deflated
@@ -81,6 +82,7 @@ def _words(stretch: RecordedStretch) -> dict[str, Any]:
         "stride": floor.floor_plan.stride,
         "looks": deflated(floor.looks),  # with the border, for parking bays
         "kinds": {str(kind): one.name for kind, one in enumerate(CELL_KINDS)},
+        "letters": LETTERS,
         "kind_mask": KIND_MASK,
         "detail_shift": DETAIL_SHIFT,
         "colours": {theme: _colours(used, theme) for theme in THEMES},

@@ -7,7 +7,6 @@ const $ = (id) => document.getElementById(id);
 const TICKS = film.last - film.first + 1;
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10, 20, 50, 100]; // 1 is ten ticks a second
 const ONE_WAY = 1; // detail of cells
-const LETTERS = { destination: "D", charger: "C", "parking-bay": "P", dock: "I", station: "S" };
 const [X0, Y0, X1, Y1] = film.box;
 const SIDES = [[1, 0], [0, 1], [-1, 0], [0, -1]]; // east, south, west, north
 
@@ -103,7 +102,7 @@ function drawCell(ctx, look, x, y, size) {
     ctx.globalAlpha = 0.55;
     ctx.fillRect(x + size * 0.06, y + size * 0.06, size * 0.88, size * 0.88);
     ctx.globalAlpha = 1;
-    if (size >= 14 && LETTERS[kind]) letter(ctx, ...middle, size, LETTERS[kind]);
+    if (size >= 14 && film.letters[kind]) letter(ctx, ...middle, size, film.letters[kind]);
   }
 }
 

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from automaton.build.resolve import resolve
+from automaton.drawings import cell_looks as drawings
 from automaton.drawings.moment import drawn_floor, moment_of
+from automaton.drawings.palette import COLOURS
 from automaton.evidence.history.snapshot import take_snapshot
+from automaton.floor.cells import CELL_KINDS
 from automaton.runs.simulation import Simulation
 from tui.playback.run_source import floor_of
+from tui.render import cell_looks as viewer
 from tui.render.robot_marks import robots_of
 from tui.render.scene import Scene
 
@@ -20,3 +24,8 @@ def test_a_snapshot_and_the_state_have_the_same_robots_in_the_same_order() -> No
     seen = (marks.state, marks.shape, marks.direction)
     assert [one.tolist() for one in seen] == [one.tolist() for one in looks]
     assert all(len(set(one.tolist())) > 1 for one in seen)
+
+
+def test_each_kind_of_cell_has_a_colour() -> None:
+    assert set(viewer.KIND_COLOURS) == {kind.code for kind in CELL_KINDS}
+    assert set(drawings.KIND_COLOURS.values()) <= set(COLOURS)

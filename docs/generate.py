@@ -563,7 +563,8 @@ def contract_page() -> str:
         "## One robot at a time\n",
         "With `@per_robot(layer)` a strategy is a function `decide(me, view)`, which returns one of the "
         "decisions below, or None to go on (`automaton.strategy.per_robot`). "
-        "`@per_robot(layer, memory=2)` gives each robot two numbers of its own, 0 at first, in `me.memory`.\n",
+        "`@per_robot(layer, memory=2)` gives each robot two numbers of its own, 0 at first, in "
+        "`me.memory`.\n",
         *(
             f"### {name}\n\n" + table(("attribute", "meaning"), _members(one))
             for name, one in (

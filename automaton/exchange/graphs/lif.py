@@ -113,8 +113,8 @@ def _decoded(path: Path) -> dict[str, Any]:
         if malformed is None:
             raise InputError(f"is not JSON: {error}", file) from None
         place = int(malformed[2])
-        found, line = WORD.match(content, place), content.count(b"\n", 0, place) + 1
-        at = f" at {quoted(found[0].decode(errors='replace'))}" if found else ""
+        word, line = WORD.match(content, place), content.count(b"\n", 0, place) + 1
+        at = f" at {quoted(word[0].decode(errors='replace'))}" if word else ""
         raise InputError(f"is not JSON: {malformed[1]}{at}", file, line) from None
     if not isinstance(data, dict):
         raise InputError("must be a JSON object with layouts", file)

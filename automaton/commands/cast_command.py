@@ -170,7 +170,8 @@ def _check_page(args: argparse.Namespace) -> None:
 
 
 def _check_drawn(args: argparse.Namespace, path: Path) -> None:
-    _refuse(_of_screens(args), f"FILE{path.suffix.lower()}")
+    others = "; screens are FILE.cast and pictures FILE.svg and FILE.txt"
+    _refuse(_of_screens(args), f"FILE{path.suffix.lower()}{others}")
 
 
 def _of_screens(args: argparse.Namespace) -> dict[str, Any]:

@@ -5,7 +5,7 @@
         if me.load is not None:
             return drop_at(view.target_of(me.load))
         orders = view.open_orders()
-        return take(min(orders, key=lambda order: me.ticks_to(order.slot))) if orders else park()
+        return take(min(orders, key=me.ticks_to)) if orders else park()
 
 A scenario names it "module:eager". The robots of a batch are asked in the order of their identities
 and each decision counts as made for those after it. With `information: orders` or a radius, `view`
@@ -174,14 +174,15 @@ class Me:
         cell = cell_of(self._view, self._robot, slot)
         return NIL if cell is None else cell
 
-    def ticks_to(self, slot: int) -> int:
-        """Ticks to the cell from which it serves a slot, on the empty floor."""
-        if slot == NIL:
+    def ticks_to(self, place: int | Order) -> int:
+        """Ticks, on the empty floor, to the cell from which it serves a slot, or to where an order
+        begins: where its load lies, or its next stop."""
+        slot, cell = (place.slot, place.stop) if isinstance(place, Order) else (place, NIL)
+        if slot != NIL:
+            cell = self.access_cell_for(slot)
+        if cell == NIL:
             return paths.UNREACHABLE
-        access_cell = self.access_cell_for(slot)
-        if access_cell == NIL:
-            return paths.UNREACHABLE
-        return paths.distance(self._view, self._workspace, self._robot, access_cell)
+        return paths.distance(self._view, self._workspace, self._robot, cell)
 
     def route(self, around: bool = False) -> list[int] | None:
         """Directions to its goal cell; `around`: avoiding the robots in sight."""

@@ -316,7 +316,7 @@ STILL = ("--picture", "still.svg")
         (("run.rec", "--out", "film.avi"), "'film.avi' names no film: allowed are FILE.gif, "),
         (
             ("run.rec", "--out", "f.gif", "--layer", "visits"),
-            "--layer does not go together with FILE.gif",
+            "--layer does not go together with FILE.gif; screens are FILE.cast and pictures FILE.svg",
         ),
         (("run.rec", "--out", "f.gif", "--fps", "60"), "more than .gif plays: allowed are 1 to 50"),
         (("run.rec", "--out", "f.png", "--size", "80x24"), "80x24 is not a size in pixels"),

@@ -7,6 +7,7 @@ from typing import Any
 import example_strategies
 import numpy as np
 import pytest
+from gate_scenes import gate_scene
 
 from automaton.build.resolve import resolve
 from automaton.engine.jit.kernel import jit_is_on
@@ -131,6 +132,13 @@ def test_a_strategy_for_one_robot_at_a_time_delivers_everything(information: str
     assert simulation.finished
     assert metrics_of(simulation)["delivered"] == 25
     assert metrics_of(simulation)["illegal_answers"] == 0
+
+
+def test_an_order_of_stops_is_as_far_as_its_first_one() -> None:
+    strategy = {"allocation": "example_strategies:eager", "right_of_way": "wait"}
+    simulation = Simulation(gate_scene({}, (7, 0), (1, 0), start=[[3, 0]], strategy=strategy))
+    simulation.run(until=1)
+    assert simulation.world.orders.reserved_by.tolist() == [NIL, 0]
 
 
 def test_a_robot_remembers_its_own_numbers_under_a_radius() -> None:

@@ -176,7 +176,7 @@ def eager(me, view):
     if me.load is not None:
         return drop_at(view.target_of(me.load))
     orders = view.open_orders()
-    return take(min(orders, key=lambda order: me.ticks_to(order.slot))) if orders else park()
+    return take(min(orders, key=me.ticks_to)) if orders else park()
 
 
 @per_robot("allocation", memory=1)

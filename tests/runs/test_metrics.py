@@ -15,6 +15,7 @@ from automaton.engine.state import (
     ACTION_TURN,
     ACTION_WAIT,
 )
+from automaton.runs.metric_sums import QUOTIENTS, SUMS
 from automaton.runs.metrics import (
     METRIC_CATALOGUE,
     OPERATIONS,
@@ -179,3 +180,10 @@ def test_a_robot_that_does_little_but_wait_is_blocked_for_less_than_all_of_the_t
     assert metrics["lost_at_gates"] > 90
     assert metrics["blocked_share"] == metrics["lost_at_gates"] / 100
     assert metrics_by_robot(simulation)[0]["blocked_share"] == metrics["blocked_share"]
+
+
+def test_what_quotients_are_made_of_is_kept_for_steady_states() -> None:
+    parts = {one for quotient in QUOTIENTS.values() for one in (quotient.part, quotient.whole)}
+    names = {name for one in parts for name in (one if isinstance(one, tuple) else (one,))}
+    sums = {name for name in names if isinstance(name, str)}
+    assert sums <= {*SUMS, "robots", "completed", "watched_robot_ticks"}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ from sweep_studies import (
 from automaton.studies.sweeps.pools import ExternalExecutor
 from automaton.studies.sweeps.result_store import Store
 from automaton.studies.sweeps.sweep_plan import make_sweep_plan
+from automaton.studies.sweeps.sweep_runs import Row
 from automaton.studies.sweeps.sweep_session import sweep_into
 
 REPLICATIONS = 100  # in 4 points, of some ms each: more than are done before the kill
@@ -105,3 +106,20 @@ def test_ctrl_c_while_workers_end_keeps_all_rows(tmp_path: Path) -> None:
     with ThreadPoolExecutor(1) as executor, pytest.raises(KeyboardInterrupt):
         sweep_into(out, plan, lambda: Interrupted(executor), on_rows=told.extend)
     assert len(told) == Store(out).rows().num_rows == 24
+
+
+def test_a_second_ctrl_c_keeps_the_rows_that_were_told(tmp_path: Path) -> None:
+    class AtOnce(Executor):
+        def submit(self, run: Any, /, *arguments: Any, **options: Any) -> Future[Any]:
+            future: Future[Any] = Future()
+            future.set_result(run(*arguments, **options))
+            return future
+
+    def stop(rows: list[Row]) -> None:
+        told.extend(rows)
+        raise KeyboardInterrupt
+
+    plan, told, out = make_sweep_plan(small_study(tmp_path)), [], tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt):
+        sweep_into(out, plan, lambda: ExternalExecutor(AtOnce()), on_rows=stop)
+    assert len(told) == Store(out).rows().num_rows == 2  # first chunks are of one run

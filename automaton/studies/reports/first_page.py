@@ -126,13 +126,13 @@ def _verdict(results: Results, answer: Answer) -> str:
     sure = f"{percent(1 - results.analysis.error, 0)} certainty"
     if not answer.compared:
         return f"No answer: no point has two runs with {metric}, all of them finished."
+    if len(answer.compared) == 1:
+        return f"{_with_mean(results, answer, answer.compared[0])} is the only point to judge by."
     if answer.better is None:
         ordered = sorted(answer.compared, key=lambda point: mean_of(results, point, metric))
         low, high = (_with_mean(results, answer, point) for point in (ordered[0], ordered[-1]))
         return f"No best point, since {metric} is not better low or high: from {low} to {high}."
     assert leading is not None
-    if len(answer.compared) == 1:
-        return f"{_with_mean(results, answer, leading)} is the only point to judge by."
     if answer.best is not None:
         return (
             f"Best, with {sure}: {_with_mean(results, answer, leading)}. No other of the {of} "

@@ -76,8 +76,10 @@ class Coordinator:
             self.writer.flush()
         except BaseException:
             with contextlib.suppress(Exception):  # what has gone wrong already is what is told
-                self._take_finished()
-                self.writer.flush()
+                try:
+                    self._take_finished()
+                finally:  # Ctrl-C may come again
+                    self.writer.flush()
             raise
 
     def close(self, now: bool) -> None:

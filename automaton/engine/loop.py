@@ -31,9 +31,10 @@ from automaton.engine.gate_pass import hold_at_gates, update_gates
 from automaton.engine.gate_queries import has_gates, set_cabin_ticks
 from automaton.engine.holders import enter_holders, remove_holders
 from automaton.engine.jit.kernel import jit_is_on, kernel
+from automaton.engine.jit.struct_types import declared_type
 from automaton.engine.listed_pods import take_turns
 from automaton.engine.motion import move_all
-from automaton.engine.observation import COUNT_CURVE_ROWS, COUNT_EVENTS
+from automaton.engine.observation import COUNT_CURVE_ROWS, COUNT_EVENTS, Observation
 from automaton.engine.observe import observe
 from automaton.engine.record_changes import MAX_CHANGES
 from automaton.engine.releases import release_orders
@@ -58,12 +59,19 @@ from automaton.engine.state import (
     CLOCK_UNPARKED,
     LAYER_ALLOCATION,
     LAYER_CHARGING,
+    LAYER_NAMES,
     LAYER_RIGHT_OF_WAY,
     LAYER_ROUTING,
     LAYER_SEQUENCE,
     LAYER_ZONING,
     STOP_DELIVERED,
     STOP_PARKED,
+    Batch,
+    Decisions,
+    Memory,
+    Record,
+    Workspace,
+    World,
 )
 from automaton.engine.station_queues import clear_queues, count_starved, mark_queues
 from automaton.engine.stations import work_at_stations
@@ -275,17 +283,40 @@ def is_finished(world):
     return 1 if world.rules.stop == STOP_DELIVERED else 0
 
 
-def compile_loop(arguments, memory):
-    """The generator function, and the signature of `decide`.
-
-    `arguments`: those of `ticks` up to `layer_mode`, of any run; all runs have the same types.
-    """
+def compile_loop():
+    """The generator function, and the signature of `decide`; all runs have the same types."""
     if not jit_is_on():
         return ticks, None
-    from numba import typeof
+    decide, five = decide_signature(), len(LAYER_NAMES)
+    worlds = declared_type(World), declared_type(World), declared_type(World, writable=False)
+    batches = declared_type(Batch), declared_type(Batch), declared_type(Batch, writable=False)
+    kinds = (
+        types.BaseTuple.from_types(worlds),
+        types.BaseTuple.from_types(batches),
+        declared_type(Decisions),
+        types.BaseTuple.from_types((declared_type(Record), declared_type(Observation))),
+        declared_type(Workspace),
+        types.Array(types.uint8, 1, "C"),
+        types.UniTuple(declared_type(Memory), five),
+        *[types.FunctionType(decide)] * five,
+    )
+    return kernel(ticks, signature=kinds), decide
 
-    kinds = [typeof(argument) for argument in arguments]
-    worlds, batches, decisions, _, workspace, _ = kinds
-    decide = types.void(worlds[2], batches[2], decisions, typeof(memory), workspace)
-    memories, functions = types.UniTuple(typeof(memory), 5), [types.FunctionType(decide)] * 5
-    return kernel(ticks, signature=(*kinds, memories, *functions)), decide
+
+def decide_signature():
+    """The types of the arguments of a strategy's `decide`."""
+    shown = (declared_type(kind, writable=False) for kind in (World, Batch))
+    return types.void(*shown, *(declared_type(kind) for kind in (Decisions, Memory, Workspace)))
+
+
+def last_parts():
+    """Kernels that `ticks` calls last, and the types of their arguments: another process can compile
+    them while the first parts are compiled, in about the same time."""
+    world, record, observation = (declared_type(kind) for kind in (World, Record, Observation))
+    return (
+        (motion, (world, record)),
+        (write_record, (world, record)),
+        (observe, (world, observation)),
+        (find_cycles, (world, observation)),
+        (note_events, (world, observation)),
+    )

@@ -20,6 +20,7 @@ from typing import Any, Final, NamedTuple, TypeVar
 
 from automaton.build.resolve import Resolved
 from automaton.errors import WorkerDiedError
+from automaton.runs.cores import cores
 from automaton.runs.headless import attribute_strategy_errors, run_to_end
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
@@ -60,13 +61,6 @@ def run_and_measure(simulation: Simulation) -> dict[str, float | int]:
     """Run to the end; the metrics of the run."""
     run_to_end(simulation)
     return metrics_of(simulation)
-
-
-def cores() -> int:
-    """The cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def run_all(

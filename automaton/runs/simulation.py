@@ -43,6 +43,7 @@ from automaton.engine.state import (
 )
 from automaton.engine.state_rows import NO_ROWS, state_rows
 from automaton.errors import InputError
+from automaton.runs.first_compilation import compiled_side_by_side
 from automaton.runs.floor_pictures import floor_picture
 from automaton.runs.interruption import give_up, interruptible
 from automaton.runs.metric_sums import TASK_SUMS
@@ -215,7 +216,7 @@ class Simulation:
             self.workspace,
             np.zeros(len(LAYER_NAMES), np.uint8),
         )
-        loop, decide_type = _compiled_loop(arguments, Memory(address=0, rows=NO_ROWS))
+        loop, decide_type = _compiled_loop(self._strategies)
         layer_mode = arguments[-1]
         functions = []
         for index, strategy in enumerate(self._strategies):
@@ -418,11 +419,12 @@ def constants_of(world: World) -> list[tuple[str, Array, Array]]:
 _LOOPS: dict[str, Any] = {}
 
 
-def _compiled_loop(arguments: tuple[Any, ...], memory: Memory) -> tuple[Any, Any]:
+def _compiled_loop(strategies: Sequence[Strategy | None]) -> tuple[Any, Any]:
     """The loop, compiled or loaded once per process: all worlds have the same types."""
     if "loop" not in _LOOPS:
-        with first_compilation_announced():
-            _LOOPS["loop"] = loop_kernels.compile_loop(arguments, memory)  # type: ignore[no-untyped-call]
+        kinds = [type(strategy) for strategy in strategies if strategy is not None]
+        with first_compilation_announced(), compiled_side_by_side(kinds):
+            _LOOPS["loop"] = loop_kernels.compile_loop()  # type: ignore[no-untyped-call]
         COMPILING.finish(loop_kernels.ticks)
     found: tuple[Any, Any] = _LOOPS["loop"]
     return found

@@ -18,6 +18,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from fcntl import LOCK_EX, flock
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -36,8 +37,9 @@ ENGINE = "automaton.engine"  # packages whose kernels are the world
 LOOP = "automaton.engine.loop"  # compiled in every first run, and last
 CACHES_KEPT = 4
 UNUSED_S = 7 * 86_400.0  # after which kernels in the temporary folder are removed
+LOCK = "lock"  # a file in the folder of a module, held by who saves
 WORLD = "the world"
-FIRST_RUN_NOTICE = "first run of this version on this machine (one to two minutes): the world"
+FIRST_RUN_NOTICE = "first run of this version on this machine (about a minute): the world"
 FIRST_USE_NOTICE = "first use on this machine: "
 COMPILE_NOTICE_DELAY_S = 1.0  # before it is said that something is being compiled
 
@@ -176,7 +178,7 @@ def kernel(
     try:
         if signature is not None:
             return njit(signature, **options)(function)
-        return _with_one_signature(njit(**options)(function))
+        return _saved_alone(_with_one_signature(njit(**options)(function)))
     finally:
         config.CACHE_DIR = before
 
@@ -193,6 +195,23 @@ def _with_one_signature(dispatcher: Any) -> Any:
         return resolve([_widened(kind) for kind in arguments], keywords)
 
     dispatcher.get_call_template = get_call_template
+    return dispatcher
+
+
+def _saved_alone(dispatcher: Any) -> Any:
+    """Let one process at a time enter what it compiled into the cache: Numba would read the index, and
+    replace it without what others have entered meanwhile."""
+    save = dispatcher._cache.save_overload
+
+    def save_overload(signature: Any, compiled: Any) -> None:
+        folder = Path(dispatcher._cache.cache_path)
+        folder.mkdir(parents=True, exist_ok=True)  # it may be among the removed generations
+        with (folder / LOCK).open("ab") as lock:
+            with suppress(OSError):  # some network folders have no locks
+                flock(lock, LOCK_EX)
+            save(signature, compiled)
+
+    dispatcher._cache.save_overload = save_overload
     return dispatcher
 
 

@@ -28,6 +28,7 @@ def unfit(what: str) -> UnfitNumbaError:
 
 try:
     from numba.core import cgutils, config, event
+    from numba.core.caching import FunctionCache
     from numba.core.cpu import CPUTargetOptions
     from numba.core.dispatcher import Dispatcher
     from numba.core.typing.templates import AttributeTemplate, infer_getattr
@@ -50,6 +51,8 @@ def changed() -> Iterator[str]:
         yield "AttributeTemplate.generic_resolve is gone"
     if not hasattr(config, "CACHE_DIR"):
         yield "config.CACHE_DIR is gone"
+    if not {"save_overload", "cache_path"} <= set(dir(FunctionCache)):
+        yield "FunctionCache saves otherwise"
     if not {"on_start", "on_end"} <= set(dir(event.Listener)):
         yield "event.Listener hears other events"
 

@@ -79,10 +79,11 @@ def _struct_type(cls: type[Struct], writable: bool, inner: Iterator[types.Type])
 
 
 @cache
-def declared_type(cls: type[Struct]) -> StructType:
-    """The type of the writable instances of a class; structs in them are as annotated."""
+def declared_type(cls: type[Struct], writable: bool = True) -> StructType:
+    """The type of the instances of a class that are writable, or not, with all structs in them."""
     classes = cls.struct_classes()
-    return _struct_type(cls, True, iter([declared_type(classes[name]) for name in cls._structs]))
+    inner = [declared_type(classes[name], writable) for name in cls._structs]
+    return _struct_type(cls, writable, iter(inner))
 
 
 class StructClassType(types.Dummy):

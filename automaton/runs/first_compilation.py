@@ -1,0 +1,86 @@
+"""The first run: two processes compile its 400 kernels side by side, into one cache.
+
+The other process compiles what the loop calls last, and then what the strategies decide with. This one
+loads what is there by the time it needs it, and compiles the rest, whatever becomes of the other.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from importlib import import_module
+from multiprocessing import parent_process
+
+from automaton.engine.jit.kernel import COMPILATIONS, jit_is_on, world_marker
+from automaton.engine.loop import decide_signature, last_parts
+from automaton.runs.cores import cores
+from automaton.strategy.decide_compilation import compiled_decide
+from automaton.strategy.layer import Strategy
+
+
+@contextmanager
+def compiled_side_by_side(kinds: Sequence[type[Strategy]]) -> Iterator[None]:
+    """While the loop is compiled in here for the first time, another process does a part of it.
+
+    `kinds`: the strategies that are needed next; they are compiled when this ends.
+    """
+    if not jit_is_on() or world_marker().exists() or cores() < 2 or parent_process():
+        yield
+        return
+    try:
+        other = subprocess.Popen(
+            [sys.executable, "-c", _command(kinds)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+    except OSError:  # no more processes, or no room for one
+        yield
+        return
+    try:
+        yield
+        begun = time.perf_counter()
+        other.wait()
+        COMPILATIONS.seconds += time.perf_counter() - begun
+    finally:
+        other.kill()
+        other.communicate()
+
+
+def _command(kinds: Sequence[type[Strategy]]) -> str:
+    """The program of the other process, which finds modules where this one does."""
+    names = [f"{kind.__module__}:{kind.__qualname__}" for kind in kinds]
+    return (
+        f"import sys; sys.path[:] = {sys.path!r}\n"
+        f"from {__name__} import compile_for_another as compile\n"
+        f"compile({names!r})"
+    )
+
+
+def compile_for_another(names: Sequence[str]) -> None:
+    """Compile a part of the loop and some strategies, as long as the process that asked lives."""
+    threading.Thread(target=_end_with_stdin, daemon=True).start()
+    compile_part(names)
+
+
+def compile_part(names: Sequence[str]) -> None:
+    """Compile the last parts of the loop and what these strategies ("module:class") decide with."""
+    for part, kinds in last_parts():  # type: ignore[no-untyped-call]
+        part.compile(kinds)
+    signature = decide_signature()  # type: ignore[no-untyped-call]
+    for name in names:
+        module, _, kind = name.partition(":")
+        with suppress(Exception):  # the process that needs it says what is wrong
+            compiled = getattr(import_module(module), kind).compiled
+            if compiled is not None:
+                compiled_decide(compiled, signature)
+
+
+def _end_with_stdin() -> None:
+    os.read(0, 1)  # not by way of sys.stdin, whose lock this thread would hold at the end
+    os._exit(1)

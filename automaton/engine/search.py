@@ -168,7 +168,7 @@ TURNED_AHEAD = 4  # parents: 0..3 a move in that direction, else a turn
 TURNED_BEHIND = 5
 STARTED = 6
 
-AROUND_ROBOTS = 1  # what searches go around: cells without room now; True says the same
+AROUND_ROBOTS = 1  # what searches go around: cells without room now
 AROUND_CLOSED = 2  # closed cells
 AROUND_KNOWN = 3  # closed cells of which routing may know how long they are
 

@@ -98,5 +98,6 @@ def route(
     cell = position(view, robot)
     target = _checked(view, target)
     robot_type = int(view.robots.type[robot])
-    length = search.find_path(view, workspace, robot_type, cell, heading, target, around, steps)
+    way = int(around)
+    length = search.find_path(view, workspace, robot_type, cell, heading, target, way, steps)
     return None if length == NIL else [int(step) for step in steps[:length]]

@@ -18,6 +18,7 @@ from automaton.engine.state import (
     Array,
 )
 from automaton.strategy.kernels import (
+    AROUND_ROBOTS,
     can_do,
     dropoff_cell,
     find_path,
@@ -117,7 +118,14 @@ def first_order(view, out, workspace, i, column, around):
             return order
         if (
             find_path(
-                view, workspace, robot_type, here, heading, access_cell, True, workspace.steps
+                view,
+                workspace,
+                robot_type,
+                here,
+                heading,
+                access_cell,
+                AROUND_ROBOTS,
+                workspace.steps,
             )
             != NIL
         ):

@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 INTERRUPT_PATIENCE_S: Final = 1.5  # with compiled code that looks at no flag
 JUST_NOW_S: Final = 0.5
+COMPILERS_CALLBACKS: Final = "_raw_object_cache_"  # names of functions of llvmlite begin so
+RETRY_S: Final = 0.01  # until a signal comes again that came in one of them
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 NO_SIGNAL: Final = -1  # no wakeup descriptor
 
@@ -174,13 +176,23 @@ def signals_raise() -> Iterator[None]:
             signal.signal(number, usual[number])
 
 
-def _on_signal(number: int, _: FrameType | None) -> NoReturn:
+def _on_signal(number: int, frame: FrameType | None) -> None:
+    if _in_callback(frame):
+        threading.Timer(RETRY_S, os.kill, [os.getpid(), number]).start()
+        return
     _WATCHER.forget()
     _WATCHER.answered = time.monotonic()
     if number == signal.SIGTERM:
         signal.signal(number, signal.SIG_IGN)  # what is known is told once, whole
         raise TerminatedError
     raise KeyboardInterrupt
+
+
+def _in_callback(frame: FrameType | None) -> bool:
+    """Whether the compiler has called Python: what is raised there is lost, and the kernel with it."""
+    while frame is not None and not frame.f_code.co_name.startswith(COMPILERS_CALLBACKS):
+        frame = frame.f_back
+    return frame is not None
 
 
 def _words(number: int) -> bytes:

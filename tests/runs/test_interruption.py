@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import signal
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 from typing import Any
 
 import endless_strategies
 import numpy as np
 import pytest
+from llvmlite.binding.executionengine import ExecutionEngine
 from sweep_studies import end_all, started, wait_until
 
 from automaton.build.resolve import resolve
@@ -27,7 +30,7 @@ from automaton.engine.search import (
 )
 from automaton.engine.state import NIL
 from automaton.runs import interruption
-from automaton.runs.interruption import interruptible
+from automaton.runs.interruption import COMPILERS_CALLBACKS, interruptible, signals_raise
 from automaton.runs.simulation import Simulation
 from strategies.routing.astar.astar import search
 from strategies.routing.astar.frontier import FIFO
@@ -195,3 +198,24 @@ def test_the_next_run_on_the_floor_finds_its_ways() -> None:
     after = Simulation(resolved)
     after.run()
     assert after.digest == expected
+
+
+def test_a_signal_while_the_compiler_hands_over_a_kernel_comes_after_that() -> None:
+    done = []
+
+    def _raw_object_cache_notify() -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+        for _ in range(1000):  # the handler runs somewhere in here
+            done.append(time.monotonic())
+
+    callback = ctypes.CFUNCTYPE(None)(_raw_object_cache_notify)
+    with pytest.raises(KeyboardInterrupt), signals_raise():
+        callback()
+        assert len(done) == 1000
+        time.sleep(10)
+    assert time.monotonic() - done[-1] < 10
+
+
+def test_its_callbacks_have_the_names_by_which_they_are_known() -> None:
+    names = [name for name in vars(ExecutionEngine) if name.startswith(COMPILERS_CALLBACKS)]
+    assert sorted(names) == ["_raw_object_cache_getbuffer", "_raw_object_cache_notify"]

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 INTERRUPT_PATIENCE_S: Final = 1.5  # with compiled code that looks at no flag
 JUST_NOW_S: Final = 0.5
 COMPILERS_CALLBACKS: Final = "_raw_object_cache_"  # names of functions of llvmlite begin so
-RETRY_S: Final = 0.01  # until a signal comes again that came in one of them
+RETRY_S: Final = 0.01  # until a signal comes again that came where it cannot be heard
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 NO_SIGNAL: Final = -1  # no wakeup descriptor
 
@@ -168,17 +168,19 @@ def signals_raise() -> Iterator[None]:
     ours = [number for number in SIGNALS if signal.getsignal(number) is usual[number]]
     for number in ours:
         signal.signal(number, _on_signal)
+    tell, sys.unraisablehook = sys.unraisablehook, _raise_again
     try:
         with _WATCHER.listening():
             yield
     finally:
+        sys.unraisablehook = tell
         for number in ours:
             signal.signal(number, usual[number])
 
 
 def _on_signal(number: int, frame: FrameType | None) -> None:
     if _in_callback(frame):
-        threading.Timer(RETRY_S, os.kill, [os.getpid(), number]).start()
+        _send_again(number)
         return
     _WATCHER.forget()
     _WATCHER.answered = time.monotonic()
@@ -186,6 +188,21 @@ def _on_signal(number: int, frame: FrameType | None) -> None:
         signal.signal(number, signal.SIG_IGN)  # what is known is told once, whole
         raise TerminatedError
     raise KeyboardInterrupt
+
+
+def _raise_again(lost: sys.UnraisableHookArgs) -> None:
+    """Send a signal again whose exception was lost, as in `__del__`."""
+    if not issubclass(lost.exc_type, KeyboardInterrupt):
+        sys.__unraisablehook__(lost)
+    elif issubclass(lost.exc_type, TerminatedError):
+        signal.signal(signal.SIGTERM, _on_signal)
+        _send_again(signal.SIGTERM)
+    else:
+        _send_again(signal.SIGINT)
+
+
+def _send_again(number: int) -> None:
+    threading.Timer(RETRY_S, os.kill, [os.getpid(), number]).start()
 
 
 def _in_callback(frame: FrameType | None) -> bool:

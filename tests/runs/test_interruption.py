@@ -30,7 +30,12 @@ from automaton.engine.search import (
 )
 from automaton.engine.state import NIL
 from automaton.runs import interruption
-from automaton.runs.interruption import COMPILERS_CALLBACKS, interruptible, signals_raise
+from automaton.runs.interruption import (
+    COMPILERS_CALLBACKS,
+    TerminatedError,
+    interruptible,
+    signals_raise,
+)
 from automaton.runs.simulation import Simulation
 from strategies.routing.astar.astar import search
 from strategies.routing.astar.frontier import FIFO
@@ -219,3 +224,19 @@ def test_a_signal_while_the_compiler_hands_over_a_kernel_comes_after_that() -> N
 def test_its_callbacks_have_the_names_by_which_they_are_known() -> None:
     names = [name for name in vars(ExecutionEngine) if name.startswith(COMPILERS_CALLBACKS)]
     assert sorted(names) == ["_raw_object_cache_getbuffer", "_raw_object_cache_notify"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_where_nothing_can_be_raised_comes_again(number: int) -> None:
+    class Closing:
+        def __del__(self) -> None:
+            os.kill(os.getpid(), number)
+            for _ in range(1000):  # what the handler raises in here is lost
+                time.monotonic()
+
+    begun = time.monotonic()
+    with pytest.raises(KeyboardInterrupt) as raised, signals_raise():
+        Closing()
+        time.sleep(10)
+    assert time.monotonic() - begun < 10
+    assert (raised.type is TerminatedError) == (number == signal.SIGTERM)

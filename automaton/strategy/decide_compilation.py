@@ -49,4 +49,4 @@ def _compile(function: Any, signature: Any) -> Any:
         raise InputError(
             f"{place}: the strategy does not compile: {told} {where}".strip()
         ) from error
-    return function
+    return getattr(function, "dispatcher", function)  # a first-class function is one of Numba's own

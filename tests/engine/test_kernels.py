@@ -11,15 +11,17 @@ from typing import Any
 
 import pytest
 
+from automaton.build.resolve import resolve
 from automaton.engine.jit import kernel as jit
 from automaton.engine.jit.kernel import jit_is_on
 from automaton.engine.jit.numba_parts import TRIED
+from automaton.runs.simulation import Simulation
 
 ROOT = Path(__file__).parents[2]
 
 LISTED = """
 import sys
-from numba.core.dispatcher import Dispatcher
+from automaton.engine.jit.kernel import Kernel
 from automaton.build.resolve import resolve
 from automaton.runs.simulation import Simulation
 from automaton.bench import warehouse_speed as plans
@@ -35,17 +37,18 @@ from automaton.papers.auctions.auction_study import REPRODUCTION
 from automaton.papers.reproduction_study import reproduce
 reproduce(REPRODUCTION, 1)
 import random
-from strategies.allocation.auction import assignment, bids, bundle_workspace, sequential
+from strategies.allocation.auction import assignment, bids, sequential
+from strategies.linear_sum_assignment import assignment_for
 sys.path.insert(0, "tests/helpers")
 from auction_scenes import random_auction
 for robots, rule in ((2, bids.BID_AVERAGE), (5, bids.BID_AVERAGE_ADDED)):
     *market, items = random_auction(random.Random(robots), robots, 4, policy=1)
     sequential.parallel(*market, items, 4, rule, 500)
-    assignment.assign_once(*market, bundle_workspace.assignment_for(5), items, 4, rule, 500)
+    assignment.assign_once(*market, assignment_for(5), items, 4, rule, 500)
 plans.prepare_avoidance(30, 1)()
 kernels = {
     kernel for name, module in sys.modules.items() if name.startswith(("automaton.", "strategies."))
-    for kernel in vars(module).values() if isinstance(kernel, Dispatcher)
+    for kernel in vars(module).values() if isinstance(kernel, Kernel)
 }
 for kernel in kernels:
     print(kernel.py_func.__name__, len(kernel.signatures), kernel.py_func.__module__)
@@ -64,6 +67,31 @@ def test_every_kernel_is_compiled_for_one_signature() -> None:
     assert len(rows) > 60
     several = {name for name, count, _ in rows if int(count) > 1}
     assert several <= READ_AND_WRITTEN
+
+
+FEW = """
+import gc, sys
+from automaton.engine.jit.kernel import Kernel
+from automaton.build.resolve import resolve
+from automaton.runs.simulation import Simulation
+Simulation(resolve("tabletop-mini")).run()
+kernels = [one for one in gc.get_objects() if isinstance(one, Kernel)]
+print(len(kernels), sum(kernel._made is not None for kernel in kernels))
+print("scipy.linalg" in sys.modules)
+import numpy as np
+from numba import njit
+print(njit(lambda a: np.dot(a, a))(np.eye(2))[0, 0])
+"""
+
+
+@pytest.mark.skipif(not jit_is_on(), reason="compilation is off")
+def test_a_run_makes_nothing_of_kernels_that_it_finds_in_the_cache_of_others() -> None:
+    Simulation(resolve("tabletop-mini")).run()  # fills the cache
+    done = subprocess.run([sys.executable, "-c", FEW], capture_output=True, text=True, check=True)
+    kernels, made, scipy, product = done.stdout.split()
+    assert int(kernels) > 300 and int(made) < 20
+    # Numba would import SciPy to see whether it is there; kernels that multiply still find it.
+    assert (scipy, float(product)) == ("False", 1.0)
 
 
 RUN = (

@@ -129,7 +129,7 @@ def plain(function: Any) -> Any:
 
 
 def _is_kernel(value: Any) -> bool:
-    return hasattr(value, "py_func") and hasattr(value, "overloads")
+    return hasattr(value, "py_func") and hasattr(value, "targetoptions")
 
 
 def is_there(dispatcher: Any) -> bool:

@@ -19,7 +19,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from fcntl import LOCK_EX, flock
-from functools import cache
+from functools import cache, update_wrapper
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -160,27 +160,80 @@ def kernel(
     """Compile `function` (nogil, cached across processes).
 
     With `signature` it is compiled at import for exactly these types; `inline` asks Numba to paste
-    it into its callers; without `cached` it lies in the caches of its callers only. The cache folder is
-    set only while the decorator runs, so that kernels of other packages in the same process keep their
-    own.
+    it into its callers; without `cached` it lies in the caches of its callers only.
     """
     if function is None:
         return lambda f: kernel(f, signature=signature, inline=inline, cached=cached)
-    options: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": False}
-    if inline:
-        options["inline"] = "always"
     if not jit_is_on():
         return function
+    options: dict[str, Any] = {"nogil": True, "_nrt": False}
+    if inline:
+        options["inline"] = "always"
     if not cached:
-        return _with_one_signature(njit(nogil=True, _nrt=False)(function))
-    before = config.CACHE_DIR
-    config.CACHE_DIR = str(cache_folder(function.__module__, function.__code__.co_filename))
-    try:
-        if signature is not None:
-            return njit(signature, **options)(function)
-        return _saved_alone(_with_one_signature(njit(**options)(function)))
-    finally:
-        config.CACHE_DIR = before
+        return Kernel(function, options, None)
+    folder = cache_folder(function.__module__, function.__code__.co_filename)
+    if signature is not None:
+        with _caching_in(folder):
+            return njit(signature, cache=True, **options)(function)
+    return Kernel(function, options, folder)
+
+
+class Kernel:
+    """A function that is compiled when it is first called, by Python or by a kernel that is compiled.
+
+    Its dispatcher is made at that moment: one takes half a millisecond, and a run that finds everything
+    in the cache calls ten kernels of 480. `folder`: its cache, named when its sources are imported.
+    """
+
+    def __init__(self, function: Any, options: dict[str, Any], folder: Path | None) -> None:
+        update_wrapper(self, function)
+        self.py_func = function
+        self.targetoptions = options
+        self._folder = folder
+        self._made: Any = None
+
+    @property
+    def dispatcher(self) -> Any:
+        """What Numba makes of it."""
+        if self._made is None:
+            with _MAKING:
+                if self._made is None:
+                    self._made = self._make()
+        return self._made
+
+    def _make(self) -> Any:
+        if self._folder is None:
+            return _with_one_signature(njit(**self.targetoptions)(self.py_func))
+        with _caching_in(self._folder):
+            made = njit(cache=True, **self.targetoptions)(self.py_func)
+        return _saved_alone(_with_one_signature(made))
+
+    @property
+    def _numba_type_(self) -> Any:
+        return self.dispatcher._numba_type_
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self.dispatcher(*arguments)
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return getattr(self.dispatcher, name)
+
+
+_MAKING = threading.RLock()  # the folder of caches is one for all threads
+
+
+@contextmanager
+def _caching_in(folder: Path) -> Iterator[None]:
+    """While inside, Numba makes caches in a folder; kernels of other packages keep their own."""
+    with _MAKING:
+        before = config.CACHE_DIR
+        config.CACHE_DIR = str(folder)
+        try:
+            yield
+        finally:
+            config.CACHE_DIR = before
 
 
 def _with_one_signature(dispatcher: Any) -> Any:

@@ -40,8 +40,13 @@ def sources_digest(module: str, file: str) -> str:
     """12 hex digits that change with any source line of a module in `file` and of what it imports."""
     digest = hashlib.sha256()
     for path in sorted(sources(module, Path(file))):
-        digest.update(path.as_posix().encode() + b"\0" + path.read_bytes())
+        digest.update(path.as_posix().encode() + b"\0" + _digest_of(path))
     return digest.hexdigest()[:12]
+
+
+@cache
+def _digest_of(path: Path) -> bytes:
+    return hashlib.sha256(path.read_bytes()).digest()
 
 
 def sources(module: str, file: Path) -> set[Path]:

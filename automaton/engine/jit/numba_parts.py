@@ -7,7 +7,9 @@ A Numba without them would fail somewhere in the middle of a compilation, or com
 from __future__ import annotations
 
 import inspect
+import sys
 from collections.abc import Iterator
+from types import ModuleType
 from typing import Any
 
 import numba
@@ -15,6 +17,8 @@ import numba
 from automaton.engine.jit.unfit_numba import UnfitNumbaError
 
 TRIED = "0.61", "0.68"  # the first and the last; pyproject.toml says the same (tested)
+BLAS = "scipy.linalg.cython_blas"
+NOT_YET = ModuleType(BLAS)
 
 
 def unfit(what: str) -> UnfitNumbaError:
@@ -33,6 +37,14 @@ try:
     from numba.core.dispatcher import Dispatcher
     from numba.core.typing.templates import AttributeTemplate, infer_getattr
     from numba.np.arrayobj import populate_array
+
+    # Numba looks whether SciPy has a BLAS by importing it: 0.2 s of each run, where SciPy is installed.
+    # A kernel that multiplies matrices has it imported when it is compiled.
+    sys.modules.setdefault(BLAS, NOT_YET)
+    import numba.np.arraymath
+
+    if sys.modules[BLAS] is NOT_YET:
+        del sys.modules[BLAS]
 except ImportError as error:
     raise unfit(str(error)) from error
 

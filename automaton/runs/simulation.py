@@ -411,8 +411,7 @@ def constants_of(world: World) -> list[tuple[str, Array, Array]]:
     return [
         (f"{group}.{name}", array, array.copy())
         for group in ("grid", "rules")
-        for name, array in vars(getattr(world, group)).items()
-        if isinstance(array, np.ndarray) and not name.startswith("_")
+        for name, _, array in getattr(world, group).arrays()
     ]
 
 

@@ -100,6 +100,28 @@ def test_what_is_not_given_has_its_default() -> None:
         Load.sized(limit=1)
 
 
+@pytest.mark.parametrize("n", [0, 1, 9, 40_000])  # the last is more than is copied as a whole
+def test_arrays_that_are_not_given_lie_apart_and_have_their_defaults(n: int) -> None:
+    load, other = Load.sized({"n": n}), Load.sized({"n": n})
+    for made in (load, other):
+        assert (made.weight == 7).all() and made.weight.shape == (n,)
+        assert not made.place.any() and made.place.shape == (n, 2)
+        assert (made.sides == -1).all() and made.sides.shape == (4 * n,)
+        assert made.sides is made.sides
+    load.weight[:], load.place[:], load.sides[:] = 1, 2, 3
+    assert (load.weight == 1).all() and (load.place == 2).all() and (load.sides == 3).all()
+    assert (other.weight == 7).all() and not other.place.any() and (other.sides == -1).all()
+    assert [name for name, *_ in load.arrays()] == ["weight", "place", "sides"]
+
+
+def test_an_array_is_made_when_somebody_looks() -> None:
+    face = Load.sized({"n": 2}).read_only()
+    assert "weight" not in vars(face)
+    assert face.weight.tolist() == [7, 7]
+    with pytest.raises(ValueError, match="read-only"):
+        face.weight[0] = 1
+
+
 class Table(Struct):
     ways: Array = field("(n,) int32", role=CONSTANT)
     marks: Array = field("(n,) int32", default=-1)

@@ -24,20 +24,24 @@ there. Only somebody who writes to bare addresses (ctypes) can still do harm.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from ctypes import addressof, c_char
+from math import prod
 from operator import index
-from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Final, NoReturn, Self
 from weakref import WeakKeyDictionary, WeakValueDictionary
 
 import numpy as np
 
 from automaton.engine.jit.fields import CONSTANT, SCRATCH, STOP, Field, Sizes, nested
 
-WORDS = 4  # of a row of the table
-NO_SHAPE = (0, 0, 0)
-NOWHERE = 64  # the address of an empty array
-NO_SIZES: Mapping[str, int] = {}
+WORDS: Final = 4  # of a row of the table
+NO_SHAPE: Final = (0, 0, 0)
+NOWHERE: Final = 64  # the address of an empty array
+NO_SIZES: Final[Mapping[str, int]] = {}
+CACHE_LINE: Final = 64  # bytes; arrays begin at multiples of it
+SMALL: Final = 1 << 16  # bytes that are copied in less time than arrays in them are filled
+LAYOUTS_KEPT: Final = 64  # of a class
 
 
 class _Window:
@@ -67,12 +71,14 @@ class Struct(metaclass=StructClass):
     """Base of all structs; made with keyword arguments, one for each annotated field."""
 
     _table: Any
+    _address: int  # of the table
     _writable: bool
     _fields: ClassVar[tuple[str, ...]] = ()
     _declared: ClassVar[dict[str, Field]] = {}
     _sizes: ClassVar[Sizes]
     _structs: ClassVar[tuple[str, ...]]  # the fields that are structs
     _types: ClassVar[dict[Any, Any]]  # the Numba types of its instances
+    _layouts: ClassVar[dict[Any, Layout]]  # by what is given, and sizes
 
     def __init_subclass__(cls, role: str = "") -> None:
         """`role`: of the fields that have none of their own."""
@@ -85,29 +91,38 @@ class Struct(metaclass=StructClass):
         cls._fields = tuple(cls._declared)
         cls._sizes = Sizes(cls._declared.values())
         cls._structs = tuple(name for name, one in cls._declared.items() if not one.kind)
-        cls._types = {}
+        cls._types, cls._layouts = {}, {}
 
     def __init__(self, **values: Any) -> None:
         if tuple(values) != self._fields:
             raise TypeError(f"{type(self).__name__} takes the fields {', '.join(self._fields)}")
         sizes = self._sizes.fixed.copy()
-        shapes: dict[tuple[str, ...], tuple[int, ...]] = {}
-        words: list[int] = []
-        for name, declared in self._declared.items():
-            value = values[name]
-            if declared.is_array:
-                words.append(self._checked(name, declared, value, sizes, shapes))
-                words += (*value.shape, *NO_SHAPE[len(value.shape) :])
-            elif declared.kind:
-                values[name] = self._number(name, declared, value)
-                words += (declared.word(values[name]), *NO_SHAPE)
-            else:
-                words += (value._address, *NO_SHAPE)
+        rows = self._rows(values, sizes)
         wrong = self._sizes.contradiction(sizes)
         if wrong:
             raise TypeError(f"{type(self).__name__}: {wrong}")
-        table = np.array(words, np.uint64).reshape(len(values), WORDS)
-        self.__dict__.update(values, _table=table, _writable=True)
+        self._enter(np.array(rows or [(0, *NO_SHAPE)], np.uint64), values)
+
+    def _rows(self, values: dict[str, Any], sizes: dict[str, int]) -> list[tuple[int, ...]]:
+        """The rows of the table for these values; enters their extents. Raises TypeError."""
+        shapes: dict[tuple[str, ...], tuple[int, ...]] = {}
+        rows: list[tuple[int, ...]] = []
+        for name, value in values.items():
+            declared = self._declared[name]
+            if declared.is_array:
+                address = self._checked(name, declared, value, sizes, shapes)
+                rows.append((address, *value.shape, *NO_SHAPE[len(value.shape) :]))
+            elif declared.kind:
+                values[name] = self._number(name, declared, value)
+                rows.append((declared.word(values[name]), *NO_SHAPE))
+            else:
+                rows.append((value._address, *NO_SHAPE))
+        return rows
+
+    def _enter(self, table: Any, values: dict[str, Any]) -> None:
+        """`table`: of its own, with a row for each field; `values`: of all that is not made later."""
+        address = addressof(c_char.from_buffer(table))
+        self.__dict__.update(values, _table=table, _address=address, _writable=True)
 
     def _checked(
         self,
@@ -157,11 +172,6 @@ class Struct(metaclass=StructClass):
     def __setattr__(self, name: str, value: Any) -> NoReturn:
         raise AttributeError(f"{type(self).__name__}.{name} cannot be replaced; write into arrays")
 
-    @property
-    def _address(self) -> int:
-        address: int = self._table.__array_interface__["data"][0]
-        return address
-
     @classmethod
     def sized(cls, sizes: Mapping[str, int] = NO_SIZES, **values: Any) -> Self:
         """One with these values, and the defaults of all other fields.
@@ -178,22 +188,21 @@ class Struct(metaclass=StructClass):
                 if isinstance(value, list | tuple):
                     value = values[name] = np.array(value, cls._declared[name].dtype)
                 known.update(zip(extents, getattr(value, "shape", ()), strict=False))
-        known = cls._sizes.complete(known)
-        shapes: dict[tuple[str, ...], tuple[int, ...]] = {}
-        complete: dict[str, Any] = {}
-        try:
-            for name, declared in cls._declared.items():
-                if name in values:
-                    complete[name] = values[name]
-                    continue
-                shape = shapes.get(declared.extents)
-                if shape is None:
-                    shape = tuple([known[extent] for extent in declared.extents])
-                    shapes[declared.extents] = shape
-                complete[name] = declared.value(shape)
-        except KeyError as error:
-            raise TypeError(f"{cls.__name__}.{name} needs {error.args[0]}") from None
-        return cls(**complete)
+        key = (frozenset(known.items()), *values)
+        layout = cls._layouts.get(key)
+        if layout is None:
+            if len(cls._layouts) == LAYOUTS_KEPT:
+                cls._layouts.clear()
+            layout = cls._layouts[key] = Layout(cls, cls._sizes.complete(known), values)
+        made = object.__new__(cls)
+        table, block = layout.table.copy(), layout.block()
+        if values:
+            rows = made._rows(values, layout.sizes.copy())
+            table[layout.given] = rows
+        table[:, 0] += layout.is_in_block * np.uint64(addressof(c_char.from_buffer(block)))
+        made._enter(table, layout.numbers | values)
+        made.__dict__.update(_block=block, _places=layout.places)
+        return made
 
     @classmethod
     def struct_classes(cls) -> dict[str, type[Struct]]:
@@ -297,31 +306,99 @@ class Struct(metaclass=StructClass):
 
     def _face(self, python: bool, kernels: bool) -> Self:
         face = object.__new__(type(self))
-        table = self._table.copy()
+        table = self._table
+        if self._structs:
+            table = table.copy()
         for row, name in enumerate(self._fields):
-            value = self.__dict__.get(name)  # no array of a face that nobody has looked at
-            if isinstance(value, Struct):
-                value = value._face(python, kernels)
-                table[row, 0] = value._address
-            if not isinstance(value, np.ndarray | None):
-                face.__dict__[name] = value
-        face.__dict__.update(_table=window(table, False), _writable=kernels and self._writable)
+            declared = self._declared[name]
+            if not declared.kind:
+                part = face.__dict__[name] = getattr(self, name)._face(python, kernels)
+                table[row, 0] = part._address
+            elif not declared.is_array:
+                face.__dict__[name] = getattr(self, name)
+        closed = np.frombuffer(table.tobytes(), np.uint64).reshape(-1, WORDS)
+        address = closed.__array_interface__["data"][0]
+        is_writable = kernels and self._writable
+        face.__dict__.update(_table=closed, _address=address, _writable=is_writable)
         _ORIGINALS[face] = self, python
         return face
 
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            """An array of a face: a window is made when somebody looks, since most runs look at few."""
-            if name not in self._fields or self not in _ORIGINALS:
+            """An array, made when somebody looks, since most runs look at few: one of its own, or, of a
+            face, a window."""
+            places = self.__dict__.get("_places")
+            if places is not None and name in places:
+                array = np.ndarray(*places[name][:2], self._block, places[name][2])
+            elif name in self._fields and self in _ORIGINALS:
+                original, python = _ORIGINALS[self]
+                array = getattr(original, name)
+                is_constant = self._declared[name].role == CONSTANT
+                array = window(array, python and array.flags.writeable and not is_constant)
+            else:
                 raise AttributeError(f"{type(self).__name__} has no field {name}")
-            original, python = _ORIGINALS[self]
-            array = getattr(original, name)
-            is_constant = self._declared[name].role == CONSTANT
-            self.__dict__[name] = window(
-                array, python and array.flags.writeable and not is_constant
-            )
-            return self.__dict__[name]
+            self.__dict__[name] = array
+            return array
+
+
+class Layout:
+    """Where the arrays lie that a struct is made with, in one block of memory: for these sizes.
+
+    `given`: the fields that are not made, but given.
+    """
+
+    def __init__(self, cls: type[Struct], sizes: dict[str, int], given: Iterable[str]) -> None:
+        self.sizes = sizes
+        self.given = [cls._fields.index(name) for name in given]
+        self.places: dict[str, tuple[tuple[int, ...], Any, int]] = {}  # shape, dtype, offset
+        self.numbers: dict[str, int] = {}
+        self.table = np.zeros((max(1, len(cls._fields)), WORDS), np.uint64)
+        self.is_in_block = np.zeros(len(self.table), np.uint64)
+        self._filled: list[tuple[str, int]] = []
+        self._size = 0
+        for row, (name, declared) in enumerate(cls._declared.items()):
+            if row in self.given:
+                continue
+            if not declared.kind:
+                raise TypeError(f"{cls.__name__} takes the struct {name}")
+            if declared.is_array:
+                try:
+                    shape = tuple([sizes[extent] for extent in declared.extents])
+                except KeyError as error:
+                    raise TypeError(f"{cls.__name__}.{name} needs {error.args[0]}") from None
+                self._place(row, name, declared, shape)
+            else:
+                self.numbers[name] = declared.value(())
+                self.table[row, 0] = declared.word(self.numbers[name])
+        wrong = cls._sizes.contradiction(sizes)
+        if wrong:
+            raise TypeError(f"{cls.__name__}: {wrong}")
+        self._template = self._made() if self._size <= SMALL else None
+
+    def _place(self, row: int, name: str, declared: Field, shape: tuple[int, ...]) -> None:
+        bytes_needed = prod(shape) * declared.dtype.itemsize
+        self.places[name] = shape, declared.dtype, self._size
+        self.table[row] = (self._size, *shape, *NO_SHAPE[len(shape) :])
+        self.is_in_block[row] = bytes_needed > 0
+        if not bytes_needed:
+            self.table[row, 0] = NOWHERE
+        elif declared.default:
+            self._filled.append((name, declared.default))
+        self._size += -(-bytes_needed // CACHE_LINE) * CACHE_LINE
+
+    def block(self) -> Any:
+        """Memory for the arrays, which have their defaults there."""
+        return self._made() if self._template is None else self._template.copy()
+
+    def _made(self) -> Any:
+        block = np.zeros(
+            max(1, self._size), np.uint8
+        )  # pages of zeros that are not used cost nothing
+        for name, default in self._filled:
+            shape, dtype, offset = self.places[name]
+            np.ndarray(shape, dtype, block, offset).fill(default)
+        return block
 
 
 _ORIGINALS: WeakKeyDictionary[Struct, tuple[Struct, bool]] = WeakKeyDictionary()  # of faces

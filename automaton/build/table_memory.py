@@ -22,7 +22,7 @@ def check_table_memory(document: Document, scenario: Scenario, floor_plan: Floor
     headings = max(one.headings for one in types)
     turns = [turn for one in types for turn in one.turns]
     moves = [ticks for one in types for ticks in one.moves]
-    limits = np.unique(floor_plan.min_move_ticks).tolist()
+    limits = np.flatnonzero(np.bincount(floor_plan.min_move_ticks.reshape(-1))).tolist()
     unit = math.gcd(*turns, *(max(move, limit) for move in moves for limit in (0, *limits)))
     size = least_table_bytes(cells, headings, max(turns) // unit)
     if size > bytes_of(text):

@@ -68,8 +68,9 @@ def reached_along(
         for axis in (0, 1):
             cells, across = front[axis], front[1 - axis]
             ahead = [cells[exits[cells] >> d & 1 != 0] + offsets[d] for d in (axis, axis + 2)]
-            new = np.unique(np.concatenate([*ahead, across[turns[across]]]))
-            following.append(new[~seen[axis, new]])
+            new = np.sort(np.concatenate([*ahead, across[turns[across]]]))
+            is_first = np.diff(new, prepend=-1) > 0
+            following.append(new[is_first & ~seen[axis, new]])
         for axis in (0, 1):
             seen[axis, following[axis]] = True
         front = following

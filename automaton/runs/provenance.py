@@ -6,7 +6,6 @@ import hashlib
 import importlib.util
 import platform
 from functools import cache
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +57,8 @@ def recorded_files(resolved: Resolved) -> dict[str, Any]:
 @cache
 def versions() -> dict[str, str]:
     """The versions of what computed the run, by name; what is not installed is left out."""
+    from importlib import metadata  # with all that reads mails: a twentieth of `check`
+
     found = {"python": platform.python_version()}
     for library in LIBRARIES:
         try:

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import yaml
+from yaml.reader import Reader
 
 from automaton.errors import InputError
 from automaton.printable import cleaned_document
@@ -30,7 +31,7 @@ TEXT_TAGS: Final = (TAG + "str", TAG + "timestamp", TAG + "value", TAG + "merge"
 WHOLE: Final = re.compile(r"[-+]?(0|[1-9][0-9]{0,30})")
 FRACTION: Final = re.compile(r"[-+]?([0-9]+\.[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
 LEADING_TAB: Final = re.compile(r"^ *\t[ \t]*[^\s#]", re.MULTILINE)
-CONTROL: Final = re.compile(r"[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+CONTROL: Final = Reader.NON_PRINTABLE
 
 
 @dataclass(frozen=True)

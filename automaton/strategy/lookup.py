@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import importlib
 from functools import cache
-from importlib.metadata import entry_points
 from typing import Any
 
 import msgspec
@@ -39,6 +38,8 @@ def zone_design_reader() -> Any:
 
 @cache
 def _plugins(layer: str) -> dict[str, str]:
+    from importlib.metadata import entry_points  # with all that reads mails
+
     found = {}
     for point in entry_points(group=PLUGINS):
         kind, _, name = point.name.partition(".")

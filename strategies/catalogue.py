@@ -12,9 +12,10 @@ from automaton.strategy.entry import (
     NoParameters,
 )
 from strategies.allocation.alley_parameters import Alleys
-from strategies.allocation.auction.auction_parameters import Auctions, ShortestJob
+from strategies.allocation.auction.auction_parameters import Auctions
 from strategies.allocation.greedy.greedy_parameters import GreedyParameters
 from strategies.allocation.load_parameters import FirstComeParameters, LoadsAlone, Storing
+from strategies.allocation.shortest_job_parameters import ShortestJobParameters
 from strategies.charging.charging_parameters import FillUp, Insertion, Opportunity, Threshold
 from strategies.right_of_way.epibt.epibt_parameters import EpibtParameters
 from strategies.right_of_way.right_of_way_parameters import (
@@ -106,7 +107,7 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
         ),
         "shortest-job": Entry(
             "strategies.allocation.shortest_job:ShortestJob",
-            ShortestJob,
+            ShortestJobParameters,
             "shortest job first with aging, in the robot's zone if there are zones (Keith & La)",
         ),
         "auction": Entry(

@@ -36,6 +36,12 @@ def checked_state(strategy: Strategy, state: Any, view: World) -> Struct:
                 rows = f"found {len(array)} rows for {robots} robots"
                 raise _fault(strategy, f"{name} must have a row for each robot, {rows}")
             counted += [name] * (len(declared.extents) == 1 and "." not in name)
+        elif view.rules.radius > 0 and declared.is_kept and array.any():
+            raise _fault(
+                strategy,
+                f"{name} has values, but no row for each robot: with information.radius it would be "
+                "zero in every call; declare it with role=CONSTANT",
+            )
     for name, field in strategy.counters.items():
         if field not in counted:
             fields = f"these are {', '.join(counted) or 'none'}; found {field!r}"

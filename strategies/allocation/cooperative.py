@@ -27,8 +27,7 @@ from automaton.strategy.kernels import (
     position,
 )
 from automaton.strategy.layer import Strategy
-from strategies.allocation.independent import take_order
-from strategies.allocation.open_orders import is_open
+from strategies.allocation.open_orders import is_open, take_order
 from strategies.allocation.placing import deliver, places_load, set_down, takes_load
 
 

@@ -23,9 +23,8 @@ from automaton.engine.state import (
 from automaton.strategy.kernels import can_do, kernel
 from automaton.strategy.layer import Strategy
 from strategies.allocation.due_queue import DueQueue, enter_order, enter_released, first_due
-from strategies.allocation.independent import take_order
 from strategies.allocation.load_parameters import FirstComeParameters
-from strategies.allocation.open_orders import highest_priority, is_open
+from strategies.allocation.open_orders import highest_priority, is_open, take_order
 from strategies.allocation.placing import POLICIES, place_load, places_load
 
 

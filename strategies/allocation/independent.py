@@ -14,7 +14,6 @@ from automaton.engine.state import (
     CLOCK_FIRST_OPEN,
     CLOCK_KNOWN_ORDERS,
     CMD_PARK,
-    CMD_TAKE_ORDER,
     NIL,
     REASON_ORDER_RETURNED,
     REASON_PERIODIC,
@@ -30,7 +29,7 @@ from automaton.strategy.kernels import (
 )
 from automaton.strategy.layer import Strategy
 from strategies.allocation.load_parameters import Storing
-from strategies.allocation.open_orders import highest_priority, is_open
+from strategies.allocation.open_orders import highest_priority, is_open, take_order
 from strategies.allocation.placing import POLICIES, PlacingState, place_load, places_load
 
 
@@ -58,15 +57,6 @@ def nearest_order(view, out, workspace, i, around):
         return NIL
     heading = np.int64(view.robots.heading[i])
     return nearest_mark(view, workspace, search, robot_type, here, heading, around)
-
-
-@kernel
-def take_order(view, out, k, i, order):
-    """Decision k of the batch: robot i takes this order and drives to where it begins."""
-    out.command[k] = CMD_TAKE_ORDER
-    out.order[k] = order
-    out.goal_cell[k] = begin_cell(view, view.robots.type[i], order, position(view, i))
-    out.order_taken[order] = 1
 
 
 @kernel

@@ -1,9 +1,15 @@
-"""Which orders a robot may take."""
+"""Which orders a robot may take, and how it takes one."""
 
 import numpy as np
 
-from automaton.engine.state import CLOCK_FIRST_OPEN, CLOCK_KNOWN_ORDERS, NIL, ORDER_WAITING
-from automaton.strategy.kernels import can_do, has_place, kernel
+from automaton.engine.state import (
+    CLOCK_FIRST_OPEN,
+    CLOCK_KNOWN_ORDERS,
+    CMD_TAKE_ORDER,
+    NIL,
+    ORDER_WAITING,
+)
+from automaton.strategy.kernels import begin_cell, can_do, has_place, kernel, position
 
 LEAST_PRIORITY = -(1 << 15)  # below that of any order
 
@@ -34,3 +40,12 @@ def highest_priority(view, out, i):
         if priority > highest and is_open(view, out, i, order) and can_do(view, i, order):
             highest = priority
     return highest
+
+
+@kernel
+def take_order(view, out, k, i, order):
+    """Decision k of the batch: robot i takes this order and drives to where it begins."""
+    out.command[k] = CMD_TAKE_ORDER
+    out.order[k] = order
+    out.goal_cell[k] = begin_cell(view, view.robots.type[i], order, position(view, i))
+    out.order_taken[order] = 1

@@ -10,8 +10,7 @@ from automaton.engine.state import (
     REASON_PERIODIC,
 )
 from automaton.strategy.kernels import can_do, has_place, kernel
-from strategies.allocation.independent import take_order
-from strategies.allocation.open_orders import is_open
+from strategies.allocation.open_orders import is_open, take_order
 from strategies.allocation.placing import place_load, places_load
 
 

@@ -31,10 +31,9 @@ from automaton.strategy.kernels import (
     position,
 )
 from automaton.strategy.layer import Strategy
-from strategies.allocation.auction.auction_parameters import ShortestJob as Scores
-from strategies.allocation.independent import take_order
-from strategies.allocation.open_orders import LEAST_PRIORITY, is_open
+from strategies.allocation.open_orders import LEAST_PRIORITY, is_open, take_order
 from strategies.allocation.placing import POLICIES, place_load, places_load, set_down, takes_load
+from strategies.allocation.shortest_job_parameters import ShortestJobParameters
 
 WORST = -(1 << 62)
 
@@ -154,7 +153,7 @@ class ShortestJob(Strategy):
     """The order that is done soonest, unless another one has waited long."""
 
     layer = "allocation"
-    Parameters = Scores
+    Parameters = ShortestJobParameters
     compiled = decide
 
     def reset(self, view):

@@ -34,7 +34,7 @@ from automaton.runs.task_metrics import TASK_METRICS, quantile
 from automaton.scenario.unavailable_metrics import OF_DUE_TIMES, OF_LINES, OF_TIMES
 from automaton.strategy.layer import Strategy
 from layouts.racks import Racks
-from strategies.allocation.independent import take_order
+from strategies.allocation.open_orders import take_order
 from strategies.allocation.placing import deliver
 
 SMALL = """

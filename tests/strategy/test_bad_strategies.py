@@ -84,6 +84,17 @@ class WorldAsState(Base):
         return view.robots
 
 
+class Weights(Struct):
+    """Values for all robots, which nobody has called constant."""
+
+    weight: Array = field("(4,) int64", default=1)
+
+
+class OneForAll(Base):
+    def reset(self, view: Any) -> Any:
+        return Weights.sized()
+
+
 class CountsNothing(Base):
     counters: ClassVar = {"asked": "asked"}
 
@@ -138,6 +149,13 @@ def run(name: str, layer: str = "allocation", scenario: str = "tabletop-mini") -
     simulation = Simulation(resolve(scenario, [f"strategy.{layer}=test_bad_strategies:{name}"]))
     simulation.run()
     return simulation
+
+
+def test_values_that_a_radius_would_hide_are_called_constant() -> None:
+    run("OneForAll")
+    limited = ["strategy.allocation=test_bad_strategies:OneForAll", "information={radius: 3}"]
+    with pytest.raises(InputError, match=r"weight has values, but no row .* with role=CONSTANT"):
+        Simulation(resolve("tabletop-mini", limited))
 
 
 @pytest.mark.parametrize(

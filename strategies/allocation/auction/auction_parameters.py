@@ -11,9 +11,7 @@ from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.quantities import CELLS, MOMENT, TIME, quantity
 from automaton.scenario.schema import Scenario
 from strategies.allocation.load_parameters import (
-    Storage,
     Storing,
-    refusal_of_own_orders,
     refusal_of_priorities,
     refusal_of_tours,
 )
@@ -32,21 +30,6 @@ class EpsilonSchedule(msgspec.Struct, forbid_unknown_fields=True, frozen=True, k
 
 DEFAULT_LIST_LENGTH = 8  # orders in a robot's list, unless the fleet is too large for so many
 MAX_LISTED_ORDERS = 1000  # orders in all lists together: bounds the memory of a market
-
-
-class ShortestJob(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """The weights of a score: age * (how long it waited) - job * (how long it takes)."""
-
-    age: Annotated[float, Meta(ge=0, le=1000, description="C_A: weight of the waiting")] = 0.5
-    job: Annotated[float, Meta(ge=0, le=1000, description="C_D: weight of the driving")] = 10.0
-    idle: Annotated[
-        Literal["park", "stay"], Meta(description="what robots without an order do")
-    ] = "park"
-    storage: Storage = "fixed"
-
-    def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
-        """The score of an order is the same rule for all robots."""
-        return refusal_of_own_orders(scenario)
 
 
 class Auctions(Storing, forbid_unknown_fields=True, frozen=True, kw_only=True):

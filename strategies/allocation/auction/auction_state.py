@@ -10,15 +10,14 @@ from automaton.engine.state import Array, World
 from automaton.strategy.layer import Strategy
 from strategies.allocation.auction.auction_parameters import MAX_LISTED_ORDERS, Auctions
 from strategies.allocation.auction.bundle_workspace import (
-    Assignment,
     Bundles,
     Population,
-    assignment_for,
     bundles_for,
     population_for,
 )
 from strategies.allocation.auction.floor_market import FloorMarket, make_floor_market
 from strategies.allocation.auction.market import BATTERY_FULL, POLICY_NO_CHARGING
+from strategies.linear_sum_assignment import Assignment, assignment_for
 
 MAX_BUNDLED: Final = 10  # items of a combinatorial auction, or of an exact allotment
 MAX_BRED: Final = 12  # and of a genetic one

@@ -63,20 +63,3 @@ def generations(robots: int, tasks: int) -> int:
     """Ten times the number of allotments, at most 1,000 (De Ryck et al.)."""
     allotments: int = robots**tasks
     return min(MAX_GENERATIONS, 10 * allotments)
-
-
-class Assignment(Struct, role=SCRATCH):
-    """Scratch of the one-shot assignment, for up to q rows and columns."""
-
-    cost: Array = field("(q, q) int64")
-    row_price: Array = field("(q,) int64")
-    column_price: Array = field("(q + 1,) int64")
-    row_of: Array = field("(q + 1,) int32", "the row of a column, or NIL")
-    parent_column: Array = field("(q + 1,) int32", "the column before it on the path")
-    slack: Array = field("(q + 1,) int64")
-    seen: Array = field("(q + 1,) uint8")
-
-
-def assignment_for(most: int) -> Assignment:
-    """Scratch for so many robots and so many tasks."""
-    return Assignment.sized({"q": most})

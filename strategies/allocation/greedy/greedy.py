@@ -36,7 +36,7 @@ from strategies.allocation.greedy.greedy_parameters import GreedyParameters
 from strategies.allocation.greedy.matching import Pairs, match
 from strategies.allocation.greedy.nearest import Search
 from strategies.allocation.greedy.pair_heap import PairHeap
-from strategies.allocation.independent import take_order
+from strategies.allocation.open_orders import take_order
 from strategies.allocation.placing import POLICIES, place_load, places_load
 
 

@@ -4,6 +4,10 @@ Counts of the zones are four ticks to a word. What a robot adds to them are its 
 count goes up to 65,535; one that would go beyond stays there until all are forgotten.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from automaton.engine.jit.fields import DERIVED, SCRATCH, field
@@ -11,7 +15,9 @@ from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import NIL, Array, World
 from strategies.routing.astar.route_workspace import RouteSpace, route_space
-from strategies.routing.congestion.congestion_parameters import SharedPlans
+
+if TYPE_CHECKING:
+    from strategies.routing.congestion.congestion_parameters import SharedPlans
 
 LANES = 4  # counts in a word
 LANE = 16  # bits of a count

@@ -9,8 +9,7 @@ import numpy as np
 
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import NIL
-from strategies.allocation.auction.assignment import linear_sum_assignment
-from strategies.allocation.auction.market import INF_COST
+from strategies.linear_sum_assignment import INF_COST, linear_sum_assignment
 
 MISPLACED = (
     1 << 30

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from automaton.engine.jit.fields import CONSTANT, SCRATCH, field
 from automaton.engine.jit.structs import Struct
 from automaton.engine.service_zones import Design, Roads, empty_design
-from strategies.allocation.auction.bundle_workspace import Assignment, assignment_for
+from strategies.linear_sum_assignment import Assignment, assignment_for
 
 Array = NDArray[Any]
 

@@ -22,7 +22,6 @@ from strategies.allocation.auction import (
 )
 from strategies.allocation.auction.bids import BID_MIXED, award
 from strategies.allocation.auction.bundle_workspace import (
-    assignment_for,
     bundles_for,
     generations,
     population_for,
@@ -42,6 +41,7 @@ from strategies.allocation.auction.winners import (
     WINNER_LOWEST_BID,
     WINNER_REGRET,
 )
+from strategies.linear_sum_assignment import assignment_for, linear_sum_assignment
 
 Market = tuple[TaskCosts, Battery, Fleet, Scratch]
 
@@ -254,7 +254,7 @@ def test_linear_sum_assignment_is_the_best_of_all(rows: int, columns: int) -> No
         ]
         workspace = assignment_for(columns)
         workspace.cost[:rows, :columns] = table
-        assignment.linear_sum_assignment(workspace.cost, rows, columns, workspace)
+        linear_sum_assignment(workspace.cost, rows, columns, workspace)
         ways = [
             [table[i][j] for i, j in enumerate(way)]
             for way in itertools.permutations(range(columns), rows)

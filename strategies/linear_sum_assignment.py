@@ -1,0 +1,92 @@
+"""Linear sum assignment: at most one column for each row, least sum of costs.
+
+Shortest augmenting paths with potentials (Jonker & Volgenant 1987), O(rows^2 x columns).
+"""
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from automaton.engine.jit.fields import SCRATCH, field
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.jit.structs import Struct
+from automaton.engine.state import NIL
+
+Array = NDArray[Any]
+
+INF_COST: Final = 1 << 60  # a cost that stands for "not at all"
+NO_EDGE: Final = 1 << 50  # what a pair that may not be costs on a path
+
+
+class Assignment(Struct, role=SCRATCH):
+    """Scratch of the one-shot assignment, for up to q rows and columns."""
+
+    cost: Array = field("(q, q) int64")
+    row_price: Array = field("(q,) int64")
+    column_price: Array = field("(q + 1,) int64")
+    row_of: Array = field("(q + 1,) int32", "the row of a column, or NIL")
+    parent_column: Array = field("(q + 1,) int32", "the column before it on the path")
+    slack: Array = field("(q + 1,) int64")
+    seen: Array = field("(q + 1,) uint8")
+
+
+def assignment_for(most: int) -> Assignment:
+    """Scratch for so many robots and so many tasks."""
+    return Assignment.sized({"q": most})
+
+
+@kernel
+def linear_sum_assignment(cost, rows, columns, workspace):
+    """workspace.row_of[:columns] = the row of each column, or NIL; rows <= columns.
+
+    cost: (>= rows, >= columns) int64, pairs that may not be cost INF_COST; a row that only such pairs
+    are left for stays without a column.
+    """
+    for j in range(columns + 1):
+        workspace.row_of[j] = NIL
+        workspace.column_price[j] = 0
+    for i in range(rows):
+        workspace.row_price[i] = 0
+    for i in range(rows):
+        # Column `columns` stands for the row that is entered.
+        workspace.row_of[columns] = i
+        j = augmenting_end(cost, columns, workspace)
+        while j != columns:
+            before = np.int64(workspace.parent_column[j])
+            workspace.row_of[j] = workspace.row_of[before]
+            j = before
+    for j in range(columns):
+        if workspace.row_of[j] != NIL and cost[workspace.row_of[j], j] >= INF_COST:
+            workspace.row_of[j] = NIL
+
+
+@kernel
+def augmenting_end(cost, columns, workspace):
+    """The free column at which the shortest augmenting path ends; prices are brought up to date."""
+    for j in range(columns + 1):
+        workspace.slack[j] = INF_COST
+        workspace.seen[j] = 0
+    here = np.int64(columns)
+    while workspace.row_of[here] != NIL:
+        workspace.seen[here] = 1
+        row = np.int64(workspace.row_of[here])
+        step, then = np.int64(INF_COST), np.int64(NIL)
+        for j in range(columns):
+            if workspace.seen[j] == 1:
+                continue
+            edge = min(cost[row, j], np.int64(NO_EDGE))
+            reduced = edge - workspace.row_price[row] - workspace.column_price[j]
+            if reduced < workspace.slack[j]:
+                workspace.slack[j] = reduced
+                workspace.parent_column[j] = here
+            if workspace.slack[j] < step:
+                step, then = workspace.slack[j], np.int64(j)
+        for j in range(columns + 1):
+            if workspace.seen[j] == 1:
+                workspace.row_price[workspace.row_of[j]] += step
+                workspace.column_price[j] -= step
+            else:
+                workspace.slack[j] -= step
+        here = then
+    return here

@@ -71,7 +71,7 @@ def compile_for_another(names: Sequence[str]) -> None:
 def compile_part(names: Sequence[str]) -> None:
     """Compile the last parts of the loop and what these strategies ("module:class") decide with."""
     for part, kinds in last_parts():  # type: ignore[no-untyped-call]
-        part.compile(kinds)
+        part.callee.compile(kinds)
     signature = decide_signature()  # type: ignore[no-untyped-call]
     for name in names:
         module, _, kind = name.partition(":")

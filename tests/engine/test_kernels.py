@@ -51,7 +51,8 @@ kernels = {
     for kernel in vars(module).values() if isinstance(kernel, Kernel)
 }
 for kernel in kernels:
-    print(kernel.py_func.__name__, len(kernel.signatures), kernel.py_func.__module__)
+    count = max(len(kernel.signatures), len(kernel.callee.signatures))
+    print(kernel.py_func.__name__, count, kernel.py_func.__module__)
 """
 
 # What the world has writable is read-only for strategies.
@@ -76,7 +77,8 @@ from automaton.build.resolve import resolve
 from automaton.runs.simulation import Simulation
 Simulation(resolve("tabletop-mini")).run()
 kernels = [one for one in gc.get_objects() if isinstance(one, Kernel)]
-print(len(kernels), sum(kernel._made is not None for kernel in kernels))
+made = [one for one in kernels if one._for_python or one._for_kernels]
+print(len(kernels), len(made))
 print("scipy.linalg" in sys.modules)
 import numpy as np
 from numba import njit

@@ -21,9 +21,8 @@ pytestmark = pytest.mark.skipif(not jit_is_on(), reason="compilation is off")
 MISSED = """
 import gc
 from numba.core.dispatcher import Dispatcher
-from automaton.engine.jit.compile_progress import is_there
 from automaton.engine.loop import motion
-print(len(motion.overloads), is_there(motion))
+print(len(motion.callee.overloads), motion.is_compiled)
 from automaton.runs.first_compilation import compile_part
 compile_part(["strategies.allocation.cooperative:Cooperative", "no.such.module:Rule"])
 kernels = [one for one in gc.get_objects() if isinstance(one, Dispatcher)]

@@ -6,7 +6,6 @@ that is pasted into its callers (`inline`) is not compiled alone and does not co
 
 from __future__ import annotations
 
-import os
 import sys
 import threading
 import time
@@ -83,7 +82,7 @@ class Compiling:
         done: dict[Any, bool] = {}
         for function, kernels in needed.items():
             over = function in self._finished
-            done |= {one: over or done.get(one, False) or is_there(one) for one in kernels}
+            done |= {one: over or done.get(one, False) or one.is_compiled for one in kernels}
         return Progress(sum(done.values()), len(done), self._clock() - begun)
 
     def show_in_line(self) -> bool:
@@ -129,13 +128,7 @@ def plain(function: Any) -> Any:
 
 
 def _is_kernel(value: Any) -> bool:
-    return hasattr(value, "py_func") and hasattr(value, "targetoptions")
-
-
-def is_there(dispatcher: Any) -> bool:
-    """Whether it is compiled, by this process or another one."""
-    file = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
-    return bool(dispatcher.overloads) or (file is not None and os.path.exists(file._index_path))
+    return hasattr(type(value), "is_compiled")
 
 
 def _is_pasted(dispatcher: Any) -> bool:

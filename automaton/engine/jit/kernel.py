@@ -36,6 +36,9 @@ F = TypeVar("F", bound=Callable[..., Any])
 ENGINE = "automaton.engine"  # packages whose kernels are the world
 LOOP = "automaton.engine.loop"  # compiled in every first run, and last
 CACHES_KEPT = 4
+CALLEES = "callees"  # a folder beside the kernels that Python calls
+# What Python and C call a kernel by, which takes a fifth of the time in which a kernel is compiled.
+NO_WRAPPERS = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 UNUSED_S = 7 * 86_400.0  # after which kernels in the temporary folder are removed
 LOCK = "lock"  # a file in the folder of a module, held by who saves
 WORLD = "the world"
@@ -182,7 +185,9 @@ class Kernel:
     """A function that is compiled when it is first called, by Python or by a kernel that is compiled.
 
     Its dispatcher is made at that moment: one takes half a millisecond, and a run that finds everything
-    in the cache calls ten kernels of 480. `folder`: its cache, named when its sources are imported.
+    in the cache calls ten kernels of 480. Python and kernels have one each, with caches of their own:
+    what only kernels call has nothing by which Python could call it. `folder`: the caches, named when
+    the sources are imported.
     """
 
     def __init__(self, function: Any, options: dict[str, Any], folder: Path | None) -> None:
@@ -190,27 +195,47 @@ class Kernel:
         self.py_func = function
         self.targetoptions = options
         self._folder = folder
-        self._made: Any = None
+        self._for_python: Any = None
+        self._for_kernels: Any = None
 
     @property
     def dispatcher(self) -> Any:
-        """What Numba makes of it."""
-        if self._made is None:
+        """What Python calls, and the loop as a first-class function."""
+        if self._for_python is None:
             with _MAKING:
-                if self._made is None:
-                    self._made = self._make()
-        return self._made
+                if self._for_python is None:
+                    self._for_python = self._make(self._folder, {})
+        return self._for_python
 
-    def _make(self) -> Any:
-        if self._folder is None:
-            return _with_one_signature(njit(**self.targetoptions)(self.py_func))
-        with _caching_in(self._folder):
-            made = njit(cache=True, **self.targetoptions)(self.py_func)
+    @property
+    def callee(self) -> Any:
+        """What kernels call."""
+        if self._for_kernels is None:
+            with _MAKING:
+                if self._for_kernels is None:
+                    folder = self._folder and self._folder / CALLEES
+                    self._for_kernels = self._make(folder, NO_WRAPPERS)
+        return self._for_kernels
+
+    def _make(self, folder: Path | None, more: dict[str, Any]) -> Any:
+        options = self.targetoptions | more
+        if folder is None:
+            return _with_one_signature(njit(**options)(self.py_func))
+        with _caching_in(folder):
+            made = njit(cache=True, **options)(self.py_func)
         return _saved_alone(_with_one_signature(made))
 
     @property
+    def is_compiled(self) -> bool:
+        """Whether this process has compiled it, or this or another one has for kernels."""
+        if any(made and made.overloads for made in (self._for_python, self._for_kernels)):
+            return True
+        file = getattr(self.callee._cache, "_cache_file", None)
+        return file is not None and os.path.exists(file._index_path)
+
+    @property
     def _numba_type_(self) -> Any:
-        return self.dispatcher._numba_type_
+        return self.callee._numba_type_
 
     def __call__(self, *arguments: Any) -> Any:
         return self.dispatcher(*arguments)

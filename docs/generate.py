@@ -45,7 +45,7 @@ from automaton.scenario.floor_section import generator_type, generators
 from automaton.scenario.quantities import SCHEMA_KEY, Quantity
 from automaton.scenario.scenario_schema import json_schema
 from automaton.scenario.schema import LAYER_NAMES, Scenario
-from automaton.strategy import kernels, lookup, paths, per_robot, weighted_tables
+from automaton.strategy import kernels, lookup, orders, paths, per_robot, weighted_tables
 from automaton.studies.sweeps import result_columns, run_keys
 from automaton.studies.sweeps.study import study_schema
 from automaton.tables.columns import TABLES
@@ -576,7 +576,10 @@ def contract_page() -> str:
         "### Decisions\n",
         table(("decision", "meaning"), _functions(per_robot, "Decision")),
         "## What it may call\n",
-        "In Python, from `automaton.strategy.paths`; robots are storage indices, cells are flat.\n",
+        "In Python; robots are storage indices, cells are flat. From `automaton.strategy.orders`, where "
+        "`out` is `decisions.allocation`, and `k` the place of a robot in the batch:\n",
+        table(("function", "meaning"), _functions(orders)),
+        "From `automaton.strategy.paths`:\n",
         table(("function", "meaning"), _functions(paths)),
         "In kernels, from `automaton.strategy.kernels`.\n",
         table(("kernel", "meaning"), _kernels()),

@@ -14,7 +14,7 @@ from automaton.strategy.entry import (
 from strategies.allocation.alley_parameters import Alleys
 from strategies.allocation.auction.auction_parameters import Auctions
 from strategies.allocation.greedy.greedy_parameters import GreedyParameters
-from strategies.allocation.load_parameters import FirstComeParameters, LoadsAlone, Storing
+from strategies.allocation.load_parameters import FirstComeParameters, Storing
 from strategies.allocation.shortest_job_parameters import ShortestJobParameters
 from strategies.charging.charging_parameters import FillUp, Insertion, Opportunity, Threshold
 from strategies.right_of_way.epibt.epibt_parameters import EpibtParameters
@@ -117,7 +117,7 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
         ),
         "independent-python": Entry(
             "strategies.allocation.independent_python:IndependentPython",
-            LoadsAlone,
+            NoParameters,
             "the tutorial: 'independent' in plain Python, equal digests",
         ),
     },

@@ -28,7 +28,7 @@ class Assignment(Struct, role=SCRATCH):
     row_of: Array = field("(q + 1,) int32", "the row of a column, or NIL")
     parent_column: Array = field("(q + 1,) int32", "the column before it on the path")
     slack: Array = field("(q + 1,) int64")
-    seen: Array = field("(q + 1,) uint8")
+    visited: Array = field("(q + 1,) uint8")
 
 
 def assignment_for(most: int) -> Assignment:
@@ -66,14 +66,14 @@ def augmenting_end(cost, columns, workspace):
     """The free column at which the shortest augmenting path ends; prices are brought up to date."""
     for j in range(columns + 1):
         workspace.slack[j] = INF_COST
-        workspace.seen[j] = 0
+        workspace.visited[j] = 0
     here = np.int64(columns)
     while workspace.row_of[here] != NIL:
-        workspace.seen[here] = 1
+        workspace.visited[here] = 1
         row = np.int64(workspace.row_of[here])
         step, then = np.int64(INF_COST), np.int64(NIL)
         for j in range(columns):
-            if workspace.seen[j] == 1:
+            if workspace.visited[j] == 1:
                 continue
             edge = min(cost[row, j], np.int64(NO_EDGE))
             reduced = edge - workspace.row_price[row] - workspace.column_price[j]
@@ -83,7 +83,7 @@ def augmenting_end(cost, columns, workspace):
             if workspace.slack[j] < step:
                 step, then = workspace.slack[j], np.int64(j)
         for j in range(columns + 1):
-            if workspace.seen[j] == 1:
+            if workspace.visited[j] == 1:
                 workspace.row_price[workspace.row_of[j]] += step
                 workspace.column_price[j] -= step
             else:

@@ -12,10 +12,18 @@ import numpy as np
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.next_stop import end_of_stops, has_load, next_stop_cell
 from automaton.engine.operations import with_load
+from automaton.engine.requests import first_cell
 from automaton.engine.state import NIL
 from automaton.engine.visits import is_assigned
 
 PICK_DIRECTIONS = (0, 2, 1, 3)  # neighbours E, W, S, N of the slot; to drop, each turned around
+
+
+@kernel
+def position(view, i):
+    """The cell from which a robot drives on: in a long move the one that it enters, its home in its
+    parking bay."""
+    return first_cell(view.robots, i)
 
 
 @kernel

@@ -69,6 +69,18 @@ from automaton.strategy.access_cells import (
     cell_beside,
     dropoff_cell,
     pickup_cell,
+    position,
+)
+from automaton.strategy.open_orders import LEAST_PRIORITY, highest_priority, is_open, take_order
+from automaton.strategy.placing import (
+    FIXED,
+    POLICIES,
+    PlacingState,
+    deliver,
+    place_load,
+    places_load,
+    set_down,
+    takes_load,
 )
 
 __all__ = [
@@ -76,6 +88,9 @@ __all__ = [
     "AROUND_KNOWN",
     "AROUND_ROBOTS",
     "CURVE_RATE",
+    "FIXED",
+    "LEAST_PRIORITY",
+    "POLICIES",
     "STARTED",
     "STREAM_ABORTS",
     "STREAM_RETREATS",
@@ -84,6 +99,7 @@ __all__ = [
     "TURNED_AHEAD",
     "TURNED_BEHIND",
     "UNREACHABLE",
+    "PlacingState",
     "begin_cell",
     "begin_search",
     "can_bring",
@@ -94,6 +110,7 @@ __all__ = [
     "copy_segment",
     "cost_at",
     "cost_in",
+    "deliver",
     "direction_between",
     "distance",
     "dropoff_cell",
@@ -111,11 +128,13 @@ __all__ = [
     "has_room_for",
     "heading_towards",
     "headings_of",
+    "highest_priority",
     "how_turned",
     "is_closed",
     "is_facing",
     "is_in_full_gate",
     "is_in_own_queue",
+    "is_open",
     "kernel",
     "lane_of",
     "level_after",
@@ -126,14 +145,19 @@ __all__ = [
     "opens_soon",
     "parent_of",
     "pickup_cell",
+    "place_load",
+    "places_load",
     "pop",
     "position",
     "prefetch",
     "push",
     "random_between",
     "random_bits",
+    "set_down",
     "splitmix64",
     "table_of",
+    "take_order",
+    "takes_load",
     "types_of_robots",
     "ways_on",
     "weighted_table_of",
@@ -141,10 +165,3 @@ __all__ = [
     "without_load",
     "write_path",
 ]
-
-
-@kernel
-def position(view, i):
-    """The cell from which a robot drives on: in a long move the one that it enters, in a parking
-    bay its home."""
-    return first_cell(view.robots, i)

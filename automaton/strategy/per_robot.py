@@ -3,7 +3,7 @@
     @per_robot("allocation")
     def eager(me, view):
         if me.load is not None:
-            return drop_at(view.target_of(me.load))
+            return deliver()
         orders = view.open_orders()
         return take(min(orders, key=me.ticks_to)) if orders else park()
 
@@ -22,7 +22,7 @@ from automaton.engine import state
 from automaton.engine.jit.fields import field
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import NIL, Array, Workspace, World
-from automaton.strategy import paths
+from automaton.strategy import orders, paths
 from automaton.strategy.layer import Strategy
 
 
@@ -53,6 +53,11 @@ def take(order: Order | int) -> Decision:
 def drop_at(slot: int) -> Decision:
     """Allocation: drop the load at a slot."""
     return Decision(state.CMD_DROP_AT, slot)
+
+
+def deliver() -> Decision:
+    """Allocation: drop the load at its order's target, a pod in storage where it stood at the start."""
+    return Decision(state.CMD_DROP_AT)
 
 
 def park() -> Decision:
@@ -90,9 +95,9 @@ def next_stop(view: World, order: int) -> int:
 class LocalView:
     """What one robot knows: the order list, and the robots in its sight."""
 
-    def __init__(self, view: World, taken: Any, robot: int) -> None:
+    def __init__(self, view: World, out: state.AllocationDecisions, robot: int) -> None:
         self.view = view  # all that is visible, as arrays
-        self._taken = taken
+        self._out = out
         self._robot = robot
 
     @property
@@ -101,20 +106,16 @@ class LocalView:
         return int(self.view.clock[state.CLOCK_TICK])
 
     def open_orders(self) -> list[Order]:
-        """Orders that wait and that no robot reserved, of those that the robot can do, by index."""
-        orders = self.view.orders
-        is_open = (
-            (orders.state == state.ORDER_WAITING) & (orders.reserved_by == NIL) & (self._taken == 0)
-        )
+        """Orders that wait and that no other robot reserved, of those that the robot can do, by index."""
+        known = self.view.orders
         return [
             Order(
-                int(index),
-                int(orders.current_slot[index]),
-                int(orders.target[index]),
-                next_stop(self.view, int(index)),
+                index,
+                int(known.current_slot[index]),
+                int(known.target[index]),
+                next_stop(self.view, index),
             )
-            for index in is_open.nonzero()[0]
-            if paths.can_do(self.view, self._robot, index)
+            for index in orders.list_open(self.view, self._out, self._robot)
         ]
 
     def target_of(self, order: int) -> int:
@@ -145,33 +146,33 @@ class Me:
     def __init__(
         self, view: World, workspace: Workspace, robot: int, reason: int, row: Any
     ) -> None:
-        self._view, self._workspace, self._robot = view, workspace, robot
+        self._view, self.workspace, self.index = view, workspace, robot
         self.reason = reason  # automaton.engine.state.REASON_*
         self.memory = row  # (k,) int64 numbers that are kept for this robot
 
     @property
     def identity(self) -> int:
         """Its number, from 0."""
-        return int(self._view.robots.identity[self._robot])
+        return int(self._view.robots.identity[self.index])
 
     @property
     def cell(self) -> tuple[int, int]:
         """(x, y); in a long move the cell that it enters, in a parking bay its home cell."""
         width = self._view.grid.width
-        place = paths.position(self._view, self._robot)
+        place = paths.position(self._view, self.index)
         return place % width - 1, place // width - 1
 
     @property
     def load(self) -> int | None:
         """The order that it carries."""
-        load = int(self._view.robots.load[self._robot])
+        load = int(self._view.robots.load[self.index])
         return None if load == NIL else load
 
     def access_cell_for(self, slot: int) -> int:
         """The flat cell from which it picks up at a slot, or drops there if it is loaded, by the
         scenario's `world.access_cell`; NIL: from none."""
         cell_of = paths.pickup_cell if self.load is None else paths.dropoff_cell
-        cell = cell_of(self._view, self._robot, slot)
+        cell = cell_of(self._view, self.index, slot)
         return NIL if cell is None else cell
 
     def ticks_to(self, place: int | Order) -> int:
@@ -182,12 +183,12 @@ class Me:
             cell = self.access_cell_for(slot)
         if cell == NIL:
             return paths.UNREACHABLE
-        return paths.distance(self._view, self._workspace, self._robot, cell)
+        return paths.distance(self._view, self.workspace, self.index, cell)
 
     def route(self, around: bool = False) -> list[int] | None:
         """Directions to its goal cell; `around`: avoiding the robots in sight."""
-        goal_cell = int(self._view.robots.goal_cell[self._robot])
-        return paths.route(self._view, self._workspace, self._robot, goal_cell, around)
+        goal_cell = int(self._view.robots.goal_cell[self.index])
+        return paths.route(self._view, self.workspace, self.index, goal_cell, around)
 
 
 def per_robot(
@@ -209,7 +210,7 @@ def per_robot(
             for k in range(batch.count[0]):
                 robot = int(batch.robot[k])
                 me = Me(view, workspace, robot, int(batch.reason[k]), own.numbers[robot])
-                decision = decide_one(me, LocalView(view, decisions.allocation.order_taken, robot))
+                decision = decide_one(me, LocalView(view, decisions.allocation, robot))
                 if decision is not None and not isinstance(decision, Decision):
                     raise TypeError(
                         f"{decide_one.__name__} must return a decision, not {decision!r}"
@@ -235,8 +236,9 @@ def _enter_allocation(decisions: Any, k: int, decision: Decision, me: Me, view: 
             return
         slot, stop = view.orders.current_slot[decision.value], next_stop(view, decision.value)
         if slot != NIL or stop != NIL:
-            out.goal_cell[k] = stop if slot == NIL else me.access_cell_for(slot)
-            out.order_taken[decision.value] = 1
+            orders.take(view, out, k, me.index, decision.value)
+    elif decision.command == state.CMD_DROP_AT and decision.value is None:
+        orders.place_load(view, out, me.workspace, k, me.index)
     elif decision.command == state.CMD_DROP_AT:
         out.slot[k] = decision.value
         if 0 <= decision.value < len(view.slots.cell):

@@ -35,10 +35,16 @@ from automaton.engine.state import (
     REASON_ORDER_RETURNED,
     REASON_PERIODIC,
 )
-from automaton.strategy.kernels import distance, dropoff_cell, kernel, position
+from automaton.strategy.kernels import (
+    deliver,
+    distance,
+    dropoff_cell,
+    kernel,
+    places_load,
+    position,
+)
 from automaton.strategy.layer import Strategy
 from strategies.allocation.cooperative import AlleyState, alley_state, pass_right, take_in_alley
-from strategies.allocation.placing import deliver, places_load
 
 MOVES_PER_PASS = 4  # along the alley, from one load to the next
 PRIOR_TICKS = 200  # driven ticks that a robot starts with

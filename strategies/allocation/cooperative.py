@@ -20,15 +20,19 @@ from automaton.engine.state import (
 from automaton.strategy.kernels import (
     AROUND_ROBOTS,
     can_do,
+    deliver,
     dropoff_cell,
     find_path,
+    is_open,
     kernel,
     pickup_cell,
+    places_load,
     position,
+    set_down,
+    take_order,
+    takes_load,
 )
 from automaton.strategy.layer import Strategy
-from strategies.allocation.open_orders import is_open, take_order
-from strategies.allocation.placing import deliver, places_load, set_down, takes_load
 
 
 class AlleyState(Struct):

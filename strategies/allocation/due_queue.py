@@ -12,8 +12,11 @@ import numpy as np
 from automaton.engine.jit.fields import field
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import CLOCK_NEXT_RELEASE, NIL, Array
-from automaton.strategy.kernels import can_do, kernel
-from strategies.allocation.open_orders import is_open
+from automaton.strategy.kernels import (
+    can_do,
+    is_open,
+    kernel,
+)
 
 
 class DueQueue(Struct):

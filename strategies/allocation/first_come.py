@@ -20,12 +20,19 @@ from automaton.engine.state import (
     REASON_PERIODIC,
     Array,
 )
-from automaton.strategy.kernels import can_do, kernel
+from automaton.strategy.kernels import (
+    POLICIES,
+    can_do,
+    highest_priority,
+    is_open,
+    kernel,
+    place_load,
+    places_load,
+    take_order,
+)
 from automaton.strategy.layer import Strategy
 from strategies.allocation.due_queue import DueQueue, enter_order, enter_released, first_due
 from strategies.allocation.load_parameters import FirstComeParameters
-from strategies.allocation.open_orders import highest_priority, is_open, take_order
-from strategies.allocation.placing import POLICIES, place_load, places_load
 
 
 class FirstComeState(Struct):

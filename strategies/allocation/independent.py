@@ -19,18 +19,23 @@ from automaton.engine.state import (
     REASON_PERIODIC,
 )
 from automaton.strategy.kernels import (
+    POLICIES,
+    PlacingState,
     begin_cell,
     begin_search,
     can_do,
+    highest_priority,
+    is_open,
     kernel,
     mark_goal,
     nearest_mark,
+    place_load,
+    places_load,
     position,
+    take_order,
 )
 from automaton.strategy.layer import Strategy
 from strategies.allocation.load_parameters import Storing
-from strategies.allocation.open_orders import highest_priority, is_open, take_order
-from strategies.allocation.placing import POLICIES, PlacingState, place_load, places_load
 
 
 @kernel

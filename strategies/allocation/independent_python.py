@@ -5,18 +5,8 @@ decision. The loop asks it with a batch of robots and goes on with its decisions
 decided stays as it was. A compiled strategy has the same shape: replace `decide` by a kernel.
 """
 
-from automaton.engine.state import (
-    CMD_DROP_AT,
-    CMD_PARK,
-    CMD_TAKE_ORDER,
-    NIL,
-    ORDER_WAITING,
-    REASON_ORDER_RETURNED,
-    REASON_PERIODIC,
-    REASON_PICKED,
-    REASON_SERVED,
-)
-from automaton.strategy import paths
+from automaton.engine.state import CMD_PARK, REASON_ORDER_RETURNED, REASON_PERIODIC
+from automaton.strategy import orders, paths
 from automaton.strategy.layer import Strategy
 
 
@@ -27,40 +17,23 @@ class IndependentPython(Strategy):
 
     def decide(self, view, batch, decisions, memory, workspace):
         out = decisions.allocation
-        taken = set()  # orders that earlier robots of this batch took
         for k in range(batch.count[0]):
             robot, reason = batch.robot[k], batch.reason[k]
-            if reason in (REASON_PICKED, REASON_SERVED):  # where does the load go?
-                slot = view.orders.target[view.robots.load[robot]]
-                out.command[k] = CMD_DROP_AT
-                out.slot[k] = slot
-                out.goal_cell[k] = paths.dropoff_cell(view, robot, slot)
+            if orders.asks_for_place(reason):
+                orders.place_load(view, out, workspace, k, robot)
             elif reason != REASON_PERIODIC:
-                order = self.nearest(view, workspace, robot, taken, reason == REASON_ORDER_RETURNED)
+                order = self.nearest(view, out, workspace, robot, reason == REASON_ORDER_RETURNED)
                 if order is None:
                     out.command[k] = CMD_PARK
-                    continue
-                taken.add(order)
-                out.command[k] = CMD_TAKE_ORDER
-                out.order[k] = order
-                slot = view.orders.current_slot[order]
-                out.goal_cell[k] = paths.pickup_cell(view, robot, slot)
+                else:
+                    orders.take(view, out, k, robot, order)
 
-    def nearest(self, view, workspace, robot, taken, around):
-        orders = [
-            order
-            for order in range(len(view.orders.state))
-            if view.orders.state[order] == ORDER_WAITING
-            and view.orders.reserved_by[order] == NIL
-            and order not in taken
-            and paths.can_do(view, robot, order)
-        ]
-        highest = max((view.orders.priority[order] for order in orders), default=0)
-        orders = [order for order in orders if view.orders.priority[order] == highest]
-        access_cells = [
-            paths.pickup_cell(view, robot, view.orders.current_slot[order]) for order in orders
-        ]
-        found = paths.nearest(view, workspace, robot, access_cells, around) if around else None
-        if found is None:  # or if nothing is reachable around the other robots
-            found = paths.nearest(view, workspace, robot, access_cells)
-        return None if found is None else orders[found]
+    def nearest(self, view, out, workspace, robot, around):
+        found = orders.list_open(view, out, robot)
+        highest = max((view.orders.priority[order] for order in found), default=0)
+        found = [order for order in found if view.orders.priority[order] == highest]
+        cells = [orders.begin_cell(view, robot, order) for order in found]
+        first = paths.nearest(view, workspace, robot, cells, around) if around else None
+        if first is None:  # or if nothing is reachable around the other robots
+            first = paths.nearest(view, workspace, robot, cells)
+        return None if first is None else found[first]

@@ -76,11 +76,3 @@ class FirstComeParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=Tru
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         """One cursor goes over the orders for all robots of a type."""
         return refusal_of_own_orders(scenario)
-
-
-class LoadsAlone(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """No parameters; but every order must have a load."""
-
-    def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
-        """Orders without a load lie nowhere, and are brought nowhere."""
-        return refusal_of_tours(scenario, floor_plan)

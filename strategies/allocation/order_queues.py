@@ -9,9 +9,15 @@ from automaton.engine.state import (
     ORDER_WAITING,
     REASON_PERIODIC,
 )
-from automaton.strategy.kernels import can_do, has_place, kernel
-from strategies.allocation.open_orders import is_open, take_order
-from strategies.allocation.placing import place_load, places_load
+from automaton.strategy.kernels import (
+    can_do,
+    has_place,
+    is_open,
+    kernel,
+    place_load,
+    places_load,
+    take_order,
+)
 
 
 @kernel

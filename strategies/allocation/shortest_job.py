@@ -20,6 +20,8 @@ from automaton.engine.state import (
     REASON_PERIODIC,
 )
 from automaton.strategy.kernels import (
+    LEAST_PRIORITY,
+    POLICIES,
     UNREACHABLE,
     begin_cell,
     can_bring,
@@ -27,12 +29,16 @@ from automaton.strategy.kernels import (
     dropoff_cell,
     end_of_stops,
     has_load,
+    is_open,
     kernel,
+    place_load,
+    places_load,
     position,
+    set_down,
+    take_order,
+    takes_load,
 )
 from automaton.strategy.layer import Strategy
-from strategies.allocation.open_orders import LEAST_PRIORITY, is_open, take_order
-from strategies.allocation.placing import POLICIES, place_load, places_load, set_down, takes_load
 from strategies.allocation.shortest_job_parameters import ShortestJobParameters
 
 WORST = -(1 << 62)

@@ -33,6 +33,24 @@ def test_compiled_and_python_strategy_give_equal_digests() -> None:
             assert compiled.finished
 
 
+@pytest.mark.parametrize(
+    ("scenario", "orders"),
+    [
+        ("goods-mini", ()),  # pods
+        ("tabletop-mini", ("orders={generator: tours, count: 20, stops: {from: 1, to: 3}}",)),
+    ],
+)
+def test_pods_and_orders_without_a_load_are_done_in_python_as_well(
+    scenario: str, orders: tuple[str, ...]
+) -> None:
+    compiled, python, alone = (
+        run(scenario, *orders, f"strategy.allocation={name}", until=3000)
+        for name in ("independent", "independent-python", "example_strategies:eager")
+    )
+    assert compiled.finished and compiled.digest == python.digest
+    assert alone.finished and not any(illegal_by_layer(alone).values())
+
+
 def test_a_named_strategy_and_its_class_are_the_same_strategy() -> None:
     by_class = "strategy.allocation=strategies.allocation.cooperative:Cooperative"
     by_name = "strategy.allocation=cooperative"
@@ -116,7 +134,7 @@ def test_an_installed_plugin_is_found_by_its_entry_point(monkeypatch: Any) -> No
     from automaton.strategy import lookup
 
     point = EntryPoint("allocation.lazy", "example_strategies:Idle", lookup.PLUGINS)
-    monkeypatch.setattr(lookup, "entry_points", lambda group: [point])
+    monkeypatch.setattr("importlib.metadata.entry_points", lambda group: [point])
     lookup._plugins.cache_clear()
     try:
         assert "lazy" in lookup.names("allocation")

@@ -22,7 +22,7 @@ from automaton.engine.state import (
 )
 from automaton.floor.cells import CHARGER
 from automaton.strategy.layer import Strategy
-from automaton.strategy.per_robot import drop_at, park, per_robot, take
+from automaton.strategy.per_robot import deliver, drop_at, park, per_robot, take
 
 
 class HalfAndHalf(Strategy):
@@ -174,7 +174,7 @@ class Watcher(Strategy):
 def eager(me, view):
     """Takes the open order that is nearest."""
     if me.load is not None:
-        return drop_at(view.target_of(me.load))
+        return deliver()
     orders = view.open_orders()
     return take(min(orders, key=me.ticks_to)) if orders else park()
 

@@ -146,6 +146,22 @@ def test_the_compiled_strategy_of_the_tutorial_decides_as_the_one_in_python(tmp_
     assert kernel["metrics"]["orders_taken"] >= kernel["delivered"] > 0
 
 
+@pytest.mark.parametrize(
+    "scenario",
+    [
+        "goods-mini",
+        "tabletop-mini --set orders='{generator: tours, count: 20, stops: {from: 1, to: 3}}'",
+    ],
+)
+def test_the_strategies_of_the_tutorial_know_pods_and_stops(tmp_path: Path, scenario: str) -> None:
+    write_files(page("docs/tutorials/your-own-strategy.md"), tmp_path)
+    with in_this_process(tmp_path):
+        for name in ("mine:eager", "nearest:Nearest", "near:Near"):
+            run = f"automaton run {scenario} --json --set strategy.allocation={name}"
+            done = json.loads(carry_out(run, tmp_path))
+            assert done["finished"] and done["metrics"]["illegal_answers"] == 0, name
+
+
 def test_zones_of_ones_own_floor(tmp_path: Path) -> None:
     write_files(page("docs/how-to/divide-a-floor-into-zones.md"), tmp_path)
     with in_this_process(tmp_path):

@@ -32,10 +32,9 @@ from automaton.runs.metrics import METRIC_CATALOGUE, metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.runs.task_metrics import TASK_METRICS, quantile
 from automaton.scenario.unavailable_metrics import OF_DUE_TIMES, OF_LINES, OF_TIMES
+from automaton.strategy.kernels import deliver, take_order
 from automaton.strategy.layer import Strategy
 from layouts.racks import Racks
-from strategies.allocation.open_orders import take_order
-from strategies.allocation.placing import deliver
 
 SMALL = """
 name: small

@@ -118,7 +118,6 @@ def test_who_gives_any_order_to_any_robot_says_so(tmp_path: Path, name: str) -> 
     [
         ("allocation", "auction"),
         ("allocation", "adaptive"),
-        ("allocation", "independent-python"),
         ("zoning", "static"),
     ],
 )

@@ -222,13 +222,13 @@ class Kernel:
         if folder is None:
             return _with_one_signature(njit(**options)(self.py_func))
         with _caching_in(folder):
-            made = njit(cache=True, **options)(self.py_func)
-        return _saved_alone(_with_one_signature(made))
+            dispatcher = njit(cache=True, **options)(self.py_func)
+        return _saved_alone(_with_one_signature(dispatcher))
 
     @property
     def is_compiled(self) -> bool:
         """Whether this process has compiled it, or this or another one has for kernels."""
-        if any(made and made.overloads for made in (self._for_python, self._for_kernels)):
+        if any(one and one.overloads for one in (self._for_python, self._for_kernels)):
             return True
         file = getattr(self.callee._cache, "_cache_file", None)
         return file is not None and os.path.exists(file._index_path)

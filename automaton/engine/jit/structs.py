@@ -194,15 +194,15 @@ class Struct(metaclass=StructClass):
             if len(cls._layouts) == LAYOUTS_KEPT:
                 cls._layouts.clear()
             layout = cls._layouts[key] = Layout(cls, cls._sizes.complete(known), values)
-        made = object.__new__(cls)
+        struct = object.__new__(cls)
         table, block = layout.table.copy(), layout.block()
         if values:
-            rows = made._rows(values, layout.sizes.copy())
-            table[layout.given] = rows
+            rows = struct._rows(values, layout.sizes.copy())
+            table[layout.rows_of_values] = rows
         table[:, 0] += layout.is_in_block * np.uint64(addressof(c_char.from_buffer(block)))
-        made._enter(table, layout.numbers | values)
-        made.__dict__.update(_block=block, _places=layout.places)
-        return made
+        struct._enter(table, layout.numbers | values)
+        struct.__dict__.update(_block=block, _places=layout.places)
+        return struct
 
     @classmethod
     def struct_classes(cls) -> dict[str, type[Struct]]:
@@ -345,12 +345,12 @@ class Struct(metaclass=StructClass):
 class Layout:
     """Where the arrays lie that a struct is made with, in one block of memory: for these sizes.
 
-    `given`: the fields that are not made, but given.
+    `values`: the fields that are not made, but come with a value.
     """
 
-    def __init__(self, cls: type[Struct], sizes: dict[str, int], given: Iterable[str]) -> None:
+    def __init__(self, cls: type[Struct], sizes: dict[str, int], values: Iterable[str]) -> None:
         self.sizes = sizes
-        self.given = [cls._fields.index(name) for name in given]
+        self.rows_of_values = [cls._fields.index(name) for name in values]
         self.places: dict[str, tuple[tuple[int, ...], Any, int]] = {}  # shape, dtype, offset
         self.numbers: dict[str, int] = {}
         self.table = np.zeros((max(1, len(cls._fields)), WORDS), np.uint64)
@@ -358,7 +358,7 @@ class Layout:
         self._filled: list[tuple[str, int]] = []
         self._size = 0
         for row, (name, declared) in enumerate(cls._declared.items()):
-            if row in self.given:
+            if row in self.rows_of_values:
                 continue
             if not declared.kind:
                 raise TypeError(f"{cls.__name__} takes the struct {name}")

@@ -23,6 +23,7 @@ from automaton.engine.state import (
     Workspace,
     World,
 )
+from automaton.strategy.kernels import POLICIES
 from automaton.strategy.layer import Strategy
 from strategies.allocation.auction.assignment import assign_once
 from strategies.allocation.auction.auction_parameters import Auctions, EpsilonSchedule
@@ -51,7 +52,6 @@ from strategies.allocation.auction.winners import (
     WINNER_REGRET,
 )
 from strategies.allocation.order_queues import has_empty_list, serve
-from strategies.allocation.placing import POLICIES
 
 BID_RULES: Final = {"mixed": BID_MIXED, "average": BID_AVERAGE_ADDED, "average-paper": BID_AVERAGE}
 WINNER_RULES: Final = {

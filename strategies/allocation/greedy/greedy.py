@@ -20,7 +20,13 @@ from automaton.engine.state import (
     REASON_PERIODIC,
     Array,
 )
-from automaton.strategy.kernels import kernel
+from automaton.strategy.kernels import (
+    POLICIES,
+    kernel,
+    place_load,
+    places_load,
+    take_order,
+)
 from automaton.strategy.layer import Strategy
 from strategies.allocation.greedy.candidates import (
     Marks,
@@ -36,8 +42,6 @@ from strategies.allocation.greedy.greedy_parameters import GreedyParameters
 from strategies.allocation.greedy.matching import Pairs, match
 from strategies.allocation.greedy.nearest import Search
 from strategies.allocation.greedy.pair_heap import PairHeap
-from strategies.allocation.open_orders import take_order
-from strategies.allocation.placing import POLICIES, place_load, places_load
 
 
 class GreedyState(Struct):

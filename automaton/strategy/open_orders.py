@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import (
     CLOCK_FIRST_OPEN,
     CLOCK_KNOWN_ORDERS,
@@ -9,7 +10,8 @@ from automaton.engine.state import (
     NIL,
     ORDER_WAITING,
 )
-from automaton.strategy.kernels import begin_cell, can_do, has_place, kernel, position
+from automaton.engine.trips import has_place
+from automaton.strategy.access_cells import begin_cell, can_do, position
 
 LEAST_PRIORITY = -(1 << 15)  # below that of any order
 

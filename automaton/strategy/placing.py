@@ -11,19 +11,13 @@ But for the first, a cell in which a robot still is comes last.
 import numpy as np
 
 from automaton.engine.jit.fields import field
+from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import Struct
+from automaton.engine.motion import has_room
+from automaton.engine.random_numbers import STREAM_STORAGE, random_between
+from automaton.engine.search import begin_search, mark_goal, nearest_mark
 from automaton.engine.state import CLOCK_TICK, CMD_DROP_AT, NIL, REASON_PICKED, REASON_SERVED
-from automaton.strategy.kernels import (
-    STREAM_STORAGE,
-    begin_search,
-    dropoff_cell,
-    has_room,
-    kernel,
-    mark_goal,
-    nearest_mark,
-    position,
-    random_between,
-)
+from automaton.strategy.access_cells import dropoff_cell, position
 
 POLICIES = ("fixed", "nearest", "class", "random")
 FIXED, NEAREST, CLASS, RANDOM = range(4)
@@ -49,7 +43,7 @@ def takes_load(view, out, slot):
 @kernel
 def places_load(reason):
     """Whether allocation is asked where the load of a robot goes."""
-    return reason == REASON_PICKED or reason == REASON_SERVED
+    return reason in (REASON_PICKED, REASON_SERVED)
 
 
 @kernel

@@ -1,0 +1,66 @@
+"""Orders for strategies written in Python, by the kernels that compiled ones call.
+
+`out` is `decisions.allocation`, and k the place of a robot in the batch.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from automaton.engine.state import (
+    CLOCK_FIRST_OPEN,
+    CLOCK_KNOWN_ORDERS,
+    NIL,
+    ORDER_WAITING,
+    AllocationDecisions,
+    Workspace,
+    World,
+)
+from automaton.strategy import access_cells, open_orders, placing
+from automaton.strategy.paths import position
+
+
+def list_open(view: World, out: AllocationDecisions, robot: int) -> list[int]:
+    """The orders that a robot may take and can do, by number.
+
+    They wait, are reserved for no other robot, nor taken earlier in this batch.
+    """
+    known = slice(int(view.clock[CLOCK_FIRST_OPEN]), int(view.clock[CLOCK_KNOWN_ORDERS]))
+    waiting = known.start + np.flatnonzero(view.orders.state[known] == ORDER_WAITING)
+    return [
+        order
+        for order in waiting.tolist()
+        if open_orders.is_open(view, out, robot, order) and access_cells.can_do(view, robot, order)
+    ]
+
+
+def begin_cell(view: World, robot: int, order: int) -> int | None:
+    """The cell where a robot begins an order: picks its load up, or its next stop if it has none."""
+    robot_type, here = int(view.robots.type[robot]), position(view, robot)
+    cell = int(access_cells.begin_cell(view, robot_type, int(order), here))
+    return None if cell == NIL else cell
+
+
+def take(view: World, out: AllocationDecisions, k: int, robot: int, order: int) -> None:
+    """Decision k: a robot takes an order and drives to where it begins."""
+    open_orders.take_order(view, out, k, robot, int(order))
+
+
+def asks_for_place(reason: int) -> bool:
+    """Whether allocation is asked where the load of a robot goes."""
+    return bool(placing.places_load(int(reason)))
+
+
+def place_load(
+    view: World,
+    out: AllocationDecisions,
+    workspace: Workspace,
+    k: int,
+    robot: int,
+    storage: str = "fixed",
+) -> None:
+    """Decision k: a robot brings its load to its target, or its pod into storage.
+
+    `storage`: one of automaton.strategy.placing.POLICIES.
+    """
+    placing.place_load(view, out, workspace, k, robot, placing.POLICIES.index(storage))

@@ -49,7 +49,6 @@ class Floor:
 
     floor_plan: FloorPlan
     slots_cell: NDArray[np.int32]  # (s,)
-    slots_endless: NDArray[np.uint8]  # (s,) 1 = any number of loads
     headings: tuple[int, ...] = (4,)  # of each type: 1 omni, 2 rail (axes), 4 differential
     traffic_zones: TrafficZones | None = None
     battery: bool = False  # robots run on batteries

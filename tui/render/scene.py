@@ -89,9 +89,8 @@ class Scene:
     cursor: int | None = None  # cell
     layer: str = ""  # the name of one that is registered, or none
     marked: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # robots
-    marked_cells: NDArray[np.int32] = field(
-        default_factory=lambda: NO_CELLS
-    )  # cells, marked like a zone
+    # Cells, marked like a zone.
+    marked_cells: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)
     zone: int = NIL  # whose cells are marked
     colouring: str = "state"  # of robots, of tui.render.colouring.COLOURINGS
     trails: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # (n, k) cells, or NIL

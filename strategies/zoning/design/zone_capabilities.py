@@ -12,9 +12,8 @@ from automaton.engine.state import NIL
 from strategies.allocation.auction.assignment import linear_sum_assignment
 from strategies.allocation.auction.market import INF_COST
 
-MISPLACED = (
-    1 << 30
-)  # cost of a station in a zone whose robot has no priority there, another one has
+# Cost of a station in a zone whose robot has no priority there, and another one has.
+MISPLACED = 1 << 30
 
 
 @kernel

@@ -140,7 +140,7 @@ def forget_tips(roads, design, workspace):
 
 @kernel
 def busier_pair(roads, rules, design, workspace, seed, tick):
-    """A random row of space.zones: a zone with more load than the second one, and a tip to give.
+    """A random row of workspace.zones: a zone with more load than the second one, and a tip to give.
 
     NIL if there is none.
     """
@@ -165,9 +165,10 @@ def busier_pair(roads, rules, design, workspace, seed, tick):
 
 @kernel
 def facing_tips(roads, rules, design, workspace, a, b):
-    """space.via_station[a, b]: for each tip that a may give to b the last tip of b in reach; how many.
+    """workspace.via_station[a, b]: for each tip that a may give to b the last tip of b in reach.
 
-    Within reach: by a union path that is shorter than stations that are adjacent. Needs space.tip.
+    Returns how many of a there are. Within reach: by a union path that is shorter than stations that
+    are adjacent. Needs workspace.tip.
     """
     stations = design.zone.shape[0]
     if workspace.fresh[a, b] == 0:

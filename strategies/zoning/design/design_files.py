@@ -1,4 +1,4 @@
-"""Zone designs as data: from the text of a file to arrays, and back.
+"""Zone designs as data: from the text of a file to arrays.
 
     zones:
       - {stations: [9, 10, 7], segments: [qr, rQOo]}

@@ -32,13 +32,6 @@ from strategies.zoning.design.zoning_draws import DRAWS_NEGOTIATION, below, chan
 
 Array = NDArray[Any]
 
-# Defaults of the published run.
-NEGOTIATION_INITIAL_TEMPERATURE = 4.5
-NEGOTIATION_FINAL_TEMPERATURE = 0.3
-NEGOTIATION_STEPS = 20  # M of eq. 6
-DEFAULT_ACCEPTANCE_SCALE = 10.0  # k of Algorithm 4
-DEFAULT_ITERATIONS = 10  # of a turn
-
 
 class NegotiatedParts(Struct, role=SCRATCH):
     """Parts in the queues or hands of robots; room for K."""

@@ -20,12 +20,6 @@ from strategies.zoning.design.zone_paths import clear_design, copy_design, size
 from strategies.zoning.design.zoning_draws import DRAWS_GENETIC, below, chance
 from strategies.zoning.genetic.population import fits, keep, move_row, take, take_zone
 
-# Defaults of the published runs.
-DEFAULT_INDIVIDUALS = 60
-DEFAULT_GENERATIONS = 100
-DEFAULT_PARENTS = 10
-DEFAULT_MUTATION_RATE = 0.45
-
 MAX_FAILURES = 60  # zones that do not fit, until a child is restarted
 MAX_MUTATION_TRIES = 500  # tries to mutate a child
 MAX_CHILD_TRIES = 100  # times that a child may be restarted

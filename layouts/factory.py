@@ -77,11 +77,6 @@ class Factory(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
         """The cell (x, y) of each workstation by its number."""
         return {n: self._cell_at(*FEET[letter]) for n, letter in enumerate(STATIONS, 1)}
 
-    def station_slots(self) -> dict[int, int]:
-        """The slot of each workstation by its number: the world counts slots by x, then y."""
-        cells = self.stations()
-        return {number: slot for slot, number in enumerate(sorted(cells, key=cells.__getitem__))}
-
     def areas(self) -> Mapping[str, tuple[int, ...]]:
         """The workstations of each area."""
         return AREAS

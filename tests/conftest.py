@@ -24,6 +24,5 @@ def pytest_addoption(pluginmanager: pytest.PytestPluginManager) -> None:
         pluginmanager.register(pytest_plugin)
 
 
-COMPILATIONS.announced = (
-    True  # what a test has to compile changes nothing of what it reads on stderr
-)
+# What a test has to compile changes nothing of what it reads on stderr.
+COMPILATIONS.announced = True

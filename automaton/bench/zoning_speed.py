@@ -33,14 +33,7 @@ from automaton.floor.drawn_floors import draw_floor
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
 from automaton.units import unit
-from strategies.zoning.annealing.annealing import (
-    ANNEALING_MAX_MOVES,
-    ANNEALING_STEPS,
-    DEFAULT_FINAL_TEMPERATURE,
-    DEFAULT_INITIAL_TEMPERATURE,
-    MAX_REPAIRS,
-    repair,
-)
+from strategies.zoning.annealing.annealing import MAX_REPAIRS, repair
 from strategies.zoning.design.zone_workspace import (
     ZoneRules,
     ZoneSpace,
@@ -48,14 +41,9 @@ from strategies.zoning.design.zone_workspace import (
     typical_distance,
     zone_rules,
 )
-from strategies.zoning.genetic.genetic_zones import (
-    DEFAULT_GENERATIONS,
-    DEFAULT_INDIVIDUALS,
-    DEFAULT_MUTATION_RATE,
-    DEFAULT_PARENTS,
-    evolve,
-)
+from strategies.zoning.genetic.genetic_zones import evolve
 from strategies.zoning.genetic.population import population_for
+from strategies.zoning.zoning_parameters import Annealing, Genetic
 
 Array = NDArray[Any]
 
@@ -80,6 +68,8 @@ GROWTH_REPAIRS: Final = 5  # of each size: they differ by their draws
 BLOCK: Final = 6  # cells between two crossings of a lattice
 SPEED: Final = 94.48  # cells a minute
 LOADS: Final = 10  # most loads between two stations
+ANNEALED: Final = Annealing()
+BRED: Final = Genetic()
 
 
 def measurements() -> list[Measurement]:
@@ -89,7 +79,7 @@ def measurements() -> list[Measurement]:
         for name, how in RUNS.items()
     ]
     found.append(Measurement("zone repair by annealing, factory", MS, prepare_repair))
-    what = f"{DEFAULT_GENERATIONS} generations of {DEFAULT_INDIVIDUALS}, factory"
+    what = f"{BRED.generations} generations of {BRED.population}, factory"
     found.append(Measurement(f"zones by breeding, {what}", SECONDS, prepare_breeding, at_most=3))
     for stations, zones in SIZES:
         name = f"zone repair by annealing, {stations} stations, {zones} zones"
@@ -176,13 +166,7 @@ def factory() -> Task:
 def anneal(one: Task, seed: int) -> int:
     """One zone repair; 0 if it found no zones."""
     roads, rules, flow, design, workspace, reach = one
-    how = (
-        DEFAULT_INITIAL_TEMPERATURE,
-        DEFAULT_FINAL_TEMPERATURE,
-        ANNEALING_STEPS,
-        ANNEALING_MAX_MOVES,
-        MAX_REPAIRS,
-    )
+    how = ANNEALED.hot, ANNEALED.cold, ANNEALED.steps, MAX_REPAIRS
     return int(repair(roads, rules, flow, *how, design, workspace, reach, np.uint64(seed), 1))
 
 
@@ -203,12 +187,12 @@ def prepare_repair() -> Sample:
 
 
 def prepare_breeding(
-    generations: int = DEFAULT_GENERATIONS, individuals: int = DEFAULT_INDIVIDUALS
+    generations: int = BRED.generations, individuals: int = BRED.population
 ) -> Sample:
     """A sampler: seconds of the genetic algorithm in the factory."""
     roads, rules, flow, design, workspace, reach = factory()
     population = population_for(roads, individuals)
-    how = generations, DEFAULT_PARENTS, DEFAULT_MUTATION_RATE, population
+    how = generations, BRED.selected, BRED.mutation, population
 
     def sample() -> float:
         seed = np.uint64(1)

@@ -42,9 +42,8 @@ from automaton.scenario.robot_types import (
 from automaton.scenario.schema import Scenario
 
 NO_ZONING = "none"
-Start = (
-    Literal["parking-bays", "random", "racks"] | tuple[int, ...]
-)  # flat cells of robots 0, 1, ...
+# Flat cells of robots 0, 1, ...
+Start = Literal["parking-bays", "random", "racks"] | tuple[int, ...]
 
 
 class Service(NamedTuple):

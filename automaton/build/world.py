@@ -107,9 +107,8 @@ def build_world(
     clock[CLOCK_UNDELIVERED] = len(orders.state)  # of lines: until a trip is known, the lines
     clock[CLOCK_OPEN_JOBS] = len(stations.completion_tick)
     service_zones = build_service_zones(resolved, floor, slots, stations, len(orders.state))
-    clock[CLOCK_UNQUEUED_ORDERS] = int(
-        len(service_zones.wake) > 0
-    )  # zoning is asked in the first tick
+    # Zoning is asked in the first tick.
+    clock[CLOCK_UNQUEUED_ORDERS] = int(len(service_zones.wake) > 0)
     clock[CLOCK_NEXT_WAKEUP] = NIL
     clock[CLOCK_HALTED_UNTIL] = NIL
     known = np.flatnonzero((orders.release_tick == 0) & (orders.state == ORDER_WAITING))

@@ -78,9 +78,8 @@ def note_events(world, observation):
             event(world, observation, EVENT_LEFT_BAY, identity, NIL, NIL)
         visited = world.tally.visits[i] != observation.visits_before[i]
         had = np.int64(world.tally.visited[i]) if visited and order == NIL else order
-        done = action == EXECUTED_DROP or (
-            action == EXECUTED_PICK and robots.load[i] == NIL
-        )  # it had only to come
+        # It had only to come.
+        done = action == EXECUTED_DROP or (action == EXECUTED_PICK and robots.load[i] == NIL)
         if had != before and before != NIL and not done:
             event(world, observation, EVENT_ORDER_RETURNED, identity, before, NIL)
         if had != before and had != NIL:
@@ -246,9 +245,8 @@ def close_cycle(world, observation, first):
         members += 1
         i = np.int64(robots.at_index[observation.blocker[i]])
     for _ in range(members):
-        observation.wait_cycle_ticks[i] = (
-            youngest + 1
-        )  # with another robot in it, it is another wait cycle
+        # With another robot in it, it is another wait cycle.
+        observation.wait_cycle_ticks[i] = youngest + 1
         i = np.int64(robots.at_index[observation.blocker[i]])
     if youngest == 0:
         event(world, observation, EVENT_WAIT_CYCLE, name, NIL, members)

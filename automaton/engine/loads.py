@@ -145,9 +145,8 @@ def leave_queue(world, order):
     if world.service_zones.queue.shape[0]:
         former = np.int64(world.service_zones.queue[order])
         if former >= 0:
-            world.service_zones.queue[order] = (
-                -2 - former
-            )  # it is that zone's until zoning says otherwise
+            # It is that zone's until zoning says otherwise.
+            world.service_zones.queue[order] = -2 - former
         world.service_zones.next_slot[order] = NIL
         world.service_zones.skips_transfer[order] = 0
         world.service_zones.picked_from[order] = NIL

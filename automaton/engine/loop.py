@@ -37,6 +37,7 @@ from automaton.engine.motion import move_all
 from automaton.engine.observation import COUNT_CURVE_ROWS, COUNT_EVENTS, Observation
 from automaton.engine.observe import observe
 from automaton.engine.record_changes import MAX_CHANGES
+from automaton.engine.record_codes import EXECUTED_NOTHING
 from automaton.engine.releases import release_orders
 from automaton.engine.right_of_way_commit import commit_right_of_way
 from automaton.engine.slow_zones import count_robots, set_move_ticks
@@ -119,7 +120,7 @@ def ticks(
         if workspace.stop[0]:
             yield LOOP_GIVEN_UP
         clock[CLOCK_TICK] += 1
-        world.robots.executed[:] = 0
+        world.robots.executed[:] = EXECUTED_NOTHING
         if world.rules.may_fail:
             break_down_and_repair(world, record, workspace)
         if world.delays.until.shape[0]:

@@ -43,9 +43,8 @@ CLAIMS = 31
 FLAGS_SHIFT = 8  # shift of the rule in a word
 CAPACITY_SHIFT = 13  # shift of the class of capacity in a word
 POD = 1 << 15  # bit of a word: a pod stands here, under which not all robots drive (drives_under)
-ROOM_TAKEN_BITS = (
-    0b10_01_11_11_00_00  # room that a robot takes, by class (unlimited, 1, 2) and lane
-)
+# Room that a robot takes, by class (unlimited, 1, 2) and lane.
+ROOM_TAKEN_BITS = 0b10_01_11_11_00_00
 AHEAD = 16  # robots whose cells are fetched in advance
 
 INTENT_GOAL = 0  # columns of traffic.pending: the wanted resource, then its entry in the contest

@@ -624,9 +624,8 @@ CMD_STEP: Final = 1  # commands of right of way
 CMD_WAIT: Final = 2
 CMD_RETREAT: Final = 3
 CMD_HOLD: Final = 4  # of one that steers: stay for this tick
-CMD_GO: Final = (
-    5  # of one that steers: turn towards a direction or move in it; out of a parking bay
-)
+# Of one that steers: turn towards a direction or move in it; out of a parking bay.
+CMD_GO: Final = 5
 
 
 class Memory(Struct):

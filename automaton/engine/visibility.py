@@ -228,9 +228,8 @@ def hide_cell(world, visible_world, cell):
     """The cell looks empty."""
     if cell != NIL:
         cell_flags = np.int64(world.grid.cell_flags[U(cell)])
-        visible_world.traffic.occupancy[U(cell)] = np.uint16(
-            (cell_flags << FLAGS_SHIFT) | 96
-        )  # room both ways
+        # Room both ways.
+        visible_world.traffic.occupancy[U(cell)] = np.uint16((cell_flags << FLAGS_SHIFT) | 96)
 
 
 @kernel

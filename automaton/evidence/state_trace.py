@@ -48,9 +48,8 @@ class StateTrace:
         self.period = period
         robots = len(recording.header["robots"]["cell"])
         self._frame = 0  # first tick of the one whose ticks are counted
-        self._moves = np.zeros(
-            (1, robots), np.int64
-        )  # begun up to each of its ticks, and before it
+        # Begun up to each of its ticks, and before it.
+        self._moves = np.zeros((1, robots), np.int64)
         self._begun = np.zeros((1, robots), np.int64)  # likewise the last tick of an operation
         self._set_out = np.zeros((1, robots), np.int64)  # and of a move
         self._before_order = np.zeros(robots, np.int64)  # moves begun when the order was taken

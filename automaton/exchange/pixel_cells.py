@@ -92,9 +92,8 @@ def cells_of(centre: Mask, k: int) -> PixelCells | None:
 def best_offset(centre: Mask, k: int) -> tuple[int, int]:
     """The offset with most free cells: x, y in pixels; ties the upper, then the left one."""
     padded = np.pad(centre, k - 1)
-    windows = any_within(
-        any_within(padded, k, 0), k, 1
-    )  # [i, j]: it begins at i - k + 1, j - k + 1
+    # [i, j]: it begins at i - k + 1, j - k + 1.
+    windows = any_within(any_within(padded, k, 0), k, 1)
     height, width = (-(-size // k) * k for size in windows.shape)
     rounded_up = np.zeros((height, width), bool)
     rounded_up[: windows.shape[0], : windows.shape[1]] = windows

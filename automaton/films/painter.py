@@ -42,9 +42,8 @@ MIN_DRAWN_CELL: Final = 6  # pixels; smaller cells are a colour each
 MIN_DETAILED_CELL: Final = 13  # robots of smaller cells are discs, and cells have no letters
 MIN_NAMED_CELL: Final = 18  # from here on robots have numbers
 MIN_DISC: Final = 5  # pixels across of a robot
-SURROUNDING: Final = (
-    1.5  # cells of a sign: that of the robot that is chosen is larger than its cell
-)
+# Cells of a sign: that of the robot that is chosen is larger than its cell.
+SURROUNDING: Final = 1.5
 TRACK_HEIGHT: Final = 4  # pixels of the line that shows how far the film is
 
 

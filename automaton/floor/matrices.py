@@ -27,11 +27,8 @@ from automaton.floor.floor_plan import FloorPlan, bordered, make_floor_plan
 from automaton.floor.traffic_zones import traffic_zones_of
 
 INTERSECTION: Final = 50
-SEPARATORS: Final = (
-    ";",
-    "\t",
-    ",",
-)  # the first that occurs; a comma beside others is a decimal one
+# The first that occurs; a comma beside others is a decimal one.
+SEPARATORS: Final = (";", "\t", ",")
 NUMBER: Final = re.compile(r"[-+]?[0-9]{1,9}(\.[0-9]{0,9})?")
 KIND_OF: Final = {-1: WALL, 0: FLOOR, INTERSECTION: FLOOR, 100: RACK, 200: DOCK}
 CODE_OF: Final = {kind: code for code, kind in KIND_OF.items() if code != INTERSECTION}

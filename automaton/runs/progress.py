@@ -26,9 +26,8 @@ from automaton.floor.floor_plan import FloorPlan
 from automaton.runs.asked_orders import asked_orders
 
 LEAST_STARVED_TICKS: Final = 500
-STARVED_DRIVES: Final = (
-    4  # from side to side; the longest trip, and three times its length in traffic
-)
+# From side to side; the longest trip, and three times its length in traffic.
+STARVED_DRIVES: Final = 4
 JAM_ROBOTS: Final = 2  # fewer that stand together do not count
 REACH: Final = 2  # rows and columns between two robots of one jam
 

@@ -18,9 +18,8 @@ class Station(NamedTuple):
     visits: int  # that are over
     lines_done: int
     service_share: float  # of the time: it served a robot
-    starved_share: (
-        float  # lines were open for it, it had no break, and no robot in its cell or queue
-    )
+    # Lines were open for it, it had no break, and no robot in its cell or queue.
+    starved_share: float
 
 
 def metrics_by_station(run: Measured) -> list[dict[str, Any]]:

@@ -50,9 +50,8 @@ class CsvColumns(NamedTuple):
     head: tuple[str, ...]  # the names of all columns
     lines: Array  # (n,) where each row begins, from 1
     columns: dict[str, TextColumn]  # by the names that were chosen
-    has_decimal_commas: bool = (
-        False  # its numbers may have them, as values stand between semicolons
-    )
+    # Its numbers may have them, as values stand between semicolons.
+    has_decimal_commas: bool = False
 
 
 def read_csv_columns(path: Path, encoding: str, choose: Choice, errors: RowErrors) -> CsvColumns:

@@ -95,9 +95,8 @@ class Quantity:
     rules: Mapping[Dimension, Rule]
     counted: str = "tick"  # what a plain number counts, for one
     by_clock: bool = False  # a clock time says it, too; and it may fall on tick 0
-    after_release: bool = (
-        False  # else than a clock time, which is {at: tick} and may be before tick 0
-    )
+    # Else than a clock time, which is {at: tick} and may be before tick 0.
+    after_release: bool = False
 
     def number(self, amount: Amount, scale: Scale) -> Fraction:
         """The exact number that a text stands for. Raises InputError."""

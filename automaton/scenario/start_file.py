@@ -32,11 +32,8 @@ FIELDS: Final = (
     NumberField("y", 0, FARTHEST),
     NameField("heading", dict(zip(HEADINGS, range(4), strict=True)), "direction", is_required=True),
 )
-NEEDED: Final = (
-    (("x",),),
-    (("y",),),
-    (("heading",), ()),
-)  # no column of headings, or one in all rows
+# Of headings there is no column, or one in all rows.
+NEEDED: Final = ((("x",),), (("y",),), (("heading",), ()))
 
 
 class ReadStarts(NamedTuple):

@@ -30,10 +30,10 @@ def lines_of(path: Path) -> list[str]:
     return read_text(path).replace("\r", "\n").split("\n")
 
 
-def content_lines(path: Path, comment: str = "#") -> list[Line]:
+def content_lines(path: Path) -> list[Line]:
     """Return the lines of a file that are neither empty nor comments. Raises InputError."""
     lines = (Line(number, text.rstrip()) for number, text in enumerate(lines_of(path), 1))
-    return [line for line in lines if line.text and not line.text.lstrip().startswith(comment)]
+    return [line for line in lines if line.text and not line.text.lstrip().startswith("#")]
 
 
 def quoted(text: str) -> str:

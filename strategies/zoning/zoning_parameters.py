@@ -43,6 +43,7 @@ class Zones(ZoningParameters, forbid_unknown_fields=True, frozen=True, kw_only=T
             "out: the typical distance of stations on the floor"
         ),
     ] = None
+    share_every: Annotated[Seconds, Meta(description="seconds between two times of sharing")] = 60.0
 
     def resolve_paths(self, folder: Path) -> Self:
         """The same with the design read from its file. Raises InputError."""
@@ -130,7 +131,6 @@ class Monitoring(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True):
         Seconds, Meta(description="seconds between two looks, balanced for `calm`")
     ] = 180.0
     calm: Annotated[Minutes, Meta(description="minutes in balance, then look seldom")] = 5.0
-    share_every: Annotated[Seconds, Meta(description="seconds between two times of sharing")] = 60.0
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         """As of all zones; and one computer makes them, of what all robots do."""

@@ -184,9 +184,8 @@ def follow(run: Simulation, ticks: int, event_history: EventHistory) -> None:
         assert curve[WAITING_ROBOTS] == waiting
         working = (observation.cause == CAUSE_NOT_WAITING) & (robots.parked == 0)
         assert curve[WORKING_ROBOTS] == working.sum()
-    ahead = robots.busy.astype(int) - int(
-        run.world.rules.duration[0, ACTION_MOVE]
-    )  # ticks still to be lost
+    # Ticks still to be lost.
+    ahead = robots.busy.astype(int) - int(run.world.rules.duration[0, ACTION_MOVE])
     ahead = np.where(
         (robots.action == ACTION_MOVE) & (robots.claim != NIL), np.maximum(ahead, 0), 0
     )

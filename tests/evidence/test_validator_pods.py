@@ -212,9 +212,8 @@ def test_no_visit_begins_in_a_break() -> None:
 
 def test_a_station_serves_one_robot() -> None:
     head = floor(LINE, {"pod": 2, "station": 1}, robots=2, stations=places(None))
-    head["floor"]["capacity"] = (
-        head["floor"]["capacity"] * 0
-    )  # as if two robots had room in its cell
+    # As if two robots had room in its cell.
+    head["floor"]["capacity"] = head["floor"]["capacity"] * 0
     both = [row for r in (0, 1) for row in ([reserved(1, r, r)] * 2)]
     rows = [*sorted(both[::2]), *both[1::2], PICKED, (1, CHANGE_PICKED, 1, 1)]
     rows += [(4, CHANGE_DURATION, 0, 2), (4, CHANGE_DURATION, 1, 2)]

@@ -63,13 +63,6 @@ def test_following_hops_is_a_shortest_way() -> None:
             assert cells == roads.between[roads.station[a], roads.station[b]]
 
 
-def test_slots_are_found_by_station_number() -> None:
-    floor, floor_plan, _ = factory()
-    slots = floor_plan.slots
-    for number, (x, y) in floor.stations().items():
-        assert slots[floor.station_slots()[number]] == floor_plan.cell(x, y)
-
-
 def test_lanes_hold_any_number_of_robots_or_one() -> None:
     for lanes, capacity in (("pass", 0), ("single", 1)):
         floor_plan = Factory(lanes=lanes).build()  # type: ignore[arg-type]

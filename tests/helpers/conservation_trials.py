@@ -12,6 +12,7 @@ from __future__ import annotations
 import sys
 import time
 from collections import Counter, deque
+from collections.abc import Sequence
 from itertools import pairwise
 from random import Random
 from typing import Any, NamedTuple
@@ -35,6 +36,7 @@ from automaton.errors import InputError
 from automaton.evidence.recording.contents import FRAME_KIND_KEYFRAME, FRAME_KIND_TICKS
 from automaton.evidence.recording.frames import Recording
 from automaton.evidence.recording.recorder import MemoryRecorder
+from automaton.evidence.verification.pod_rules import Trips
 from automaton.evidence.verification.validator import Validator
 from automaton.runs.simulation import Simulation
 
@@ -64,6 +66,7 @@ def trial(resolved: Resolved, number: int) -> Outcome:
     wrong = [] if permuted(resolved, number).digest == run.digest else ["digests differ"]
     validator = Validator(recording.header)
     validator.begin()
+    counted = CountedTrips(validator.loads.trips)
     for kind, content in recording.frames:
         if kind == FRAME_KIND_TICKS:
             validator.ticks(content)
@@ -71,8 +74,27 @@ def trial(resolved: Resolved, number: int) -> Outcome:
             validator.keyframe(content)
     wrong += [str(one) for one in validator.report.violations]
     figures = Counter(finished=int(run.finished), ticks=run.tick)
-    wrong += identities(run, recording, validator, figures)
+    wrong += identities(run, recording, counted, figures)
     return Outcome(wrong, figures)
+
+
+class CountedTrips:
+    """The trips of a validator, and what is counted as it goes through the ticks."""
+
+    def __init__(self, trips: Trips) -> None:
+        self.trips = trips
+        self.ended_early = 0  # trips without a place where they would have gone next
+        self.open_ticks = 0  # sum over ticks of the lines that are known and not done
+        self._end, self._end_early = trips.end, trips._end_early
+        trips.end, trips._end_early = self.end, self.end_early  # type: ignore[method-assign]
+
+    def end(self, tick: int, load: Sequence[int], order: Sequence[int]) -> None:
+        self._end(tick, load, order)
+        self.open_ticks += sum(self.trips.open)
+
+    def end_early(self, trip: int) -> None:
+        self._end_early(trip)
+        self.ended_early += 1
 
 
 def permuted(resolved: Resolved, number: int) -> Simulation:
@@ -85,17 +107,17 @@ def permuted(resolved: Resolved, number: int) -> Simulation:
 
 
 def identities(
-    run: Simulation, recording: Recording, validator: Validator, figures: Counter[str]
+    run: Simulation, recording: Recording, counted: CountedTrips, figures: Counter[str]
 ) -> list[str]:
     """What must be equal, added up in two ways."""
-    world, trips = run.world, validator.loads.trips
+    world, trips = run.world, counted.trips
     lines, now = world.lines, run.tick
     wrong = []
     known = lines.served_at >= 0
     ended = np.where(lines.done >= 0, lines.done, now + 1)
     lead_times = int((ended - np.maximum(lines.release_tick, 1))[known].sum())
-    if trips.open_ticks != lead_times:
-        wrong.append(f"{trips.open_ticks} open lines by tick, {lead_times} by lead time")
+    if counted.open_ticks != lead_times:
+        wrong.append(f"{counted.open_ticks} open lines by tick, {lead_times} by lead time")
     count = trips.known
     if world.orders.priority[:count].tolist() != trips.priority[:count]:
         wrong.append("priorities of trips differ")
@@ -126,7 +148,7 @@ def identities(
         serve=told.served,
         stored=int((world.orders.delivered[:count] >= 0).sum()),
         joined=int((lines.trip >= 0).sum()) - count,
-        early=trips.ended_early,
+        early=counted.ended_early,
         aside=told.put_aside,
         queued=int(world.tally.ticks[:, ACTION_STATION_QUEUE].sum()),
     )

@@ -109,6 +109,18 @@ class MovingMapSession:
     def press(self, keys: str) -> None:
         self.host.send(keys)
 
+    def point_at(self, row: int, column: int) -> None:
+        """Move the mouse with no button down; row and column count from 0."""
+        self._report_mouse(35, row, column)
+
+    def turn_wheel(self, row: int, column: int) -> None:
+        """Turn the wheel of the mouse up by a notch."""
+        self._report_mouse(64, row, column)
+
+    def _report_mouse(self, code: int, row: int, column: int) -> None:
+        """Send an SGR report with a code of xterm."""
+        self.host.send(f"\x1b[<{code};{column + 1};{row + 1}M")
+
     def walk(self, frames: int = 20) -> None:
         """Start walking; returns after so many frames."""
         self.press(" ")

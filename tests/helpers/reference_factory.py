@@ -1,7 +1,8 @@
 """The factory as events, without cells: what a run with fixed zones should come to.
 
 Robots drive the distances of the graph, meet nobody, and take 2.5 s to load or unload and up to 5 s
-until they notice; whole seconds. Rules of routing and sharing are the kernels'.
+until they notice; whole seconds. Parts are routed by the kernel of the strategies, and shared by
+`reference_load_sharing`, which has no code in common with theirs.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Load sharing between two robots with unequal queues (SA and GA while zones are out of balance).
+"""A model of load sharing between two robots with unequal queues, as SA and GA share out of balance.
 
 For each pair of zones the first part in the longer queue that is bound for the other zone changes
 robots, and the first one in the shorter queue that is bound for the busy zone keeps its robot; both

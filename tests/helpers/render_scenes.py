@@ -80,7 +80,7 @@ def make_scene(
         service_zones=more.pop("zoning", None),
     )
     kinds = {name: more.pop(name, False) for name in ("battery", "faults")}
-    floor = Floor(floor_plan, cells, endless, (headings,), more.pop("zones", None), **kinds)
+    floor = Floor(floor_plan, cells, (headings,), more.pop("zones", None), **kinds)
     return Scene(floor, snapshot, **more)  # type: ignore[arg-type]
 
 

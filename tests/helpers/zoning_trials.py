@@ -15,13 +15,11 @@ from strategies.zoning.design.design_files import design_arrays
 from strategies.zoning.design.transfer_stations import connected, find_transfers
 from strategies.zoning.genetic import genetic_zones
 from strategies.zoning.genetic.population import population_for
+from strategies.zoning.zoning_parameters import Annealing, Decentralized, Genetic
 
-ANNEALED = (
-    annealing.DEFAULT_INITIAL_TEMPERATURE,
-    annealing.DEFAULT_FINAL_TEMPERATURE,
-    annealing.ANNEALING_STEPS,
-    annealing.ANNEALING_MAX_MOVES,
-)
+# What methods take of their parameters, as published.
+ANNEALED = (Annealing().hot, Annealing().cold, Annealing().steps)
+BRED = (Genetic().selected, Genetic().mutation)
 
 
 def repaired(flow: Any, zones: int, seed: int) -> tuple[int, Design]:
@@ -43,9 +41,8 @@ def evolved(flow: Any, seed: int, generations: int = 12, individuals: int = 30) 
         population_for(roads, individuals),
     )
     rules, reach = factory_rules(roads), everyone(3)
-    limits = (generations, genetic_zones.DEFAULT_PARENTS, genetic_zones.DEFAULT_MUTATION_RATE)
     assert genetic_zones.evolve(
-        roads, rules, flow, *limits, herd, design, workspace, reach, np.uint64(seed), 0
+        roads, rules, flow, generations, *BRED, herd, design, workspace, reach, np.uint64(seed), 0
     )
     assert connected(design, workspace)
     return design
@@ -76,12 +73,8 @@ def south() -> dict[str, Any]:
 
 
 def turn(scene: dict[str, Any], leader: int, mean: float, seed: int) -> float:
-    limits = (
-        negotiation.NEGOTIATION_INITIAL_TEMPERATURE,
-        negotiation.NEGOTIATION_FINAL_TEMPERATURE,
-        negotiation.NEGOTIATION_STEPS,
-        negotiation.DEFAULT_ACCEPTANCE_SCALE,
-    )
+    given = Decentralized()
+    limits = (given.hot, given.cold, given.turns * given.iterations, given.scale)
     known = (scene["design"], scene["workspace"], leader, scene["reach"], mean, np.uint64(seed), 0)
     before = (
         scene["roads"],
@@ -89,6 +82,6 @@ def turn(scene: dict[str, Any], leader: int, mean: float, seed: int) -> float:
         scene["parts"],
         *limits,
         0,
-        negotiation.DEFAULT_ITERATIONS,
+        given.iterations,
     )
     return float(lead(*before, *known))

@@ -87,9 +87,8 @@ def test_runs_without_spread_have_the_p_of_a_permutation_and_a_warning() -> None
     for paired, p in ((False, 2 / 6), (True, 2 / 4)):
         found = effect([1.0, 1.0], [2.0, 2.0], paired)
         assert found.p == pytest.approx(p) and "gave the same" in found.difference.warning
-    assert effect([1.0] * 3, [2.0] * 5).p == pytest.approx(
-        1 / 56
-    )  # its reverse is not an arrangement
+    # Its reverse is not an arrangement.
+    assert effect([1.0] * 3, [2.0] * 5).p == pytest.approx(1 / 56)
     assert effect([1.0] * 60, [2.0] * 60).p < 1e-12
     assert effect([1.0] * 9, [1.0] * 9).p == 1
 

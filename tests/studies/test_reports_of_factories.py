@@ -52,9 +52,8 @@ def test_a_part_s_time_is_from_its_coming_to_the_last_work(ran: Simulation) -> N
     for work, part in enumerate(stations.part.tolist()):
         last[part] = int(stations.completion_tick[work])
     assert figures["parts_finished"] == 5 == len(last)
-    assert (
-        figures["part_flow_time"] == np.mean(list(last.values())) - 1
-    )  # all come in the first tick
+    # All come in the first tick.
+    assert figures["part_flow_time"] == np.mean(list(last.values())) - 1
 
 
 def test_the_busiest_station_works_as_long_as_its_parts_take(ran: Simulation) -> None:

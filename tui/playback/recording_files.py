@@ -16,9 +16,8 @@ from automaton.evidence.recording.frames import MAGIC
 from automaton.units import SECONDS_PER_UNIT
 
 MAX_RECORDINGS_KEPT = 20  # recordings in the state folder
-ABANDONED_S = (
-    24 * SECONDS_PER_UNIT["h"]
-)  # since the last byte: nobody writes to a FILE.part any more
+# Since the last byte: nobody writes to a FILE.part any more.
+ABANDONED_S = 24 * SECONDS_PER_UNIT["h"]
 
 
 def state_folder(environ: Mapping[str, str]) -> Path:

@@ -7,15 +7,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-
 from automaton.build.resolve import Resolved
 from automaton.errors import InputError
 from automaton.evidence.recording.frames import Recording
 from automaton.evidence.recording.header import resolved_of
 from automaton.evidence.recording.recording_reader import read_recording
 from automaton.evidence.recording.titles import Head, heads_of, live_heads, title_of
-from automaton.floor.floor_plan import UNBOUNDED
 from automaton.floor.traffic_zones import traffic_zones_of
 from tui.playback.recording_files import against
 from tui.render.scene import Floor
@@ -132,15 +129,12 @@ def _check_sizes(resolved: Sequence[Resolved], second: str) -> None:
 
 def floor_of(resolved: Resolved) -> Floor:
     """The floor for the pictures."""
-    cells = resolved.floor_plan.slots
-    endless = UNBOUNDED[resolved.floor_plan.kind.reshape(-1)[cells]].astype(np.uint8)
     traffic_zones = traffic_zones_of(resolved.floor_plan, resolved.scenario.world.traffic_zones)
     scenario = resolved.scenario
     routing = scenario.strategy.routing
     return Floor(
         resolved.floor_plan,
-        cells,
-        endless,
+        resolved.floor_plan.slots,
         tuple(one.headings for one in resolved.fleet.types),
         traffic_zones,
         battery=scenario.battery is not None,

@@ -87,9 +87,8 @@ class GlyphSet:
     track: Final = _shapes("╌╎", "-|")  # by axis
     crossing: Final = ord("+")  # of tracks, where no robot turns
     turntable: Final = _shape("◊", "@")  # in the fonts of all systems
-    one_way: Final = _shapes(
-        "\u203a⌄\u2039⌃", ")u(n"
-    )  # ›⌄‹⌃, by direction; ASCII arrows are robots
+    # ›⌄‹⌃, by direction; ASCII arrows are robots.
+    one_way: Final = _shapes("\u203a⌄\u2039⌃", ")u(n")
     passing: Final = _shape("⇄", ":")
     unlimited: Final = ord("~")  # floor for any number of robots
     shelf: Final = _shape("▯", "#")

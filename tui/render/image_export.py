@@ -1,4 +1,4 @@
-"""A picture that stands still: as text, as text with colours, as a drawing."""
+"""A picture that stands still: as text, as a drawing."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tui.render.glyphs import GLYPH_BITS, GLYPHS, Codes, GlyphSet
 from tui.render.styles import COLOUR_TEXT, COLOUR_VOID, Look, style
 
 
-def runs(row: NDArray[np.uint32], look: Look, glyphs: GlyphSet) -> list[tuple[str, int]]:
+def runs(row: NDArray[np.uint32], glyphs: GlyphSet) -> list[tuple[str, int]]:
     """A row of codes as (text, style), neighbours of one style together."""
     if not row.size:
         return []
@@ -35,19 +35,6 @@ def _words(row: NDArray[np.uint32], glyphs: GlyphSet) -> str:
 def as_text(codes: Codes, glyphs: GlyphSet) -> str:
     """Characters alone, one line for each row, without blanks at their ends."""
     return "".join(_words(row, glyphs).rstrip() + "\n" for row in codes)
-
-
-def as_ansi(codes: Codes, look: Look, glyphs: GlyphSet) -> str:
-    """Lines for a terminal or a file, with their colours."""
-    pieces: list[str] = []
-    for row in codes:
-        before = ""
-        for text, number in runs(row, look, glyphs):
-            sgr = look.sgr(number)
-            pieces.append(text if sgr == before else sgr + text)
-            before = sgr
-        pieces.append("\x1b[0m\n")
-    return "".join(pieces)
 
 
 # A cell of a drawing in pixels, and the size of letters whose advance is a cell's width.
@@ -70,7 +57,7 @@ class Run(NamedTuple):
 
 def as_svg(codes: Codes, look: Look, glyphs: GlyphSet, title: str = "") -> str:
     """A drawing that needs nothing beside itself, under a bar with a title if there is one."""
-    rows = ([Run(text, *look.css(n)) for text, n in runs(row, look, glyphs)] for row in codes)
+    rows = ([Run(text, *look.css(n)) for text, n in runs(row, glyphs)] for row in codes)
     return svg_of(rows, codes.shape, look, title)
 
 

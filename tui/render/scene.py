@@ -49,7 +49,6 @@ class Floor:
 
     floor_plan: FloorPlan
     slots_cell: NDArray[np.int32]  # (s,)
-    slots_endless: NDArray[np.uint8]  # (s,) 1 = any number of loads
     headings: tuple[int, ...] = (4,)  # of each type: 1 omni, 2 rail (axes), 4 differential
     traffic_zones: TrafficZones | None = None
     battery: bool = False  # robots run on batteries
@@ -90,9 +89,8 @@ class Scene:
     cursor: int | None = None  # cell
     layer: str = ""  # the name of one that is registered, or none
     marked: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # robots
-    marked_cells: NDArray[np.int32] = field(
-        default_factory=lambda: NO_CELLS
-    )  # cells, marked like a zone
+    # Cells, marked like a zone.
+    marked_cells: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)
     zone: int = NIL  # whose cells are marked
     colouring: str = "state"  # of robots, of tui.render.colouring.COLOURINGS
     trails: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # (n, k) cells, or NIL

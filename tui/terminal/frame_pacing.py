@@ -21,9 +21,8 @@ SLOWER = (30, 15, 10)  # frames a second to which a slow link is taken down, ste
 BLURRED = 0.5  # seconds between frames while the terminal's window is not the active one
 OBSTRUCTED = 0.1  # seconds between frames while the compositor has to repaint whole rows
 WOKEN = 1 / 60  # seconds between frames that keys and the mouse ask for,
-WAKE_INTERVAL_SHARE = (
-    0.6  # and at most this share of the usual time between two: one that was late is made up for
-)
+# and at most this share of the usual time between two: one that was late is made up for
+WAKE_INTERVAL_SHARE = 0.6
 EXPECTED = 0.05  # seconds within which the effect of a request is shown at once
 ANSWER_TIMEOUT_S = 2.0  # seconds without an answer after which frames under way count as lost
 LONG_WAY = 0.150  # seconds there and back from which one frame under way is enough

@@ -143,23 +143,6 @@ class TerminalHost:
             self._up.append((time.monotonic() + self._link.round_trip / 2, keys.encode()))
         os.write(self._wake_out, b".")
 
-    def mouse(self, code: int, row: int, column: int, *, released: bool = False) -> None:
-        """An SGR mouse report; row and column count from 0, codes are those of xterm."""
-        self.send(f"\x1b[<{code};{column + 1};{row + 1}{'m' if released else 'M'}")
-
-    def click(self, row: int, column: int, button: int = 0) -> None:
-        """Press and release."""
-        self.mouse(button, row, column)
-        self.mouse(button, row, column, released=True)
-
-    def hover(self, row: int, column: int) -> None:
-        """Move with no button down."""
-        self.mouse(35, row, column)
-
-    def wheel(self, row: int, column: int, code: int = 64) -> None:
-        """Turn the wheel by a notch: 64 is up, 65 down; 16 more with ctrl."""
-        self.mouse(code, row, column)
-
     def resize(self, rows: int, columns: int) -> None:
         """Give the window another size; the kernel tells the program by SIGWINCH."""
         with self._news:

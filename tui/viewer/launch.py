@@ -53,9 +53,8 @@ def show(opening: Opening, options: Options) -> int:
     runs = [*opening.files, *kept]
     if kept and len(runs) > 1:
         _say(f"to compare: {comparing_command(*runs[-2:])}")
-    bad = failed or (
-        error and not session.live
-    )  # a live run whose disk is full was shown all the same
+    # A live run whose disk is full was shown all the same.
+    bad = failed or (error and not session.live)
     return viewer.return_code or (BAD_INPUT if bad else 0)
 
 

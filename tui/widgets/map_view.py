@@ -161,7 +161,7 @@ class MapView(Widget, can_focus=True):
 
     def _segments_of(self, codes: Codes) -> list[Segment]:
         rich = self._look.rich
-        return [Segment(text, rich(style)) for text, style in runs(codes, self._look, self._glyphs)]
+        return [Segment(text, rich(style)) for text, style in runs(codes, self._glyphs)]
 
     def on_resize(self, event: events.Resize) -> None:
         self.post_message(self.Resized(self, event.size.height, event.size.width))

@@ -59,8 +59,8 @@ class FrameStore(Sequence[StoredFrame]):
     when the former outgrow the budget, the oldest go: the past begins later then.
     """
 
-    def __init__(self, budget: int = FRAME_STORE_BYTES) -> None:
-        self.budget = budget
+    def __init__(self) -> None:
+        self.budget = FRAME_STORE_BYTES
         self.kinds = array("b")
         self.ticks = array("q")
         self.first = 0  # what was before the ticks after this one is not kept
@@ -135,15 +135,9 @@ class LiveRecorder(BaseRecorder):
 
     digest_every = DIGEST_TICKS
 
-    def __init__(
-        self,
-        resolved: Resolved,
-        seed: int,
-        path: Path | None = None,
-        budget: int = FRAME_STORE_BYTES,
-    ) -> None:
+    def __init__(self, resolved: Resolved, seed: int, path: Path | None = None) -> None:
         """Raises InputError if the file cannot be written."""
-        self._store = FrameStore(budget)
+        self._store = FrameStore()
         self.frames = StoredFrames(self._store)
         self.write_error = ""  # why the file is not written any more
         self.file = None if path is None else RecordingFile(path)

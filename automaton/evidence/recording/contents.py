@@ -44,9 +44,8 @@ FRAME_KIND_HEADER: Final = 1  # what the run follows from
 FRAME_KIND_TICKS: Final = 2
 FRAME_KIND_KEYFRAME: Final = 3  # the state after a tick
 FRAME_KIND_END: Final = 4  # how the run ended; a recording without it was cut short
-FRAME_KIND_CONDITIONS: Final = (
-    5  # what holds from the next tick on: at tick 0, and where a run was branched off
-)
+# what holds from the next tick on: at tick 0, and where a run was branched off
+FRAME_KIND_CONDITIONS: Final = 5
 
 Content = dict[str, Any]
 Array = NDArray[Any]
@@ -70,9 +69,8 @@ MAX_BYTES[FRAME_KIND_CONDITIONS] = 64 * MIB  # 36 for as many
 MAX_TEXT: Final = 24 * MIB  # bytes of a scenario
 MAX_LISTS: Final = 1_000_000  # lists and mappings in it: an empty one of a byte takes 64 in memory
 MAX_NESTING: Final = 40  # of lists and mappings within each other, as in the file of a scenario
-MAX_PLACES: Final = (
-    1_000_000  # starts and stations that are listed: a byte of each takes 8 and more
-)
+# starts and stations that are listed: a byte of each takes 8 and more
+MAX_PLACES: Final = 1_000_000
 MAX_LABELS: Final = 10_000  # settings, files, versions, names of digests
 MAX_EMPTY: Final = 1 << 16  # rows or columns of an array without values, which takes no bytes
 

@@ -56,9 +56,8 @@ from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 
 FRAME_SECONDS = 1.0  # what a killed process may lose
-FRAME_BYTES = (
-    16 << 20
-)  # of decisions and changes: what a frame holds of those of several calls at most
+# Of decisions and changes: what a frame holds of those of several calls at most.
+FRAME_BYTES = 16 << 20
 
 Rows = tuple[Array, Array, Array, Array]  # did (T, n), decisions (Y,), changes (X, 4), digests
 

@@ -175,9 +175,8 @@ class Lift(Gate):
         self.mouths = mouths
         self.travel, self.doors = section["travel_time"], section["door_time"]
         self.cabin = mouths[0]
-        self.asked: int | None = (
-            None  # the first tick in which it was free and may have been called
-        )
+        # The first tick in which it was free and may have been called.
+        self.asked: int | None = None
 
     def look(self, inside: set[int], cell: list[int]) -> None:
         super().look(inside, cell)

@@ -30,9 +30,8 @@ class Trips:
         self.motion = motion
         self.report_violation = report_violation
         self.there = "pods" in header  # otherwise all this is empty
-        self.of_lines = (
-            "lines" in header
-        )  # otherwise trips are orders of a list, and have their stops
+        # Otherwise trips are orders of a list, and have their stops.
+        self.of_lines = "lines" in header
         scenario = header["scenario"]
         rules = scenario.get("pods") or {}
         self._joins: bool = rules.get("join", True)
@@ -91,8 +90,6 @@ class Trips:
         faults = scenario["faults"]
         self._may_fail = bool(faults.get("listed") or faults.get("failure_probability"))
         self._may_fail |= scenario.get("battery") is not None
-        self.ended_early = 0  # trips without a place where they would have gone next
-        self.open_ticks = 0  # sum over ticks of the lines that are known and not done
 
     # Lines become trips
 
@@ -352,7 +349,6 @@ class Trips:
         left = [line for lines in self.served[trip][self.over[trip] :] for line in lines]
         for line in left:
             self.in_trip[line] = NIL
-        self.ended_early += 1
         del self.stops[trip][self.over[trip] :], self.served[trip][self.over[trip] :]
         pod = self.pod_of[trip]
         self.waiting[pod] = left + self.waiting[pod]
@@ -392,7 +388,6 @@ class Trips:
                 text = f"stands under the pod of trip {trip}, which is kept for it no longer"
                 self.report_violation("order", [r], self.motion.cell[r], text)
         self._withdrawn.clear()
-        self.open_ticks += sum(self.open)
         carried = [self.pod_of[trip] for trip in load if trip != NIL]
         if len(set(carried)) + len(self.standing) != len(self.slot):
             text = f"{len(carried)} pods are carried and {len(self.standing)} stand in storage"

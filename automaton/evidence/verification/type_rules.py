@@ -35,9 +35,8 @@ class Types:
             self.closed += [shut] * robots
             drives = kind.get("kinematics") or scenario["fleet"]["kinematics"]
             self.headings += [HEADING_COUNTS[drives]] * robots
-        self.load = [NIL] * len(
-            self.name
-        )  # what each robot carries: the list that loads are kept in
+        # What each robot carries: the list that loads are kept in.
+        self.load = [NIL] * len(self.name)
         self.apply_rules(scenario)
 
     def apply_rules(self, scenario: dict[str, Any]) -> None:

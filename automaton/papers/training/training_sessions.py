@@ -79,7 +79,7 @@ class Session:
         rows = []
         for loss in LOSSES:
             settings = replace(self.settings, loss=loss)
-            rows += train_rows(self.data, self.site, settings, on_epoch=tell)
+            rows += train_rows(self.data, self.site, settings, tell)
         shared = self._settings_but("loss", "weighting")
         results = {"format": RESULTS, **self._origin(), "settings": shared, "rows": as_json(rows)}
         return written(results, out)

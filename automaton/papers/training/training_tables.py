@@ -79,28 +79,21 @@ def monitored(weighting: str) -> list[Keep]:
     return list(dict.fromkeys(keep for table in TRAINED[weighting] for keep in PRINTED[table]))
 
 
-def train_rows(
-    data: Data,
-    site: Site,
-    settings: Settings,
-    weightings: Sequence[str] = tuple(TRAINED),
-    on_epoch: OnEpoch | None = None,
-) -> list[Row]:
+def train_rows(data: Data, site: Site, settings: Settings, on_epoch: OnEpoch) -> list[Row]:
     """Train with the loss of `settings` once for each weighting; the rows of its tables."""
     rows = []
-    for weighting in weightings:
+    for weighting in TRAINED:
         rows += _rows(data, site, settings, weighting, on_epoch)
     return rows
 
 
 def _rows(
-    data: Data, site: Site, settings: Settings, weighting: str, on_epoch: OnEpoch | None
+    data: Data, site: Site, settings: Settings, weighting: str, on_epoch: OnEpoch
 ) -> list[Row]:
     from automaton.papers.training.training import train
 
     def told(epoch: int, loss: float, now: Any) -> None:
-        if on_epoch is not None:
-            on_epoch(settings.loss, weighting, epoch)
+        on_epoch(settings.loss, weighting, epoch)
 
     keeps = monitored(weighting)
     trained = train(data.training, replace(settings, weighting=weighting), keeps, told)

@@ -10,7 +10,7 @@ down on its way before. An order without a load has one as soon as a stop is don
 from __future__ import annotations
 
 import re
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from automaton.engine.state import (
     NIL,
@@ -38,6 +38,11 @@ STATE_PHRASES = (
     Phrase("under way", state=ORDER_STARTED),
 )
 PHRASE_GROUPS = (STATE_PHRASES, (Phrase("picked up {legs} time(s)"),))
+# Values that a line leaves out: an order with a line was picked up once.
+LEFT_OUT: Final[Facts] = {
+    **{"state": NIL, "delivered": NIL, "legs": 1, "spare": NIL},
+    **{"current_slot": None, "target": None},
+}
 ORDER_LINE = re.compile(
     r"order (?P<number>\d+) (?P<facts>[^;]+)(?:; stops in ticks (?P<stops>[\d ]+))?"
 )
@@ -52,7 +57,7 @@ def order_line(world: World, floor_plan: FloorPlan, order: int) -> str | None:
     if facts["state"] == ORDER_CARRIED and facts["legs"] == 1 and not stops_done:
         return None  # the robot's line says it
     name = "trip" if has_lines(world) else "order"
-    line = f"{name} {order} {', '.join(write_facts(PHRASE_GROUPS, facts, default_facts(facts)))}"
+    line = f"{name} {order} {', '.join(write_facts(PHRASE_GROUPS, facts, LEFT_OUT))}"
     first = int(world.orders.first_stop[order])
     ticks = world.stops.done[first : first + stops_done].tolist()
     return line + (f"; stops in ticks {' '.join(map(str, ticks))}" if ticks else "")
@@ -75,12 +80,6 @@ def order_facts(world: World, floor_plan: FloorPlan, order: int) -> Facts:
     return facts
 
 
-def default_facts(facts: Facts) -> Facts:
-    """The values that a line leaves out: an order with a line was picked up once."""
-    numbers: Facts = {"state": NIL, "delivered": NIL, "legs": 1, "spare": NIL}
-    return numbers | {"current_slot": None, "target": None}
-
-
 class OrderLine(NamedTuple):
     """What an order's line says."""
 
@@ -98,4 +97,4 @@ def read_order(text: str) -> OrderLine:
     if "state" not in facts:
         raise InputError(f"order {match['number']}: is it delivered, waiting, or on its way?")
     stops = [int(tick) for tick in (match["stops"] or "").split()]
-    return OrderLine(int(match["number"]), default_facts(facts) | facts, stops)
+    return OrderLine(int(match["number"]), LEFT_OUT | facts, stops)

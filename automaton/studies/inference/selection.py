@@ -57,11 +57,11 @@ def region(zone: float, error: float, first: int = FIRST_STAGE_RUNS) -> Region:
     return Region(zone, error, first)
 
 
-def batches(values: Sequence[float] | Values, size: int = RUNS_PER_BATCH) -> Values:
+def batches(values: Sequence[float] | Values) -> Values:
     """Means of whole batches of runs in their order; what is left over waits for more."""
     x = checked(values, 0)
-    whole = len(x) // size
-    means: Values = x[: whole * size].reshape(whole, size).mean(axis=1)
+    whole = len(x) // RUNS_PER_BATCH
+    means: Values = x[: whole * RUNS_PER_BATCH].reshape(whole, RUNS_PER_BATCH).mean(axis=1)
     return means
 
 

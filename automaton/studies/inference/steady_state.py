@@ -213,8 +213,8 @@ def von_neumann(values: Sequence[float] | Values) -> float:
     return float((np.diff(x) ** 2).sum() / ((x - x.mean()) ** 2).sum())
 
 
-def independent(values: Sequence[float] | Values, error: float = INDEPENDENCE_LEVEL) -> bool:
+def independent(values: Sequence[float] | Values) -> bool:
     """Whether von Neumann's test finds no dependence between successive values."""
     m = len(values)
     deviation = math.sqrt(4 * (m - 2) / (m * m - 1))
-    return abs(von_neumann(values) - 2) <= normal_quantile(1 - error / 2) * deviation
+    return abs(von_neumann(values) - 2) <= normal_quantile(1 - INDEPENDENCE_LEVEL / 2) * deviation

@@ -22,12 +22,8 @@ from automaton.studies.reports.study_results import Results
 from automaton.studies.sweeps.study import SCENARIO, Point
 
 ROBOTS: Final = "fleet.robots"
-WANTED: Final = (
-    "throughput",
-    "makespan",
-    "delay",
-    "lead_time",
-)  # beside the metrics of the analysis
+# Beside the metrics of the analysis.
+WANTED: Final = ("throughput", "makespan", "delay", "lead_time")
 MAX_CURVES: Final = 8  # signs and colours that there are
 
 

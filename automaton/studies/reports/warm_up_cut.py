@@ -29,11 +29,8 @@ if TYPE_CHECKING:
     from automaton.studies.sweeps.study import Study
 
 LENGTHS: Final = ("makespan", "ticks", "orders")  # of a run, whatever is left out
-AT_THE_END: Final = (
-    "min_charge",
-    "oldest_order",
-    "starved_robots",
-)  # a state, of which no warm-up is part
+# A state, of which no warm-up is part.
+AT_THE_END: Final = ("min_charge", "oldest_order", "starved_robots")
 DELIVERED: Final = "delivered"
 # Figures that grow with a queue, and the metrics that are steady only where they are.
 TIMES: Final = {

@@ -161,9 +161,8 @@ class Search:
     strategy: str
     run: Runner
     budget: int
-    excluded: Mapping[int, str] = field(
-        default_factory=dict
-    )  # robots: the bound that excludes them
+    # Robots: the bound that excludes them.
+    excluded: Mapping[int, str] = field(default_factory=dict)
     spent: int = 0
     candidates: list[Candidate] = field(default_factory=list)
 

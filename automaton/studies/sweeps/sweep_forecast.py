@@ -138,9 +138,8 @@ def pilot(plan: SweepPlan, point: int, budget: float) -> tuple[float, bool, int]
                 break
     seconds = time.perf_counter() - begun
     window, stretch = plan.manifest.points[point].windows
-    stretches = (
-        [counted(simulation)] * ((limit - 1) // stretch) if stretch else []
-    )  # of a whole run
+    # Of a whole run.
+    stretches = [counted(simulation)] * ((limit - 1) // stretch) if stretch else []
     row = figures_of(simulation, window, Marks(None, stretches))
     cut = not simulation.finished and simulation.tick < limit
     if cut and resolved.scenario.stop.when == "never":

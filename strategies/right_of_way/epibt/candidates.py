@@ -52,11 +52,11 @@ def rank_candidates(view, workspace, state, i):
     else:
         state.sequence_key[i] = min(way, LAST_KEY - 1)
     if goal != NIL and state.has_storage:
-        turn_at_pockets(view, state, i, goal)
+        turn_at_pockets(state, i, goal)
 
 
 @kernel
-def turn_at_pockets(view, state, i, goal):
+def turn_at_pockets(state, i, goal):
     """Who leaves a pocket comes first, and who wants into one that is taken comes last.
 
     Else a robot that waits before a charger, which is very near to its goal, would keep the one in it

@@ -56,11 +56,10 @@ def astar(grid, robot_type, duration, workspace, ties, seed, start, target, avoi
 def search(grid, robot_type, duration, workspace, ties, seed, start, target, avoid_zones):
     """The pose in which a least path from a pose reaches a cell; NIL if there is none.
 
-    `kind`: the type of the robot; `duration`: (A,) its ticks of each action. `ties`: FIFO, LARGER_G
-    or RANDOM; random ties are drawn by (seed, start, target), so a path is a pure function of
-    those.
-    `closing`: zones z with workspace.closed[z] may not be entered. The path is left in space.came,
-    backwards, and its ticks in workspace.state[COST].
+    `duration`: (A,) ticks of each action of the robot's type. `ties`: FIFO, LARGER_G or RANDOM;
+    random ties are drawn by (seed, start, target), so a path is a pure function of those.
+    `avoid_zones`: zones z with workspace.closed[z] may not be entered. The path is left in
+    workspace.came, backwards, and its ticks in workspace.state[OPEN_COST].
     """
     width, shift, headings = grid.width, grid.headings >> 1, headings_of(grid, robot_type)
     mask = headings - 1

@@ -18,9 +18,8 @@ from automaton.strategy.kernels import splitmix64
 FIFO = 0
 LARGER_G = 1
 RANDOM = 2
-LARGER_G_HEAP = (
-    3  # as LARGER_G without its lane, which cannot tell equal g apart: turns of no ticks
-)
+# As LARGER_G without its lane, which cannot tell equal g apart: turns of no ticks.
+LARGER_G_HEAP = 3
 TIES = ("fifo", "larger_g", "random")  # names of the rules, by their numbers
 
 # Entries of RouteSpace.state.

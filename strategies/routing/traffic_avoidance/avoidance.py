@@ -16,9 +16,8 @@ from strategies.routing.traffic_avoidance.path_zones import delay_of
 
 PLAIN = 0  # in place of A: nothing is closed
 
-LEAST_TIME = (
-    0  # which candidate is taken: of least predicted time, ties to plain A*, then to least A
-)
+# Which candidate is taken: of least predicted time, ties to plain A*, then to least A.
+LEAST_TIME = 0
 MOST_CAUTIOUS = 1  # the one of least A
 
 

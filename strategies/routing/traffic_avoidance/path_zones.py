@@ -1,7 +1,7 @@
 """What a path does to the zones of the floor: which ones it uses, and what others in them cost.
 
 A move belongs to the zone of the cell that it leaves, so the last cell of a path does not count. All
-of this follows the path that the last search left in space.came.
+of this follows the path that the last search left in workspace.came.
 """
 
 import numpy as np

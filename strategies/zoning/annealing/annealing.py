@@ -19,11 +19,6 @@ from strategies.zoning.design.zone_load import UNDEFINED, find_loads
 from strategies.zoning.design.zone_paths import block_others, copy_design, spread, whole_cells
 from strategies.zoning.design.zoning_draws import DRAWS_ANNEALING, below, chance
 
-# Defaults of the published runs.
-DEFAULT_INITIAL_TEMPERATURE = 4.5
-DEFAULT_FINAL_TEMPERATURE = 0.35
-ANNEALING_STEPS = 500  # M of eq. 6
-ANNEALING_MAX_MOVES = 500  # accepted and infeasible moves
 MAX_REPAIRS = 3  # designs made until one has no isolated zone
 MIN_ZONE_STATIONS = 2  # stations that a zone keeps
 MAX_TRIES_PER_MOVE = 6  # tries, in multiples of the moves
@@ -43,7 +38,7 @@ def first_zones(roads, rules, hot, cold, steps, begin, design, workspace, reach,
             legs[a, b] = 0.0 if a == b else 1.0
     for again in range(begin, FIRST_TRIES):
         found = repair(
-            roads, rules, legs, hot, cold, steps, steps, MAX_REPAIRS, design, workspace, reach, seed,
+            roads, rules, legs, hot, cold, steps, MAX_REPAIRS, design, workspace, reach, seed,
             tick + (again << 32),
         )  # fmt: skip
         if found == 1:
@@ -52,9 +47,7 @@ def first_zones(roads, rules, hot, cold, steps, begin, design, workspace, reach,
 
 
 @kernel
-def repair(
-    roads, rules, flow, hot, cold, steps, most, repairs, design, workspace, reach, seed, tick
-):
+def repair(roads, rules, flow, hot, cold, steps, repairs, design, workspace, reach, seed, tick):
     """A new design by phases 1 to 3 from one flow, made until no zone is cut off.
 
     In the last one of these, zones that are cut off are joined however far apart they are.
@@ -67,7 +60,7 @@ def repair(
             found = random_design(roads, rules, design, workspace, seed, tick)
         if found == 0:
             return 0
-        improve(roads, rules, flow, hot, cold, steps, most, design, workspace, seed, tick)
+        improve(roads, rules, flow, hot, cold, steps, design, workspace, seed, tick)
         find_loads(roads, rules, flow, 0, design, workspace)
         find_transfers(roads, rules, design, workspace, reach)
         if connected(design, workspace) == 1:
@@ -76,18 +69,18 @@ def repair(
 
 
 @kernel
-def improve(roads, rules, flow, hot, cold, steps, most, design, workspace, seed, tick):
+def improve(roads, rules, flow, hot, cold, steps, design, workspace, seed, tick):
     """Phase 2: leaves the best design seen; returns its balance.
 
-    Ends after `most` accepted or infeasible moves, after six times as many tries, or when no zone
-    has a tip to give to an idler one.
+    Ends after `steps` (M of eq. 6) accepted or infeasible moves, after six times as many tries, or
+    when no zone has a tip to give to an idler one.
     """
     copy_design(design, workspace.now)
     value = judged(find_loads(roads, rules, flow, 0, workspace.now, workspace))
     best = value
     forget_tips(roads, workspace.now, workspace)
     moves, tries = np.int64(0), np.int64(0)
-    while moves < most and tries < MAX_TRIES_PER_MOVE * most:
+    while moves < steps and tries < MAX_TRIES_PER_MOVE * steps:
         tries += 1
         pair = busier_pair(roads, rules, workspace.now, workspace, seed, tick)
         if pair == NIL:
@@ -140,7 +133,7 @@ def forget_tips(roads, design, workspace):
 
 @kernel
 def busier_pair(roads, rules, design, workspace, seed, tick):
-    """A random row of space.zones: a zone with more load than the second one, and a tip to give.
+    """A random row of workspace.zones: a zone with more load than the second one, and a tip to give.
 
     NIL if there is none.
     """
@@ -165,9 +158,10 @@ def busier_pair(roads, rules, design, workspace, seed, tick):
 
 @kernel
 def facing_tips(roads, rules, design, workspace, a, b):
-    """space.via_station[a, b]: for each tip that a may give to b the last tip of b in reach; how many.
+    """workspace.via_station[a, b]: for each tip that a may give to b the last tip of b in reach.
 
-    Within reach: by a union path that is shorter than stations that are adjacent. Needs space.tip.
+    Returns how many of a there are. Within reach: by a union path that is shorter than stations that
+    are adjacent. Needs workspace.tip.
     """
     stations = design.zone.shape[0]
     if workspace.fresh[a, b] == 0:

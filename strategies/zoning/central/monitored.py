@@ -26,23 +26,18 @@ from automaton.engine.state import (
 )
 from automaton.strategy.layer import Strategy
 from automaton.units import SECONDS_PER_UNIT
-from strategies.zoning.annealing.annealing import (
-    ANNEALING_STEPS,
-    DEFAULT_FINAL_TEMPERATURE,
-    DEFAULT_INITIAL_TEMPERATURE,
-    first_zones,
-)
+from strategies.zoning.annealing.annealing import first_zones
 from strategies.zoning.design.part_routing import ROUTING_CENTRAL
 from strategies.zoning.design.transfer_stations import find_transfers
 from strategies.zoning.design.zone_load import balance, find_loads
 from strategies.zoning.design.zone_paths import copy_design
 from strategies.zoning.design.zone_workspace import INF_COST, ZoneRules, ZoneSpace
 from strategies.zoning.queues.charging_load import add_charging
-from strategies.zoning.queues.initial_zones import no_first_zones, space_of
+from strategies.zoning.queues.initial_zones import PUBLISHED, no_first_zones, space_of
 from strategies.zoning.queues.reassignment import reassign_orders, set_zone_move_time_factors
 from strategies.zoning.queues.zone_queues import queue_orders, record_flow, share, take_over
 from strategies.zoning.queues.zone_units import rules_of_zones, ticks
-from strategies.zoning.zoning_parameters import Monitoring
+from strategies.zoning.zoning_parameters import Annealing, Monitoring
 
 FIRST_LOOK: Final = 30.0  # seconds after the start
 AFTER_REPAIR: Final = 60.0  # and after a redesign
@@ -152,14 +147,14 @@ class MonitoredZones(Strategy):
 
     def _anneal_first(self, view: World, design: Any, state: MonitoredState) -> bool:
         """The first zones, where the scenario gives none; False if none are found."""
-        given = self.parameters
+        given = self._annealing()
         return bool(
             first_zones(
                 view.service_zones.roads,
                 state.rules,
-                float(getattr(given, "hot", DEFAULT_INITIAL_TEMPERATURE)),
-                float(getattr(given, "cold", DEFAULT_FINAL_TEMPERATURE)),
-                int(getattr(given, "steps", ANNEALING_STEPS)),
+                float(given.hot),
+                float(given.cold),
+                given.steps,
                 0,
                 design,
                 state.zones,
@@ -168,6 +163,10 @@ class MonitoredZones(Strategy):
                 int(view.clock[CLOCK_TICK]),
             )
         )
+
+    def _annealing(self) -> Annealing:
+        """How the first zones are annealed; here as published."""
+        return PUBLISHED
 
     def _check_balance(self, view: World, out: Any, state: MonitoredState) -> None:
         """How balanced the zones are now, and what follows from it."""

@@ -93,8 +93,13 @@ class AnnealedZones(RedesignedZones):
 
     Parameters = Annealing
 
+    def _annealing(self) -> Annealing:
+        """As the scenario says, the first zones and all others."""
+        parameters: Annealing = self.parameters
+        return parameters
+
     def _design(self, view: World, design: Any, state: Any) -> bool:
-        given = self.parameters
+        given = self._annealing()
         return bool(
             repair(
                 view.service_zones.roads,
@@ -102,7 +107,6 @@ class AnnealedZones(RedesignedZones):
                 state.recent_flow,
                 float(given.hot),
                 float(given.cold),
-                given.steps,
                 given.steps,
                 MAX_REPAIRS,
                 design,

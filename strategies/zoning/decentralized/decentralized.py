@@ -18,12 +18,7 @@ from automaton.engine.state import CLOCK_TICK, NIL
 from automaton.strategy.kernels import kernel
 from automaton.strategy.layer import Strategy
 from automaton.units import SECONDS_PER_UNIT
-from strategies.zoning.annealing.annealing import (
-    ANNEALING_STEPS,
-    DEFAULT_FINAL_TEMPERATURE,
-    DEFAULT_INITIAL_TEMPERATURE,
-    first_zones,
-)
+from strategies.zoning.annealing.annealing import first_zones
 from strategies.zoning.decentralized.consensus_load import (
     average,
     next_multiple,
@@ -41,7 +36,13 @@ from strategies.zoning.decentralized.redesign_turns import negotiate
 from strategies.zoning.design.part_routing import ROUTING_NEIGHBOURS
 from strategies.zoning.design.transfer_stations import find_transfers
 from strategies.zoning.design.zone_paths import copy_design
-from strategies.zoning.queues.initial_zones import space_of, try_first_zones
+from strategies.zoning.queues.initial_zones import (
+    FINAL_TEMPERATURE,
+    INITIAL_TEMPERATURE,
+    STEPS,
+    space_of,
+    try_first_zones,
+)
 from strategies.zoning.queues.reassignment import (
     enter,
     is_running,
@@ -128,9 +129,8 @@ def begin(view, out, state, k, i):
     if identity == 0 and is_blank(design):
         reach[:] = 1
         first_zones(
-            view.service_zones.roads, state.rules, DEFAULT_INITIAL_TEMPERATURE,
-            DEFAULT_FINAL_TEMPERATURE, ANNEALING_STEPS, state.first_try, design, zones, reach,
-            view.rules.seed, 0,
+            view.service_zones.roads, state.rules, INITIAL_TEMPERATURE, FINAL_TEMPERATURE, STEPS,
+            state.first_try, design, zones, reach, view.rules.seed, 0,
         )  # fmt: skip
         out.redesigned[0] = 1
         return
@@ -211,7 +211,7 @@ class DecentralizedZones(Strategy):
             scale=given.scale,
             pause=ticks(view, given.pause),
             sharing=given.sharing,
-            share_every=max(1, ticks(view, 60.0)),
+            share_every=max(1, ticks(view, given.share_every)),
             drop_near=int(cells(view, given.drop_near)) if given.drop_near else 0,
             age=round(1000 * getattr(allocation, "age", 0.5)),
             job=round(1000 * getattr(allocation, "job", 10.0)),

@@ -32,13 +32,6 @@ from strategies.zoning.design.zoning_draws import DRAWS_NEGOTIATION, below, chan
 
 Array = NDArray[Any]
 
-# Defaults of the published run.
-NEGOTIATION_INITIAL_TEMPERATURE = 4.5
-NEGOTIATION_FINAL_TEMPERATURE = 0.3
-NEGOTIATION_STEPS = 20  # M of eq. 6
-DEFAULT_ACCEPTANCE_SCALE = 10.0  # k of Algorithm 4
-DEFAULT_ITERATIONS = 10  # of a turn
-
 
 class NegotiatedParts(Struct, role=SCRATCH):
     """Parts in the queues or hands of robots; room for K."""
@@ -61,7 +54,7 @@ def parts_for(room: int) -> NegotiatedParts:
 
 @kernel
 def lead(
-    roads, rules, parts, hot, cold, steps, scale, before, iterations, design, space, leader, reach,
+    roads, rules, parts, hot, cold, steps, scale, before, iterations, design, workspace, leader, reach,
     mean, seed, tick,
 ):  # fmt: skip
     """A turn of the leader: `iterations` exchanges about its consensus `mean` (minutes).
@@ -69,80 +62,82 @@ def lead(
     Leaves the best design of the turn, that at its start included, and the parts queued by it;
     returns its sigma. before: iterations that this robot led in earlier turns.
     """
-    space.drawn[0] = DRAWS_NEGOTIATION + (leader << 32)
-    loads_of_queues(roads, rules, design, space, parts, parts.zone, parts.stop, reach)
-    sigma = sigma_about(space.load, reach, mean)
+    workspace.drawn[0] = DRAWS_NEGOTIATION + (leader << 32)
+    loads_of_queues(roads, rules, design, workspace, parts, parts.zone, parts.stop, reach)
+    sigma = sigma_about(workspace.load, reach, mean)
     best = sigma
-    copy_design(design, space.best)
+    copy_design(design, workspace.best)
     for k in range(iterations):
         heat = temperature(hot, cold, steps, before + k) * scale
         tried = exchange(
-            roads, rules, parts, heat, sigma, design, space, leader, reach, mean, seed, tick
+            roads, rules, parts, heat, sigma, design, workspace, leader, reach, mean, seed, tick
         )
         if tried < 0.0:
             continue
         sigma = tried
         if sigma < best:
             best = sigma
-            copy_design(design, space.best)
-    copy_design(space.best, design)
-    requeue(roads, design, space, parts, reach)
+            copy_design(design, workspace.best)
+    copy_design(workspace.best, design)
+    requeue(roads, design, workspace, parts, reach)
     adopt(parts)
     return best
 
 
 @kernel
-def exchange(roads, rules, parts, heat, sigma, design, space, leader, reach, mean, seed, tick):
-    """One iteration: changes design, parts and space.load if it is accepted.
+def exchange(roads, rules, parts, heat, sigma, design, workspace, leader, reach, mean, seed, tick):
+    """One iteration: changes design, parts and workspace.load if it is accepted.
 
     Returns the new sigma, or -1 when there was nothing to exchange or it was refused. Refused are
     also designs that leave the leader without a transfer station, or zones cut off.
     """
-    copy_design(design, space.trial)
-    if propose(roads, rules, space.trial, space, leader, reach, seed, tick) == 0:
+    copy_design(design, workspace.trial)
+    if propose(roads, rules, workspace.trial, workspace, leader, reach, seed, tick) == 0:
         return -1.0
-    find_transfers(roads, rules, space.trial, space, reach)
-    if has_transfer(space.trial, leader) == 0 or reach_connected(space.trial, space, reach) == 0:
+    find_transfers(roads, rules, workspace.trial, workspace, reach)
+    if has_transfer(workspace.trial, leader) == 0:
         return -1.0
-    requeue(roads, space.trial, space, parts, reach)
+    if reach_connected(workspace.trial, workspace, reach) == 0:
+        return -1.0
+    requeue(roads, workspace.trial, workspace, parts, reach)
     loads_of_queues(
         roads,
         rules,
-        space.trial,
-        space,
+        workspace.trial,
+        workspace,
         parts,
         parts.proposed_zone,
         parts.proposed_slot,
         reach,
     )
-    tried = sigma_about(space.load, reach, mean)
-    if tried <= sigma or chance(space, seed, tick) < exponential((sigma - tried) / heat):
-        copy_design(space.trial, design)
+    tried = sigma_about(workspace.load, reach, mean)
+    if tried <= sigma or chance(workspace, seed, tick) < exponential((sigma - tried) / heat):
+        copy_design(workspace.trial, design)
         adopt(parts)
         return tried
-    loads_of_queues(roads, rules, design, space, parts, parts.zone, parts.stop, reach)
+    loads_of_queues(roads, rules, design, workspace, parts, parts.zone, parts.stop, reach)
     return -1.0
 
 
 @kernel
-def propose(roads, rules, design, space, leader, reach, seed, tick):
+def propose(roads, rules, design, workspace, leader, reach, seed, tick):
     """The busier of the leader and a random neighbour gives a tip to the other; 0 if it cannot."""
     count = np.int64(0)
     for z in range(reach.shape[0]):
         if z != leader and reach[z] == 1:
-            space.frontier[count] = z
+            workspace.frontier[count] = z
             count += 1
     if count == 0:
         return 0
-    a, b = leader, np.int64(space.frontier[below(space, count, seed, tick)])
-    if space.load[a] < space.load[b]:
+    a, b = leader, np.int64(workspace.frontier[below(workspace, count, seed, tick)])
+    if workspace.load[a] < workspace.load[b]:
         a, b = b, a
-    forget_tips(roads, design, space)
-    if facing_tips(roads, rules, design, space, a, b) == 0:
+    forget_tips(roads, design, workspace)
+    if facing_tips(roads, rules, design, workspace, a, b) == 0:
         return 0
-    tip = random_tip(space, a, b, seed, tick)
-    through = np.int64(space.via_station[a, b, tip])
-    return give(roads, design, space, tip, through, rules.adjacent, MIN_ZONE_STATIONS)
+    tip = random_tip(workspace, a, b, seed, tick)
+    through = np.int64(workspace.via_station[a, b, tip])
+    return give(roads, design, workspace, tip, through, rules.adjacent, MIN_ZONE_STATIONS)
 
 
 @kernel
@@ -155,7 +150,7 @@ def has_transfer(design, zone):
 
 
 @kernel
-def requeue(roads, design, space, parts, reach):
+def requeue(roads, design, workspace, parts, reach):
     """parts.proposed_zone and proposed_slot: queued parts of zones in reach, from where they are."""
     for k in range(parts.count[0]):
         parts.proposed_zone[k] = parts.zone[k]
@@ -165,7 +160,7 @@ def requeue(roads, design, space, parts, reach):
         at, to = np.int64(parts.at[k]), np.int64(parts.to[k])
         if design.zone[at] == NIL or design.zone[to] == NIL:
             continue  # in a zone out of sight
-        zone, stop, _ = route(roads, design, space, ROUTING_NEIGHBOURS, design.zone[at], at, to)
+        zone, stop, _ = route(roads, design, workspace, ROUTING_NEIGHBOURS, design.zone[at], at, to)
         parts.proposed_zone[k] = zone
         parts.proposed_slot[k] = stop
 
@@ -179,13 +174,13 @@ def adopt(parts):
 
 
 @kernel
-def loads_of_queues(roads, rules, design, space, parts, zone, stop, reach):
-    """space.load of the zones in reach, each from the legs in its own queue; others stay."""
-    space.leg_flow[:] = 0.0
+def loads_of_queues(roads, rules, design, workspace, parts, zone, stop, reach):
+    """workspace.load of the zones in reach, each from the legs in its own queue; others stay."""
+    workspace.leg_flow[:] = 0.0
     for k in range(parts.count[0]):
         if parts.at[k] != stop[k]:
-            space.leg_flow[zone[k], parts.at[k], stop[k]] += 1.0
+            workspace.leg_flow[zone[k], parts.at[k], stop[k]] += 1.0
     for z in range(reach.shape[0]):
         if reach[z] == 1:
-            members(design, space, z, rules.shared)
-            space.load[z] = load_of(roads, rules, space.leg_flow[z], space, z)
+            members(design, workspace, z, rules.shared)
+            workspace.load[z] = load_of(roads, rules, workspace.leg_flow[z], workspace, z)

@@ -1,4 +1,4 @@
-"""Zone designs as data: from the text of a file to arrays, and back.
+"""Zone designs as data: from the text of a file to arrays.
 
     zones:
       - {stations: [9, 10, 7], segments: [qr, rQOo]}
@@ -84,27 +84,6 @@ def _read_transfers(design: Design, entries: Any) -> None:
                 raise InputError(f"station {number} lies in neither zone {a} nor zone {b}")
             design.transfer[a - 1, b - 1, number - 1] = 1
             design.transfer[b - 1, a - 1, number - 1] = 1
-
-
-def design_data(
-    floor_plan: FloorPlan, roads: Roads, design: Design, names: Names | None = None
-) -> Any:
-    """What `read_design` reads, with points by name if they have names."""
-    known = {floor_plan.cell(x, y): name for name, (x, y) in (names or {}).items()}
-    zones = []
-    for zone in range(len(design.transfer)):
-        stations = [s + 1 for s in range(len(design.zone)) if design.zone[s] == zone]
-        segments: list[Any] = []
-        for m in range(int(design.segments[0])):
-            if design.owner[m] != zone:
-                continue
-            cells = [int(roads.cell[p]) for p in design.path[m, : design.points[m]]]
-            if all(cell in known for cell in cells):
-                segments.append("".join(known[cell] for cell in cells))
-            else:
-                segments.append([list(floor_plan.xy(cell)) for cell in cells])
-        zones.append({"stations": stations, "segments": segments})
-    return {"zones": zones}
 
 
 def _zones(data: Any) -> list[dict[str, Any]]:

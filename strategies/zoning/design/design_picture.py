@@ -8,9 +8,8 @@ from typing import Final
 from automaton.engine.service_zones import Design, Roads
 from automaton.floor.floor_plan import FloorPlan
 
-ZONE_LETTERS: Final = (
-    "defghijklmnopqrstuvwxyzabc"  # the first six as in the viewer, where a to c are signs
-)
+# The first six as in the viewer, where a to c are signs.
+ZONE_LETTERS: Final = "defghijklmnopqrstuvwxyzabc"
 KEY: Final = "small letters: ways of zones; capitals: their stations; *: transfer stations"
 
 

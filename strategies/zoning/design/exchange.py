@@ -92,7 +92,7 @@ def join(roads, design, workspace, zone, closed):
 
 @kernel
 def label_parts(design, workspace, zone):
-    """space.part from the segments; returns how many pieces the zone has."""
+    """workspace.part from the segments; returns how many pieces the zone has."""
     pieces = np.int64(0)
     for s in range(design.zone.shape[0]):
         workspace.part[s] = s

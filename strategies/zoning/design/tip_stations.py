@@ -12,7 +12,7 @@ from automaton.engine.state import NIL
 
 @kernel
 def find_tips(roads, design, workspace):
-    """space.tip of all stations."""
+    """workspace.tip of all stations."""
     for s in range(design.zone.shape[0]):
         workspace.tip[s] = is_tip(roads, design, s)
 

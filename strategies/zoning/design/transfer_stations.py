@@ -17,7 +17,7 @@ from strategies.zoning.design.zone_workspace import INF_COST
 
 @kernel
 def find_transfers(roads, rules, design, workspace, reach):
-    """design.transfer between all zones with reach[z] = 1, from space.load.
+    """design.transfer between all zones with reach[z] = 1, from workspace.load.
 
     Between others it stays, but for stations that are in neither of the two zones any more.
     """
@@ -81,7 +81,7 @@ def close_to_two(design, workspace, a, b):
 
 @kernel
 def joined_tips(roads, rules, design, workspace, a, b):
-    """space.pair: tips x of a and y of b with a union path, the shortest first; how many."""
+    """workspace.pair: tips x of a and y of b with a union path, the shortest first; how many."""
     bound = whole_cells(rules.limit)
     count = np.int64(0)
     for x in range(design.zone.shape[0]):
@@ -137,7 +137,7 @@ def joined(design, a, b):
 
 @kernel
 def find_levels(design, workspace, zone):
-    """space.level: transfers from each zone to this one, NIL where none leads there."""
+    """workspace.level: transfers from each zone to this one, NIL where none leads there."""
     workspace.level[:] = NIL
     workspace.level[zone] = 0
     workspace.frontier[0] = zone
@@ -174,7 +174,7 @@ def connected(design, workspace):
 
 @kernel
 def connect_cut_off(roads, design, workspace):
-    """Join zones that are cut off, from space.load; returns 1 if all are connected then.
+    """Join zones that are cut off, from workspace.load; returns 1 if all are connected then.
 
     Here tips may be any way apart, and no transfer path is in the way of another (as in DDZ).
     """
@@ -187,7 +187,7 @@ def connect_cut_off(roads, design, workspace):
 
 @kernel
 def join_nearest(roads, design, workspace):
-    """A transfer station between a zone that parts reach by space.level and one that they do not.
+    """A transfer station between a zone that parts reach by workspace.level and one that they do not.
 
     Of all such pairs of zones that with the shortest union path between two tips; the zone with more
     load gives the station. Returns 0 if there is none.

@@ -11,9 +11,8 @@ from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import NIL
 from strategies.linear_sum_assignment import INF_COST, linear_sum_assignment
 
-MISPLACED = (
-    1 << 30
-)  # cost of a station in a zone whose robot has no priority there, another one has
+# Cost of a station in a zone whose robot has no priority there, and another one has.
+MISPLACED = 1 << 30
 
 
 @kernel

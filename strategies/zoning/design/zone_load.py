@@ -22,7 +22,7 @@ UNDEFINED = -1.0  # balance of zones without any load
 
 @kernel
 def find_loads(roads, rules, flow, through, design, workspace):
-    """space.load of all zones, from one flow (S, S) float64; returns the balance.
+    """workspace.load of all zones, from one flow (S, S) float64; returns the balance.
 
     through: 1 = what drives past a tip on its shortest way counts as the tip's (GA).
     """
@@ -39,7 +39,7 @@ def find_loads(roads, rules, flow, through, design, workspace):
 
 @kernel
 def members(design, workspace, z, shared):
-    """space.member: the stations of zone z, and its transfer stations if these are shared."""
+    """workspace.member: the stations of zone z, and its transfer stations if these are shared."""
     for s in range(design.zone.shape[0]):
         workspace.member[s] = 1 if design.zone[s] == z else 0
         if shared:
@@ -50,7 +50,7 @@ def members(design, workspace, z, shared):
 
 @kernel
 def load_of(roads, rules, flow, workspace, z):
-    """Minutes of work of the robot of zone z at the stations of space.member."""
+    """Minutes of work of the robot of zone z at the stations of workspace.member."""
     count = np.int64(0)
     for s in range(workspace.member.shape[0]):
         if workspace.member[s] == 1:
@@ -95,7 +95,7 @@ def work_minutes(flow: Array, between: Array, speed: float, handling: float) -> 
 
 @kernel
 def flow_past_tips(roads, flow, design, workspace):
-    """space.legs: the flow, and for tips i all that drives past i and then j of the same zone."""
+    """workspace.legs: the flow, and for tips i all that drives past i and then j of the same zone."""
     stations = flow.shape[0]
     find_tips(roads, design, workspace)
     workspace.legs[:] = 0.0
@@ -115,7 +115,7 @@ def flow_past_tips(roads, flow, design, workspace):
 
 @kernel
 def stations_on_way(roads, workspace, a, b):
-    """space.listed: the stations on the shortest way from a to b, in its order; how many."""
+    """workspace.listed: the stations on the shortest way from a to b, in its order; how many."""
     end = np.int64(roads.point[b])
     p = np.int64(roads.point[a])
     count = np.int64(0)

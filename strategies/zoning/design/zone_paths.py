@@ -25,8 +25,8 @@ def block_others(design, workspace, a, b):
 def spread(roads, workspace, start, target, bound):
     """Distances from a point over points that are not closed, up to `bound` cells (Dijkstra).
 
-    Ends when `target` is settled (NIL: never). Writes space.distance, INF_COST where it did not come to,
-    and space.back. Ties: the lowest point.
+    Ends when `target` is settled (NIL: never). Writes workspace.back, and workspace.distance,
+    INF_COST where it did not come to. Ties: the lowest point.
     """
     workspace.distance[:] = INF_COST
     workspace.done[:] = 0

@@ -53,7 +53,7 @@ class ZoneSpace(Struct, role=SCRATCH):
     via_station: Array = field(
         "(Z, Z, S) int32", "the tip of the second zone near a tip of the first, or NIL"
     )
-    fresh: Array = field("(Z, Z) uint8", "1 = `through` holds for the present design")
+    fresh: Array = field("(Z, Z) uint8", "1 = `via_station` holds for the present design")
     legs: Array = field("(S, S) float64", "the flow that a load is made of")
     leg_flow: Array = field("(Z, S, S) float64", "the legs in each robot's queue")
     into: Array = field("(S,) float64")

@@ -20,12 +20,6 @@ from strategies.zoning.design.zone_paths import clear_design, copy_design, size
 from strategies.zoning.design.zoning_draws import DRAWS_GENETIC, below, chance
 from strategies.zoning.genetic.population import fits, keep, move_row, take, take_zone
 
-# Defaults of the published runs.
-DEFAULT_INDIVIDUALS = 60
-DEFAULT_GENERATIONS = 100
-DEFAULT_PARENTS = 10
-DEFAULT_MUTATION_RATE = 0.45
-
 MAX_FAILURES = 60  # zones that do not fit, until a child is restarted
 MAX_MUTATION_TRIES = 500  # tries to mutate a child
 MAX_CHILD_TRIES = 100  # times that a child may be restarted
@@ -115,7 +109,7 @@ def breed(roads, rules, selected, mutation, population, workspace, seed, tick):
 
 @kernel
 def make_child(roads, rules, mutation, population, parents, workspace, seed, tick):
-    """A child in space.trial; 0 if it failed."""
+    """A child in workspace.trial; 0 if it failed."""
     if combine(population, parents, workspace, seed, tick) == 0:
         return 0
     if attach_rest(roads, rules, workspace.trial, workspace, seed, tick) == 0:
@@ -148,7 +142,7 @@ def may_give(design):
 
 @kernel
 def combine(population, parents, workspace, seed, tick):
-    """Fill space.trial with random zones that have nothing in common; 0 if they do not fit."""
+    """Fill workspace.trial with random zones that have nothing in common; 0 if they do not fit."""
     design, individuals = workspace.trial, population.now
     zones = design.transfer.shape[0]
     clear_design(design)
@@ -189,7 +183,7 @@ def attach_rest(roads, rules, design, workspace, seed, tick):
 
 @kernel
 def adjacent_to(roads, rules, design, workspace, station, but):
-    """space.listed: stations in zones other than `but` that are adjacent to one; how many."""
+    """workspace.listed: stations in zones other than `but` that are adjacent to one; how many."""
     count = np.int64(0)
     for t in range(design.zone.shape[0]):
         zone = design.zone[t]
@@ -203,7 +197,7 @@ def adjacent_to(roads, rules, design, workspace, station, but):
 
 @kernel
 def mutate(roads, rules, workspace, seed, tick):
-    """space.now: the child with a random tip of a random zone given away; 0 if it cannot be."""
+    """workspace.now: the child with a random tip of a random zone given away; 0 if it cannot be."""
     design = workspace.trial
     zone = below(workspace, design.transfer.shape[0], seed, tick)
     find_tips(roads, design, workspace)

@@ -19,7 +19,7 @@ def charging_minutes(view, rules, i):
 
 @kernel
 def add_charging(view, workspace, rules):
-    """Add the minutes that the server of each zone charges to the zone's space.load."""
+    """Add the minutes that the server of each zone charges to the zone's workspace.load."""
     for zone in range(workspace.load.shape[0]):
         server = view.service_zones.server[zone]
         if server != NIL:

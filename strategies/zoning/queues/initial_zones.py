@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
 from automaton.engine.service_zones import design_for
 from automaton.engine.state import World
 from automaton.errors import InputError
 from automaton.units import count
-from strategies.zoning.annealing.annealing import (
-    ANNEALING_STEPS,
-    DEFAULT_FINAL_TEMPERATURE,
-    DEFAULT_INITIAL_TEMPERATURE,
-    first_zones,
-)
+from strategies.zoning.annealing.annealing import first_zones
 from strategies.zoning.design.zone_workspace import ZoneRules, ZoneSpace, space_for
 from strategies.zoning.queues.reassignment import set_zone_move_time_factors
+from strategies.zoning.zoning_parameters import Annealing
+
+# How first zones are annealed where the scenario has no parameters for it.
+PUBLISHED: Final = Annealing()
+INITIAL_TEMPERATURE: Final = PUBLISHED.hot
+FINAL_TEMPERATURE: Final = PUBLISHED.cold
+STEPS: Final = PUBLISHED.steps
 
 
 def no_first_zones(view: World) -> InputError:
@@ -44,9 +48,8 @@ def try_first_zones(view: World, rules: ZoneRules) -> int:
     set_zone_move_time_factors(view, workspace)
     everywhere = np.ones(zones, np.uint8)
     found = first_zones(
-        roads, rules, DEFAULT_INITIAL_TEMPERATURE, DEFAULT_FINAL_TEMPERATURE, ANNEALING_STEPS,
-        0, design_for(roads, zones), workspace, everywhere,
-        view.rules.seed, 0,
+        roads, rules, INITIAL_TEMPERATURE, FINAL_TEMPERATURE, STEPS, 0, design_for(roads, zones),
+        workspace, everywhere, view.rules.seed, 0,
     )  # fmt: skip
     if not found:
         raise no_first_zones(view)

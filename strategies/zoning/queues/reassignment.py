@@ -59,7 +59,7 @@ def are_several(view):
 
 @kernel
 def set_zone_move_time_factors(view, workspace):
-    """space.pace: how many times as long moves take in each zone as those of the first type."""
+    """workspace.move_time_factor: how many times as long moves take as those of the first type."""
     for zone in range(workspace.move_time_factor.shape[0]):
         server = np.int64(view.service_zones.server[zone])
         i = np.int64(view.robots.at_index[zone if server == NIL else server])

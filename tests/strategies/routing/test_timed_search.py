@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_floors import pictures
@@ -173,3 +174,13 @@ def test_the_way_round_is_taken_when_the_aisle_is_dear() -> None:
     picture = "A~BC~~~\n~#####~\n~~~~~~~"
     assert route_of_a(Traffic(picture), (6, 0), beta=0) == "EEEEEE"
     assert route_of_a(Traffic(picture), (6, 0), beta=2) == "SSEEEEEENN"
+
+
+@pytest.mark.parametrize(("beta", "route"), [(0.3, "EEEEEE"), (0.5, "SSEEEEEENN")])
+def test_each_robot_in_a_zone_adds_beta_to_the_price_of_a_move(beta: float, route: str) -> None:
+    """Straight on, 5 of 6 moves lead out of the zone of two robots; round the south it is 10 moves.
+
+    So straight on costs 6 + 10 beta: 9 or 11. If robots counted by their square it would be 12 with
+    the lower beta, and if it counted only that there are any 8.5 with the higher one.
+    """
+    assert route_of_a(Traffic("A~BC~~~\n~#####~\n~~~~~~~"), (6, 0), beta) == route

@@ -8,7 +8,7 @@ import pytest
 from zoning_scenes import check_partition, drawn, factory, segments, shipped, stations
 
 from automaton.errors import InputError
-from strategies.zoning.design.design_files import design_data, read_design
+from strategies.zoning.design.design_files import read_design
 from strategies.zoning.design.design_picture import design_picture
 
 FLOOR = """
@@ -21,12 +21,8 @@ FLOOR = """
 
 @pytest.mark.parametrize("name", ["factory-logged", "factory-ddz"])
 def test_shipped_designs_are_partitions(name: str) -> None:
-    floor, floor_plan, roads = factory()
-    design = shipped(name)
-    check_partition(roads, design)
-    data = design_data(floor_plan, roads, design, floor.points())
-    again = read_design(floor_plan, roads, data, floor.points())
-    assert design_data(floor_plan, roads, again, floor.points()) == data
+    _, _, roads = factory()
+    check_partition(roads, shipped(name))
 
 
 def test_the_logged_design_has_the_zones_of_the_log() -> None:

@@ -101,8 +101,7 @@ def test_there_is_no_design_with_more_zones_than_stations() -> None:
     design, workspace, reach = empty_design(len(roads.cell), 4, 5), scratch(roads, 5), everyone(5)
     rules = ddz_rules()
     assert (
-        repair(roads, rules, flow, 4.5, 0.35, 9, 9, 3, design, workspace, reach, np.uint64(1), 1)
-        == 0
+        repair(roads, rules, flow, 4.5, 0.35, 9, 3, design, workspace, reach, np.uint64(1), 1) == 0
     )
     population = population_for(roads, 4)
     assert (

@@ -23,7 +23,7 @@ from zoning_scenes import (
     stations,
     training_flow,
 )
-from zoning_trials import ANNEALED, evolved, repaired, south, turn
+from zoning_trials import ANNEALED, BRED, evolved, repaired, south, turn
 
 from automaton.build.resolve import resolve
 from automaton.engine.jit.kernel import jit_is_on
@@ -124,12 +124,9 @@ def test_first_zones_of_a_station_each() -> None:
     _, roads = drawn(COMB)
     rules = zone_rules(FEET_PER_MINUTE / 2.5, typical_distance(roads.between))
     design, workspace, reach = design_arrays(roads, 8), scratch(roads, 8), everyone(8)
-    how = (
-        annealing.DEFAULT_INITIAL_TEMPERATURE,
-        annealing.DEFAULT_FINAL_TEMPERATURE,
-        annealing.ANNEALING_STEPS,
+    assert annealing.first_zones(
+        roads, rules, *ANNEALED, 0, design, workspace, reach, np.uint64(1), 0
     )
-    assert annealing.first_zones(roads, rules, *how, 0, design, workspace, reach, np.uint64(1), 0)
     check_partition(roads, design)
     assert sorted(design.zone) == list(range(8)) and connected(design, workspace)
 
@@ -149,7 +146,7 @@ def test_breeding_ends_where_no_zone_has_a_station_to_give() -> None:
     _, roads = drawn(COMB)
     rules = zone_rules(FEET_PER_MINUTE / 2.5, typical_distance(roads.between))
     design, workspace, herd = design_arrays(roads, 8), scratch(roads, 8), population_for(roads, 12)
-    limits = (20, genetic_zones.DEFAULT_PARENTS, genetic_zones.DEFAULT_MUTATION_RATE)
+    limits = (20, *BRED)
     flow = 1.0 - np.eye(8)
     genetic_zones.evolve(
         roads, rules, flow, *limits, herd, design, workspace, everyone(8), np.uint64(1), 0
@@ -164,7 +161,7 @@ def test_a_dozen_generations_find_a_balanced_design(seed: int) -> None:
     _, _, roads = factory()
     herd, workspace = population_for(roads, 30), scratch(roads, 3)
     design, rules = design_arrays(roads, 3), factory_rules(roads)
-    limits = (12, genetic_zones.DEFAULT_PARENTS, genetic_zones.DEFAULT_MUTATION_RATE)
+    limits = (12, *BRED)
     flow = training_flow()
     assert genetic_zones.evolve(
         roads, rules, flow, *limits, herd, design, workspace, everyone(3), np.uint64(seed), 0

@@ -311,6 +311,12 @@ def test_sharing_near_the_own_zone_makes_ddz_as_fast_as_central_zones() -> None:
     assert all(run.counted["shared_orders"] > 0 for run in sharing)
 
 
+def test_share_every_is_the_time_between_two_orders_that_a_robot_gives_away() -> None:
+    often = factory(ddz(", sharing: true"))
+    seldom = factory(ddz(", sharing: true, share_every: 30 min"))
+    assert 0 < seldom.counted["shared_orders"] < often.counted["shared_orders"] / 2
+
+
 def test_orders_that_end_near_a_transfer_station_are_brought_there_directly() -> None:
     plain = [factory(ddz(), seed=seed).world.orders.legs.mean() for seed in range(1, 7)]
     near = [

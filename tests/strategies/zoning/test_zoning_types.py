@@ -13,6 +13,7 @@ from zoning_scenes import (
     shipped,
     training_flow,
 )
+from zoning_trials import ANNEALED, BRED
 
 from automaton.build.resolve import resolve
 from automaton.engine.service_zones import Design
@@ -32,12 +33,6 @@ from strategies.zoning.genetic import genetic_zones
 from strategies.zoning.genetic.population import population_for
 
 NORTH = [0, 1, 2, 3]  # stations 1 to 4, closed to the robot of zone 0
-ANNEALED = (
-    annealing.DEFAULT_INITIAL_TEMPERATURE,
-    annealing.DEFAULT_FINAL_TEMPERATURE,
-    annealing.ANNEALING_STEPS,
-    annealing.ANNEALING_MAX_MOVES,
-)
 METHODS = {
     "static": "{name: static, adjacency: 243.6437908496732}",
     "annealing": "{name: annealing, adjacency: 243.6437908496732}",
@@ -75,7 +70,7 @@ def made(method: str, seed: int) -> tuple[Design, ZoneSpace]:
             roads, rules, flow, *ANNEALED, 3, design, workspace, everyone(3), np.uint64(seed), 0
         )
     else:
-        limits = (8, genetic_zones.DEFAULT_PARENTS, genetic_zones.DEFAULT_MUTATION_RATE)
+        limits = (8, *BRED)
         herd = population_for(roads, 20)
         assert genetic_zones.evolve(
             roads, rules, flow, *limits, herd, design, workspace, everyone(3), np.uint64(seed), 0

@@ -1,4 +1,4 @@
-"""Stills: a picture as text, as text with colours and as a drawing."""
+"""Stills: a picture as text and as a drawing."""
 
 from __future__ import annotations
 
@@ -6,12 +6,10 @@ import re
 import xml.etree.ElementTree as ET
 
 import numpy as np
-import pytest
-from terminal_replay import screen_of, wrong_cells
 
 from tui.render.depth import Depth
 from tui.render.glyphs import ASCII, UNICODE, Codes, GlyphSet, code, text
-from tui.render.image_export import as_ansi, as_svg, as_text, runs
+from tui.render.image_export import as_svg, as_text, runs
 from tui.render.styles import (
     COLOUR_FAULT,
     COLOUR_FLOOR,
@@ -56,21 +54,8 @@ def test_a_row_is_cut_where_the_style_changes() -> None:
         style(COLOUR_TEXT, COLOUR_FLOOR),
     )
     expected = [("..", mark), ("###", shelf), (".", mark), ("7 ", words)]
-    assert runs(codes[1], Look(Depth.TRUE), ASCII) == expected
-    assert runs(codes[1, :0], Look(Depth.TRUE), ASCII) == []
-
-
-@pytest.mark.parametrize("depth", Depth)
-def test_a_still_in_colours_shows_the_picture_and_resets_every_line(depth: Depth) -> None:
-    look, codes = Look(depth), small_picture(UNICODE)
-    stream = as_ansi(codes, look, UNICODE)
-    assert all(line.endswith("\x1b[0m") for line in stream.splitlines())
-    screen = screen_of(stream.replace("\n", "\r\n"), 12, 4)
-    assert wrong_cells(screen, codes, look, UNICODE) == []
-
-
-def test_without_colours_runs_of_the_same_look_are_one() -> None:
-    assert as_ansi(small_picture(ASCII), Look(Depth.NONE), ASCII).count("\x1b[0m") == 7
+    assert runs(codes[1], ASCII) == expected
+    assert runs(codes[1, :0], ASCII) == []
 
 
 def drawing(codes: Codes, look: Look, title: str = "") -> ET.Element:

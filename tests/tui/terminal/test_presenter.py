@@ -70,14 +70,14 @@ def test_without_the_rule_of_occlusion_the_toast_is_spoiled(tmp_path: Path) -> N
 
 def test_a_tooltip_lies_over_the_map_and_leaves_no_trace(tmp_path: Path) -> None:
     with moving_map(tmp_path) as session:
-        session.host.hover(5, 10)
+        session.point_at(5, 10)
         session.wait_for_text("tooltip of the map")
-        session.host.wheel(5, 10)  # walks; a key would take the tooltip away
+        session.turn_wheel(5, 10)  # walks; a key would take the tooltip away
         session.wait_for_frames(8)
-        session.host.wheel(5, 10)
+        session.turn_wheel(5, 10)
         session.wait_until_right()
         assert session.figures()["covered"]
-        session.host.hover(5, 75)
+        session.point_at(5, 75)
         session.wait_for_text("tooltip of the map", present=False)
         session.walk()
         session.press(" ")

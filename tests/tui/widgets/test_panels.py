@@ -40,7 +40,7 @@ LOOK = Look(Depth.TRUE)
 
 def _scene(view: View) -> tuple[Scene, Camera]:
     slots = view.snapshot.slots
-    scene = Scene(Floor(view.floor_plan, slots.cell, slots.unbounded), view.snapshot)
+    scene = Scene(Floor(view.floor_plan, slots.cell), view.snapshot)
     return scene, Camera(view.floor_plan, 40, 120)
 
 

@@ -380,16 +380,23 @@ class Pibt(Strategy):
     period = 1
 
     def reset(self, view):
-        """All robots have an equal claim at the start: the queue begins in an order by hash."""
+        """All robots have an equal claim at the start: the queue begins in an order by hash.
+
+        With limited sight it stays unused: each robot goes by what others make known.
+        """
         n, cells = len(view.robots.cell), len(view.grid.cell_flags)
         exits, single = exits_to_pass_by(view.grid), view.grid.cell_flags >> 5 & 3 == 1
         ends = dead_ends_of_types(exits, single, view.grid.offset)
-        with np.errstate(over="ignore"):
-            draws = [int(splitmix64(np.uint64(view.rules.seed) ^ np.uint64(r))) for r in range(n)]
+        queue = np.zeros(n, np.int32)
+        if view.rules.radius == NIL:
+            seed = np.uint64(view.rules.seed)
+            with np.errstate(over="ignore"):
+                draws = [int(splitmix64(seed ^ np.uint64(robot))) for robot in range(n)]
+            queue[:] = np.argsort(np.array(draws, np.uint64), kind="stable")
         return PibtState.sized(
             {"n": n, "m": n + 1, "w": 4, "s": 1, "r": 2 * cells, "e": max(ends.total, 1)},
             dead_ends=ends.total,
-            queue=np.argsort(np.array(draws, np.uint64), kind="stable").astype(np.int32),
+            queue=queue,
             dead_end=ends.number,
             way_out=ends.way_out,
             depth=ends.depth,

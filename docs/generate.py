@@ -2,7 +2,7 @@
 
 Each page is made from the table that the program itself uses: argument parsers, the structs of
 scenarios and studies, the catalogue of strategies, metrics, key bindings, columns and frames.
-A test compares the pages with what this module returns.
+What other installed packages bring is left out. A test compares the pages with what this module returns.
 """
 
 from __future__ import annotations
@@ -50,6 +50,7 @@ from automaton.studies.sweeps import result_columns, run_keys
 from automaton.studies.sweeps.study import study_schema
 from automaton.tables.columns import TABLES
 from automaton.units import LENGTH_UNITS, SPELLED, TIME_UNITS
+from tui.registration import layers, panels
 from tui.widgets.bindings import COMPARING, TOPICS, key_text
 
 EVENTS: Final = {
@@ -755,8 +756,19 @@ def metrics_page() -> str:
     )
 
 
+def foreign_actions() -> set[str]:
+    """The actions that layers and panels of other installed packages bring, and none of ours has."""
+    own: set[str] = set()
+    others: set[str] = set()
+    for registered in (layers(), panels()):
+        for name, one in registered.by_name.items():
+            (own if name in registered.own else others).add(one.action)
+    return others - own
+
+
 def keys_page() -> str:
-    """The keys of the viewer, from its bindings."""
+    """The keys of the viewer, from its bindings; those of plug-ins are left out."""
+    brought = foreign_actions()
     sections = [
         f"## {topic.name}\n\n"
         + table(
@@ -768,6 +780,7 @@ def keys_page() -> str:
                     action.meaning + (" (two runs)" if action.id in COMPARING else ""),
                 )
                 for action in topic.actions
+                if action.id not in brought
             ),
         )
         for topic in TOPICS

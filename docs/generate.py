@@ -30,6 +30,7 @@ from automaton.engine import (
     stops,
     visibility,
 )
+from automaton.engine.jit import fields
 from automaton.engine.jit.field_kernels import hidden_fields
 from automaton.engine.jit.fields import SCRATCH
 from automaton.engine.jit.structs import Struct
@@ -505,6 +506,7 @@ FULL_SHELF: Final = (
 PUBLIC_CLOCK: Final = (
     *("CLOCK_TICK", "CLOCK_UNDELIVERED", "CLOCK_REVISION", "CLOCK_NEXT_RELEASE"),
     *("CLOCK_OPEN_JOBS", "CLOCK_ROBOTS_DOWN", "CLOCK_ZONES_REDESIGNED"),
+    *("CLOCK_FIRST_OPEN", "CLOCK_KNOWN_ORDERS"),
 )
 ENUMERATIONS: Final = {
     "orders.state": (state, "ORDER_"),
@@ -561,6 +563,13 @@ def contract_page() -> str:
         table(
             ("command", "meaning"), ((code(n), COMMAND_MEANINGS[n]) for n in _names(state, "CMD_"))
         ),
+        "## What it remembers\n",
+        "A state is declared as the world is: `field(kind, meaning, role=CONSTANT)`. The roles are in "
+        "`automaton.engine.jit.fields`; a strategy needs CONSTANT, SCRATCH and STOP. A field without a "
+        "role is kept from tick to tick and goes on in a branch, as STATE does, but is not in the digest: "
+        "that has fields of the world alone. Under a radius a robot sees its own row of fields whose "
+        "first extent is `n`, and zeros in others, unless these are CONSTANT.\n",
+        table(("role", "meaning"), _roles()),
         "## One robot at a time\n",
         "With `@per_robot(layer)` a strategy is a function `decide(me, view)`, which returns one of the "
         "decisions below, or None to go on (`automaton.strategy.per_robot`). "
@@ -629,10 +638,23 @@ def _names(module: Any, prefix: str) -> list[str]:
 
 def _constants(prefix: str) -> Iterator[tuple[str, str]]:
     """Yield the constants of the state with a prefix, each with the comment behind it."""
-    source = inspect.getsource(state)
     for name in _names(state, prefix):
-        line = re.search(rf"^{name}: Final = .*?(?:  # (.*))?$", source, re.MULTILINE)
-        yield code(name), (line[1] if line else "") or ""
+        yield code(name), _comment(state, name)
+
+
+def _roles() -> Iterator[tuple[str, str]]:
+    """Yield the roles of fields, each with the comment behind it."""
+    for name, value in vars(fields).items():
+        if name.isupper() and not name.startswith("_") and isinstance(value, str):
+            yield code(name), _comment(fields, name)
+
+
+def _comment(module: Any, name: str) -> str:
+    """The comment behind the constant of a module."""
+    found = re.search(
+        rf"^{name}: Final = .*?(?:  # (.*))?$", inspect.getsource(module), re.MULTILINE
+    )
+    return (found[1] if found else "") or ""
 
 
 def _members(kind: type) -> Iterator[tuple[str, str]]:

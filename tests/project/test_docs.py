@@ -31,7 +31,8 @@ WITH_COMMANDS = [
     one for one in pages() if any(block.language in ("sh", "console") for block in one.blocks)
 ]
 FOR_DEVELOPERS = [
-    page(f"docs/how-to/add-a-{thing}.md") for thing in ("cell-kind", "metric", "map-layer", "strategy")
+    page(f"docs/how-to/add-a-{thing}.md")
+    for thing in ("cell-kind", "metric", "map-layer", "strategy")
 ]
 
 

@@ -112,6 +112,11 @@ def test_every_key_has_a_meaning(generator: ModuleType, page: str) -> None:
     assert [row for row in keys if row.endswith("|  |")] == []
 
 
+def test_every_role_of_a_field_has_a_meaning(generator: ModuleType) -> None:
+    roles = dict(generator._roles())
+    assert set(roles) >= {"`SCRATCH`", "`STOP`", "`CONSTANT`", "`STATE`"} and all(roles.values())
+
+
 def test_the_contract_has_every_part_of_the_view_and_of_the_decisions(
     generator: ModuleType,
 ) -> None:

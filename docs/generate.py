@@ -566,9 +566,9 @@ def contract_page() -> str:
         "## What it remembers\n",
         "A state is declared as the world is: `field(kind, meaning, role=CONSTANT)`. The roles are in "
         "`automaton.engine.jit.fields`; a strategy needs CONSTANT, SCRATCH and STOP. A field without a "
-        "role is kept from tick to tick and goes on in a branch, as STATE does, but is not in the digest: "
-        "that has fields of the world alone. Under a radius a robot sees its own row of fields whose "
-        "first extent is `n`, and zeros in others, unless these are CONSTANT.\n",
+        "role is kept from tick to tick and goes on in a branch, as STATE does, but is not in the "
+        "digest, which has fields of the world alone. Under a radius a robot sees its own row of fields "
+        "whose first extent is `n`, and zeros in others, unless these are CONSTANT.\n",
         table(("role", "meaning"), _roles()),
         "## One robot at a time\n",
         "With `@per_robot(layer)` a strategy is a function `decide(me, view)`, which returns one of the "

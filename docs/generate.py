@@ -2,7 +2,7 @@
 
 Each page is made from the table that the program itself uses: argument parsers, the structs of
 scenarios and studies, the catalogue of strategies, metrics, key bindings, columns and frames.
-A test compares the pages with what this module returns.
+What other installed packages bring is left out. A test compares the pages with what this module returns.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from automaton.engine import (
     stops,
     visibility,
 )
+from automaton.engine.jit import fields
 from automaton.engine.jit.field_kernels import hidden_fields
 from automaton.engine.jit.fields import SCRATCH
 from automaton.engine.jit.structs import Struct
@@ -50,6 +51,7 @@ from automaton.studies.sweeps import result_columns, run_keys
 from automaton.studies.sweeps.study import study_schema
 from automaton.tables.columns import TABLES
 from automaton.units import LENGTH_UNITS, SPELLED, TIME_UNITS
+from tui.registration import layers, panels
 from tui.widgets.bindings import COMPARING, TOPICS, key_text
 
 EVENTS: Final = {
@@ -504,6 +506,7 @@ FULL_SHELF: Final = (
 PUBLIC_CLOCK: Final = (
     *("CLOCK_TICK", "CLOCK_UNDELIVERED", "CLOCK_REVISION", "CLOCK_NEXT_RELEASE"),
     *("CLOCK_OPEN_JOBS", "CLOCK_ROBOTS_DOWN", "CLOCK_ZONES_REDESIGNED"),
+    *("CLOCK_FIRST_OPEN", "CLOCK_KNOWN_ORDERS"),
 )
 ENUMERATIONS: Final = {
     "orders.state": (state, "ORDER_"),
@@ -560,6 +563,13 @@ def contract_page() -> str:
         table(
             ("command", "meaning"), ((code(n), COMMAND_MEANINGS[n]) for n in _names(state, "CMD_"))
         ),
+        "## What it remembers\n",
+        "A state is declared as the world is: `field(kind, meaning, role=CONSTANT)`. The roles are in "
+        "`automaton.engine.jit.fields`; a strategy needs CONSTANT, SCRATCH and STOP. A field without a "
+        "role is kept from tick to tick and goes on in a branch, as STATE does, but is not in the "
+        "digest, which has fields of the world alone. Under a radius a robot sees its own row of fields "
+        "whose first extent is `n`, and zeros in others, unless these are CONSTANT.\n",
+        table(("role", "meaning"), _roles()),
         "## One robot at a time\n",
         "With `@per_robot(layer)` a strategy is a function `decide(me, view)`, which returns one of the "
         "decisions below, or None to go on (`automaton.strategy.per_robot`). "
@@ -631,10 +641,23 @@ def _names(module: Any, prefix: str) -> list[str]:
 
 def _constants(prefix: str) -> Iterator[tuple[str, str]]:
     """Yield the constants of the state with a prefix, each with the comment behind it."""
-    source = inspect.getsource(state)
     for name in _names(state, prefix):
-        line = re.search(rf"^{name}: Final = .*?(?:  # (.*))?$", source, re.MULTILINE)
-        yield code(name), (line[1] if line else "") or ""
+        yield code(name), _comment(state, name)
+
+
+def _roles() -> Iterator[tuple[str, str]]:
+    """Yield the roles of fields, each with the comment behind it."""
+    for name, value in vars(fields).items():
+        if name.isupper() and not name.startswith("_") and isinstance(value, str):
+            yield code(name), _comment(fields, name)
+
+
+def _comment(module: Any, name: str) -> str:
+    """The comment behind the constant of a module."""
+    found = re.search(
+        rf"^{name}: Final = .*?(?:  # (.*))?$", inspect.getsource(module), re.MULTILINE
+    )
+    return (found[1] if found else "") or ""
 
 
 def _members(kind: type) -> Iterator[tuple[str, str]]:
@@ -758,8 +781,19 @@ def metrics_page() -> str:
     )
 
 
+def foreign_actions() -> set[str]:
+    """The actions that layers and panels of other installed packages bring, and none of ours has."""
+    own: set[str] = set()
+    others: set[str] = set()
+    for registered in (layers(), panels()):
+        for name, one in registered.by_name.items():
+            (own if name in registered.own else others).add(one.action)
+    return others - own
+
+
 def keys_page() -> str:
-    """The keys of the viewer, from its bindings."""
+    """The keys of the viewer, from its bindings; those of plug-ins are left out."""
+    brought = foreign_actions()
     sections = [
         f"## {topic.name}\n\n"
         + table(
@@ -771,6 +805,7 @@ def keys_page() -> str:
                     action.meaning + (" (two runs)" if action.id in COMPARING else ""),
                 )
                 for action in topic.actions
+                if action.id not in brought
             ),
         )
         for topic in TOPICS

@@ -29,7 +29,7 @@ import numpy as np
 from automaton.build.resolve import Resolved
 from automaton.engine.state import NIL, Array
 from automaton.floor.cells import CHARGER, STATION
-from automaton.floor.floor_plan import CAN_TURN
+from automaton.floor.floor_plan import may_turn
 from automaton.floor.reachability import backward_exits, slot_access
 from automaton.scenario.carried_pods import transports_of
 from automaton.scenario.orders import DRAWN, ENDS, Orders, Parts
@@ -193,7 +193,7 @@ def _costs(
     floor_plan = resolved.floor_plan
     back, offsets = backward_exits(floor_plan).tolist(), floor_plan.offsets
     kind = floor_plan.kind.reshape(-1)
-    turns = (CAN_TURN[kind] if resolved.fleet.rail else np.ones(kind.size, np.bool_)).tolist()
+    turns = may_turn(kind, resolved.fleet.rail).tolist()
     beside: dict[int, list[int]] = {}  # cell: slots that are served from it
     for slot, cells in enumerate(access):
         for cell in cells:

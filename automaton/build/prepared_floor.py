@@ -14,7 +14,7 @@ from automaton.engine.state import NIL, Array, Grid, Workspace
 from automaton.engine.table_building import Costs, build_tables, bytes_taken, renew
 from automaton.errors import InputError
 from automaton.floor.cells import STORAGE
-from automaton.floor.floor_plan import CAN_TURN, DRIVABLE, UNBOUNDED, FloorPlan
+from automaton.floor.floor_plan import DRIVABLE, UNBOUNDED, FloorPlan, may_turn
 from automaton.floor.loaded_ways import has_storage
 from automaton.floor.reachability import slot_access
 from automaton.floor.traffic_zones import traffic_zones_of
@@ -140,8 +140,7 @@ def flags_by_type(floor_plans: Sequence[FloorPlan], rows: Sequence[RobotType]) -
 def cell_flags_of(floor_plan: FloorPlan, rail: bool) -> Array:
     """(C,) uint8: exits, where robots may turn, on rails or not, and the class of capacity."""
     kind = floor_plan.kind.reshape(-1)
-    turns = CAN_TURN[kind] if rail else DRIVABLE[kind]
-    turning = np.where(turns, MAY_TURN, 0).astype(np.uint8)
+    turning = np.where(may_turn(kind, rail), MAY_TURN, 0).astype(np.uint8)
     capacity = np.where(DRIVABLE[kind], floor_plan.capacity.reshape(-1), 1).astype(np.uint8)
     rule: Array = floor_plan.exits.reshape(-1) | turning | (capacity << np.uint8(5))
     return rule

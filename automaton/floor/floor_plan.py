@@ -35,12 +35,18 @@ Cells = npt.NDArray[np.int32]  # flat indices
 MoveTicks = npt.NDArray[np.uint16]  # (cells, 4) by flat cell and direction
 
 DRIVABLE = np.array([kind.drivable for kind in CELL_KINDS])  # (kinds,) bool
-CAN_TURN = np.array([kind.turns for kind in CELL_KINDS])  # (kinds,) bool
+TURNS = np.array([kind.turns for kind in CELL_KINDS])  # (kinds,) bool
 SLOT = np.array([kind.is_slot for kind in CELL_KINDS])  # (kinds,) bool
 UNBOUNDED = np.array([kind.holds == ANY for kind in CELL_KINDS])  # (kinds,) bool
 ENTRIES = np.array(  # (kinds, 16) uint8: directions of travel that enter a cell with these exits
     [[entries(kind.code, exits) for exits in range(ALL_EXITS + 1)] for kind in CELL_KINDS], np.uint8
 )
+
+
+def may_turn(kinds: CellBytes, rail: bool) -> npt.NDArray[np.bool_]:
+    """Where robots turn, on rails or not, by the kinds of cells."""
+    turns: npt.NDArray[np.bool_] = (TURNS if rail else DRIVABLE)[kinds]
+    return turns
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,7 @@ from automaton.floor.cells import (
     SOUTH,
     WEST,
 )
-from automaton.floor.floor_plan import CAN_TURN, Cells, FloorPlan
+from automaton.floor.floor_plan import Cells, FloorPlan, may_turn
 
 Mask = npt.NDArray[np.bool_]  # (cells,) flat
 
@@ -57,7 +57,7 @@ def reached_along(
 ) -> npt.NDArray[np.bool_]:
     """(2, cells) as `reached`, by the axis of travel; `starts`: where robots begin along each axis."""
     exits = backward_exits(floor_plan) if backwards else floor_plan.exits.reshape(-1)
-    turns = CAN_TURN[floor_plan.kind.reshape(-1)] if rail else np.ones(exits.size, np.bool_)
+    turns = may_turn(floor_plan.kind.reshape(-1), rail)
     offsets = floor_plan.offsets
     seen = np.zeros((2, exits.size), np.bool_)
     front = [np.array(sorted(set(first)), np.int64) for first in starts]

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automaton.floor.cells import STORAGE
-from automaton.floor.floor_plan import CAN_TURN, DRIVABLE, FloorPlan
+from automaton.floor.floor_plan import FloorPlan, may_turn
 from automaton.floor.reachability import backward_exits
 
 NO_WAY: Final = 2**30
@@ -43,7 +43,7 @@ def ticks_between(
     headings, cells = driving.headings, floor_plan.kind.size
     kind = floor_plan.kind.reshape(-1)
     exits = backward_exits(floor_plan) if backwards else floor_plan.exits.reshape(-1)
-    turns = CAN_TURN[kind] if driving.rail else DRIVABLE[kind]
+    turns = may_turn(kind, driving.rail)
     through = np.ones(cells, np.bool_) if not driving.loaded else kind != STORAGE
     through[cell] = True
     result = np.full(cells * headings, NO_WAY, np.int64)

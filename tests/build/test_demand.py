@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from battery_scenes import recorded_run, scene
+from drawn_scenes import recorded_run, scene
 
 from automaton.build.resolve import resolve
 from automaton.engine.state import NIL, ORDER_DELIVERED, ORDER_UNRELEASED, ORDER_WAITING

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from battery_scenes import recorded_run, scene
+from drawn_scenes import recorded_run, scene
 
 from automaton.build.geometric_draws import geometric
 from automaton.build.resolve import resolve

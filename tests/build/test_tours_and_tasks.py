@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from battery_scenes import recorded_run, scene
+from drawn_scenes import recorded_run, scene
 
 from automaton.build import task_lists
 from automaton.build.task_lists import _moves as moves

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from metric_names import OF_OTHER_RUNS
+from metrics_of_some_runs import OF_OTHER_RUNS
 
 from automaton.build.resolve import resolve
 from automaton.build.rules import tick_length

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from battery_scenes import MOVES, BatteryScene, recorded_run, scene
+from battery_scenes import MOVES, BatteryScene
+from drawn_scenes import recorded_run, scene
 
 from automaton.build.rules import drain_table
 from automaton.engine.robot_status import BATTERY_FULL, STATUS_DEPLETED, STATUS_UP

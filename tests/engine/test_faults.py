@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from battery_scenes import MOVES, BatteryScene, recorded_run, scene
+from battery_scenes import MOVES, BatteryScene
+from drawn_scenes import recorded_run, scene
 
 from automaton.build.resolve import resolve
 from automaton.engine.robot_status import (

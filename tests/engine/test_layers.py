@@ -129,12 +129,17 @@ def test_an_unknown_class_is_answered_with_the_nearest_one() -> None:
 
 
 def test_an_installed_plugin_is_found_by_its_entry_point(monkeypatch: Any) -> None:
-    from importlib.metadata import EntryPoint
+    from importlib import metadata
 
     from automaton.strategy import lookup
 
-    point = EntryPoint("allocation.lazy", "example_strategies:Idle", lookup.PLUGINS)
-    monkeypatch.setattr("importlib.metadata.entry_points", lambda group: [point])
+    point = metadata.EntryPoint("allocation.lazy", "example_strategies:Idle", lookup.PLUGINS)
+    entry_points = metadata.entry_points
+
+    def with_one_more(**wanted: str) -> Any:
+        return [point] if wanted == {"group": lookup.PLUGINS} else entry_points(**wanted)
+
+    monkeypatch.setattr(metadata, "entry_points", with_one_more)
     lookup._plugins.cache_clear()
     try:
         assert "lazy" in lookup.names("allocation")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 import pytest
-from battery_scenes import recorded_run, scene
+from drawn_scenes import recorded_run, scene
 
 from automaton.build.resolve import resolve
 from automaton.engine.state import CMD_PARK, LAYER_ALLOCATION, NIL, ORDER_WAITING

@@ -14,7 +14,7 @@ from docs_pages import page
 from automaton.build.resolve import resolve
 from automaton.engine.robot_states import Motion, Task, motions_of, tasks_of
 from automaton.engine.robot_status import STATUS_NAMES
-from automaton.engine.state import CLOCK_TICK, World
+from automaton.engine.state import ACTION_NAMES, CLOCK_TICK, World
 from automaton.runs.simulation import Simulation
 
 PAGE = page("docs/explanation/robot-states.md").text
@@ -43,10 +43,16 @@ STOPS = (
     "{from: [2, 2], to: [4, 2], stops: [{at: [6, 2], for: 2}, [0, 2]]}, "
     "{stops: [{at: [6, 2], for: 40}, [2, 2]]}, {stops: [[2, 2], {at: [4, 2], for: 9}]}]}",
 )
+RETRIES = "strategy.right_of_way={name: retreat, retries: 3, max_retries: 5}"
+CLOSINGS = "floor.closed=[{cells: [[2, 0], [8, 0]], from: 3, for: 4, every: 8}]"
+# What the event of a row has to name if robots did it in the tick in which their motion changed.
+NAMED = {"blocked": "refused", "gate": "gate", "held_back": "stay", "retreat": "retreat"}
 # Runs in which every change of state occurs: scenario, settings, seed, ticks.
 RUNS = (
     ("tabletop-mini", (), 1, 400),
     ("tabletop-mini", ("strategy.allocation=independent", "fleet.robots=5"), 3, 60),
+    ("tabletop-mini", (RETRIES, "fleet.robots=5"), 1, 400),
+    ("tabletop-mini", (CLOSINGS, "strategy.allocation=independent", "fleet.robots=5"), 1, 470),
     ("tabletop-mini", LOST, 4, 120),
     ("tabletop-mini", REPAIRED, 1, 1270),
     ("tabletop-mini", ("faults.list=[{robot: 0, at: 1}]",), 1, 10),
@@ -80,15 +86,15 @@ def section(kind: str) -> str:
     return PAGE.partition(f"\n## {kind}\n")[2].partition("\n## ")[0]
 
 
-def table() -> set[Change]:
-    """Every change of state that the page names."""
-    changes: set[Change] = set()
+def table() -> dict[Change, str]:
+    """Every change of state that the page names, and its event."""
+    changes: dict[Change, str] = {}
     for kind in NAMES:
         for row in re.findall(r"^\| (.+) \|$", section(kind), re.MULTILINE)[1:]:
-            states, _, following, _ = row.split(" | ")
+            states, event, following, _ = row.split(" | ")
             pairs = set(product([kind], states.split(", "), following.split(", ")))
-            assert not pairs & changes, f"twice in the table: {pairs & changes}"
-            changes |= pairs
+            assert not pairs & set(changes), f"twice in the table: {pairs & set(changes)}"
+            changes |= dict.fromkeys(pairs, event)
     return changes
 
 
@@ -105,36 +111,50 @@ def states(world: World) -> dict[str, list[int]]:
     return {kind: array[robots.at_index].tolist() for kind, array in arrays.items()}
 
 
-def changes_of(name: str, settings: tuple[str, ...], seed: int, ticks: int) -> Iterator[Change]:
-    """Yield the changes of state in a run."""
+def changes_of(
+    name: str, settings: tuple[str, ...], seed: int, ticks: int
+) -> Iterator[tuple[Change, str]]:
+    """Yield the changes of state in a run, and what the robot did in that tick."""
     simulation = Simulation(resolve(name, settings), seed=seed)
     before = states(simulation.world)
     while simulation.tick < ticks and not simulation.finished:
         simulation.run(until=simulation.tick + 1)
         after = states(simulation.world)
+        robots = simulation.world.robots
+        did = [ACTION_NAMES[action] for action in robots.action[robots.at_index]]
         for kind, names in NAMES.items():
-            for old, new in zip(before[kind], after[kind], strict=True):
+            for old, new, action in zip(before[kind], after[kind], did, strict=True):
                 if old != new:
-                    yield kind, names[old], names[new]
+                    yield (kind, names[old], names[new]), action
         before = after
 
 
 @pytest.fixture(scope="module")
-def observed() -> dict[Change, Any]:
-    """The changes of state in all runs, each with the first run that shows it."""
-    found: dict[Change, Any] = {}
+def observed() -> dict[Change, dict[str, Any]]:
+    """The changes of state in all runs; what robots did then, each with the first run that shows it."""
+    found: dict[Change, dict[str, Any]] = {}
     for run in RUNS:
-        for change in changes_of(*run):
-            found.setdefault(change, run)
+        for change, action in changes_of(*run):
+            found.setdefault(change, {}).setdefault(action, run)
     return found
 
 
-def test_every_change_of_state_is_in_the_table(observed: dict[Change, Any]) -> None:
-    assert {change: run for change, run in observed.items() if change not in table()} == {}
+def test_every_change_of_state_is_in_the_table(observed: dict[Change, dict[str, Any]]) -> None:
+    assert {change: runs for change, runs in observed.items() if change not in table()} == {}
 
 
-def test_every_row_of_the_table_occurs(observed: dict[Change, Any]) -> None:
-    assert table() - set(observed) == set()
+def test_every_row_of_the_table_occurs(observed: dict[Change, dict[str, Any]]) -> None:
+    assert set(table()) - set(observed) == set()
+
+
+def test_events_of_motion_name_what_robots_do(observed: dict[Change, dict[str, Any]]) -> None:
+    events, unnamed = table(), []
+    for change, runs in observed.items():
+        for action in runs if change[0] == "Motion" else ():
+            if NAMED.get(action, "") not in events[change]:
+                unnamed.append((change, events[change], action, runs[action]))
+    assert unnamed == []
+    assert {"blocked", "gate", "move"} <= set(observed["Motion", "waiting", "driving"])
 
 
 def test_the_tables_name_all_states() -> None:

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from battery_scenes import scene
 from conservation_trials import digests, trials
+from drawn_scenes import scene
 
 from automaton.runs.simulation import Simulation
 

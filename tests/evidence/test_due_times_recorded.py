@@ -6,7 +6,7 @@ import copy
 
 import numpy as np
 import pytest
-from battery_scenes import recorded_run, scene
+from drawn_scenes import recorded_run, scene
 
 from automaton.evidence.history.watched_run import RecordedRun
 from automaton.evidence.recording.frames import Recording

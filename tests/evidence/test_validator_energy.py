@@ -6,7 +6,7 @@ import copy
 from typing import Any
 
 import pytest
-from battery_scenes import recorded_run
+from drawn_scenes import recorded_run
 from handmade_recordings import E, S, W, header, played, rules
 
 from automaton.build.resolve import resolve

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from battery_scenes import recorded_run, scene
+from drawn_scenes import recorded_run, scene
 from handmade_recordings import E, W, header, played, rules
 
 from automaton.engine.record_codes import CHANGE_ORDER_RESERVED, CHANGE_VISITED

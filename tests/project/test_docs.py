@@ -7,6 +7,7 @@ import re
 import runpy
 import shlex
 from pathlib import Path
+from typing import Any
 
 import pytest
 from doc_commands import (
@@ -23,6 +24,7 @@ from docs_pages import ROOT, Page, page, pages
 from automaton.build.resolve import resolve
 from automaton.commands import COMMANDS
 from automaton.engine import loop
+from automaton.runs.simulation import Simulation
 from automaton.strategy.lookup import names, parameters_type
 from automaton.studies.sweeps.sweep_plan import check_study
 
@@ -31,7 +33,8 @@ WITH_COMMANDS = [
     one for one in pages() if any(block.language in ("sh", "console") for block in one.blocks)
 ]
 FOR_DEVELOPERS = [
-    page(f"docs/how-to/add-a-{thing}.md") for thing in ("cell-kind", "metric", "map-layer")
+    page(f"docs/how-to/add-a-{thing}.md")
+    for thing in ("cell-kind", "metric", "map-layer", "strategy")
 ]
 
 
@@ -124,6 +127,18 @@ def test_the_picture_test_of_the_page_draws_its_floor(
     module = runpy.run_path("test_my_floor.py")
     module["test_my_floor"](lambda simulation: asked.append(simulation.tick))
     assert len(asked) == 1
+
+
+def test_the_layer_of_the_page_has_a_number_for_each_cell() -> None:
+    (block,) = (
+        one for one in page("docs/how-to/add-a-map-layer.md").blocks if one.language == "python"
+    )
+    names: dict[str, Any] = {}
+    exec(block.text, names)
+    run = Simulation(resolve("tabletop-1"), on_observe=Simulation.empty_observation)
+    run.run(until=700)
+    grains = names["Dust"]().numbers(run, 0)
+    assert grains.shape == run.world.grid.kind.shape and grains.any()
 
 
 def test_the_study_of_the_tutorial_has_its_points(

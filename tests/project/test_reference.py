@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import importlib.util
+import os
+import subprocess
+import sys
 from pathlib import Path
 from types import ModuleType
 
@@ -11,6 +14,48 @@ import pytest
 from automaton.engine.state import Decisions, World
 
 DOCS = Path(__file__).parents[2] / "docs"
+PLUG_IN = """
+import msgspec
+
+from automaton.strategy.layer import Strategy
+from tui.render.layer import Layer
+from tui.widgets.panel import Panel
+
+
+class Lazy(Strategy):
+    layer = "allocation"
+
+    class Parameters(msgspec.Struct):
+        naps: int = 3
+
+
+class Dust(Layer):
+    key, label = "f11", "Dust"
+
+
+NOTES = Panel("notes", "plug_in:Notes", key="u", label="Notes")
+"""
+ENTRY_POINTS = """
+[automaton.strategies]
+allocation.lazy = plug_in:Lazy
+
+[automaton.layers]
+dust = plug_in:Dust
+
+[automaton.panels]
+notes = plug_in:NOTES
+"""
+STALE = """
+import runpy, sys
+from pathlib import Path
+from automaton.strategy.lookup import names
+from tui.registration import layers, panels
+assert "lazy" in names("allocation") and "dust" in layers().by_name and "notes" in panels().by_name
+pages = runpy.run_path(sys.argv[1] + "/generate.py")["pages"]()
+for name, text in pages.items():
+    if Path(sys.argv[1], "reference", name).read_text(encoding="utf-8") != text:
+        print(name)
+"""
 
 
 @pytest.fixture(scope="module")
@@ -34,6 +79,22 @@ def test_every_generated_page_is_up_to_date(generator: ModuleType) -> None:
     assert not stale, f"{', '.join(stale)} of docs/reference: stale; run `{generator.COMMAND}`"
 
 
+def test_plug_ins_of_other_packages_are_in_no_page(tmp_path: Path) -> None:
+    information = tmp_path / "plug_in-1.0.dist-info"
+    information.mkdir()
+    (information / "METADATA").write_text("Metadata-Version: 2.1\nName: plug-in\nVersion: 1.0\n")
+    (information / "entry_points.txt").write_text(ENTRY_POINTS)
+    (tmp_path / "plug_in.py").write_text(PLUG_IN)
+    done = subprocess.run(
+        [sys.executable, "-c", STALE, str(DOCS)],
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout) == (0, ""), done.stderr
+
+
 def test_no_page_is_left_over_from_an_earlier_generator(generator: ModuleType) -> None:
     marked = [
         path.name
@@ -49,6 +110,11 @@ def test_every_key_has_a_meaning(generator: ModuleType, page: str) -> None:
     keys = [row for row in rows if row.count(" | ") == 3]
     assert keys
     assert [row for row in keys if row.endswith("|  |")] == []
+
+
+def test_every_role_of_a_field_has_a_meaning(generator: ModuleType) -> None:
+    roles = dict(generator._roles())
+    assert set(roles) >= {"`SCRATCH`", "`STOP`", "`CONSTANT`", "`STATE`"} and all(roles.values())
 
 
 def test_the_contract_has_every_part_of_the_view_and_of_the_decisions(

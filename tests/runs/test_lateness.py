@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from battery_scenes import scene
+from drawn_scenes import scene
 
 from automaton.runs.headless import Marks, run_marked, sums_by_stretch
 from automaton.runs.lateness import due_orders, lead_times

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from gate_scenes import gate_scene
-from metric_names import OF_OTHER_RUNS
+from metrics_of_some_runs import OF_OTHER_RUNS
 
 from automaton.build.resolve import resolve
 from automaton.engine.state import (

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from battery_scenes import scene
+from drawn_scenes import scene
 
 from automaton.build.resolve import Resolved
 from automaton.errors import InputError

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from battery_scenes import scene
+from drawn_scenes import scene
 
 from automaton.build.resolve import resolve
 from automaton.build.scenario_warnings import scenario_warnings

@@ -57,6 +57,8 @@ if TYPE_CHECKING:
 
 SETTLED_S = 1.5  # after the world is there, when the garbage collector is told to leave it alone
 INTERRUPTED = 130
+LABELS = {action.id: action.label for action in ACTIONS}
+OF_THE_WORLD = ("layer_none", "next_layer", "trails")  # as all layers and panels are
 PROBLEMS_S = 20.0  # in which it is said what could not be loaded
 
 
@@ -115,6 +117,10 @@ class Viewer(App[None]):
         ScrollBar.renderer = WholeCells if glyphs is ASCII else ScrollBarRender
         self._focused: Widget | None = None
         self.loop: asyncio.AbstractEventLoop | None = None
+        self._is_opening = False
+        self._awaited: list[str] = []  # actions that wait for the world
+        brought = (*layers().by_name.values(), *panels().by_name.values())
+        self._of_the_world = {*OF_THE_WORLD, *(one.action for one in brought)}
 
     def get_line_filters(self) -> Sequence[LineFilter]:
         """With --ascii nothing else gets to the terminal."""
@@ -138,6 +144,7 @@ class Viewer(App[None]):
             yield Keys(show_command_palette=False, compact=True)
 
     def on_mount(self) -> None:
+        self._is_opening = True
         self.screen.set_class(self.session.opening.comparing, "-comparing")
         self.screen.add_class("-panels-side")
         self.main_display.maps[0].focus()
@@ -164,6 +171,7 @@ class Viewer(App[None]):
                 self.call_later(self.session.changed)
 
     async def _opened(self) -> None:
+        self._is_opening = False
         self.session.ordered()
         self.session.changed()
         self.set_timer(SETTLED_S, quiet_collector)
@@ -179,6 +187,10 @@ class Viewer(App[None]):
             if problems:
                 self.notify("; ".join(problems), severity="warning", timeout=PROBLEMS_S)
             self.session.changed()
+            if self._awaited:
+                self.main_display.draw()  # now there is a state to be looked at
+            for id in self._awaited:
+                await self.action_do(id)
 
     # What Textual reports.
 
@@ -342,7 +354,12 @@ class Viewer(App[None]):
     # Actions: Textual calls `do`, and the app its own.
 
     async def action_do(self, id: str) -> None:
-        """Carry out an action of the table of bindings."""
+        """Carry out an action of the table of bindings; once there is a world, if it takes one."""
+        if self._is_opening and id in self._of_the_world:
+            if id not in self._awaited:  # who presses a key again wants the same
+                self._awaited.append(id)
+            self.notify(f"{LABELS[id]}: as soon as the world is built")
+            return
         done = self._commands[id]()
         if isawaitable(done):
             await done

@@ -6,7 +6,7 @@ from itertools import chain
 from typing import Any
 
 import pytest
-from battery_scenes import scene
+from drawn_scenes import scene
 
 from automaton.build.resolve import resolve
 from automaton.engine.robot_status import BATTERY_FULL

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from battery_scenes import recorded_run, scene
+from drawn_scenes import recorded_run, scene
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

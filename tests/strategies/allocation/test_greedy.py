@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from battery_scenes import recorded_run, scene
+from drawn_scenes import recorded_run, scene
 
 from automaton.build.resolve import Resolved
 from automaton.engine.facilities import MAY_TURN

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import pytest
-from battery_scenes import recorded_run, scene
+from drawn_scenes import recorded_run, scene
 
 from automaton.build.resolve import Resolved
 from automaton.errors import InputError

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from battery_scenes import recorded_run, scene
+from drawn_scenes import recorded_run, scene
 
 from automaton.build.resolve import resolve
 from automaton.engine.robot_status import BATTERY_FULL, BATTERY_PERCENT, FAILURE_DEPLETED

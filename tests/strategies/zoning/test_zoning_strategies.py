@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from battery_scenes import scene
+from drawn_scenes import scene
 from played_back import check_at, digests_of, playback_of, recorded
 
 from automaton.build.resolve import document_of, resolve

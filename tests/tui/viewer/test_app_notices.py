@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import threading
 import xml.etree.ElementTree as ET
 from collections.abc import Awaitable, Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,11 +15,13 @@ from viewer_harness import Watched, compared, mini, record, screen_text, viewing
 
 from automaton import atomic_write
 from automaton.build.resolve import resolve
+from automaton.evidence.history.watched_run import Run
 from automaton.evidence.recording.recording_reader import read_recording
 from tui.playback.frame_cache import Pictures
 from tui.playback.run_source import Opening, live, recorded
 from tui.render.glyphs import UNICODE
 from tui.terminal.options import Options
+from tui.viewer.app import Viewer
 from tui.widgets.status import head_words
 
 NARROW = (80, 24)
@@ -46,6 +50,45 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 async def branched(user: Watched, setting: str) -> None:
     user.app.branches.take((setting,))
     await user.until(lambda: any(mark.kind == "branch" for mark in user.session.marks))
+
+
+def test_keys_of_layers_and_panels_wait_for_the_world() -> None:
+    """In the sequence in which they were pressed; a key that takes no world does its work at once."""
+    may_begin = threading.Event()
+    opening = mini()
+
+    def begin() -> list[Run]:
+        may_begin.wait()
+        return opening.begin()
+
+    async def told() -> None:
+        app = Viewer(replace(opening, begin=begin), Options(paused=True, color="true"))
+        try:
+            async with app.run_test(size=NARROW, notifications=True) as pilot:
+                user = Watched(app, pilot)
+                zoom = user.session.pictures.camera.zoom
+                for key, label in (
+                    ("f3", "Visits"),
+                    ("L", "Layer"),
+                    ("i", "Inspect"),
+                    ("i", "Inspect"),
+                ):
+                    await user.press(key)
+                    words = f"{label}: as soon as the world is built"
+                    await user.until(lambda words=words: words in user.toasts())
+                await user.press("plus")
+                await user.until(lambda: user.session.pictures.camera.zoom != zoom)
+                assert (user.session.choice.layer, user.display.column) == ("", None)
+                may_begin.set()
+                await user.until(lambda: user.session.choice.layer == "waiting")
+                await user.until(lambda: user.app.panels.opened)
+                assert user.display.column is not None
+                assert user.display.column.name_open == "inspector"
+        finally:
+            may_begin.set()
+            app.session.close()
+
+    asyncio.run(told())
 
 
 def test_a_hint_about_a_layer_goes_when_it_was_followed() -> None:

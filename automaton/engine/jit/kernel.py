@@ -177,7 +177,10 @@ def kernel(
     folder = cache_folder(function.__module__, function.__code__.co_filename)
     if signature is not None:
         with _caching_in(folder):
-            return njit(signature, cache=True, **options)(function)
+            dispatcher = njit(cache=True, **options)(function)
+        dispatcher.compile(signature)  # for long; meanwhile others ask how far it is
+        dispatcher.disable_compile()
+        return dispatcher
     return Kernel(function, options, folder)
 
 

@@ -19,12 +19,14 @@ import pytest
 from automaton.build.resolve import resolve
 from automaton.commands import main
 from automaton.engine.jit.fields import field
+from automaton.engine.jit.kernel import jit_is_on
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import Array
 from automaton.errors import InputError
 from automaton.runs.headless import run_once
 from automaton.runs.simulation import ALWAYS_CHECKED, CHECKED_EVERY, Simulation
 from automaton.strategy import lookup, paths
+from automaton.strategy.kernels import kernel
 from automaton.strategy.layer import NoState, Strategy
 from strategies.allocation.independent import Independent
 from strategies.right_of_way.retreat import RetreatState
@@ -95,6 +97,26 @@ class OneForAll(Base):
         return Weights.sized()
 
 
+class Total(Struct):
+    """A number, which kernels cannot write."""
+
+    total: int = field("int64")
+
+
+@kernel
+def count_up(view, batch, decisions, memory, workspace):
+    state = Total.of(memory)
+    state.total = state.total + 1
+
+
+class WritesNumber(Strategy):
+    layer = "allocation"
+    compiled = count_up
+
+    def reset(self, view: Any) -> Any:
+        return Total.sized()
+
+
 class CountsNothing(Base):
     counters: ClassVar = {"asked": "asked"}
 
@@ -149,6 +171,12 @@ def run(name: str, layer: str = "allocation", scenario: str = "tabletop-mini") -
     simulation = Simulation(resolve(scenario, [f"strategy.{layer}=test_bad_strategies:{name}"]))
     simulation.run()
     return simulation
+
+
+@pytest.mark.skipif(not jit_is_on(), reason="compilation is off")
+def test_a_kernel_that_writes_a_number_of_its_state_is_told_what_to_declare() -> None:
+    with pytest.raises(InputError, match=r"py:\d+: the .* Total.total can only be read in kernels"):
+        run("WritesNumber")
 
 
 def test_values_that_a_radius_would_hide_are_called_constant() -> None:

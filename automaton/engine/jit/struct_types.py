@@ -9,10 +9,12 @@ from typing import Any
 
 from llvmlite import ir
 from numba import from_dtype, types
+from numba.core.errors import NumbaTypeError
 from numba.extending import (
     NativeValue,
     intrinsic,
     lower_getattr_generic,
+    lower_setattr_generic,
     models,
     register_model,
     typeof_impl,
@@ -188,3 +190,14 @@ def _lower_attribute(
         meminfo=None,
     )
     return array._getvalue()
+
+
+@lower_setattr_generic(StructType)
+def _refuse_to_set(
+    context: Any, builder: Any, signature: Any, arguments: Any, attribute: str
+) -> None:
+    struct = signature.args[0].name.rpartition("_")[0]
+    raise NumbaTypeError(
+        f"{struct}.{attribute} can only be read in kernels; what a kernel writes is an array, such as "
+        "(1,) int64"
+    )

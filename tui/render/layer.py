@@ -7,7 +7,7 @@ all others in that of the screen.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,3 +124,27 @@ class NoLayer(Layer):
 
 
 NO_LAYER = NoLayer()
+
+
+def check_numbers(layer: Layer, numbers: Any, simulation: Simulation, selected: int) -> None:
+    """Raises ValueError for numbers of another shape or type than the map can show."""
+    cells = simulation.world.grid.cell_flags.size
+    _check("numbers", numbers, (cells, 4) if layer.arrows else (cells,))
+
+
+def check_tints(layer: Layer, tints: Any, scene: Scene) -> None:
+    """Raises ValueError for tints of another shape or type than the map can show."""
+    _check("tints", tints, (scene.floor.floor_plan.kind.size,))
+
+
+def _check(method: str, found: Any, shape: tuple[int, ...]) -> None:
+    if found is None:
+        return
+    if not isinstance(found, np.ndarray):
+        raise TypeError(f"{method}() gave a {type(found).__name__}, not an array")
+    if found.shape != shape or not np.issubdtype(found.dtype, np.integer):
+        given = f"{found.dtype} of shape {found.shape}"
+        raise ValueError(f"{method}() gave {given}, not integers of shape {shape}")
+
+
+CHECKS: Final = {"numbers": check_numbers, "tints": check_tints}

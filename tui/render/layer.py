@@ -137,14 +137,14 @@ def check_tints(layer: Layer, tints: Any, scene: Scene) -> None:
     _check("tints", tints, (scene.floor.floor_plan.kind.size,))
 
 
-def _check(method: str, found: Any, shape: tuple[int, ...]) -> None:
-    if found is None:
+def _check(method: str, array: Any, shape: tuple[int, ...]) -> None:
+    if array is None:
         return
-    if not isinstance(found, np.ndarray):
-        raise TypeError(f"{method}() gave a {type(found).__name__}, not an array")
-    if found.shape != shape or not np.issubdtype(found.dtype, np.integer):
-        given = f"{found.dtype} of shape {found.shape}"
-        raise ValueError(f"{method}() gave {given}, not integers of shape {shape}")
+    if not isinstance(array, np.ndarray):
+        raise TypeError(f"{method}() gave a {type(array).__name__}, not an array")
+    if array.shape != shape or not np.issubdtype(array.dtype, np.integer):
+        gave = f"{array.dtype} of shape {array.shape}"
+        raise ValueError(f"{method}() gave {gave}, not integers of shape {shape}")
 
 
 CHECKS: Final = {"numbers": check_numbers, "tints": check_tints}

@@ -4,31 +4,35 @@
     dust = "my_package.dust:Dust"
 
 What cannot be loaded is left out, and one sentence says so. What another distribution brings is
-switched off when it raises while it is shown. Names, actions and keys that are taken stay where they
-are; ours come first.
+switched off when it raises while it is shown, or gives numbers of another shape. Names, actions and
+keys that are taken stay where they are; ours come first.
 """
 
 from __future__ import annotations
 
 import importlib
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from copy import copy
 from functools import cache, partial
 from importlib.metadata import Distribution, EntryPoint, entry_points
 from queue import Empty, SimpleQueue
+from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
 LAYERS: Final = "automaton.layers"
 PANELS: Final = "automaton.panels"
 # By name, as entry points are: what they show asks this module for layers.
 LAYER_CLASS: Final = "tui.render.layer:Layer"
+LAYER_CHECKS: Final = "tui.render.layer:CHECKS"
 SWITCHED_OFF: Final = "tui.render.layer:SwitchedOff"
 NO_LAYER: Final = "tui.render.layer:NO_LAYER"
 PANEL_CLASS: Final = "tui.widgets.panel:Panel"
 OURS: Final = "fleet-automaton"  # the distribution of this module
 RESERVED: Final = ("layer_none", "layer_route")  # actions of the viewer itself
 WIDGET_ID: Final = re.compile(r"[a-zA-Z_-][a-zA-Z0-9_-]*")  # what Textual takes
+
+NO_CHECKS: Final[Mapping[str, Callable[..., None]]] = MappingProxyType({})
 
 
 class Registered(NamedTuple):
@@ -67,18 +71,34 @@ def failure() -> str:
         return ""
 
 
-def guard(thing: Any, what: str, name: str, without: type[Any], off: Callable[[str], None]) -> None:
+def guard(
+    thing: Any,
+    what: str,
+    name: str,
+    without: type[Any],
+    off: Callable[[str], None],
+    checks: Mapping[str, Callable[..., None]] = NO_CHECKS,
+) -> None:
     """Replace the public methods that a thing inherits from `without`: they raise no errors.
 
     With the first error the thing is switched off: `failure` returns the sentence, which `off` gets,
-    too, and from then on the methods do what those of `without` do.
+    too, and from then on the methods do what those of `without` do. The check of a method gets the
+    thing, what the method returned, and its arguments; it raises an error for what is of no use.
     """
     failed: list[str] = []
 
-    def called(method: Callable[..., Any], instead: Callable[..., Any], *args: Any) -> Any:
+    def called(
+        method: Callable[..., Any],
+        instead: Callable[..., Any],
+        check: Callable[..., None] | None,
+        *args: Any,
+    ) -> Any:
         if not failed:
             try:
-                return method(*args)
+                returned = method(*args)
+                if check is not None:
+                    check(thing, returned, *args)
+                return returned
             except Exception as error:  # whatever a user's module does wrong
                 failed.append(left_out(what, name, error))
                 _failures.put(failed[0])
@@ -88,7 +108,7 @@ def guard(thing: Any, what: str, name: str, without: type[Any], off: Callable[[s
     for each in dir(without):
         instead = getattr(without, each)
         if callable(instead) and not each.startswith("_"):
-            setattr(thing, each, partial(called, getattr(thing, each), instead))
+            setattr(thing, each, partial(called, getattr(thing, each), instead, checks.get(each)))
 
 
 def load(place: str) -> Any:
@@ -117,8 +137,8 @@ def _registered(group: str, what: str, kind: type[Any]) -> Registered:
             loaded = _loaded(point, kind)
             _take_action(loaded, what == "layer", ours, entries)
             if what == "layer" and not ours:
-                off = load(SWITCHED_OFF)
-                guard(loaded, what, point.name, off, partial(setattr, loaded, "absent"))
+                without, off = load(SWITCHED_OFF), partial(setattr, loaded, "absent")
+                guard(loaded, what, point.name, without, off, load(LAYER_CHECKS))
             entries[point.name] = loaded
         except Exception as error:  # whatever a user's module does wrong while it is imported
             problems.append(left_out(what, point.name, error))

@@ -16,6 +16,8 @@ from automaton.exchange.graphs.fit import Fit, fit_graph
 from automaton.exchange.graphs.lif import read_lif
 from automaton.exchange.graphs.returning import largest_part
 from automaton.exchange.graphs.roads import staircase
+from automaton.exchange.graphs.symbols import draw
+from automaton.floor.cells import ALL_EXITS, CHARGER, FLOOR, STATION, SYMBOLS, Symbol
 
 RING = {"A": (0.0, 0.0), "B": (4.0, 0.0), "C": (4.0, 2.0), "D": (0.0, 2.0)}
 AROUND = ["A-B", "B-C", "C-D", "D-A"]
@@ -177,3 +179,15 @@ def test_a_set_of_cells_is_walked_with_ways_back() -> None:
     ways = {one: {o for o in line if abs(o[0] - one[0]) + abs(o[1] - one[1]) == 1} for one in line}
     assert corners(walk(ways) or []) in ([[0, 0], [2, 0], [2, 1]], [[2, 1], [2, 0], [0, 0]])
     assert walk({(0, 0): set(), (5, 5): set()}) is None
+
+
+def test_letters_that_every_picture_has_are_not_given_to_stations_chargers_and_ends(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    exits = {(0, 0): 1, (1, 0): 1, (2, 0): 1, (3, 0): 0}
+    kinds = {(1, 0): CHARGER, (2, 0): STATION}
+    assert draw(exits, kinds, 4, 1).rows == [">zox"]
+    for letter in "zox":
+        monkeypatch.setitem(SYMBOLS, letter, Symbol(FLOOR, ALL_EXITS))
+    drawn = draw(exits, kinds, 4, 1)
+    assert drawn.rows == [">yn*"] and not set("zox") & set(drawn.legend)

@@ -7,7 +7,7 @@ all others in that of the screen.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,3 +124,27 @@ class NoLayer(Layer):
 
 
 NO_LAYER = NoLayer()
+
+
+def check_numbers(layer: Layer, numbers: Any, simulation: Simulation, selected: int) -> None:
+    """Raises ValueError for numbers of another shape or type than the map can show."""
+    cells = simulation.world.grid.cell_flags.size
+    _check("numbers", numbers, (cells, 4) if layer.arrows else (cells,))
+
+
+def check_tints(layer: Layer, tints: Any, scene: Scene) -> None:
+    """Raises ValueError for tints of another shape or type than the map can show."""
+    _check("tints", tints, (scene.floor.floor_plan.kind.size,))
+
+
+def _check(method: str, array: Any, shape: tuple[int, ...]) -> None:
+    if array is None:
+        return
+    if not isinstance(array, np.ndarray):
+        raise TypeError(f"{method}() gave a {type(array).__name__}, not an array")
+    if array.shape != shape or not np.issubdtype(array.dtype, np.integer):
+        gave = f"{array.dtype} of shape {array.shape}"
+        raise ValueError(f"{method}() gave {gave}, not integers of shape {shape}")
+
+
+CHECKS: Final = {"numbers": check_numbers, "tints": check_tints}

@@ -21,7 +21,7 @@ from tui.render import styles
 from tui.render.describe import describe
 from tui.render.glyphs import Codes
 from tui.render.styles import Look
-from tui.session.notices import FAILURE_S, LINES_S, Notices
+from tui.session.notices import LINES_S, Notices
 from tui.session.session import Session
 from tui.terminal.frame_pacing import FrameClock, FramePacer
 from tui.terminal.presenter import Presenter
@@ -130,7 +130,7 @@ class Display:
         is_said = self._update_texts()
         if failed := failure():
             self._leave_failed_layer()
-            self.notices.say(failed, "warning", FAILURE_S)
+            self.notices.say_switched_off(failed)
         return drawn or is_said
 
     def _leave_failed_layer(self) -> None:

@@ -28,7 +28,8 @@ class Notice(NamedTuple):
 
     words: Word
     until: float
-    about: tuple[str, int] | None = None  # the layer and the robot without which it goes sooner
+    layer: str | None = None  # with another one it goes sooner, as it does
+    robot: int | None = None  # with another robot selected
 
 
 class Notices:
@@ -57,9 +58,13 @@ class Notices:
     def say_of_layer(self, message: str) -> None:
         """Say what holds as long as this layer is shown and this robot selected."""
         self.say(message)
-        if self.notice is not None and self.notice.words.text == message:
-            choice = self._session.choice
-            self.notice = self.notice._replace(about=(choice.layer, choice.robot))
+        choice = self._session.choice
+        self._let_go(message, layer=choice.layer, robot=choice.robot)
+
+    def say_switched_off(self, message: str) -> None:
+        """Say it until another layer is shown: its scale is in the same line."""
+        self.say(message, "warning", FAILURE_S)
+        self._let_go(message, layer=self._session.choice.layer)
 
     def say_failure(self) -> None:
         """The whole sentence, with the strategy's file and line."""
@@ -71,9 +76,15 @@ class Notices:
         notice, choice = self.notice, self._session.choice
         if notice is not None:
             late = notice.until <= asyncio.get_running_loop().time()
-            if late or notice.about not in (None, (choice.layer, choice.robot)):
+            other_layer = notice.layer not in (None, choice.layer)
+            if late or other_layer or notice.robot not in (None, choice.robot):
                 self.notice = None
         return None if self.notice is None else self.notice.words
+
+    def _let_go(self, message: str, layer: str, robot: int | None = None) -> None:
+        """Of this sentence, if the line has it: with another layer or robot it goes."""
+        if self.notice is not None and self.notice.words.text == message:
+            self.notice = self.notice._replace(layer=layer, robot=robot)
 
     def _toast(self, message: str, severity: SeverityLevel, seconds: float) -> None:
         self._app.clear_notifications()  # one at a time: many would cover the status line

@@ -32,11 +32,11 @@ BOXES: Final = {
 }  # fmt: skip
 ARROWS: Final = {1: ">", 2: "v", 4: "<", 8: "^"}
 PLAIN: Final = {STATION: "t", CHARGER: "c"}
-NO_WAY_OUT: Final = "x"
 POCKETS: Final = {1: "╶", 2: "╷", 4: "╴", 8: "╵"}  # of plain floor
-FURTHER: Final = {  # symbols of a legend for kinds, the first ones first
+FURTHER: Final = {  # of a legend, the first ones first; those of SYMBOLS are skipped
     CHARGER: "zywu987654βδεζηθκλμξ",
     STATION: "onmlkjhgfea0123πτφχψω",
+    FLOOR: "x*:",  # with no way out
 }
 
 
@@ -136,19 +136,19 @@ class _Cells:
 
 def _mark(out: Drawing, symbol: Symbol, kind: int) -> str:
     """Return the character of a symbol, and put it into the legend if it needs an entry."""
-    if kind != FLOOR:
-        if symbol == SYMBOLS[PLAIN[kind]]:
-            return PLAIN[kind]
+    if kind != FLOOR and symbol == SYMBOLS[PLAIN[kind]]:
+        return PLAIN[kind]
+    if kind != FLOOR or symbol.exits == NO_EXITS:
         known = {entry: mark for mark, entry in out.legend.items()}
         if symbol in known:
             return known[symbol]
-        mark = next(mark for mark in FURTHER[kind] if mark not in out.legend)
+        mark = next(mark for mark in FURTHER[kind] if mark not in (*out.legend, *SYMBOLS))
     elif symbol.opens:
         mark = POCKETS[symbol.opens]
     elif symbol.exits in ARROWS:
         return ARROWS[symbol.exits]
     else:
-        mark = NO_WAY_OUT if symbol.exits == NO_EXITS else BOXES[symbol.exits]
+        mark = BOXES[symbol.exits]
     out.legend[mark] = symbol
     return mark
 

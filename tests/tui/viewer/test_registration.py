@@ -189,6 +189,20 @@ class Smoke(Layer):
         raise ValueError("no smoke")
 
 
+class Turned(Layer):
+    key = "y"
+
+    def numbers(self, simulation, selected):
+        return np.zeros(12, np.int32)
+
+
+class Soft(Layer):
+    key = "Y"
+
+    def numbers(self, simulation, selected):
+        return simulation.world.grid.cell_flags * 0.5
+
+
 class Unbuilt(TextPanel):
     def __init__(self, signs, *, id=None):
         raise ValueError("no ground")
@@ -206,20 +220,33 @@ FAILING_POINTS = """
 [automaton.layers]
 rust = my_viewer:Rust
 smoke = my_viewer:Smoke
+turned = my_viewer:Turned
+soft = my_viewer:Soft
 
 [automaton.panels]
 silent = my_viewer:SILENT
 unbuilt = my_viewer:UNBUILT
 """
+OF_TWELVE = "numbers() gave int32 of shape (12,), not integers of shape (126,)"
+OF_HALVES = "numbers() gave float64 of shape (126,), not integers of shape (126,)"
 FAILURES = (
     RECORDED
     + """
 async def story():
     async with viewing(size=(140, 40)) as user:
-        for key, words in (("f11", "no rust"), ("f12", "no smoke"), ("u", "no words")):
+        for key, words in (
+            ("f11", "no rust"),
+            ("f12", "no smoke"),
+            ("y", "of shape (12,)"),
+            ("Y", "gave float64"),
+            ("u", "no words"),
+        ):
             await user.press(key)
             await user.until(lambda: any(words in said for said in sentences), words)
             await user.until(lambda: user.session.choice.layer == "", "the plain floor")
+            if key == "y":
+                await user.press("f3")
+                await user.until(lambda: user.display.notices.current() is None, "the scale")
         await user.press("f11")
         await user.at(20)
         await user.shown()
@@ -234,6 +261,17 @@ async def story():
 asyncio.run(story())
 """
 )
+CAST = """
+import sys
+from pathlib import Path
+from automaton.commands import main
+from viewer_harness import record
+
+record(Path("run.rec"), until=10)
+sys.stderr = sys.stdout
+for layer in ("turned", "soft"):
+    print(main(["cast", "run.rec", "--layer", layer, "--picture", "h.svg"]), flush=True)
+"""
 
 
 def said_with(folder: Path, module: str, points: str, story: str) -> str:
@@ -298,7 +336,19 @@ def test_what_raises_in_a_frame_is_said_once_and_switched_off(tmp_path: Path) ->
     assert "layer 'rust' is left out: ValueError: no rust" in said
     assert "layer 'smoke' is left out: ValueError: no smoke" in said
     assert "panel 'silent' is left out: ValueError: no words" in said
+    assert f"layer 'turned' is left out: ValueError: {OF_TWELVE}" in said
+    assert f"layer 'soft' is left out: ValueError: {OF_HALVES}" in said
     assert "switched off none" in said and "next is visits" in said
+
+
+def test_a_picture_of_a_layer_with_numbers_of_another_shape_or_type_ends_with_a_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    said = said_with(tmp_path, FAILING, FAILING_POINTS, CAST)
+    assert f"layer 'turned' is left out: ValueError: {OF_TWELVE}\n2\n" in said
+    assert f"layer 'soft' is left out: ValueError: {OF_HALVES}\n2\n" in said
+    assert not (tmp_path / "h.svg").exists()
 
 
 def test_an_installation_without_entry_points_is_said(

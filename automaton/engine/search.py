@@ -148,6 +148,7 @@ def follow_gradient(view, workspace, robot_type, cell, heading, target, steps):
 
 @kernel
 def begin_search(workspace):
+    """Begin a search; returns its number, with which it stamps the poses that it reaches."""
     workspace.generation[0] += 1
     return workspace.generation[0]
 
@@ -280,6 +281,7 @@ def how_turned(pose, to):
 
 @kernel
 def parent_of(grid, pose, how):
+    """The pose from which a search came to this one; `how`: workspace.parent, a direction or TURNED_*."""
     heading = pose % grid.headings
     if how < 4:
         return pose - grid.offset[how] * grid.headings

@@ -402,7 +402,8 @@ class Orders(Struct):
     )
     due: Array = field(
         "(m,) int32",
-        "tick until which it is to be done, which may be before 0; NEVER: none",
+        "tick until which it is to be done, which may be before 0; NEVER: none; of a trip of a pod the "
+        "earliest of its lines",
         default=NEVER,
         role=DERIVED,
         hidden=NEVER,

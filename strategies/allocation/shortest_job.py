@@ -163,10 +163,10 @@ class ShortestJob(Strategy):
     compiled = decide
 
     def reset(self, view):
-        given = self.parameters
+        parameters = self.parameters
         return ShortestJobState(
-            age=round(1000 * given.age),
-            job=round(1000 * given.job),
-            parks=int(given.idle == "park"),
-            storage=POLICIES.index(given.storage),
+            age=round(1000 * parameters.age),
+            job=round(1000 * parameters.job),
+            parks=int(parameters.idle == "park"),
+            storage=POLICIES.index(parameters.storage),
         )

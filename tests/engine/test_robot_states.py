@@ -46,7 +46,10 @@ STOPS = (
 RETRIES = "strategy.right_of_way={name: retreat, retries: 3, max_retries: 5}"
 CLOSINGS = "floor.closed=[{cells: [[2, 0], [8, 0]], from: 3, for: 4, every: 8}]"
 # What the event of a row has to name if robots did it in the tick in which their motion changed.
-NAMED = {"blocked": "refused", "gate": "gate", "held_back": "stay", "retreat": "retreat"}
+NAMED = {
+    **{"blocked": "refused", "gate": "gate", "held_back": "stay", "retreat": "retreat"},
+    "down": "goes down",
+}
 # Runs in which every change of state occurs: scenario, settings, seed, ticks.
 RUNS = (
     ("tabletop-mini", (), 1, 400),
@@ -54,6 +57,7 @@ RUNS = (
     ("tabletop-mini", (RETRIES, "fleet.robots=5"), 1, 400),
     ("tabletop-mini", (CLOSINGS, "strategy.allocation=independent", "fleet.robots=5"), 1, 470),
     ("tabletop-mini", LOST, 4, 120),
+    ("tabletop-mini", ("fleet.robots=6", "faults.failure_probability=0.01"), 5, 400),
     ("tabletop-mini", REPAIRED, 1, 1270),
     ("tabletop-mini", ("faults.list=[{robot: 0, at: 1}]",), 1, 10),
     ("tabletop-mini", ("faults.list=[{robot: 0, at: 1}]", "faults.repair_time=null"), 1, 10),
@@ -155,6 +159,8 @@ def test_events_of_motion_name_what_robots_do(observed: dict[Change, dict[str, A
                 unnamed.append((change, events[change], action, runs[action]))
     assert unnamed == []
     assert {"blocked", "gate", "move"} <= set(observed["Motion", "waiting", "driving"])
+    for state in ("driving", "waiting", "stuck", "retreating", "held back"):
+        assert "down" in observed["Motion", state, "standing"]
 
 
 def test_the_tables_name_all_states() -> None:

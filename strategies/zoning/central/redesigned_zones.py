@@ -142,14 +142,14 @@ class GeneticZones(RedesignedZones):
         )
 
     def _design(self, view: World, design: Any, state: Any) -> bool:
-        given = self.parameters
+        parameters = self.parameters
         found = evolve(
             view.service_zones.roads,
             state.rules,
             state.recent_flow,
-            given.generations,
-            given.selected,
-            float(given.mutation),
+            parameters.generations,
+            parameters.selected,
+            float(parameters.mutation),
             state.population,
             design,
             state.zones,
@@ -157,7 +157,7 @@ class GeneticZones(RedesignedZones):
             np.uint64(view.rules.seed),
             int(view.clock[CLOCK_TICK]),
         )
-        if found and given.matched:
+        if found and parameters.matched:
             self._assign_zones(view, design, state.poses)
         return bool(found)
 

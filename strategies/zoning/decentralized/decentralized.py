@@ -189,30 +189,30 @@ class DecentralizedZones(Strategy):
 
     def reset(self, view):
         """Nothing is remembered yet; the parameters in ticks, cells and nano-minutes."""
-        given = self.parameters
+        parameters = self.parameters
         allocation = getattr(self.other_layers.get("allocation"), "parameters", None)
-        average_every = max(1, ticks(view, given.average_every))
-        rules = rules_of_zones(view, given.adjacency, decentralized=True)
+        average_every = max(1, ticks(view, parameters.average_every))
+        rules = rules_of_zones(view, parameters.adjacency, decentralized=True)
         blank = (view.service_zones.design.held == NIL).all()
         return NegotiatorState.sized(
             {"n": len(view.robots.cell)},
             rules=rules,
-            range=int(cells(view, given.range)),
-            tolerance=round(NANO * given.tolerance),
-            patience=ticks(view, SECONDS_PER_UNIT["min"] * given.patience),
-            hysteresis=ticks(view, SECONDS_PER_UNIT["min"] * given.hysteresis),
-            look_every=max(1, ticks(view, given.look)),
+            range=int(cells(view, parameters.range)),
+            tolerance=round(NANO * parameters.tolerance),
+            patience=ticks(view, SECONDS_PER_UNIT["min"] * parameters.patience),
+            hysteresis=ticks(view, SECONDS_PER_UNIT["min"] * parameters.hysteresis),
+            look_every=max(1, ticks(view, parameters.look)),
             average_every=average_every,
-            rounds=min(given.rounds, max(1, average_every // 2)),
-            turns=given.turns,
-            iterations=given.iterations,
-            hot=given.hot,
-            cold=given.cold,
-            scale=given.scale,
-            pause=ticks(view, given.pause),
-            sharing=given.sharing,
-            share_every=max(1, ticks(view, given.share_every)),
-            drop_near=int(cells(view, given.drop_near)) if given.drop_near else 0,
+            rounds=min(parameters.rounds, max(1, average_every // 2)),
+            turns=parameters.turns,
+            iterations=parameters.iterations,
+            hot=parameters.hot,
+            cold=parameters.cold,
+            scale=parameters.scale,
+            pause=ticks(view, parameters.pause),
+            sharing=parameters.sharing,
+            share_every=max(1, ticks(view, parameters.share_every)),
+            drop_near=int(cells(view, parameters.drop_near)) if parameters.drop_near else 0,
             age=round(1000 * getattr(allocation, "age", 0.5)),
             job=round(1000 * getattr(allocation, "job", 10.0)),
             first_try=try_first_zones(view, rules) if blank else 0,

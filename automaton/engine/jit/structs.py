@@ -326,7 +326,7 @@ class Struct(metaclass=StructClass):
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            """An array, made when somebody looks, since most runs look at few: one of its own, or, of a
+            """An array, made when it is asked for, since most runs ask for few: one of its own, or, of a
             face, a window."""
             places = self.__dict__.get("_places")
             if places is not None and name in places:
@@ -392,9 +392,8 @@ class Layout:
         return self._made() if self._template is None else self._template.copy()
 
     def _made(self) -> Any:
-        block = np.zeros(
-            max(1, self._size), np.uint8
-        )  # pages of zeros that are not used cost nothing
+        # Pages of zeros that are not used cost nothing.
+        block = np.zeros(max(1, self._size), np.uint8)
         for name, default in self._filled:
             shape, dtype, offset = self.places[name]
             np.ndarray(shape, dtype, block, offset).fill(default)

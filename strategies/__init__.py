@@ -1,4 +1,7 @@
-"""The built-in strategies, one folder per layer; they see the world only through its public view."""
+"""The built-in strategies, one folder per layer; they see the world only through its public view.
+
+What several layers need lies beside the folders: `linear_sum_assignment`.
+"""
 
 from pkgutil import extend_path
 

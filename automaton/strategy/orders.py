@@ -30,8 +30,13 @@ def list_open(view: World, out: AllocationDecisions, robot: int) -> list[int]:
     return [
         order
         for order in waiting.tolist()
-        if open_orders.is_open(view, out, robot, order) and access_cells.can_do(view, robot, order)
+        if open_orders.is_open(view, out, robot, order) and can_do(view, robot, order)
     ]
+
+
+def can_do(view: World, robot: int, order: int) -> bool:
+    """Whether a robot carries an order, and gets to where it lies and to its target."""
+    return bool(access_cells.can_do(view, robot, int(order)))
 
 
 def begin_cell(view: World, robot: int, order: int) -> int | None:

@@ -47,11 +47,6 @@ def distance(view: World, workspace: Workspace, robot: int, target: int) -> int:
     return int(search.distance(view, workspace, robot_type, cell, heading, _checked(view, target)))
 
 
-def can_do(view: World, robot: int, order: int) -> bool:
-    """Whether a robot carries an order, and gets to where it lies and to its target."""
-    return bool(slot_access.can_do(view, robot, int(order)))
-
-
 def pickup_cell(view: World, robot: int, slot: int) -> int | None:
     """The cell from which a robot picks up a load, by the scenario's `world.access_cell`, or None."""
     robot_type, here = int(view.robots.type[robot]), position(view, robot)

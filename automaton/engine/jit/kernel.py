@@ -8,7 +8,6 @@ the sources that it is made of: whoever edits a strategy compiles that strategy,
 from __future__ import annotations
 
 import atexit
-import gc
 import hashlib
 import os
 import shutil
@@ -323,7 +322,6 @@ class _Compilations(event.Listener):  # type: ignore[misc]
         if self._depth > 1:
             return  # a kernel that another one calls
         self._begun = time.perf_counter()
-        gc.freeze()  # not to look for garbage in all that is imported: a twentieth of the time
         COMPILING.begin()
         subject = subject_of(event.data["dispatcher"].py_func.__module__)
         if not self.announced:
@@ -335,7 +333,6 @@ class _Compilations(event.Listener):  # type: ignore[misc]
         self._depth -= 1
         if self._depth == 0:
             self._timer.cancel()
-            gc.unfreeze()
             self.seconds += time.perf_counter() - self._begun
 
     def announce(self, subject: str) -> None:

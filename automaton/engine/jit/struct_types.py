@@ -28,7 +28,8 @@ from automaton.engine.jit.numba_parts import (
     infer_getattr,
     populate_array,
 )
-from automaton.engine.jit.structs import WORDS, Struct, StructClass
+from automaton.engine.jit.struct_layout import WORDS
+from automaton.engine.jit.structs import Struct, StructClass
 
 
 class StructType(types.Type):

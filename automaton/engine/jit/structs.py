@@ -24,9 +24,8 @@ there. Only somebody who writes to bare addresses (ctypes) can still do harm.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from ctypes import addressof, c_char
-from math import prod
 from operator import index
 from typing import TYPE_CHECKING, Any, ClassVar, Final, NoReturn, Self
 from weakref import WeakKeyDictionary, WeakValueDictionary
@@ -34,13 +33,9 @@ from weakref import WeakKeyDictionary, WeakValueDictionary
 import numpy as np
 
 from automaton.engine.jit.fields import CONSTANT, SCRATCH, STOP, Field, Sizes, nested
+from automaton.engine.jit.struct_layout import NO_SHAPE, NOWHERE, WORDS, Layout
 
-WORDS: Final = 4  # of a row of the table
-NO_SHAPE: Final = (0, 0, 0)
-NOWHERE: Final = 64  # the address of an empty array
 NO_SIZES: Final[Mapping[str, int]] = {}
-CACHE_LINE: Final = 64  # bytes; arrays begin at multiples of it
-SMALL: Final = 1 << 16  # bytes that are copied in less time than arrays in them are filled
 LAYOUTS_KEPT: Final = 64  # of a class
 
 
@@ -193,7 +188,8 @@ class Struct(metaclass=StructClass):
         if layout is None:
             if len(cls._layouts) == LAYOUTS_KEPT:
                 cls._layouts.clear()
-            layout = cls._layouts[key] = Layout(cls, cls._sizes.complete(known), values)
+            layout = Layout(cls.__name__, cls._declared, cls._sizes, known, values)
+            cls._layouts[key] = layout
         struct = object.__new__(cls)
         table, block = layout.table.copy(), layout.block()
         if values:
@@ -340,64 +336,6 @@ class Struct(metaclass=StructClass):
                 raise AttributeError(f"{type(self).__name__} has no field {name}")
             self.__dict__[name] = array
             return array
-
-
-class Layout:
-    """Where the arrays lie that a struct is made with, in one block of memory: for these sizes.
-
-    `values`: the fields that are not made, but come with a value.
-    """
-
-    def __init__(self, cls: type[Struct], sizes: dict[str, int], values: Iterable[str]) -> None:
-        self.sizes = sizes
-        self.rows_of_values = [cls._fields.index(name) for name in values]
-        self.places: dict[str, tuple[tuple[int, ...], Any, int]] = {}  # shape, dtype, offset
-        self.numbers: dict[str, int] = {}
-        self.table = np.zeros((max(1, len(cls._fields)), WORDS), np.uint64)
-        self.is_in_block = np.zeros(len(self.table), np.uint64)
-        self._filled: list[tuple[str, int]] = []
-        self._size = 0
-        for row, (name, declared) in enumerate(cls._declared.items()):
-            if row in self.rows_of_values:
-                continue
-            if not declared.kind:
-                raise TypeError(f"{cls.__name__} takes the struct {name}")
-            if declared.is_array:
-                try:
-                    shape = tuple([sizes[extent] for extent in declared.extents])
-                except KeyError as error:
-                    raise TypeError(f"{cls.__name__}.{name} needs {error.args[0]}") from None
-                self._place(row, name, declared, shape)
-            else:
-                self.numbers[name] = declared.value(())
-                self.table[row, 0] = declared.word(self.numbers[name])
-        wrong = cls._sizes.contradiction(sizes)
-        if wrong:
-            raise TypeError(f"{cls.__name__}: {wrong}")
-        self._template = self._made() if self._size <= SMALL else None
-
-    def _place(self, row: int, name: str, declared: Field, shape: tuple[int, ...]) -> None:
-        bytes_needed = prod(shape) * declared.dtype.itemsize
-        self.places[name] = shape, declared.dtype, self._size
-        self.table[row] = (self._size, *shape, *NO_SHAPE[len(shape) :])
-        self.is_in_block[row] = bytes_needed > 0
-        if not bytes_needed:
-            self.table[row, 0] = NOWHERE
-        elif declared.default:
-            self._filled.append((name, declared.default))
-        self._size += -(-bytes_needed // CACHE_LINE) * CACHE_LINE
-
-    def block(self) -> Any:
-        """Memory for the arrays, which have their defaults there."""
-        return self._made() if self._template is None else self._template.copy()
-
-    def _made(self) -> Any:
-        # Pages of zeros that are not used cost nothing.
-        block = np.zeros(max(1, self._size), np.uint8)
-        for name, default in self._filled:
-            shape, dtype, offset = self.places[name]
-            np.ndarray(shape, dtype, block, offset).fill(default)
-        return block
 
 
 _ORIGINALS: WeakKeyDictionary[Struct, tuple[Struct, bool]] = WeakKeyDictionary()  # of faces

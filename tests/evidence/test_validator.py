@@ -384,5 +384,7 @@ def test_the_validator_shares_no_code_with_the_kernels() -> None:
             *("service_zones", "state", "stops"),
         )
     }
-    shared |= {f"automaton.engine.jit{name}" for name in ("", ".fields", ".structs")}
+    shared |= {
+        f"automaton.engine.jit{name}" for name in ("", ".fields", ".struct_layout", ".structs")
+    }
     assert not [name for name in loaded if name.startswith(foreign) and name not in shared]

@@ -5,12 +5,12 @@ from __future__ import annotations
 import ast
 import json
 import os
-import shutil
 import stat
 import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from uuid import uuid4
 
 import pytest
 
@@ -157,6 +157,8 @@ def test_what_has_no_file_is_made_of_all_that_a_strategy_may_call() -> None:
     assert {ROOT / "automaton/engine/motion.py", ROOT / "automaton/strategy/kernels.py"} <= cell
 
 
+# Another one in each session: its folders, and the cache of its kernels, may be those of an earlier one.
+SESSION = f"# {uuid4()}\n"
 PLUG_IN = """
 from automaton.strategy.kernels import kernel
 from automaton.strategy.layer import Strategy
@@ -223,9 +225,9 @@ def compile_the_rest() -> None:
 @pytest.mark.skipif(not jit_is_on(), reason="compilation is off")
 def test_an_edit_in_what_a_plug_in_calls_compiles_it_anew(tmp_path: Path) -> None:
     (tmp_path / "mine" / "deep").mkdir(parents=True)
-    (tmp_path / "mine" / "patient.py").write_text(PLUG_IN)
+    (tmp_path / "mine" / "patient.py").write_text(SESSION + PLUG_IN)
     (tmp_path / "mine" / "deep" / "ticks.py").write_text("TICKS = 2\n")
-    (tmp_path / "another.py").write_text(ANOTHER.format("2 * x"))
+    (tmp_path / "another.py").write_text(SESSION + ANOTHER.format("2 * x"))
     ours, name = {"mine.patient", "another"}, "right_of_way=mine.patient:Patient"
     compile_the_rest()
     modules, before = compiled_in_a_run(tmp_path, name)
@@ -236,7 +238,7 @@ def test_an_edit_in_what_a_plug_in_calls_compiles_it_anew(tmp_path: Path) -> Non
     modules, after = compiled_in_a_run(tmp_path, name)
     assert modules == {"mine.patient"} and after != before
 
-    (tmp_path / "another.py").write_text(ANOTHER.format("x"))
+    (tmp_path / "another.py").write_text(SESSION + ANOTHER.format("x"))
     modules, last = compiled_in_a_run(tmp_path, name)
     assert modules == ours and last != after
 
@@ -244,7 +246,7 @@ def test_an_edit_in_what_a_plug_in_calls_compiles_it_anew(tmp_path: Path) -> Non
 @pytest.mark.skipif(not jit_is_on(), reason="compilation is off")
 def test_a_comment_in_a_strategy_compiles_that_strategy_alone(tmp_path: Path) -> None:
     edited = tmp_path / "edited.py"
-    shutil.copy(strategies.allocation.first_come.__file__, edited)
+    edited.write_text(SESSION + Path(strategies.allocation.first_come.__file__).read_text())
     modules, before = compiled_in_a_run(tmp_path, "allocation=edited:FirstCome")
     assert "edited" in modules
     edited.write_text(edited.read_text() + "# a comment\n")
@@ -284,12 +286,14 @@ class Counting(Strategy):
 @pytest.mark.skipif(not jit_is_on(), reason="compilation is off")
 def test_a_field_of_a_strategys_state_is_declared_in_its_folder_alone(tmp_path: Path) -> None:
     plug_in = tmp_path / "counting.py"
-    plug_in.write_text(COUNTING.format(field='asked: Array = field("(n,) int64")', name="asked"))
+    plug_in.write_text(
+        SESSION + COUNTING.format(field='asked: Array = field("(n,) int64")', name="asked")
+    )
     compile_the_rest()
     modules, before = compiled_in_a_run(tmp_path, "right_of_way=counting:Counting")
     assert modules == {"counting"}
     fields = 'asked: Array = field("(n, 2) float64")\n    times: Array = field("(n,) int32")'
-    plug_in.write_text(COUNTING.format(field=fields, name="times"))
+    plug_in.write_text(SESSION + COUNTING.format(field=fields, name="times"))
     modules, after = compiled_in_a_run(tmp_path, "right_of_way=counting:Counting")
     assert modules == {"counting"} and after == before
     assert compiled_in_a_run(tmp_path, "right_of_way=counting:Counting") == (set(), before)

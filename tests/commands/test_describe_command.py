@@ -59,7 +59,8 @@ def test_a_branch_and_the_run_beside_it_are_told_after_each_other(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     one = record(tmp_path / "one.rec", until=200)
-    two = branch(one, tmp_path / "two.rec", 140, "strategy.right_of_way=wait")
+    settings = ("strategy.right_of_way=wait", "stop.max_duration=400")
+    two = branch(one, tmp_path / "two.rec", 140, *settings)
     assert main(["replay", str(one), str(two), "--describe", "--sentences", "1"]) == 0
     printed = capsys.readouterr().out
     assert printed.index("one.rec: ") < printed.index("two.rec: ")

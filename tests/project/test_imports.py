@@ -6,7 +6,7 @@ Imports inside functions and for types alone count, too: who reads one file read
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
@@ -27,30 +27,21 @@ def modules() -> dict[str, set[str]]:
         for top in SOURCES
         for path in (ROOT / top).rglob("*.py")
     }
-    return {
-        name: {imported for imported in imports(tree) if imported in trees} - {name}
-        | {
-            package
-            for package, submodule in pairs(tree)
-            if package in trees and submodule not in trees and package != name
-        }
-        for name, tree in trees.items()
-    }
+    return {name: set(imports(tree, trees.keys())) - {name} for name, tree in trees.items()}
 
 
-def pairs(tree: ast.Module) -> Iterator[tuple[str, str]]:
-    """Of `from a import b`: a, a.b."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom) and node.module:
-            yield from ((node.module, f"{node.module}.{alias.name}") for alias in node.names)
-
-
-def imports(tree: ast.Module) -> Iterator[str]:
-    """The modules that `import a.b` and `from a import b` may mean."""
-    yield from (submodule for _, submodule in pairs(tree))
+def imports(tree: ast.Module, ours: Set[str]) -> Iterator[str]:
+    """Which of our modules the imports of one may mean: `from a import b` is a.b, or else a."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
+            yield from (alias.name for alias in node.names if alias.name in ours)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            for alias in node.names:
+                submodule = f"{node.module}.{alias.name}"
+                if submodule in ours:
+                    yield submodule
+                elif node.module in ours:
+                    yield node.module
 
 
 def test_files_import_each_other_in_no_circle() -> None:

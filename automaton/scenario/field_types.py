@@ -42,3 +42,8 @@ class DueAt(ConfigSection, frozen=True, kw_only=True):
 
 
 Due = Annotated[int, quantity(DUE, ge=0, le=LAST_TICK)] | DueAt
+
+
+def due_tick(due: Due | None, release: int) -> int | None:
+    """The tick until which something is to be done that is released at one; None: it has no due time."""
+    return due.at if isinstance(due, DueAt) else None if due is None else release + due

@@ -32,7 +32,6 @@ from automaton.scenario.order_fields import (
     TextField,
 )
 from automaton.scenario.order_file import TransportFile
-from automaton.scenario.order_notes import file_warnings, reading_notes
 from automaton.scenario.pod_file import pod_cells, pod_names, pod_numbers, skus_of
 from automaton.scenario.pods import LineDemand
 from automaton.scenario.schema import Scenario
@@ -82,13 +81,7 @@ def with_lines_of_file(
         stations,
     )
     orders = msgspec.structs.replace(scenario.orders, lines=lines)
-    file = TransportFile(
-        str(path.resolve()),
-        columns.content_hash,
-        columns,
-        tuple(reading_notes(columns, scale)),
-        tuple(file_warnings(columns)),
-    )
+    file = TransportFile.of(path, columns, scale)
     document = replace(document, listed=(*document.listed, listed))
     return document, msgspec.structs.replace(scenario, orders=orders), file
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 from typing import Final, NamedTuple
 
 import msgspec
@@ -27,6 +28,7 @@ from automaton.scenario.order_columns import read_columns
 from automaton.scenario.order_fields import NO_DUE, NameField, OrderColumns
 from automaton.scenario.order_notes import file_warnings, reading_notes
 from automaton.scenario.orders import OrderLine
+from automaton.scenario.quantities import Scale
 from automaton.scenario.schema import Scenario
 from automaton.scenario.transports import FIELDS, PLACES
 
@@ -41,6 +43,17 @@ class TransportFile(NamedTuple):
     columns: OrderColumns
     notes: tuple[str, ...]  # for `check`
     warnings: tuple[str, ...]
+
+    @classmethod
+    def of(cls, path: Path, columns: OrderColumns, scale: Scale) -> TransportFile:
+        """What is said of a file whose columns were read."""
+        return cls(
+            str(path.resolve()),
+            columns.content_hash,
+            columns,
+            tuple(reading_notes(columns, scale)),
+            tuple(file_warnings(columns)),
+        )
 
 
 def with_orders_of_file(
@@ -72,13 +85,7 @@ def with_orders_of_file(
     orders = msgspec.structs.replace(
         scenario.orders, transports=None, listed=_lines(columns, list(names.values()))
     )
-    file = TransportFile(
-        str(path.resolve()),
-        columns.content_hash,
-        columns,
-        tuple(reading_notes(columns, scale)),
-        tuple(file_warnings(columns)),
-    )
+    file = TransportFile.of(path, columns, scale)
     return document, msgspec.structs.replace(scenario, orders=orders), file
 
 

@@ -14,7 +14,6 @@ from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.field_types import (
     ConfigSection,
     Due,
-    DueAt,
     NamedCell,
     NonEmptyText,
     Pair,
@@ -22,6 +21,7 @@ from automaton.scenario.field_types import (
     Tick,
     Ticks,
     Weight,
+    due_tick,
 )
 from automaton.scenario.line_table import line_column
 from automaton.scenario.order_fields import NO_DUE
@@ -166,9 +166,7 @@ class OrderLine(ConfigSection, frozen=True, kw_only=True, gc=False):
     @property
     def due_tick(self) -> int | None:
         """The tick until which it is to be done; None: it has no due time."""
-        if self.due is None:
-            return None
-        return self.due.at if isinstance(self.due, DueAt) else self.release + self.due
+        return due_tick(self.due, self.release)
 
     @property
     def has_load(self) -> bool:

@@ -9,12 +9,12 @@ from msgspec import Meta, field
 from automaton.scenario.field_types import (
     ConfigSection,
     Due,
-    DueAt,
     NamedCell,
     NonEmptyText,
     SingleLine,
     Tick,
     Weight,
+    due_tick,
 )
 from automaton.scenario.handling import Handling
 from automaton.scenario.order_fields import Column, ColumnNames, OrderFile
@@ -216,9 +216,7 @@ class Line(ConfigSection, frozen=True, kw_only=True, gc=False):
     @property
     def due_tick(self) -> int | None:
         """The tick until which it is to be done; None: it has no due time."""
-        if self.due is None:
-            return None
-        return self.due.at if isinstance(self.due, DueAt) else self.release + self.due
+        return due_tick(self.due, self.release)
 
 
 class PerOrder(ConfigSection, frozen=True, kw_only=True):

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from metrics_of_some_runs import OF_OTHER_RUNS
 
 from automaton.build.demand import build_orders
 from automaton.build.prepared_floor import floor_for
@@ -31,7 +32,6 @@ from automaton.floor.reachability import rack_stands
 from automaton.runs.metrics import METRIC_CATALOGUE, metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.runs.task_metrics import TASK_METRICS, quantile
-from automaton.scenario.unavailable_metrics import OF_DUE_TIMES, OF_LINES, OF_TIMES
 from automaton.strategy.kernels import deliver, take_order
 from automaton.strategy.layer import Strategy
 from layouts.racks import Racks
@@ -158,41 +158,7 @@ def test_a_lone_robot_serves_the_orders_in_turn_without_delay(scenario):
     assert list(figures) == [name for name in METRIC_CATALOGUE if name not in NOT_HERE]
 
 
-NOT_HERE = (  # no slow zones, no avoidance, no batteries, no faults, no lines, no orders that come later
-    *OF_LINES,
-    *(
-        "slowdown_ticks",
-        "alternative_routes",
-        "lost_queueing",
-        "lost_held_back",
-        "lost_station_queue",
-        "lost_at_gates",
-        "energy",
-        "charging_share",
-        "min_charge",
-    ),
-    *("repair_energy", "battery_depletions"),
-    *(
-        "breakdowns",
-        "towed",
-        "downtime",
-        "delayed_share",
-        *OF_TIMES,
-        *OF_DUE_TIMES,
-        "distance",
-        "messages",
-    ),
-    # no parts, no zones
-    *(
-        "parts_finished",
-        "part_flow_time",
-        "busiest_station",
-        "busiest_station_utilization",
-        "redesigns",
-        "balanced_share",
-        "shared_orders",
-    ),
-)
+NOT_HERE = set(OF_OTHER_RUNS) - set(TASK_METRICS)
 
 
 @pytest.mark.parametrize("kinematics", ["omni", "differential"])

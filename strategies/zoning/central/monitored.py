@@ -36,7 +36,7 @@ from strategies.zoning.queues.charging_load import add_charging
 from strategies.zoning.queues.initial_zones import PUBLISHED, no_first_zones, space_of
 from strategies.zoning.queues.reassignment import reassign_orders, set_zone_move_time_factors
 from strategies.zoning.queues.zone_queues import queue_orders, record_flow, share, take_over
-from strategies.zoning.queues.zone_units import rules_of_zones, ticks
+from strategies.zoning.queues.zone_units import order_weights, rules_of_zones, ticks
 from strategies.zoning.zoning_parameters import Annealing, Monitoring
 
 FIRST_LOOK: Final = 30.0  # seconds after the start
@@ -85,12 +85,10 @@ class MonitoredZones(Strategy):
         return self._first_state(view, MonitoredState)
 
     def _first_state(self, view: World, kind: type[MonitoredState], **more: Any) -> Struct:
-        allocation = getattr(self.other_layers.get("allocation"), "parameters", None)
         return kind.sized(
             {"n": len(view.robots.cell), "k": len(view.service_zones.roads.point)},
             rules=rules_of_zones(view, self.parameters.adjacency),
-            age=round(1000 * getattr(allocation, "age", 0.5)),
-            job=round(1000 * getattr(allocation, "job", 10.0)),
+            **order_weights(self.other_layers.get("allocation")),
             zones=space_of(view),
             **more,
         )

@@ -52,7 +52,7 @@ from strategies.zoning.queues.reassignment import (
     set_zone_move_time_factors,
 )
 from strategies.zoning.queues.zone_queues import first_for, queue_orders_of
-from strategies.zoning.queues.zone_units import cells, rules_of_zones, ticks
+from strategies.zoning.queues.zone_units import cells, order_weights, rules_of_zones, ticks
 from strategies.zoning.zoning_parameters import Decentralized
 
 
@@ -190,7 +190,6 @@ class DecentralizedZones(Strategy):
     def reset(self, view):
         """Nothing is remembered yet; the parameters in ticks, cells and nano-minutes."""
         parameters = self.parameters
-        allocation = getattr(self.other_layers.get("allocation"), "parameters", None)
         average_every = max(1, ticks(view, parameters.average_every))
         rules = rules_of_zones(view, parameters.adjacency, decentralized=True)
         blank = (view.service_zones.design.held == NIL).all()
@@ -213,8 +212,7 @@ class DecentralizedZones(Strategy):
             sharing=parameters.sharing,
             share_every=max(1, ticks(view, parameters.share_every)),
             drop_near=int(cells(view, parameters.drop_near)) if parameters.drop_near else 0,
-            age=round(1000 * getattr(allocation, "age", 0.5)),
-            job=round(1000 * getattr(allocation, "job", 10.0)),
+            **order_weights(self.other_layers.get("allocation")),
             first_try=try_first_zones(view, rules) if blank else 0,
             zones=space_of(view),
             parts=parts_for(len(view.service_zones.queue)),

@@ -1,11 +1,13 @@
-"""Minutes and lengths of parameters in ticks and cells."""
+"""Parameters in the units of kernels: ticks, cells, thousandths."""
 
 from __future__ import annotations
 
 from typing import Final
 
 from automaton.engine.state import ACTION_DROP, ACTION_MOVE, ACTION_PICK, World
+from automaton.strategy.layer import Strategy
 from automaton.units import SECONDS_PER_UNIT
+from strategies.allocation.shortest_job_parameters import ShortestJobParameters
 from strategies.zoning.design.zone_workspace import ZoneRules, typical_distance, zone_rules
 
 MILLION: Final = 1_000_000
@@ -25,6 +27,15 @@ def ticks(view: World, seconds: float) -> int:
 def cells(view: World, length: float) -> float:
     """A length in the scenario's unit, in cells."""
     return 1000 * length / view.rules.cell_milli if view.rules.cell_milli else length
+
+
+def order_weights(allocation: Strategy | None) -> dict[str, int]:
+    """`age` and `job` of shortest job first, in thousandths: as the allocation has them, if it does."""
+    own, usual = getattr(allocation, "parameters", None), ShortestJobParameters()
+    return {
+        name: round(1000 * getattr(own, name, default))
+        for name, default in (("age", usual.age), ("job", usual.job))
+    }
 
 
 def rules_of_zones(view: World, adjacency: float | None, decentralized: bool = False) -> ZoneRules:

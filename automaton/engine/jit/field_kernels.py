@@ -19,6 +19,8 @@ from automaton.engine.jit.fields import CALL, DECISION, MEASURED, VISIBLE, Field
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import Struct
 
+# No negative index: for such, Numba looks at the length of each array (`bench`, limited view: + 25 %).
+UNSIGNED: Final = "    u = np.uint64(i)"
 ELEMENTS: Final = {"n": "identity[i]"}  # what an element is called along an extent, if not i
 
 
@@ -28,8 +30,9 @@ def hiding(struct: type[Struct], extent: str, measured: bool = True) -> Any:
     `measured`: whether it treats what is only measured, too.
     """
     arrays = _sorted_out(hidden_fields(struct, extent), measured)
-    lines = [
-        _for_each("s", name, one, f"s.{name}[@] = {one.hidden}")
+    lines = [UNSIGNED]
+    lines += [
+        _for_each("s", name, one, f"s.{name}[@] = {one.hidden}", "u")
         for name, one in sorted(arrays.items(), key=lambda item: not item[1].used)
     ]  # rows of different lengths first, as long as their lengths are known
     return kernel(written_out(f"hide_{struct.__name__}_{extent}", "s, i", lines), cached=False)
@@ -40,8 +43,9 @@ def showing(struct: type[Struct], extent: str, measured: bool = True) -> Any:
 
     `measured`: whether it copies what is only measured, too.
     """
-    lines = [
-        _for_each("b", name, one, f"a.{name}[@] = b.{name}[@]")
+    lines = [UNSIGNED]
+    lines += [
+        _for_each("b", name, one, f"a.{name}[@] = b.{name}[@]", "u")
         for name, one in _sorted_out(hidden_fields(struct, extent), measured).items()
     ]
     return kernel(written_out(f"show_{struct.__name__}_{extent}", "a, b, i", lines), cached=False)
@@ -151,13 +155,13 @@ def reading(struct: type[Struct]) -> Any:
     return kernel(written_out(f"read_{struct.__name__}", "s, k, words, at", lines), cached=False)
 
 
-def _for_each(owner: str, name: str, declared: Field, statement: str) -> str:
-    """A statement about each value that element i has in an array; @ stands for its index."""
+def _for_each(owner: str, name: str, declared: Field, statement: str, element: str = "i") -> str:
+    """A statement about each value that an element has in an array; @ stands for its index."""
     lines, ndim = [], len(declared.extents)
     for axis in range(1, ndim):
-        end = f"{declared.used}[i]" if declared.used else f"{name}.shape[{axis}]"
+        end = f"{declared.used}[{element}]" if declared.used else f"{name}.shape[{axis}]"
         lines.append("    " * axis + f"for {'ijk'[axis]} in range({owner}.{end}):")
-    index = ", ".join("ijk"[:ndim])
+    index = ", ".join([element, "j", "k"][:ndim])
     return "\n".join([*lines, "    " * ndim + statement.replace("@", index)])
 
 

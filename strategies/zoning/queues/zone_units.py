@@ -7,7 +7,6 @@ from typing import Final
 from automaton.engine.state import ACTION_DROP, ACTION_MOVE, ACTION_PICK, World
 from automaton.strategy.layer import Strategy
 from automaton.units import SECONDS_PER_UNIT
-from strategies.allocation.shortest_job_parameters import ShortestJobParameters
 from strategies.zoning.design.zone_workspace import ZoneRules, typical_distance, zone_rules
 
 MILLION: Final = 1_000_000
@@ -31,6 +30,9 @@ def cells(view: World, length: float) -> float:
 
 def order_weights(allocation: Strategy | None) -> dict[str, int]:
     """`age` and `job` of shortest job first, in thousandths: as the allocation has them, if it does."""
+    # Not above: after an edit there the kernels of zones would be compiled again, too.
+    from strategies.allocation.shortest_job_parameters import ShortestJobParameters
+
     own, usual = getattr(allocation, "parameters", None), ShortestJobParameters()
     return {
         name: round(1000 * getattr(own, name, default))

@@ -16,6 +16,7 @@ from automaton.engine.state import (
     ACTION_PICK,
     ACTION_TRY_DROP,
     ACTION_TURN,
+    FOLLOWING_NAMES,
     NIL,
     ORDER_LIST,
     Array,
@@ -38,7 +39,7 @@ def rules_for(scenario: Scenario, seed: int, loaded_differ: bool = False) -> Rul
     rows = [(one, loaded) for loaded in (False, True)[: 1 + loaded_differ] for one in types]
     return Rules(
         seed=np.uint64(seed),
-        following=int(rules.following),
+        following=FOLLOWING_NAMES.index(rules.following),
         nearest_access=int(rules.access_cell == "nearest"),
         stop=STOPS[scenario.stop.when],
         leave=int(scenario.fleet.when_idle == "leave"),

@@ -170,6 +170,12 @@ CLOCK_FIRST_OPEN: Final = 32  # all orders with lower numbers are delivered
 CLOCK_ORDERS_DONE: Final = 33  # of lines
 CLOCK_SIZE: Final = 34
 
+# When a robot may begin to move into a cell.
+FOLLOWING_NONE: Final = 0  # if it was free when the tick began
+FOLLOWING_HANDOVER: Final = 1  # also if its holder gives it up in this tick
+FOLLOWING_CONVOY: Final = 2  # also if its holder is on its way out
+FOLLOWING_NAMES: Final = ("none", "handover", "convoy")
+
 STOP_PARKED: Final = 0
 STOP_DELIVERED: Final = 1
 STOP_NEVER: Final = 2
@@ -180,7 +186,7 @@ class Rules(Struct, role=STATIC):
 
     seed: Any = field("uint64", "all draws of a run follow from it")
     following: int = field(
-        "int64", "1: a robot may enter a cell that its holder gives up in the same tick"
+        "int64", "FOLLOWING_*: when a robot may begin to move into a cell that another one holds"
     )
     nearest_access: int = field(
         "int64", "1: loads are picked up and dropped from the nearest access cell"

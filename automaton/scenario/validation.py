@@ -10,7 +10,7 @@ import msgspec
 from automaton.errors import InputError, alternatives, nearest
 from automaton.scenario.document import Document, Keys
 from automaton.scenario.quantities import KEY, TIME
-from automaton.scenario.schema import MEMORY_PATTERN, TICK_PATTERN
+from automaton.scenario.schema import FORMER, MEMORY_PATTERN, TICK_PATTERN
 
 T = TypeVar("T")
 
@@ -86,6 +86,8 @@ def _explained(
         return document.error(keys, f"the key '{field[1]}' is missing{_inside(keys)}")
     if what.startswith(("Expected", "Invalid", "Integer value")):
         hint = nearest(found, _words(expected)) if isinstance(found, str) else ""
+        if isinstance(found, bool):
+            hint = _now_written(expected, found)
         sentence = f"{dotted(keys) or 'it'} must be {described(expected)}, found {shown(found)}"
         return document.error(keys, sentence + hint)
     # A struct's own check; it begins with the key that is wrong, if it is one key.
@@ -94,6 +96,12 @@ def _explained(
         return document.error((*keys, first), f"{dotted((*keys, first))}{what[len(first) :]}")
     missing = what.startswith("the key '") and what.endswith("is missing")
     return document.error(keys, what + (_inside(keys) if missing else ""))
+
+
+def _now_written(expected: Any, found: Any) -> str:
+    """What to write for a value that the field took before, or ""."""
+    word = (getattr(expected, "extra", None) or {}).get(FORMER, {}).get(found)
+    return f"; {shown(found)} is now {word}" if word else ""
 
 
 def described(expected: Any) -> str:

@@ -264,7 +264,7 @@ def cases(draw: Any) -> dict[str, Any]:
         },
         world={
             "slowdown": draw(st.sampled_from(["none", "zones"])),
-            "following": draw(st.booleans()),
+            "following": draw(st.sampled_from(["convoy", "handover", "none"])),
         },
         floor={"speed_limits": [{"cells": [[0, 2], [4, 2]], "max_speed": draw(st.integers(1, 4))}]},
         faults=faults,

@@ -10,7 +10,7 @@ import inspect
 from collections import Counter
 from dataclasses import dataclass
 from itertools import product
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import pytest
@@ -37,6 +37,7 @@ from automaton.engine.state import NIL, World
 from automaton.floor.cells import EAST, WEST
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.floor_plan import DRIVABLE, FloorPlan
+from automaton.runs.pictures.stories import Following
 from automaton.scenario.schema import Fleet, Scenario, WorldRules
 
 CROWDED, SPARSE = 10**9, 0  # values of build.CROWDED that choose the contest
@@ -47,13 +48,16 @@ ALL_ROOM = 32 | 64  # bits of traffic.occupancy: room for travel E or S, and W o
 SYMBOLS = ".......===~~><v^#"
 
 
+FOLLOWING: Final[tuple[Following, ...]] = ("none", "handover")
+
+
 @dataclass(frozen=True)
 class Case:
     """A floor, a fleet on it, and what robots want in every tick."""
 
     floor_plan: FloorPlan
     cells: tuple[int, ...]  # of robots, by identity
-    following: bool
+    following: Following
     storage: tuple[int, ...]
     first_tick: int
     ticks: tuple[tuple[int, ...], ...]  # per tick and robot one byte, read by `wish`
@@ -86,7 +90,7 @@ def cases(draw: Any) -> Case:
     return Case(
         floor_plan=floor_plan,
         cells=tuple(cells),
-        following=draw(st.booleans()),
+        following=draw(st.sampled_from(FOLLOWING)),
         storage=tuple(draw(st.permutations(range(n)))),
         first_tick=draw(st.integers(0, 2**31)),
         ticks=tuple(
@@ -203,9 +207,11 @@ def test_the_kernel_finds_the_greatest_set_of_moves() -> None:
         assert len(counts) == 3 and min(counts.values()) > 3000, reached
 
 
-@pytest.mark.parametrize("following", [True, False])
+@pytest.mark.parametrize("following", FOLLOWING)
 @pytest.mark.parametrize("floor", ["".join(symbols) for symbols in product(".=~", repeat=3)])
-def test_no_two_robots_are_on_an_edge_in_opposite_directions(floor: str, following: bool) -> None:
+def test_no_two_robots_are_on_an_edge_in_opposite_directions(
+    floor: str, following: Following
+) -> None:
     """A>.<B: each drives to the other end, in moves of 1 to 3 ticks; B sets out 0 to 3 ticks late.
 
     On which edge a robot is in a tick follows from where it was before and after.

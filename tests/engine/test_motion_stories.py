@@ -189,13 +189,13 @@ def test_who_cannot_enter_its_cell_frees_none_for_others() -> None:
 
 
 def test_without_following_a_cell_must_be_empty_when_the_tick_starts() -> None:
-    story = Story("AB.", following=False)
+    story = Story("AB.", following="none")
     assert story.tick(A="east", B="east") == "A.B"
     assert story.tick(A="east") == ".AB"
 
 
 def test_without_following_no_ring_rotates() -> None:
-    story = Story("AB\nDC", following=False)
+    story = Story("AB\nDC", following="none")
     assert story.tick(A="east", B="south", C="west", D="north") == rows("AB", "DC")
 
 
@@ -227,7 +227,7 @@ def test_a_follower_enters_in_the_tick_in_which_a_long_move_arrives() -> None:
 
 
 def test_without_following_a_long_move_frees_its_cell_for_the_next_tick() -> None:
-    story = Story("BA.", move=2, following=False)
+    story = Story("BA.", move=2, following="none")
     assert story.tick(A="east") == "BA*"
     assert story.tick(B="east") == "B.A"
     assert story.refused == "B"

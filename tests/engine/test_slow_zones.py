@@ -132,7 +132,7 @@ def cases(draw: Any) -> Case:
     bays = len(floor_plan.bays)
     n = bays or min(len(cells), draw(st.integers(2, 9)))
     rules = WorldRules(
-        following=draw(st.booleans()),
+        following=draw(st.sampled_from(["convoy", "handover", "none"])),
         traffic_zones=draw(st.sampled_from(MODES)),
         slowdown="zones",
         extra_tick_probability=draw(st.sampled_from([0.0, 0.0, 0.25, 1.0])),

@@ -177,7 +177,7 @@ def test_wait_drawn() -> None:
 
 
 def test_just_freed() -> None:
-    floor = SmallRun("AB.", {"A": "E", "B": "E"}, following=False).tick()
+    floor = SmallRun("AB.", {"A": "E", "B": "E"}, following="none").tick()
     assert floor.cause("B") == "none"
     assert floor.why("A") == ("following conflict", "", (1, 0))
 
@@ -364,7 +364,7 @@ def test_the_congestion_of_a_cell_halves_from_time_to_time() -> None:
 
 def test_a_ring_of_four_that_cannot_turn() -> None:
     ring = {"A": "E", "B": "S", "C": "W", "D": "N"}
-    floor = SmallRun("AB\nDC", ring, following=False, waits=(500, 500, 500, 500, 255)).tick()
+    floor = SmallRun("AB\nDC", ring, following="none", waits=(500, 500, 500, 500, 255)).tick()
     for robot, ahead in zip("ABCD", "BCDA", strict=True):
         assert floor.cause(robot) == "queue" and floor.blocker(robot) == ahead
         assert floor.ring(robot) == 1

@@ -151,7 +151,7 @@ def test_states_and_actions_are_stored_by_identity() -> None:
     [
         (
             "tabletop-1",
-            ["fleet.robots=2", "strategy.right_of_way.retries=2", "world.following=false"],
+            ["fleet.robots=2", "strategy.right_of_way.retries=2", "world.following=none"],
         ),
         ("crossing", ["information={radius: 3}"]),
         ("crossing", ["fleet.start=[[1,0],[2,0],[3,0],[4,0]]"]),

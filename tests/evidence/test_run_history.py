@@ -150,7 +150,7 @@ CHANGES = {
     "durations": ("durations.move=3", "durations.turn=2"),
     "sight": ("information={radius: 2}",),
     "the order list": ("information=orders",),
-    "following": ("world.following=false",),
+    "following": ("world.following=none",),
     "slow zones": (
         "world={slowdown: zones, traffic_zones: directed, extra_tick_probability: 0.1}",
     ),
@@ -170,7 +170,7 @@ def test_a_branch_verifies_plays_and_branches_again(
     go(branch, 500)
     check_file(branch, path, [500, 301, 300, 299, 20, 450])
     second = branch_of(
-        go(RecordedRun(read_recording(path)), 400), ("world.following=false",), further
+        go(RecordedRun(read_recording(path)), 400), ("world.following=none",), further
     )
     third = branch_of(go(go(second, 450), 350), ("durations.pick=9",))
     assert same(go(third, 350).shown, go(branch, 350).shown)

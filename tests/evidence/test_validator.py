@@ -45,7 +45,7 @@ from automaton.evidence.verification.validator import (
 
 @pytest.mark.parametrize("allocation", ["independent", "cooperative"])
 @pytest.mark.parametrize("move", [1, 2, 3])
-@pytest.mark.parametrize("following", ["true", "false"])
+@pytest.mark.parametrize("following", ["convoy", "handover", "none"])
 @pytest.mark.parametrize(
     ("name", "kinematics"),
     [
@@ -209,10 +209,10 @@ def test_a_long_move_holds_both_cells_until_it_arrives() -> None:
 
 
 def test_without_following_a_cell_must_be_empty_when_the_tick_begins() -> None:
-    head = header(FLOOR, [(0, 0), (1, 0)], world={"following": False})
+    head = header(FLOOR, [(0, 0), (1, 0)], world={"following": "none"})
     assert rules(played(head, {0: E, 1: E})) == ["following"]
     assert played(head, {1: E}, {0: E}).valid
-    long = header(FLOOR, [(0, 0), (1, 0)], world={"following": False}, durations={"move": 2})
+    long = header(FLOOR, [(0, 0), (1, 0)], world={"following": "none"}, durations={"move": 2})
     assert rules(played(long, {1: E}, {0: E})) == ["following"]
     assert played(long, {1: E}, {}, {0: E}).valid
 

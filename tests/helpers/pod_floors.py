@@ -67,7 +67,7 @@ def drawn_pods(number: int, ticks: int = TICKS) -> Resolved:
             "drop": chance.choice((0, 1, 3)),
             "handling": drawn_handling(chance),
         },
-        "world": {"following": following},
+        "world": {"following": "convoy" if following else "none"},
         "pods": {
             "under": under,
             "join": chance.random() < 0.7,

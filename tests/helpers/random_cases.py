@@ -130,7 +130,7 @@ def moods(draw: Any, layer: str, busy: bool) -> Mood:
 def rules(draw: Any) -> WorldRules:
     slow = draw(st.integers(0, 2)) == 2
     return WorldRules(
-        following=draw(st.sampled_from([True, True, False])),
+        following=draw(st.sampled_from(["convoy", "handover", "none"])),
         traffic_zones=draw(st.sampled_from(MODES)) if slow else "undirected",
         slowdown="zones" if slow else "none",
         extra_tick_probability=draw(st.sampled_from([0.0, 0.5] if slow else [0.0, 0.0, 0.0, 0.5])),

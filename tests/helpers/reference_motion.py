@@ -65,7 +65,7 @@ class Floor:
     exits: list[int]
     capacity: list[int]
     offset: tuple[int, int, int, int]
-    following: bool = True
+    following: str = "convoy"
     robots: dict[int, Robot] = field(default_factory=dict)
     met: int = 0  # intents refused so far for a robot that was under way on their edge
 
@@ -123,7 +123,7 @@ class Floor:
             return True
         held = [self.resource(*place) for r in self.robots.values() for place in r.holds()]
         room = 1 - held.count(wanted)
-        if self.following:
+        if self.following != "none":
             left = [
                 self.resource(robot.cell, robot.travel)
                 for robot in arriving

@@ -13,6 +13,7 @@ from automaton.engine.state import GOAL_PARK, LAYER_NAMES, NIL
 from automaton.evidence.history.event_history import Event, EventHistory
 from automaton.evidence.history.snapshot import Snapshot, take_snapshot
 from automaton.floor.drawn_floors import draw_floor
+from automaton.runs.pictures.stories import Following
 from automaton.runs.simulation import Simulation
 from automaton.scenario.fleet import FleetType
 from automaton.scenario.schema import (
@@ -43,7 +44,7 @@ class SmallRun:
         routes: Mapping[str, str] | None = None,
         *,
         kinematics: str = "omni",
-        following: bool = True,
+        following: Following = "convoy",
         rules: WorldRules | None = None,
         durations: Durations | None = None,
         strategies: Mapping[str, Strategy] | None = None,

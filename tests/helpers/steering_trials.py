@@ -163,7 +163,7 @@ def demand(draws: Draws, robots: int, loads: bool) -> Options:
 
 def world(draws: Draws, plans: bool) -> Options:
     return {
-        "following": plans or chance(draws, 0.7),
+        "following": "convoy" if plans or chance(draws, 0.7) else "none",
         "slowdown": str(draws.choice(["none", "none", "zones"])),
         "traffic_zones": str(draws.choice(["undirected", "directed", "with-intersections"])),
         "extra_tick_probability": float(draws.choice([0.0, 0.0, 0.3])),

@@ -74,7 +74,7 @@ def test_pictures_of_shipped_scenarios(name: str, tick: int, grid_snapshot: Grid
         (),
         ("strategy.allocation=independent", "fleet.robots=4"),
         ("durations.move=3", "durations.turn=5", "fleet.robots=4"),
-        ("world.following=false", "seed=7"),
+        ("world.following=none", "seed=7"),
         ("strategy.right_of_way=wait", "durations.move=2"),
         (
             "world.slowdown=zones",

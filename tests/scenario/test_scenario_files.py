@@ -10,6 +10,7 @@ import msgspec
 import pytest
 
 from automaton.build.resolve import resolve
+from automaton.errors import InputError
 from automaton.scenario.reading import read, shipped
 from automaton.scenario.schema import LAYER_NAMES, Durations, Radius, Scenario
 
@@ -96,6 +97,12 @@ fleet: {robots: 1}
     assert floor_plan.loads.flat[floor_plan.cell(2, 0)] == 1
 
 
+@pytest.mark.parametrize(("found", "now"), [("true", "handover"), ("false", "none")])
+def test_a_former_value_of_following_is_refused_with_its_present_name(found: str, now: str) -> None:
+    with pytest.raises(InputError, match=f"found {found}; {found} is now {now}"):
+        resolve("tabletop-1", [f"world.following={found}"])
+
+
 def test_set_replaces_single_values_with_the_type_that_yaml_gives_them() -> None:
     resolved = resolve(
         "tabletop-1",
@@ -104,14 +111,14 @@ def test_set_replaces_single_values_with_the_type_that_yaml_gives_them() -> None
             "layout.tables=3",
             "information.radius=4",
             "strategy.right_of_way.max_retries=5",
-            "world.following=false",
+            "world.following=none",
         ],
         seed=7,
     )
     scenario = resolved.scenario
     assert (scenario.fleet.robots, scenario.seed, resolved.floor_plan.width) == (2, 7, 8)
     assert scenario.information == Radius(radius=4)
-    assert not scenario.world.following
+    assert scenario.world.following == "none"
     choice = resolved.strategies["right_of_way"]
     assert choice.name == "retreat", "the name that was there is kept"
     assert msgspec.to_builtins(choice.parameters)["max_retries"] == 5

@@ -75,7 +75,7 @@ class Motion:
 
     def apply_rules(self, scenario: dict[str, Any]) -> None:
         """Take over what a scenario says of motion."""
-        self.following: bool = scenario["world"]["following"]
+        self.following: str = scenario["world"]["following"]
         self.given: dict[str, Any] = scenario["durations"]
         self.types.apply_rules(scenario)
         self.pace.apply_rules(scenario)
@@ -272,7 +272,7 @@ class Motion:
             holder = self.holder.get(resource)
             if holder is None:
                 continue
-            if not self.following:
+            if self.following == "none":
                 text = "enters a cell that was held when the tick began"
                 self.report_violation("following", [r, holder], to, text)
             elif holder in placed and self.resource(to, self.travel[holder]) == resource:

@@ -10,6 +10,7 @@ floors work as always, so an aisle for two is 'A==B'. A Story goes on from tick 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Literal
 
 import numpy as np
 
@@ -25,6 +26,8 @@ from automaton.runs.pictures.picture_writing import map_rows
 from automaton.runs.pictures.robot_lines import identity_of, name_of
 from automaton.scenario.schema import Durations, Fleet, Orders, Scenario, WorldRules
 
+Following = Literal["convoy", "handover", "none"]
+
 
 class Story:
     """Robots drawn in a picture, and what becomes of their wishes.
@@ -38,7 +41,7 @@ class Story:
         self,
         picture: str,
         *,
-        following: bool = True,
+        following: Following = "convoy",
         move: int = 1,
         slow: str = "",
         priority: Mapping[str, int] | None = None,
@@ -103,7 +106,7 @@ def moved(picture: str, **wants: str) -> str:
     return Story(picture).tick(**wants)
 
 
-def _scenario(story: Story, following: bool, move: int, slow: str) -> Resolved:
+def _scenario(story: Story, following: Following, move: int, slow: str) -> Resolved:
     floor_plan = story.floor_plan
     scenario = Scenario(
         name="story",

@@ -318,7 +318,7 @@ def test_settings_are_checked_before_the_dialog_closes() -> None:
 def test_what_may_change_is_listed_and_a_click_copies_it() -> None:
     dialog = BranchScreen(deadlocked())
     listed = settings_of(deadlocked().run.resolved.scenario)
-    assert "strategy.right_of_way=wait" in listed and "world.following=true" in listed
+    assert "strategy.right_of_way=wait" in listed and "world.following=convoy" in listed
     assert not any(setting.startswith(("fleet", "layout", "orders")) for setting in listed)
 
     async def story(stage: Stage, pilot: Pilot[None]) -> None:

@@ -164,7 +164,7 @@ def assert_equal_states(world: World, floor: Floor) -> None:
     for cell, kind in enumerate(world.grid.kind.tolist()):
         room[cell] *= bool(DRIVABLE[kind])
     for robot in floor.robots.values():
-        for cell, direction in robot.holds():
+        for cell, direction in floor.holds(robot):
             bit = {0: 0, 1: ALL_ROOM, 2: 32 << (direction >> 1)}[floor.capacity[cell]]
             assert room[cell] & bit == bit, "a cell is held twice"
             room[cell] -= bit
@@ -253,7 +253,7 @@ def test_which_contest_a_floor_gets_depends_on_its_crowding() -> None:
     room = draw_floor("\n".join(["." * 20] * 20))
     cells = tuple(np.flatnonzero(room.drivable).tolist())
     keys = {
-        robots: built(Case(room, cells[:robots], True, (), 0, ()), None).traffic.key.size
+        robots: built(Case(room, cells[:robots], "convoy", (), 0, ()), None).traffic.key.size
         for robots in (10, 200)
     }
     assert keys[10] > 0 and keys[200] == 0

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import pytest
-from moving_worlds import KernelWorld, MakeWorld, NaiveWorld, Want, drawn, picture_of
+from moving_worlds import WORLDS, MakeWorld, NaiveWorld, Want, drawn, picture_of
 from reference_motion import Robot, splitmix64
 
 from automaton.engine.state import NIL
 from automaton.floor.cells import DIRECTIONS, EAST
 from automaton.runs.pictures.stories import Following
-
-WORLDS: tuple[MakeWorld, ...] = (NaiveWorld, KernelWorld)
-KERNEL_RULES: tuple[Following, ...] = ("none", "handover")  # that the kernel has
 
 
 class Story:
@@ -51,15 +48,12 @@ LAWS: dict[Following, tuple[int, ...]] = {  # ticks between two robots, by ticks
 MOVES = (1, 2, 3, 5)
 
 
-@pytest.mark.parametrize("make", WORLDS)
-@pytest.mark.parametrize("following", LAWS)
+@pytest.mark.parametrize(("make", "following"), WORLDS)
 @pytest.mark.parametrize("move", MOVES)
 def test_a_saturated_lane_passes_a_robot_in_so_many_ticks(
     move: int, following: Following, make: MakeWorld
 ) -> None:
     """Robots of a queue arrive in the cell before it: every 2d, 2d - 1 or d ticks."""
-    if make is KernelWorld and following not in KERNEL_RULES:
-        pytest.skip("the kernel does not have this rule")
     world, robots = drawn(make, "ABCDEF......", following)
     gate = world.states()[5][0] + 1
     passed: dict[int, int] = {}
@@ -230,7 +224,7 @@ def test_a_turn_in_an_aisle_for_two_needs_a_lane_in_which_nobody_is() -> None:
         story.tick()
     assert story.floor.turn(0, 3)
     story.tick()
-    claim = [claim for _, claim, _ in story.world.states()][0]
+    claim = next(claim for _, claim, _ in story.world.states())
     assert claim == story.floor.robots[0].cell, "it holds both lanes until the turn ends"
 
 

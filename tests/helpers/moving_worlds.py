@@ -116,6 +116,13 @@ class KernelWorld:
         return list(zip(*(c[robots.at_index].tolist() for c in columns), strict=True))
 
 
+# Each world with the rules of following that it has.
+WORLDS: tuple[tuple[MakeWorld, Following], ...] = (
+    *((NaiveWorld, following) for following in ("none", "handover", "convoy")),
+    *((KernelWorld, following) for following in ("none", "handover")),
+)
+
+
 def drawn(
     make: MakeWorld, picture: str, following: Following = "convoy"
 ) -> tuple[MovingWorld, dict[str, int]]:

@@ -33,4 +33,4 @@ def test_the_cases_are_crowded_enough_for_robots_to_follow() -> None:
         for states in states_of(NaiveWorld, case, "convoy", 1, ONCE):
             cells = {cell for cell, _, _ in states}
             followers += sum(claim in cells for _, claim, _ in states)
-    assert followers > 200
+    assert followers > 100

@@ -101,6 +101,7 @@ class Energy:
         self.charge: list[int] = header["robots"]["charge"].tolist()
         self.status = [STATUS_UP] * len(self.charge)
         self.since = [0] * len(self.charge)  # tick in which a robot got its status
+        self.empty: set[int] = set()  # robots that are up and could not pay for standing
         self.apply_rules(header["scenario"])
 
     def apply_rules(self, scenario: dict[str, Any]) -> None:
@@ -118,21 +119,30 @@ class Energy:
             for battery in [BatteryOfType(self.battery, kind.get("battery") or {})] * robots
         ]
 
-    def spend(self, tick: int, acts: Acts, rows: Rows, load: list[int]) -> None:
-        """Pay for what begins in a tick, as loads are before it."""
+    def spend(self, tick: int, acts: Acts, rows: Rows, load: list[int], placed: set[int]) -> None:
+        """Pay for what begins in a tick, as loads are before it.
+
+        `placed`: robots that come out of their parking bays in it.
+        """
         for r, did in acts:
             if self.status[r] != STATUS_UP and did & ACTION_MASK:
                 text = "does something although it is down"
                 self.report_violation("energy", [r], self.motion.cell[r], text)
         if self.battery is None:
             return
+        for r in [r for r in self.empty if self.motion.free[r] <= tick]:
+            text = "is not down although its battery is empty and its move over"
+            self.report_violation("energy", [r], self.motion.cell[r], text)
+            self.empty.remove(r)
         lengths = {row[2]: row[3] for row in rows if row[1] == CHANGE_DURATION}
         for r, did in acts:
             code, loaded = did & ACTION_MASK, int(load[r] != NIL)
             if code in OPERATION_BY_CODE:
                 name = OPERATION_BY_CODE[code]
                 ticks = lengths.get(r, max(1, self.motion.types.ticks_of(r, name)))
-                self._operate(r, name, ticks * self.own[r].rates[name][loaded])
+                behind = self._ticks_behind(tick, r, code, ticks, r in placed)
+                self._operate(r, name, (ticks - behind) * self.own[r].rates[name][loaded])
+                self._stand(r, behind * self.own[r].rates["wait"][loaded])
             elif code in WAIT_CODES:
                 self._stand(r, lengths.get(r, 1) * self.own[r].rates["wait"][loaded])
             elif code == EXECUTED_CHARGE:
@@ -144,6 +154,12 @@ class Energy:
                 if cell != NIL and free and r not in busy:
                     self._stand(r, self.own[r].rates["wait"][int(load[r] != NIL)])
 
+    def _ticks_behind(self, tick: int, r: int, code: int, ticks: int, is_new: bool) -> int:
+        """The ticks of a move that are lost behind the robot ahead, which it pays as it pays waits."""
+        if self.motion.following != "convoy" or code > MOVE_NORTH or self.motion.cell[r] == NIL:
+            return 0
+        return max(0, ticks - self.motion.own_ticks(tick, r, code - MOVE_EAST, is_new)[0])
+
     def _operate(self, r: int, name: str, price: int) -> None:
         if price > self.charge[r]:
             text = f"begins a {name} that takes {price} units of charge and has {self.charge[r]}"
@@ -151,6 +167,8 @@ class Energy:
         self.charge[r] -= min(price, self.charge[r])
 
     def _stand(self, r: int, price: int) -> None:
+        if price > self.charge[r]:
+            self.empty.add(r)
         self.charge[r] -= min(price, self.charge[r])
 
     def _take_in(self, r: int) -> None:
@@ -216,6 +234,9 @@ class Energy:
 
     def _check_fault(self, tick: int, r: int, status: int, before: int) -> None:
         cell = self.motion.cell[r]
+        self.empty.discard(r)
+        if self.motion.is_under_way(r):
+            self.report_violation("energy", [r], cell, "goes down before its move is over")
         if before != STATUS_UP:
             self.report_violation("energy", [r], cell, "goes down although it is already")
         if status == STATUS_DEPLETED:

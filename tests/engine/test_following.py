@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from itertools import product
+
 import pytest
-from moving_worlds import WORLDS, MakeWorld, NaiveWorld, Want, drawn, picture_of
+from moving_worlds import WORLDS, KernelWorld, MakeWorld, NaiveWorld, Want, drawn, picture_of
 from reference_motion import Robot, splitmix64
+from refinement_trials import drawn_case
 
 from automaton.engine.state import NIL
 from automaton.floor.cells import DIRECTIONS, EAST
@@ -228,6 +232,27 @@ def test_a_turn_in_an_aisle_for_two_needs_a_lane_in_which_nobody_is() -> None:
     assert claim == story.floor.robots[0].cell, "it holds both lanes until the turn ends"
 
 
+# The kernel
+
+
+def test_the_kernel_moves_and_delays_robots_as_the_rules_say() -> None:
+    """Drawn floors, crowded ones too, with robots of unlike speeds: state by state, and ticks lost."""
+    lost: Counter[str] = Counter()
+    for seed, following in product(range(1000, 1040), LAWS):
+        case = drawn_case(seed)
+        worlds = [
+            make(case.floor_plan, case.cells, following) for make in (NaiveWorld, KernelWorld)
+        ]
+        for number in range(1, case.ticks + 1):
+            for world in worlds:
+                world.delay(number, case.delays(number))
+                world.tick(number, case.wants(number, 1, bays=True))
+            assert worlds[0].states() == worlds[1].states(), (seed, following, number)
+        assert worlds[0].lost() == worlds[1].lost(), (seed, following)
+        lost[following] += sum(worlds[0].lost())
+    assert lost["convoy"] > 50 and lost["none"] == lost["handover"] == 0
+
+
 # Where all moves take one tick
 
 
@@ -251,7 +276,9 @@ def test_nobody_is_ever_where_another_robot_is() -> None:
         for number in range(40):
             bits = [splitmix64(seed << 20 | number << 8 | k) for k in robots.values()]
             if number % 5 == 4:
-                world.delay({k: b >> 20 & 3 for k, b in enumerate(bits) if b >> 30 & 3 == 0})
+                world.delay(
+                    number, {k: b >> 20 & 3 for k, b in enumerate(bits) if b >> 30 & 3 == 0}
+                )
             world.tick(number, {k: Want(b & 3, 1 + (b >> 2 & 3)) for k, b in enumerate(bits)})
             cells = [cell for cell, _, _ in world.states()]
             claims = [claim for _, claim, _ in world.states() if claim != NIL]

@@ -38,7 +38,7 @@ from automaton.floor.cells import EAST, WEST
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.floor_plan import DRIVABLE, FloorPlan
 from automaton.runs.pictures.stories import Following
-from automaton.scenario.schema import Fleet, Scenario, WorldRules
+from automaton.scenario.schema import Durations, Fleet, Scenario, WorldRules
 
 CROWDED, SPARSE = 10**9, 0  # values of build.CROWDED that choose the contest
 
@@ -48,7 +48,7 @@ ALL_ROOM = 32 | 64  # bits of traffic.occupancy: room for travel E or S, and W o
 SYMBOLS = ".......===~~><v^#"
 
 
-FOLLOWING: Final[tuple[Following, ...]] = ("none", "handover")
+FOLLOWING: Final[tuple[Following, ...]] = ("none", "handover", "convoy")
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ def wish(byte: int) -> tuple[int, int, int, bool] | None:
     """(direction, ticks, priority, came out of a parking bay) of a byte; None: it stands."""
     if byte % 8 == 7:
         return None
-    spans = (1, 1, 1, 2, 1, 1, 1, 3)
+    spans = (1, 1, 1, 2, 1, 5, 1, 3)
     return byte & 3, spans[byte >> 3 & 7], (byte >> 6) - 1, byte % 61 == 60
 
 
@@ -105,6 +105,7 @@ def built(case: Case, storage: tuple[int, ...] | None) -> World:
         name="case",
         layout={},
         fleet=Fleet(robots=len(case.cells), kinematics="omni"),
+        durations=Durations(move=2),  # where all moves take one tick there are no convoys
         world=WorldRules(following=case.following),
     )
     resolved = Resolved(scenario, case.floor_plan, strategies={}, start=case.cells, source="")

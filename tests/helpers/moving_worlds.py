@@ -10,12 +10,14 @@ from reference_motion import Floor, Robot
 
 from automaton.build.resolve import Resolved
 from automaton.build.world import build_world
-from automaton.engine.motion import ENTERED, LIVE, move_all
-from automaton.engine.state import NIL
+from automaton.engine.delayed_robots import hand_delays_on
+from automaton.engine.motion import ENTERED, LIVE, MOVED, move_all
+from automaton.engine.state import ACTION_FOLLOWING, CLOCK_TICK, FOLLOWING_CONVOY, NIL
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.floor_plan import FloorPlan
 from automaton.runs.pictures.stories import Following
-from automaton.scenario.schema import Fleet, Scenario, WorldRules
+from automaton.scenario.energy_and_faults import Delays, DelayTicks
+from automaton.scenario.schema import Durations, Faults, Fleet, Scenario, WorldRules
 
 
 class Want(NamedTuple):
@@ -39,8 +41,14 @@ class MovingWorld(Protocol):
     def tick(self, number: int, wants: Wants) -> None:
         """Move the robots; what busy robots want counts for nothing."""
 
+    def delay(self, number: int, delays: Mapping[int, int]) -> None:
+        """Let delays begin in the tick to come; what stands is not concerned."""
+
     def states(self) -> States:
         """Where the robots are."""
+
+    def lost(self) -> list[int]:
+        """Ticks that each robot has lost behind others."""
 
 
 class MakeWorld(Protocol):
@@ -71,7 +79,7 @@ class NaiveWorld:
         moves = {identity: (want.direction, want.ticks) for identity, want in wants.items()}
         self.floor.tick(number, moves, entered)
 
-    def delay(self, delays: Mapping[int, int]) -> None:
+    def delay(self, number: int, delays: Mapping[int, int]) -> None:
         self.floor.delay(delays)
 
     def states(self) -> States:
@@ -79,7 +87,6 @@ class NaiveWorld:
         return [(r.cell, NIL if r.claim is None else r.claim, r.busy) for r in robots]
 
     def lost(self) -> list[int]:
-        """Ticks that each robot has lost behind others."""
         return [self.floor.robots[k].lost for k in range(len(self.floor.robots))]
 
 
@@ -92,10 +99,13 @@ class KernelWorld:
             name="moving",
             layout={},
             fleet=Fleet(robots=len(cells), kinematics="omni"),
+            durations=Durations(move=2),  # where all moves take one tick there are no convoys
             world=WorldRules(following=following),
+            faults=Faults(delays=Delays(probability=0.5, ticks=DelayTicks(least=1, most=9))),
         )
         resolved = Resolved(scenario, floor_plan, strategies={}, start=cells, source="")
         self.world = build_world(resolved, 1)[0]
+        self._begun_behind = np.zeros(len(cells), np.int64)  # ticks lost as moves began
 
     def tick(self, number: int, wants: Wants) -> None:
         world = self.world
@@ -109,17 +119,36 @@ class KernelWorld:
                 traffic.move_ticks[i] = want.ticks
         with np.errstate(over="ignore"):
             move_all(world.grid, world.rules, robots, traffic, number)
+        if world.rules.following == FOLLOWING_CONVOY:
+            lost = traffic.move_ticks.astype(np.int64) - traffic.own_ticks
+            self._begun_behind += np.where(traffic.intent & MOVED, lost, 0)
+
+    def delay(self, number: int, delays: Mapping[int, int]) -> None:
+        world = self.world
+        world.clock[CLOCK_TICK] = number
+        for identity, ticks in delays.items():
+            i = world.robots.at_index[identity]
+            if world.robots.busy[i]:
+                world.robots.busy[i] += ticks
+                world.delays.until[identity] = number
+        if world.rules.following == FOLLOWING_CONVOY:
+            hand_delays_on(world)
 
     def states(self) -> States:
         robots = self.world.robots
         columns = (robots.cell, robots.claim, robots.busy)
         return list(zip(*(c[robots.at_index].tolist() for c in columns), strict=True))
 
+    def lost(self) -> list[int]:
+        handed_on = self.world.tally.ticks[:, ACTION_FOLLOWING].sum(axis=1)
+        lost: list[int] = (self._begun_behind + handed_on)[self.world.robots.at_index].tolist()
+        return lost
+
 
 # Each world with the rules of following that it has.
 WORLDS: tuple[tuple[MakeWorld, Following], ...] = (
     *((NaiveWorld, following) for following in ("none", "handover", "convoy")),
-    *((KernelWorld, following) for following in ("none", "handover")),
+    *((KernelWorld, following) for following in ("none", "handover", "convoy")),
 )
 
 

@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from moving_worlds import MakeWorld, NaiveWorld, States, Want, Wants
+from moving_worlds import MakeWorld, States, Want, Wants
 from reference_motion import splitmix64
 
 from automaton.floor.drawn_floors import draw_floor
@@ -91,8 +91,8 @@ def states_of(
     states = []
     for tick in range(1, case.ticks + 1):
         wants = case.wants(tick, fine, bays=put == ONCE)
-        if isinstance(world, NaiveWorld):
-            world.delay({k: fine * ticks for k, ticks in case.delays(tick).items()})
+        delays = {k: fine * ticks for k, ticks in case.delays(tick).items()}
+        world.delay(fine * (tick - 1) + 1, delays)
         for part in range(fine):
             world.tick(fine * (tick - 1) + part + 1, wants if part == 0 or put == ALWAYS else {})
         states.append(world.states())

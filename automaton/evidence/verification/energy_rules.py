@@ -101,7 +101,6 @@ class Energy:
         self.charge: list[int] = header["robots"]["charge"].tolist()
         self.status = [STATUS_UP] * len(self.charge)
         self.since = [0] * len(self.charge)  # tick in which a robot got its status
-        self.empty: set[int] = set()  # robots that are up and could not pay for standing
         self.apply_rules(header["scenario"])
 
     def apply_rules(self, scenario: dict[str, Any]) -> None:
@@ -130,10 +129,6 @@ class Energy:
                 self.report_violation("energy", [r], self.motion.cell[r], text)
         if self.battery is None:
             return
-        for r in [r for r in self.empty if self.motion.free[r] <= tick]:
-            text = "is not down although its battery is empty and its move over"
-            self.report_violation("energy", [r], self.motion.cell[r], text)
-            self.empty.remove(r)
         lengths = {row[2]: row[3] for row in rows if row[1] == CHANGE_DURATION}
         for r, did in acts:
             code, loaded = did & ACTION_MASK, int(load[r] != NIL)
@@ -167,8 +162,6 @@ class Energy:
         self.charge[r] -= min(price, self.charge[r])
 
     def _stand(self, r: int, price: int) -> None:
-        if price > self.charge[r]:
-            self.empty.add(r)
         self.charge[r] -= min(price, self.charge[r])
 
     def _take_in(self, r: int) -> None:
@@ -234,7 +227,6 @@ class Energy:
 
     def _check_fault(self, tick: int, r: int, status: int, before: int) -> None:
         cell = self.motion.cell[r]
-        self.empty.discard(r)
         if self.motion.is_under_way(r):
             self.report_violation("energy", [r], cell, "goes down before its move is over")
         if before != STATUS_UP:

@@ -153,7 +153,7 @@ class Energy:
         """The ticks of a move that are lost behind the robot ahead, which it pays as it pays waits."""
         if self.motion.following != "convoy" or code > MOVE_NORTH or self.motion.cell[r] == NIL:
             return 0
-        return max(0, ticks - self.motion.own_ticks(tick, r, code - MOVE_EAST, is_new)[0])
+        return max(0, ticks - self.motion.own_ticks(tick, r, code - MOVE_EAST, is_new))
 
     def _operate(self, r: int, name: str, price: int) -> None:
         if price > self.charge[r]:

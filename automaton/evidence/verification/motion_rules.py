@@ -252,30 +252,29 @@ class Motion:
             text = f"is in an area that is closed to {self.types.called(r)}"
             self.report_violation("area", [r], cell, text)
 
-    def own_ticks(self, tick: int, r: int, direction: int, is_new: bool) -> tuple[int, str]:
-        """What a move that begins now takes where no robot is ahead, and why.
+    def own_ticks(self, tick: int, r: int, direction: int, is_new: bool) -> int:
+        """Return what a move that begins now takes where no robot is ahead.
 
         `is_new`: the robot came out of its parking bay in this tick.
         """
         if self.pace.usual and not self.pace.cabin_ticks:
-            ticks = self.pace.usual_of(r)
-            return ticks, f"a move takes {ticks}"
+            return self.pace.usual_of(r)
         came = None if is_new else self.travel[r]
-        return self.pace.due(tick, r, self.cell[r], direction, came)
+        return self.pace.due(tick, r, self.cell[r], direction, came)[0]
 
     def _check_lengths(
         self, tick: int, movers: list[Mover], lengths: dict[int, int], placed: set[int]
     ) -> None:
         """Whether moves take as long as the rules say; `lengths`: as recorded, if not as usual."""
         own = {r: self.own_ticks(tick, r, way, r in placed) for r, _, _, way in movers}
-        due = {r: ticks for r, (ticks, _) in own.items()}
+        due = dict(own)
         if self.following == "convoy":
             self._wait_for_those_ahead(tick, movers, due)
-        for r, start, _, _ in movers:
+        for r, start, _, way in movers:
             ticks = lengths.get(r, self.pace.usual_of(r))
             if ticks != due[r]:
-                alone, why = own[r]
-                if due[r] != alone:
+                _, why = self.pace.due(tick, r, start, way, None if r in placed else self.travel[r])
+                if due[r] != own[r]:
                     why += f", and a robot ahead still takes {due[r]}"
                 text = f"its move is recorded with {ticks} ticks and must take {due[r]}: {why}"
                 self.report_violation("move time", [r], start, text)

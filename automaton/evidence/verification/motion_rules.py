@@ -133,11 +133,11 @@ class Motion:
             del self.holder[resource]
 
     def _first_in(self, resource: int) -> int:
-        """A robot that is in a resource, on its way into it or out of it; NIL: there is none."""
+        """Return a robot that is in a resource, on its way into it or out of it; NIL without one."""
         return self.holder.get(resource, self.leaver.get(resource, NIL))
 
     def is_under_way(self, r: int) -> bool:
-        """Whether robot r is between two cells."""
+        """Return whether robot r is between two cells."""
         return r in self.claim and self.claim[r][0] != self.cell[r]
 
     # One tick

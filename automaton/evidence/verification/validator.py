@@ -51,7 +51,7 @@ RULE_TEXTS: Final = {
     "swap": "two robots do not swap over an edge where robots cannot pass",
     "following": "without following, a cell is entered only if it had room when the tick began",
     "bay": "a parking bay holds one robot, which enters and leaves at its own home cell, where "
-    "nobody is, without following",
+    "no robot is, without following",
     "load": "an order is in exactly one place; loads are handled beside their slot",
     "order": "an order is reserved by one robot at a time",
     "slot": "a shelf is reserved by one robot at a time, while empty",

@@ -31,16 +31,19 @@ from automaton.units import bytes_of, unit
 STOPS = {"parked": 0, "delivered": 1, "never": 2}
 
 
-def rules_for(scenario: Scenario, seed: int, loaded_differ: bool = False) -> Rules:
+def rules_for(
+    scenario: Scenario, seed: int, loaded_differ: bool = False, in_convoy: bool = False
+) -> Rules:
     """The scenario's constants; what strategies ask for is entered when they are admitted.
 
-    `loaded_differ`: robots with a load drive otherwise than without, as types of their own.
+    `loaded_differ`: robots with a load drive otherwise than without, as types of their own; `in_convoy`:
+    some may be in moves of several ticks.
     """
     rules, types = scenario.world, types_of(scenario)
     rows = [(one, loaded) for loaded in (False, True)[: 1 + loaded_differ] for one in types]
     return Rules(
         seed=np.uint64(seed),
-        following=following_of(scenario),
+        following=following_of(scenario, in_convoy),
         nearest_access=int(rules.access_cell == "nearest"),
         stop=STOPS[scenario.stop.when],
         leave=int(scenario.fleet.when_idle == "leave"),
@@ -82,10 +85,12 @@ def rules_for(scenario: Scenario, seed: int, loaded_differ: bool = False) -> Rul
     )
 
 
-def following_of(scenario: Scenario) -> int:
+def following_of(scenario: Scenario, in_convoy: bool) -> int:
     """The rule of following; where all moves take one tick a convoy hands cells over, and costs less."""
     floor, rules = scenario.floor, scenario.world
-    is_quick = all(ticks == 1 for one in types_of(scenario) for ticks in one.moves)
+    is_quick = not in_convoy and all(
+        ticks == 1 for one in types_of(scenario) for ticks in one.moves
+    )
     may_slow = rules.slowdown != "none" or rules.extra_tick_probability > 0
     if (
         rules.following == "convoy"

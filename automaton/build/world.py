@@ -83,11 +83,13 @@ def build_world(
     seed: int,
     storage: Array | None = None,
     longest_route: int | None = None,
+    in_convoy: bool = False,
 ) -> tuple[World, Floor]:
     """The world at tick 0.
 
     `storage`: (n,) the identity stored at each index; default 0..n-1. `longest_route`: steps that a
-    route may have; default what the floor may ask for.
+    route may have; default what the floor may ask for. `in_convoy`: robots may follow each other in moves
+    of several ticks as the run begins, since it branches off from one where they do.
     """
     scenario = resolved.scenario
     types = resolved.fleet.types
@@ -120,7 +122,7 @@ def build_world(
     clock[CLOCK_FRESH_ALLOCATION] = n
     clock[CLOCK_ALLOCATION_REVISION] = NIL
     clock[CLOCK_DIGEST_EVERY] = digest_interval(most)
-    rules = rules_for(scenario, seed, len(floor.move) > len(types))
+    rules = rules_for(scenario, seed, len(floor.move) > len(types), in_convoy)
     on_floor = starts[0][starts[1] == NIL]
     gates = build_gates(resolved, on_floor, seed, int(rules.tick_us))
     traffic = build_traffic(n, occupancy, floor.grid.traffic_zone_count, rules.following)

@@ -120,7 +120,9 @@ def is_empty(traffic, cell, direction, tick):
     cells = traffic.occupancy.shape[0]
     word = np.int64(traffic.occupancy[U(cell)])
     resource = resource_of(word, cell, np.int64(direction), cells)
-    return traffic.leaving.shape[0] == 0 or traffic.leaving[U(resource)] >> 2 < tick
+    if traffic.leaving.shape[0] == 0 or (word >> CAPACITY_SHIFT) & 3 == 0:
+        return True
+    return traffic.leaving[U(resource)] >> 2 < tick
 
 
 @kernel(inline=True)

@@ -35,6 +35,7 @@ from automaton.engine.state import (
     CLOCK_RECORDING,
     CLOCK_STOP_TICK,
     CLOCK_TICK,
+    FOLLOWING_CONVOY,
     LAYER_NAMES,
     NIL,
     Array,
@@ -94,7 +95,8 @@ class Simulation:
         self._decisions = 0  # of strategies in Python
         self._watchdog = None if patience is None else Watchdog(patience)
         self.seed = resolved.scenario.seed if seed is None else seed
-        self.world, floor = build_world(resolved, self.seed, storage)
+        in_convoy = after is not None and after.world.rules.following == FOLLOWING_CONVOY
+        self.world, floor = build_world(resolved, self.seed, storage, in_convoy=in_convoy)
         self.workspace = floor.borrow_space(self, self.world.rules.table_bytes)
         # (m,) int32: ticks that a delivered order takes to drive at least, NIL while not asked for.
         self.least = np.full(len(self.world.orders.state), NIL, np.int32)

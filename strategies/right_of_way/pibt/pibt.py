@@ -24,11 +24,13 @@ from automaton.engine.state import (
     CLOCK_TICK,
     CMD_GO,
     CMD_HOLD,
+    FOLLOWING_CONVOY,
     GOAL_DROP,
     GOAL_NONE,
     GOAL_PARK,
     GOAL_PICK,
     GOAL_STOP,
+    KEEP,
     NIL,
 )
 from automaton.floor.dead_ends import dead_ends_of_types
@@ -46,6 +48,7 @@ from automaton.strategy.kernels import (
 from automaton.strategy.layer import Strategy
 from strategies.right_of_way.arrivals import is_at_goal
 from strategies.right_of_way.pibt.alleys import count_in_dead_ends, empty_dead_ends, has_to_leave
+from strategies.right_of_way.pibt.departures import UNKNOWN, departs, direction_of, holds_back
 from strategies.right_of_way.pibt.options import option_of, rank_all_options
 from strategies.right_of_way.pibt.pibt_state import (
     DECIDED,
@@ -58,6 +61,7 @@ from strategies.right_of_way.pibt.pibt_state import (
 )
 from strategies.right_of_way.pibt.pushes import fetch_cells, push
 from strategies.right_of_way.pibt.reservations import (
+    holder_of,
     is_lane_free,
     reserve,
     reserve_other_lane,
@@ -77,6 +81,7 @@ def look_at_robots(view, batch, state):
         sees_plans = not limited or i == batch.robot[0]  # what others have in mind is out of sight
         state.mode[i] = FIXED
         state.begun[i] = state.turning[i] if sees_plans else 0
+        state.departs[i] = UNKNOWN
         if robots.cell[i] == NIL:
             continue
         look_where_it_goes(view, state, i)
@@ -333,10 +338,13 @@ def give_commands(view, batch, decisions, state):
                 out.command[k] = CMD_HOLD if to == NIL else CMD_GO
                 out.value[k] = NIL if to == NIL else 0
         elif to != cell:
-            direction = option_of(state, i, np.int64(state.option_next[U(i)]) - 1)
-            state.turning[U(i)] = 0 if is_facing(view, i, direction) else direction + 1
+            direction = direction_of(state, i)
             out.command[U(k)] = CMD_GO
             out.value[U(k)] = direction
+            if not is_facing(view, i, direction):
+                state.turning[U(i)] = direction + 1
+            elif state.holds_back and not departs(view, state, i):
+                hold_back(view, state, out, k, i)
         elif state.asks[U(i)] and may_turn_to(view, state, i, np.int64(state.asks[U(i)]) - 1):
             out.command[U(k)] = CMD_GO
             out.value[U(k)] = state.asks[U(i)] - 1
@@ -344,6 +352,17 @@ def give_commands(view, batch, decisions, state):
             out.command[k] = CMD_HOLD
             best = option_of(state, i, 0)
             out.value[k] = NIL if best == STAY else best
+
+
+@kernel
+def hold_back(view, state, out, k, i):
+    """Robot i waits for the holder of the cell that it has chosen; if that one makes way, it goes on so."""
+    direction = direction_of(state, i)
+    u = holder_of(view, np.int64(state.next[U(i)]), direction)
+    if state.mode[U(u)] != FIXED:
+        state.turning[U(i)] = direction + 1
+    out.command[U(k)] = CMD_HOLD if view.robots.goal_type[U(i)] != GOAL_NONE else KEEP
+    out.value[U(k)] = direction
 
 
 @kernel
@@ -393,9 +412,12 @@ class Pibt(Strategy):
             with np.errstate(over="ignore"):
                 draws = [int(splitmix64(seed ^ np.uint64(robot))) for robot in range(n)]
             queue[:] = np.argsort(np.array(draws, np.uint64), kind="stable")
+        waits = holds_back(view)
         return PibtState.sized(
             {"n": n, "m": n + 1, "w": 4, "s": 1, "r": 2 * cells, "e": max(ends.total, 1)},
             dead_ends=ends.total,
+            holds_back=int(waits),
+            rings=int(not waits or view.rules.following == FOLLOWING_CONVOY),
             queue=queue,
             dead_end=ends.number,
             way_out=ends.way_out,

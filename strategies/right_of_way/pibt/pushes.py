@@ -40,6 +40,13 @@ def would_swap(view, state, i, to, holder):
 
 
 @kernel
+def closes_ring(view, state, i, resource):
+    """Whether robot i, by this option, takes what the robot holds whose pushes it makes way for."""
+    first = np.int64(state.stack[0])
+    return first != i and resource != NIL and resource == own_resource(view, first)
+
+
+@kernel
 def push(view, state, first):
     """Decide robot `first`, and those whom it pushes; returns whether it got an option of its own.
 
@@ -112,6 +119,8 @@ def take_option(view, state, i):
             continue
         holder = holder_of(view, to, option)
         if would_swap(view, state, i, to, holder) or not may_enter(view, state, i, to):
+            continue
+        if state.rings == 0 and closes_ring(view, state, i, resource):
             continue
         reserve(state, resource, i)
         if turns:

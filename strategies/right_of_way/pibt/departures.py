@@ -16,7 +16,7 @@ from automaton.engine.state import (
 )
 from automaton.strategy.kernels import has_gates, is_facing, kernel, limited_ticks
 from strategies.right_of_way.pibt.options import option_of
-from strategies.right_of_way.pibt.pibt_state import DECIDED, LEAVING, U
+from strategies.right_of_way.pibt.pibt_state import DECIDED, U
 from strategies.right_of_way.pibt.reservations import holder_of
 
 UNKNOWN = 0  # state.departs

@@ -356,7 +356,7 @@ def give_commands(view, batch, decisions, state):
 
 @kernel
 def hold_back(view, state, out, k, i):
-    """Robot i waits for the holder of the cell that it has chosen; if that one makes way, it goes on so."""
+    """Robot i waits for the holder of the cell that it has chosen, and keeps to it if that one leaves."""
     direction = direction_of(state, i)
     u = holder_of(view, np.int64(state.next[U(i)]), direction)
     if state.mode[U(u)] != FIXED:
@@ -388,6 +388,23 @@ def exits_to_pass_by(grid):
     return flags & np.uint8(15)
 
 
+ROOM_TO_PASS = 8  # places outside dead ends that are empty whatever comes out of them
+
+
+def dead_ends_that_hold(grid, robots):
+    """Return the dead ends, or none where too few places outside them are left for so many robots.
+
+    There a robot can come out for another one only where that one would go in.
+    """
+    exits, capacity = exits_to_pass_by(grid), grid.cell_flags >> 5 & 3
+    ends = dead_ends_of_types(exits, capacity == 1, grid.offset)
+    outside = (exits != 0).any(axis=0) & (ends.number == NIL)
+    places = int(capacity[outside].sum())
+    if robots <= places - ROOM_TO_PASS or (capacity[outside] == 0).any():
+        return ends
+    return ends._replace(number=np.full_like(ends.number, NIL), total=0)
+
+
 class Pibt(Strategy):
     """Robots make way by inherited priority (PIBT), turns and moves of any length."""
 
@@ -404,8 +421,7 @@ class Pibt(Strategy):
         With limited sight it stays unused: each robot goes by what others make known.
         """
         n, cells = len(view.robots.cell), len(view.grid.cell_flags)
-        exits, single = exits_to_pass_by(view.grid), view.grid.cell_flags >> 5 & 3 == 1
-        ends = dead_ends_of_types(exits, single, view.grid.offset)
+        ends = dead_ends_that_hold(view.grid, n)
         queue = np.zeros(n, np.int32)
         if view.rules.radius == NIL:
             seed = np.uint64(view.rules.seed)

@@ -5,6 +5,7 @@ Strategies import compiled code from here and nowhere else (an import contract h
 
 from __future__ import annotations
 
+from automaton.engine.blocker_cycles import walk_to_cycle
 from automaton.engine.charging_curve import CURVE_RATE, charging_ticks, level_after
 from automaton.engine.distance_tables import UNREACHABLE
 from automaton.engine.gate_queries import (
@@ -159,6 +160,7 @@ __all__ = [
     "take_order",
     "takes_load",
     "types_of_robots",
+    "walk_to_cycle",
     "ways_on",
     "weighted_table_of",
     "with_load",

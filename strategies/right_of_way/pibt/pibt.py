@@ -14,6 +14,8 @@ are made known as those of the world (`robots.priority`), which every robot near
 One robot is let into a dead end at a time, if its goal is there; who leaves one goes first.
 """
 
+from typing import ClassVar
+
 import numpy as np
 
 from automaton.engine.facilities import NO_WAY_THROUGH
@@ -47,6 +49,14 @@ from automaton.strategy.kernels import (
 )
 from automaton.strategy.layer import Strategy
 from strategies.right_of_way.arrivals import is_at_goal
+from strategies.right_of_way.deadlocks import (
+    COUNTERS,
+    Deadlocks,
+    break_deadlocks,
+    goes_on_aside,
+    has_stood_long,
+    is_time_to_look,
+)
 from strategies.right_of_way.pibt.alleys import count_in_dead_ends, empty_dead_ends, has_to_leave
 from strategies.right_of_way.pibt.departures import UNKNOWN, departs, direction_of, holds_back
 from strategies.right_of_way.pibt.options import option_of, rank_all_options
@@ -161,10 +171,11 @@ def has_finished(view, state, i):
 
 MAX_PRIORITY = 32_767
 AHEAD = 8  # robots in the queue
-LEAVES = 0  # ranks of robots
-WORKS = 1
-HAS_NOTHING = 2
-RANKS = 3
+STEPS_ASIDE = 0  # ranks of robots
+LEAVES = 1
+WORKS = 2
+HAS_NOTHING = 3
+RANKS = 4
 
 
 @kernel
@@ -174,6 +185,8 @@ def rank_of(view, state, i):
     Who waits for a door or for its lift holds its place, as if it left: it would ask in vain elsewhere.
     """
     robots = view.robots
+    if state.deadlocks.aside[U(i)]:
+        return STEPS_ASIDE
     if has_gates(view) and robots.cell[U(i)] != NIL:
         if is_in_full_gate(view, robots.cell[U(i)]):
             return LEAVES
@@ -351,7 +364,7 @@ def give_commands(view, batch, decisions, state):
         elif robots.goal_type[U(i)] != GOAL_NONE:
             out.command[k] = CMD_HOLD
             best = option_of(state, i, 0)
-            out.value[k] = NIL if best == STAY else best
+            out.value[k] = NIL if best >= STAY else best
 
 
 @kernel
@@ -366,6 +379,37 @@ def hold_back(view, state, out, k, i):
 
 
 @kernel
+def look_for_deadlocks(view, state):
+    """Enter which robots wait for which, of those that have stood for long, and break wait cycles."""
+    for i in range(view.robots.cell.shape[0]):
+        if state.mode[i] == DECIDED and has_stood_long(view, state.deadlocks, i):
+            if state.deadlocks.aside[i] and state.next[i] != view.robots.cell[i]:
+                goes_on_aside(view, state.deadlocks, i)
+            else:
+                enter_blocker(view, state, i)
+    break_deadlocks(view, state.deadlocks)
+
+
+@kernel
+def enter_blocker(view, state, i):
+    """Enter which robot is in the cell that robot i likes best, or keeps it from turning to it."""
+    direction = option_of(state, i, 0)
+    if state.deadlocks.aside[i]:
+        direction = np.int64(state.deadlocks.aside[i]) - 1
+    if direction >= STAY:
+        return
+    cell, towards = np.int64(view.robots.cell[i]), direction
+    if not may_turn_to(view, state, i, direction):
+        towards = np.int64(view.robots.travel[i]) ^ 2
+    else:
+        cell += view.grid.offset[direction]
+    u = holder_of(view, cell, towards)
+    if u != NIL and u != i:
+        state.deadlocks.blocker[i] = view.robots.identity[u]
+        state.deadlocks.first_choice[i] = direction + 1
+
+
+@kernel
 def decide(view, batch, decisions, memory, workspace):
     state = PibtState.of(memory)
     look_at_robots(view, batch, state)
@@ -376,6 +420,8 @@ def decide(view, batch, decisions, memory, workspace):
         count = list_robots_in_sight(view, batch, decisions, state)
     decide_all(view, state, workspace, count)
     give_commands(view, batch, decisions, state)
+    if view.rules.radius == NIL and is_time_to_look(view, state.deadlocks):
+        look_for_deadlocks(view, state)
 
 
 def exits_to_pass_by(grid):
@@ -411,6 +457,7 @@ class Pibt(Strategy):
     layer = "right_of_way"
     Parameters = SteeringParameters
     compiled = decide
+    counters: ClassVar = COUNTERS
     holders = True
     steers = True
     period = 1
@@ -435,6 +482,7 @@ class Pibt(Strategy):
             holds_back=int(waits),
             rings=int(not waits or view.rules.following == FOLLOWING_CONVOY),
             queue=queue,
+            deadlocks=Deadlocks.sized({"n": n}, patience=self.parameters.deadlock_patience),
             dead_end=ends.number,
             way_out=ends.way_out,
             depth=ends.depth,

@@ -5,6 +5,7 @@ import numpy as np
 from automaton.engine.jit.fields import CONSTANT, SCRATCH, STATIC, field
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import NIL, Array
+from strategies.right_of_way.deadlocks import Deadlocks
 
 # Modes of a robot in a tick: state.mode.
 FIXED = 0  # it stays where it is, whatever is decided here
@@ -86,4 +87,5 @@ class PibtState(Struct):
     )
     rank: Array = field("(q,) uint8", "by place in the queue: who chooses first", role=SCRATCH)
     stack: Array = field("(n,) int32", "a chain of robots that push each other", role=SCRATCH)
+    deadlocks: Deadlocks
     finished: Array = field("(q,) int32", "who has finished a visit since", role=SCRATCH)

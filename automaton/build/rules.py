@@ -16,6 +16,7 @@ from automaton.engine.state import (
     ACTION_PICK,
     ACTION_TRY_DROP,
     ACTION_TURN,
+    FOLLOWING_HANDOVER,
     FOLLOWING_NAMES,
     NIL,
     ORDER_LIST,
@@ -39,7 +40,7 @@ def rules_for(scenario: Scenario, seed: int, loaded_differ: bool = False) -> Rul
     rows = [(one, loaded) for loaded in (False, True)[: 1 + loaded_differ] for one in types]
     return Rules(
         seed=np.uint64(seed),
-        following=FOLLOWING_NAMES.index(rules.following),
+        following=following_of(scenario),
         nearest_access=int(rules.access_cell == "nearest"),
         stop=STOPS[scenario.stop.when],
         leave=int(scenario.fleet.when_idle == "leave"),
@@ -79,6 +80,20 @@ def rules_for(scenario: Scenario, seed: int, loaded_differ: bool = False) -> Rul
         breakdown=round(scenario.faults.probability * 2**32),
         repair_in_place=repair_ticks(scenario.faults),
     )
+
+
+def following_of(scenario: Scenario) -> int:
+    """The rule of following; where all moves take one tick a convoy hands cells over, and costs less."""
+    floor, rules = scenario.floor, scenario.world
+    is_quick = all(ticks == 1 for one in types_of(scenario) for ticks in one.moves)
+    may_slow = rules.slowdown != "none" or rules.extra_tick_probability > 0
+    if (
+        rules.following == "convoy"
+        and is_quick
+        and not (may_slow or floor.speed_limits or floor.lifts)
+    ):
+        return FOLLOWING_HANDOVER
+    return FOLLOWING_NAMES.index(rules.following)
 
 
 def radius_of(information: Any) -> int:

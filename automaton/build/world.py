@@ -36,6 +36,7 @@ from automaton.engine.state import (
     CLOCK_UNDELIVERED,
     CLOCK_UNPARKED,
     CLOCK_UNQUEUED_ORDERS,
+    FOLLOWING_CONVOY,
     NIL,
     ORDER_WAITING,
     REASON_IDLE,
@@ -122,7 +123,7 @@ def build_world(
     rules = rules_for(scenario, seed, len(floor.move) > len(types))
     on_floor = starts[0][starts[1] == NIL]
     gates = build_gates(resolved, on_floor, seed, int(rules.tick_us))
-    traffic = build_traffic(n, occupancy, floor.grid.traffic_zone_count)
+    traffic = build_traffic(n, occupancy, floor.grid.traffic_zone_count, rules.following)
     world = World(
         grid=floor.grid,
         rules=rules,
@@ -153,13 +154,15 @@ def build_chargers(kind: Array) -> Chargers:
     return Chargers.sized(cell=cells.astype(np.int32), charger_at=at)
 
 
-def build_traffic(robots: int, occupancy: Array, zones: int) -> Traffic:
+def build_traffic(robots: int, occupancy: Array, zones: int, following: int) -> Traffic:
     crowded = len(occupancy) < CROWDED * robots
     table = 64
     while table < 3 * robots:
         table *= 2
     sizes = {"n": robots, "Z": zones, "T": 2 * len(occupancy) if crowded else table}
-    return Traffic.sized(sizes | {"H": 0 if crowded else table}, occupancy=occupancy)
+    sizes |= {"H": 0 if crowded else table}
+    sizes |= {"L": 2 * len(occupancy) if following == FOLLOWING_CONVOY else 0}
+    return Traffic.sized(sizes, occupancy=occupancy)
 
 
 def build_robots(
@@ -234,7 +237,10 @@ def build_sight(world: World, floor: Floor) -> World:
     visible_world = world.replaced(
         robots=world.robots.copied(),
         traffic=build_traffic(
-            len(world.robots.cell), floor.occupancy.copy(), floor.grid.traffic_zone_count
+            len(world.robots.cell),
+            floor.occupancy.copy(),
+            floor.grid.traffic_zone_count,
+            world.rules.following,
         ),
         tally=world.tally.copied(),
         delays=world.delays.copied(),  # without who is delayed

@@ -15,6 +15,7 @@ from automaton.engine.motion import (
     REFUSED,
     U,
     direction_between,
+    own_resource,
     resource_of,
 )
 from automaton.engine.observation import (
@@ -43,7 +44,7 @@ from automaton.engine.observation import (
     WAITERS,
 )
 from automaton.engine.prefetch import prefetch
-from automaton.engine.state import ACTION_MOVE, CLOCK_TICK, GOAL_NONE, NIL
+from automaton.engine.state import ACTION_MOVE, CLOCK_TICK, FOLLOWING_CONVOY, GOAL_NONE, NIL
 
 REQUESTED = -2  # value of scratch.holder: a robot waits for it
 
@@ -53,6 +54,8 @@ def find_blockers(world, observation):
     """Who keeps the robots that wait, and the causes that follow from it."""
     scratch = observation.scratch
     waiters = scratch.count[WAITERS]
+    if world.rules.following == FOLLOWING_CONVOY:
+        find_robots_ahead(world, observation)
     sought = 0
     for k in range(waiters):
         sought += seek(world, observation, np.int64(scratch.waiters[U(k)]))
@@ -69,6 +72,46 @@ def find_blockers(world, observation):
         if observation.cause[U(i)] == CAUSE_UNDECIDED:
             observation.cause[U(i)] = cause_of_wait(world, observation, i)
         count_wait(world, observation, i)
+
+
+@kernel
+def find_robots_ahead(world, observation):
+    """Enter who is still leaving the cells into which robots follow."""
+    robots, scratch = world.robots, observation.scratch
+    follow = 0
+    for k in range(scratch.count[WAITERS]):
+        i = np.int64(scratch.waiters[U(k)])
+        if follows(observation, i):
+            scratch.holder[U(resource_ahead(world, i))] = REQUESTED
+            follow += 1
+    if follow == 0:
+        return
+    for i in range(robots.cell.shape[0]):
+        if robots.claim[U(i)] != NIL and robots.claim[U(i)] != robots.cell[U(i)]:
+            own = own_resource(robots, world.traffic, i)
+            if scratch.holder[U(own)] == REQUESTED:
+                scratch.holder[U(own)] = i
+    for k in range(scratch.count[WAITERS]):
+        i = np.int64(scratch.waiters[U(k)])
+        if follows(observation, i):
+            ahead = U(resource_ahead(world, i))
+            if scratch.holder[ahead] >= 0:
+                observation.blocker[U(i)] = robots.identity[U(scratch.holder[ahead])]
+            scratch.holder[ahead] = NIL
+
+
+@kernel
+def follows(observation, i):
+    """Whether robot i is listed because it drives on behind another one."""
+    return observation.cause[U(i)] == CAUSE_DRIVING_AHEAD and observation.scratch.entry[U(i)] == NIL
+
+
+@kernel
+def resource_ahead(world, i):
+    """What robot i takes of the cell that it enters."""
+    claim, cells = np.int64(world.robots.claim[U(i)]), world.grid.cell_flags.shape[0]
+    way = direction_between(world.grid, np.int64(world.robots.cell[U(i)]), claim)
+    return resource_of(np.int64(world.traffic.occupancy[U(claim)]), claim, way, cells)
 
 
 @kernel
@@ -95,6 +138,8 @@ def place_holders(world, observation):
     """
     robots, sieve = world.robots, observation.scratch.sieve
     mask = sieve.shape[0] - 1
+    if world.rules.following == FOLLOWING_CONVOY:
+        place_entrants(world, observation, mask)
     for i in range(robots.cell.shape[0]):
         cell = np.int64(robots.cell[U(i)])
         if cell == NIL:
@@ -105,6 +150,16 @@ def place_holders(world, observation):
             hold(world, observation, cell, travel, i)
             if claim == cell:
                 hold(world, observation, cell, travel ^ 2, i)
+        if claim != NIL and claim != cell and sieve[U(claim & mask)]:
+            hold(world, observation, claim, direction_between(world.grid, cell, claim), i)
+
+
+@kernel
+def place_entrants(world, observation, mask):
+    """Enter who comes into a cell before who is still leaving it."""
+    robots, sieve = world.robots, observation.scratch.sieve
+    for i in range(robots.cell.shape[0]):
+        cell, claim = np.int64(robots.cell[U(i)]), np.int64(robots.claim[U(i)])
         if claim != NIL and claim != cell and sieve[U(claim & mask)]:
             hold(world, observation, claim, direction_between(world.grid, cell, claim), i)
 

@@ -24,11 +24,17 @@ from automaton.engine.motion import (
     POD_AHEAD,
     TOWARDS,
     U,
-    has_room,
+    is_empty,
     occupy,
     vacate,
 )
-from automaton.engine.operations import begin, consume_energy, count_lost_tick, energy_cost
+from automaton.engine.operations import (
+    begin,
+    consume_energy,
+    count_following,
+    count_lost_tick,
+    energy_cost,
+)
 from automaton.engine.random_numbers import STREAM_HANDLING, STREAM_WAITS, random_between
 from automaton.engine.record_changes import record_change
 from automaton.engine.record_codes import (
@@ -71,6 +77,7 @@ from automaton.engine.state import (
     CLOCK_HALTED_UNTIL,
     CLOCK_TICK,
     CLOCK_UNPARKED,
+    FOLLOWING_CONVOY,
     GOAL_CHARGE,
     GOAL_DROP,
     GOAL_NONE,
@@ -100,7 +107,7 @@ from automaton.engine.visits import serve
 @kernel
 def leave_parking_bays(world):
     """Place robots with a task on their home cells if those had room at the start of the tick."""
-    robots = world.robots
+    robots, tick = world.robots, world.clock[CLOCK_TICK]
     gated = has_gates(world)
     if gated:
         ask_gates_of_bays(world)
@@ -108,10 +115,7 @@ def leave_parking_bays(world):
         i = np.int64(robots.at_index[identity])
         if robots.parked[i] == 0 or robots.busy[i] or robots.goal_type[i] in (GOAL_NONE, GOAL_PARK):
             continue
-        if (
-            world.clock[CLOCK_HALTED_UNTIL] >= world.clock[CLOCK_TICK]
-            and world.service_zones.halt[i] >= world.clock[CLOCK_TICK]
-        ):
+        if world.clock[CLOCK_HALTED_UNTIL] >= tick and world.service_zones.halt[i] >= tick:
             continue
         if not may_leave_bay(world, i):
             continue
@@ -119,7 +123,7 @@ def leave_parking_bays(world):
             home = np.int64(robots.home[i])
             heading = entry_heading(world.grid, robots.type[i], home)
             is_held = gated and world.gates.held[i] != NIL
-            if is_held or not has_room(world.traffic.occupancy, home, heading):
+            if is_held or not is_empty(world.traffic, home, heading, tick):
                 count_lost_tick(world, i, ACTION_BAY_BLOCKED)
                 robots.executed[i] = EXECUTED_BAY_BLOCKED
                 continue
@@ -298,7 +302,7 @@ def turn(world, i, direction):
     cell = np.int64(robots.cell[i])
     if np.int64(grid.cell_flags[cell]) >> 5 & 3 == 2:
         other_lane = np.int64(robots.travel[i]) ^ 2
-        if not has_room(world.traffic.occupancy, cell, other_lane):
+        if not is_empty(world.traffic, cell, other_lane, world.clock[CLOCK_TICK]):
             world.traffic.intent[i] = NO_TURN
             return
         occupy(world.traffic.occupancy, cell, other_lane)
@@ -316,24 +320,29 @@ def apply_move_outcomes(world, record):
     """Read the outcome of the moves: count them, run waits and retries, park robots at home."""
     robots, traffic = world.robots, world.traffic
     several = world.rules.duration.shape[0] > 1
+    convoy = world.rules.following == FOLLOWING_CONVOY
     usual = np.int64(world.rules.duration[0, ACTION_MOVE])
     for i in range(robots.cell.shape[0]):
         intent = np.int64(traffic.intent[U(i)])
         if intent & MOVED:
             loaded = 1 if robots.load[U(i)] != NIL else 0
             move_ticks = np.int64(traffic.move_ticks[U(i)])
+            own_ticks = np.int64(traffic.own_ticks[U(i)]) if convoy else move_ticks
             if several:
                 usual = np.int64(world.rules.duration[U(robots.type[U(i)]), U(ACTION_MOVE)])
             world.tally.operations[U(i), U(ACTION_MOVE), U(loaded)] += 1
-            world.tally.ticks[U(i), U(ACTION_MOVE), U(loaded)] += move_ticks
-            if move_ticks != usual:
+            world.tally.ticks[U(i), U(ACTION_MOVE), U(loaded)] += own_ticks
+            if own_ticks != usual:
                 if not has_gates(world) or not is_cabin_move(world, i, intent & 3):
-                    world.tally.slowdown_ticks[U(i)] += move_ticks - usual
+                    world.tally.slowdown_ticks[U(i)] += own_ticks - usual
+            if move_ticks != usual:
                 record_change(
                     world.clock, record, CHANGE_DURATION, robots.identity[U(i)], move_ticks
                 )
             if world.rules.battery:
-                consume_energy(world, i, energy_cost(world, i, ACTION_MOVE, move_ticks))
+                consume_energy(world, i, energy_cost(world, i, ACTION_MOVE, own_ticks))
+            if move_ticks > own_ticks:
+                count_following(world, i, move_ticks - own_ticks)
             robots.action[U(i)] = ACTION_MOVE
             robots.executed[U(i)] = (np.int64(robots.executed[U(i)]) & LEFT_PARKING_BAY) | (
                 MOVE_EAST + (intent & 3)

@@ -135,7 +135,9 @@ def take_all_out(world, record):
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
         status = robots.status[i]
-        if status == STATUS_EXHAUSTED or (status == STATUS_FAILING and robots.busy[i] == 0):
+        is_between = robots.busy[i] != 0 and robots.claim[i] != NIL  # a move that has begun ends
+        is_over = status == STATUS_EXHAUSTED and not is_between
+        if is_over or (status == STATUS_FAILING and robots.busy[i] == 0):
             if status == STATUS_FAILING and world.rules.repair_in_place.shape[0]:
                 stop_in_place(world, record, i)
             else:

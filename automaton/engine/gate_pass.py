@@ -9,7 +9,7 @@ import numpy as np
 from automaton.engine.gate_queries import index_in, is_gated, is_shut
 from automaton.engine.gates import GATE_BLOCK, GATE_CLOSING, GATE_DOOR, GATE_LIFT
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.motion import AT_GATE, LIVE, U, has_room, is_before
+from automaton.engine.motion import AT_GATE, LIVE, U, is_before, is_empty
 from automaton.engine.state import (
     CLOCK_HALTED_UNTIL,
     CLOCK_TICK,
@@ -90,7 +90,7 @@ def hold_at_gates(world):
 @kernel
 def ask_gates_of_bays(world):
     """Find which robots in parking bays their gates hold there: those come before all that move."""
-    gates, robots = world.gates, world.robots
+    gates, robots, tick = world.gates, world.robots, world.clock[CLOCK_TICK]
     entrants = 0
     for i in range(robots.cell.shape[0]):
         if robots.cell[i] != NIL:
@@ -98,7 +98,7 @@ def ask_gates_of_bays(world):
         gates.held[i] = NIL
         home = np.int64(robots.home[i])
         if robots.parked[i] and wants_out(world, i) and is_gated(world, home):
-            if has_room(world.traffic.occupancy, home, np.int64(robots.heading[i])):
+            if is_empty(world.traffic, home, np.int64(robots.heading[i]), tick):
                 entrants = ask(world, i, np.int64(NIL), home, entrants)
     if entrants:
         let_in(world)

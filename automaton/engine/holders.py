@@ -8,14 +8,22 @@ import numpy as np
 
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import U, direction_between
-from automaton.engine.state import NIL
+from automaton.engine.state import FOLLOWING_CONVOY, NIL
 
 
 @kernel
 def enter_holders(visible_world):
-    """Enter every robot at the cells, or lanes of cells for two, that it holds."""
-    for i in range(visible_world.robots.cell.shape[0]):
-        mark_held(visible_world, i, visible_world.robots.identity[U(i)])
+    """Enter every robot at the cells, or lanes of cells for two, that it holds.
+
+    Under convoy a robot may come into a cell that another one is still leaving: the first is entered.
+    """
+    robots = visible_world.robots
+    for i in range(robots.cell.shape[0]):
+        mark_held(visible_world, i, robots.identity[U(i)])
+    if visible_world.rules.following == FOLLOWING_CONVOY:
+        for i in range(robots.cell.shape[0]):
+            if robots.cell[U(i)] != NIL and robots.claim[U(i)] != NIL:
+                mark_claim(visible_world, i, robots.identity[U(i)])
 
 
 @kernel
@@ -32,11 +40,19 @@ def mark_held(visible_world, i, value):
     cell = np.int64(robots.cell[U(i)])
     if cell == NIL:
         return
-    claim, travel = np.int64(robots.claim[U(i)]), np.int64(robots.travel[U(i)])
-    mark_cell(visible_world, cell, travel, value)
+    mark_cell(visible_world, cell, np.int64(robots.travel[U(i)]), value)
+    if robots.claim[U(i)] != NIL:
+        mark_claim(visible_world, i, value)
+
+
+@kernel
+def mark_claim(visible_world, i, value):
+    """Enter a value at what robot i claims: the cell that it enters, or the lane to which it turns."""
+    robots = visible_world.robots
+    cell, claim = np.int64(robots.cell[U(i)]), np.int64(robots.claim[U(i)])
     if claim == cell:
-        mark_cell(visible_world, cell, travel ^ 2, value)
-    elif claim != NIL:
+        mark_cell(visible_world, cell, np.int64(robots.travel[U(i)]) ^ 2, value)
+    else:
         mark_cell(visible_world, claim, direction_between(visible_world.grid, cell, claim), value)
 
 

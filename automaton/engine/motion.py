@@ -17,6 +17,12 @@ claim of a long move keeps others off in all its ticks but the last, in which it
 that it leaves. In that tick its claim bit stands once more in the cell that it enters, so that who
 starts against it is refused like one of two who start at once.
 
+Under the rule `convoy` a move of any length takes the room ahead and gives back its own at once, as moves
+of one tick do under `handover`: so the room bits say whether a cell is *open*, not whether it is empty.
+`traffic.leaving` holds, by resource, when the last move out of it ends, and its direction. A move takes
+its own ticks, or those that the move out of its target still takes if these are more; in a ring all
+take as long as the longest. Lengths follow from head to tail, as queues are decided.
+
 Two passes decide all but the contested and the queueing intents from these words alone; only final
 inferences are drawn, so the order of the robots does not matter. `resolve` decides the rest.
 """
@@ -26,7 +32,7 @@ import numpy as np
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.prefetch import prefetch
 from automaton.engine.random_numbers import splitmix64
-from automaton.engine.state import GOAL_PICK, NIL
+from automaton.engine.state import FOLLOWING_CONVOY, FOLLOWING_NONE, GOAL_PICK, NIL
 
 LIVE = 4  # bits of traffic.intent; bits 0-1 are the direction
 ENTERED = 8  # it left its parking bay this tick: no robot may follow into its cell
@@ -54,6 +60,7 @@ INTENT_STATE = 3  # 0 undecided, MOVED or REFUSED
 INTENT_CELL = 4  # where it stands
 INTENT_DIRECTION = 5
 INTENT_FREED = 6  # room that it gives up at once when it moves
+INTENT_TICKS = 7  # under convoy: what its move takes by itself, then what it takes
 
 U = np.uint64  # unsigned where it indexes: saves the test for a negative index
 
@@ -98,8 +105,22 @@ def take_pod_out(occupancy, cell):
 
 @kernel
 def has_room(occupancy, cell, direction):
-    """Whether a robot travelling in `direction` would find room in `cell` now."""
+    """Return whether a robot travelling in `direction` may begin to move into `cell` now."""
     return np.int64(occupancy[U(cell)]) & room_bit(np.int64(direction)) != 0
+
+
+@kernel
+def is_empty(traffic, cell, direction, tick):
+    """Return whether a robot travelling in `direction` finds no robot in `cell`, nor one on its way in.
+
+    Under convoy a cell may be open although a robot is still leaving it.
+    """
+    if not has_room(traffic.occupancy, cell, direction):
+        return False
+    cells = traffic.occupancy.shape[0]
+    word = np.int64(traffic.occupancy[U(cell)])
+    resource = resource_of(word, cell, np.int64(direction), cells)
+    return traffic.leaving.shape[0] == 0 or traffic.leaving[U(resource)] >> 2 < tick
 
 
 @kernel(inline=True)
@@ -164,8 +185,12 @@ def end_moves(grid, rules, robots, traffic, arriving):
             way = direction_between(grid, left, entered)
             robots.cell[U(i)] = entered
             robots.travel[U(i)] = way
+            if rules.following == FOLLOWING_CONVOY:
+                continue  # its room was given back when the move began
             dirty = bar_way_back(traffic, left, entered, way, dirty)
-        releases = vacate_later(traffic, left, direction, rules.following, releases)
+        releases = vacate_later(
+            traffic, left, direction, rules.following != FOLLOWING_NONE, releases
+        )
     return releases, dirty
 
 
@@ -192,7 +217,7 @@ def advance(grid, rules, robots, traffic, i, releases):
     target = cell + grid.offset[U(direction)]
     word = np.int64(traffic.occupancy[U(target)]) & ~(1 << direction)
     traffic.occupancy[U(target)] = np.uint16(word & ~taken_bits(word, direction))
-    at_once = rules.following and np.int64(traffic.intent[U(i)]) & ENTERED == 0
+    at_once = rules.following != FOLLOWING_NONE and np.int64(traffic.intent[U(i)]) & ENTERED == 0
     if at_once and traffic.move_ticks[U(i)] == 1:
         vacate(traffic.occupancy, cell, np.int64(robots.travel[U(i)]))
     return finish_move(rules, robots, traffic, i, cell, target, releases)
@@ -225,7 +250,10 @@ def move_all(grid, rules, robots, traffic, tick):
     """
     arriving = claim_cells(grid, rules, robots, traffic)
     releases, dirty = end_moves(grid, rules, robots, traffic, arriving)
-    releases, pending, dirty = move_uncontested(grid, rules, robots, traffic, releases, dirty)
+    if rules.following == FOLLOWING_CONVOY:
+        releases, pending, dirty = join_uncontested(grid, robots, traffic, tick, releases, dirty)
+    else:
+        releases, pending, dirty = move_uncontested(grid, rules, robots, traffic, releases, dirty)
     if pending:
         releases = resolve(grid, rules, robots, traffic, tick, pending, releases)
     for k in range(dirty):
@@ -323,6 +351,94 @@ def move_uncontested(grid, rules, robots, traffic, releases, dirty):
 
 
 @kernel
+def join_uncontested(grid, robots, traffic, tick, releases, dirty):
+    """The second pass under convoy; returns (releases, pending, dirty)."""
+    occupancy, intent = traffic.occupancy, traffic.intent
+    cells = occupancy.shape[0]
+    pending = 0
+    for i in range(robots.cell.shape[0]):
+        fetch_ahead(grid, robots, traffic, i)
+        w = np.int64(intent[U(i)])
+        if w & LIVE == 0:
+            continue
+        direction = w & 3
+        cell = np.int64(robots.cell[U(i)])
+        target = cell + grid.offset[U(direction)]
+        here = np.int64(occupancy[U(cell)])
+        there = np.int64(occupancy[U(target)])
+        travel = np.int64(robots.travel[U(i)])
+        is_sole = there & CLAIMS == 1 << direction and there & room_bit(direction) != 0
+        if meets_on_edge(traffic, here, there, target, direction, tick):
+            intent[U(i)] = np.uint8(w | REFUSED)
+        elif is_sole or (there >> CAPACITY_SHIFT) & 3 == 0:
+            goal = resource_of(there, target, direction, cells)
+            ticks = ticks_behind(traffic, there, goal, tick, np.int64(traffic.move_ticks[U(i)]))
+            there &= ~(1 << direction) if is_sole else -1
+            occupancy[U(target)] = np.uint16(there & ~taken_bits(there, direction))
+            releases = vacate_later(traffic, cell, travel, w & ENTERED == 0, releases)
+            set_out(robots, traffic, tick, i, target, resource_of(here, cell, travel, cells), ticks)
+            if is_sole:
+                continue
+        else:
+            row = traffic.pending[U(pending)]
+            followed = here & CLAIMS != 0 and (here >> CAPACITY_SHIFT) & 3 != 0 and w & ENTERED == 0
+            row[INTENT_GOAL] = resource_of(there, target, direction, cells)
+            row[INTENT_OWN] = resource_of(here, cell, travel, cells) if followed else NIL
+            row[INTENT_ROBOT] = i
+            row[INTENT_STATE] = 0
+            row[INTENT_CELL] = cell
+            row[INTENT_DIRECTION] = direction
+            row[INTENT_FREED] = taken_bits(here, travel) if w & ENTERED == 0 else 0
+            row[INTENT_TICKS] = traffic.move_ticks[U(i)]
+            pending += 1
+        traffic.dirty[U(dirty)] = target
+        dirty += 1
+    return releases, pending, dirty
+
+
+@kernel(inline=True)
+def meets_on_edge(traffic, here, there, target, direction, tick):
+    """Whether a robot would meet one on its edge that starts now, or is on its way over it.
+
+    The latter comes out of a cell of capacity 1 into one in which robots may be: into one of capacity
+    1 it would come behind a robot that is on its way out, and wants nothing.
+    """
+    starts = (here >> (direction ^ 2)) & 1 != 0
+    single, single_here = (there >> CAPACITY_SHIFT) & 3 == 1, (here >> CAPACITY_SHIFT) & 3 == 1
+    if starts and (single or single_here):
+        return True
+    if not single or single_here:
+        return False
+    last = traffic.leaving[U(target)]
+    return last >> 2 >= tick and last & 3 == direction ^ 2
+
+
+@kernel(inline=True)
+def ticks_behind(traffic, there, goal, tick, ticks):
+    """Ticks of a move into a resource: its own, or until the robot that leaves it has left."""
+    if (there >> CAPACITY_SHIFT) & 3 == 0:
+        return ticks
+    return max(ticks, (traffic.leaving[U(goal)] >> 2) - tick + 1)
+
+
+@kernel
+def set_out(robots, traffic, tick, i, target, own, ticks):
+    """Robot i begins its move under convoy, out of the resource `own`; the room is arranged."""
+    intent = np.int64(traffic.intent[U(i)])
+    direction = intent & 3
+    traffic.intent[U(i)] = np.uint8(intent | MOVED)
+    traffic.own_ticks[U(i)] = traffic.move_ticks[U(i)]
+    traffic.move_ticks[U(i)] = ticks
+    traffic.leaving[U(own)] = ((tick + ticks - 1) << 2) | direction
+    if ticks > 1:
+        robots.claim[U(i)] = target
+        robots.busy[U(i)] = ticks - 1
+    else:
+        robots.cell[U(i)] = target
+        robots.travel[U(i)] = direction
+
+
+@kernel
 def find(traffic, mask, resource):
     """The entry of a resource in the hash table, inserted if it is new."""
     key = traffic.key
@@ -363,7 +479,7 @@ def resolve(grid, rules, robots, traffic, tick, pending, releases):
         if contest[U(intents[U(k), U(INTENT_GOAL)])] != k:
             intents[U(k), U(INTENT_STATE)] = REFUSED
         elif intents[U(k), U(INTENT_STATE)] == 0:
-            move_queue(grid, traffic, k)
+            move_queue(grid, rules, robots, traffic, tick, k)
     for k in range(pending):
         if intents[U(k), U(INTENT_STATE)] == 0:
             rotate_ring(traffic, k)
@@ -373,7 +489,14 @@ def resolve(grid, rules, robots, traffic, tick, pending, releases):
         if intents[U(k), U(INTENT_STATE)] == MOVED:
             cell = np.int64(intents[U(k), U(INTENT_CELL)])
             target = cell + grid.offset[U(intents[U(k), U(INTENT_DIRECTION)])]
-            releases = finish_move(rules, robots, traffic, i, cell, target, releases)
+            if rules.following == FOLLOWING_CONVOY:
+                if np.int64(traffic.intent[U(i)]) & ENTERED:
+                    travel = np.int64(robots.travel[U(i)])
+                    releases = vacate_later(traffic, cell, travel, 0, releases)
+                ticks = np.int64(intents[U(k), U(INTENT_TICKS)])
+                set_out(robots, traffic, tick, i, target, own_resource(robots, traffic, i), ticks)
+            else:
+                releases = finish_move(rules, robots, traffic, i, cell, target, releases)
         else:
             traffic.intent[U(i)] = np.uint8(np.int64(traffic.intent[U(i)]) | REFUSED)
     return releases
@@ -404,7 +527,15 @@ def is_before(robots, tick, i, j):
 
 
 @kernel
-def move_queue(grid, traffic, k):
+def own_resource(robots, traffic, i):
+    """What robot i holds of its cell: the cell, or a lane of it."""
+    cell = np.int64(robots.cell[U(i)])
+    word = np.int64(traffic.occupancy[U(cell)])
+    return resource_of(word, cell, np.int64(robots.travel[U(i)]), traffic.occupancy.shape[0])
+
+
+@kernel
+def move_queue(grid, rules, robots, traffic, tick, k):
     """Move winner k if its target has room, then whoever won the cell that it leaves, and so on.
 
     Only room and outcome are written here, from one row for each intent; the robots, scattered in
@@ -419,10 +550,23 @@ def move_queue(grid, traffic, k):
             return
         traffic.occupancy[target] = np.uint16(word & ~taken_bits(word, direction))
         row[INTENT_STATE] = MOVED
+        if rules.following == FOLLOWING_CONVOY:
+            settle_ticks(robots, traffic, tick, word, np.int64(target), row)
         if row[INTENT_FREED]:
             left = np.int64(traffic.occupancy[U(cell)]) | np.int64(row[INTENT_FREED])
             traffic.occupancy[U(cell)] = np.uint16(left)
         k = behind(traffic, k)
+
+
+@kernel
+def settle_ticks(robots, traffic, tick, there, target, row):
+    """Settle what the move of an intent takes, and so what the one behind it takes at least."""
+    direction = np.int64(row[INTENT_DIRECTION])
+    goal = resource_of(there, target, direction, traffic.occupancy.shape[0])
+    ticks = ticks_behind(traffic, there, goal, tick, np.int64(row[INTENT_TICKS]))
+    row[INTENT_TICKS] = ticks
+    own = own_resource(robots, traffic, np.int64(row[INTENT_ROBOT]))
+    traffic.leaving[U(own)] = ((tick + ticks - 1) << 2) | direction
 
 
 @kernel
@@ -437,14 +581,18 @@ def rotate_ring(traffic, k):
     """Follow the winners behind winner k: a ring closes on k and rotates, any other queue is refused.
 
     A resource has one winner, who wants one resource: so queues and rings never branch. Members of
-    a ring give room to each other, so the room of its cells stays as it is.
+    a ring give room to each other, so the room of its cells stays as it is. All take as long as the
+    longest: under `handover` only moves of one tick form rings.
     """
     intents = traffic.pending
+    ticks = np.int64(intents[U(k), U(INTENT_TICKS)])
     walker = behind(traffic, k)
     while walker != k and walker != NIL and intents[U(walker), U(INTENT_STATE)] != REFUSED:
+        ticks = max(ticks, np.int64(intents[U(walker), U(INTENT_TICKS)]))
         walker = behind(traffic, walker)
     outcome = MOVED if walker == k else REFUSED
     walker = k
     while walker != NIL and intents[U(walker), U(INTENT_STATE)] == 0:
         intents[U(walker), U(INTENT_STATE)] = outcome
+        intents[U(walker), U(INTENT_TICKS)] = ticks
         walker = behind(traffic, walker)

@@ -33,6 +33,7 @@ from automaton.engine.observation import (
     CAUSE_CHARGER_QUEUE,
     CAUSE_CLOSED,
     CAUSE_DELAYED,
+    CAUSE_DRIVING_AHEAD,
     CAUSE_FAULT,
     CAUSE_HELD_BACK,
     CAUSE_ILLEGAL_DECISION,
@@ -84,6 +85,7 @@ from automaton.engine.state import (
     CLOCK_ORDERS_DONE,
     CLOCK_TICK,
     CLOCK_UNDELIVERED,
+    FOLLOWING_CONVOY,
     GOAL_NONE,
     GOAL_STOP,
     NIL,
@@ -137,6 +139,7 @@ def scan_robots(world, observation):
     tours = world.stops.cell.shape[0] > 0
     visits, visits_before = world.tally.visits, observation.visits_before
     rules = world.rules
+    convoy = rules.following == FOLLOWING_CONVOY
     may_slow = rules.slowdown or rules.extra_tick or world.grid.min_move_ticks.shape[0]
     waiting = 0
     working = 0
@@ -153,8 +156,10 @@ def scan_robots(world, observation):
         visited = tours and visits[U(i)] != visits_before[U(i)]
         if w & MOVED:
             count_move(world, observation, i, w & 3)
-        elif visited:
-            pass  # it stood where it had to
+        if convoy and is_following(world, i):
+            now = note_following(world, observation, i)
+        elif w & MOVED or visited:
+            pass  # it got on, or stood where it had to
         elif w or told or busy_before[U(i)] or robots.parked[U(i)] == 0:
             now = find_wait(world, observation, i, w, told & ACTION_MASK)
         if now == CAUSE_NOT_WAITING:
@@ -203,6 +208,25 @@ def count_move(world, observation, i, direction):
         if entered == NIL:
             entered = np.int64(robots.home[U(i)])
     observation.flow[U(entered - world.grid.offset[U(direction)]), U(direction)] += 1
+
+
+@kernel
+def is_following(world, i):
+    """Whether robot i loses this tick of its move to the robot ahead: the last ticks are its own."""
+    robots = world.robots
+    if robots.claim[U(i)] == NIL or robots.claim[U(i)] == robots.cell[U(i)]:
+        return False
+    is_longer = robots.busy[U(i)] >= world.traffic.own_ticks[U(i)]
+    return is_longer and not is_held_up(world, i)
+
+
+@kernel
+def note_following(world, observation, i):
+    """Robot i drives on behind one that is still leaving the cell: `find_blockers` finds that one."""
+    observation.blocker[U(i)] = NIL
+    observation.wanted[U(i)] = world.robots.claim[U(i)]
+    observation.scratch.entry[U(i)] = NIL
+    return CAUSE_DRIVING_AHEAD
 
 
 @kernel
@@ -358,7 +382,8 @@ def note_slow_move(world, observation, i, want):
             observation.slow_zone_occupancy[U(i)] = around
     usual = world.rules.duration[U(robots.type[U(i)]), U(ACTION_MOVE)]
     drives = robots.action[U(i)] == ACTION_MOVE and not is_held_up(world, i)
-    if drives and robots.busy[U(i)] >= usual:
+    follows = world.rules.following == FOLLOWING_CONVOY and is_following(world, i)
+    if drives and robots.busy[U(i)] >= usual and not follows:
         observation.lost[U(i), U(CAUSE_REDUCED_SPEED)] += 1
         if observation.slow_zone[U(i)] != NIL:
             observation.lost_in_zone[U(observation.slow_zone[U(i)])] += 1

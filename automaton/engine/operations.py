@@ -5,7 +5,7 @@ import numpy as np
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.record_codes import EXECUTED_ILLEGAL
 from automaton.engine.robot_status import STATUS_EXHAUSTED, STATUS_UP
-from automaton.engine.state import ACTION_ILLEGAL, CLOCK_ROBOTS_DOWN, NIL
+from automaton.engine.state import ACTION_FOLLOWING, ACTION_ILLEGAL, CLOCK_ROBOTS_DOWN, NIL
 
 
 @kernel
@@ -90,6 +90,19 @@ def count_lost_tick(world, i, action):
     world.robots.action[i] = action
     world.tally.operations[i, action, loaded] += 1
     world.tally.ticks[i, action, loaded] += 1
+
+
+@kernel
+def count_following(world, i, ticks):
+    """Count ticks of a move that lasts longer because of the robot ahead.
+
+    They take charge as waiting does, at most what is there: the move has begun, and ends.
+    """
+    loaded = 1 if world.robots.load[i] != NIL else 0
+    if world.rules.battery:
+        units = energy_cost(world, i, ACTION_FOLLOWING, ticks)
+        consume_energy(world, i, min(units, np.int64(world.robots.charge[i])))
+    world.tally.ticks[i, ACTION_FOLLOWING, loaded] += ticks
 
 
 @kernel

@@ -59,11 +59,12 @@ ACTION_SERVE: Final = 15  # a tick at a stop of its order that takes time
 ACTION_STATION_QUEUE: Final = 16  # a tick in the queue of a station
 ACTION_DELAYED: Final = 17  # a tick on the floor in a delay, with nothing under way
 ACTION_GATE: Final = 18  # a tick before a closed cell, a door, a block or a lift
-ACTION_COUNT: Final = 19
+ACTION_FOLLOWING: Final = 19  # a tick of a move that lasts longer because of the robot ahead
+ACTION_COUNT: Final = 20
 ACTION_NAMES: Final = (
     *("idle", "move", "turn", "pick", "drop", "try_drop", "wait", "charge"),
     *("blocked", "retreat", "bay_blocked", "illegal", "queueing", "down", "held_back"),
-    *("serve", "station_queue", "delayed", "gate"),
+    *("serve", "station_queue", "delayed", "gate", "following"),
 )
 
 # Goals: what a robot drives to its goal cell for.
@@ -463,6 +464,17 @@ class Traffic(Struct, role=SCRATCH):
     )
     intent: Array = field("(n,) uint8", "the intent before motion, its outcome after")
     move_ticks: Array = field("(n,) uint16", "ticks that the intended move takes", default=1)
+    own_ticks: Array = field(
+        "(n,) uint16",
+        "ticks that its last move takes by itself, delays included; the rest it follows",
+        default=1,
+        role=MEASURED,
+    )
+    leaving: Array = field(
+        "(L,) int64",
+        "by resource, under convoy: 4 * the last tick of the last move out of it + its direction",
+        role=DERIVED,
+    )
     zone_occupancy: Array = field("(Z,) int32", "robots in each traffic zone as the tick began")
     # The second column is for travel W or N through a cell for two. Entered while a strategy that says
     # `holders` is asked (automaton.engine.holders), else NIL; so is a cell without limit.

@@ -56,6 +56,7 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     "lost_illegal": ("ticks", "after illegal decisions of a strategy"),
     "lost_held_back": ("ticks", "in which right of way that steers held robots back"),
     "lost_at_gates": ("ticks", "before closed cells, doors, blocks and lifts"),
+    "lost_following": ("ticks", "in moves that last longer because of the robot ahead"),
     "slowdown_ticks": (
         "ticks",
         "reduced speed, not waiting: what moves take longer because of slow zones, "

@@ -24,8 +24,14 @@ LOST_TICK_SUMS: Final = (
     "lost_illegal",
     "lost_held_back",
     "lost_at_gates",
+    "lost_following",
 )
-LOST_OUTSIDE: Final = ("lost_station_queue", "lost_held_back", "lost_at_gates")  # of "active"
+LOST_OUTSIDE: Final = (
+    "lost_station_queue",
+    "lost_held_back",
+    "lost_at_gates",
+    "lost_following",
+)  # of "active"
 COUNTED_BY_STRATEGIES: Final = (
     *(
         "redesigns",

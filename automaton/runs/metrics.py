@@ -23,6 +23,7 @@ from automaton.engine.state import (
     ACTION_CHARGE,
     ACTION_DOWN,
     ACTION_DROP,
+    ACTION_FOLLOWING,
     ACTION_GATE,
     ACTION_HELD_BACK,
     ACTION_IDLE,
@@ -38,6 +39,7 @@ from automaton.engine.state import (
     ACTION_TURN,
     ACTION_WAIT,
     CLOCK_TICK,
+    FOLLOWING_CONVOY,
     LAYER_NAMES,
     NIL,
     ORDER_DELIVERED,
@@ -70,6 +72,7 @@ LOST_IN = dict(
             ACTION_ILLEGAL,
             ACTION_HELD_BACK,
             ACTION_GATE,
+            ACTION_FOLLOWING,
         ),
         strict=True,
     )
@@ -99,24 +102,38 @@ class Counted(NamedTuple):
 def executed_ticks(world: World) -> Array:
     """(n, A, 2): ticks spent in each action, without what the operations under way still need."""
     ticks: Array = world.tally.ticks.copy()
-    at = under_way(world)
-    ticks[at[0], at[1], at[2]] -= world.robots.busy[at[0]]
+    for robots, actions, loads, remaining in under_way(world):
+        ticks[robots, actions, loads] -= remaining
     return ticks
 
 
 def fleet_ticks(world: World) -> Array:
     """(A, 2): the same of all robots together."""
     ticks: Array = world.tally.ticks.sum(0)
-    at = under_way(world)
-    np.subtract.at(ticks, (at[1], at[2]), world.robots.busy[at[0]])
+    for _, actions, loads, remaining in under_way(world):
+        np.subtract.at(ticks, (actions, loads), remaining)
     return ticks
 
 
-def under_way(world: World) -> tuple[Array, Array, Array]:
-    """The robots whose operation is not over, the operation, and whether they are loaded."""
+def under_way(world: World) -> list[tuple[Array, Array, Array, Array]]:
+    """The robots whose operation is not over, its action, whether they are loaded, and the ticks left.
+
+    Under convoy a second row for moves: the ticks that they still lose to the robot ahead.
+    """
     robots = world.robots
     busy = np.flatnonzero(robots.busy > 0)
-    return busy, robots.action[busy], (robots.load[busy] != NIL).astype(np.int64)
+    actions, loads = robots.action[busy], (robots.load[busy] != NIL).astype(np.int64)
+    left = robots.busy[busy].astype(np.int64)
+    if not _follows(world):
+        return [(busy, actions, loads, left)]
+    own = np.where(actions == ACTION_MOVE, np.minimum(left, world.traffic.own_ticks[busy]), left)
+    following = np.full_like(actions, ACTION_FOLLOWING)
+    return [(busy, actions, loads, own), (busy, following, loads, left - own)]
+
+
+def _follows(world: World) -> bool:
+    """Whether moves may last longer because of the robot ahead."""
+    return bool(world.rules.following == FOLLOWING_CONVOY)
 
 
 def counted(run: Measured) -> Counted:
@@ -267,6 +284,7 @@ def _not_lost(world: World) -> list[str]:
         "lost_station_queue": not (has_lines(world) or _has_queues(world)),
         "lost_held_back": not world.rules.steered[0],
         "lost_at_gates": not len(world.gates.kind),
+        "lost_following": not (_follows(world) or world.tally.ticks[:, ACTION_FOLLOWING].any()),
     }
     return [name for name, is_absent in absent.items() if is_absent]
 
@@ -281,7 +299,8 @@ def metrics_by_robot(run: Measured) -> list[dict[str, Any]]:
 
     `slowdown_ticks` is there if moves may take longer, `lost_queueing` if robots run on batteries,
     `lost_station_queue` if they carry pods for lines or to queues,
-    `lost_held_back` if right of way steers them, `lost_at_gates` if the floor has gates.
+    `lost_held_back` if right of way steers them, `lost_at_gates` if the floor has gates,
+    `lost_following` if they follow each other in moves of several ticks.
     """
     world = run.world
     elapsed = int(world.clock[CLOCK_TICK])

@@ -10,8 +10,10 @@ from typing import Final
 
 import numpy as np
 
+from automaton.build.starts import occupy_starts
 from automaton.engine.jit.fields import CARRIED
 from automaton.engine.jit.structs import Struct
+from automaton.engine.motion import room_bit
 from automaton.engine.observation import Observation
 from automaton.engine.state import (
     CLOCK_CHANGE_ROWS,
@@ -23,6 +25,8 @@ from automaton.engine.state import (
     CLOCK_RECORDED_TICKS,
     CLOCK_RECORDING,
     CLOCK_STOP_TICK,
+    CLOCK_TICK,
+    FOLLOWING_CONVOY,
     NEED_RIGHT_OF_WAY,
     NEED_ROUTE,
     NIL,
@@ -32,6 +36,8 @@ from automaton.engine.state import (
     Array,
     World,
 )
+from automaton.errors import InputError
+from automaton.floor.cells import EAST, WEST
 
 OF_THE_BUFFERS: Final = (
     CLOCK_STOP_TICK,
@@ -94,8 +100,52 @@ def take_over(
     ):
         np.copyto(rows, others)
     copy_clock(world.clock, other_world.clock)
+    if world.rules.following != other_world.rules.following:
+        hold_cells(world)
     if world.rules.loaded_types != other_world.rules.loaded_types:
         split_by_load(world, other_world)
+
+
+def hold_cells(world: World) -> None:
+    """Let every robot hold what it does by the rule of following.
+
+    That is its cell and the one that it enters, or under convoy the latter alone. Raises InputError if
+    another rule than convoy is to hold from here on and a robot is coming into a cell that another one
+    is still leaving.
+    """
+    robots, occupancy = world.robots, world.traffic.occupancy
+    is_convoy = world.rules.following == FOLLOWING_CONVOY
+    moves = (robots.cell != NIL) & (robots.claim != NIL) & (robots.claim != robots.cell)
+    turns = (robots.cell != NIL) & (robots.claim == robots.cell)
+    stays = (robots.cell != NIL) & ~(moves & is_convoy)
+    step = robots.claim[moves] - robots.cell[moves]
+    way = np.argmax(world.grid.offset == step[:, None], axis=1).astype(np.uint8)
+    places = (
+        (robots.cell[stays], robots.travel[stays]),
+        (robots.claim[moves], way),
+        (robots.cell[turns], robots.travel[turns] ^ 2),  # it turns from lane to lane
+    )
+    occupancy |= np.uint16(room_bit(EAST) | room_bit(WEST))
+    for cells, headings in places:
+        occupy_starts(world.grid, occupancy, cells, headings)
+    lanes = [resources(world, *place) for place in places]
+    held, times = np.unique(np.concatenate(lanes), return_counts=True)
+    if not is_convoy and (times[held >= 0] > 1).any():
+        raise InputError(
+            f"a robot follows into a cell that another one is still leaving at tick "
+            f"{world.clock[CLOCK_TICK]}, so world.following stays convoy there; choose another tick"
+        )
+    if is_convoy:
+        left = resources(world, robots.cell[moves], robots.travel[moves])
+        last = int(world.clock[CLOCK_TICK]) + robots.busy[moves].astype(np.int64)
+        world.traffic.leaving[left[left >= 0]] = (4 * last + way)[left >= 0]
+
+
+def resources(world: World, cells: Array, directions: Array) -> Array:
+    """The number of each cell, or of its lane for travel in a direction; NIL where it has no limit."""
+    capacity = (world.grid.cell_flags[cells].astype(np.int64) >> 5) & 3
+    lane = np.where(capacity == 2, directions.astype(np.int64) >> 1, 0)
+    return np.where(capacity == 0, NIL, cells + lane * len(world.grid.cell_flags))
 
 
 def split_by_load(world: World, other_world: World) -> None:

@@ -12,9 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from automaton.build.prepared_floor import floor_for
 from automaton.build.resolve import Resolved
-from automaton.build.starts import occupy_starts
 from automaton.engine.faults import open_slot
 from automaton.engine.random_numbers import splitmix64
 from automaton.engine.robot_status import STATUS_REMOVED, STATUS_UP
@@ -54,6 +52,7 @@ from automaton.runs.pictures.phrases import Facts, Pair, Value
 from automaton.runs.pictures.picture_writing import picture_of
 from automaton.runs.pictures.robot_lines import NEEDS, RobotLine, name_of, numbers_of, read_robot
 from automaton.runs.simulation import Simulation
+from automaton.runs.state_copy import hold_cells
 
 PLACE = "the picture"
 HEAD = re.compile(
@@ -102,8 +101,8 @@ def world_from(text: str, resolved: Resolved) -> Simulation:
         set_order(world, floor_plan, order.number, order.facts)
         set_stops(world, order)
     set_reservations(world)
-    set_occupancy(world, resolved)
     set_clock(world, said, resolved)
+    hold_cells(world)
     check_against(lines, picture_of(simulation).split("\n"))
     return simulation
 
@@ -231,23 +230,6 @@ def set_reservations(world: World) -> None:
     for order, slot in enumerate(orders.current_slot.tolist()):
         if slot != NIL and not slots.unbounded[slot]:
             slots.content[slot] = order
-
-
-def set_occupancy(world: World, resolved: Resolved) -> None:
-    """Let every robot hold its cell, and the one that a long move or a turn claims."""
-    mode = resolved.scenario.world.traffic_zones
-    floor = floor_for(resolved.floor_plan, mode, resolved.fleet.types)
-    robots, occupancy = world.robots, world.traffic.occupancy
-    occupancy[:] = floor.occupancy
-    on_floor = robots.cell != NIL
-    occupy_starts(world.grid, occupancy, robots.cell[on_floor], robots.travel[on_floor])
-    claiming = np.flatnonzero(robots.claim != NIL)
-    for i in claiming.tolist():
-        step = int(robots.claim[i]) - int(robots.cell[i])
-        # A turn in a cell for two claims the other lane of its own cell.
-        ahead = int(np.argmax(world.grid.offset == step)) if step else int(robots.travel[i]) ^ 2
-        lane = np.array([ahead], np.uint8)
-        occupy_starts(world.grid, occupancy, robots.claim[i : i + 1], lane)
 
 
 def set_clock(world: World, said: Said, resolved: Resolved) -> None:

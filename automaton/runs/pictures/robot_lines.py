@@ -87,6 +87,7 @@ ACTION_PHRASES = {  # of each action: while it lasts, and when it is over
     "station_queue": ("queues for a station", "queued for a station"),
     "delayed": ("is delayed", "was delayed"),
     "gate": ("waits at a gate", "waited at a gate"),
+    "following": ("follows", "followed"),
 }
 
 TASK = (

@@ -15,7 +15,7 @@ import numpy as np
 from automaton.engine.facilities import NO_WAY_THROUGH
 from automaton.engine.jit.fields import CONSTANT, SCRATCH, field
 from automaton.engine.jit.structs import Struct
-from automaton.engine.state import ACTION_MOVE, ACTION_TURN, NIL, Array
+from automaton.engine.state import ACTION_MOVE, ACTION_TURN, FOLLOWING_CONVOY, NIL, Array
 from automaton.strategy.weighted_tables import DistanceTables, weighted_tables
 from strategies.right_of_way.epibt.horizon import horizon_of
 from strategies.right_of_way.epibt.lattice import AGAINST_STREET, TURN, lattice_weights
@@ -126,7 +126,7 @@ def epibt_state(view, parameters):
         },
         ticks=ticks,
         reach=parameters.depth * dearest,
-        holds_two=int(duration[:, 0].max() > 1),
+        holds_two=int(duration[:, 0].max() > 1 and view.rules.following != FOLLOWING_CONVOY),
         takes_time=int(paces.max() > 1),
         has_storage=int((grid.type_cell_flags & NO_WAY_THROUGH).any()),
         oldest_first=int(parameters.first == "oldest"),

@@ -98,7 +98,8 @@ def inherit_plans(view, state):
         i = np.int64(state.chain_robot[waiting])
         for tick in range(state.ticks):
             waiting = hold(state, i, cell_after(state, i, FULL_WAIT, tick), tick, waiting)
-            waiting = hold(state, i, cell_held(state, i, FULL_WAIT, tick), tick, waiting)
+            if state.holds_two:
+                waiting = hold(state, i, cell_held(state, i, FULL_WAIT, tick), tick, waiting)
 
 
 @kernel

@@ -3,7 +3,7 @@
 Every LOOK ticks those that have stood for long are looked at. In a wait cycle whose robots have all stood
 for `patience` ticks more than the longest action of any of them, the robot whose goal is newest, ties by
 identity, steps aside: it chooses before all others, any cell but the one for which it waits, until it has
-left its own. If it finds no way out by the next look, it is the next one's turn.
+left its own. If it finds no way out, it is the turn of the next one in the tick after.
 """
 
 import numpy as np
@@ -26,8 +26,9 @@ class Deadlocks(Struct):
     goal: Array = field("(n,) int32", "its goal cell at the last look", default=NIL)
     goal_since: Array = field("(n,) int64", "the tick of the look that first found that")
     aside: Array = field("(n,) uint8", "1 + the direction in which it must not go, or 0")
-    aside_until: Array = field("(n,) int64", "the tick up to which it is to step aside")
+    aside_since: Array = field("(n,) int64", "the tick since which it is to step aside")
     tries: Array = field("(n,) int32", "how often it has been to do so in its cell")
+    look_again: Array = field("(s,) int64", "1: in the next tick, one number")
     resolved: Array = field("(n,) int64", "deadlocks that it has broken")
     first_choice: Array = field(
         "(n,) uint8", "1 + the direction of the cell for which it waits", role=SCRATCH
@@ -42,14 +43,14 @@ class Deadlocks(Struct):
 def is_time_to_look(view, deadlocks):
     """Return whether wait cycles are looked for in this tick; then note who has stood since when."""
     robots, tick = view.robots, view.clock[CLOCK_TICK]
-    if tick % LOOK:
+    if tick % LOOK and deadlocks.look_again[0] == 0:
         return False
+    deadlocks.look_again[0] = 0
     for i in range(robots.cell.shape[0]):
         deadlocks.blocker[i] = NIL
         deadlocks.color[i] = 0
         if robots.cell[i] != deadlocks.cell[i]:
-            if deadlocks.aside[i]:
-                steps_aside(view, deadlocks, i)
+            steps_aside(view, deadlocks, i)
             deadlocks.cell[i] = robots.cell[i]
             deadlocks.stood_since[i] = tick
             deadlocks.tries[i] = 0
@@ -111,23 +112,24 @@ def robot_to_step_aside(view, deadlocks, first):
 
 @kernel
 def let_step_aside(view, deadlocks, i):
-    deadlocks.tries[i] += 1
-    deadlocks.aside[i] = deadlocks.first_choice[i]
-    deadlocks.aside_until[i] = view.clock[CLOCK_TICK] + LOOK
+    """Robot i chooses another cell in the next tick, and is looked at again; once all have, they rest."""
+    if deadlocks.tries[i] == 0 or view.clock[CLOCK_TICK] % LOOK == 0:
+        deadlocks.tries[i] += 1
+        deadlocks.aside[i] = deadlocks.first_choice[i]
+        deadlocks.aside_since[i] = view.clock[CLOCK_TICK]
+        deadlocks.look_again[0] = 1
 
 
 @kernel
-def goes_on_aside(view, deadlocks, i):
-    """Robot i has a way out, and waits for it."""
-    deadlocks.aside_until[i] = max(deadlocks.aside_until[i], view.clock[CLOCK_TICK] + LOOK)
+def is_given_up(view, deadlocks, i):
+    """Return whether robot i has been to step aside for so long that it is the turn of another one."""
+    return view.clock[CLOCK_TICK] - deadlocks.aside_since[i] > deadlocks.patience
 
 
 @kernel
 def steps_aside(view, deadlocks, i):
     """Return whether robot i, which was to step aside, has not done so yet; once it has, count it."""
-    if view.robots.cell[i] != deadlocks.cell[i]:
+    if deadlocks.aside[i] and view.robots.cell[i] != deadlocks.cell[i]:
         deadlocks.resolved[i] += 1
-        deadlocks.aside[i] = 0
-    elif view.clock[CLOCK_TICK] > deadlocks.aside_until[i]:
         deadlocks.aside[i] = 0
     return deadlocks.aside[i] != 0

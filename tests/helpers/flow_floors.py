@@ -1,7 +1,8 @@
 """Random floors on which no rule of following makes robots stand still, and fleets that drive on them.
 
 Outside dead ends any two neighbouring cells lie on a ring, and the fleet leaves eight places there empty.
-Where rings of long moves do not rotate it leaves more: a ring that is full would stand still.
+Where rings do not rotate it leaves more: a ring that is full would stand still. They do not under the
+rules `none` and `handover`, nor where a robot of the ring comes to charge.
 """
 
 from __future__ import annotations
@@ -107,7 +108,8 @@ def drawn_fleet(
     rule, battery = str(draws.choice(RULES)), draws.random() < 0.3
     following = following or rule
     room = places(draw_floor(picture_of(rows)))
-    most = min(room - 8, int(SHARE[following] * room))
+    share = SHARE["none"] if battery else SHARE[following]
+    most = min(room - 8, int(share * room))
     if most < 2:
         return None
     robots = int(draws.integers(2, most + 1))

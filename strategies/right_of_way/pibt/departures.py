@@ -15,7 +15,7 @@ from automaton.engine.state import (
     NIL,
 )
 from automaton.strategy.kernels import has_gates, is_facing, kernel, limited_ticks
-from strategies.right_of_way.pibt.options import option_of
+from strategies.right_of_way.pibt.options import comes_to_charge, option_of
 from strategies.right_of_way.pibt.pibt_state import DECIDED, U
 from strategies.right_of_way.pibt.reservations import holder_of
 
@@ -86,7 +86,7 @@ def departs(view, state, first):
         depth += 1
         to = np.int64(state.next[U(i)])
         u = holder_of(view, to, direction_of(state, i))
-        if u != NIL and moves_off(view, state, u, to):
+        if u != NIL and moves_off(view, state, u, to) and not comes_to_charge(view, i, to):
             i = u
         else:
             opens = u == NIL or is_way_free(view, to, u)

@@ -53,8 +53,8 @@ from strategies.right_of_way.deadlocks import (
     COUNTERS,
     Deadlocks,
     break_deadlocks,
-    goes_on_aside,
     has_stood_long,
+    is_given_up,
     is_time_to_look,
 )
 from strategies.right_of_way.pibt.alleys import count_in_dead_ends, empty_dead_ends, has_to_leave
@@ -383,10 +383,11 @@ def look_for_deadlocks(view, state):
     """Enter which robots wait for which, of those that have stood for long, and break wait cycles."""
     for i in range(view.robots.cell.shape[0]):
         if state.mode[i] == DECIDED and has_stood_long(view, state.deadlocks, i):
-            if state.deadlocks.aside[i] and state.next[i] != view.robots.cell[i]:
-                goes_on_aside(view, state.deadlocks, i)
-            else:
-                enter_blocker(view, state, i)
+            has_way_out = state.deadlocks.aside[i] and state.next[i] != view.robots.cell[i]
+            if has_way_out and not is_given_up(view, state.deadlocks, i):
+                continue
+            enter_blocker(view, state, i)
+            state.deadlocks.aside[i] = 0
     break_deadlocks(view, state.deadlocks)
 
 
@@ -482,7 +483,7 @@ class Pibt(Strategy):
             holds_back=int(waits),
             rings=int(not waits or view.rules.following == FOLLOWING_CONVOY),
             queue=queue,
-            deadlocks=Deadlocks.sized({"n": n}, patience=self.parameters.deadlock_patience),
+            deadlocks=Deadlocks.sized({"n": n, "s": 1}, patience=self.parameters.deadlock_patience),
             dead_end=ends.number,
             way_out=ends.way_out,
             depth=ends.depth,

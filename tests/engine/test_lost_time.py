@@ -14,6 +14,7 @@ from random_cases import STRATEGIES, Case, cases, moods, scenarios
 from automaton.build.resolve import Resolved, StrategyChoice, resolve
 from automaton.engine.motion import MOVED
 from automaton.engine.observation import (
+    CAUSE_DRIVING_AHEAD,
     CAUSE_LANE,
     CAUSE_NO_ORDER,
     CAUSE_NOT_WAITING,
@@ -48,7 +49,7 @@ from automaton.engine.record_codes import (
     MOVE_NORTH,
     PICKED_ON_ARRIVAL,
 )
-from automaton.engine.state import ACTION_MOVE, NIL
+from automaton.engine.state import ACTION_FOLLOWING, ACTION_MOVE, FOLLOWING_CONVOY, NIL
 from automaton.evidence.history.event_history import EventHistory
 from automaton.evidence.recording.frames import FRAME_KIND_TICKS
 from automaton.evidence.recording.recorder import MemoryRecorder
@@ -75,9 +76,13 @@ def check_waits(run: Simulation) -> None:
                 and not observation.wait_cycle_ticks[i]
             )
             continue
+        assert observation.since[i] < run.tick
+        if follows(run, i):
+            q = int(robots.at_index[blocker])
+            assert robots.cell[q] == robots.claim[i] != robots.claim[q] != NIL
+            continue
         assert not run.world.traffic.intent[i] & MOVED
         assert not MOVE_EAST <= robots.executed[i] & ACTION_MASK <= MOVE_NORTH
-        assert observation.since[i] < run.tick
         if blocker != NIL:
             q = int(robots.at_index[blocker])
             assert q != i, "it waits for itself"
@@ -88,6 +93,13 @@ def check_waits(run: Simulation) -> None:
             cell_flags = int(run.world.grid.cell_flags[observation.wanted[i]])
             here = (robots.cell == observation.wanted[i]) | (robots.claim == observation.wanted[i])
             assert not here.any() or cell_flags >> 5 & 3 != 1, "the cell is held"
+
+
+def follows(run: Simulation, i: int) -> bool:
+    """Whether a robot loses this tick of its move to the one ahead."""
+    robots, cause = run.world.robots, int(run.observation.cause[i])
+    moves = robots.claim[i] not in (NIL, robots.cell[i]) and robots.action[i] == ACTION_MOVE
+    return cause == CAUSE_DRIVING_AHEAD and bool(moves)
 
 
 def circles(run: Simulation) -> set[int]:
@@ -154,6 +166,7 @@ def follow(run: Simulation, ticks: int, event_history: EventHistory) -> None:
         np.zeros(len(observation.lost_ticks_by_cell), int),
         Counter[Any](),
     )
+    followed = np.zeros(len(lost), int)
     orders = {int(who): NIL for who in robots.identity}
     while run.tick < ticks and not run.finished:
         run.run(run.tick + 1)
@@ -162,6 +175,7 @@ def follow(run: Simulation, ticks: int, event_history: EventHistory) -> None:
         waiting = 0
         for i, cause in enumerate(observation.cause.tolist()):
             lost[i, cause] += cause != CAUSE_NOT_WAITING
+            followed[i] += follows(run, i)
             counts = cause not in (CAUSE_NOT_WAITING, CAUSE_NO_ORDER)
             waiting += counts
             if counts and robots.cell[i] != NIL:
@@ -185,10 +199,13 @@ def follow(run: Simulation, ticks: int, event_history: EventHistory) -> None:
         working = (observation.cause == CAUSE_NOT_WAITING) & (robots.parked == 0)
         assert curve[WORKING_ROBOTS] == working.sum()
     # Ticks still to be lost.
-    ahead = robots.busy.astype(int) - int(run.world.rules.duration[0, ACTION_MOVE])
-    ahead = np.where(
-        (robots.action == ACTION_MOVE) & (robots.claim != NIL), np.maximum(ahead, 0), 0
-    )
+    moves = (robots.action == ACTION_MOVE) & (robots.claim != NIL)
+    convoy = run.world.rules.following == FOLLOWING_CONVOY
+    own = np.minimum(robots.busy, run.world.traffic.own_ticks if convoy else robots.busy)
+    still = np.where(moves, robots.busy - own, 0)
+    assert np.array_equal(followed, run.world.tally.ticks[:, ACTION_FOLLOWING].sum(1) - still)
+    ahead = own.astype(int) - int(run.world.rules.duration[0, ACTION_MOVE])
+    ahead = np.where(moves, np.maximum(ahead, 0), 0)
     lost[:, CAUSE_REDUCED_SPEED] = run.world.tally.slowdown_ticks - ahead
     assert np.array_equal(observation.lost, lost) and np.array_equal(
         observation.lost_ticks_by_cell[:, LOST_EVER], waits

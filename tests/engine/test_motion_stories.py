@@ -216,8 +216,8 @@ def test_nobody_enters_a_cell_that_a_long_move_claims_or_still_holds() -> None:
     assert story.refused == "BC"
 
 
-def test_a_follower_enters_in_the_tick_in_which_a_long_move_arrives() -> None:
-    story = Story("BA..", move=3)
+def test_with_handover_a_follower_enters_in_the_tick_in_which_a_long_move_arrives() -> None:
+    story = Story("BA..", move=3, following="handover")
     assert story.tick(A="east", B="east") == "BA*."
     assert story.tick(B="east") == "BA*."
     assert story.refused == "B"
@@ -234,10 +234,60 @@ def test_without_following_a_long_move_frees_its_cell_for_the_next_tick() -> Non
     assert story.tick(B="east") == "B*A"
 
 
-def test_a_ring_of_long_moves_does_not_rotate() -> None:
-    story = Story("AB\nDC", move=2)
+def test_with_handover_a_ring_of_long_moves_does_not_rotate() -> None:
+    story = Story("AB\nDC", move=2, following="handover")
     assert story.tick(A="east", B="south", C="west", D="north") == rows("AB", "DC")
     assert story.refused == "ABCD"
+
+
+# Convoys
+
+
+def test_in_a_convoy_robots_set_out_and_arrive_together() -> None:
+    story = Story("BA..", move=3)
+    assert story.tick(A="east", B="east") == "BA*."
+    assert story.refused == ""
+    assert story.tick() == "BA*."
+    assert story.tick() == ".BA."
+
+
+def test_a_robot_that_follows_late_arrives_after_its_own_ticks() -> None:
+    story = Story("BA..", move=3)
+    assert story.tick(A="east") == "BA*."
+    assert story.tick(B="east") == "BA*."
+    assert story.tick() == "B*A."
+    assert story.tick() == ".BA."
+
+
+def test_a_cell_that_is_being_left_takes_one_follower() -> None:
+    story = Story(rows("BA.", "#C#"), move=2, priority={"B": 1})
+    assert story.tick(A="east", B="east", C="north") == rows("BA*", "#C#")
+    assert story.refused == "C"
+    assert story.tick(C="north") == rows(".BA", "#C#")
+    assert story.refused == "C", "B is in the cell from now on, and stands"
+
+
+def test_nobody_follows_into_a_cell_whose_robot_stands() -> None:
+    story = Story("CBA", move=2)
+    assert story.tick(B="east", C="east") == "CBA"
+    assert story.refused == "BC"
+
+
+def test_in_a_convoy_a_ring_of_long_moves_rotates() -> None:
+    story = Story("AB\nDC", move=2)
+    assert story.tick(A="east", B="south", C="west", D="north") == rows("AB", "DC")
+    assert story.tick() == rows("DA", "CB")
+
+
+def test_in_a_convoy_nobody_enters_an_edge_while_another_robot_is_on_it() -> None:
+    story = Story("A~B", move=3)
+    story.tick(B="west")
+    story.tick()
+    assert story.tick() == "AB."
+    assert story.tick(A="east") == "AB."
+    assert story.tick(B="west") == "AB." and story.refused == "B"
+    assert story.tick(B="west") == ".@." and story.refused == "B"
+    assert story.tick(B="west") == "*@."
 
 
 def test_a_long_move_through_an_aisle_leaves_the_other_lane_free() -> None:

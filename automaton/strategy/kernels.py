@@ -18,7 +18,7 @@ from automaton.engine.gate_queries import (
 from automaton.engine.headings import heading_towards, headings_of, is_facing
 from automaton.engine.holders import lane_of
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.motion import direction_between, has_room
+from automaton.engine.motion import direction_between, has_room, is_empty
 from automaton.engine.next_stop import end_of_stops, has_load, next_stop_cell
 from automaton.engine.operations import types_of_robots, with_load, without_load
 from automaton.engine.prefetch import prefetch
@@ -132,6 +132,7 @@ __all__ = [
     "highest_priority",
     "how_turned",
     "is_closed",
+    "is_empty",
     "is_facing",
     "is_in_full_gate",
     "is_in_own_queue",

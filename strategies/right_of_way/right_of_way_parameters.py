@@ -47,6 +47,17 @@ class RetreatParameters(Waits, forbid_unknown_fields=True, frozen=True, kw_only=
 class SteeringParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """Of a right of way that says in each tick where robots go: it goes with no routes."""
 
+    deadlock_patience: Annotated[
+        int,
+        quantity(
+            TIME,
+            ge=1,
+            le=1_000_000,
+            description="ticks, beyond the longest action of its robots, after which one robot of a "
+            "wait cycle steps aside",
+        ),
+    ] = 64
+
     def check_scenario(self, scenario: Any, floor_plan: Any) -> str | None:
         """What these do not go with, or None."""
         if scenario.information == "orders":

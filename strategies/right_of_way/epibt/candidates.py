@@ -20,6 +20,7 @@ from automaton.strategy.kernels import (
     weighted_table_of,
     with_load,
 )
+from strategies.right_of_way.deadlocks import steps_aside
 from strategies.right_of_way.epibt.operations import FORWARD
 from strategies.right_of_way.epibt.paths import cell_after
 
@@ -44,7 +45,7 @@ def rank_candidates(view, workspace, state, i):
     state.sorted_count[i] = 0
     if goal == NIL or (is_kept and wants_ahead(state, i)):
         state.sequence_key[i] = LAST_KEY
-    elif is_in_full_gate(view, pose >> 2):
+    elif is_in_full_gate(view, pose >> 2) or state.deadlocks.aside[i]:
         state.sequence_key[i] = 0
     elif state.oldest_first:
         age = view.clock[CLOCK_TICK] - state.idle_since[i]
@@ -158,14 +159,18 @@ def enter_keys(view, workspace, state, i, goal, row, way, is_kept):
     """
     robot_type, pose = np.int64(view.robots.type[i]), np.int64(state.pose[i])
     keys, count = state.key[i], 0
+    is_to_leave = steps_aside(view, state.deadlocks, i)
     cost, end = np.int64(0), np.int64(NIL)
     last_class = state.following.shape[0] - 1
     is_near = goal != NIL and way <= state.reach
+    barred = np.int64(state.deadlocks.aside[i]) - 1 if is_to_leave else np.int64(NIL)
     for number in range(state.candidate.shape[0]):
         if (state.open[robot_type, pose, number >> 6] >> np.uint64(number & 63)) & _1 == 0:
             continue
         operation = np.int64(state.candidate[number])
         if is_kept and state.action[operation] == FORWARD:
+            continue
+        if barred != NIL and stays_or_goes(state, i, operation, barred):
             continue
         rank = operation if goal == NIL else last_class - operation
         if state.has_storage and ends_in_storage(view, state, i, operation, goal):
@@ -178,6 +183,13 @@ def enter_keys(view, workspace, state, i, goal, row, way, is_kept):
         keys[count] = ((excess << COST_SHIFT) + rank) << CANDIDATE_BITS | number
         count += 1
     state.key_count[i] = count
+
+
+@kernel
+def stays_or_goes(state, i, operation, direction):
+    """Return whether an operation of robot i ends where it stands, or first goes in a direction."""
+    pose, aim = np.int64(state.pose[i]), np.int64(state.aim[operation])
+    return end_of(state, i, operation) >> 2 == pose >> 2 or (pose + aim) & 3 == direction
 
 
 @kernel

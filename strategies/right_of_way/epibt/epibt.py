@@ -8,14 +8,24 @@ pushes, whose turn it may be, is tried after that for some robots (repair, large
 Effort is counted in pushes and tries, never in time, so a run can be repeated.
 """
 
+from typing import ClassVar
+
 import numpy as np
 
 from automaton.engine.state import CLOCK_TICK, CMD_GO, CMD_HOLD, GOAL_NONE, NIL
 from automaton.strategy.kernels import STREAM_STRATEGY, gate_before, kernel, random_between
 from automaton.strategy.layer import Strategy
+from strategies.right_of_way.deadlocks import (
+    COUNTERS,
+    break_deadlocks,
+    has_stood_long,
+    is_given_up,
+    is_time_to_look,
+)
 from strategies.right_of_way.epibt.candidates import (
     CANDIDATE_MASK,
     LAST_KEY,
+    end_of,
     is_kept_by_gate,
     nth_key,
     rank_candidates,
@@ -118,6 +128,40 @@ def begin_action(view, state, i):
 
 
 @kernel
+def look_for_deadlocks(view, state, count):
+    """Enter which robots wait for which, of those that have stood for long, and break wait cycles."""
+    deadlocks = state.deadlocks
+    for k in range(count):
+        i = np.int64(state.steered[k])
+        if state.delay[i] or not has_stood_long(view, deadlocks, i):
+            continue
+        leaves = end_of(state, i, np.int64(state.plan[i])) >> 2 != state.pose[i] >> 2
+        if deadlocks.aside[i] and leaves and not is_given_up(view, deadlocks, i):
+            continue
+        enter_blocker(view, state, i)
+        deadlocks.aside[i] = 0
+    break_deadlocks(view, deadlocks)
+
+
+@kernel
+def enter_blocker(view, state, i):
+    """Enter which robot, if any, is in the cell to which robot i would go."""
+    pose, direction = np.int64(state.pose[i]), np.int64(state.deadlocks.aside[i]) - 1
+    if direction == NIL:
+        aim = np.int64(NO_AIM)
+        if state.key_count[i]:
+            best = nth_key(state, i, 0) & CANDIDATE_MASK
+            aim = np.int64(state.aim[state.candidate[best]])
+        if aim == NO_AIM:
+            return
+        direction = (pose + aim) & 3
+    u = np.int64(state.occupied[(pose >> 2) + view.grid.offset[direction], 0])
+    if u != NIL and u != i:
+        state.deadlocks.blocker[i] = view.robots.identity[u]
+        state.deadlocks.first_choice[i] = direction + 1
+
+
+@kernel
 def decide(view, batch, decisions, memory, workspace):
     state = EpibtState.of(memory)
     count = steer_robots(view, batch, state)
@@ -135,6 +179,8 @@ def decide(view, batch, decisions, memory, workspace):
     if state.repair_tries:
         repair_plans(view, state, count)
     give_commands(view, batch, decisions, state)
+    if is_time_to_look(view, state.deadlocks):
+        look_for_deadlocks(view, state, count)
     clear_paths(view, state)
 
 
@@ -144,6 +190,7 @@ class Epibt(Strategy):
     layer = "right_of_way"
     Parameters = EpibtParameters
     compiled = decide
+    counters: ClassVar = COUNTERS
     steers = True
     period = 1
 

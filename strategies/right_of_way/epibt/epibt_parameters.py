@@ -69,8 +69,6 @@ class EpibtParameters(SteeringParameters, forbid_unknown_fields=True, frozen=Tru
                 f"it plans {MOST_TICKS} ticks at most, too few for depth {self.depth} with "
                 f"durations.move {move} and durations.turn {turn}; use pibt, or longer ticks"
             )
-        if scenario.world.following == "none":
-            return "it plans with world.following convoy or handover, found none; use pibt"
         if scenario.information != "everything":
             return "it plans for all robots at once, so information must be everything"
         return capacity_objection(floor_plan) or super().check_scenario(scenario, floor_plan)

@@ -15,8 +15,16 @@ import numpy as np
 from automaton.engine.facilities import NO_WAY_THROUGH
 from automaton.engine.jit.fields import CONSTANT, SCRATCH, field
 from automaton.engine.jit.structs import Struct
-from automaton.engine.state import ACTION_MOVE, ACTION_TURN, FOLLOWING_CONVOY, NIL, Array
+from automaton.engine.state import (
+    ACTION_MOVE,
+    ACTION_TURN,
+    FOLLOWING_CONVOY,
+    FOLLOWING_NONE,
+    NIL,
+    Array,
+)
 from automaton.strategy.weighted_tables import DistanceTables, weighted_tables
+from strategies.right_of_way.deadlocks import Deadlocks
 from strategies.right_of_way.epibt.horizon import horizon_of
 from strategies.right_of_way.epibt.lattice import AGAINST_STREET, TURN, lattice_weights
 from strategies.right_of_way.epibt.operations import FORWARD, RIGHT, WAIT, operations_of, trace
@@ -30,7 +38,8 @@ class EpibtState(Struct):
 
     ticks: int = field("int64", "T, ticks that are planned")
     reach: int = field("int64", "most that a way costs which a plan drives")
-    holds_two: int = field("int64", "1: moves take several ticks, in which both cells are held")
+    holds_two: int = field("int64", "1: there are ticks of moves in which both cells are held")
+    holds_late: int = field("int64", "1: the last tick of a move is one of them")
     takes_time: int = field("int64", "1: moves or turns take several ticks")
     has_storage: int = field("int64", "1: robots drive into storage, and not through it")
     oldest_first: int = field("int64", "1: robots go by age, 0: by their distances to their goals")
@@ -40,6 +49,8 @@ class EpibtState(Struct):
     max_pushes: int = field("int64", "pushes after which a chain is given up")
     repair_pushes: int = field("int64", "the same in repairs")
     tables: DistanceTables
+
+    deadlocks: Deadlocks
 
     # Operations; h is the heading in which they begin.
     following: Array = field("(O,) int16", "the class that is left after a tick", role=CONSTANT)
@@ -115,7 +126,8 @@ def epibt_state(view, parameters):
     duration = np.asarray(view.rules.duration)[:, [ACTION_MOVE, ACTION_TURN]]
     paces, pace = np.unique(np.maximum(duration, 1), axis=0, return_inverse=True)
     ticks = horizon_of(parameters.depth, int(paces.max()))
-    offset, left = paths_of(grid.offset, operations, paces.tolist(), ticks)
+    following, holds_late = view.rules.following, int(view.rules.following == FOLLOWING_NONE)
+    offset, left = paths_of(grid.offset, operations, paces.tolist(), ticks, holds_late)
     dearest = AGAINST_STREET if guided else int(paces.max())
     candidates, ends = candidates_by_end(operations)
     return EpibtState.sized(
@@ -126,7 +138,8 @@ def epibt_state(view, parameters):
         },
         ticks=ticks,
         reach=parameters.depth * dearest,
-        holds_two=int(duration[:, 0].max() > 1 and view.rules.following != FOLLOWING_CONVOY),
+        holds_two=int(following != FOLLOWING_CONVOY and duration[:, 0].max() + holds_late > 1),
+        holds_late=holds_late,
         takes_time=int(paces.max() > 1),
         has_storage=int((grid.type_cell_flags & NO_WAY_THROUGH).any()),
         oldest_first=int(parameters.first == "oldest"),
@@ -135,6 +148,9 @@ def epibt_state(view, parameters):
         visits_allowed=parameters.visits,
         max_pushes=parameters.max_pushes,
         repair_pushes=parameters.repair_pushes,
+        deadlocks=Deadlocks.sized(
+            {"n": len(view.robots.cell), "s": 1}, patience=parameters.deadlock_patience
+        ),
         tables=weighted_tables(view, np.stack([weights] * len(grid.type_cell_flags)), TURN),
         following=list(operations.following),
         action=[actions[0] for actions in operations.actions],

@@ -30,6 +30,7 @@ from automaton.strategy.kernels import (
     table_of,
     with_load,
 )
+from strategies.right_of_way.deadlocks import steps_aside
 from strategies.right_of_way.pibt.alleys import has_to_leave
 from strategies.right_of_way.pibt.detours import (
     begin_detour,
@@ -83,6 +84,12 @@ def remaining_ticks(view, state, u):
 
 
 @kernel
+def comes_to_charge(view, i, cell):
+    """Whether robot i would charge in a cell: it may come in only when the robot there has set out."""
+    return view.robots.goal_type[U(i)] == GOAL_CHARGE and view.robots.goal_cell[U(i)] == cell
+
+
+@kernel
 def waits_in_vain_to_turn(view, state, i):
     """Whether robot i cannot turn in a cell for two because another robot will not leave it.
 
@@ -97,7 +104,7 @@ def waits_in_vain_to_turn(view, state, i):
     if state.mode[u] <= LEAVING:
         return remaining_ticks(view, state, u) >= LONG
     first = option_of(state, u, 0)
-    return first == STAY or turns_to(view, u, first) > 0
+    return first >= STAY or turns_to(view, u, first) > 0
 
 
 @kernel
@@ -228,6 +235,10 @@ def rank_options(view, state, workspace, i):
         east, south = with_wait(east, waits[0]), with_wait(south, waits[1])
         west, north = with_wait(west, waits[2]), with_wait(north, waits[3])
     stay = ((((here + 1) << KEY_SHIFT) | STAY_BITS) << OPTION_BITS) | STAY
+    if state.deadlocks.aside[U(i)] and steps_aside(view, state.deadlocks, i):
+        barred, stay = np.int64(state.deadlocks.aside[U(i)]) - 1, np.int64(NO_KEY)
+        east, south = without(east, 0, barred), without(south, 1, barred)
+        west, north = without(west, 2, barred), without(north, 3, barred)
     state.options[U(i)] = sorted_options(east, south, west, north, stay)
     state.option_next[U(i)] = 0
 
@@ -315,6 +326,12 @@ def with_wait(key, wait):
     if key < 0 or key == NO_KEY:
         return key
     return key + (wait << (KEY_SHIFT + OPTION_BITS))
+
+
+@kernel
+def without(key, direction, barred):
+    """The key of a step, NO_KEY if it is in the direction that is barred."""
+    return NO_KEY if direction == barred else key
 
 
 @kernel

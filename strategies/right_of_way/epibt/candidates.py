@@ -22,6 +22,7 @@ from automaton.strategy.kernels import (
 )
 from strategies.right_of_way.epibt.operations import FORWARD
 from strategies.right_of_way.epibt.paths import cell_after
+from strategies.right_of_way.making_room import may_not_go_home, way_to_make_room
 
 COST_SHIFT = 10
 MAX_EXCESS = 4000  # of a way over another one: keys have 32 bits
@@ -44,7 +45,7 @@ def rank_candidates(view, workspace, state, i):
     state.sorted_count[i] = 0
     if goal == NIL or (is_kept and wants_ahead(state, i)):
         state.sequence_key[i] = LAST_KEY
-    elif is_in_full_gate(view, pose >> 2):
+    elif is_in_full_gate(view, pose >> 2) or way_out_of(view, state, i) != NIL:
         state.sequence_key[i] = 0
     elif state.oldest_first:
         age = view.clock[CLOCK_TICK] - state.idle_since[i]
@@ -86,11 +87,24 @@ def wants_ahead(state, i):
 
 
 @kernel
+def way_out_of(view, state, i):
+    """Return the direction in which robot i, without work, makes room for others, or NIL."""
+    return way_to_make_room(view, state.service_areas, i, np.int64(state.pose[i]) >> 2)
+
+
+@kernel
 def goal_of(view, workspace, state, i):
-    """Return the goal cell of robot i and the row of distances to it; NIL if it has none."""
+    """Return the goal cell of robot i and the row of distances to it; NIL if it has none.
+
+    A robot that makes room goes to the next cell on its way out.
+    """
     robots = view.robots
-    goal = np.int64(robots.goal_cell[i])
-    if goal == NIL or robots.goal_type[i] == GOAL_NONE:
+    goal, way_out = np.int64(robots.goal_cell[i]), way_out_of(view, state, i)
+    if way_out != NIL:
+        goal = (np.int64(state.pose[i]) >> 2) + view.grid.offset[way_out]
+    elif goal == NIL or robots.goal_type[i] == GOAL_NONE:
+        return np.int64(NIL), np.int64(NIL)
+    elif may_not_go_home(view, state.service_areas, i):
         return np.int64(NIL), np.int64(NIL)
     robot_type = np.int64(robots.type[i])
     if state.guided:

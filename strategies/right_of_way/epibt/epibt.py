@@ -33,6 +33,7 @@ from strategies.right_of_way.epibt.plans import (
     steer_robots,
     waits_in_bay,
 )
+from strategies.right_of_way.making_room import count_callers
 
 STREAM_REPAIRS = STREAM_STRATEGY + 40
 POWER_BITS = 10
@@ -120,6 +121,7 @@ def begin_action(view, state, i):
 @kernel
 def decide(view, batch, decisions, memory, workspace):
     state = EpibtState.of(memory)
+    count_callers(view, state.service_areas)
     count = steer_robots(view, batch, state)
     inherit_plans(view, state)
     for k in range(batch.count[0]):

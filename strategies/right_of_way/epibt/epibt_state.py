@@ -21,6 +21,7 @@ from strategies.right_of_way.epibt.horizon import horizon_of
 from strategies.right_of_way.epibt.lattice import AGAINST_STREET, TURN, lattice_weights
 from strategies.right_of_way.epibt.operations import FORWARD, RIGHT, WAIT, operations_of, trace
 from strategies.right_of_way.epibt.paths import paths_of
+from strategies.right_of_way.making_room import ServiceAreas, service_areas_of
 
 NO_AIM = 4  # of an operation that never moves
 
@@ -40,6 +41,7 @@ class EpibtState(Struct):
     max_pushes: int = field("int64", "pushes after which a chain is given up")
     repair_pushes: int = field("int64", "the same in repairs")
     tables: DistanceTables
+    service_areas: ServiceAreas
 
     # Operations; h is the heading in which they begin.
     following: Array = field("(O,) int16", "the class that is left after a tick", role=CONSTANT)
@@ -136,6 +138,7 @@ def epibt_state(view, parameters):
         max_pushes=parameters.max_pushes,
         repair_pushes=parameters.repair_pushes,
         tables=weighted_tables(view, np.stack([weights] * len(grid.type_cell_flags)), TURN),
+        service_areas=service_areas_of(view),
         following=list(operations.following),
         action=[actions[0] for actions in operations.actions],
         aim=[first_aim(actions) for actions in operations.actions],

@@ -45,6 +45,7 @@ from automaton.strategy.kernels import (
 )
 from automaton.strategy.layer import Strategy
 from strategies.right_of_way.arrivals import is_at_goal
+from strategies.right_of_way.making_room import count_callers, service_areas_of, way_to_make_room
 from strategies.right_of_way.pibt.alleys import count_in_dead_ends, empty_dead_ends, has_to_leave
 from strategies.right_of_way.pibt.options import option_of, rank_all_options
 from strategies.right_of_way.pibt.pibt_state import (
@@ -73,6 +74,7 @@ def look_at_robots(view, batch, state):
     robots, limited = view.robots, view.rules.radius != NIL
     state.calls[0] += 1
     empty_dead_ends(state)
+    count_callers(view, state.service_areas)
     for i in range(robots.cell.shape[0]):
         sees_plans = not limited or i == batch.robot[0]  # what others have in mind is out of sight
         state.mode[i] = FIXED
@@ -164,9 +166,10 @@ RANKS = 3
 
 @kernel
 def rank_of(view, state, i):
-    """Who leaves a dead end or a full block goes first; last, who has nothing to do or may not enter.
+    """Who makes room, or leaves a dead end or a full block, goes first.
 
-    Who waits for a door or for its lift holds its place, as if it left: it would ask in vain elsewhere.
+    Last goes who has nothing to do, or may not enter. Who waits for a door or for its lift holds its
+    place, as if it left: it would ask in vain elsewhere.
     """
     robots = view.robots
     if has_gates(view) and robots.cell[U(i)] != NIL:
@@ -175,6 +178,8 @@ def rank_of(view, state, i):
         gate = gate_that_keeps(view, state, i)
         if gate != NIL:
             return LEAVES if opens_soon(view, gate, i) else HAS_NOTHING
+    if way_to_make_room(view, state.service_areas, i, robots.cell[U(i)]) != NIL:
+        return LEAVES
     if state.dead_ends == 0:
         is_idle = robots.goal_type[U(i)] == GOAL_NONE or robots.goal_type[U(i)] == GOAL_PARK
         return HAS_NOTHING if is_idle else WORKS
@@ -396,6 +401,7 @@ class Pibt(Strategy):
         return PibtState.sized(
             {"n": n, "m": n + 1, "w": 4, "s": 1, "r": 2 * cells, "e": max(ends.total, 1)},
             dead_ends=ends.total,
+            service_areas=service_areas_of(view),
             queue=queue,
             dead_end=ends.number,
             way_out=ends.way_out,

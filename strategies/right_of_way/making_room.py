@@ -1,0 +1,112 @@
+"""Idle robots make room: they leave stations with their queues, and chargers, while others need them.
+
+Most idle robots make way when they are pushed. A robot in the queue of its station pushes nobody, since
+the queue alone moves it, and who stands in a pocket can only come out before another one is at its mouth.
+"""
+
+import numpy as np
+
+from automaton.engine.jit.fields import CONSTANT, SCRATCH, field
+from automaton.engine.jit.structs import Struct
+from automaton.engine.state import GOAL_NONE, GOAL_PARK, NIL, Array
+from automaton.floor.cells import CHARGER, STATION
+from automaton.strategy.kernels import kernel
+
+NO_WAY = 4  # beside the four directions
+
+
+class ServiceAreas(Struct):
+    """The p service areas of a floor of c cells; both are 0 without any."""
+
+    area: Array = field(
+        "(c,) int32", "the service area that a cell belongs to, or NIL", role=CONSTANT
+    )
+    way_out: Array = field(
+        "(c,) uint8", "direction of the next step out of it, or NO_WAY", role=CONSTANT
+    )
+    callers: Array = field("(p,) int32", "robots that have something to do there", role=SCRATCH)
+
+
+def service_areas_of(view):
+    """Return the service areas of a floor, those out of which no way leads but into others left out.
+
+    A cell without limit is in none: it holds robots that stay, too.
+    """
+    grid, stations = view.grid, view.pod_stations
+    limited = grid.cell_flags >> 5 & 3 != 0
+    is_drivable = np.zeros(len(grid.kind), bool)
+    is_drivable[grid.drivable] = True
+    heads = np.flatnonzero(limited & is_drivable & np.isin(grid.kind, (STATION, CHARGER)))
+    area = np.full(len(grid.kind), NIL, np.int32)
+    area[heads] = np.arange(len(heads), dtype=np.int32)
+    lane = np.zeros(0, np.int64)
+    if len(stations.queue_at):
+        lane = np.flatnonzero((stations.queue_at != NIL) & limited)
+        area[lane] = area[stations.cell[stations.queue_at[lane]]]
+    way_out = ways_out(grid, area)
+    if len(lane):  # the others in the queue stand behind, so the way out leads through the station
+        head = stations.cell[stations.queue_at[lane]]
+        beyond = head + grid.offset[way_out[head] & 3]
+        through = lane[(way_out[head] != NO_WAY) & (area[beyond] == NIL)]
+        way_out[through] = stations.queue_way[through]
+    area[way_out == NO_WAY] = NIL
+    if (area == NIL).all():
+        return ServiceAreas.sized({"p": 0, "c": 0})
+    return ServiceAreas.sized({"p": len(heads)}, area=area, way_out=way_out)
+
+
+def ways_out(grid, area):
+    """Return (c,) the first direction of a shortest way from a cell of an area out of it, or NO_WAY."""
+    way_out = np.full(len(area), NO_WAY, np.uint8)
+    front = area == NIL
+    while front.any():
+        reached = np.zeros(len(area), bool)
+        for direction, offset in enumerate(grid.offset.tolist()):
+            leads = (grid.cell_flags >> direction & 1 != 0) & np.roll(front, -offset)
+            ahead = np.roll(area, -offset)
+            found = leads & (area != NIL) & ((ahead == NIL) | (ahead == area))
+            found &= (way_out == NO_WAY) & ~reached
+            way_out[found] = direction
+            reached |= found
+        front = reached
+    return way_out
+
+
+@kernel
+def count_callers(view, areas):
+    """Count the robots that have something to do in each area."""
+    if areas.callers.shape[0] == 0:
+        return
+    areas.callers[:] = 0
+    robots = view.robots
+    for i in range(robots.cell.shape[0]):
+        if robots.goal_type[i] != GOAL_NONE and robots.goal_type[i] != GOAL_PARK:
+            goal = np.int64(robots.goal_cell[i])
+            if goal != NIL and areas.area[goal] != NIL:
+                areas.callers[areas.area[goal]] += 1
+
+
+@kernel
+def is_needed(areas, cell):
+    """Return whether a cell belongs to an area in which a robot has something to do."""
+    if areas.callers.shape[0] == 0 or cell == NIL:
+        return False
+    area = areas.area[cell]
+    return area != NIL and areas.callers[area] > 0
+
+
+@kernel
+def way_to_make_room(view, areas, i, cell):
+    """Return the direction in which robot i, without work, leaves its cell in a needed area, or NIL."""
+    robots = view.robots
+    is_idle = robots.goal_type[i] == GOAL_NONE or robots.goal_type[i] == GOAL_PARK
+    if not is_idle or not is_needed(areas, cell):
+        return np.int64(NIL)
+    return np.int64(areas.way_out[cell])
+
+
+@kernel
+def may_not_go_home(view, areas, i):
+    """Return whether robot i would park in an area that is needed; it has no goal as long as it is."""
+    robots = view.robots
+    return robots.goal_type[i] == GOAL_PARK and is_needed(areas, np.int64(robots.goal_cell[i]))

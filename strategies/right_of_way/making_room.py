@@ -1,7 +1,8 @@
-"""Idle robots make room: they leave stations with their queues, and chargers, while others need them.
+"""Idle robots make room where pushing them is in vain: in queues of stations, and in pockets.
 
-Most idle robots make way when they are pushed. A robot in the queue of its station pushes nobody, since
-the queue alone moves it, and who stands in a pocket can only come out before another one is at its mouth.
+A robot in the queue of its station pushes nobody, since the queue alone moves it. From a pocket, a
+station or charger with one way in and out, a robot can only come before another one is at its mouth.
+So idle robots leave both as soon as another robot has something to do there. Elsewhere they are pushed.
 """
 
 import numpy as np
@@ -28,31 +29,39 @@ class ServiceAreas(Struct):
 
 
 def service_areas_of(view):
-    """Return the service areas of a floor, those out of which no way leads but into others left out.
+    """Return the service areas: stations with queues, each with its queue, and pockets.
 
     A cell without limit is in none: it holds robots that stay, too.
     """
     grid, stations = view.grid, view.pod_stations
     limited = grid.cell_flags >> 5 & 3 != 0
-    is_drivable = np.zeros(len(grid.kind), bool)
-    is_drivable[grid.drivable] = True
-    heads = np.flatnonzero(limited & is_drivable & np.isin(grid.kind, (STATION, CHARGER)))
+    lane = np.flatnonzero((stations.queue_at != NIL) & limited[: len(stations.queue_at)])
+    heads = np.flatnonzero(limited & np.isin(grid.kind, (STATION, CHARGER)) & is_pocket(grid))
+    heads = np.union1d(heads, stations.cell[stations.queue_at[lane]])
+    if not len(heads):
+        return ServiceAreas.sized({"p": 0, "c": 0})
     area = np.full(len(grid.kind), NIL, np.int32)
     area[heads] = np.arange(len(heads), dtype=np.int32)
-    lane = np.zeros(0, np.int64)
-    if len(stations.queue_at):
-        lane = np.flatnonzero((stations.queue_at != NIL) & limited)
-        area[lane] = area[stations.cell[stations.queue_at[lane]]]
+    head = stations.cell[stations.queue_at[lane]]
+    area[lane] = area[head]
     way_out = ways_out(grid, area)
-    if len(lane):  # the others in the queue stand behind, so the way out leads through the station
-        head = stations.cell[stations.queue_at[lane]]
-        beyond = head + grid.offset[way_out[head] & 3]
-        through = lane[(way_out[head] != NO_WAY) & (area[beyond] == NIL)]
-        way_out[through] = stations.queue_way[through]
+    beyond = head + grid.offset[way_out[head] & 3]
+    through = lane[(way_out[head] != NO_WAY) & (area[beyond] == NIL)]
+    way_out[through] = stations.queue_way[through]  # the others in the queue stand behind
     area[way_out == NO_WAY] = NIL
-    if (area == NIL).all():
-        return ServiceAreas.sized({"p": 0, "c": 0})
     return ServiceAreas.sized({"p": len(heads)}, area=area, way_out=way_out)
+
+
+def is_pocket(grid):
+    """Return (c,) bool: cells that lead to one neighbour, and are reached from it alone."""
+    ways_out, ways_in, both = (np.zeros(len(grid.kind), int) for _ in range(3))
+    for direction, offset in enumerate(grid.offset.tolist()):
+        leads = grid.cell_flags >> direction & 1
+        comes = np.roll(grid.cell_flags, -offset) >> (direction ^ 2) & 1
+        ways_out += leads
+        ways_in += comes
+        both += leads & comes
+    return (ways_out == 1) & (ways_in == 1) & (both == 1)
 
 
 def ways_out(grid, area):
@@ -99,10 +108,12 @@ def is_needed(areas, cell):
 def way_to_make_room(view, areas, i, cell):
     """Return the direction in which robot i, without work, leaves its cell in a needed area, or NIL."""
     robots = view.robots
-    is_idle = robots.goal_type[i] == GOAL_NONE or robots.goal_type[i] == GOAL_PARK
-    if not is_idle or not is_needed(areas, cell):
+    if not is_needed(areas, cell):
         return np.int64(NIL)
-    return np.int64(areas.way_out[cell])
+    is_idle = robots.goal_type[i] == GOAL_NONE
+    if robots.goal_type[i] == GOAL_PARK:  # else it leaves on its way home
+        is_idle = areas.area[robots.goal_cell[i]] == areas.area[cell]
+    return np.int64(areas.way_out[cell]) if is_idle else np.int64(NIL)
 
 
 @kernel

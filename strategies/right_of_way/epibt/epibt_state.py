@@ -88,6 +88,7 @@ class EpibtState(Struct):
         role=SCRATCH,
     )
     steered: Array = field("(n,) int32", "robots that plan, by identity", role=SCRATCH)
+    asked: Array = field("(n,) uint8", "1 = without a goal, and in the way", role=SCRATCH)
     sequence: Array = field("(n,) int32", "the same, in the order of their turns", role=SCRATCH)
     sequence_key: Array = field("(n,) int64", "which comes first: the lower one", role=SCRATCH)
     sorting: Array = field("(n,) int32", role=SCRATCH)

@@ -8,7 +8,7 @@ from typing import Final
 
 from automaton.engine.robot_status import STATUS_DEPLETED
 from automaton.engine.state import NIL
-from automaton.runs.progress import Jam, jams, starved_robots, starved_ticks
+from automaton.runs.progress import Jam, jams, starved_ticks, stuck_robots
 from automaton.runs.run_diagnosis import describe_jam
 from automaton.runs.simulation import RECORD_TICKS, Simulation
 
@@ -28,7 +28,6 @@ class JamWatch:
         self._known: set[int] = set()  # robots of jams that have been told of
         self._down_at = NIL  # the last look at which a robot was down on the floor
         self._ticks = 0  # without progress, after which a robot counts
-        self.starved: set[int] = set()  # robots that were without progress at any look
 
     def run(self, simulation: Simulation, until: int, advance: Callable[[int], None]) -> None:
         """Carry a run on to a tick, or to its end, with the looks that are due on the way."""
@@ -47,9 +46,8 @@ class JamWatch:
             self._down_at = simulation.tick
         if self._down_at != NIL and simulation.tick - self._down_at < self._ticks:
             return
-        stored = starved_robots(world, self._ticks)
+        stored = stuck_robots(world, self._ticks)
         starved = set(world.robots.identity[stored].tolist())
-        self.starved |= starved
         self._known &= starved
         for jam in jams(world, simulation.resolved.floor_plan) if starved else ():
             if not self._known & set(jam.robots):

@@ -16,6 +16,7 @@ from automaton.engine.state import (
     ACTION_MOVE,
     ACTION_PICK,
     CLOCK_TICK,
+    GOAL_CHARGE,
     GOAL_NONE,
     GOAL_PARK,
     NIL,
@@ -72,6 +73,20 @@ def starved_robots(world: World, ticks: int | None = None) -> Array:
     return stalled
 
 
+def stuck_robots(world: World, ticks: int) -> Array:
+    """Storage indices of starved robots on the floor that do not wait to be served.
+
+    Those wait for a charger that others use, or for a station that has had a break in these ticks.
+    """
+    stations, tick, robots = world.pod_stations, int(world.clock[CLOCK_TICK]), world.robots
+    began, ended = stations.breaks[:, 1], stations.breaks[:, 2]
+    lately = stations.breaks[(began <= tick) & (ended > tick - ticks), 0]
+    waits = np.isin(robots.goal_cell, stations.cell[lately]) | (robots.goal_type == GOAL_CHARGE)
+    starved = starved_robots(world, ticks)
+    stuck: Array = starved[(robots.cell[starved] != NIL) & ~waits[starved]]
+    return stuck
+
+
 def oldest_order(world: World) -> int:
     """Ticks since the release of the order that has been open for longest, taken or not; 0: none is."""
     orders = asked_orders(world)
@@ -88,8 +103,7 @@ def largest_jam(world: World, floor_plan: FloorPlan) -> Jam | None:
 def jams(world: World, floor_plan: FloorPlan) -> list[Jam]:
     """Return all groups of robots without progress that stand near each other, by their first robots."""
     ticks, found = starved_ticks(world), []
-    stalled = starved_robots(world, ticks)
-    stalled = stalled[(world.robots.cell[stalled] != NIL) & ~await_break(world, stalled, ticks)]
+    stalled = stuck_robots(world, ticks)
     stalled = stalled[np.argsort(world.robots.identity[stalled])]
     if len(stalled) < JAM_ROBOTS:
         return []
@@ -103,15 +117,6 @@ def jams(world: World, floor_plan: FloorPlan) -> list[Jam]:
         )
         robots = world.robots.identity[stalled[group == one]]
         found.append(Jam(tuple(robots.tolist()), first, last, ticks))
-    return found
-
-
-def await_break(world: World, stored: Array, ticks: int) -> Array:
-    """(k,) bool: which of these robots go to a station that has had a break in the last ticks."""
-    stations, tick = world.pod_stations, int(world.clock[CLOCK_TICK])
-    began, ended = stations.breaks[:, 1], stations.breaks[:, 2]
-    lately = stations.breaks[(began <= tick) & (ended > tick - ticks), 0]
-    found: Array = np.isin(world.robots.goal_cell[stored], stations.cell[lately])
     return found
 
 

@@ -8,10 +8,10 @@ from automaton.build.bounds import bounds, least_ticks, most_throughput
 from automaton.build.resolve import Resolved
 from automaton.runs.headless import Outcome, run_once
 from automaton.runs.jam_watch import JamWatch
-from automaton.runs.progress import Jam, starved_ticks
-from automaton.runs.run_diagnosis import describe_jam, describe_wait_cycles
+from automaton.runs.progress import Jam, starved_ticks, stuck_robots
+from automaton.runs.run_diagnosis import describe_jam, describe_wait_cycles, robot_names
 from automaton.runs.simulation import Simulation
-from automaton.units import count, listed
+from automaton.units import count
 
 MIN_TICKS: Final = 500
 ROBOT_TICKS: Final = 2_000_000
@@ -44,23 +44,20 @@ def try_out(resolved: Resolved) -> Trial:
     """Run a scenario for MIN_TICKS or ROBOT_TICKS, whichever is more, at most to its limit."""
     ticks = max(MIN_TICKS, ROBOT_TICKS // resolved.scenario.fleet.robots)
     found: list[str] = []
-    jammed: set[int] = set()
     patience: list[int] = []
 
     def on_jam(tick: int, jam: Jam) -> None:
         found.append(f"tick {tick:,}: {describe_jam(jam)[0]}")
-        jammed.update(jam.robots)
 
     def on_end(simulation: Simulation) -> None:
         patience.append(starved_ticks(simulation.world))
+        stuck = stuck_robots(simulation.world, patience[0])
+        if len(stuck) and not found:
+            names = robot_names(simulation, stuck)
+            found.append(f"{names} finished nothing for {patience[0]:,} ticks, with work to do")
 
-    watch = JamWatch(on_jam)
-    outcome = run_once(resolved, until=ticks, on_end=on_end, watch=watch)
+    outcome = run_once(resolved, until=ticks, on_end=on_end, watch=JamWatch(on_jam))
     found += describe_wait_cycles(outcome.circles)
-    alone = sorted(watch.starved - jammed)
-    if alone:
-        names = f"robot {alone[0]} has" if len(alone) == 1 else f"robots {listed(alone)} have"
-        found.append(f"{names} finished nothing for {patience[0]:,} ticks, with work to do")
     found += exceeded_bounds(resolved, outcome)
     return Trial(outcome.ticks, patience[0], tuple(found))
 

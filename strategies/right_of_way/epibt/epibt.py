@@ -25,6 +25,7 @@ from strategies.right_of_way.deadlocks import (
 from strategies.right_of_way.epibt.candidates import (
     CANDIDATE_MASK,
     LAST_KEY,
+    ask_idle_robot_ahead,
     end_of,
     is_kept_by_gate,
     nth_key,
@@ -43,9 +44,35 @@ from strategies.right_of_way.epibt.plans import (
     steer_robots,
     waits_in_bay,
 )
+from strategies.right_of_way.making_room import count_callers
 
 STREAM_REPAIRS = STREAM_STRATEGY + 40
 POWER_BITS = 10
+
+
+@kernel
+def rank_all_candidates(view, workspace, state, count):
+    """Rank the operations of all robots; where actions take time, idle ones are asked to make room.
+
+    One that has to turn first cannot leave in time for any plan of the robot behind it, so that pushing
+    it fails in every tick. Asked, it begins to leave by itself, and may ask another idle one in turn.
+    """
+    for k in range(count):
+        state.asked[state.steered[k]] = 0
+    for k in range(count):
+        rank_candidates(view, workspace, state, np.int64(state.steered[k]))
+    if state.takes_time:
+        asked = 0  # on the list chain_robot
+        for k in range(count):
+            i = np.int64(state.steered[k])
+            if state.sequence_key[i] != LAST_KEY and state.asked[i] == 0:
+                asked = ask_idle_robot_ahead(view, state, i, asked)
+        place = 0
+        while place < asked:
+            i = np.int64(state.chain_robot[place])
+            rank_candidates(view, workspace, state, i)
+            asked = ask_idle_robot_ahead(view, state, i, asked)
+            place += 1
 
 
 @kernel
@@ -164,14 +191,14 @@ def enter_blocker(view, state, i):
 @kernel
 def decide(view, batch, decisions, memory, workspace):
     state = EpibtState.of(memory)
+    count_callers(view, state.service_areas)
     count = steer_robots(view, batch, state)
     inherit_plans(view, state)
     for k in range(batch.count[0]):
         i = np.int64(batch.robot[k])
         if waits_in_bay(view, i):
             enter_floor(view, state, i)
-    for k in range(count):
-        rank_candidates(view, workspace, state, np.int64(state.steered[k]))
+    rank_all_candidates(view, workspace, state, count)
     sort_by_key(state, count)
     if state.oldest_first:  # robots of one age could not push each other
         settle_ties(state, count)

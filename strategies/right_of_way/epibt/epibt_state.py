@@ -29,6 +29,7 @@ from strategies.right_of_way.epibt.horizon import horizon_of
 from strategies.right_of_way.epibt.lattice import AGAINST_STREET, TURN, lattice_weights
 from strategies.right_of_way.epibt.operations import FORWARD, RIGHT, WAIT, operations_of, trace
 from strategies.right_of_way.epibt.paths import paths_of
+from strategies.right_of_way.making_room import ServiceAreas, service_areas_of
 
 NO_AIM = 4  # of an operation that never moves
 
@@ -49,6 +50,7 @@ class EpibtState(Struct):
     max_pushes: int = field("int64", "pushes after which a chain is given up")
     repair_pushes: int = field("int64", "the same in repairs")
     tables: DistanceTables
+    service_areas: ServiceAreas
 
     deadlocks: Deadlocks
 
@@ -97,6 +99,7 @@ class EpibtState(Struct):
         role=SCRATCH,
     )
     steered: Array = field("(n,) int32", "robots that plan, by identity", role=SCRATCH)
+    asked: Array = field("(n,) uint8", "1 = without a goal, and in the way", role=SCRATCH)
     sequence: Array = field("(n,) int32", "the same, in the order of their turns", role=SCRATCH)
     sequence_key: Array = field("(n,) int64", "which comes first: the lower one", role=SCRATCH)
     sorting: Array = field("(n,) int32", role=SCRATCH)
@@ -152,6 +155,7 @@ def epibt_state(view, parameters):
             {"n": len(view.robots.cell), "s": 1}, patience=parameters.deadlock_patience
         ),
         tables=weighted_tables(view, np.stack([weights] * len(grid.type_cell_flags)), TURN),
+        service_areas=service_areas_of(view),
         following=list(operations.following),
         action=[actions[0] for actions in operations.actions],
         aim=[first_aim(actions) for actions in operations.actions],

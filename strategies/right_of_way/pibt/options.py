@@ -31,6 +31,7 @@ from automaton.strategy.kernels import (
     with_load,
 )
 from strategies.right_of_way.deadlocks import steps_aside
+from strategies.right_of_way.making_room import is_needed, may_not_go_home, way_to_make_room
 from strategies.right_of_way.pibt.alleys import has_to_leave
 from strategies.right_of_way.pibt.detours import (
     begin_detour,
@@ -154,7 +155,7 @@ def price_all_steps(view, state, workspace):
         i = np.int64(state.unpriced[U(k)])
         if robots.goal_type[U(i)] == GOAL_NONE:
             price_idle_steps(view, state, i)
-    if state.dead_ends:
+    if state.dead_ends or state.service_areas.callers.shape[0]:
         price_ways_out(view, state)
 
 
@@ -163,7 +164,9 @@ def price_ways_out(view, state):
     """Robots on their way home that have to come out again forget about home for this tick."""
     robots = view.robots
     for i in range(robots.cell.shape[0]):
-        if robots.goal_type[U(i)] == GOAL_PARK and has_to_leave(view, state, i):
+        if robots.goal_type[U(i)] != GOAL_PARK or robots.cell[U(i)] == NIL:
+            continue
+        if has_to_leave(view, state, i) or has_to_make_room(view, state, i):
             price_idle_steps(view, state, i)
             state.priced_cell[U(i)] = NIL
 
@@ -183,15 +186,29 @@ def find_table(view, state, workspace, i):
 
 
 @kernel
+def has_to_make_room(view, state, i):
+    """Return whether robot i, on its way home, is in a place that is needed, or would park in one."""
+    areas, cell = state.service_areas, np.int64(view.robots.cell[U(i)])
+    return may_not_go_home(view, areas, i) or way_to_make_room(view, areas, i, cell) != NIL
+
+
+@kernel
 def price_idle_steps(view, state, i):
-    """Enter what follows on steps without a goal: all are alike, but for the way out of a dead end."""
+    """Enter what follows on steps without a goal.
+
+    All are alike, but the way out of where it is in the way, and those into what others need.
+    """
     cell, robot_type = np.int64(view.robots.cell[U(i)]), np.int64(view.robots.type[U(i)])
     flags = np.int64(view.grid.type_cell_flags[U(robot_type), U(cell)])
-    leaves = has_to_leave(view, state, i)
+    way_out = way_to_make_room(view, state.service_areas, i, cell)
+    if way_out == NIL and has_to_leave(view, state, i):
+        way_out = np.int64(state.way_out[U(cell)])
     for direction in range(4):
         cost = 1 if (flags >> direction) & 1 else UNREACHABLE
-        if leaves and direction == state.way_out[U(cell)] and cost == 1:
+        if direction == way_out and cost == 1:
             cost = -cost_of_step(view, i, direction)
+        elif cost == 1 and is_needed(state.service_areas, cell + view.grid.offset[U(direction)]):
+            cost = LONG
         state.costs[U(i), U(direction)] = cost
 
 

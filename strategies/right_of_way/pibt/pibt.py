@@ -57,6 +57,7 @@ from strategies.right_of_way.deadlocks import (
     is_given_up,
     is_time_to_look,
 )
+from strategies.right_of_way.making_room import count_callers, service_areas_of, way_to_make_room
 from strategies.right_of_way.pibt.alleys import count_in_dead_ends, empty_dead_ends, has_to_leave
 from strategies.right_of_way.pibt.departures import UNKNOWN, departs, direction_of, holds_back
 from strategies.right_of_way.pibt.options import option_of, rank_all_options
@@ -87,6 +88,7 @@ def look_at_robots(view, batch, state):
     robots, limited = view.robots, view.rules.radius != NIL
     state.calls[0] += 1
     empty_dead_ends(state)
+    count_callers(view, state.service_areas)
     for i in range(robots.cell.shape[0]):
         sees_plans = not limited or i == batch.robot[0]  # what others have in mind is out of sight
         state.mode[i] = FIXED
@@ -180,9 +182,10 @@ RANKS = 4
 
 @kernel
 def rank_of(view, state, i):
-    """Who leaves a dead end or a full block goes first; last, who has nothing to do or may not enter.
+    """Who makes room, or leaves a dead end or a full block, goes first.
 
-    Who waits for a door or for its lift holds its place, as if it left: it would ask in vain elsewhere.
+    Last goes who has nothing to do, or may not enter. Who waits for a door or for its lift holds its
+    place, as if it left: it would ask in vain elsewhere.
     """
     robots = view.robots
     if state.deadlocks.aside[U(i)]:
@@ -193,6 +196,8 @@ def rank_of(view, state, i):
         gate = gate_that_keeps(view, state, i)
         if gate != NIL:
             return LEAVES if opens_soon(view, gate, i) else HAS_NOTHING
+    if way_to_make_room(view, state.service_areas, i, robots.cell[U(i)]) != NIL:
+        return LEAVES
     if state.dead_ends == 0:
         is_idle = robots.goal_type[U(i)] == GOAL_NONE or robots.goal_type[U(i)] == GOAL_PARK
         return HAS_NOTHING if is_idle else WORKS
@@ -482,6 +487,7 @@ class Pibt(Strategy):
             dead_ends=ends.total,
             holds_back=int(waits),
             rings=int(not waits or view.rules.following == FOLLOWING_CONVOY),
+            service_areas=service_areas_of(view),
             queue=queue,
             deadlocks=Deadlocks.sized({"n": n, "s": 1}, patience=self.parameters.deadlock_patience),
             dead_end=ends.number,

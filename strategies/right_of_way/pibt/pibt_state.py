@@ -6,6 +6,7 @@ from automaton.engine.jit.fields import CONSTANT, SCRATCH, STATIC, field
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import NIL, Array
 from strategies.right_of_way.deadlocks import Deadlocks
+from strategies.right_of_way.making_room import ServiceAreas
 
 # Modes of a robot in a tick: state.mode.
 FIXED = 0  # it stays where it is, whatever is decided here
@@ -58,6 +59,7 @@ class PibtState(Struct):
     parks_at: Array = field(
         "(e,) int32", "the greatest depth at which robots outside will park, or 0", role=SCRATCH
     )
+    service_areas: ServiceAreas
     calls: Array = field("(s,) int64", "how often it has decided, one number", role=SCRATCH)
     in_sight: Array = field(
         "(n,) int64", "with limited sight: who chooses, those first in the lowest", role=SCRATCH

@@ -22,8 +22,8 @@ from strategies.allocation.shortest_job_parameters import ShortestJobParameters
 from strategies.charging.charging_parameters import FillUp, Insertion, Opportunity, Threshold
 from strategies.right_of_way.epibt.epibt_parameters import EpibtParameters
 from strategies.right_of_way.right_of_way_parameters import (
+    PibtParameters,
     RetreatParameters,
-    SteeringParameters,
     Waits,
 )
 from strategies.routing.astar.astar_parameters import TieBreaking
@@ -149,7 +149,7 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
     "right_of_way": {
         "pibt": Entry(
             "strategies.right_of_way.pibt.pibt:Pibt",
-            SteeringParameters,
+            PibtParameters,
             "robots make way by inherited priority (PIBT); turns and moves of any length",
             default_for=STEERED,
         ),

@@ -51,7 +51,9 @@ PROPERTIES: Final = (MULTIPLE, DYNAMIC, MANUFACTURING, WAREHOUSE, DECENTRALIZED)
 # Of which robots a right of way is the default: Entry.default_for.
 ROUTED: Final = "robots that follow routes"
 STEERED: Final = "robots that are steered"
-SLOW_STEERED: Final = "robots that are steered, turn or move for several ticks, and mostly both ways"
+SLOW_STEERED: Final = (
+    "robots that are steered, turn or move for several ticks, and mostly both ways"
+)
 
 
 class Entry(NamedTuple):

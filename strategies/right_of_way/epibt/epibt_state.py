@@ -16,13 +16,16 @@ from automaton.engine.facilities import NO_WAY_THROUGH
 from automaton.engine.jit.fields import CONSTANT, SCRATCH, field
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import ACTION_MOVE, ACTION_TURN, NIL, Array
-from automaton.strategy.weighted_tables import DistanceTables, weighted_tables
+from automaton.strategy.weighted_tables import DistanceTables, no_tables
 from strategies.right_of_way.epibt.horizon import horizon_of
-from strategies.right_of_way.epibt.lattice import AGAINST_STREET, TURN, lattice_weights
 from strategies.right_of_way.epibt.operations import FORWARD, RIGHT, WAIT, operations_of, trace
 from strategies.right_of_way.epibt.paths import paths_of
+from strategies.right_of_way.lattice import AGAINST_STREET, lattice_tables
 
 NO_AIM = 4  # of an operation that never moves
+LATTICE_SCALE = (
+    2  # lattice costs of a tick along a street, against the ticks until a goal is reached
+)
 
 
 class EpibtState(Struct):
@@ -111,12 +114,11 @@ def epibt_state(view, parameters):
     """Return the state for a run, where no robot has planned anything."""
     grid, operations = view.grid, operations_of(parameters.depth)
     guided = parameters.guidance == "lattice"
-    weights = lattice_weights(grid)
     duration = np.asarray(view.rules.duration)[:, [ACTION_MOVE, ACTION_TURN]]
     paces, pace = np.unique(np.maximum(duration, 1), axis=0, return_inverse=True)
     ticks = horizon_of(parameters.depth, int(paces.max()))
     offset, left = paths_of(grid.offset, operations, paces.tolist(), ticks)
-    dearest = AGAINST_STREET if guided else int(paces.max())
+    dearest = int(paces.max()) * (LATTICE_SCALE * AGAINST_STREET if guided else 1)
     candidates, ends = candidates_by_end(operations)
     return EpibtState.sized(
         {
@@ -135,7 +137,7 @@ def epibt_state(view, parameters):
         visits_allowed=parameters.visits,
         max_pushes=parameters.max_pushes,
         repair_pushes=parameters.repair_pushes,
-        tables=weighted_tables(view, np.stack([weights] * len(grid.type_cell_flags)), TURN),
+        tables=lattice_tables(view, LATTICE_SCALE) if guided else no_tables(),
         following=list(operations.following),
         action=[actions[0] for actions in operations.actions],
         aim=[first_aim(actions) for actions in operations.actions],

@@ -44,7 +44,9 @@ from automaton.strategy.kernels import (
     splitmix64,
 )
 from automaton.strategy.layer import Strategy
+from automaton.strategy.weighted_tables import no_tables
 from strategies.right_of_way.arrivals import is_at_goal
+from strategies.right_of_way.lattice import lattice_tables, moves_against_streets
 from strategies.right_of_way.pibt.alleys import count_in_dead_ends, empty_dead_ends, has_to_leave
 from strategies.right_of_way.pibt.options import option_of, rank_all_options
 from strategies.right_of_way.pibt.pibt_state import (
@@ -64,7 +66,7 @@ from strategies.right_of_way.pibt.reservations import (
     reserver_of,
     resource_in,
 )
-from strategies.right_of_way.right_of_way_parameters import SteeringParameters
+from strategies.right_of_way.right_of_way_parameters import PibtParameters
 
 
 @kernel
@@ -373,7 +375,7 @@ class Pibt(Strategy):
     """Robots make way by inherited priority (PIBT), turns and moves of any length."""
 
     layer = "right_of_way"
-    Parameters = SteeringParameters
+    Parameters = PibtParameters
     compiled = decide
     holders = True
     steers = True
@@ -393,9 +395,14 @@ class Pibt(Strategy):
             with np.errstate(over="ignore"):
                 draws = [int(splitmix64(seed ^ np.uint64(robot))) for robot in range(n)]
             queue[:] = np.argsort(np.array(draws, np.uint64), kind="stable")
+        guided = self.parameters.guidance == "lattice"
+        against = moves_against_streets(view.grid) if guided else np.zeros((0, 4), bool)
         return PibtState.sized(
             {"n": n, "m": n + 1, "w": 4, "s": 1, "r": 2 * cells, "e": max(ends.total, 1)},
             dead_ends=ends.total,
+            guided=int(guided),
+            tables=lattice_tables(view) if guided else no_tables(),
+            against=against.astype(np.uint8),
             queue=queue,
             dead_end=ends.number,
             way_out=ends.way_out,

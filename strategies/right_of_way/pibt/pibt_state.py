@@ -5,6 +5,7 @@ import numpy as np
 from automaton.engine.jit.fields import CONSTANT, SCRATCH, STATIC, field
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import NIL, Array
+from automaton.strategy.weighted_tables import DistanceTables
 
 # Modes of a robot in a tick: state.mode.
 FIXED = 0  # it stays where it is, whatever is decided here
@@ -20,9 +21,17 @@ LONG = 100_000  # ticks: of a robot that stands for longer than one waits
 
 
 class PibtState(Struct):
-    """n robots by storage, m = n + 1, c cells, r resources (a cell, or a lane of a cell for two)."""
+    """n robots by storage, m = n + 1, c cells, r resources (a cell, or a lane of a cell for two).
+
+    g = c where lattice weights guide robots, else 0.
+    """
 
     dead_ends: int = field("int64", "how many there are", role=STATIC)
+    guided: int = field("int64", "1: costs are those of `tables`, 0: ticks", role=STATIC)
+    tables: DistanceTables
+    against: Array = field(
+        "(g, 4) uint8", "1 = a move E, S, W, N out of the cell is against its street", role=CONSTANT
+    )
     next: Array = field("(n,) int32", "the cell that it turns to or enters, or its own")
     turning: Array = field("(n,) uint8", "1 + the direction that it has begun to turn to, or 0")
     begun: Array = field("(n,) uint8", "the same, 0 where a robot sees no plans", role=SCRATCH)

@@ -47,6 +47,10 @@ class RetreatParameters(Waits, forbid_unknown_fields=True, frozen=True, kw_only=
         bool, Meta(description="idle robots make room for robots that want their cell")
     ] = False
 
+    def tuned_values(self, scenario: Any, floor_plan: Any) -> dict[str, tuple[Any, ...]]:
+        """What is worth trying of each parameter."""
+        return {}
+
 
 class SteeringParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """Of a right of way that says in each tick where robots go: it goes with no routes."""
@@ -91,6 +95,11 @@ class GuidedParameters(SteeringParameters, forbid_unknown_fields=True, frozen=Tr
             if len(np.unique(floor_plan.min_move_ticks)) > MAX_GUIDED_SPEEDS:
                 return f"lattice weights go with {MAX_GUIDED_SPEEDS} speeds at most; leave guidance out"
         return super().check_scenario(scenario, floor_plan)
+
+    def tuned_values(self, scenario: Any, floor_plan: Any) -> dict[str, tuple[Any, ...]]:
+        """What is worth trying of each parameter."""
+        pods = carries_pods(scenario, floor_plan)
+        return {"guidance": ("none",) if pods else ("none", "lattice")}
 
 
 class PibtParameters(GuidedParameters, forbid_unknown_fields=True, frozen=True, kw_only=True):

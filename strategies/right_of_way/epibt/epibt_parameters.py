@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from msgspec import Meta
@@ -63,6 +63,10 @@ class EpibtParameters(GuidedParameters, forbid_unknown_fields=True, frozen=True,
         if scenario.information != "everything":
             return "it plans for all robots at once, so information must be everything"
         return capacity_objection(floor_plan) or super().check_scenario(scenario, floor_plan)
+
+    def tuned_values(self, scenario: Scenario, floor_plan: FloorPlan) -> dict[str, tuple[Any, ...]]:
+        """What is worth trying of each parameter."""
+        return {**super().tuned_values(scenario, floor_plan), "repair_tries": (0, 1)}
 
 
 def capacity_objection(floor_plan: FloorPlan) -> str | None:

@@ -17,7 +17,7 @@ from automaton.strategy.entry import (
 from strategies.allocation.alley_parameters import Alleys
 from strategies.allocation.auction.auction_parameters import Auctions
 from strategies.allocation.greedy.greedy_parameters import GreedyParameters
-from strategies.allocation.load_parameters import FirstComeParameters, Storing
+from strategies.allocation.load_parameters import FirstComeParameters, IndependentParameters
 from strategies.allocation.shortest_job_parameters import ShortestJobParameters
 from strategies.charging.charging_parameters import FillUp, Insertion, Opportunity, Threshold
 from strategies.right_of_way.epibt.epibt_parameters import EpibtParameters
@@ -85,7 +85,7 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
     "allocation": {
         "independent": Entry(
             "strategies.allocation.independent:Independent",
-            Storing,
+            IndependentParameters,
             "nearest unreserved order, carried to its destination (Grzejszczak & Nocon, alg. 1)",
         ),
         "cooperative": Entry(

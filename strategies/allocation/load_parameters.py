@@ -65,6 +65,10 @@ class Storing(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=T
 
     storage: Storage = "fixed"
 
+
+class IndependentParameters(Storing, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """No further parameters."""
+
     def tuned_values(self, scenario: Scenario, floor_plan: FloorPlan) -> dict[str, tuple[Any, ...]]:
         """What is worth trying of each parameter."""
         return tuned_storage(scenario, floor_plan)

@@ -9,7 +9,7 @@ from msgspec import Meta
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.quantities import TIME, quantity
 from automaton.scenario.schema import Scenario
-from strategies.allocation.load_parameters import Storing
+from strategies.allocation.load_parameters import Storing, tuned_storage
 
 Ticks = Annotated[int, quantity(TIME, ge=1, le=1_000_000)]
 
@@ -47,4 +47,4 @@ class GreedyParameters(Storing, forbid_unknown_fields=True, frozen=True, kw_only
 
     def tuned_values(self, scenario: Scenario, floor_plan: FloorPlan) -> dict[str, tuple[Any, ...]]:
         """What is worth trying of each parameter."""
-        return {"rest": (0.0, 1.0), **super().tuned_values(scenario, floor_plan)}
+        return {"rest": (0.0, 1.0), **tuned_storage(scenario, floor_plan)}

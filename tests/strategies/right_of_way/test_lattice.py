@@ -38,7 +38,7 @@ def test_columns_run_south_and_north_by_turns() -> None:
 @pytest.mark.parametrize("scale", [1, 2])
 def test_a_way_costs_its_ticks_and_against_streets_three_times_them(scale: int) -> None:
     """Moves of 2 ticks and turns of 4: west along the upper row, then south."""
-    scenario = ["layout={picture: '....\n....\n....\n....'}", "fleet.start=[[3, 0]]"]
+    scenario = ['layout={picture: "....\\n....\\n....\\n...."}', "fleet.start=[[3, 0]]"]
     scenario += ["durations={move: 2, turn: 4}", "fleet.robots=1", "orders={tasks: [[[0, 1]]]}"]
     view = Simulation(resolve("random-400", scenario)).view
     tables = lattice_tables(view, scale)

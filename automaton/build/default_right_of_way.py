@@ -44,6 +44,7 @@ def default_right_of_way(scenario: Scenario, fleet: FleetOnFloor) -> Default:
     parameters: Any = parameters_type("right_of_way", planner)()
     if (
         has_slow_actions(scenario, fleet.floor_plan)
+        and not scenario.floor.has_gates  # before which plans of several ticks may jam: bad-day
         and two_way_share(fleet.floor_plan) >= TWO_WAY_SHARE
         and parameters.check_scenario(scenario, fleet.floor_plan) is None
     ):

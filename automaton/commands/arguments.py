@@ -39,7 +39,7 @@ def add_settings_argument(
         default=[],
         dest="settings",
         metavar="KEY=VALUE",
-        help=f"{text}; @FILE: all those of a file, such as `tune` writes",
+        help=f"{text}; @FILE: settings of a file",
     )
 
 

@@ -16,7 +16,7 @@ from automaton.studies.tuning.candidates import TUNED_LAYERS, Choice, Field, in_
 from automaton.studies.tuning.elimination import Tuned
 from automaton.units import count
 
-HEADS = ("place", *(layer.replace("_", " ") for layer in TUNED_LAYERS), "round", "runs", "mean")
+HEADS = ("place", "round", "runs", "mean", "right of way; allocation")
 
 
 def report_blocks(tuned: Tuned, known: Field) -> Iterator[ConsoleBlock]:
@@ -31,7 +31,7 @@ def report_blocks(tuned: Tuned, known: Field) -> Iterator[ConsoleBlock]:
     for reason in known.left_out:
         yield f"left out: {reason}"
     yield ""
-    yield Table(HEADS, list(rows(tuned, known)), left=0, also_left=(1, 2))
+    yield Table(HEADS, list(rows(tuned, known)), left=0, also_left=(4,), folded=True)
     yield "round: the last one in which it was run; means of different rounds are of different runs"
     yield conclusion(tuned)
     for setting in known.candidates[tuned.standings[0].number].settings:
@@ -41,11 +41,10 @@ def report_blocks(tuned: Tuned, known: Field) -> Iterator[ConsoleBlock]:
 def rows(tuned: Tuned, known: Field) -> Iterator[list[str]]:
     """A row for each candidate, the best first."""
     for place, one in enumerate(tuned.standings, start=1):
-        choices = [in_words(choice) for choice in known.candidates[one.number].choices]
-        if one.number == 0:
-            choices[0] += " (as it is)"
+        choices = "; ".join(map(in_words, known.candidates[one.number].choices))
         mean = "unfinished" if math.isnan(one.mean) else shown(one.mean)
-        yield [f"{place}", *choices, f"{one.last_round}", f"{one.runs}", mean]
+        as_it_is = "" if one.number else " (as it is)"
+        yield [f"{place}", f"{one.last_round}", f"{one.runs}", mean, choices + as_it_is]
 
 
 def conclusion(tuned: Tuned) -> str:

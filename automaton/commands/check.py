@@ -15,7 +15,7 @@ import numpy as np
 
 from automaton.atomic_write import atomic_writer, cannot_write_error
 from automaton.build.conversion_table import conversion_lines
-from automaton.build.default_right_of_way import why_not_steered
+from automaton.build.default_right_of_way import default_right_of_way
 from automaton.build.plain_numbers import plain_number_line
 from automaton.build.resolve import Resolved, document_of, resolve
 from automaton.build.scenario_warnings import scenario_warnings
@@ -229,9 +229,6 @@ def described(resolved: Resolved, names_right_of_way: bool = True) -> str:
     ]
     chosen = []
     if not names_right_of_way:
-        why = why_not_steered(resolved.scenario, resolved.fleet)
-        chosen = [
-            f"right of way {resolved.strategies['right_of_way'].name} by default"
-            + (f" ({why})" if why else "")
-        ]
+        name, why = default_right_of_way(resolved.scenario, resolved.fleet)
+        chosen = [f"right of way {name} by default" + (f" ({why})" if why else "")]
     return f"{resolved.scenario.name}: {', '.join([*parts, robots, *closed, *chosen])}, ok"

@@ -23,15 +23,18 @@ from automaton.engine.state import (
     NIL,
     Array,
 )
-from automaton.strategy.weighted_tables import DistanceTables, weighted_tables
+from automaton.strategy.weighted_tables import DistanceTables, no_tables
 from strategies.right_of_way.deadlocks import Deadlocks
 from strategies.right_of_way.epibt.horizon import horizon_of
-from strategies.right_of_way.epibt.lattice import AGAINST_STREET, TURN, lattice_weights
 from strategies.right_of_way.epibt.operations import FORWARD, RIGHT, WAIT, operations_of, trace
 from strategies.right_of_way.epibt.paths import paths_of
+from strategies.right_of_way.lattice import AGAINST_STREET, lattice_tables
 from strategies.right_of_way.making_room import ServiceAreas, service_areas_of
 
 NO_AIM = 4  # of an operation that never moves
+LATTICE_SCALE = (
+    2  # lattice costs of a tick along a street, against the ticks until a goal is reached
+)
 
 
 class EpibtState(Struct):
@@ -125,13 +128,12 @@ def epibt_state(view, parameters):
     """Return the state for a run, where no robot has planned anything."""
     grid, operations = view.grid, operations_of(parameters.depth)
     guided = parameters.guidance == "lattice"
-    weights = lattice_weights(grid)
     duration = np.asarray(view.rules.duration)[:, [ACTION_MOVE, ACTION_TURN]]
     paces, pace = np.unique(np.maximum(duration, 1), axis=0, return_inverse=True)
     ticks = horizon_of(parameters.depth, int(paces.max()))
     following, holds_late = view.rules.following, int(view.rules.following == FOLLOWING_NONE)
     offset, left = paths_of(grid.offset, operations, paces.tolist(), ticks, holds_late)
-    dearest = AGAINST_STREET if guided else int(paces.max())
+    dearest = int(paces.max()) * (LATTICE_SCALE * AGAINST_STREET if guided else 1)
     candidates, ends = candidates_by_end(operations)
     return EpibtState.sized(
         {
@@ -154,8 +156,8 @@ def epibt_state(view, parameters):
         deadlocks=Deadlocks.sized(
             {"n": len(view.robots.cell), "s": 1}, patience=parameters.deadlock_patience
         ),
-        tables=weighted_tables(view, np.stack([weights] * len(grid.type_cell_flags)), TURN),
         service_areas=service_areas_of(view),
+        tables=lattice_tables(view, LATTICE_SCALE) if guided else no_tables(),
         following=list(operations.following),
         action=[actions[0] for actions in operations.actions],
         aim=[first_aim(actions) for actions in operations.actions],

@@ -28,6 +28,7 @@ from automaton.strategy.kernels import (
     limited_ticks,
     splitmix64,
     table_of,
+    weighted_table_of,
     with_load,
 )
 from strategies.right_of_way.deadlocks import steps_aside
@@ -39,6 +40,8 @@ from strategies.right_of_way.pibt.detours import (
     is_long,
     is_on_detour,
     leads_on,
+    street_cost,
+    tables_in_use,
     wait_for_return,
 )
 from strategies.right_of_way.pibt.pibt_state import (
@@ -140,7 +143,8 @@ def price_all_steps(view, state, workspace):
     """
     robots = view.robots
     n, count = robots.cell.shape[0], 0
-    keeps_all = has_room_for(workspace.tables, n)
+    tables = tables_in_use(state, workspace)
+    keeps_all = has_room_for(tables, n)
     for i in range(n):
         cell, goal = robots.cell[U(i)], robots.goal_cell[U(i)]
         chooses = (state.mode[U(i)] == UNDECIDED) & (cell != NIL)
@@ -150,13 +154,24 @@ def price_all_steps(view, state, workspace):
         count += np.int64(chooses) & (1 - np.int64(known & keeps_all & has_goal))
     for k in range(count):
         find_table(view, state, workspace, np.int64(state.unpriced[U(k)]))
-    find_step_costs(view, workspace, state.unpriced, count, state.table, state.costs)
+    find_step_costs(view, tables, state.unpriced, count, state.table, state.costs)
     for k in range(count):
         i = np.int64(state.unpriced[U(k)])
         if robots.goal_type[U(i)] == GOAL_NONE:
             price_idle_steps(view, state, i)
+        elif state.guided:
+            add_street_costs(view, state, i)
     if state.dead_ends or state.service_areas.callers.shape[0]:
         price_ways_out(view, state)
+
+
+@kernel
+def add_street_costs(view, state, i):
+    """Add what the steps of robot i cost beyond their ticks where they are against streets."""
+    cell = np.int64(view.robots.cell[U(i)])
+    for direction in range(4):
+        if state.costs[U(i), U(direction)] < UNREACHABLE:
+            state.costs[U(i), U(direction)] += street_cost(view, state, i, cell, direction)
 
 
 @kernel
@@ -181,7 +196,10 @@ def find_table(view, state, workspace, i):
     if robots.goal_type[U(i)] != GOAL_NONE:
         goal = np.int64(robots.goal_cell[U(i)])
         robot_type = with_load(view, np.int64(robots.type[U(i)]))  # not through storage
-        table = table_of(view, workspace, robot_type, goal)
+        if state.guided:
+            table = weighted_table_of(view, state.tables, robot_type, goal)
+        else:
+            table = table_of(view, workspace, robot_type, goal)
     state.table[U(i)] = table
 
 

@@ -48,6 +48,7 @@ from automaton.strategy.kernels import (
     splitmix64,
 )
 from automaton.strategy.layer import Strategy
+from automaton.strategy.weighted_tables import no_tables
 from strategies.right_of_way.arrivals import is_at_goal
 from strategies.right_of_way.deadlocks import (
     COUNTERS,
@@ -57,6 +58,7 @@ from strategies.right_of_way.deadlocks import (
     is_given_up,
     is_time_to_look,
 )
+from strategies.right_of_way.lattice import lattice_tables, moves_against_streets
 from strategies.right_of_way.making_room import count_callers, service_areas_of, way_to_make_room
 from strategies.right_of_way.pibt.alleys import count_in_dead_ends, empty_dead_ends, has_to_leave
 from strategies.right_of_way.pibt.departures import UNKNOWN, departs, direction_of, holds_back
@@ -79,7 +81,7 @@ from strategies.right_of_way.pibt.reservations import (
     reserver_of,
     resource_in,
 )
-from strategies.right_of_way.right_of_way_parameters import SteeringParameters
+from strategies.right_of_way.right_of_way_parameters import PibtParameters
 
 
 @kernel
@@ -461,7 +463,7 @@ class Pibt(Strategy):
     """Robots make way by inherited priority (PIBT), turns and moves of any length."""
 
     layer = "right_of_way"
-    Parameters = SteeringParameters
+    Parameters = PibtParameters
     compiled = decide
     counters: ClassVar = COUNTERS
     holders = True
@@ -482,12 +484,17 @@ class Pibt(Strategy):
                 draws = [int(splitmix64(seed ^ np.uint64(robot))) for robot in range(n)]
             queue[:] = np.argsort(np.array(draws, np.uint64), kind="stable")
         waits = holds_back(view)
+        guided = self.parameters.guidance == "lattice"
+        against = moves_against_streets(view.grid) if guided else np.zeros((0, 4), bool)
         return PibtState.sized(
             {"n": n, "m": n + 1, "w": 4, "s": 1, "r": 2 * cells, "e": max(ends.total, 1)},
             dead_ends=ends.total,
             holds_back=int(waits),
             rings=int(not waits or view.rules.following == FOLLOWING_CONVOY),
             service_areas=service_areas_of(view),
+            guided=int(guided),
+            tables=lattice_tables(view) if guided else no_tables(),
+            against=against.astype(np.uint8),
             queue=queue,
             deadlocks=Deadlocks.sized({"n": n, "s": 1}, patience=self.parameters.deadlock_patience),
             dead_end=ends.number,

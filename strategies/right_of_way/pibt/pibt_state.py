@@ -5,6 +5,7 @@ import numpy as np
 from automaton.engine.jit.fields import CONSTANT, SCRATCH, STATIC, field
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import NIL, Array
+from automaton.strategy.weighted_tables import DistanceTables
 from strategies.right_of_way.deadlocks import Deadlocks
 from strategies.right_of_way.making_room import ServiceAreas
 
@@ -22,7 +23,10 @@ LONG = 100_000  # ticks: of a robot that stands for longer than one waits
 
 
 class PibtState(Struct):
-    """n robots by storage, m = n + 1, c cells, r resources (a cell, or a lane of a cell for two)."""
+    """n robots by storage, m = n + 1, c cells, r resources (a cell, or a lane of a cell for two).
+
+    g = c where lattice weights guide robots, else 0.
+    """
 
     dead_ends: int = field("int64", "how many there are", role=STATIC)
     holds_back: int = field(
@@ -31,6 +35,11 @@ class PibtState(Struct):
         role=STATIC,
     )
     rings: int = field("int64", "1: robots that push each other in a ring all move", role=STATIC)
+    guided: int = field("int64", "1: costs are those of `tables`, 0: ticks", role=STATIC)
+    tables: DistanceTables
+    against: Array = field(
+        "(g, 4) uint8", "1 = a move E, S, W, N out of the cell is against its street", role=CONSTANT
+    )
     next: Array = field("(n,) int32", "the cell that it turns to or enters, or its own")
     turning: Array = field(
         "(n,) uint8", "1 + the direction that it has begun to turn to, or waits for; 0"

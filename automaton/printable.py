@@ -18,7 +18,7 @@ _CONTROLS: Final = re.compile(f"[{_OBEYED}]")
 _ALL_CONTROLS: Final = re.compile(f"[\t\n{_OBEYED}]")
 # What this program and its libraries write to terminals: colours, and parts of lines again.
 _OURS: Final = re.compile(
-    f"(\x1b\\[(?:[0-9;]*m|[0-2]?K|[0-9]*A|\\?25[lh])|\r(?=\x1b\\[[0-2]?K))|[{_OBEYED}]"
+    f"(\x1b\\[(?:[0-9;]*m|[0-2]?K|[0-9]*A|\\?25[lh])|\r(?=\x1b\\[(?:[0-2]?K|[0-9]*A)))|[{_OBEYED}]"
 )
 
 

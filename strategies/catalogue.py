@@ -7,6 +7,9 @@ from automaton.strategy.entry import (
     MANUFACTURING,
     MULTIPLE,
     PROPERTIES,
+    ROUTED,
+    SLOW_STEERED,
+    STEERED,
     WAREHOUSE,
     Entry,
     NoParameters,
@@ -14,13 +17,13 @@ from automaton.strategy.entry import (
 from strategies.allocation.alley_parameters import Alleys
 from strategies.allocation.auction.auction_parameters import Auctions
 from strategies.allocation.greedy.greedy_parameters import GreedyParameters
-from strategies.allocation.load_parameters import FirstComeParameters, Storing
+from strategies.allocation.load_parameters import FirstComeParameters, IndependentParameters
 from strategies.allocation.shortest_job_parameters import ShortestJobParameters
 from strategies.charging.charging_parameters import FillUp, Insertion, Opportunity, Threshold
 from strategies.right_of_way.epibt.epibt_parameters import EpibtParameters
 from strategies.right_of_way.right_of_way_parameters import (
+    PibtParameters,
     RetreatParameters,
-    SteeringParameters,
     Waits,
 )
 from strategies.routing.astar.astar_parameters import TieBreaking
@@ -82,7 +85,7 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
     "allocation": {
         "independent": Entry(
             "strategies.allocation.independent:Independent",
-            Storing,
+            IndependentParameters,
             "nearest unreserved order, carried to its destination (Grzejszczak & Nocon, alg. 1)",
         ),
         "cooperative": Entry(
@@ -146,18 +149,21 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
     "right_of_way": {
         "pibt": Entry(
             "strategies.right_of_way.pibt.pibt:Pibt",
-            SteeringParameters,
+            PibtParameters,
             "robots make way by inherited priority (PIBT); turns and moves of any length",
+            default_for=STEERED,
         ),
         "epibt": Entry(
             "strategies.right_of_way.epibt.epibt:Epibt",
             EpibtParameters,
-            "robots plan a few actions ahead and push each other (EPIBT); all actions of one tick",
+            "robots plan a few actions ahead and push each other (EPIBT); up to 64 ticks of plan",
+            default_for=SLOW_STEERED,
         ),
         "retreat": Entry(
             "strategies.right_of_way.retreat:Retreat",
             RetreatParameters,
             "wait, retry, then retreat by a random number of moves (Grzejszczak & Nocon)",
+            default_for=ROUTED,
         ),
         "wait": Entry(
             "strategies.right_of_way.wait:Wait",

@@ -11,6 +11,7 @@ from automaton.build.gate_warnings import gate_warnings
 from automaton.build.late_releases import late_releases
 from automaton.build.pod_warnings import pod_warnings
 from automaton.build.resolve import Resolved
+from automaton.build.standstill_warnings import standstill_warnings
 from automaton.errors import alternatives
 from automaton.floor.cells import CHARGER, STATION, UNLIMITED
 from automaton.floor.reachability import steps_from
@@ -46,6 +47,7 @@ def scenario_warnings(resolved: Resolved) -> list[str]:
         *late_releases(resolved),
         *coarse_conversions(resolved),
         *fleet_warnings(resolved),
+        *standstill_warnings(resolved),
         *pod_warnings(resolved),
         *gate_warnings(resolved),
     ]

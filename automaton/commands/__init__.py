@@ -34,6 +34,7 @@ COMMANDS = {  # name: (module with add_arguments(parser) and run(args) -> int, w
     "serve": ("automaton.commands.serve", "show the viewer in a browser"),
     "report": ("automaton.commands.report_command", "report on the results of a sweep"),
     "size": ("automaton.commands.size_command", "find the smallest fleet that meets a target"),
+    "tune": ("automaton.commands.tune", "find the strategies that do best in a scenario"),
     "reproduce": ("automaton.commands.reproduce", "print a published table beside ours"),
     "train": ("automaton.commands.train", "train a predictor of traffic (extra learn)"),
     "verify": ("automaton.commands.verify", "re-run a recording and name the first difference"),

@@ -12,7 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 from automaton.build.resolve import Resolved
 from automaton.build.scenario_warnings import scenario_warnings
+from automaton.errors import InputError
 from automaton.scenario.clock_times import is_clock_time
+from automaton.scenario.document import parse
+from automaton.scenario.reading import read_text
 
 if TYPE_CHECKING:
     from rich.progress import Progress, ProgressColumn
@@ -32,12 +35,45 @@ def add_settings_argument(
     """What to change in a scenario: `settings`; `text` says what may change."""
     parser.add_argument(
         "--set",
-        action="append",
+        action=AppendSettings,
         default=[],
         dest="settings",
         metavar="KEY=VALUE",
-        help=text,
+        help=f"{text}; @FILE: settings of a file",
     )
+
+
+class AppendSettings(argparse.Action):
+    """Collects KEY=VALUE; of @FILE what the first two levels of its keys give."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,
+        option_string: str | None = None,
+    ) -> None:
+        """Add to what came before."""
+        more = settings_in(Path(values[1:])) if values.startswith("@") else [values]
+        setattr(namespace, self.dest, [*getattr(namespace, self.dest), *more])
+
+
+def settings_in(path: Path) -> list[str]:
+    """The settings in a file, as they are typed. Raises InputError."""
+    if not path.is_file():
+        raise InputError("no such file", str(path))
+    data, _ = parse(read_text(path), str(path))
+    if not isinstance(data, dict):
+        raise InputError("a file of settings has keys of a scenario, such as strategy", str(path))
+    return [
+        f"{key}={json.dumps(value)}"
+        for section, part in data.items()
+        for key, value in (
+            ((f"{section}.{name}", one) for name, one in part.items())
+            if isinstance(part, dict)
+            else ((section, part),)
+        )
+    ]
 
 
 def add_recording_argument(parser: argparse.ArgumentParser, name: str = "FILE") -> None:

@@ -9,18 +9,24 @@ import sys
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from automaton.atomic_write import atomic_writer, cannot_write_error
 from automaton.build.conversion_table import conversion_lines
-from automaton.build.default_right_of_way import why_not_steered
+from automaton.build.default_right_of_way import default_right_of_way
 from automaton.build.plain_numbers import plain_number_line
 from automaton.build.resolve import Resolved, document_of, resolve
 from automaton.build.scenario_warnings import scenario_warnings
 from automaton.build.visit_bounds import bounds_in_words
-from automaton.commands.arguments import add_settings_argument, note, print_warnings
+from automaton.commands.arguments import (
+    add_json_argument,
+    add_settings_argument,
+    note,
+    print_json,
+    print_warnings,
+)
 from automaton.errors import InputError
 from automaton.floor.cells import DESTINATION, DOCK, RACK, SHELF
 from automaton.floor.matrices import write_matrix
@@ -50,40 +56,82 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--matrix", type=Path, metavar="CSV", help="write the floor's matrix of codes to CSV"
     )
+    parser.add_argument(
+        "--trial",
+        action="store_true",
+        help="run each scenario for 500 ticks or 2,000,000 robot ticks, whichever is more, and report "
+        "jams, robots without progress and exceeded bounds",
+    )
+    add_json_argument(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print a line for each good file and a sentence for each bad one; 2 if any is bad."""
-    bad = 0
+    """Print a line for each good file and a sentence for each bad one.
+
+    2 if any is bad, else 1 if a trial has found something.
+    """
+    bad, reports = 0, []
     if args.matrix is not None and len(args.file) != 1:
         raise InputError(f"--matrix writes the floor of one scenario, found {len(args.file)}")
     for file in args.file:
         try:
-            if names_study(file):
-                study, scenarios = checked_study(file, args)
-                print(described_study(study))
-                print_study_warnings(study, scenarios)
-                continue
-            resolved = resolve(file, args.settings)
-            if args.matrix is not None:
-                export_matrix(resolved, args.matrix)
-            document = document_of(file, args.settings)
-            check_files(resolved, document)
-            print(described(resolved, names_right_of_way(document)))
-            plain = plain_number_line(document, resolved.scenario.units.scale)
-            for line in (*resolved.file_notes, *conversion_lines(resolved), plain):
-                if line:
-                    print(f"  {line}")
-            for line in bounds_in_words(resolved):
-                print(f"  {line}")
-            print_warnings(resolved)
+            report = check_file(file, args)
         except InputError as error:
             if args.debug:
                 raise
             bad += 1
+            report = Report(file, error=str(error))
             sys.stdout.flush()  # keeps the order where both streams meet
             print(f"automaton: {error}", file=sys.stderr)
-    return 2 if bad else 0
+        reports.append(report)
+    if args.json:
+        print_json([report._asdict() for report in reports])
+    failed = any(report.trial is not None and not report.trial["passed"] for report in reports)
+    return 2 if bad else int(failed)
+
+
+class Report(NamedTuple):
+    """What is known of a file: an object of the JSON."""
+
+    file: str
+    name: str | None = None  # of the scenario or study; None: the file is bad
+    lines: tuple[str, ...] = ()  # what is printed of it
+    warnings: tuple[str, ...] = ()
+    trial: dict[str, Any] | None = None
+    error: str | None = None
+
+
+def check_file(file: str, args: argparse.Namespace) -> Report:
+    """Check a file, and print what is known of it unless JSON is. Raises InputError."""
+    if names_study(file):
+        study, scenarios = checked_study(file, args)
+        line, warnings = described_study(study), study_warnings(study, scenarios)
+        if not args.json:
+            print(line)
+        for warning in warnings:
+            note(f"{study.name}: warning: {warning}")
+        return Report(file, study.name, (line,), tuple(warnings))
+    resolved = resolve(file, args.settings)
+    if args.matrix is not None:
+        export_matrix(resolved, args.matrix)
+    document = document_of(file, args.settings)
+    check_files(resolved, document)
+    plain = plain_number_line(document, resolved.scenario.units.scale)
+    more = (*resolved.file_notes, *conversion_lines(resolved), plain, *bounds_in_words(resolved))
+    lines = [described(resolved, names_right_of_way(document)), *(line for line in more if line)]
+    if not args.json:
+        print("\n  ".join(lines))
+    print_warnings(resolved)
+    trial = None
+    if args.trial:
+        from automaton.runs.trial import try_out  # needs compiled code, as nothing else here does
+
+        trial = try_out(resolved)
+        if not args.json:
+            print("\n".join(f"  {line}" for line in trial.lines()))
+    name, warnings = resolved.scenario.name, scenario_warnings(resolved)
+    done = None if trial is None else trial.as_json()
+    return Report(file, name, tuple(lines), tuple(warnings), done)
 
 
 def names_study(file: str) -> bool:
@@ -95,8 +143,8 @@ def names_study(file: str) -> bool:
 
 def checked_study(file: str, args: argparse.Namespace) -> tuple[Study, tuple[Resolved, ...]]:
     """A good study and the scenarios of its points. Raises InputError."""
-    if args.settings or args.matrix is not None:
-        option = "--set" if args.settings else "--matrix"
+    options = {"--set": args.settings, "--matrix": args.matrix, "--trial": args.trial}
+    for option in (name for name, value in options.items() if value):
         raise InputError(f"{option} is for scenarios; a study says itself what it changes", file)
     return check_study(file)
 
@@ -107,8 +155,8 @@ def described_study(study: Study) -> str:
     return f"{study.name}: {count(len(study.points), 'point')} x {replications}, {runs}, ok"
 
 
-def print_study_warnings(study: Study, scenarios: Sequence[Resolved]) -> None:
-    """Print the warnings of all points, those that differ only in their numbers once."""
+def study_warnings(study: Study, scenarios: Sequence[Resolved]) -> list[str]:
+    """Return the warnings of all points, those that differ only in their numbers once."""
     first: dict[str, tuple[str, Point]] = {}
     points: Counter[str] = Counter()
     for point, resolved in zip(study.points, scenarios, strict=True):
@@ -116,11 +164,13 @@ def print_study_warnings(study: Study, scenarios: Sequence[Resolved]) -> None:
             kind = NUMBERS.sub("", warning)
             first.setdefault(kind, (warning, point))
             points[kind] += 1
+    sentences = []
     for kind, (warning, point) in first.items():
         others = points[kind] - 1
         where = f"point {point.number}: {describe_point(point)}"
         more = f"; {count(others, 'more point')} likewise" if others else ""
-        note(f"{study.name}: warning: {warning} ({where}{more})")
+        sentences.append(f"{warning} ({where}{more})")
+    return sentences
 
 
 def check_files(resolved: Resolved, document: Document) -> None:
@@ -179,9 +229,6 @@ def described(resolved: Resolved, names_right_of_way: bool = True) -> str:
     ]
     chosen = []
     if not names_right_of_way:
-        why = why_not_steered(resolved.scenario, resolved.fleet)
-        chosen = [
-            f"right of way {resolved.strategies['right_of_way'].name} by default"
-            + (f" ({why})" if why else "")
-        ]
+        name, why = default_right_of_way(resolved.scenario, resolved.fleet)
+        chosen = [f"right of way {name} by default" + (f" ({why})" if why else "")]
     return f"{resolved.scenario.name}: {', '.join([*parts, robots, *closed, *chosen])}, ok"

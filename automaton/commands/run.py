@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -53,6 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run, report, and say on stderr if the run did not finish."""
     from automaton.runs.headless import run_once
+    from automaton.runs.jam_watch import JamWatch, note_jam
 
     resolved = resolve(args.scenario, args.settings, args.seed)
     print_warnings(resolved)
@@ -71,7 +73,14 @@ def run(args: argparse.Namespace) -> int:
 
         sampling = None if tables is None else tables.sampling
         outcome = run_once(
-            resolved, on_record, on_window, args.until, on_end, args.strategy_timeout, sampling
+            resolved,
+            on_record,
+            on_window,
+            args.until,
+            on_end,
+            args.strategy_timeout,
+            sampling,
+            JamWatch(partial(note_jam, resolved.scenario.name)),
         )
     events = tables if isinstance(tables, EventLines) else None
     if args.json:

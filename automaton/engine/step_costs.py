@@ -16,21 +16,21 @@ U = np.uint64  # unsigned where it indexes: saves the test for a negative index
 
 
 @kernel
-def find_step_costs(view, workspace, robots, count, table, out):
+def find_step_costs(view, tables, robots, count, table, out):
     """Enter the costs after a step E, S, W, N of the first `count` robots listed, which are on the floor.
 
-    `table`: by robot. out[i, d]: ticks from the next cell of robot i, with the heading of direction d,
-    to the goal cell of its table; UNREACHABLE: no way, or the exit is not open to it.
+    `table`: by robot, rows of `tables`. out[i, d]: the cost from the next cell of robot i, with the
+    heading of direction d, to the goal cell of its table; UNREACHABLE: no way, or the exit is not open.
     """
-    if workspace.tables.status[TABLES_ENCODING] == JOINT:
-        read_words(view, workspace.tables, robots, count, table, out)
-        decode_words(view, workspace.tables, robots, count, out)
+    if tables.status[TABLES_ENCODING] == JOINT:
+        read_words(view, tables, robots, count, table, out)
+        decode_words(view, tables, robots, count, out)
         close_storage(view, robots, count, out)
         return
     for k in range(count):
         i = np.int64(robots[U(k)])
         for direction in range(4):
-            out[U(i), U(direction)] = step_cost(view, workspace.tables, i, direction, table[U(i)])
+            out[U(i), U(direction)] = step_cost(view, tables, i, direction, table[U(i)])
     close_storage(view, robots, count, out)
 
 

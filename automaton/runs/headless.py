@@ -30,6 +30,7 @@ from automaton.engine.state import (
 )
 from automaton.errors import InputError
 from automaton.runs.asked_orders import asked_orders
+from automaton.runs.jam_watch import JamWatch
 from automaton.runs.metrics import (
     OPERATIONS,
     Counted,
@@ -114,26 +115,35 @@ def run_to_end(
     last_worked: Array | None = None,
     until: int | None = None,
     sampling: Sampling | None = None,
+    watch: JamWatch | None = None,
 ) -> float:
     """Run until finished, at tick `until` or at the limit; the seconds that took, compiling aside.
 
     `on_window` is called before the first and after every WINDOW_TICKS ticks. `last_worked`: (n,)
     int64 output, the last window's end at which each stored robot had worked since the one before.
+    `watch` tells of jams meanwhile.
     """
     limit = simulation.resolved.scenario.stop.max_duration
     limit = limit if until is None else min(limit, until)
     begun = time.perf_counter() - seconds_compiled()
     worked = operations(simulation)
+
+    def advance(end: int) -> None:
+        if sampling is None:
+            simulation.run(end)
+        else:
+            sampling.advance(simulation, end)
+
     if on_window is not None:
         on_window(simulation)
     if sampling is not None and sampling.period:
         sampling.on_sample(simulation)
     while not simulation.finished and simulation.tick < limit:
         end = min(simulation.tick + WINDOW_TICKS, limit)
-        if sampling is None:
-            simulation.run(end)
+        if watch is None:
+            advance(end)
         else:
-            sampling.advance(simulation, end)
+            watch.run(simulation, end, advance)
         if last_worked is not None:
             worked = record_work(simulation, worked, last_worked)
         if on_window is not None:
@@ -185,10 +195,12 @@ def run_once(
     on_end: OnWindow | None = None,
     patience: float | None = None,
     sampling: Sampling | None = None,
+    watch: JamWatch | None = None,
 ) -> Outcome:
     """Run a scenario with its own seed, to its end or to tick `until`, and call `on_end` then.
 
     `patience`: seconds that a Python strategy has for each decision. `sampling`: what is taken meanwhile.
+    `watch`: tells of jams meanwhile.
 
     Raises InputError for a strategy that raises.
     """
@@ -198,7 +210,7 @@ def run_once(
         simulation = Simulation(
             resolved, on_record=on_record, on_observe=on_observe, patience=patience
         )
-        wall = run_to_end(simulation, on_window, last_worked, until, sampling)
+        wall = run_to_end(simulation, on_window, last_worked, until, sampling, watch)
     if on_end is not None:
         on_end(simulation)
     orders = asked_orders(simulation.world)
@@ -248,17 +260,17 @@ class Marks(NamedTuple):
     stretches: list[Counted]
 
 
-def run_marked(simulation: Simulation, every: int = 0) -> Marks:
+def run_marked(simulation: Simulation, every: int = 0, watch: JamWatch | None = None) -> Marks:
     """Run to the end; `every`: ticks of a stretch, 0 for none."""
     scenario = simulation.resolved.scenario
     warm_up, limit = warm_up_of(scenario), scenario.stop.max_duration
     borders = range(every, limit, every) if every else range(0)
     at = {}
     for tick in sorted({*borders, *((warm_up,) if warm_up else ())}):
-        run_to_end(simulation, until=tick)
+        run_to_end(simulation, until=tick, watch=watch)
         if simulation.tick == tick:
             at[tick] = counted(simulation)
-    run_to_end(simulation)
+    run_to_end(simulation, watch=watch)
     return Marks(at.get(warm_up), [at[tick] for tick in borders if tick in at])
 
 

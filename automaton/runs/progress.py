@@ -16,6 +16,7 @@ from automaton.engine.state import (
     ACTION_MOVE,
     ACTION_PICK,
     CLOCK_TICK,
+    GOAL_CHARGE,
     GOAL_NONE,
     GOAL_PARK,
     NIL,
@@ -56,18 +57,34 @@ def starved_ticks(world: World) -> int:
     return max(LEAST_STARVED_TICKS, STARVED_DRIVES * drive)
 
 
-def starved_robots(world: World) -> Array:
+def starved_robots(world: World, ticks: int | None = None) -> Array:
     """Storage indices of robots with something to do that have finished nothing for long.
 
-    How long says `starved_ticks`. Robots that are down, or queue for a charger, are not among them.
+    `ticks`: how long; those of `starved_ticks` unless given. Robots that are down, or queue for a
+    charger, are not among them.
     """
     robots = world.robots
     at_work = (robots.goal_type != GOAL_NONE) & (robots.goal_type != GOAL_PARK)
     at_work &= (robots.status == STATUS_UP) & (robots.ticket == 0)
+    ticks = starved_ticks(world) if ticks is None else ticks
     stalled: Array = np.flatnonzero(
-        at_work & (world.tally.progress <= int(world.clock[CLOCK_TICK]) - starved_ticks(world))
+        at_work & (world.tally.progress <= int(world.clock[CLOCK_TICK]) - ticks)
     )
     return stalled
+
+
+def stuck_robots(world: World, ticks: int) -> Array:
+    """Storage indices of starved robots on the floor that do not wait to be served.
+
+    Those wait for a charger that others use, or for a station that has had a break in these ticks.
+    """
+    stations, tick, robots = world.pod_stations, int(world.clock[CLOCK_TICK]), world.robots
+    began, ended = stations.breaks[:, 1], stations.breaks[:, 2]
+    lately = stations.breaks[(began <= tick) & (ended > tick - ticks), 0]
+    waits = np.isin(robots.goal_cell, stations.cell[lately]) | (robots.goal_type == GOAL_CHARGE)
+    starved = starved_robots(world, ticks)
+    stuck: Array = starved[(robots.cell[starved] != NIL) & ~waits[starved]]
+    return stuck
 
 
 def oldest_order(world: World) -> int:
@@ -80,24 +97,27 @@ def oldest_order(world: World) -> int:
 
 def largest_jam(world: World, floor_plan: FloorPlan) -> Jam | None:
     """Return the most robots without progress that stand near each other, ties to the first robot."""
-    stalled = starved_robots(world)
-    stalled = stalled[world.robots.cell[stalled] != NIL]
+    return max(jams(world, floor_plan), key=lambda jam: len(jam.robots), default=None)
+
+
+def jams(world: World, floor_plan: FloorPlan) -> list[Jam]:
+    """Return all groups of robots without progress that stand near each other, by their first robots."""
+    ticks, found = starved_ticks(world), []
+    stalled = stuck_robots(world, ticks)
     stalled = stalled[np.argsort(world.robots.identity[stalled])]
     if len(stalled) < JAM_ROBOTS:
-        return None
-    rows, columns = np.divmod(world.robots.cell[stalled].astype(np.int64), floor_plan.stride)
-    group = _groups(rows, columns)
-    members = group == np.argmax(np.bincount(group))
-    if np.count_nonzero(members) < JAM_ROBOTS:
-        return None
-    rows, columns = rows[members], columns[members]
-    first, last = (
-        floor_plan.xy(int(side(rows)) * floor_plan.stride + int(side(columns)))
-        for side in (np.min, np.max)
-    )
-    return Jam(
-        tuple(world.robots.identity[stalled[members]].tolist()), first, last, starved_ticks(world)
-    )
+        return []
+    places = np.divmod(world.robots.cell[stalled].astype(np.int64), floor_plan.stride)
+    group = _groups(*places)
+    for one in np.flatnonzero(np.bincount(group) >= JAM_ROBOTS):
+        rows, columns = (place[group == one] for place in places)
+        first, last = (
+            floor_plan.xy(int(side(rows)) * floor_plan.stride + int(side(columns)))
+            for side in (np.min, np.max)
+        )
+        robots = world.robots.identity[stalled[group == one]]
+        found.append(Jam(tuple(robots.tolist()), first, last, ticks))
+    return found
 
 
 def _groups(rows: Array, columns: Array) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -267,7 +268,7 @@ class Simulation:
         found: dict[str, int] = {}
         for strategy, state in zip(self._strategies, self._states, strict=True):
             for name, field in strategy.counters.items() if strategy else ():
-                found[name] = found.get(name, 0) + int(getattr(state, field).sum())
+                found[name] = found.get(name, 0) + int(attrgetter(field)(state).sum())
         return found
 
     @property

@@ -113,9 +113,12 @@ class Strategies(ConfigSection, frozen=True, kw_only=True):
     right_of_way: Annotated[
         StrategySpec | None,
         Meta(
-            description="Who goes first where robots meet. null: pibt; but retreat where robots "
-            "follow the routes of a routing other than shortest, where information is not "
-            "everything, and on a floor without a ring, where robots cannot make way."
+            description="Who goes first where robots meet. null: pibt; but epibt where a turn or a "
+            "move takes 2 ticks or more, at least half of all ways between neighbouring cells are "
+            "open in both directions, nothing closes, opens or lifts on the floor, and epibt serves "
+            "the scenario; and retreat where robots follow the routes of a routing other than "
+            "shortest, where information is not everything, and on a floor without a ring, where "
+            "robots cannot make way."
         ),
     ] = None
 

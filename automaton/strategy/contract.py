@@ -35,7 +35,7 @@ def checked_state(strategy: Strategy, state: Any, view: World) -> Struct:
             if len(array) != robots:
                 rows = f"found {len(array)} rows for {robots} robots"
                 raise _fault(strategy, f"{name} must have a row for each robot, {rows}")
-            counted += [name] * (len(declared.extents) == 1 and "." not in name)
+            counted += [name] * (len(declared.extents) == 1)
         elif view.rules.radius > 0 and declared.is_kept and array.any():
             raise _fault(
                 strategy,

@@ -48,13 +48,23 @@ DECENTRALIZED: Final = "decentralized"
 PROPERTIES: Final = (MULTIPLE, DYNAMIC, MANUFACTURING, WAREHOUSE, DECENTRALIZED)
 
 
+# Of which robots a right of way is the default: Entry.default_for.
+ROUTED: Final = "robots that follow routes"
+STEERED: Final = "robots that are steered"
+SLOW_STEERED: Final = (
+    "robots that are steered, turn or move for several ticks, and mostly both ways"
+)
+
+
 class Entry(NamedTuple):
     """Where a strategy is implemented, what parameters it takes, and one line for `list`.
 
     `properties`: those of PROPERTIES that its method has; None where nobody has said.
+    `default_for`: the robots whose default it is, "" for none.
     """
 
     implementation: str  # "module:Class"
     parameters: type[msgspec.Struct]
     summary: str
     properties: tuple[str, ...] | None = None
+    default_for: str = ""

@@ -5,6 +5,7 @@ Strategies import compiled code from here and nowhere else (an import contract h
 
 from __future__ import annotations
 
+from automaton.engine.blocker_cycles import walk_to_cycle
 from automaton.engine.charging_curve import CURVE_RATE, charging_ticks, level_after
 from automaton.engine.distance_tables import UNREACHABLE
 from automaton.engine.gate_queries import (
@@ -17,7 +18,7 @@ from automaton.engine.gate_queries import (
 from automaton.engine.headings import heading_towards, headings_of, is_facing
 from automaton.engine.holders import lane_of
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.motion import direction_between, has_room
+from automaton.engine.motion import direction_between, has_room, is_empty
 from automaton.engine.next_stop import end_of_stops, has_load, next_stop_cell
 from automaton.engine.operations import types_of_robots, with_load, without_load
 from automaton.engine.prefetch import prefetch
@@ -131,6 +132,7 @@ __all__ = [
     "highest_priority",
     "how_turned",
     "is_closed",
+    "is_empty",
     "is_facing",
     "is_in_full_gate",
     "is_in_own_queue",
@@ -159,6 +161,7 @@ __all__ = [
     "take_order",
     "takes_load",
     "types_of_robots",
+    "walk_to_cycle",
     "ways_on",
     "weighted_table_of",
     "with_load",

@@ -96,6 +96,12 @@ def properties(layer: str, name: str) -> dict[str, bool]:
     return {one: one in entry.properties for one in PROPERTIES}
 
 
+def default_for(layer: str, robots: str) -> str:
+    """The name of the strategy that declares itself the default for such robots."""
+    entries = _catalogue()[layer].items()
+    return next(name for name, entry in entries if entry.default_for == robots)
+
+
 def load(layer: str, name: str) -> Any:
     """The class of a strategy. Raises InputError for an unknown name or a class of another layer."""
     where = place(layer, name)

@@ -48,3 +48,9 @@ def weighted_tables(view: World, step: Array, turn: int | Array) -> DistanceTabl
             f"world.distance_tables is {memory(budget)}, and the tables of a strategy with weights of "
             "its own take as much again, more than this machine can give; set it lower"
         ) from None
+
+
+def no_tables() -> DistanceTables:
+    """Tables of no cells, for the state of a strategy whose parameters ask for none."""
+    extents = ("C", "F", "G", "L", "P", "Q", "R", "S", "S C", "W", "words")
+    return DistanceTables.sized(dict.fromkeys(extents, 0))

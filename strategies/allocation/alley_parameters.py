@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import msgspec
 
 from automaton.floor.cells import ANY, CELL_KINDS
@@ -31,3 +33,7 @@ class Alleys(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
         return (
             f"it finds loads on shelves alone, and orders begin at {places}; first-come takes those"
         )
+
+    def tuned_values(self, scenario: Scenario, floor_plan: FloorPlan) -> dict[str, tuple[Any, ...]]:
+        """What is worth trying of each parameter: there are none."""
+        return {}

@@ -35,7 +35,7 @@ from automaton.strategy.kernels import (
     take_order,
 )
 from automaton.strategy.layer import Strategy
-from strategies.allocation.load_parameters import Storing
+from strategies.allocation.load_parameters import IndependentParameters
 
 
 @kernel
@@ -96,7 +96,7 @@ class Independent(Strategy):
     """Every robot takes the nearest unreserved order and carries it to its destination."""
 
     layer = "allocation"
-    Parameters = Storing
+    Parameters = IndependentParameters
     compiled = decide
 
     def reset(self, view):

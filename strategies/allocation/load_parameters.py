@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta
@@ -55,10 +55,23 @@ Storage = Annotated[
 ]
 
 
+def tuned_storage(scenario: Scenario, floor_plan: FloorPlan) -> dict[str, tuple[Any, ...]]:
+    """Return the policies of storage that are worth trying: none where no pod is stored."""
+    return {"storage": ("fixed", "nearest")} if carries_pods(scenario, floor_plan) else {}
+
+
 class Storing(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """Where pods are stored."""
 
     storage: Storage = "fixed"
+
+
+class IndependentParameters(Storing, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """No further parameters."""
+
+    def tuned_values(self, scenario: Scenario, floor_plan: FloorPlan) -> dict[str, tuple[Any, ...]]:
+        """What is worth trying of each parameter."""
+        return tuned_storage(scenario, floor_plan)
 
 
 class FirstComeParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -76,3 +89,7 @@ class FirstComeParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=Tru
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         """One cursor goes over the orders for all robots of a type."""
         return refusal_of_own_orders(scenario)
+
+    def tuned_values(self, scenario: Scenario, floor_plan: FloorPlan) -> dict[str, tuple[Any, ...]]:
+        """What is worth trying of each parameter."""
+        return tuned_storage(scenario, floor_plan)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta
 
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.schema import Scenario
-from strategies.allocation.load_parameters import Storage, refusal_of_own_orders
+from strategies.allocation.load_parameters import (
+    Storage,
+    refusal_of_own_orders,
+    tuned_storage,
+)
 
 
 class ShortestJobParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -25,3 +29,7 @@ class ShortestJobParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=T
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         """The score of an order is the same rule for all robots."""
         return refusal_of_own_orders(scenario)
+
+    def tuned_values(self, scenario: Scenario, floor_plan: FloorPlan) -> dict[str, tuple[Any, ...]]:
+        """What is worth trying of each parameter."""
+        return tuned_storage(scenario, floor_plan)

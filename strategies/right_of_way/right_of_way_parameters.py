@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import msgspec
+import numpy as np
 from msgspec import Meta
 
+from automaton.scenario.carried_pods import carries_pods
 from automaton.scenario.quantities import TIME, quantity
+
+MAX_GUIDED_SPEEDS = 7  # tables have a queue for 16 costs: two for each speed, and turns
 
 Moves = Annotated[int, Meta(ge=1, le=10_000)]
 Wait = Annotated[int, quantity(TIME, ge=1, le=10_000)]
@@ -43,9 +47,24 @@ class RetreatParameters(Waits, forbid_unknown_fields=True, frozen=True, kw_only=
         bool, Meta(description="idle robots make room for robots that want their cell")
     ] = False
 
+    def tuned_values(self, scenario: Any, floor_plan: Any) -> dict[str, tuple[Any, ...]]:
+        """What is worth trying of each parameter."""
+        return {}
+
 
 class SteeringParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """Of a right of way that says in each tick where robots go: it goes with no routes."""
+
+    deadlock_patience: Annotated[
+        int,
+        quantity(
+            TIME,
+            ge=1,
+            le=1_000_000,
+            description="ticks, beyond the longest action of its robots, after which one robot of a "
+            "wait cycle steps aside",
+        ),
+    ] = 64
 
     def check_scenario(self, scenario: Any, floor_plan: Any) -> str | None:
         """What these do not go with, or None."""
@@ -63,3 +82,36 @@ class SteeringParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True
             " leave strategy.routing out, or choose a right of way that follows routes: retreat (the "
             "default with such a routing), wait"
         )
+
+
+class GuidedParameters(SteeringParameters, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """Of a right of way whose robots can be guided by lattice weights."""
+
+    guidance: Annotated[
+        Literal["none", "lattice"],
+        Meta(
+            description="lattice: rows and columns are one-way streets by turns, and a move against "
+            "its street counts as three; its distance tables take up to world.distance_tables of "
+            "memory beside those of ticks"
+        ),
+    ] = "none"
+
+    def check_scenario(self, scenario: Any, floor_plan: Any) -> str | None:
+        """What these do not go with, or None."""
+        if self.guidance != "none":
+            if carries_pods(scenario, floor_plan):
+                return "its lattice weights know no storage; with pods, leave guidance out"
+            if scenario.information != "everything":
+                return "its lattice weights are for robots that see all others; leave guidance out"
+            if len(np.unique(floor_plan.min_move_ticks)) > MAX_GUIDED_SPEEDS:
+                return f"lattice weights go with {MAX_GUIDED_SPEEDS} speeds at most; leave guidance out"
+        return super().check_scenario(scenario, floor_plan)
+
+    def tuned_values(self, scenario: Any, floor_plan: Any) -> dict[str, tuple[Any, ...]]:
+        """What is worth trying of each parameter."""
+        pods = carries_pods(scenario, floor_plan)
+        return {"guidance": ("none",) if pods else ("none", "lattice")}
+
+
+class PibtParameters(GuidedParameters, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """Whether robots that make way are guided."""

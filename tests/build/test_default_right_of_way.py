@@ -31,6 +31,13 @@ strategy: {{allocation: greedy}}
 """
 ROUTES = "routing congestion plans their routes"
 SIGHT = "robots do not see all others"
+AMONG_TREES = "fleet.start=[[4, 0]];orders={tasks: [[[4, 1]]]}"
+SLOW = "turns or moves take several ticks, and most ways are open in both directions"
+LIMIT = "units={tick: 1 s, cell: 1 m};floor.speed_limits=[{cells: [[1, 0], [2, 0]], max_speed: 0.5 m/s}]"
+ONE_WAY = """
+    >>>>v
+    ^#^#v
+    ^<<<<"""
 NO_RING = "the floor has no ring on which they pass each other"
 
 
@@ -52,7 +59,14 @@ def yard(folder: Path, picture: str) -> Path:
         (RING, "information=orders", "retreat", SIGHT),
         (TREE, "seed=1", "retreat", NO_RING),
         (RING_AND_TREE, "seed=1", "pibt", ""),
-        (RING_AND_TREE, "fleet.start=[[4, 0]]", "retreat", NO_RING),
+        (RING, "durations.turn=2", "epibt", SLOW),
+        (RING, "durations.move={empty: 1, loaded: 2}", "epibt", SLOW),
+        (RING, LIMIT, "epibt", SLOW),
+        (ONE_WAY, "durations.turn=2", "pibt", ""),
+        (RING, "durations.turn=2;floor.closed=[{cells: [[1, 0]], from: 5, for: 5}]", "pibt", ""),
+        (RING, "durations={pick: 2, drop: 2}", "pibt", ""),
+        (RING, "durations.turn=20", "pibt", ""),
+        (RING_AND_TREE, AMONG_TREES, "retreat", NO_RING),
     ],
 )
 def test_robots_are_steered_where_they_can_be(
@@ -63,9 +77,7 @@ def test_robots_are_steered_where_they_can_be(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    path, settings = yard(tmp_path, picture), [setting]
-    if "[[4, 0]]" in setting:
-        settings.append("orders={tasks: [[[4, 1]]]}")
+    path, settings = yard(tmp_path, picture), setting.split(";")
     resolved = resolve(path, settings)
     assert resolved.strategies["right_of_way"].name == name
     assert resolved.scenario.strategy.right_of_way == name, "recordings and studies name it"

@@ -32,6 +32,7 @@ WIDTH: Final = "80"
 ONLY_READ: Final = {
     "serve": "test_serve_command",
     "train": "test_training",
+    "tune": "test_tuning",
     "bench": "test_bench",
     "compile": "test_compile_command",
     "report --plots": "test_report",

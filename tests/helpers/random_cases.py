@@ -38,7 +38,7 @@ from automaton.scenario.schema import (
     WorldRules,
 )
 from automaton.strategy.entry import NoParameters
-from strategies.right_of_way.right_of_way_parameters import SteeringParameters
+from strategies.right_of_way.right_of_way_parameters import PibtParameters
 
 TICKS = 24  # of a run
 
@@ -228,7 +228,7 @@ def cases(draw: Any, types: bool = False, ticks: int = TICKS) -> Case:
         picks[layer] = StrategyChoice(f"random_strategies:{name}", draw(moods(layer, busy)))
     if steers := draw(st.sampled_from([None, None, "random", "pibt"])):
         picks["right_of_way"] = (
-            StrategyChoice("pibt", SteeringParameters())
+            StrategyChoice("pibt", PibtParameters())
             if steers == "pibt"
             else StrategyChoice(
                 "random_strategies:RandomSteering", draw(moods("right_of_way", busy))

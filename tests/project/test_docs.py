@@ -226,6 +226,7 @@ def test_the_page_on_json_names_the_keys_that_are_printed(tmp_path: Path) -> Non
             "sweep small.yaml --out out",
             "report out",
             "size tabletop-mini --target makespan<=5000 --robots 2 --budget 70 --workers 1",
+            "tune random-400 --budget 63 --workers 1 --set stop.max_duration=5 --set fleet.robots=20",
             "reproduce tabletop --seeds 1 --strategies cooperative --workers 1",
         ):
             printed = json.loads(carry_out(f"automaton {command} --json", tmp_path, True))

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import ast
+from fnmatch import fnmatch
 from pathlib import Path
+
+import pytest
 
 TESTS = Path(__file__).parents[1]
 OF_THEIR_OWN = {"helpers", "project"}  # project: documents, distribution, words
@@ -15,6 +18,18 @@ def test_tests_lie_in_the_folders_of_the_sources() -> None:
     sources = (TESTS.parent / "automaton", TESTS.parent)
     assert [str(one) for one in folders if not any((top / one).is_dir() for top in sources)] == []
     assert not list((TESTS / "helpers").glob("test_*.py"))
+
+
+def test_every_test_file_is_collected(request: pytest.FixtureRequest) -> None:
+    """No folder has a name that pytest passes by, as it does with `build` unless told otherwise."""
+    config = request.config
+    assert [config.rootpath / path for path in config.getini("testpaths")] == [TESTS]
+    passed_by = config.getini("norecursedirs")
+    found = sorted(path.relative_to(TESTS) for path in TESTS.rglob("test_*.py"))
+    assert "test_*.py" in config.getini("python_files") and found
+    folders = {name for path in found for name in path.parts[:-1]}
+    assert [one for one in sorted(folders) if any(fnmatch(one, p) for p in passed_by)] == []
+    assert not list(TESTS.rglob("conftest.py"))[1:], "it could leave out tests"
 
 
 def test_every_helper_is_used_or_run_by_hand() -> None:

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -98,6 +99,14 @@ def test_a_loop_that_looks_at_nothing_is_ended_by_force() -> None:
 
 
 @pytest.fixture
+def heard_interrupt() -> Iterator[None]:
+    """SIGINT raises here, also where these tests run in the background and ignore it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.fixture
 def given_up() -> Simulation:
     """A run that was interrupted before its first tick."""
     simulation = Simulation(resolve("tabletop-mini"))
@@ -154,22 +163,19 @@ def test_a_handler_of_somebody_else_lets_the_run_go_on(watcher: WatchersLock) ->
     assert told == [signal.SIGTERM] and simulation.finished
 
 
+@pytest.mark.usefixtures("heard_interrupt")
 def test_a_signal_that_is_heard_late_ends_no_later_run(watcher: WatchersLock) -> None:
     """The handler raises, and the next run begins, before the thread that hears of signals wakes."""
     first, later = np.zeros(1, np.int64), np.zeros(1, np.int64)
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # the background ignores it
-    try:
-        asked, done = watcher.asked, watcher.done
-        watcher.lock.acquire()
-        with pytest.raises(KeyboardInterrupt), interruptible(first):
-            signal.raise_signal(signal.SIGINT)
-        wait_until(lambda: watcher.asked > asked)
-        with interruptible(later):
-            watcher.lock.release()
-            wait_until(lambda: watcher.done > done)
-            assert not later[0]
-    finally:
-        signal.signal(signal.SIGINT, before)
+    asked, done = watcher.asked, watcher.done
+    watcher.lock.acquire()
+    with pytest.raises(KeyboardInterrupt), interruptible(first):
+        signal.raise_signal(signal.SIGINT)
+    wait_until(lambda: watcher.asked > asked)
+    with interruptible(later):
+        watcher.lock.release()
+        wait_until(lambda: watcher.done > done)
+        assert not later[0]
 
 
 def test_searches_find_nothing_once_a_run_is_given_up(given_up: Simulation) -> None:
@@ -205,6 +211,7 @@ def test_the_next_run_on_the_floor_finds_its_ways() -> None:
     assert after.digest == expected
 
 
+@pytest.mark.usefixtures("heard_interrupt")
 def test_a_signal_while_the_compiler_hands_over_a_kernel_comes_after_that() -> None:
     done = []
 
@@ -226,6 +233,7 @@ def test_its_callbacks_have_the_names_by_which_they_are_known() -> None:
     assert sorted(names) == ["_raw_object_cache_getbuffer", "_raw_object_cache_notify"]
 
 
+@pytest.mark.usefixtures("heard_interrupt")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_where_nothing_can_be_raised_comes_again(number: int) -> None:
     class Closing:

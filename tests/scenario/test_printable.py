@@ -11,8 +11,10 @@ import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
+from rich.progress import MofNCompleteColumn
 
 from automaton.commands import main
+from automaton.commands.arguments import progress_bar
 from automaton.errors import InputError
 from automaton.printable import LONGEST_NAME, PrintedText, cleaned, escaped, one_line
 from automaton.scenario.document import parse
@@ -77,10 +79,22 @@ def test_what_is_printed_is_harmless(text: str) -> None:
     print(text, file=PrintedText(pipe))
     print(f"\r\x1b[K\x1b[1;31m{text}\x1b[0m", file=PrintedText(terminal))
     assert not OBEYED.search(pipe.getvalue().replace("\t", ""))
-    ours = re.sub("\x1b\\[[0-9;]*[mKA]|\r(?=\x1b\\[K)|\x1b\\[\\?25[lh]|\t", "", terminal.getvalue())
+    sequences = "\x1b\\[[0-9;]*[mKA]|\r(?=\x1b\\[[0-9]*[KA])|\x1b\\[\\?25[lh]|\t"
+    ours = re.sub(sequences, "", terminal.getvalue())
     assert not OBEYED.search(ours)
     if text.isascii() and text.isprintable():
         assert pipe.getvalue() == f"{text}\n"
+
+
+def test_a_progress_bar_leaves_nothing_behind(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = Terminal()
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr("sys.stderr", PrintedText(terminal))
+    with progress_bar("runs", MofNCompleteColumn()) as bar:
+        bar.advance(bar.add_task("runs", total=3))
+        bar.refresh()
+    assert "1/3" in terminal.getvalue() and "\r" in terminal.getvalue()
+    assert "\\r" not in terminal.getvalue()
 
 
 def test_tabs_reach_a_pipe_as_they_are() -> None:

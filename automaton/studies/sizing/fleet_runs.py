@@ -9,7 +9,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from automaton.engine.state import ACTION_CHARGE, ACTION_DROP, ACTION_PICK, ACTI
 from automaton.errors import InputError
 from automaton.floor.cells import CHARGER, STATION
 from automaton.runs.headless import run_marked
+from automaton.runs.jam_watch import JamWatch, note_jam
 from automaton.runs.metrics import counted, metrics_of
 from automaton.runs.process_pool import PersistentPool
 from automaton.runs.simulation import Simulation
@@ -38,7 +39,7 @@ from automaton.studies.sizing.fleet_search import FleetConfig, InfeasibleFleetEr
 from automaton.studies.sizing.question import Question, Target
 from automaton.studies.sizing.sizing_session import MOVES_LATE, PERCENTS_OFF, SizingSession
 from automaton.studies.sweeps.run_keys import seed_of
-from automaton.units import Unit, ticks_and_time, unit
+from automaton.units import Unit, count, ticks_and_time, unit
 
 ORDER_METRICS = (*OF_TIMES, "legs_per_order")  # once an order is delivered
 STATION_USE = "station_use"  # share of the time of all stations in which a robot is served there
@@ -50,7 +51,11 @@ CHARGER_USE = "charger_use"  # share of the time of all chargers in which a robo
 
 def run_and_measure_use(simulation: Simulation) -> dict[str, float | int]:
     """Run to the end; the metrics after the warm-up, and how busy stations and chargers were then."""
-    since = run_marked(simulation).warm_up
+    resolved = simulation.resolved
+    fleet = count(resolved.scenario.fleet.robots, "robot")
+    allocation = resolved.strategies["allocation"].name
+    where = f"{resolved.scenario.name}, {fleet}, {allocation}, seed {simulation.seed}"
+    since = run_marked(simulation, watch=JamWatch(partial(note_jam, where))).warm_up
     figures, now = metrics_of(simulation, since), counted(simulation)
     begin, before, served = (
         (0, 0, 0) if since is None else (since.tick, since.actions, since.served)

@@ -10,7 +10,7 @@ import pickle
 import signal
 import threading
 import time
-from functools import cache
+from functools import cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,6 +27,7 @@ from automaton.runs.headless import (
     run_marked,
     sums_by_stretch,
 )
+from automaton.runs.jam_watch import JamWatch, note_jam
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.studies.sweeps.result_columns import SERIES, SUMS_COLUMN
@@ -124,7 +125,9 @@ def run_one(
     try:
         with attribute_strategy_errors(resolved):
             simulation = Simulation(resolved, run.seed, patience=patience)
-            marks = run_marked(simulation, windows.stretch)
+            where = f"{resolved.scenario.name}, point {run.point}, seed {run.seed}"
+            watch = JamWatch(partial(note_jam, where))
+            marks = run_marked(simulation, windows.stretch, watch)
             row |= figures_of(simulation, windows.window, marks)
     except InputError as error:
         row["error"] = reason(str(error))

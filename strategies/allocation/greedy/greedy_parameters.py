@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from msgspec import Meta
 
+from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.quantities import TIME, quantity
-from strategies.allocation.load_parameters import Storing
+from automaton.scenario.schema import Scenario
+from strategies.allocation.load_parameters import Storing, tuned_storage
 
 Ticks = Annotated[int, quantity(TIME, ge=1, le=1_000_000)]
 
@@ -42,3 +44,7 @@ class GreedyParameters(Storing, forbid_unknown_fields=True, frozen=True, kw_only
             "stay"
         ),
     ] = "park"
+
+    def tuned_values(self, scenario: Scenario, floor_plan: FloorPlan) -> dict[str, tuple[Any, ...]]:
+        """What is worth trying of each parameter."""
+        return {"rest": (0.0, 1.0), **tuned_storage(scenario, floor_plan)}

@@ -3,7 +3,8 @@
     cost = 1024 (way from the pose at its end - way from where it is) + rank
     cost = 1024 (t - T - way from where it is) + rank   where it reaches the goal in t + 1 ticks
 
-The rank is lower the earlier the robot goes forward. A robot without a goal would rather wait.
+The rank is lower the earlier the robot goes forward. A robot without a goal would rather wait; one
+that is in the way of another would rather end in another cell.
 """
 
 import numpy as np
@@ -20,8 +21,11 @@ from automaton.strategy.kernels import (
     weighted_table_of,
     with_load,
 )
+from strategies.right_of_way.deadlocks import steps_aside
+from strategies.right_of_way.epibt.epibt_state import NO_AIM
 from strategies.right_of_way.epibt.operations import FORWARD
 from strategies.right_of_way.epibt.paths import cell_after
+from strategies.right_of_way.making_room import may_not_go_home, way_to_make_room
 
 COST_SHIFT = 10
 MAX_EXCESS = 4000  # of a way over another one: keys have 32 bits
@@ -42,9 +46,15 @@ def rank_candidates(view, workspace, state, i):
     is_kept = is_kept_by_gate(view, state, i)
     enter_keys(view, workspace, state, i, goal, row, way, is_kept)
     state.sorted_count[i] = 0
-    if goal == NIL or (is_kept and wants_ahead(state, i)):
+    if state.asked[i]:
+        state.sequence_key[i] = LAST_KEY - 1
+    elif goal == NIL or (is_kept and wants_ahead(state, i)):
         state.sequence_key[i] = LAST_KEY
-    elif is_in_full_gate(view, pose >> 2):
+    elif (
+        is_in_full_gate(view, pose >> 2)
+        or state.deadlocks.aside[i]
+        or way_out_of(view, state, i) != NIL
+    ):
         state.sequence_key[i] = 0
     elif state.oldest_first:
         age = view.clock[CLOCK_TICK] - state.idle_since[i]
@@ -86,11 +96,24 @@ def wants_ahead(state, i):
 
 
 @kernel
+def way_out_of(view, state, i):
+    """Return the direction in which robot i, without work, makes room for others, or NIL."""
+    return way_to_make_room(view, state.service_areas, i, np.int64(state.pose[i]) >> 2)
+
+
+@kernel
 def goal_of(view, workspace, state, i):
-    """Return the goal cell of robot i and the row of distances to it; NIL if it has none."""
+    """Return the goal cell of robot i and the row of distances to it; NIL if it has none.
+
+    A robot that makes room goes to the next cell on its way out.
+    """
     robots = view.robots
-    goal = np.int64(robots.goal_cell[i])
-    if goal == NIL or robots.goal_type[i] == GOAL_NONE:
+    goal, way_out = np.int64(robots.goal_cell[i]), way_out_of(view, state, i)
+    if way_out != NIL:
+        goal = (np.int64(state.pose[i]) >> 2) + view.grid.offset[way_out]
+    elif goal == NIL or robots.goal_type[i] == GOAL_NONE:
+        return np.int64(NIL), np.int64(NIL)
+    elif may_not_go_home(view, state.service_areas, i):
         return np.int64(NIL), np.int64(NIL)
     robot_type = np.int64(robots.type[i])
     if state.guided:
@@ -131,6 +154,9 @@ def cost_beyond(workspace, state, row, pose, way):
 def plan_cost(workspace, state, i, goal, row, way):
     """Return what the plan of robot i costs, whatever class it is."""
     plan = np.int64(state.plan[i])
+    if state.asked[i]:
+        cost = np.int64(end_of(state, i, plan) >> 2 == state.pose[i] >> 2)
+        return (cost << COST_SHIFT) + state.following.shape[0] - 1 - plan
     if goal == NIL:
         return plan
     ticks = ticks_to_goal(state, i, plan, goal)
@@ -158,16 +184,22 @@ def enter_keys(view, workspace, state, i, goal, row, way, is_kept):
     """
     robot_type, pose = np.int64(view.robots.type[i]), np.int64(state.pose[i])
     keys, count = state.key[i], 0
+    is_to_leave = steps_aside(view, state.deadlocks, i)
     cost, end = np.int64(0), np.int64(NIL)
     last_class = state.following.shape[0] - 1
     is_near = goal != NIL and way <= state.reach
+    barred = np.int64(state.deadlocks.aside[i]) - 1 if is_to_leave else np.int64(NIL)
     for number in range(state.candidate.shape[0]):
         if (state.open[robot_type, pose, number >> 6] >> np.uint64(number & 63)) & _1 == 0:
             continue
         operation = np.int64(state.candidate[number])
         if is_kept and state.action[operation] == FORWARD:
             continue
-        rank = operation if goal == NIL else last_class - operation
+        if barred != NIL and stays_or_goes(state, i, operation, barred):
+            continue
+        rank = operation if goal == NIL and not state.asked[i] else last_class - operation
+        if state.asked[i]:
+            cost = np.int64(end_of(state, i, operation) >> 2 == pose >> 2)
         if state.has_storage and ends_in_storage(view, state, i, operation, goal):
             continue
         if goal != NIL and state.candidate_end[number] != end:
@@ -181,6 +213,13 @@ def enter_keys(view, workspace, state, i, goal, row, way, is_kept):
 
 
 @kernel
+def stays_or_goes(state, i, operation, direction):
+    """Return whether an operation of robot i ends where it stands, or first goes in a direction."""
+    pose, aim = np.int64(state.pose[i]), np.int64(state.aim[operation])
+    return end_of(state, i, operation) >> 2 == pose >> 2 or (pose + aim) & 3 == direction
+
+
+@kernel
 def ends_in_storage(view, state, i, operation, goal):
     """Return whether an operation takes robot i into storage that is not its goal."""
     cell, grid = end_of(state, i, operation) >> 2, view.grid
@@ -188,6 +227,29 @@ def ends_in_storage(view, state, i, operation, goal):
         return False
     robot_type = with_load(view, np.int64(view.robots.type[i]))
     return np.int64(grid.type_cell_flags[robot_type, cell]) & NO_WAY_THROUGH != 0
+
+
+@kernel
+def ask_idle_robot_ahead(view, state, i, asked):
+    """Put an idle robot in the cell that robot i would like to enter on the list of those asked.
+
+    Returns the length of that list, `chain_robot`.
+    """
+    if state.key_count[i] == 0:
+        return asked
+    best = np.int64(state.candidate[nth_key(state, i, 0) & CANDIDATE_MASK])
+    if state.aim[best] == NO_AIM:
+        return asked
+    pose = np.int64(state.pose[i])
+    cell = (pose >> 2) + view.grid.offset[(pose + np.int64(state.aim[best])) & 3]
+    u = np.int64(state.occupied[cell, 0])
+    if u == NIL or u == i or state.is_fixed[u] or state.asked[u]:
+        return asked
+    if view.robots.goal_type[u] != GOAL_NONE or state.sequence_key[u] != LAST_KEY:
+        return asked
+    state.asked[u] = 1
+    state.chain_robot[asked] = u
+    return asked + 1
 
 
 @kernel

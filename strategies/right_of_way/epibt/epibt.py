@@ -8,14 +8,25 @@ pushes, whose turn it may be, is tried after that for some robots (repair, large
 Effort is counted in pushes and tries, never in time, so a run can be repeated.
 """
 
+from typing import ClassVar
+
 import numpy as np
 
 from automaton.engine.state import CLOCK_TICK, CMD_GO, CMD_HOLD, GOAL_NONE, NIL
 from automaton.strategy.kernels import STREAM_STRATEGY, gate_before, kernel, random_between
 from automaton.strategy.layer import Strategy
+from strategies.right_of_way.deadlocks import (
+    COUNTERS,
+    break_deadlocks,
+    has_stood_long,
+    is_given_up,
+    is_time_to_look,
+)
 from strategies.right_of_way.epibt.candidates import (
     CANDIDATE_MASK,
     LAST_KEY,
+    ask_idle_robot_ahead,
+    end_of,
     is_kept_by_gate,
     nth_key,
     rank_candidates,
@@ -33,9 +44,35 @@ from strategies.right_of_way.epibt.plans import (
     steer_robots,
     waits_in_bay,
 )
+from strategies.right_of_way.making_room import count_callers
 
 STREAM_REPAIRS = STREAM_STRATEGY + 40
 POWER_BITS = 10
+
+
+@kernel
+def rank_all_candidates(view, workspace, state, count):
+    """Rank the operations of all robots; where actions take time, idle ones are asked to make room.
+
+    One that has to turn first cannot leave in time for any plan of the robot behind it, so that pushing
+    it fails in every tick. Asked, it begins to leave by itself, and may ask another idle one in turn.
+    """
+    for k in range(count):
+        state.asked[state.steered[k]] = 0
+    for k in range(count):
+        rank_candidates(view, workspace, state, np.int64(state.steered[k]))
+    if state.takes_time:
+        asked = 0  # on the list chain_robot
+        for k in range(count):
+            i = np.int64(state.steered[k])
+            if state.sequence_key[i] != LAST_KEY and state.asked[i] == 0:
+                asked = ask_idle_robot_ahead(view, state, i, asked)
+        place = 0
+        while place < asked:
+            i = np.int64(state.chain_robot[place])
+            rank_candidates(view, workspace, state, i)
+            asked = ask_idle_robot_ahead(view, state, i, asked)
+            place += 1
 
 
 @kernel
@@ -118,16 +155,50 @@ def begin_action(view, state, i):
 
 
 @kernel
+def look_for_deadlocks(view, state, count):
+    """Enter which robots wait for which, of those that have stood for long, and break wait cycles."""
+    deadlocks = state.deadlocks
+    for k in range(count):
+        i = np.int64(state.steered[k])
+        if state.delay[i] or not has_stood_long(view, deadlocks, i):
+            continue
+        leaves = end_of(state, i, np.int64(state.plan[i])) >> 2 != state.pose[i] >> 2
+        if deadlocks.aside[i] and leaves and not is_given_up(view, deadlocks, i):
+            continue
+        enter_blocker(view, state, i)
+        deadlocks.aside[i] = 0
+    break_deadlocks(view, deadlocks)
+
+
+@kernel
+def enter_blocker(view, state, i):
+    """Enter which robot, if any, is in the cell to which robot i would go."""
+    pose, direction = np.int64(state.pose[i]), np.int64(state.deadlocks.aside[i]) - 1
+    if direction == NIL:
+        aim = np.int64(NO_AIM)
+        if state.key_count[i]:
+            best = nth_key(state, i, 0) & CANDIDATE_MASK
+            aim = np.int64(state.aim[state.candidate[best]])
+        if aim == NO_AIM:
+            return
+        direction = (pose + aim) & 3
+    u = np.int64(state.occupied[(pose >> 2) + view.grid.offset[direction], 0])
+    if u != NIL and u != i:
+        state.deadlocks.blocker[i] = view.robots.identity[u]
+        state.deadlocks.first_choice[i] = direction + 1
+
+
+@kernel
 def decide(view, batch, decisions, memory, workspace):
     state = EpibtState.of(memory)
+    count_callers(view, state.service_areas)
     count = steer_robots(view, batch, state)
     inherit_plans(view, state)
     for k in range(batch.count[0]):
         i = np.int64(batch.robot[k])
         if waits_in_bay(view, i):
             enter_floor(view, state, i)
-    for k in range(count):
-        rank_candidates(view, workspace, state, np.int64(state.steered[k]))
+    rank_all_candidates(view, workspace, state, count)
     sort_by_key(state, count)
     if state.oldest_first:  # robots of one age could not push each other
         settle_ties(state, count)
@@ -135,6 +206,8 @@ def decide(view, batch, decisions, memory, workspace):
     if state.repair_tries:
         repair_plans(view, state, count)
     give_commands(view, batch, decisions, state)
+    if is_time_to_look(view, state.deadlocks):
+        look_for_deadlocks(view, state, count)
     clear_paths(view, state)
 
 
@@ -144,6 +217,7 @@ class Epibt(Strategy):
     layer = "right_of_way"
     Parameters = EpibtParameters
     compiled = decide
+    counters: ClassVar = COUNTERS
     steers = True
     period = 1
 

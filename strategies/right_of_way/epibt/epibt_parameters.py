@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from msgspec import Meta
 
 from automaton.floor.floor_plan import FloorPlan
-from automaton.scenario.carried_pods import carries_pods
 from automaton.scenario.robot_types import types_of
 from automaton.scenario.schema import Scenario
 from strategies.right_of_way.epibt.horizon import MOST_TICKS, horizon_of
-from strategies.right_of_way.right_of_way_parameters import SteeringParameters
+from strategies.right_of_way.right_of_way_parameters import GuidedParameters
 
 
-class EpibtParameters(SteeringParameters, forbid_unknown_fields=True, frozen=True, kw_only=True):
+class EpibtParameters(GuidedParameters, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """How far robots plan, which of them come first, and how much effort a tick may take."""
 
     depth: Annotated[int, Meta(ge=3, le=5, description="actions that robots plan ahead")] = 3
@@ -27,14 +26,6 @@ class EpibtParameters(SteeringParameters, forbid_unknown_fields=True, frozen=Tru
             "come to a stop"
         ),
     ] = "nearest"
-    guidance: Annotated[
-        Literal["none", "lattice"],
-        Meta(
-            description="lattice: rows and columns are one-way streets by turns, and a move against "
-            "its street counts as three; its distance tables take up to world.distance_tables of "
-            "memory beside those of ticks"
-        ),
-    ] = "none"
     repair_tries: Annotated[
         int,
         Meta(ge=0, le=100, description="tries in a tick, for each robot, to improve the plans"),
@@ -52,8 +43,6 @@ class EpibtParameters(SteeringParameters, forbid_unknown_fields=True, frozen=Tru
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         """Return what this scenario asks for that EPIBT does not plan, or None."""
-        if carries_pods(scenario, floor_plan) and self.guidance != "none":
-            return "its lattice weights know no storage; with pods, leave guidance out"
         types = types_of(scenario)
         limit = int(floor_plan.min_move_ticks.max(initial=0))
         move = max(limit, *(ticks for one in types for ticks in one.moves))
@@ -69,11 +58,13 @@ class EpibtParameters(SteeringParameters, forbid_unknown_fields=True, frozen=Tru
                 f"it plans {MOST_TICKS} ticks at most, too few for depth {self.depth} with "
                 f"durations.move {move} and durations.turn {turn}; use pibt, or longer ticks"
             )
-        if scenario.world.following == "none":
-            return "it plans with world.following convoy or handover, found none; use pibt"
         if scenario.information != "everything":
             return "it plans for all robots at once, so information must be everything"
         return capacity_objection(floor_plan) or super().check_scenario(scenario, floor_plan)
+
+    def tuned_values(self, scenario: Scenario, floor_plan: FloorPlan) -> dict[str, tuple[Any, ...]]:
+        """What is worth trying of each parameter."""
+        return {**super().tuned_values(scenario, floor_plan), "repair_tries": (0, 1)}
 
 
 def capacity_objection(floor_plan: FloorPlan) -> str | None:

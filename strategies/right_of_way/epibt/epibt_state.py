@@ -15,14 +15,26 @@ import numpy as np
 from automaton.engine.facilities import NO_WAY_THROUGH
 from automaton.engine.jit.fields import CONSTANT, SCRATCH, field
 from automaton.engine.jit.structs import Struct
-from automaton.engine.state import ACTION_MOVE, ACTION_TURN, FOLLOWING_CONVOY, NIL, Array
-from automaton.strategy.weighted_tables import DistanceTables, weighted_tables
+from automaton.engine.state import (
+    ACTION_MOVE,
+    ACTION_TURN,
+    FOLLOWING_CONVOY,
+    FOLLOWING_NONE,
+    NIL,
+    Array,
+)
+from automaton.strategy.weighted_tables import DistanceTables, no_tables
+from strategies.right_of_way.deadlocks import Deadlocks
 from strategies.right_of_way.epibt.horizon import horizon_of
-from strategies.right_of_way.epibt.lattice import AGAINST_STREET, TURN, lattice_weights
 from strategies.right_of_way.epibt.operations import FORWARD, RIGHT, WAIT, operations_of, trace
 from strategies.right_of_way.epibt.paths import paths_of
+from strategies.right_of_way.lattice import AGAINST_STREET, lattice_tables
+from strategies.right_of_way.making_room import ServiceAreas, service_areas_of
 
 NO_AIM = 4  # of an operation that never moves
+LATTICE_SCALE = (
+    2  # lattice costs of a tick along a street, against the ticks until a goal is reached
+)
 
 
 class EpibtState(Struct):
@@ -30,7 +42,8 @@ class EpibtState(Struct):
 
     ticks: int = field("int64", "T, ticks that are planned")
     reach: int = field("int64", "most that a way costs which a plan drives")
-    holds_two: int = field("int64", "1: moves take several ticks, in which both cells are held")
+    holds_two: int = field("int64", "1: there are ticks of moves in which both cells are held")
+    holds_late: int = field("int64", "1: the last tick of a move is one of them")
     takes_time: int = field("int64", "1: moves or turns take several ticks")
     has_storage: int = field("int64", "1: robots drive into storage, and not through it")
     oldest_first: int = field("int64", "1: robots go by age, 0: by their distances to their goals")
@@ -40,6 +53,9 @@ class EpibtState(Struct):
     max_pushes: int = field("int64", "pushes after which a chain is given up")
     repair_pushes: int = field("int64", "the same in repairs")
     tables: DistanceTables
+    service_areas: ServiceAreas
+
+    deadlocks: Deadlocks
 
     # Operations; h is the heading in which they begin.
     following: Array = field("(O,) int16", "the class that is left after a tick", role=CONSTANT)
@@ -86,6 +102,7 @@ class EpibtState(Struct):
         role=SCRATCH,
     )
     steered: Array = field("(n,) int32", "robots that plan, by identity", role=SCRATCH)
+    asked: Array = field("(n,) uint8", "1 = without a goal, and in the way", role=SCRATCH)
     sequence: Array = field("(n,) int32", "the same, in the order of their turns", role=SCRATCH)
     sequence_key: Array = field("(n,) int64", "which comes first: the lower one", role=SCRATCH)
     sorting: Array = field("(n,) int32", role=SCRATCH)
@@ -111,12 +128,12 @@ def epibt_state(view, parameters):
     """Return the state for a run, where no robot has planned anything."""
     grid, operations = view.grid, operations_of(parameters.depth)
     guided = parameters.guidance == "lattice"
-    weights = lattice_weights(grid)
     duration = np.asarray(view.rules.duration)[:, [ACTION_MOVE, ACTION_TURN]]
     paces, pace = np.unique(np.maximum(duration, 1), axis=0, return_inverse=True)
     ticks = horizon_of(parameters.depth, int(paces.max()))
-    offset, left = paths_of(grid.offset, operations, paces.tolist(), ticks)
-    dearest = AGAINST_STREET if guided else int(paces.max())
+    following, holds_late = view.rules.following, int(view.rules.following == FOLLOWING_NONE)
+    offset, left = paths_of(grid.offset, operations, paces.tolist(), ticks, holds_late)
+    dearest = int(paces.max()) * (LATTICE_SCALE * AGAINST_STREET if guided else 1)
     candidates, ends = candidates_by_end(operations)
     return EpibtState.sized(
         {
@@ -126,7 +143,8 @@ def epibt_state(view, parameters):
         },
         ticks=ticks,
         reach=parameters.depth * dearest,
-        holds_two=int(duration[:, 0].max() > 1 and view.rules.following != FOLLOWING_CONVOY),
+        holds_two=int(following != FOLLOWING_CONVOY and duration[:, 0].max() + holds_late > 1),
+        holds_late=holds_late,
         takes_time=int(paces.max() > 1),
         has_storage=int((grid.type_cell_flags & NO_WAY_THROUGH).any()),
         oldest_first=int(parameters.first == "oldest"),
@@ -135,7 +153,11 @@ def epibt_state(view, parameters):
         visits_allowed=parameters.visits,
         max_pushes=parameters.max_pushes,
         repair_pushes=parameters.repair_pushes,
-        tables=weighted_tables(view, np.stack([weights] * len(grid.type_cell_flags)), TURN),
+        deadlocks=Deadlocks.sized(
+            {"n": len(view.robots.cell), "s": 1}, patience=parameters.deadlock_patience
+        ),
+        service_areas=service_areas_of(view),
+        tables=lattice_tables(view, LATTICE_SCALE) if guided else no_tables(),
         following=list(operations.following),
         action=[actions[0] for actions in operations.actions],
         aim=[first_aim(actions) for actions in operations.actions],

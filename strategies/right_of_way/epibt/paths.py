@@ -1,8 +1,10 @@
 """The cells of operations tick by tick, where moves and turns take ticks of their own.
 
-A robot that begins a move holds the cell that it leaves and the one that it enters; in the last tick of
-the move it is in the new one alone. What is begun goes on before a plan: so a plan begins `delay` ticks
-from now, with the pose to which that leads. Waits take one tick, and a plan that is done waits on.
+A robot that begins a move holds the cell that it leaves and the one that it enters, by the rule of
+following: under `none` to the end of the move; under `handover` in its last tick the new one alone; under
+`convoy` the new one alone from the first tick on, as another robot may follow at once. What is begun goes
+on before a plan: so a plan begins `delay` ticks from now, with the pose to which that leads. Waits take
+one tick, and a plan that is done waits on.
 """
 
 import numpy as np
@@ -12,27 +14,28 @@ from automaton.strategy.kernels import kernel
 from strategies.right_of_way.epibt.operations import FORWARD, RIGHT, WAIT
 
 
-def paths_of(offsets, operations, paces, ticks):
+def paths_of(offsets, operations, paces, ticks, late):
     """Return twice (4 B, O, T): the cell after each tick, and the one that is still held.
 
     Both as offsets, by pace and first heading. `paces`: (move, turn) in ticks; `offsets`: of a move,
-    by heading.
+    by heading; `late`: 1 where the cell that is left is held in the last tick, too.
     """
     shape = 4 * len(paces), len(operations.actions), ticks
     offset, left = np.zeros(shape, np.int32), np.zeros(shape, np.int32)
     for b, (move, turn) in enumerate(paces):
         for first in range(4):
             for number, actions in enumerate(operations.actions):
-                here, held = path_of(offsets, actions, first, move, turn)
+                here, held = path_of(offsets, actions, first, (move, turn), late)
                 rest = [here[-1]] * (ticks - len(here))
                 offset[4 * b + first, number] = here + rest
                 left[4 * b + first, number] = held + rest
     return offset, left
 
 
-def path_of(offsets, actions, heading, move, turn):
+def path_of(offsets, actions, heading, pace, late):
     """Return the cells of one operation, and those still held, as lists of offsets by tick."""
     here, held, cell = [], [], 0
+    move, turn = pace
     for action in actions:
         before = cell
         if action == FORWARD:
@@ -41,7 +44,7 @@ def path_of(offsets, actions, heading, move, turn):
             heading = heading + (1 if action == RIGHT else 3) & 3
         span = move if action == FORWARD else 1 if action == WAIT else turn
         here += [cell] * span
-        held += [before] * (span - 1) + [cell]
+        held += [before] * (span - 1 + late) + [cell] * (1 - late)
     return here, held
 
 
@@ -78,7 +81,7 @@ def cell_held(state, i, operation, tick):
     """Return the cell that robot i leaves and still holds after a tick, or the one in which it is."""
     pose, done = np.int64(state.pose[i]), tick - np.int64(state.delay[i])
     if done < 0:
-        return np.int64(state.origin[i]) if done < -1 else pose >> 2
+        return np.int64(state.origin[i]) if done + 1 < state.holds_late else pose >> 2
     return (pose >> 2) + np.int64(state.left[state.row[i], operation, done])
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from automaton.engine.robot_status import STATUS_UP
 from automaton.engine.state import CLOCK_TICK, GOAL_NONE, GOAL_PARK, NIL
-from automaton.strategy.kernels import gate_before, has_gates, has_room, is_in_own_queue, kernel
+from automaton.strategy.kernels import gate_before, has_gates, is_empty, is_in_own_queue, kernel
 from strategies.right_of_way.arrivals import is_at_goal
 from strategies.right_of_way.epibt.candidates import is_kept_by_gate
 from strategies.right_of_way.epibt.chains import FREE, robot_met
@@ -129,7 +129,7 @@ def enter_floor(view, state, i):
     home = np.int64(robots.home[i])
     if gate_before(view, i, home) != NIL:
         return False
-    if not has_room(view.traffic.occupancy, home, 0):
+    if not is_empty(view.traffic, home, 0, view.clock[CLOCK_TICK]):
         return False
     for tick in range(state.ticks):
         if state.occupied[home, tick] != NIL:

@@ -13,6 +13,7 @@ import numpy as np
 
 from automaton.engine.state import ACTION_MOVE, ACTION_TURN, CLOCK_TICK
 from automaton.strategy.kernels import UNREACHABLE, cost_in, headings_of, kernel, limited_ticks
+from strategies.right_of_way.lattice import AGAINST_STREET
 from strategies.right_of_way.pibt.pibt_state import LONG, U
 
 
@@ -54,6 +55,20 @@ def wait_for_return(view, state, i, to):
 
 
 @kernel
+def tables_in_use(state, workspace):
+    return state.tables if state.guided else workspace.tables
+
+
+@kernel
+def street_cost(view, state, i, cell, direction):
+    """What a move of robot i out of a cell costs beyond its ticks; 0 along streets."""
+    if not state.guided or not state.against[U(cell), U(direction)]:
+        return np.int64(0)
+    usual = view.rules.duration[U(view.robots.type[U(i)])][U(ACTION_MOVE)]
+    return (AGAINST_STREET - 1) * limited_ticks(view.grid, usual, cell, direction)
+
+
+@kernel
 def leads_on(view, state, workspace, i, direction):
     """Whether a best way of robot i, after a step in a direction, goes on without coming back."""
     grid, robot_type = view.grid, np.int64(view.robots.type[U(i)])
@@ -62,19 +77,22 @@ def leads_on(view, state, workspace, i, direction):
     if cell == view.robots.goal_cell[U(i)]:
         return True
     best = np.int64(state.costs[U(i), U(direction)])
+    best -= street_cost(view, state, i, np.int64(view.robots.cell[U(i)]), direction)
+    tables = tables_in_use(state, workspace)
     flags = np.int64(grid.type_cell_flags[U(robot_type), U(cell)])
     mask = headings_of(grid, robot_type) - 1
     for other in range(4):
         to = cell + grid.offset[U(other)]
         if other == direction ^ 2 or (flags >> other) & 1 == 0 or state.holds_fixed[U(to)]:
             continue
-        after = np.int64(cost_in(workspace.tables, state.table[U(i)], to, other & mask))
+        after = np.int64(cost_in(tables, state.table[U(i)], to, other & mask))
         if after >= UNREACHABLE:
             continue
         turns = (other - direction) & mask
         turns = 1 if turns == 3 else turns
         step = turns * np.int64(duration[ACTION_TURN])
         step += limited_ticks(grid, duration[ACTION_MOVE], cell, other)
+        step += street_cost(view, state, i, cell, other)
         if after + step <= best:
             return True
     return False

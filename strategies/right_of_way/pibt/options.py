@@ -28,8 +28,11 @@ from automaton.strategy.kernels import (
     limited_ticks,
     splitmix64,
     table_of,
+    weighted_table_of,
     with_load,
 )
+from strategies.right_of_way.deadlocks import steps_aside
+from strategies.right_of_way.making_room import is_needed, may_not_go_home, way_to_make_room
 from strategies.right_of_way.pibt.alleys import has_to_leave
 from strategies.right_of_way.pibt.detours import (
     begin_detour,
@@ -37,6 +40,8 @@ from strategies.right_of_way.pibt.detours import (
     is_long,
     is_on_detour,
     leads_on,
+    street_cost,
+    tables_in_use,
     wait_for_return,
 )
 from strategies.right_of_way.pibt.pibt_state import (
@@ -83,6 +88,12 @@ def remaining_ticks(view, state, u):
 
 
 @kernel
+def comes_to_charge(view, i, cell):
+    """Whether robot i would charge in a cell: it may come in only when the robot there has set out."""
+    return view.robots.goal_type[U(i)] == GOAL_CHARGE and view.robots.goal_cell[U(i)] == cell
+
+
+@kernel
 def waits_in_vain_to_turn(view, state, i):
     """Whether robot i cannot turn in a cell for two because another robot will not leave it.
 
@@ -97,7 +108,7 @@ def waits_in_vain_to_turn(view, state, i):
     if state.mode[u] <= LEAVING:
         return remaining_ticks(view, state, u) >= LONG
     first = option_of(state, u, 0)
-    return first == STAY or turns_to(view, u, first) > 0
+    return first >= STAY or turns_to(view, u, first) > 0
 
 
 @kernel
@@ -132,7 +143,8 @@ def price_all_steps(view, state, workspace):
     """
     robots = view.robots
     n, count = robots.cell.shape[0], 0
-    keeps_all = has_room_for(workspace.tables, n)
+    tables = tables_in_use(state, workspace)
+    keeps_all = has_room_for(tables, n)
     for i in range(n):
         cell, goal = robots.cell[U(i)], robots.goal_cell[U(i)]
         chooses = (state.mode[U(i)] == UNDECIDED) & (cell != NIL)
@@ -142,13 +154,24 @@ def price_all_steps(view, state, workspace):
         count += np.int64(chooses) & (1 - np.int64(known & keeps_all & has_goal))
     for k in range(count):
         find_table(view, state, workspace, np.int64(state.unpriced[U(k)]))
-    find_step_costs(view, workspace, state.unpriced, count, state.table, state.costs)
+    find_step_costs(view, tables, state.unpriced, count, state.table, state.costs)
     for k in range(count):
         i = np.int64(state.unpriced[U(k)])
         if robots.goal_type[U(i)] == GOAL_NONE:
             price_idle_steps(view, state, i)
-    if state.dead_ends:
+        elif state.guided:
+            add_street_costs(view, state, i)
+    if state.dead_ends or state.service_areas.callers.shape[0]:
         price_ways_out(view, state)
+
+
+@kernel
+def add_street_costs(view, state, i):
+    """Add what the steps of robot i cost beyond their ticks where they are against streets."""
+    cell = np.int64(view.robots.cell[U(i)])
+    for direction in range(4):
+        if state.costs[U(i), U(direction)] < UNREACHABLE:
+            state.costs[U(i), U(direction)] += street_cost(view, state, i, cell, direction)
 
 
 @kernel
@@ -156,7 +179,9 @@ def price_ways_out(view, state):
     """Robots on their way home that have to come out again forget about home for this tick."""
     robots = view.robots
     for i in range(robots.cell.shape[0]):
-        if robots.goal_type[U(i)] == GOAL_PARK and has_to_leave(view, state, i):
+        if robots.goal_type[U(i)] != GOAL_PARK or robots.cell[U(i)] == NIL:
+            continue
+        if has_to_leave(view, state, i) or has_to_make_room(view, state, i):
             price_idle_steps(view, state, i)
             state.priced_cell[U(i)] = NIL
 
@@ -171,20 +196,37 @@ def find_table(view, state, workspace, i):
     if robots.goal_type[U(i)] != GOAL_NONE:
         goal = np.int64(robots.goal_cell[U(i)])
         robot_type = with_load(view, np.int64(robots.type[U(i)]))  # not through storage
-        table = table_of(view, workspace, robot_type, goal)
+        if state.guided:
+            table = weighted_table_of(view, state.tables, robot_type, goal)
+        else:
+            table = table_of(view, workspace, robot_type, goal)
     state.table[U(i)] = table
 
 
 @kernel
+def has_to_make_room(view, state, i):
+    """Return whether robot i, on its way home, is in a place that is needed, or would park in one."""
+    areas, cell = state.service_areas, np.int64(view.robots.cell[U(i)])
+    return may_not_go_home(view, areas, i) or way_to_make_room(view, areas, i, cell) != NIL
+
+
+@kernel
 def price_idle_steps(view, state, i):
-    """Enter what follows on steps without a goal: all are alike, but for the way out of a dead end."""
+    """Enter what follows on steps without a goal.
+
+    All are alike, but the way out of where it is in the way, and those into what others need.
+    """
     cell, robot_type = np.int64(view.robots.cell[U(i)]), np.int64(view.robots.type[U(i)])
     flags = np.int64(view.grid.type_cell_flags[U(robot_type), U(cell)])
-    leaves = has_to_leave(view, state, i)
+    way_out = way_to_make_room(view, state.service_areas, i, cell)
+    if way_out == NIL and has_to_leave(view, state, i):
+        way_out = np.int64(state.way_out[U(cell)])
     for direction in range(4):
         cost = 1 if (flags >> direction) & 1 else UNREACHABLE
-        if leaves and direction == state.way_out[U(cell)] and cost == 1:
+        if direction == way_out and cost == 1:
             cost = -cost_of_step(view, i, direction)
+        elif cost == 1 and is_needed(state.service_areas, cell + view.grid.offset[U(direction)]):
+            cost = LONG
         state.costs[U(i), U(direction)] = cost
 
 
@@ -228,6 +270,10 @@ def rank_options(view, state, workspace, i):
         east, south = with_wait(east, waits[0]), with_wait(south, waits[1])
         west, north = with_wait(west, waits[2]), with_wait(north, waits[3])
     stay = ((((here + 1) << KEY_SHIFT) | STAY_BITS) << OPTION_BITS) | STAY
+    if state.deadlocks.aside[U(i)] and steps_aside(view, state.deadlocks, i):
+        barred, stay = np.int64(state.deadlocks.aside[U(i)]) - 1, np.int64(NO_KEY)
+        east, south = without(east, 0, barred), without(south, 1, barred)
+        west, north = without(west, 2, barred), without(north, 3, barred)
     state.options[U(i)] = sorted_options(east, south, west, north, stay)
     state.option_next[U(i)] = 0
 
@@ -315,6 +361,12 @@ def with_wait(key, wait):
     if key < 0 or key == NO_KEY:
         return key
     return key + (wait << (KEY_SHIFT + OPTION_BITS))
+
+
+@kernel
+def without(key, direction, barred):
+    """The key of a step, NO_KEY if it is in the direction that is barred."""
+    return NO_KEY if direction == barred else key
 
 
 @kernel

@@ -14,6 +14,8 @@ are made known as those of the world (`robots.priority`), which every robot near
 One robot is let into a dead end at a time, if its goal is there; who leaves one goes first.
 """
 
+from typing import ClassVar
+
 import numpy as np
 
 from automaton.engine.facilities import NO_WAY_THROUGH
@@ -24,11 +26,13 @@ from automaton.engine.state import (
     CLOCK_TICK,
     CMD_GO,
     CMD_HOLD,
+    FOLLOWING_CONVOY,
     GOAL_DROP,
     GOAL_NONE,
     GOAL_PARK,
     GOAL_PICK,
     GOAL_STOP,
+    KEEP,
     NIL,
 )
 from automaton.floor.dead_ends import dead_ends_of_types
@@ -44,8 +48,20 @@ from automaton.strategy.kernels import (
     splitmix64,
 )
 from automaton.strategy.layer import Strategy
+from automaton.strategy.weighted_tables import no_tables
 from strategies.right_of_way.arrivals import is_at_goal
+from strategies.right_of_way.deadlocks import (
+    COUNTERS,
+    Deadlocks,
+    break_deadlocks,
+    has_stood_long,
+    is_given_up,
+    is_time_to_look,
+)
+from strategies.right_of_way.lattice import lattice_tables, moves_against_streets
+from strategies.right_of_way.making_room import count_callers, service_areas_of, way_to_make_room
 from strategies.right_of_way.pibt.alleys import count_in_dead_ends, empty_dead_ends, has_to_leave
+from strategies.right_of_way.pibt.departures import UNKNOWN, departs, direction_of, holds_back
 from strategies.right_of_way.pibt.options import option_of, rank_all_options
 from strategies.right_of_way.pibt.pibt_state import (
     DECIDED,
@@ -58,13 +74,14 @@ from strategies.right_of_way.pibt.pibt_state import (
 )
 from strategies.right_of_way.pibt.pushes import fetch_cells, push
 from strategies.right_of_way.pibt.reservations import (
+    holder_of,
     is_lane_free,
     reserve,
     reserve_other_lane,
     reserver_of,
     resource_in,
 )
-from strategies.right_of_way.right_of_way_parameters import SteeringParameters
+from strategies.right_of_way.right_of_way_parameters import PibtParameters
 
 
 @kernel
@@ -73,10 +90,12 @@ def look_at_robots(view, batch, state):
     robots, limited = view.robots, view.rules.radius != NIL
     state.calls[0] += 1
     empty_dead_ends(state)
+    count_callers(view, state.service_areas)
     for i in range(robots.cell.shape[0]):
         sees_plans = not limited or i == batch.robot[0]  # what others have in mind is out of sight
         state.mode[i] = FIXED
         state.begun[i] = state.turning[i] if sees_plans else 0
+        state.departs[i] = UNKNOWN
         if robots.cell[i] == NIL:
             continue
         look_where_it_goes(view, state, i)
@@ -156,25 +175,31 @@ def has_finished(view, state, i):
 
 MAX_PRIORITY = 32_767
 AHEAD = 8  # robots in the queue
-LEAVES = 0  # ranks of robots
-WORKS = 1
-HAS_NOTHING = 2
-RANKS = 3
+STEPS_ASIDE = 0  # ranks of robots
+LEAVES = 1
+WORKS = 2
+HAS_NOTHING = 3
+RANKS = 4
 
 
 @kernel
 def rank_of(view, state, i):
-    """Who leaves a dead end or a full block goes first; last, who has nothing to do or may not enter.
+    """Who makes room, or leaves a dead end or a full block, goes first.
 
-    Who waits for a door or for its lift holds its place, as if it left: it would ask in vain elsewhere.
+    Last goes who has nothing to do, or may not enter. Who waits for a door or for its lift holds its
+    place, as if it left: it would ask in vain elsewhere.
     """
     robots = view.robots
+    if state.deadlocks.aside[U(i)]:
+        return STEPS_ASIDE
     if has_gates(view) and robots.cell[U(i)] != NIL:
         if is_in_full_gate(view, robots.cell[U(i)]):
             return LEAVES
         gate = gate_that_keeps(view, state, i)
         if gate != NIL:
             return LEAVES if opens_soon(view, gate, i) else HAS_NOTHING
+    if way_to_make_room(view, state.service_areas, i, robots.cell[U(i)]) != NIL:
+        return LEAVES
     if state.dead_ends == 0:
         is_idle = robots.goal_type[U(i)] == GOAL_NONE or robots.goal_type[U(i)] == GOAL_PARK
         return HAS_NOTHING if is_idle else WORKS
@@ -333,17 +358,63 @@ def give_commands(view, batch, decisions, state):
                 out.command[k] = CMD_HOLD if to == NIL else CMD_GO
                 out.value[k] = NIL if to == NIL else 0
         elif to != cell:
-            direction = option_of(state, i, np.int64(state.option_next[U(i)]) - 1)
-            state.turning[U(i)] = 0 if is_facing(view, i, direction) else direction + 1
+            direction = direction_of(state, i)
             out.command[U(k)] = CMD_GO
             out.value[U(k)] = direction
+            if not is_facing(view, i, direction):
+                state.turning[U(i)] = direction + 1
+            elif state.holds_back and not departs(view, state, i):
+                hold_back(view, state, out, k, i)
         elif state.asks[U(i)] and may_turn_to(view, state, i, np.int64(state.asks[U(i)]) - 1):
             out.command[U(k)] = CMD_GO
             out.value[U(k)] = state.asks[U(i)] - 1
         elif robots.goal_type[U(i)] != GOAL_NONE:
             out.command[k] = CMD_HOLD
             best = option_of(state, i, 0)
-            out.value[k] = NIL if best == STAY else best
+            out.value[k] = NIL if best >= STAY else best
+
+
+@kernel
+def hold_back(view, state, out, k, i):
+    """Robot i waits for the holder of the cell that it has chosen, and keeps to it if that one leaves."""
+    direction = direction_of(state, i)
+    u = holder_of(view, np.int64(state.next[U(i)]), direction)
+    if state.mode[U(u)] != FIXED:
+        state.turning[U(i)] = direction + 1
+    out.command[U(k)] = CMD_HOLD if view.robots.goal_type[U(i)] != GOAL_NONE else KEEP
+    out.value[U(k)] = direction
+
+
+@kernel
+def look_for_deadlocks(view, state):
+    """Enter which robots wait for which, of those that have stood for long, and break wait cycles."""
+    for i in range(view.robots.cell.shape[0]):
+        if state.mode[i] == DECIDED and has_stood_long(view, state.deadlocks, i):
+            has_way_out = state.deadlocks.aside[i] and state.next[i] != view.robots.cell[i]
+            if has_way_out and not is_given_up(view, state.deadlocks, i):
+                continue
+            enter_blocker(view, state, i)
+            state.deadlocks.aside[i] = 0
+    break_deadlocks(view, state.deadlocks)
+
+
+@kernel
+def enter_blocker(view, state, i):
+    """Enter which robot is in the cell that robot i likes best, or keeps it from turning to it."""
+    direction = option_of(state, i, 0)
+    if state.deadlocks.aside[i]:
+        direction = np.int64(state.deadlocks.aside[i]) - 1
+    if direction >= STAY:
+        return
+    cell, towards = np.int64(view.robots.cell[i]), direction
+    if not may_turn_to(view, state, i, direction):
+        towards = np.int64(view.robots.travel[i]) ^ 2
+    else:
+        cell += view.grid.offset[direction]
+    u = holder_of(view, cell, towards)
+    if u != NIL and u != i:
+        state.deadlocks.blocker[i] = view.robots.identity[u]
+        state.deadlocks.first_choice[i] = direction + 1
 
 
 @kernel
@@ -357,6 +428,8 @@ def decide(view, batch, decisions, memory, workspace):
         count = list_robots_in_sight(view, batch, decisions, state)
     decide_all(view, state, workspace, count)
     give_commands(view, batch, decisions, state)
+    if view.rules.radius == NIL and is_time_to_look(view, state.deadlocks):
+        look_for_deadlocks(view, state)
 
 
 def exits_to_pass_by(grid):
@@ -369,12 +442,30 @@ def exits_to_pass_by(grid):
     return flags & np.uint8(15)
 
 
+ROOM_TO_PASS = 8  # places outside dead ends that are empty whatever comes out of them
+
+
+def dead_ends_that_hold(grid, robots):
+    """Return the dead ends, or none where too few places outside them are left for so many robots.
+
+    There a robot can come out for another one only where that one would go in.
+    """
+    exits, capacity = exits_to_pass_by(grid), grid.cell_flags >> 5 & 3
+    ends = dead_ends_of_types(exits, capacity == 1, grid.offset)
+    outside = (exits != 0).any(axis=0) & (ends.number == NIL)
+    places = int(capacity[outside].sum())
+    if robots <= places - ROOM_TO_PASS or (capacity[outside] == 0).any():
+        return ends
+    return ends._replace(number=np.full_like(ends.number, NIL), total=0)
+
+
 class Pibt(Strategy):
     """Robots make way by inherited priority (PIBT), turns and moves of any length."""
 
     layer = "right_of_way"
-    Parameters = SteeringParameters
+    Parameters = PibtParameters
     compiled = decide
+    counters: ClassVar = COUNTERS
     holders = True
     steers = True
     period = 1
@@ -385,18 +476,27 @@ class Pibt(Strategy):
         With limited sight it stays unused: each robot goes by what others make known.
         """
         n, cells = len(view.robots.cell), len(view.grid.cell_flags)
-        exits, single = exits_to_pass_by(view.grid), view.grid.cell_flags >> 5 & 3 == 1
-        ends = dead_ends_of_types(exits, single, view.grid.offset)
+        ends = dead_ends_that_hold(view.grid, n)
         queue = np.zeros(n, np.int32)
         if view.rules.radius == NIL:
             seed = np.uint64(view.rules.seed)
             with np.errstate(over="ignore"):
                 draws = [int(splitmix64(seed ^ np.uint64(robot))) for robot in range(n)]
             queue[:] = np.argsort(np.array(draws, np.uint64), kind="stable")
+        waits = holds_back(view)
+        guided = self.parameters.guidance == "lattice"
+        against = moves_against_streets(view.grid) if guided else np.zeros((0, 4), bool)
         return PibtState.sized(
             {"n": n, "m": n + 1, "w": 4, "s": 1, "r": 2 * cells, "e": max(ends.total, 1)},
             dead_ends=ends.total,
+            holds_back=int(waits),
+            rings=int(not waits or view.rules.following == FOLLOWING_CONVOY),
+            service_areas=service_areas_of(view),
+            guided=int(guided),
+            tables=lattice_tables(view) if guided else no_tables(),
+            against=against.astype(np.uint8),
             queue=queue,
+            deadlocks=Deadlocks.sized({"n": n, "s": 1}, patience=self.parameters.deadlock_patience),
             dead_end=ends.number,
             way_out=ends.way_out,
             depth=ends.depth,

@@ -5,6 +5,9 @@ import numpy as np
 from automaton.engine.jit.fields import CONSTANT, SCRATCH, STATIC, field
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import NIL, Array
+from automaton.strategy.weighted_tables import DistanceTables
+from strategies.right_of_way.deadlocks import Deadlocks
+from strategies.right_of_way.making_room import ServiceAreas
 
 # Modes of a robot in a tick: state.mode.
 FIXED = 0  # it stays where it is, whatever is decided here
@@ -20,11 +23,27 @@ LONG = 100_000  # ticks: of a robot that stands for longer than one waits
 
 
 class PibtState(Struct):
-    """n robots by storage, m = n + 1, c cells, r resources (a cell, or a lane of a cell for two)."""
+    """n robots by storage, m = n + 1, c cells, r resources (a cell, or a lane of a cell for two).
+
+    g = c where lattice weights guide robots, else 0.
+    """
 
     dead_ends: int = field("int64", "how many there are", role=STATIC)
+    holds_back: int = field(
+        "int64",
+        "1: who waits for one that makes way is held back, and keeps its choice",
+        role=STATIC,
+    )
+    rings: int = field("int64", "1: robots that push each other in a ring all move", role=STATIC)
+    guided: int = field("int64", "1: costs are those of `tables`, 0: ticks", role=STATIC)
+    tables: DistanceTables
+    against: Array = field(
+        "(g, 4) uint8", "1 = a move E, S, W, N out of the cell is against its street", role=CONSTANT
+    )
     next: Array = field("(n,) int32", "the cell that it turns to or enters, or its own")
-    turning: Array = field("(n,) uint8", "1 + the direction that it has begun to turn to, or 0")
+    turning: Array = field(
+        "(n,) uint8", "1 + the direction that it has begun to turn to, or waits for; 0"
+    )
     begun: Array = field("(n,) uint8", "the same, 0 where a robot sees no plans", role=SCRATCH)
     aim_cell: Array = field("(n,) int32", "its goal cell when it was last looked at", default=NIL)
     aim_type: Array = field("(n,) uint8", "what it was to do there")
@@ -49,6 +68,7 @@ class PibtState(Struct):
     parks_at: Array = field(
         "(e,) int32", "the greatest depth at which robots outside will park, or 0", role=SCRATCH
     )
+    service_areas: ServiceAreas
     calls: Array = field("(s,) int64", "how often it has decided, one number", role=SCRATCH)
     in_sight: Array = field(
         "(n,) int64", "with limited sight: who chooses, those first in the lowest", role=SCRATCH
@@ -64,6 +84,7 @@ class PibtState(Struct):
     option_next: Array = field(
         "(n,) uint8", "the place of the option to be tried next", role=SCRATCH
     )
+    departs: Array = field("(n,) uint8", "whether it begins its move (departures)", role=SCRATCH)
     asks: Array = field(
         "(n,) uint8", "1 + the direction in which it asks for a gate, or 0", role=SCRATCH
     )
@@ -77,4 +98,5 @@ class PibtState(Struct):
     )
     rank: Array = field("(q,) uint8", "by place in the queue: who chooses first", role=SCRATCH)
     stack: Array = field("(n,) int32", "a chain of robots that push each other", role=SCRATCH)
+    deadlocks: Deadlocks
     finished: Array = field("(q,) int32", "who has finished a visit since", role=SCRATCH)

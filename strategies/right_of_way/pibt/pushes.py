@@ -5,7 +5,12 @@ import numpy as np
 from automaton.engine.state import NIL
 from automaton.strategy.kernels import gate_before, kernel, opens_soon, prefetch
 from strategies.right_of_way.pibt.alleys import may_enter
-from strategies.right_of_way.pibt.options import option_of, turns_to, waits_in_vain_to_turn
+from strategies.right_of_way.pibt.options import (
+    comes_to_charge,
+    option_of,
+    turns_to,
+    waits_in_vain_to_turn,
+)
 from strategies.right_of_way.pibt.pibt_state import DECIDED, NO_OPTION, STAY, UNDECIDED, U
 from strategies.right_of_way.pibt.reservations import (
     holder_of,
@@ -40,6 +45,30 @@ def would_swap(view, state, i, to, holder):
 
 
 @kernel
+def closes_ring(view, state, i, resource):
+    """Whether robot i, by this option, takes what the robot holds whose pushes it makes way for."""
+    first = np.int64(state.stack[0])
+    return first != i and resource != NIL and resource == own_resource(view, first)
+
+
+@kernel
+def may_rotate(view, state, depth):
+    """Whether a ring of all robots on the stack moves, if the last one takes the place of the first.
+
+    It does not where rings do not rotate at all, if a robot in it comes to charge, or if it is to let the
+    first step aside. Where all moves take one tick a ring with one that comes to charge is refused.
+    """
+    if state.rings == 0 or state.deadlocks.aside[U(state.stack[0])]:
+        return False
+    if state.holds_back and view.chargers.cell.shape[0]:
+        for k in range(depth):
+            i = np.int64(state.stack[U(k)])
+            if comes_to_charge(view, i, state.next[U(i)]):
+                return False
+    return True
+
+
+@kernel
 def push(view, state, first):
     """Decide robot `first`, and those whom it pushes; returns whether it got an option of its own.
 
@@ -50,7 +79,7 @@ def push(view, state, first):
     depth = 1
     while depth:
         i = np.int64(state.stack[U(depth - 1)])
-        pushed = take_option(view, state, i)
+        pushed = take_option(view, state, i, depth)
         if pushed == SETTLED:
             return True
         if pushed == FAILED:
@@ -74,8 +103,11 @@ def stay(view, state, i):
 
 
 @kernel
-def take_option(view, state, i):
-    """Reserve the next option of robot i that is left; returns the robot to push, SETTLED or FAILED."""
+def take_option(view, state, i, depth):
+    """Reserve the next option of robot i that is left; returns the robot to push, SETTLED or FAILED.
+
+    It is the last of so many robots that push each other.
+    """
     cell = np.int64(view.robots.cell[U(i)])
     must_turn = False  # for what it likes better than to stay
     while True:
@@ -112,6 +144,8 @@ def take_option(view, state, i):
             continue
         holder = holder_of(view, to, option)
         if would_swap(view, state, i, to, holder) or not may_enter(view, state, i, to):
+            continue
+        if closes_ring(view, state, i, resource) and not may_rotate(view, state, depth):
             continue
         reserve(state, resource, i)
         if turns:

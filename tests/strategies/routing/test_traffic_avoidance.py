@@ -23,6 +23,8 @@ from automaton.papers.traffic.traffic_trials import ROBOTS, tasks_of, warehouse
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.scenario.reading import read, shipped
+from automaton.scenario.schema import ROUTE_FOLLOWERS
+from automaton.scenario.unavailable_metrics import name_of
 from strategies.routing.astar.frontier import LARGER_G
 from strategies.routing.traffic_avoidance import (
     avoidance,
@@ -283,7 +285,11 @@ def test_both_legs_are_planned_when_the_task_begins(tmp_path: Path) -> None:
 
 
 # Where right of way steers, robots follow no routes.
-ROUTED = [name for name in shipped() if read(name).data["strategy"]["right_of_way"] != "pibt"]
+ROUTED = [
+    name
+    for name in shipped()
+    if name_of(read(name).data["strategy"]["right_of_way"]) in ROUTE_FOLLOWERS
+]
 
 
 @pytest.mark.parametrize("information", ["everything", "orders", "{radius: 3}"])

@@ -1,0 +1,89 @@
+"""Find the strategies and settings that do best in a scenario, in a counted number of short runs.
+
+Tried are rights of way and allocations with the parameters that they declare. The answer depends on the
+budget and the seed alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from pathlib import Path
+
+from automaton.atomic_write import atomic_writer, cannot_write_error
+from automaton.commands.arguments import (
+    add_json_argument,
+    add_scenario_arguments,
+    add_workers_argument,
+    note,
+    print_json,
+    whole,
+)
+
+DEFAULT_BUDGET = 200  # runs
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `automaton tune`."""
+    add_scenario_arguments(parser)
+    add = parser.add_argument
+    add(
+        "--metric",
+        metavar="M",
+        help="what is to be best, such as lead_time (throughput; makespan where runs end)",
+    )
+    add(
+        "--budget",
+        type=whole("a number of runs", 1),
+        default=DEFAULT_BUDGET,
+        metavar="RUNS",
+        help=f"at most so many runs ({DEFAULT_BUDGET})",
+    )
+    add("--out", type=Path, metavar="FILE", help="write the best settings, for --set @FILE")
+    add_workers_argument(parser)
+    add_json_argument(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Search, report, and write the settings."""
+    from automaton.runs.console_output import console, print_blocks
+    from automaton.runs.process_pool import PersistentPool
+    from automaton.studies.tuning.candidates import field_of
+    from automaton.studies.tuning.elimination import Round, check_metric, measure, tune
+    from automaton.studies.tuning.tuning_report import as_json, report_blocks, settings_file
+
+    def tell(now: Round, spent: int) -> None:
+        if sys.stderr.isatty():
+            text = f"{now.candidates} candidates, {spent:,} runs of at most {args.budget:,}"
+            print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
+
+    if args.out is not None:
+        check_writable(args.out)
+    known = field_of(args.scenario, args.settings, args.seed)
+    metric = check_metric(args.metric, known.candidates[0].resolved)
+    try:
+        with PersistentPool(args.workers, measure) as pool:
+            tuned = tune(known, metric, args.budget, pool, tell)
+    finally:
+        if sys.stderr.isatty():
+            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+    if args.json:
+        print_json(as_json(tuned, known))
+    else:
+        print_blocks(console(), report_blocks(tuned, known))
+    if args.out is not None:
+        with atomic_writer(args.out) as file:
+            file.write(settings_file(tuned, known).encode())
+        note(f"wrote {args.out}; use it with --set @{args.out}")
+    return 0
+
+
+def check_writable(path: Path) -> None:
+    """That a file can be written when all is known. Raises InputError."""
+    if os.path.exists(path) and not os.path.isfile(path):
+        raise cannot_write_error("this is not a regular file", path)
+    if not path.parent.is_dir():
+        raise cannot_write_error(f"there is no folder {path.parent}", path)
+    if not os.access(path.parent, os.W_OK):
+        raise cannot_write_error("permission denied", path)

@@ -1,0 +1,78 @@
+"""A short run before the real ones: does anything jam, stand or exceed a bound?"""
+
+from __future__ import annotations
+
+from typing import Any, Final, NamedTuple
+
+from automaton.build.bounds import bounds, least_ticks, most_throughput
+from automaton.build.resolve import Resolved
+from automaton.runs.headless import Outcome, run_once
+from automaton.runs.jam_watch import JamWatch
+from automaton.runs.progress import Jam, starved_ticks, stuck_robots
+from automaton.runs.run_diagnosis import describe_jam, describe_wait_cycles, robot_names
+from automaton.runs.simulation import Simulation
+from automaton.units import count
+
+MIN_TICKS: Final = 500
+ROBOT_TICKS: Final = 2_000_000
+
+
+class Trial(NamedTuple):
+    """What a trial came to."""
+
+    ticks: int
+    patience: int  # ticks without progress after which a robot counts
+    findings: tuple[str, ...]  # phrases about what is wrong
+
+    def lines(self) -> list[str]:
+        """Return what `check` prints: one line for each finding, or one that says that all is well."""
+        head = f"trial of {count(self.ticks, 'tick')}"
+        if self.findings:
+            return [f"{head}: {one}" for one in self.findings]
+        if self.ticks <= self.patience:
+            return [
+                f"{head}: ok, but too short to see a jam, which takes {self.patience:,} ticks here"
+            ]
+        return [f"{head}: ok, every robot with work made progress"]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return it as an object."""
+        return {"passed": not self.findings, **self._asdict()}
+
+
+def try_out(resolved: Resolved) -> Trial:
+    """Run a scenario for MIN_TICKS or ROBOT_TICKS, whichever is more, at most to its limit."""
+    ticks = max(MIN_TICKS, ROBOT_TICKS // resolved.scenario.fleet.robots)
+    found: list[str] = []
+    patience: list[int] = []
+
+    def on_jam(tick: int, jam: Jam) -> None:
+        found.append(f"tick {tick:,}: {describe_jam(jam)[0]}")
+
+    def on_end(simulation: Simulation) -> None:
+        patience.append(starved_ticks(simulation.world))
+        stuck = stuck_robots(simulation.world, patience[0])
+        if len(stuck) and not found:
+            names = robot_names(simulation, stuck)
+            found.append(f"{names} finished nothing for {patience[0]:,} ticks, with work to do")
+
+    outcome = run_once(resolved, until=ticks, on_end=on_end, watch=JamWatch(on_jam))
+    found += describe_wait_cycles(outcome.circles)
+    found += exceeded_bounds(resolved, outcome)
+    return Trial(outcome.ticks, patience[0], tuple(found))
+
+
+def exceeded_bounds(resolved: Resolved, outcome: Outcome) -> list[str]:
+    """Return a phrase for each bound that no run can exceed, and this one has."""
+    limits, robots = bounds(resolved), resolved.scenario.fleet.robots
+    least, why = least_ticks(limits, robots)
+    phrases = []
+    if outcome.delivered == outcome.orders and outcome.ticks < least:
+        phrases.append(
+            f"all orders delivered in {outcome.ticks:,} ticks, less than {least:,.0f} ({why})"
+        )
+    most, why = most_throughput(limits, robots, outcome.ticks)
+    if 1000 * outcome.delivered > most * outcome.ticks:
+        rate = 1000 * outcome.delivered / outcome.ticks
+        phrases.append(f"{rate:,.1f} orders in 1,000 ticks, more than {most:,.1f} ({why})")
+    return phrases

@@ -1,0 +1,135 @@
+"""Deadlocks, where all else has failed: wait cycles, in which each robot waits for the next one.
+
+Every LOOK ticks those that have stood for long are looked at. In a wait cycle whose robots have all stood
+for `patience` ticks more than the longest action of any of them, the robot whose goal is newest, ties by
+identity, steps aside: it chooses before all others, any cell but the one for which it waits, until it has
+left its own. If it finds no way out, it is the turn of the next one in the tick after.
+"""
+
+import numpy as np
+
+from automaton.engine.jit.fields import SCRATCH, STATIC, field
+from automaton.engine.jit.structs import Struct
+from automaton.engine.state import ACTION_COUNT, CLOCK_TICK, NIL, Array
+from automaton.strategy.kernels import kernel, walk_to_cycle
+
+LOOK = 16  # ticks
+COUNTERS = {"deadlocks_resolved": "deadlocks.resolved"}  # of strategies whose state has `deadlocks`
+
+
+class Deadlocks(Struct):
+    """What is known of robots that stand, n robots by storage."""
+
+    patience: int = field("int64", "ticks that a wait cycle lasts before it is broken", role=STATIC)
+    cell: Array = field("(n,) int32", "its cell at the last look", default=NIL)
+    stood_since: Array = field("(n,) int64", "the tick of the look that first found it there")
+    goal: Array = field("(n,) int32", "its goal cell at the last look", default=NIL)
+    goal_since: Array = field("(n,) int64", "the tick of the look that first found that")
+    aside: Array = field("(n,) uint8", "1 + the direction in which it must not go, or 0")
+    aside_since: Array = field("(n,) int64", "the tick since which it is to step aside")
+    tries: Array = field("(n,) int32", "how often it has been to do so in its cell")
+    look_again: Array = field("(s,) int64", "1: in the next tick, one number")
+    resolved: Array = field("(n,) int64", "deadlocks that it has broken")
+    first_choice: Array = field(
+        "(n,) uint8", "1 + the direction of the cell for which it waits", role=SCRATCH
+    )
+    blocker: Array = field(
+        "(n,) int32", "identity of the robot for which it waits, or NIL", default=NIL, role=SCRATCH
+    )
+    color: Array = field("(n,) int32", "in the search for cycles", role=SCRATCH)
+
+
+@kernel
+def is_time_to_look(view, deadlocks):
+    """Return whether wait cycles are looked for in this tick; then note who has stood since when."""
+    robots, tick = view.robots, view.clock[CLOCK_TICK]
+    if tick % LOOK and deadlocks.look_again[0] == 0:
+        return False
+    deadlocks.look_again[0] = 0
+    for i in range(robots.cell.shape[0]):
+        deadlocks.blocker[i] = NIL
+        deadlocks.color[i] = 0
+        if robots.cell[i] != deadlocks.cell[i]:
+            steps_aside(view, deadlocks, i)
+            deadlocks.cell[i] = robots.cell[i]
+            deadlocks.stood_since[i] = tick
+            deadlocks.tries[i] = 0
+        if robots.goal_cell[i] != deadlocks.goal[i]:
+            deadlocks.goal[i] = robots.goal_cell[i]
+            deadlocks.goal_since[i] = tick
+    return True
+
+
+@kernel
+def has_stood_long(view, deadlocks, i):
+    """Return whether robot i has stood for so long that it may be part of a deadlock."""
+    age = view.clock[CLOCK_TICK] - deadlocks.stood_since[i]
+    return view.robots.cell[i] != NIL and age >= deadlocks.patience
+
+
+@kernel
+def break_deadlocks(view, deadlocks):
+    """Let one robot of each wait cycle that has lasted too long step aside; `blocker` is entered."""
+    at_index = view.robots.at_index
+    for identity in range(view.robots.cell.shape[0]):
+        i = np.int64(at_index[identity])
+        if deadlocks.blocker[i] == NIL or deadlocks.color[i]:
+            continue
+        member = walk_to_cycle(deadlocks.blocker, at_index, deadlocks.color, i)
+        if member != NIL and has_lasted(view, deadlocks, member):
+            let_step_aside(view, deadlocks, robot_to_step_aside(view, deadlocks, member))
+
+
+@kernel
+def has_lasted(view, deadlocks, first):
+    """Return whether all robots of the wait cycle have stood for longer than any of their actions."""
+    robots, i, longest, since = view.robots, first, np.int64(0), np.int64(0)
+    while True:
+        for action in range(ACTION_COUNT):
+            longest = max(longest, np.int64(view.rules.duration[robots.type[i], action]))
+        since = max(since, deadlocks.stood_since[i])
+        i = np.int64(robots.at_index[deadlocks.blocker[i]])
+        if i == first:
+            return view.clock[CLOCK_TICK] - since >= deadlocks.patience + longest
+
+
+@kernel
+def robot_to_step_aside(view, deadlocks, first):
+    """Return the robot of the wait cycle with the fewest tries, of these the one of the newest goal."""
+    robots, best, i = view.robots, first, first
+    while True:
+        if deadlocks.tries[i] != deadlocks.tries[best]:
+            is_better = deadlocks.tries[i] < deadlocks.tries[best]
+        elif deadlocks.goal_since[i] != deadlocks.goal_since[best]:
+            is_better = deadlocks.goal_since[i] > deadlocks.goal_since[best]
+        else:
+            is_better = robots.identity[i] < robots.identity[best]
+        best = i if is_better else best
+        i = np.int64(robots.at_index[deadlocks.blocker[i]])
+        if i == first:
+            return best
+
+
+@kernel
+def let_step_aside(view, deadlocks, i):
+    """Robot i chooses another cell in the next tick, and is looked at again; once all have, they rest."""
+    if deadlocks.tries[i] == 0 or view.clock[CLOCK_TICK] % LOOK == 0:
+        deadlocks.tries[i] += 1
+        deadlocks.aside[i] = deadlocks.first_choice[i]
+        deadlocks.aside_since[i] = view.clock[CLOCK_TICK]
+        deadlocks.look_again[0] = 1
+
+
+@kernel
+def is_given_up(view, deadlocks, i):
+    """Return whether robot i has been to step aside for so long that it is the turn of another one."""
+    return view.clock[CLOCK_TICK] - deadlocks.aside_since[i] > deadlocks.patience
+
+
+@kernel
+def steps_aside(view, deadlocks, i):
+    """Return whether robot i, which was to step aside, has not done so yet; once it has, count it."""
+    if deadlocks.aside[i] and view.robots.cell[i] != deadlocks.cell[i]:
+        deadlocks.resolved[i] += 1
+        deadlocks.aside[i] = 0
+    return deadlocks.aside[i] != 0

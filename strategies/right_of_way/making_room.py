@@ -1,0 +1,123 @@
+"""Idle robots make room where pushing them is in vain: in queues of stations, and in pockets.
+
+A robot in the queue of its station pushes nobody, since the queue alone moves it. From a pocket, a
+station or charger with one way in and out, a robot can only come before another one is at its mouth.
+So idle robots leave both as soon as another robot has something to do there. Elsewhere they are pushed.
+"""
+
+import numpy as np
+
+from automaton.engine.jit.fields import CONSTANT, SCRATCH, field
+from automaton.engine.jit.structs import Struct
+from automaton.engine.state import GOAL_NONE, GOAL_PARK, NIL, Array
+from automaton.floor.cells import CHARGER, STATION
+from automaton.strategy.kernels import kernel
+
+NO_WAY = 4  # beside the four directions
+
+
+class ServiceAreas(Struct):
+    """The p service areas of a floor of c cells; both are 0 without any."""
+
+    area: Array = field(
+        "(c,) int32", "the service area that a cell belongs to, or NIL", role=CONSTANT
+    )
+    way_out: Array = field(
+        "(c,) uint8", "direction of the next step out of it, or NO_WAY", role=CONSTANT
+    )
+    callers: Array = field("(p,) int32", "robots that have something to do there", role=SCRATCH)
+
+
+def service_areas_of(view):
+    """Return the service areas: stations with queues, each with its queue, and pockets.
+
+    A cell without limit is in none: it holds robots that stay, too.
+    """
+    grid, stations = view.grid, view.pod_stations
+    limited = grid.cell_flags >> 5 & 3 != 0
+    lane = np.flatnonzero((stations.queue_at != NIL) & limited[: len(stations.queue_at)])
+    heads = np.flatnonzero(limited & np.isin(grid.kind, (STATION, CHARGER)) & is_pocket(grid))
+    heads = np.union1d(heads, stations.cell[stations.queue_at[lane]])
+    if not len(heads):
+        return ServiceAreas.sized({"p": 0, "c": 0})
+    area = np.full(len(grid.kind), NIL, np.int32)
+    area[heads] = np.arange(len(heads), dtype=np.int32)
+    head = stations.cell[stations.queue_at[lane]]
+    area[lane] = area[head]
+    way_out = ways_out(grid, area)
+    beyond = head + grid.offset[way_out[head] & 3]
+    through = lane[(way_out[head] != NO_WAY) & (area[beyond] == NIL)]
+    way_out[through] = stations.queue_way[through]  # the others in the queue stand behind
+    area[way_out == NO_WAY] = NIL
+    return ServiceAreas.sized({"p": len(heads)}, area=area, way_out=way_out)
+
+
+def is_pocket(grid):
+    """Return (c,) bool: cells that lead to one neighbour, and are reached from it alone."""
+    ways_out, ways_in, both = (np.zeros(len(grid.kind), int) for _ in range(3))
+    for direction, offset in enumerate(grid.offset.tolist()):
+        leads = grid.cell_flags >> direction & 1
+        comes = np.roll(grid.cell_flags, -offset) >> (direction ^ 2) & 1
+        ways_out += leads
+        ways_in += comes
+        both += leads & comes
+    return (ways_out == 1) & (ways_in == 1) & (both == 1)
+
+
+def ways_out(grid, area):
+    """Return (c,) the first direction of a shortest way from a cell of an area out of it, or NO_WAY."""
+    way_out = np.full(len(area), NO_WAY, np.uint8)
+    front = area == NIL
+    while front.any():
+        reached = np.zeros(len(area), bool)
+        for direction, offset in enumerate(grid.offset.tolist()):
+            leads = (grid.cell_flags >> direction & 1 != 0) & np.roll(front, -offset)
+            ahead = np.roll(area, -offset)
+            found = leads & (area != NIL) & ((ahead == NIL) | (ahead == area))
+            found &= (way_out == NO_WAY) & ~reached
+            way_out[found] = direction
+            reached |= found
+        front = reached
+    return way_out
+
+
+@kernel
+def count_callers(view, areas):
+    """Count the robots that have something to do in each area."""
+    if areas.callers.shape[0] == 0:
+        return
+    areas.callers[:] = 0
+    robots = view.robots
+    for i in range(robots.cell.shape[0]):
+        if robots.goal_type[i] != GOAL_NONE and robots.goal_type[i] != GOAL_PARK:
+            goal = np.int64(robots.goal_cell[i])
+            if goal != NIL and areas.area[goal] != NIL:
+                areas.callers[areas.area[goal]] += 1
+
+
+@kernel
+def is_needed(areas, cell):
+    """Return whether a cell belongs to an area in which a robot has something to do."""
+    if areas.callers.shape[0] == 0 or cell == NIL:
+        return False
+    area = areas.area[cell]
+    return area != NIL and areas.callers[area] > 0
+
+
+@kernel
+def way_to_make_room(view, areas, i, cell):
+    """Return the direction in which robot i, without work, leaves its cell in a needed area, or NIL."""
+    robots = view.robots
+    if not is_needed(areas, cell):
+        return np.int64(NIL)
+    is_idle = robots.goal_type[i] == GOAL_NONE
+    if robots.goal_type[i] == GOAL_PARK:  # else it leaves on its way home
+        is_idle = areas.area[robots.goal_cell[i]] == areas.area[cell]
+    return np.int64(areas.way_out[cell]) if is_idle else np.int64(NIL)
+
+
+@kernel
+def may_not_go_home(view, areas, i):
+    """Return whether robot i would park in an area that is needed; it has no goal as long as it is."""
+    robots = view.robots
+    return robots.goal_type[i] == GOAL_PARK and is_needed(areas, np.int64(robots.goal_cell[i]))

@@ -15,7 +15,8 @@ from automaton.engine.state import (
     NIL,
 )
 from automaton.strategy.kernels import has_gates, is_facing, kernel, limited_ticks
-from strategies.right_of_way.pibt.options import comes_to_charge, option_of
+from strategies.right_of_way.arrivals import comes_to_charge, lacks_charge
+from strategies.right_of_way.pibt.options import option_of
 from strategies.right_of_way.pibt.pibt_state import DECIDED, U
 from strategies.right_of_way.pibt.reservations import holder_of
 
@@ -41,10 +42,10 @@ def direction_of(state, i):
 
 @kernel
 def moves_off(view, state, u, cell):
-    """Return whether robot u has chosen to go from a cell, and need not turn first."""
+    """Return whether robot u has chosen to go from a cell, need not turn first, and has the charge."""
     if state.mode[U(u)] != DECIDED or view.robots.cell[U(u)] != cell or state.next[U(u)] == cell:
         return False
-    return is_facing(view, u, direction_of(state, u))
+    return is_facing(view, u, direction_of(state, u)) and not lacks_charge(view, u)
 
 
 @kernel

@@ -259,7 +259,6 @@ def test_robots_that_go_down_are_gone_round(tmp_path: Path) -> None:
         (("fleet.kinematics=omni",), "kinematics differential, found omni; use pibt"),
         (("durations.move=17",), "too few for depth 3 with durations.move 17 and durations.turn 1"),
         (("durations.turn=17",), "it plans 64 ticks at most, too few for depth 3"),
-        (("world.following=none",), "world.following convoy or handover, found none; use pibt"),
         (("information=orders",), "information must be everything"),
         (("strategy.routing=astar",), "routing 'astar' would never be asked"),
         (("strategy.right_of_way={name: epibt, depth: 6}",), "depth"),

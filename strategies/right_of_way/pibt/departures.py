@@ -87,10 +87,12 @@ def departs(view, state, first):
         depth += 1
         to = np.int64(state.next[U(i)])
         u = holder_of(view, to, direction_of(state, i))
-        if u != NIL and moves_off(view, state, u, to) and not comes_to_charge(view, i, to):
+        charges = comes_to_charge(view, i, to)
+        if u != NIL and not charges and moves_off(view, state, u, to):
             i = u
         else:
-            opens = u == NIL or is_way_free(view, to, u)
+            has_set_out = u != NIL and is_way_free(view, to, u)
+            opens = u == NIL or (has_set_out and not (charges and not state.rings))
     if state.departs[U(i)] != ASKED:
         opens = state.departs[U(i)] == GOES and gives_way_at_once(view, state, i)
     while depth:

@@ -7,7 +7,7 @@ import numpy as np
 from automaton.build.resolve import Resolved, StrategyChoice
 from automaton.floor.cells import ALL_EXITS, FLOOR, UNLIMITED
 from automaton.floor.floor_plan import FloorPlan, bordered, make_floor_plan
-from automaton.scenario.schema import LAYER_NAMES, Fleet, Scenario, Stop, Strategies
+from automaton.scenario.schema import LAYER_NAMES, Durations, Fleet, Scenario, Stop, Strategies
 from automaton.strategy import lookup
 
 NEVER_ENDS = Stop(when="never", max_duration=2_000_000_000)
@@ -30,12 +30,13 @@ def mixed_floor(width: int, height: int) -> FloorPlan:
     return make_floor_plan(plain.kind, plain.exits, capacity)
 
 
-def scene(floor_plan: FloorPlan, robots: int) -> Resolved:
+def scene(floor_plan: FloorPlan, robots: int, move: int = 1) -> Resolved:
     """Omnidirectional robots in random cells of a floor, no orders, no robot asked for decisions."""
     scenario = Scenario(
         name="bench",
         layout={},
         fleet=Fleet(robots=robots, kinematics="omni", start="random"),
+        durations=Durations(move=move),
         strategy=Strategies(allocation=IDLE, right_of_way="wait"),
         stop=NEVER_ENDS,
     )

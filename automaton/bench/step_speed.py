@@ -35,6 +35,7 @@ class Case(NamedTuple):
     reading_order: bool = False  # robots stored along the floor at the start, else at random
     mixed: bool = False  # capacities 1, 2 and unlimited, 8 priorities
     spans: bool = False  # a tenth of the moves take 2 or 3 ticks
+    convoy: bool = False  # and robots follow those that are on their way out
 
     @property
     def name(self) -> str:
@@ -55,6 +56,7 @@ CASES = (
     ),
     Case(100_000, 1000, ", mixed capacities, 8 priorities", mixed=True),
     Case(100_000, 1000, ", mixed, a tenth of moves 2-3 ticks", mixed=True, spans=True),
+    Case(100_000, 1000, ", the same in convoy", mixed=True, spans=True, convoy=True),
 )
 
 
@@ -83,7 +85,8 @@ def walking_fleet(case: Case) -> World:
     """The world of a case at tick 0."""
     floor_plan = (mixed_floor if case.mixed else open_floor)(case.side, case.side)
     storage = storage_of(case, floor_plan)
-    world, _ = build_world(scene(floor_plan, case.robots), SEED, storage, longest_route=1)
+    resolved = scene(floor_plan, case.robots, move=2 if case.convoy else 1)
+    world, _ = build_world(resolved, SEED, storage, longest_route=1)
     if case.mixed:
         world.robots.priority[:] = world.robots.identity % PRIORITIES
     return world

@@ -38,6 +38,7 @@ from automaton.engine.state import (
 )
 from automaton.errors import InputError
 from automaton.floor.cells import EAST, WEST
+from automaton.floor.floor_plan import DRIVABLE
 
 OF_THE_BUFFERS: Final = (
     CLOCK_STOP_TICK,
@@ -125,7 +126,7 @@ def hold_cells(world: World) -> None:
         (robots.claim[moves], way),
         (robots.cell[turns], robots.travel[turns] ^ 2),  # it turns from lane to lane
     )
-    occupancy |= np.uint16(room_bit(EAST) | room_bit(WEST))
+    occupancy[DRIVABLE[world.grid.kind]] |= np.uint16(room_bit(EAST) | room_bit(WEST))
     for cells, headings in places:
         occupy_starts(world.grid, occupancy, cells, headings)
     lanes = [resources(world, *place) for place in places]

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from random_strategies import Mood, RandomAllocation, RandomRightOfWay, RandomRouting
 
 from automaton.build.resolve import resolve
-from automaton.engine.state import NIL
+from automaton.engine.state import FOLLOWING_CONVOY, NIL
 from automaton.runs.simulation import Simulation
 from automaton.strategy.layer import Strategy
 from strategies.right_of_way import retreat
@@ -45,9 +45,10 @@ def standing(view: Any, i: int) -> bool:
 
 
 def naive_holders(view: Any) -> Any:
-    """(C, 2): for each lane, who stands in it or enters it; all robots are asked."""
+    """(C, 2): for each lane, who enters it, or else who stands in it; all robots are asked."""
     robots, cell_flags = view.robots, view.grid.cell_flags
     found = np.full((len(cell_flags), 2), NIL, np.int32)
+    leaving = []
     for i in range(len(robots.cell)):
         if not standing(view, i):
             continue
@@ -55,15 +56,25 @@ def naive_holders(view: Any) -> Any:
         if robots.claim[i] == robots.cell[i]:
             held.append((robots.cell[i], robots.travel[i] ^ 2))
         elif robots.claim[i] != NIL:
+            leaving.append((*held.pop(), robots.identity[i]))
             step = robots.claim[i] - robots.cell[i]
             held.append((robots.claim[i], view.grid.offset.tolist().index(step)))
         for cell, direction in held:
-            capacity = int(cell_flags[cell]) >> 5 & 3
-            if capacity:
-                lane = int(direction) >> 1 if capacity == 2 else 0
+            if int(cell_flags[cell]) >> 5 & 3:
+                lane = lane_of(cell_flags, cell, direction)
                 assert found[cell, lane] in (NIL, robots.identity[i]), "one robot holds it"
                 found[cell, lane] = robots.identity[i]
+    for cell, direction, identity in leaving:
+        lane = lane_of(cell_flags, cell, direction)
+        is_entered = found[cell, lane] != NIL and view.rules.following == FOLLOWING_CONVOY
+        if int(cell_flags[cell]) >> 5 & 3 and not is_entered:
+            assert found[cell, lane] in (NIL, identity), "one robot holds it"
+            found[cell, lane] = identity
     return found
+
+
+def lane_of(cell_flags: Any, cell: Any, direction: Any) -> int:
+    return int(direction) >> 1 if int(cell_flags[cell]) >> 5 & 3 == 2 else 0
 
 
 def by_identity(view: Any) -> list[int]:

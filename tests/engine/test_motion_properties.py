@@ -38,7 +38,7 @@ from automaton.floor.cells import EAST, WEST
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.floor_plan import DRIVABLE, FloorPlan
 from automaton.runs.pictures.stories import Following
-from automaton.scenario.schema import Fleet, Scenario, WorldRules
+from automaton.scenario.schema import Durations, Fleet, Scenario, WorldRules
 
 CROWDED, SPARSE = 10**9, 0  # values of build.CROWDED that choose the contest
 
@@ -48,7 +48,7 @@ ALL_ROOM = 32 | 64  # bits of traffic.occupancy: room for travel E or S, and W o
 SYMBOLS = ".......===~~><v^#"
 
 
-FOLLOWING: Final[tuple[Following, ...]] = ("none", "handover")
+FOLLOWING: Final[tuple[Following, ...]] = ("none", "handover", "convoy")
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ def wish(byte: int) -> tuple[int, int, int, bool] | None:
     """(direction, ticks, priority, came out of a parking bay) of a byte; None: it stands."""
     if byte % 8 == 7:
         return None
-    spans = (1, 1, 1, 2, 1, 1, 1, 3)
+    spans = (1, 1, 1, 2, 1, 5, 1, 3)
     return byte & 3, spans[byte >> 3 & 7], (byte >> 6) - 1, byte % 61 == 60
 
 
@@ -105,6 +105,7 @@ def built(case: Case, storage: tuple[int, ...] | None) -> World:
         name="case",
         layout={},
         fleet=Fleet(robots=len(case.cells), kinematics="omni"),
+        durations=Durations(move=2),  # where all moves take one tick there are no convoys
         world=WorldRules(following=case.following),
     )
     resolved = Resolved(scenario, case.floor_plan, strategies={}, start=case.cells, source="")
@@ -164,7 +165,7 @@ def assert_equal_states(world: World, floor: Floor) -> None:
     for cell, kind in enumerate(world.grid.kind.tolist()):
         room[cell] *= bool(DRIVABLE[kind])
     for robot in floor.robots.values():
-        for cell, direction in robot.holds():
+        for cell, direction in floor.holds(robot):
             bit = {0: 0, 1: ALL_ROOM, 2: 32 << (direction >> 1)}[floor.capacity[cell]]
             assert room[cell] & bit == bit, "a cell is held twice"
             room[cell] -= bit
@@ -253,7 +254,7 @@ def test_which_contest_a_floor_gets_depends_on_its_crowding() -> None:
     room = draw_floor("\n".join(["." * 20] * 20))
     cells = tuple(np.flatnonzero(room.drivable).tolist())
     keys = {
-        robots: built(Case(room, cells[:robots], True, (), 0, ()), None).traffic.key.size
+        robots: built(Case(room, cells[:robots], "convoy", (), 0, ()), None).traffic.key.size
         for robots in (10, 200)
     }
     assert keys[10] > 0 and keys[200] == 0

@@ -209,8 +209,8 @@ def test_a_long_move_holds_both_cells_until_it_arrives() -> None:
     assert story.tick() == ".A."
 
 
-def test_nobody_enters_a_cell_that_a_long_move_claims_or_still_holds() -> None:
-    story = Story(rows("#B#", "A..", "C##"), move=3)
+def test_with_handover_nobody_enters_a_cell_that_a_long_move_claims_or_still_holds() -> None:
+    story = Story(rows("#B#", "A..", "C##"), move=3, following="handover")
     assert story.tick(A="east") == rows("#B#", "A*.", "C##")
     assert story.tick(B="south", C="north") == rows("#B#", "A*.", "C##")
     assert story.refused == "BC"

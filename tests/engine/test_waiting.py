@@ -34,6 +34,7 @@ from automaton.engine.state import (
     NIL,
 )
 from automaton.runs.simulation import Simulation
+from automaton.scenario.fleet import FleetType
 from automaton.scenario.schema import Battery, Drain, Durations, Fault, Faults, WorldRules
 from automaton.strategy.layer import Strategy
 
@@ -109,9 +110,23 @@ def test_at_work() -> None:
 
 
 def test_passing() -> None:
-    floor = SmallRun("AB..", {"A": "E", "B": "EE"}, durations=Durations(move=4)).tick()
+    ways, rules = {"A": "E", "B": "EE"}, WorldRules(following="handover")
+    floor = SmallRun("AB..", ways, durations=Durations(move=4), rules=rules).tick()
     assert floor.cause("B") == "none"
     assert floor.why("A") == ("driving ahead", "B", (1, 0)), "a long move holds both cells"
+
+
+def test_driving_on_behind_a_slower_robot() -> None:
+    types = (
+        FleetType(name="quick", robots=1),
+        FleetType(name="slow", robots=1, move_time_factor=4),
+    )
+    floor = SmallRun("AB..", {"A": "E", "B": "EE"}, types=types).tick()
+    for _ in range(3):
+        assert floor.why("A") == ("driving ahead", "B", (1, 0)), "it arrives with B"
+        assert floor.cause("B") == "none"
+        floor.tick()
+    assert floor.cause("A") == "none", "the last tick is its own"
 
 
 def test_in_the_way_of_a_robot_with_nothing_to_do() -> None:

@@ -5,12 +5,15 @@ from __future__ import annotations
 import copy
 import subprocess
 import sys
+from itertools import product
+from typing import Any
 
 import numpy as np
 import pytest
 from handmade_recordings import BAYS, FLOOR, RAILS, E, N, S, W, header, played, recorded, rules
 
 from automaton.engine.record_codes import (
+    CHANGE_DELAYED,
     CHANGE_DROPPED,
     CHANGE_DURATION,
     CHANGE_ORDER_RESERVED,
@@ -29,13 +32,17 @@ from automaton.engine.record_codes import (
     TURN_RIGHT,
 )
 from automaton.evidence.recording.frames import (
+    FRAME_KIND_CONDITIONS,
     FRAME_KIND_END,
     FRAME_KIND_KEYFRAME,
     FRAME_KIND_TICKS,
     Frame,
 )
+from automaton.evidence.verification.delay_rules import BEGIN
+from automaton.evidence.verification.move_time_rules import random_bits
 from automaton.evidence.verification.validator import (
     MAX_VIOLATIONS,
+    Report,
     validate_recording,
     validate_stored,
 )
@@ -118,10 +125,13 @@ def test_robots_pass_each_other_where_both_cells_let_them() -> None:
 
 @pytest.mark.parametrize("late", range(5))
 @pytest.mark.parametrize("spans", [(3, 1), (1, 3), (2, 2), (3, 3)])
-def test_two_robots_meet_between_two_cells(spans: tuple[int, int], late: int) -> None:
+@pytest.mark.parametrize("following", ["handover", "convoy"])
+def test_two_robots_meet_between_two_cells(
+    following: str, spans: tuple[int, int], late: int
+) -> None:
     """A drives from (0, 0) into a cell without limit, where B is; B starts some ticks later."""
     floor = FLOOR.replace("......", ".~~...")
-    head = header(floor, [(0, 0), (1, 0)])
+    head = header(floor, [(0, 0), (1, 0)], world={"following": following})
     begun: list[dict[int, int]] = [{} for _ in range(6)]
     begun[0][0] = E
     begun[late][1] = W
@@ -129,7 +139,9 @@ def test_two_robots_meet_between_two_cells(spans: tuple[int, int], late: int) ->
     found = rules(played(head, *begun, changes=rows))
     swap = ["swap"] if late < spans[0] else []
     assert [rule for rule in found if rule not in ("capacity", "move time")] == swap
-    assert ("capacity" in found) == (late < spans[0] - 1), "until then A holds the cell"
+    begins_too_early = following == "handover" and late < spans[0] - 1
+    arrives_too_early = following == "convoy" and late + spans[1] < spans[0]
+    assert ("capacity" in found) == (begins_too_early or arrives_too_early)
     passing = header(floor.replace(".~~", "~~~"), [(0, 0), (1, 0)])
     assert "swap" not in rules(played(passing, *begun, changes=rows))
 
@@ -202,7 +214,8 @@ def test_an_operation_that_begins_too_early(
 
 
 def test_a_long_move_holds_both_cells_until_it_arrives() -> None:
-    head = header(FLOOR, [(1, 0), (0, 0), (2, 1)], durations={"move": 3})
+    world = {"following": "handover"}
+    head = header(FLOOR, [(1, 0), (0, 0), (2, 1)], durations={"move": 3}, world=world)
     assert rules(played(head, {0: E}, {1: E})) == ["capacity"]  # into the cell left too early
     assert rules(played(head, {0: E}, {2: N})) == ["capacity"]  # into the cell entered
     assert played(head, {0: E}, {}, {1: E}).valid  # in the tick of the arrival
@@ -215,6 +228,169 @@ def test_without_following_a_cell_must_be_empty_when_the_tick_begins() -> None:
     long = header(FLOOR, [(0, 0), (1, 0)], world={"following": "none"}, durations={"move": 2})
     assert rules(played(long, {1: E}, {0: E})) == ["following"]
     assert played(long, {1: E}, {}, {0: E}).valid
+
+
+# Convoy: a robot begins to move into a cell whose holder is on its way out.
+
+
+LONG = {"durations": {"move": 3}}
+UNLIKE = [{"name": f"of-{ticks}", "durations": {"move": ticks}, "robots": 1} for ticks in (4, 2, 3)]
+
+
+def unlike(*starts: tuple[int, int], **parts: Any) -> dict[str, Any]:
+    """Robots whose moves take 4, 2, 3 and 1 ticks; with fewer starts only the first of them."""
+    types = UNLIKE[: len(starts) - 1]
+    last = (4, 2, 3, 1)[len(starts) - 1]
+    types = [*types, {"name": f"of-{last}", "durations": {"move": last}, "robots": 1}]
+    fleet = {"robots": len(starts), "kinematics": "omni", "start": list(starts), "types": types}
+    return header(FLOOR, "", fleet=fleet, **parts)
+
+
+def takes(tick: int, **ticks: int) -> list[tuple[int, int, int, int]]:
+    """Rows that say how long moves of A, B, ... take that begin in a tick."""
+    return [(tick, CHANGE_DURATION, "ABCD".index(name), value) for name, value in ticks.items()]
+
+
+def test_a_file_moves_as_a_whole_in_moves_of_several_ticks() -> None:
+    head = header(FLOOR, [(2, 0), (1, 0), (0, 0)], **LONG)
+    file = {0: E, 1: E, 2: E}
+    assert played(head, file, {}, {}, file).valid
+    assert rules(played(head, file, {}, {1: E})) == ["busy"]
+
+
+def test_who_follows_later_arrives_with_the_robot_ahead_or_later() -> None:
+    """A takes 4 ticks, B 2: in A's ticks 2, 3 and 4 B still needs 3, 2 and 2."""
+    head = unlike((1, 0), (0, 0))
+    for late, ticks in ((1, 3), (2, 2), (3, 2)):
+        begun = [{0: E}, *[{} for _ in range(late - 1)], {1: E}]
+        rows = takes(late + 1, B=ticks) if ticks != 2 else []
+        assert played(head, *begun, changes=rows).valid
+        assert rules(played(head, *begun, changes=takes(late + 1, B=ticks + 1))) == ["move time"]
+
+
+def test_a_move_that_is_too_short_is_named_and_where_it_arrives() -> None:
+    head = unlike((1, 0), (0, 0))
+    report = played(head, {0: E}, {1: E}, {}, {})
+    assert rules(report) == ["move time", "capacity"]
+    text = "must take 3: a move takes 2, and a robot ahead still takes 3"
+    assert text in report.violations[0].text
+    assert report.violations[1].tick == 3 and "has not yet left" in report.violations[1].text
+
+
+def test_a_ring_of_unlike_speeds_takes_the_longest_of_them() -> None:
+    head = unlike((0, 0), (1, 0), (1, 1), (0, 1))
+    ring = {0: E, 1: S, 2: W, 3: N}
+    rows = takes(1, B=4, C=4, D=4)
+    again = {0: S, 1: W, 2: N, 3: E}
+    assert played(head, ring, {}, {}, {}, again, changes=[*rows, *takes(5, B=4, C=4, D=4)]).valid
+    assert rules(played(head, ring, changes=takes(1, B=4, C=3, D=4))) == ["move time"]
+
+
+def test_nobody_follows_one_that_stands_and_no_two_follow_one() -> None:
+    stands = header(FLOOR, [(1, 0), (0, 0)], **LONG)
+    assert rules(played(stands, {1: E})) == ["capacity"]
+    three = header(FLOOR, [(1, 0), (0, 0), (1, 1)], **LONG)
+    assert played(three, {0: E}, {1: E}).valid
+    assert rules(played(three, {0: E}, {1: E}, {2: N})) == ["capacity"]
+    assert rules(played(three, {0: E}, {1: E, 2: N})) == ["capacity"]
+
+
+def test_the_edge_of_a_long_move_is_barred_in_all_its_ticks() -> None:
+    """A drives into a cell without limit, from which B could drive into A's cell, which is open."""
+    head = header(FLOOR.replace("......", ".~...."), [(0, 0), (1, 0)], **LONG)
+    for late in (1, 2):
+        begun: list[dict[int, int]] = [{0: E}, {}, {}]
+        begun[late] = {1: W}
+        rows = takes(late + 1)
+        assert rules(played(head, *begun, changes=rows)) == ["swap"]
+    assert played(head, {0: E}, {}, {}, {1: W}).valid
+
+
+def test_who_leaves_a_parking_bay_needs_a_home_cell_in_which_nobody_is() -> None:
+    head = header(BAYS, "parking-bays", 2, **LONG)
+    out = [{1: LEFT_PARKING_BAY | E}, {}, {}, {1: N}, {}, {}, {1: W}, {}, {}, {1: S}]
+    leaves = {0: LEFT_PARKING_BAY | E}
+    assert rules(played(head, *out, {}, leaves)) == ["bay"], "robot 1 is still on its way out"
+    assert played(head, *out, {}, {}, leaves).valid
+
+
+def test_nobody_follows_out_of_a_parking_bay_in_the_same_tick() -> None:
+    head = header(BAYS, "parking-bays", 2, **LONG)
+    out = [{1: LEFT_PARKING_BAY | E}, {}, {}, {1: N}, {}, {}]
+    leaves = {0: LEFT_PARKING_BAY | S}
+    assert rules(played(head, *out, leaves | {1: W})) == ["bay"]
+    assert played(head, *out, leaves, {1: W}, changes=takes(8)).valid
+
+
+def test_a_turn_in_an_aisle_for_two_needs_a_lane_in_which_nobody_is() -> None:
+    """A comes from the west into the aisle through which B drives north."""
+    parts: Any = {"kinematics": "differential", "durations": {"move": 3, "turn": 1}}
+    head = header("......\n.=...d\n....s.", [(0, 1), (1, 2)], **parts)
+    both = [{0: TURN_LEFT, 1: N}, {0: E}, {}, {1: N}]  # A is there from tick 5 on, B up to tick 6
+    assert rules(played(head, *both, {0: TURN_LEFT})) == ["capacity"]
+    assert rules(played(head, *both, {}, {0: TURN_LEFT})) == ["capacity"]
+    assert played(head, *both, {}, {}, {0: TURN_LEFT}).valid
+
+
+def test_moves_under_way_keep_their_length_when_the_rule_changes() -> None:
+    head = header(FLOOR, [(1, 0), (0, 0), (1, 1)], **LONG)
+    for rule, late, broken in (
+        ("handover", 1, ["capacity"]),
+        ("handover", 2, []),
+        ("none", 2, ["following"]),
+        ("none", 3, []),
+    ):
+        assert rules(changed(head, [{0: E}], rule, [{}] * (late - 1) + [{1: E}])) == broken
+    both = changed(head, [{0: E}, {1: E}], "handover", [{2: N}])
+    assert rules(both) == ["capacity"], "A gives its cell up, and B is on its way into it"
+    held = header(FLOOR, [(1, 0), (0, 0)], **LONG, world={"following": "handover"})
+    assert changed(held, [{0: E}], "convoy", [{1: E}]).valid
+
+
+def changed(
+    head: dict[str, Any], before: list[dict[int, int]], following: str, after: list[dict[int, int]]
+) -> Report:
+    """Validate a recording in which the rule of following changes between two of its ticks."""
+    scenario = {**head["scenario"], "world": {**head["scenario"]["world"], "following": following}}
+    frames, first = [], 1
+    for ticks in (before, after):
+        did = np.zeros((len(ticks), len(head["robots"]["home"])), np.uint16)
+        for row, acts in enumerate(ticks):
+            for robot, code in acts.items():
+                did[row, robot] = code
+        rows = np.zeros((0, 4), np.int64)
+        content = {"first": first, "executed": did, "changes": rows, "digests": None}
+        frames.append(Frame(FRAME_KIND_TICKS, content))
+        first += len(ticks)
+    change = Frame(FRAME_KIND_CONDITIONS, {"tick": len(before), "scenario": scenario})
+    return validate_recording(head, [frames[0], change, frames[1]])
+
+
+def delayed(of: tuple[int, int], *starts: tuple[int, int], **parts: Any) -> dict[str, Any]:
+    """A run in which this robot begins a delay of 2 ticks in this tick, and no other one in 12."""
+    tick, robot = of
+    faults = {"delays": {"probability": 0.02, "ticks": {"from": 2, "to": 2}}}
+    head = header(FLOOR, list(starts), faults=faults, **parts)
+    draws = list(product(range(1, 13), range(len(starts))))
+    for seed in range(100_000):
+        begun = [at for at in draws if random_bits(seed, BEGIN, *at) >> 32 < 0.02 * 2**32]
+        if begun == [(tick, robot)]:
+            return head | {"seed": seed}
+    raise AssertionError("no such seed")
+
+
+def test_a_delay_is_handed_on_down_the_file() -> None:
+    """A, B and C drive for 3 ticks, one behind the other; A is delayed by 2 in the second."""
+    head = delayed((2, 0), (2, 0), (1, 0), (0, 0), **LONG)
+    file, begins = {0: E, 1: E, 2: E}, [(2, CHANGE_DELAYED, 0, 2)]
+    assert played(head, file, *[{}] * 4, file, changes=begins).valid
+    for early in range(2, 6):
+        ticks = [file, *[{}] * (early - 2), {2: E}, *[{}] * 6]
+        assert rules(played(head, *ticks, changes=begins))[0] == "busy"
+    behind = delayed((2, 2), (2, 0), (1, 0), (0, 0), **LONG)
+    begins = [(2, CHANGE_DELAYED, 2, 2)]
+    ahead = {0: E, 1: E}
+    assert played(behind, file, {}, {}, ahead, changes=begins).valid, "not to those ahead"
 
 
 # Bays: A's home is (0, 0), B's is (0, 1).

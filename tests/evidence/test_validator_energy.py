@@ -85,6 +85,43 @@ def test_a_robot_with_energy_is_not_empty() -> None:
     assert rules(report) == ["energy"] and "is out of energy with 250000000 units" in texts(report)
 
 
+def behind(charge: float, **parts: Any) -> dict[str, Any]:
+    """B drives for a tick behind A, whose moves take 4; a move takes 10 %, a wait 0.5 %."""
+    types = [
+        {"name": "slow", "robots": 1, "durations": {"move": 4}},
+        {"name": "fast", "robots": 1, "battery": {"initial_charge": charge}},
+    ]
+    fleet = {"robots": 2, "kinematics": "omni", "start": [[2, 0], [1, 0]], "types": types}
+    orders = {"list": [{"from": [4, 0], "to": [4, 1]}]}
+    full = BATTERY | {"initial_charge": 100}
+    return header("c...t\n....t", "", fleet=fleet, orders=orders, battery=full, **parts)
+
+
+def test_ticks_behind_the_robot_ahead_are_paid_as_waits_are() -> None:
+    """10 % for a tick of moving, 3 * 0.5 % for the others, and 10 % for the next move."""
+    ticks: list[dict[int, int]] = [{0: E, 1: E}, {}, {}, {}, {1: S}]
+    lengths = [(1, CHANGE_DURATION, 1, 4)]
+    assert played(behind(21.5), *ticks, changes=lengths).valid
+    report = played(behind(21.4), *ticks, changes=lengths)
+    assert rules(report) == ["energy"] and "has 99000000" in texts(report)
+
+
+def test_a_battery_that_empties_in_a_move_takes_the_robot_out_when_that_is_over() -> None:
+    lengths = [(1, CHANGE_DURATION, 1, 4)]
+    for down in range(3, 7):
+        rows = [*lengths, (down, CHANGE_STATUS, 1, STATUS_DEPLETED)]
+        report = played(behind(10.9), {0: E, 1: E}, *[{}] * 6, changes=rows)
+        assert rules(report) == (["energy"] if down < 5 else []), down
+
+
+def test_a_robot_that_breaks_down_in_a_move_goes_down_when_that_is_over() -> None:
+    faults = {"list": [{"robot": 1, "at": 2}]}
+    for down, valid in ((3, False), (5, True)):
+        rows = [(1, CHANGE_DURATION, 1, 4), (down, CHANGE_STATUS, 1, STATUS_FAILED)]
+        report = played(behind(50, faults=faults), {0: E, 1: E}, *[{}] * 5, changes=rows)
+        assert rules(report) == ([] if valid else ["energy"])
+
+
 # Faults.
 
 

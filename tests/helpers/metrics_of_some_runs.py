@@ -14,6 +14,7 @@ OF_OTHER_RUNS = (
         "lost_queueing",
         "lost_held_back",
         "lost_station_queue",
+        "lost_following",
         "lost_at_gates",
         "energy",
         "charging_share",

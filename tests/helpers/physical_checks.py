@@ -22,6 +22,8 @@ from automaton.engine.state import (
     ACTION_MOVE,
     ACTION_PICK,
     ACTION_TURN,
+    ACTION_WAIT,
+    FOLLOWING_CONVOY,
     NIL,
     ORDER_CARRIED,
     ORDER_DELIVERED,
@@ -106,16 +108,23 @@ class PhysicalChecks:
     # Positions
 
     def _check_room(self) -> None:
-        inside: dict[int, list[int]] = defaultdict(list)  # lanes that are taken, by cell
+        """No cell holds too many robots; under convoy a robot may come into what another one leaves."""
+        inside: dict[int, list[int]] = defaultdict(list)  # lanes that robots are in, by cell
+        ahead: dict[int, list[int]] = defaultdict(list)  # and where they will be
+        convoy = self.world.rules.following == FOLLOWING_CONVOY
         for r, (cell, claim) in enumerate(zip(self.now.cell, self.now.claim, strict=True)):
             if cell == NIL:
                 continue
-            inside[cell].append(self.now.travel[r] >> 1)
+            lane = self.now.travel[r] >> 1
+            is_moving = claim not in (NIL, cell)
+            inside[cell].append(lane)
             if claim == cell:
-                inside[cell].append(1 - (self.now.travel[r] >> 1))
-            elif claim != NIL:
-                inside[claim].append(self.step.index(claim - cell) >> 1)
-        for cell, lanes in inside.items():
+                inside[cell].append(1 - lane)
+            if is_moving:
+                ahead[claim].append(self.step.index(claim - cell) >> 1)
+            if not is_moving or not convoy:
+                ahead[cell].extend([lane, 1 - lane] if claim == cell else [lane])
+        for cell, lanes in [*inside.items(), *ahead.items()]:
             limit = self.capacity[cell]
             if limit and (len(lanes) > limit or (limit == 2 and len(set(lanes)) < len(lanes))):
                 self._wrong("collision", f"{len(lanes)} robots in cell {cell}")
@@ -175,6 +184,11 @@ class PhysicalChecks:
         if action != NIL:
             ticks = self.now.busy[r] + 1
             price = ticks * self.drain[action][loaded]
+            if action == ACTION_MOVE and self.world.rules.following == FOLLOWING_CONVOY:
+                own = int(self.world.traffic.own_ticks[self.world.robots.at_index[r]])
+                waits = (ticks - own) * self.drain[ACTION_WAIT][loaded]
+                price = own * self.drain[action][loaded]
+                price += min(waits, was - price)
             if was - now != price:
                 self._wrong("battery", f"robot {r} pays {was - now} of {was}, not {price}")
         elif now > was:

@@ -2,12 +2,18 @@
 
 Executed is the greatest set of intents in which every claimant finds room: begin with all of them,
 refuse the lowest-ranked excess of any cell, until nothing changes. An edge has room for robots one
-way, unless both its cells let robots pass. Shares no code with the kernels.
+way, unless both its cells let robots pass. What a robot gives up depends on the rule of following:
+
+    none      its cell when its move is over, for the tick after
+    handover  its cell in the last tick of its move
+    convoy    its cell when its move begins; whoever follows arrives no sooner than it has left
+
+Shares no code with the kernels.
 """
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable
+from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 MASK = 2**64 - 1
@@ -25,9 +31,15 @@ def tie_break_hash(tick: int, identity: int) -> int:
     return splitmix64(tick << 32 | identity)
 
 
+Place = tuple[int, int]  # a cell, and the direction in which a robot came or comes into it
+
+
 @dataclass
 class Robot:
-    """One robot; a long move holds `cell` and `claim` until `busy` ticks are over."""
+    """One robot; a long move leads from `cell` to `claim` until `busy` ticks are over.
+
+    One that turns in an aisle for two claims the other lane of its cell.
+    """
 
     identity: int
     cell: int
@@ -36,11 +48,12 @@ class Robot:
     claim: int | None = None
     claim_travel: int = 0
     busy: int = 0
+    lost: int = 0  # ticks that its moves took longer than its own, behind other robots
 
-    def holds(self) -> list[tuple[int, int]]:
-        """Cells that it holds, with the direction of its lane in each."""
-        held = [(self.cell, self.travel)]
-        return held if self.claim is None else [*held, (self.claim, self.claim_travel)]
+    @property
+    def is_under_way(self) -> bool:
+        """Whether it is between two cells."""
+        return self.claim not in (None, self.cell)
 
 
 @dataclass(frozen=True)
@@ -74,6 +87,61 @@ class Floor:
         capacity = self.capacity[cell]
         return {0: None, 1: cell, 2: (cell, direction // 2)}[capacity]
 
+    def holds(self, robot: Robot) -> list[Place]:
+        """The places that are not open because of a robot."""
+        if robot.claim is None:
+            return [(robot.cell, robot.travel)]
+        ahead = (robot.claim, robot.claim_travel)
+        if self.following == "convoy" and robot.is_under_way:
+            return [ahead]
+        return [(robot.cell, robot.travel), ahead]
+
+    def is_empty(self, cell: int, direction: int) -> bool:
+        """Whether nobody is in a place, on its way into it, or on its way out of it."""
+        taken = {
+            self.resource(*place)
+            for r in self.robots.values()
+            for place in [*self.holds(r), (r.cell, r.travel)]
+        }
+        return self.resource(cell, direction) not in taken - {None}
+
+    def come_out(self, robot: Robot) -> bool:
+        """Put a robot that leaves its parking bay into its cell if nobody is there."""
+        is_empty = self.is_empty(robot.cell, robot.travel)
+        if is_empty:
+            self.robots[robot.identity] = robot
+        return is_empty
+
+    def turn(self, identity: int, ticks: int) -> bool:
+        """Let a robot turn for so many ticks: in an aisle for two if nobody is in the other lane.
+
+        Call before the `tick` in which the turn begins.
+        """
+        robot = self.robots[identity]
+        if self.capacity[robot.cell] == 2:
+            if not self.is_empty(robot.cell, robot.travel ^ 2):
+                return False
+            robot.claim, robot.claim_travel = robot.cell, robot.travel ^ 2
+        robot.busy = ticks
+        return True
+
+    def delay(self, delays: Mapping[int, int]) -> None:
+        """Put off the ends of moves and turns by so many ticks, then those of the moves behind.
+
+        Call before the `tick` in which the delays begin. A robot that stands is not concerned.
+        """
+        for identity, ticks in delays.items():
+            if self.robots[identity].busy:
+                self.robots[identity].busy += ticks
+        moving = [robot for robot in self.robots.values() if robot.is_under_way]
+        ends = {robot.identity: robot.busy for robot in moving}
+        leaves = {r.identity: self.resource(r.cell, r.travel) for r in moving}
+        enters = {r.identity: self.resource(r.claim or 0, r.claim_travel) for r in moving}
+        hand_on(ends, leaves, enters)
+        for robot in moving:
+            robot.lost += ends[robot.identity] - robot.busy
+            robot.busy = ends[robot.identity]
+
     def tick(
         self, tick: int, wants: dict[int, tuple[int, int]], entered: Iterable[int] = ()
     ) -> tuple[set[int], set[int]]:
@@ -88,13 +156,15 @@ class Floor:
             if r.busy == 0 and self.exits[r.cell] >> d & 1
         ]
         executed = self._greatest(self._without_swaps(live), arriving, tick)
+        lengths = self._lengths(executed)
         for robot in self.robots.values():
             robot.busy = max(0, robot.busy - 1)
         for robot in arriving:
-            if robot.claim is not None:
-                robot.cell, robot.travel, robot.claim = robot.claim, robot.claim_travel, None
+            if robot.claim is not None and robot.is_under_way:
+                robot.cell, robot.travel = robot.claim, robot.claim_travel
+            robot.claim = None
         for intent in executed:
-            self._carry_out(intent)
+            self._carry_out(intent, lengths[intent.robot.identity])
         moved = {intent.robot.identity for intent in executed}
         return moved, {intent.robot.identity for intent in live} - moved
 
@@ -121,28 +191,64 @@ class Floor:
         wanted = self.resource(intent.to, intent.direction)
         if wanted is None:
             return True
-        held = [self.resource(*place) for r in self.robots.values() for place in r.holds()]
-        room = 1 - held.count(wanted)
-        if self.following != "none":
-            left = [
-                self.resource(robot.cell, robot.travel)
-                for robot in arriving
-                if robot.claim is not None
-            ]
-            left += [
-                self.resource(other.start, other.robot.travel)
-                for other in remaining
-                if other.span == 1 and not other.entered
-            ]
-            room += left.count(wanted)
+        held = [self.resource(*place) for r in self.robots.values() for place in self.holds(r)]
+        given_up = [place for robot in arriving for place in self._gives_up(robot)]
+        given_up += [(i.start, i.robot.travel) for i in remaining if self._follows_at_once(i)]
+        left = [self.resource(*place) for place in given_up]
         rivals = [r for r in remaining if self.resource(r.to, r.direction) == wanted]
         better = len(rivals) - 1 - rivals.index(intent)  # `remaining` is sorted, the worst first
-        return better < room
+        return better < 1 - held.count(wanted) + left.count(wanted)
 
-    def _carry_out(self, intent: Intent) -> None:
+    def _gives_up(self, arriving: Robot) -> list[Place]:
+        """What a robot gives up in its last tick: under convoy a move has given it up before."""
+        if self.following == "none" or arriving.claim is None:
+            return []
+        if not arriving.is_under_way:
+            return [(arriving.cell, arriving.travel ^ 2)]
+        return [(arriving.cell, arriving.travel)] if self.following == "handover" else []
+
+    def _follows_at_once(self, ahead: Intent) -> bool:
+        """Whether a robot may follow one in the tick in which that one begins to move."""
+        if ahead.entered or self.following == "none":
+            return False
+        return self.following == "convoy" or ahead.span == 1
+
+    def _lengths(self, executed: list[Intent]) -> dict[int, int]:
+        """The ticks of moves that begin: their own, or those that the one ahead still takes."""
+        moving = [robot for robot in self.robots.values() if robot.is_under_way]
+        ends = {robot.identity: robot.busy for robot in moving}
+        leaves = {r.identity: self.resource(r.cell, r.travel) for r in moving}
+        enters: dict[int, Hashable] = {}
+        for intent in executed:
+            ends[intent.robot.identity] = intent.span
+            leaves[intent.robot.identity] = self.resource(intent.start, intent.robot.travel)
+            enters[intent.robot.identity] = self.resource(intent.to, intent.direction)
+        hand_on(ends, leaves, enters)
+        return ends
+
+    def _carry_out(self, intent: Intent, ticks: int) -> None:
         robot = intent.robot
-        if intent.span == 1:
+        robot.lost += ticks - intent.span
+        if ticks == 1:
             robot.cell, robot.travel = intent.to, intent.direction
         else:
             robot.claim, robot.claim_travel = intent.to, intent.direction
-            robot.busy = intent.span - 1
+            robot.busy = ticks - 1
+
+
+def hand_on(
+    ends: dict[int, int], leaves: Mapping[int, Hashable], enters: Mapping[int, Hashable]
+) -> None:
+    """Let nobody arrive sooner than the robot that leaves its place, along files and round rings.
+
+    `ends`: ticks that moves still take, by identity; modified. What has no limit is None.
+    """
+    ahead = {
+        robot: other
+        for robot, place in enters.items()
+        for other, left in leaves.items()
+        if place is not None and place == left
+    }
+    while late := [robot for robot, other in ahead.items() if ends[robot] < ends[other]]:
+        for robot in late:
+            ends[robot] = max(ends[robot], ends[ahead[robot]])

@@ -45,9 +45,11 @@ class Delays:
                 words += [f"{due[r]} ticks" if r in due else "none"]
                 text = f"a delay of {words[0]} is recorded, and {words[1]} is due"
                 self.report_violation("delay", [r], self.motion.cell[r], text)
-        for r, ticks in recorded.items():
-            if 0 <= r < len(self.until):
-                self._delay(tick, r, ticks)
+        delayed = [r for r in recorded if 0 <= r < len(self.until)]
+        for r in delayed:
+            self._delay(tick, r, recorded[r])
+        for r, ticks in self.motion.hand_on(delayed):
+            self.energy.stand_for(r, ticks)
         for r, until in enumerate(self.until):
             if until >= tick and self.motion.free[r] <= tick:
                 self.energy.stand_for(r, until - tick + 1)

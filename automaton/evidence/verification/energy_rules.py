@@ -118,8 +118,11 @@ class Energy:
             for battery in [BatteryOfType(self.battery, kind.get("battery") or {})] * robots
         ]
 
-    def spend(self, tick: int, acts: Acts, rows: Rows, load: list[int]) -> None:
-        """Pay for what begins in a tick, as loads are before it."""
+    def spend(self, tick: int, acts: Acts, rows: Rows, load: list[int], placed: set[int]) -> None:
+        """Pay for what begins in a tick, as loads are before it.
+
+        `placed`: robots that come out of their parking bays in it.
+        """
         for r, did in acts:
             if self.status[r] != STATUS_UP and did & ACTION_MASK:
                 text = "does something although it is down"
@@ -132,7 +135,9 @@ class Energy:
             if code in OPERATION_BY_CODE:
                 name = OPERATION_BY_CODE[code]
                 ticks = lengths.get(r, max(1, self.motion.types.ticks_of(r, name)))
-                self._operate(r, name, ticks * self.own[r].rates[name][loaded])
+                behind = self._ticks_behind(tick, r, code, ticks, r in placed)
+                self._operate(r, name, (ticks - behind) * self.own[r].rates[name][loaded])
+                self._stand(r, behind * self.own[r].rates["wait"][loaded])
             elif code in WAIT_CODES:
                 self._stand(r, lengths.get(r, 1) * self.own[r].rates["wait"][loaded])
             elif code == EXECUTED_CHARGE:
@@ -143,6 +148,12 @@ class Energy:
                 free = self.motion.free[r] <= tick and self.status[r] == STATUS_UP
                 if cell != NIL and free and r not in busy:
                     self._stand(r, self.own[r].rates["wait"][int(load[r] != NIL)])
+
+    def _ticks_behind(self, tick: int, r: int, code: int, ticks: int, is_new: bool) -> int:
+        """The ticks of a move that are lost behind the robot ahead, which it pays as it pays waits."""
+        if self.motion.following != "convoy" or code > MOVE_NORTH or self.motion.cell[r] == NIL:
+            return 0
+        return max(0, ticks - self.motion.own_ticks(tick, r, code - MOVE_EAST, is_new))
 
     def _operate(self, r: int, name: str, price: int) -> None:
         if price > self.charge[r]:
@@ -216,6 +227,8 @@ class Energy:
 
     def _check_fault(self, tick: int, r: int, status: int, before: int) -> None:
         cell = self.motion.cell[r]
+        if self.motion.is_under_way(r):
+            self.report_violation("energy", [r], cell, "goes down before its move is over")
         if before != STATUS_UP:
             self.report_violation("energy", [r], cell, "goes down although it is already")
         if status == STATUS_DEPLETED:

@@ -2,6 +2,8 @@
 
 A *resource* is a cell of capacity 1, or one lane of a cell of capacity 2 (east and south share
 lane 0, west and north lane 1). A resource has one holder; a cell without limit has no resources.
+A robot on its way out holds its resource up to the last tick of its move; under convoy, until that
+begins: then whoever follows holds it, and arrives no sooner than the robot ahead has left.
 Of each tick: parking bays open, operations begin, all moves happen at once, robots at home park.
 Robots that leave the floor when they are done are at home wherever they stand.
 """
@@ -53,6 +55,8 @@ class Motion:
         self.types = Types(floor, scenario)
         self.headings = self.types.headings
         self.pace = MoveTimes(floor, header["seed"], self.types)
+        self.holder: dict[int, int] = {}  # resource -> robot
+        self.leaver: dict[int, int] = {}  # resource -> robot whose long move leads out of it
         self.apply_rules(scenario)
         self.leave: bool = scenario["fleet"].get("when_idle") == "leave"
         self.home: list[int] = robots["home"].tolist()
@@ -65,7 +69,6 @@ class Motion:
         self.parked = [True] * len(self.home)
         self.unsure: set[int] = set()  # parked on the floor, or about to leave: actions do not tell
         self.claim: dict[int, tuple[int, int]] = {}  # long moves: robot -> (to, direction)
-        self.holder: dict[int, int] = {}  # resource -> robot
         # (from, to) -> the robot that last drove there, and the tick in which it arrived or will
         self._drive: dict[tuple[int, int], tuple[int, int]] = {}
         self._arrivals: dict[int, list[int]] = {}  # tick -> robots whose long move ends in it
@@ -79,6 +82,11 @@ class Motion:
         self.given: dict[str, Any] = scenario["durations"]
         self.types.apply_rules(scenario)
         self.pace.apply_rules(scenario)
+        for resource, r in self.leaver.items():  # who is on its way out, by the rule of now
+            if self.following != "convoy":
+                self.holder.setdefault(resource, r)
+            elif self.holder.get(resource) == r:
+                del self.holder[resource]
 
     def _check_start(self, bays: list[list[int]]) -> None:
         used = [bay for bay in self.bay if bay != NIL]
@@ -124,6 +132,14 @@ class Motion:
         if self.holder.get(resource) == r:
             del self.holder[resource]
 
+    def _first_in(self, resource: int) -> int:
+        """A robot that is in a resource, on its way into it or out of it; NIL: there is none."""
+        return self.holder.get(resource, self.leaver.get(resource, NIL))
+
+    def is_under_way(self, r: int) -> bool:
+        """Whether robot r is between two cells."""
+        return r in self.claim and self.claim[r][0] != self.cell[r]
+
     # One tick
 
     def look(self, acts: Acts) -> None:
@@ -144,7 +160,7 @@ class Motion:
                 continue
             home = self.home[r]
             heading = self.entry_heading(r, home)
-            other = self.holder.get(self.resource(home, heading), NIL)
+            other = self._first_in(self.resource(home, heading))
             if other != NIL:
                 text = "leaves its parking bay although its home cell is held"
                 self.report_violation("bay", [r, other], home, text)
@@ -175,7 +191,6 @@ class Motion:
             self.begun[r] = code
             if code <= MOVE_NORTH:
                 self._begin_move(r, code - 1, movers)
-                self._check_pace(tick, r, code - 1, lengths.get(r), r in placed)
                 self.free[r] = tick + lengths.get(r, self.pace.usual_of(r))
             elif code <= TURN_RIGHT:
                 self._turn(tick, r, code)
@@ -183,6 +198,7 @@ class Motion:
             else:
                 self.free[r] = tick + lengths.get(r, self.handling(r, code))
         if movers:
+            self._check_lengths(tick, movers, lengths, placed)
             self._check_moves(tick, movers, placed)
         self._carry_out(tick, movers)
         if parking:
@@ -236,18 +252,56 @@ class Motion:
             text = f"is in an area that is closed to {self.types.called(r)}"
             self.report_violation("area", [r], cell, text)
 
-    def _check_pace(
-        self, tick: int, r: int, direction: int, length: int | None, placed: bool
+    def own_ticks(self, tick: int, r: int, direction: int, is_new: bool) -> int:
+        """Return what a move that begins now takes where no robot is ahead.
+
+        `is_new`: the robot came out of its parking bay in this tick.
+        """
+        if self.pace.usual and not self.pace.cabin_ticks:
+            return self.pace.usual_of(r)
+        came = None if is_new else self.travel[r]
+        return self.pace.due(tick, r, self.cell[r], direction, came)[0]
+
+    def _check_lengths(
+        self, tick: int, movers: list[Mover], lengths: dict[int, int], placed: set[int]
     ) -> None:
-        """Whether a move takes as long as the rules say; `length`: as recorded, None for usual."""
-        if length is None and self.pace.usual and not self.pace.cabin_ticks:
-            return
-        came = None if placed else self.travel[r]
-        due, why = self.pace.due(tick, r, self.cell[r], direction, came)
-        ticks = self.pace.usual_of(r) if length is None else length
-        if ticks != due:
-            text = f"its move is recorded with {ticks} ticks and must take {due}: {why}"
-            self.report_violation("move time", [r], self.cell[r], text)
+        """Whether moves take as long as the rules say; `lengths`: as recorded, if not as usual."""
+        own = {r: self.own_ticks(tick, r, way, r in placed) for r, _, _, way in movers}
+        due = dict(own)
+        if self.following == "convoy":
+            self._wait_for_those_ahead(tick, movers, due)
+        for r, start, _, way in movers:
+            ticks = lengths.get(r, self.pace.usual_of(r))
+            if ticks != due[r]:
+                _, why = self.pace.due(tick, r, start, way, None if r in placed else self.travel[r])
+                if due[r] != own[r]:
+                    why += f", and a robot ahead still takes {due[r]}"
+                text = f"its move is recorded with {ticks} ticks and must take {due[r]}: {why}"
+                self.report_violation("move time", [r], start, text)
+
+    def _wait_for_those_ahead(self, tick: int, movers: list[Mover], due: dict[int, int]) -> None:
+        """Let moves that begin now take at least what the moves ahead still take.
+
+        `due`: the ticks of each, modified: from the heads of files to their ends, in a ring the most.
+        """
+        starts = {self.resource(start, self.travel[r]): r for r, start, _, _ in movers}
+        ahead: dict[int, int] = {}
+        for r, _, to, direction in movers:
+            resource = self.resource(to, direction)
+            if resource in self.leaver:
+                due[r] = max(due[r], self.free[self.leaver[resource]] - tick)
+            elif resource in starts and resource != NIL:
+                ahead[r] = starts[resource]
+        while ahead:
+            file = [next(iter(ahead))]
+            while file[-1] in ahead and ahead[file[-1]] not in file:
+                file.append(ahead[file[-1]])
+            head = ahead.get(file[-1])
+            ring = [] if head is None else file[file.index(head) :]
+            due.update(dict.fromkeys(ring, max((due[r] for r in ring), default=0)))
+            for r in reversed(file):
+                if r in ahead:
+                    due[r] = max(due[r], due[ahead.pop(r)])
 
     def _turn(self, tick: int, r: int, code: int) -> None:
         cell, headings = self.cell[r], self.headings[r]
@@ -261,6 +315,10 @@ class Motion:
         quarter = 3 if code == TURN_LEFT else 1
         self.heading[r] = (self.heading[r] + quarter) & (headings - 1)
         if self.capacity[cell] == 2:
+            other = self.leaver.get(self.resource(cell, self.travel[r] ^ 2), NIL)
+            if other != NIL and self.following == "convoy":
+                text = "turns although a robot has not yet left the other lane"
+                self.report_violation("capacity", [r, other], cell, text)
             self._take(r, cell, self.travel[r] ^ 2)
             self.claim[r] = (cell, self.travel[r])
             self._turned.setdefault(tick + self.types.ticks_of(r, "turn") - 1, []).append(r)
@@ -293,21 +351,29 @@ class Motion:
         for r in self._arrivals.pop(tick, ()):
             self.arrived.add(r)
             self._give(r, self.cell[r], self.travel[r])
+            self.leaver.pop(self.resource(self.cell[r], self.travel[r]), None)
             self.cell[r], self.travel[r] = self.claim.pop(r)
         for r in self._turned.pop(tick, ()):
             self._give(r, self.cell[r], self.travel[r] ^ 2)
             del self.claim[r]
         for r, start, _, _ in movers:
-            if self.free[r] == tick + 1:
+            if self.free[r] == tick + 1 or self.following == "convoy":
                 self._give(r, start, self.travel[r])
-        for r, _, to, direction in movers:
+        for r, start, to, direction in movers:
             self._take(r, to, direction)
             if self.free[r] == tick + 1:
                 self.cell[r], self.travel[r] = to, direction
                 self.arrived.add(r)
             else:
+                self.leaver[self.resource(start, self.travel[r])] = r
                 self.claim[r] = (to, direction)
                 self._arrivals.setdefault(self.free[r] - 1, []).append(r)
+        self.leaver.pop(NIL, None)
+        for r in self.arrived:
+            other = self.leaver.get(self.resource(self.cell[r], self.travel[r]), r)
+            if other != r and self.following == "convoy":
+                text = "arrives where a robot is that has not yet left"
+                self.report_violation("capacity", [other, r], self.cell[r], text)
 
     def lengthen(self, r: int, ticks: int) -> None:
         """The move or the turn that robot r is in takes so many ticks longer."""
@@ -319,6 +385,25 @@ class Motion:
                 ends.setdefault(last + ticks, []).append(r)
         if self.begun[r] <= MOVE_NORTH and r in self.claim:
             self._drive[self.cell[r], self.claim[r][0]] = r, self.free[r] - 1
+
+    def hand_on(self, delayed: list[int]) -> list[tuple[int, int]]:
+        """Let no move end before that of the robot ahead, from delayed ones to the ends of their files.
+
+        Returns by how many ticks moves take longer: (robot, ticks).
+        """
+        behind = {self.resource(*self.claim[r]): r for r in self.claim if self.is_under_way(r)}
+        longer: list[tuple[int, int]] = []
+        front = [r for r in delayed if self.is_under_way(r)]
+        while front:
+            r = front.pop()
+            resource = self.resource(self.cell[r], self.travel[r])
+            other = behind.get(resource, r) if resource != NIL else r
+            late = self.free[r] - self.free[other]
+            if late > 0:
+                self.lengthen(other, late)
+                longer.append((other, late))
+                front.append(other)
+        return longer
 
     def _park(self, tick: int, r: int) -> None:
         cell = self.cell[r]

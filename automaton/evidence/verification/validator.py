@@ -46,29 +46,31 @@ RULE_TEXTS: Final = {
     "exits": "moves go to a neighbour through an exit of the cell",
     "heading": "moves go along the robot's axis or heading",
     "turn": "robots turn where their kinematics allow it",
-    "capacity": "a cell holds no more robots than its capacity; long moves hold both cells",
+    "capacity": "a cell holds no more robots than its capacity; long moves hold both cells, under "
+    "convoy only the one ahead",
     "swap": "two robots do not swap over an edge where robots cannot pass",
     "following": "without following, a cell is entered only if it had room when the tick began",
-    "bay": "a parking bay holds one robot, which enters and leaves at its own home cell, without "
-    "following",
+    "bay": "a parking bay holds one robot, which enters and leaves at its own home cell, where "
+    "nobody is, without following",
     "load": "an order is in exactly one place; loads are handled beside their slot",
     "order": "an order is reserved by one robot at a time",
     "slot": "a shelf is reserved by one robot at a time, while empty",
     "move time": "a move takes its duration times the robots in its slow zone, and what chance "
-    "adds",
+    "adds; under convoy at least what the robot ahead still takes",
     "area": "robots keep out of the areas that are closed to their type",
     "payload": "robots carry no order that is heavier than their type may carry",
     "arrival": "loads are handled on arrival only where that takes no time of its own",
     "duration": "waits say how long they take",
-    "energy": "batteries pay for what begins; robots that are down stand still until they are "
-    "towed",
+    "energy": "batteries pay for what begins; robots go down when their move is over and stand still "
+    "until they are towed",
     "visit": "a robot does the next stop of its order when it stands there at the end of a tick, one "
     "in a tick",
     "due": "an order is due when its scenario says, from first to last",
     "pod": "a pod is in one storage cell or on one robot; no robot with a load drives under one",
     "line": "a line is done once, at its station, with its pod there",
     "place": "no more robots go to a station than it has places",
-    "delay": "robots are delayed when and for as long as chance says, and then begin nothing",
+    "delay": "robots are delayed when and for as long as chance says, and then begin nothing; no "
+    "move ends before that of the robot ahead",
     "closed": "no robot enters a closed cell",
     "door": "no robot drives through a door that is shut",
     "block": "a block holds no more robots than it says, of one direction if it says so",
@@ -213,7 +215,7 @@ class Validator:
         placed = self.motion.open_bays(tick, acts) if leaves else set()
         if self.gates.gates:
             self.gates.check(tick, acts, placed, self.motion)
-        self.energy.spend(tick, acts, rows, self.loads.load)
+        self.energy.spend(tick, acts, rows, self.loads.load, placed)
         rows, stops = parted_visits(rows)
         before, after = parted(rows, acts)
         lengths = self.loads.apply(tick, before, acts)

@@ -152,7 +152,7 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
         "epibt": Entry(
             "strategies.right_of_way.epibt.epibt:Epibt",
             EpibtParameters,
-            "robots plan a few actions ahead and push each other (EPIBT); all actions of one tick",
+            "robots plan a few actions ahead and push each other (EPIBT); turns and moves of any length",
         ),
         "retreat": Entry(
             "strategies.right_of_way.retreat:Retreat",

@@ -156,7 +156,7 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
         "epibt": Entry(
             "strategies.right_of_way.epibt.epibt:Epibt",
             EpibtParameters,
-            "robots plan a few actions ahead and push each other (EPIBT); up to 64 ticks of plan",
+            "robots plan a few actions ahead and push each other (EPIBT)",
             default_for=SLOW_STEERED,
         ),
         "retreat": Entry(

@@ -114,6 +114,10 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     ),
     "messages": ("messages", "that robots sent each other: bids, loads, turns"),
     "alternative_routes": ("times", "traffic avoidance chose another route than plain A*"),
+    "deadlocks_resolved": (
+        "times",
+        "a robot stepped aside out of a wait cycle that had outlasted deadlock_patience",
+    ),
     "illegal_answers": ("times", "decisions of strategies that broke a rule"),
 }
 

@@ -38,6 +38,7 @@ COUNTED_BY_STRATEGIES: Final = (
         "shared_orders",
         "messages",
         "alternative_routes",
+        "deadlocks_resolved",
         "ticks_in_balance",
         "ticks_watched",
     ),

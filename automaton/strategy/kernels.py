@@ -20,7 +20,7 @@ from automaton.engine.holders import lane_of
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import direction_between, has_room, is_empty
 from automaton.engine.next_stop import end_of_stops, has_load, next_stop_cell
-from automaton.engine.operations import types_of_robots, with_load, without_load
+from automaton.engine.operations import energy_cost, types_of_robots, with_load, without_load
 from automaton.engine.prefetch import prefetch
 from automaton.engine.random_numbers import (
     STREAM_ABORTS,
@@ -116,6 +116,7 @@ __all__ = [
     "distance",
     "dropoff_cell",
     "end_of_stops",
+    "energy_cost",
     "fetch_cost",
     "find_path",
     "find_step_costs",

@@ -111,9 +111,7 @@ def drawn_gates(number: int) -> Resolved:
             "routing": "shortest" if number % 4 > 1 else random.choice(ROUTINGS),
             "right_of_way": right_of_way,
         },
-        "world": {
-            "following": "convoy" if right_of_way == "epibt" or random.randrange(4) else "none"
-        },
+        "world": {"following": "convoy" if random.randrange(4) else "none"},
         "stop": {"when": "delivered", "max_duration": TICKS},
         "seed": number,
     }

@@ -9,7 +9,15 @@ from automaton.scenario.unavailable_metrics import OF_DUE_TIMES, OF_LINES, OF_TI
 # have due times or are lines, robots run on batteries or may fail, right of way steers, stations work
 # on parts, cells have a side.
 OF_OTHER_RUNS = (
-    *(*TASK_METRICS, "slowdown_ticks", "alternative_routes", *OF_TIMES, *OF_DUE_TIMES, *OF_LINES),
+    *(
+        *TASK_METRICS,
+        "slowdown_ticks",
+        "alternative_routes",
+        "deadlocks_resolved",
+        *OF_TIMES,
+        *OF_DUE_TIMES,
+        *OF_LINES,
+    ),
     *(
         "lost_queueing",
         "lost_held_back",

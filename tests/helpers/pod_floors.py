@@ -47,7 +47,7 @@ def drawn_pods(number: int, ticks: int = TICKS) -> Resolved:
     if number % 4 == 3:
         orders = {"list": listed_orders(chance, rows, listed, ticks)}
     driving, following = chance.choice(DRIVING), chance.random() < 0.8
-    if driving[1] == "epibt" and (kinematics != "differential" or not following):
+    if driving[1] == "epibt" and (kinematics != "differential"):
         driving = ("shortest", "pibt")
     sight: Any = "everything"
     if allocation["name"] != "auction" and driving[1] != "epibt":

@@ -15,6 +15,7 @@ from automaton.scenario.unavailable_metrics import not_measured
 
 COUNTED_BY_STRATEGIES = {
     "alternative_routes",
+    "deadlocks_resolved",
     "balanced_share",
     "shared_orders",
     "messages",

@@ -57,6 +57,7 @@ LOWER_IS_BETTER: Final = frozenset(
         "part_flow_time",
         "messages",
         "illegal_answers",
+        "deadlocks_resolved",
     )
 )
 

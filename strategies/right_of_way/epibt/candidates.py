@@ -15,12 +15,14 @@ from automaton.strategy.kernels import (
     UNREACHABLE,
     cost_in,
     gate_before,
+    has_room,
     is_in_full_gate,
     kernel,
     table_of,
     weighted_table_of,
     with_load,
 )
+from strategies.right_of_way.arrivals import comes_to_charge, lacks_charge
 from strategies.right_of_way.deadlocks import steps_aside
 from strategies.right_of_way.epibt.epibt_state import NO_AIM
 from strategies.right_of_way.epibt.operations import FORWARD
@@ -43,12 +45,12 @@ def rank_candidates(view, workspace, state, i):
     pose = np.int64(state.pose[i])
     way = cost_from(workspace, state, row, pose) if goal != NIL else np.int64(0)
     state.cost[i] = plan_cost(workspace, state, i, goal, row, way)
-    is_kept = is_kept_by_gate(view, state, i)
-    enter_keys(view, workspace, state, i, goal, row, way, is_kept)
+    waits = is_kept(view, state, i)
+    enter_keys(view, workspace, state, i, goal, row, way, waits)
     state.sorted_count[i] = 0
     if state.asked[i]:
         state.sequence_key[i] = LAST_KEY - 1
-    elif goal == NIL or (is_kept and wants_ahead(state, i)):
+    elif goal == NIL or (waits and wants_ahead(state, i)):
         state.sequence_key[i] = LAST_KEY
     elif (
         is_in_full_gate(view, pose >> 2)
@@ -81,10 +83,21 @@ def turn_at_pockets(state, i, goal):
 
 
 @kernel
-def is_kept_by_gate(view, state, i):
-    """Return whether a gate keeps robot i out of the cell ahead of it."""
+def is_kept(view, state, i):
+    """Return whether a gate keeps robot i out of the cell ahead, its battery, or a charger that is held.
+
+    Where moves take one tick robots are sent all the same, and may be refused.
+    """
     pose = np.int64(state.pose[i])
-    return gate_before(view, i, (pose >> 2) + view.grid.offset[pose & 3]) != NIL
+    ahead = (pose >> 2) + view.grid.offset[pose & 3]
+    if gate_before(view, i, ahead) != NIL:
+        return True
+    if state.slow_moves == 0 or view.rules.battery == 0 or state.delay[i]:
+        return False
+    is_held = comes_to_charge(view, i, ahead) and not has_room(
+        view.traffic.occupancy, ahead, pose & 3
+    )
+    return is_held or lacks_charge(view, i)
 
 
 @kernel
@@ -177,10 +190,10 @@ def ticks_to_goal(state, i, operation, goal):
 
 
 @kernel
-def enter_keys(view, workspace, state, i, goal, row, way, is_kept):
+def enter_keys(view, workspace, state, i, goal, row, way, waits):
     """Enter the keys of the operations that are open to robot i; those with one end share its cost.
 
-    `is_kept`: it cannot go forward in this tick.
+    `waits`: it cannot go forward in this tick.
     """
     robot_type, pose = np.int64(view.robots.type[i]), np.int64(state.pose[i])
     keys, count = state.key[i], 0
@@ -193,7 +206,7 @@ def enter_keys(view, workspace, state, i, goal, row, way, is_kept):
         if (state.open[robot_type, pose, number >> 6] >> np.uint64(number & 63)) & _1 == 0:
             continue
         operation = np.int64(state.candidate[number])
-        if is_kept and state.action[operation] == FORWARD:
+        if waits and state.action[operation] == FORWARD:
             continue
         if barred != NIL and stays_or_goes(state, i, operation, barred):
             continue

@@ -27,7 +27,7 @@ from strategies.right_of_way.epibt.candidates import (
     LAST_KEY,
     ask_idle_robot_ahead,
     end_of,
-    is_kept_by_gate,
+    is_kept,
     nth_key,
     rank_candidates,
     settle_ties,
@@ -119,13 +119,13 @@ def give_commands(view, batch, decisions, state):
     for k in range(batch.count[0]):
         i = np.int64(batch.robot[k])
         if waits_in_bay(view, i):
-            is_kept = gate_before(view, i, np.int64(robots.home[i])) != NIL
-            holds = state.pose[i] == NIL and not is_kept
+            at_gate = gate_before(view, i, np.int64(robots.home[i])) != NIL
+            holds = state.pose[i] == NIL and not at_gate
             out.command[k] = CMD_HOLD if holds else CMD_GO
             out.value[k] = NIL if holds else 0
         elif not state.is_fixed[i]:
             out.value[k] = begin_action(view, state, i)
-            asks = out.value[k] == robots.heading[i] and is_kept_by_gate(view, state, i)
+            asks = out.value[k] == robots.heading[i] and is_kept(view, state, i)
             if asks or state.action[state.plan[i]] != WAIT:
                 out.command[k] = CMD_GO
             elif robots.goal_type[i] != GOAL_NONE:

@@ -44,6 +44,7 @@ class EpibtState(Struct):
     reach: int = field("int64", "most that a way costs which a plan drives")
     holds_two: int = field("int64", "1: there are ticks of moves in which both cells are held")
     holds_late: int = field("int64", "1: the last tick of a move is one of them")
+    slow_moves: int = field("int64", "1: moves take several ticks")
     takes_time: int = field("int64", "1: moves or turns take several ticks")
     has_storage: int = field("int64", "1: robots drive into storage, and not through it")
     oldest_first: int = field("int64", "1: robots go by age, 0: by their distances to their goals")
@@ -145,6 +146,7 @@ def epibt_state(view, parameters):
         reach=parameters.depth * dearest,
         holds_two=int(following != FOLLOWING_CONVOY and duration[:, 0].max() + holds_late > 1),
         holds_late=holds_late,
+        slow_moves=int(duration[:, 0].max() > 1),
         takes_time=int(paces.max() > 1),
         has_storage=int((grid.type_cell_flags & NO_WAY_THROUGH).any()),
         oldest_first=int(parameters.first == "oldest"),

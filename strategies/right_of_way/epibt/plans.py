@@ -11,7 +11,7 @@ from automaton.engine.robot_status import STATUS_UP
 from automaton.engine.state import CLOCK_TICK, GOAL_NONE, GOAL_PARK, NIL
 from automaton.strategy.kernels import gate_before, has_gates, is_empty, is_in_own_queue, kernel
 from strategies.right_of_way.arrivals import is_at_goal
-from strategies.right_of_way.epibt.candidates import is_kept_by_gate
+from strategies.right_of_way.epibt.candidates import is_kept
 from strategies.right_of_way.epibt.chains import FREE, robot_met
 from strategies.right_of_way.epibt.operations import FORWARD, FULL_WAIT
 from strategies.right_of_way.epibt.paths import cell_after, cell_held, enter_path, look_where_it_is
@@ -84,8 +84,9 @@ def inherit_plans(view, state):
             state.plan[i] = state.following[state.plan[i]]
         if pose == NIL:
             continue
-        if has_gates(view) and state.action[state.plan[i]] == FORWARD:
-            if is_kept_by_gate(view, state, i):
+        may_be_kept = has_gates(view) or view.rules.battery
+        if may_be_kept and state.action[state.plan[i]] == FORWARD:
+            if is_kept(view, state, i):
                 state.plan[i] = FULL_WAIT
         if state.plan[i] != FULL_WAIT and robot_met(state, i, np.int64(state.plan[i])) == FREE:
             enter_path(state, i, i)

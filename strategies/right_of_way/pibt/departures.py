@@ -15,7 +15,8 @@ from automaton.engine.state import (
     NIL,
 )
 from automaton.strategy.kernels import has_gates, is_facing, kernel, limited_ticks
-from strategies.right_of_way.pibt.options import comes_to_charge, option_of
+from strategies.right_of_way.arrivals import comes_to_charge, lacks_charge
+from strategies.right_of_way.pibt.options import option_of
 from strategies.right_of_way.pibt.pibt_state import DECIDED, U
 from strategies.right_of_way.pibt.reservations import holder_of
 
@@ -41,10 +42,10 @@ def direction_of(state, i):
 
 @kernel
 def moves_off(view, state, u, cell):
-    """Return whether robot u has chosen to go from a cell, and need not turn first."""
+    """Return whether robot u has chosen to go from a cell, need not turn first, and has the charge."""
     if state.mode[U(u)] != DECIDED or view.robots.cell[U(u)] != cell or state.next[U(u)] == cell:
         return False
-    return is_facing(view, u, direction_of(state, u))
+    return is_facing(view, u, direction_of(state, u)) and not lacks_charge(view, u)
 
 
 @kernel
@@ -86,10 +87,12 @@ def departs(view, state, first):
         depth += 1
         to = np.int64(state.next[U(i)])
         u = holder_of(view, to, direction_of(state, i))
-        if u != NIL and moves_off(view, state, u, to) and not comes_to_charge(view, i, to):
+        charges = comes_to_charge(view, i, to)
+        if u != NIL and not charges and moves_off(view, state, u, to):
             i = u
         else:
-            opens = u == NIL or is_way_free(view, to, u)
+            has_set_out = u != NIL and is_way_free(view, to, u)
+            opens = u == NIL or (has_set_out and not (charges and not state.rings))
     if state.departs[U(i)] != ASKED:
         opens = state.departs[U(i)] == GOES and gives_way_at_once(view, state, i)
     while depth:

@@ -88,12 +88,6 @@ def remaining_ticks(view, state, u):
 
 
 @kernel
-def comes_to_charge(view, i, cell):
-    """Whether robot i would charge in a cell: it may come in only when the robot there has set out."""
-    return view.robots.goal_type[U(i)] == GOAL_CHARGE and view.robots.goal_cell[U(i)] == cell
-
-
-@kernel
 def waits_in_vain_to_turn(view, state, i):
     """Whether robot i cannot turn in a cell for two because another robot will not leave it.
 

@@ -49,7 +49,7 @@ from automaton.strategy.kernels import (
 )
 from automaton.strategy.layer import Strategy
 from automaton.strategy.weighted_tables import no_tables
-from strategies.right_of_way.arrivals import is_at_goal
+from strategies.right_of_way.arrivals import comes_to_charge, is_at_goal
 from strategies.right_of_way.deadlocks import (
     COUNTERS,
     Deadlocks,
@@ -378,9 +378,12 @@ def give_commands(view, batch, decisions, state):
 def hold_back(view, state, out, k, i):
     """Robot i waits for the holder of the cell that it has chosen, and keeps to it if that one leaves."""
     direction = direction_of(state, i)
-    u = holder_of(view, np.int64(state.next[U(i)]), direction)
+    to = np.int64(state.next[U(i)])
+    u = holder_of(view, to, direction)
     if state.mode[U(u)] != FIXED:
         state.turning[U(i)] = direction + 1
+    if comes_to_charge(view, i, to):
+        return  # it queues there
     out.command[U(k)] = CMD_HOLD if view.robots.goal_type[U(i)] != GOAL_NONE else KEEP
     out.value[U(k)] = direction
 

@@ -4,9 +4,9 @@ import numpy as np
 
 from automaton.engine.state import NIL
 from automaton.strategy.kernels import gate_before, kernel, opens_soon, prefetch
+from strategies.right_of_way.arrivals import comes_to_charge
 from strategies.right_of_way.pibt.alleys import may_enter
 from strategies.right_of_way.pibt.options import (
-    comes_to_charge,
     option_of,
     turns_to,
     waits_in_vain_to_turn,

@@ -158,13 +158,14 @@ def test_moves_and_turns_of_several_ticks_are_planned(tmp_path: Path, move: int,
 def test_what_is_left_of_a_plan_is_a_plan() -> None:
     """In ticks, too: who goes on with the rest of it is where the others think it is."""
     offsets = (1, 100, -1, -100)
-    for depth, move, turn in ((3, 2, 4), (3, 1, 2), (4, 3, 1)):
+    for depth, *pace, late in ((3, 2, 4, 0), (3, 1, 2, 0), (4, 3, 1, 0), (3, 2, 1, 1)):
         known = operations_of(depth)
         for actions, number in zip(known.actions, known.following, strict=True):
-            here, held = path_of(offsets, actions, 0, move, turn)
-            done = {FORWARD: move, WAIT: 1}.get(actions[0], turn)
+            here, held = path_of(offsets, actions, 0, pace, late)
+            done = {FORWARD: pace[0], WAIT: 1}.get(actions[0], pace[1])
             heading = {RIGHT: 1, LEFT: 3}.get(actions[0], 0)
-            rest, rest_held = path_of(offsets, known.actions[number], heading, move, turn)
+            rest, rest_held = path_of(offsets, known.actions[number], heading, pace, late)
+            rest, rest_held = [*rest, rest[-1]], [*rest_held, rest[-1]]
             start = here[done - 1]
             for tick in range(len(here) - done):
                 assert here[done + tick] - start == rest[min(tick, len(rest) - 1)]
@@ -259,7 +260,6 @@ def test_robots_that_go_down_are_gone_round(tmp_path: Path) -> None:
         (("fleet.kinematics=omni",), "kinematics differential, found omni; use pibt"),
         (("durations.move=17",), "too few for depth 3 with durations.move 17 and durations.turn 1"),
         (("durations.turn=17",), "it plans 64 ticks at most, too few for depth 3"),
-        (("world.following=none",), "world.following convoy or handover, found none; use pibt"),
         (("information=orders",), "information must be everything"),
         (("strategy.routing=astar",), "routing 'astar' would never be asked"),
         (("strategy.right_of_way={name: epibt, depth: 6}",), "depth"),

@@ -6,7 +6,8 @@ Floors, kinematics, capacities, paces, bays, chargers, faults, slow zones, servi
 know and how they are asked for are drawn; robots are steered by each STRATEGY (default: pibt and epibt)
 for so many robot ticks (default 1,000,000). Each run is recorded and judged by the independent
 validator. Exits with 1 if a rule is broken, an answer is illegal, a trip waits behind an idle robot or
-anything is raised; a run is named by its seed, and `steering_trials.py 1 SEED STRATEGY` repeats it. The tests run a sample.
+anything is raised; a run is named by its seed, and `steering_trials.py 1 SEED STRATEGY` repeats it. The
+tests run a sample.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Jams are told of while a run goes on, `check --trial` finds them, and `check` sees what can never move."""
+"""Jams are told of when they happen, `check --trial` finds them, `check` sees what can never move."""
 
 from __future__ import annotations
 

@@ -10,6 +10,7 @@ from automaton.build.fleet_warnings import fleet_warnings
 from automaton.build.gate_warnings import gate_warnings
 from automaton.build.late_releases import late_releases
 from automaton.build.pod_warnings import pod_warnings
+from automaton.build.queues import service_cells
 from automaton.build.resolve import Resolved
 from automaton.build.standstill_warnings import standstill_warnings
 from automaton.errors import alternatives
@@ -166,7 +167,11 @@ def stays_on_station(resolved: Resolved) -> str:
     elif scenario.fleet.when_idle != "park" or start in ("parking-bays", "racks"):
         return ""
     elif start == "random":
-        who = "robots begin anywhere (fleet.start: random), and so park on stations too"
+        drivable = floor_plan.drivable.reshape(-1)
+        free = int((drivable & ~service_cells(scenario, floor_plan)).sum())
+        if scenario.fleet.robots <= free:
+            return ""
+        who = f"only {free:,} cells are not stations, so robots begin and park on stations too"
     else:
         begun = [robot for robot, cell in enumerate(start) if cell in used]
         if not begun:

@@ -58,7 +58,7 @@ def filled_at_the_start(resolved: Resolved) -> Mask:
 def full_cells(floor_plan: FloorPlan, filled: Mask) -> Mask:
     """(C,) bool: the most filled cells whose exits, one at least, all lead into such cells."""
     exits = floor_plan.exits.reshape(-1)
-    full = filled & (exits != 0)
+    full: Mask = filled & (exits != 0)
     while True:
         leads_out = np.zeros(full.size, np.bool_)
         for direction, offset in enumerate(floor_plan.offsets):

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from automaton.build.capabilities import FleetOnFloor
-from automaton.build.queues import queue_path
+from automaton.build.queues import service_cells
 from automaton.build.resolve import Resolved
 from automaton.build.rules import charge_units
 from automaton.engine import random_numbers
 from automaton.engine.robot_status import BATTERY_FULL
 from automaton.engine.state import NIL, Array, Grid
-from automaton.floor.cells import CHARGER, DIRECTIONS, STATION, UNLIMITED
+from automaton.floor.cells import DIRECTIONS, UNLIMITED
 from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.reachability import rack_stands
 from automaton.scenario.robot_types import type_of_each, types_of
@@ -26,21 +26,11 @@ def homes(resolved: Resolved, seed: int) -> tuple[Array, Array]:
         bays = floor_plan.bays[np.concatenate(fleet.first_open(floor_plan.bays[:, 1]))]
         return bays[:, 1].astype(np.int32), bays[:, 0].astype(np.int32)
     if resolved.start == "random":
-        cells = random_cells(floor_plan, seed, kept_free(resolved))
+        cells = random_cells(floor_plan, seed, service_cells(resolved.scenario, floor_plan))
         return cells[np.concatenate(fleet.first_open(cells))], none
     if resolved.start == "racks":
         return stands_for_all(fleet, seed), none
     return np.array(resolved.start, np.int32), none
-
-
-def kept_free(resolved: Resolved) -> Array:
-    """(C,) bool: stations, their queues and chargers, unless they hold any number of robots."""
-    floor_plan, scenario = resolved.floor_plan, resolved.scenario
-    found = np.isin(floor_plan.kind, (STATION, CHARGER)).reshape(-1)
-    for station in scenario.stations.values():
-        found[queue_path(floor_plan, station.at, station.queue)] = True
-    kept: Array = found & (floor_plan.capacity.reshape(-1) != UNLIMITED)
-    return kept
 
 
 def random_cells(floor_plan: FloorPlan, seed: int, last: Array | None = None) -> Array:

@@ -5,8 +5,9 @@
 Floors, kinematics, capacities, paces, bays, chargers, faults, slow zones, service zones, what robots
 know and how they are asked for are drawn; robots are steered by each STRATEGY (default: pibt and epibt)
 for so many robot ticks (default 1,000,000). Each run is recorded and judged by the independent
-validator. Exits with 1 if a rule is broken, an answer is illegal or anything is raised; a run is
-named by its seed, and `steering_trials.py 1 SEED STRATEGY` repeats it. The tests run a sample.
+validator. Exits with 1 if a rule is broken, an answer is illegal, a trip waits behind an idle robot or
+anything is raised; a run is named by its seed, and `steering_trials.py 1 SEED STRATEGY` repeats it. The
+tests run a sample.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from typing import Any
 
 import msgspec
 import numpy as np
+from idle_waits import run_to_end
 
 from automaton.build.resolve import Resolved, resolve
 from automaton.engine.state import LAYER_NAMES
@@ -212,8 +214,12 @@ class Findings:
     def add(self, resolved: Resolved, name: str) -> None:
         """Run a scenario, and judge it."""
         recorder = MemoryRecorder(resolved)
-        run = Simulation(resolved, on_record=recorder)
-        run.run()
+        run = Simulation(
+            resolved, on_record=recorder, on_observe=lambda run: run.empty_observation()
+        )
+        waits = run_to_end(run)
+        if not run.world.rules.may_fail:  # one that is down may keep an idle robot where it is
+            self.wrong += [f"{name}: {one}" for one in waits]
         self.runs += 1
         self.robot_ticks += run.tick * resolved.scenario.fleet.robots
         illegal = run.world.tally.illegal

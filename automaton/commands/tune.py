@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
     from automaton.studies.tuning.elimination import Round, check_metric, measure, tune
     from automaton.studies.tuning.tuning_report import as_json, report_blocks, settings_file
 
-    def tell(now: Round, spent: int) -> None:
+    def show_round(now: Round, spent: int) -> None:
         if sys.stderr.isatty():
             text = f"{now.candidates} candidates, {spent:,} runs of at most {args.budget:,}"
             print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
@@ -64,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
     metric = check_metric(args.metric, known.candidates[0].resolved)
     try:
         with PersistentPool(args.workers, measure) as pool:
-            tuned = tune(known, metric, args.budget, pool, tell)
+            tuned = tune(known, metric, args.budget, pool, show_round)
     finally:
         if sys.stderr.isatty():
             print("\r\x1b[K", end="", file=sys.stderr, flush=True)

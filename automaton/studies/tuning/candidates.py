@@ -38,7 +38,7 @@ class Candidate(NamedTuple):
 
 
 class Field(NamedTuple):
-    """All candidates of a scenario, and why others are none."""
+    """All candidates of a scenario, and what it refuses."""
 
     candidates: tuple[Candidate, ...]  # first the scenario as it is
     left_out: tuple[str, ...]  # a sentence for each reason

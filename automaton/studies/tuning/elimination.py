@@ -129,9 +129,9 @@ def tune(
     metric: str,
     budget: int,
     pool: PersistentPool,
-    tell: Callable[[Round, int], None] = lambda now, spent: None,
+    on_round: Callable[[Round, int], None] = lambda now, spent: None,
 ) -> Tuned:
-    """Find the candidate with the best mean of a metric; `tell` hears of each round before it."""
+    """Find the candidate with the best mean of a metric; `on_round` is called before each round."""
     own = known.candidates[0].resolved
     ends = own.scenario.stop.when != "never"
     plan = make_plan(len(known.candidates), budget, ends)
@@ -139,7 +139,7 @@ def tune(
     left = [Standing(number) for number in range(len(known.candidates))]
     first = 0  # replication of the round
     for number, now in enumerate(plan.rounds, start=1):
-        tell(now, tuned.spent)
+        on_round(now, tuned.spent)
         scenarios = [shortened(known.candidates[one.number].resolved, now.length) for one in left]
         seeds = replication_seeds(tuned.seed, first, now.runs)
         results = pool.run([(one, seed) for one in scenarios for seed in seeds])
@@ -148,13 +148,13 @@ def tune(
             one.last_round, one.runs = number, one.runs + now.runs
             one.mean = mean_of(runs, metric)
         left.sort(key=lambda one: (rank(one.mean, metric), one.number))
-        kept = math.ceil(now.candidates / KEPT)
-        tuned.standings[:0] = left[kept:]
-        left = left[:kept]
+        remaining = math.ceil(now.candidates / KEPT)
+        tuned.standings[:0] = left[remaining:]
+        left = left[:remaining]
         tuned.spent += now.candidates * now.runs
         first += now.runs
     tuned.standings[:0] = left
-    tell(Round(2, plan.pairs, 1.0), tuned.spent)
+    on_round(Round(2, plan.pairs, 1.0), tuned.spent)
     compare(tuned, known, replication_seeds(tuned.seed, first, plan.pairs), pool)
     return tuned
 
@@ -192,11 +192,11 @@ def compare(tuned: Tuned, known: Field, seeds: Sequence[int], pool: PersistentPo
     tuned.spent += len(results)
     pairs = [results[place :: len(seeds)] for place in range(len(seeds))]
     metric = tuned.metric
-    whole = [pair for pair in pairs if not math.isnan(mean_of(pair, metric))]
-    tuned.unfinished = len(pairs) - len(whole)
-    if len(whole) < 2:
+    measured = [pair for pair in pairs if not math.isnan(mean_of(pair, metric))]
+    tuned.unfinished = len(pairs) - len(measured)
+    if len(measured) < 2:
         return
-    values = [[float(run.metrics[metric]) for run in runs] for runs in zip(*whole, strict=True)]
+    values = [[float(run.metrics[metric]) for run in runs] for runs in zip(*measured, strict=True)]
     tuned.winner, tuned.own = mean_interval(values[0]), mean_interval(values[-1])
     if best != 0:
         tuned.gain = effect(values[0], values[1], paired=True)

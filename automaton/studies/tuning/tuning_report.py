@@ -1,4 +1,4 @@
-"""What is told of tuned settings: a table, one object as JSON, a file of settings."""
+"""Report on tuned settings: a table, one object as JSON, a file of settings."""
 
 from __future__ import annotations
 

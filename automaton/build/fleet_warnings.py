@@ -6,7 +6,11 @@ from typing import Final
 
 import numpy as np
 
-from automaton.build.default_right_of_way import has_ringless_part, why_not_steered
+from automaton.build.default_right_of_way import (
+    default_right_of_way,
+    has_ringless_part,
+    why_not_steered,
+)
 from automaton.build.resolve import Resolved
 from automaton.floor.cells import CHARGER, STATION, STORAGE
 from automaton.floor.dead_ends import DeadEnds, dead_ends_of
@@ -111,9 +115,10 @@ def jams_under_retreat(resolved: Resolved) -> str:
         or robots <= max(FEW_ROBOTS, share * cells)
     ):
         return ""
-    way_out = "; right_of_way pibt gets such fleets through"
-    if why_not_steered(resolved.scenario, resolved.fleet):
-        way_out = ""  # not there
+    way_out = ""  # where robots cannot be steered
+    if not why_not_steered(resolved.scenario, resolved.fleet):
+        better = default_right_of_way(resolved.scenario, resolved.fleet).name
+        way_out = f"; right_of_way {better} gets such fleets through"
     return (
         f"right_of_way {name} jams with {count(robots, 'robot')} on {count(cells, 'cell')}, most of them "
         f"for one robot{way_out}"

@@ -49,22 +49,22 @@ def run(args: argparse.Namespace) -> int:
     """Search, report, and write the settings."""
     from automaton.runs.console_output import console, print_blocks
     from automaton.runs.process_pool import PersistentPool
-    from automaton.studies.tuning.candidates import field_of
-    from automaton.studies.tuning.elimination import Round, check_metric, measure, tune
+    from automaton.studies.tuning.candidates import candidates_of
+    from automaton.studies.tuning.elimination import TuningRound, check_metric, measure, tune
     from automaton.studies.tuning.tuning_report import as_json, report_blocks, settings_file
 
-    def tell(now: Round, spent: int) -> None:
+    def show_round(now: TuningRound, spent: int) -> None:
         if sys.stderr.isatty():
             text = f"{now.candidates} candidates, {spent:,} runs of at most {args.budget:,}"
             print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
 
     if args.out is not None:
         check_writable(args.out)
-    known = field_of(args.scenario, args.settings, args.seed)
+    known = candidates_of(args.scenario, args.settings, args.seed)
     metric = check_metric(args.metric, known.candidates[0].resolved)
     try:
         with PersistentPool(args.workers, measure) as pool:
-            tuned = tune(known, metric, args.budget, pool, tell)
+            tuned = tune(known, metric, args.budget, pool, show_round)
     finally:
         if sys.stderr.isatty():
             print("\r\x1b[K", end="", file=sys.stderr, flush=True)

@@ -35,5 +35,5 @@ class Alleys(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
         )
 
     def tuned_values(self, scenario: Scenario, floor_plan: FloorPlan) -> dict[str, tuple[Any, ...]]:
-        """What is worth trying of each parameter: there are none."""
+        """What is worth trying of each parameter."""
         return {}

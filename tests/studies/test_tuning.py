@@ -10,7 +10,7 @@ import pytest
 
 from automaton.build.resolve import resolve
 from automaton.commands import main
-from automaton.studies.tuning.candidates import field_of, in_words
+from automaton.studies.tuning.candidates import candidates_of, in_words
 from automaton.studies.tuning.elimination import make_plan
 
 CROWD = """name: crowd
@@ -55,7 +55,7 @@ def test_a_crowd_gets_a_right_of_way_that_gets_it_through(
 
 
 def test_what_the_scenario_refuses_is_left_out_with_its_reason(crowd: str) -> None:
-    known = field_of(crowd, ["fleet.kinematics=omni"])
+    known = candidates_of(crowd, ["fleet.kinematics=omni"])
     tried = {candidate.choices[0]["name"] for candidate in known.candidates}
     assert tried == {"retreat", "pibt"}
     assert any(
@@ -67,11 +67,11 @@ def test_what_the_scenario_refuses_is_left_out_with_its_reason(crowd: str) -> No
 
 def test_storage_is_tuned_where_pods_are_stored_and_the_lattice_where_there_are_none() -> None:
     with_pods = [
-        in_words(choice) for one in field_of(PODS, []).candidates for choice in one.choices
+        in_words(choice) for one in candidates_of(PODS, []).candidates for choice in one.choices
     ]
     assert "greedy, rest 1.0, storage nearest" in with_pods
     assert not any("lattice" in choice for choice in with_pods)
-    without = field_of("random-400", []).candidates
+    without = candidates_of("random-400", []).candidates
     words = [in_words(choice) for one in without for choice in one.choices]
     assert "pibt, guidance lattice" in words and not any("storage" in one for one in words)
     chosen = [one.choices for one in without]

@@ -24,7 +24,7 @@ TUNED_LAYERS: Final = ("right_of_way", "allocation")
 Choice = dict[str, Any]  # a strategy as scenarios write it: {name: NAME, ...parameters}
 
 
-class Candidate(NamedTuple):
+class TunedScenario(NamedTuple):
     """A scenario with a strategy for each of the layers."""
 
     choices: tuple[Choice, ...]  # by TUNED_LAYERS
@@ -37,19 +37,19 @@ class Candidate(NamedTuple):
         return [f"strategy.{layer}={json.dumps(choice)}" for layer, choice in pairs]
 
 
-class Field(NamedTuple):
-    """All candidates of a scenario, and why others are none."""
+class TunedScenarios(NamedTuple):
+    """All candidates of a scenario, and what it refuses."""
 
-    candidates: tuple[Candidate, ...]  # first the scenario as it is
+    candidates: tuple[TunedScenario, ...]  # first the scenario as it is
     left_out: tuple[str, ...]  # a sentence for each reason
 
 
-def field_of(
+def candidates_of(
     scenario: str | Path, settings: Sequence[str | Override], seed: int | None = None
-) -> Field:
+) -> TunedScenarios:
     """The candidates of a scenario. Raises InputError for one that cannot be run as it is."""
     own = resolve(scenario, settings, seed)
-    candidates = [Candidate(tuple(own_choice(own, layer) for layer in TUNED_LAYERS), own)]
+    candidates = [TunedScenario(tuple(own_choice(own, layer) for layer in TUNED_LAYERS), own)]
     known, reasons = [played(own)], dict[str, None]()
     for choices in itertools.product(*(list(options(own, layer)) for layer in TUNED_LAYERS)):
         changes = [
@@ -63,8 +63,8 @@ def field_of(
             continue
         if played(resolved) not in known:
             known.append(played(resolved))
-            candidates.append(Candidate(choices, resolved))
-    return Field(tuple(candidates), tuple(reasons))
+            candidates.append(TunedScenario(choices, resolved))
+    return TunedScenarios(tuple(candidates), tuple(reasons))
 
 
 def options(own: Resolved, layer: str) -> Iterator[Choice]:

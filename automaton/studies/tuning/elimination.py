@@ -27,15 +27,15 @@ from automaton.studies.inference.effects import Effect, effect
 from automaton.studies.inference.intervals import Interval, mean_interval
 from automaton.studies.reports.directions import direction_of
 from automaton.studies.sizing.fleet_runs import replication_seeds
-from automaton.studies.tuning.candidates import Field
+from automaton.studies.tuning.candidates import TunedScenarios
 
-KEPT: Final = 3  # of so many candidates one goes on to the next round
+ELIMINATION_FACTOR: Final = 3  # of so many candidates one goes on to the next round
 FULL_ROUNDS: Final = 2  # the last ones; each before them has runs of half the length,
-SHORTEST: Final = 0.25  # and at least this share of it
+MIN_LENGTH: Final = 0.25  # and at least this share of it
 MIN_PAIRS: Final = 5  # of the winner and the scenario as it is
 
 
-class Round(NamedTuple):
+class TuningRound(NamedTuple):
     """What a round is to take."""
 
     candidates: int
@@ -43,10 +43,10 @@ class Round(NamedTuple):
     length: float  # of a run, as a share
 
 
-class Plan(NamedTuple):
+class RunPlan(NamedTuple):
     """What a budget of runs is spent on."""
 
-    rounds: tuple[Round, ...]
+    rounds: tuple[TuningRound, ...]
     pairs: int  # of the winner and the scenario as it is
 
 
@@ -101,11 +101,11 @@ def check_metric(metric: str | None, own: Resolved) -> str:
     return metric
 
 
-def make_plan(candidates: int, budget: int, ends: bool) -> Plan:
+def make_plan(candidates: int, budget: int, ends: bool) -> RunPlan:
     """What so many runs are spent on. Raises InputError for a budget that is too small."""
     sizes = [candidates]
     while sizes[-1] > 1:
-        sizes.append(math.ceil(sizes[-1] / KEPT))
+        sizes.append(math.ceil(sizes[-1] / ELIMINATION_FACTOR))
     sizes = sizes[:-1]
     least = sum(sizes) + 2 * MIN_PAIRS
     if budget < least:
@@ -118,20 +118,20 @@ def make_plan(candidates: int, budget: int, ends: bool) -> Plan:
         rest = len(sizes) - number
         share = max(size, min(left - sum(sizes[number + 1 :]), left // rest))
         shorter = 0 if ends else max(0, rest - FULL_ROUNDS)
-        rounds.append(Round(size, share // size, max(SHORTEST, 0.5**shorter)))
+        rounds.append(TuningRound(size, share // size, max(MIN_LENGTH, 0.5**shorter)))
         left -= share // size * size
     spent = sum(one.candidates * one.runs for one in rounds)
-    return Plan(tuple(rounds), (budget - spent) // 2)
+    return RunPlan(tuple(rounds), (budget - spent) // 2)
 
 
 def tune(
-    known: Field,
+    known: TunedScenarios,
     metric: str,
     budget: int,
     pool: PersistentPool,
-    tell: Callable[[Round, int], None] = lambda now, spent: None,
+    on_round: Callable[[TuningRound, int], None] = lambda now, spent: None,
 ) -> Tuned:
-    """Find the candidate with the best mean of a metric; `tell` hears of each round before it."""
+    """Find the candidate with the best mean of a metric; `on_round` is called before each round."""
     own = known.candidates[0].resolved
     ends = own.scenario.stop.when != "never"
     plan = make_plan(len(known.candidates), budget, ends)
@@ -139,7 +139,7 @@ def tune(
     left = [Standing(number) for number in range(len(known.candidates))]
     first = 0  # replication of the round
     for number, now in enumerate(plan.rounds, start=1):
-        tell(now, tuned.spent)
+        on_round(now, tuned.spent)
         scenarios = [shortened(known.candidates[one.number].resolved, now.length) for one in left]
         seeds = replication_seeds(tuned.seed, first, now.runs)
         results = pool.run([(one, seed) for one in scenarios for seed in seeds])
@@ -148,13 +148,13 @@ def tune(
             one.last_round, one.runs = number, one.runs + now.runs
             one.mean = mean_of(runs, metric)
         left.sort(key=lambda one: (rank(one.mean, metric), one.number))
-        kept = math.ceil(now.candidates / KEPT)
-        tuned.standings[:0] = left[kept:]
-        left = left[:kept]
+        remaining = math.ceil(now.candidates / ELIMINATION_FACTOR)
+        tuned.standings[:0] = left[remaining:]
+        left = left[:remaining]
         tuned.spent += now.candidates * now.runs
         first += now.runs
     tuned.standings[:0] = left
-    tell(Round(2, plan.pairs, 1.0), tuned.spent)
+    on_round(TuningRound(2, plan.pairs, 1.0), tuned.spent)
     compare(tuned, known, replication_seeds(tuned.seed, first, plan.pairs), pool)
     return tuned
 
@@ -184,7 +184,9 @@ def rank(mean: float, metric: str) -> float:
     return -mean if direction_of(metric) == "highest" else mean
 
 
-def compare(tuned: Tuned, known: Field, seeds: Sequence[int], pool: PersistentPool) -> None:
+def compare(
+    tuned: Tuned, known: TunedScenarios, seeds: Sequence[int], pool: PersistentPool
+) -> None:
     """Run the winner and the scenario as it is, with the same seeds."""
     best = tuned.standings[0].number
     both = [known.candidates[number].resolved for number in dict.fromkeys((best, 0))]
@@ -192,11 +194,11 @@ def compare(tuned: Tuned, known: Field, seeds: Sequence[int], pool: PersistentPo
     tuned.spent += len(results)
     pairs = [results[place :: len(seeds)] for place in range(len(seeds))]
     metric = tuned.metric
-    whole = [pair for pair in pairs if not math.isnan(mean_of(pair, metric))]
-    tuned.unfinished = len(pairs) - len(whole)
-    if len(whole) < 2:
+    measured = [pair for pair in pairs if not math.isnan(mean_of(pair, metric))]
+    tuned.unfinished = len(pairs) - len(measured)
+    if len(measured) < 2:
         return
-    values = [[float(run.metrics[metric]) for run in runs] for runs in zip(*whole, strict=True)]
+    values = [[float(run.metrics[metric]) for run in runs] for runs in zip(*measured, strict=True)]
     tuned.winner, tuned.own = mean_interval(values[0]), mean_interval(values[-1])
     if best != 0:
         tuned.gain = effect(values[0], values[1], paired=True)

@@ -1,4 +1,4 @@
-"""What is told of tuned settings: a table, one object as JSON, a file of settings."""
+"""Report on tuned settings: a table, one object as JSON, a file of settings."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from automaton.runs.metric_catalogue import METRIC_CATALOGUE
 from automaton.runs.report_document import Table
 from automaton.studies.inference.intervals import Interval
 from automaton.studies.reports.directions import direction_of
-from automaton.studies.tuning.candidates import TUNED_LAYERS, Choice, Field, in_words
+from automaton.studies.tuning.candidates import TUNED_LAYERS, Choice, TunedScenarios, in_words
 from automaton.studies.tuning.elimination import Tuned
 from automaton.units import count
 
-HEADS = ("place", "round", "runs", "mean", "right of way; allocation")
+TABLE_HEADS = ("place", "round", "runs", "mean", "right of way; allocation")
 
 
-def report_blocks(tuned: Tuned, known: Field) -> Iterator[ConsoleBlock]:
+def report_blocks(tuned: Tuned, known: TunedScenarios) -> Iterator[ConsoleBlock]:
     """The report, from top to bottom."""
     scenario, metric = known.candidates[0].resolved.scenario, tuned.metric
     better = "more" if direction_of(metric) == "highest" else "less"
@@ -31,14 +31,14 @@ def report_blocks(tuned: Tuned, known: Field) -> Iterator[ConsoleBlock]:
     for reason in known.left_out:
         yield f"left out: {reason}"
     yield ""
-    yield Table(HEADS, list(rows(tuned, known)), left=0, also_left=(4,), folded=True)
+    yield Table(TABLE_HEADS, list(rows(tuned, known)), left=0, also_left=(4,), folded=True)
     yield "round: the last one in which it was run; means of different rounds are of different runs"
     yield conclusion(tuned)
     for setting in known.candidates[tuned.standings[0].number].settings:
         yield f"  --set '{setting}'"
 
 
-def rows(tuned: Tuned, known: Field) -> Iterator[list[str]]:
+def rows(tuned: Tuned, known: TunedScenarios) -> Iterator[list[str]]:
     """A row for each candidate, the best first."""
     for place, one in enumerate(tuned.standings, start=1):
         choices = "; ".join(map(in_words, known.candidates[one.number].choices))
@@ -73,7 +73,7 @@ def shown(value: float) -> str:
     return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.4g}"
 
 
-def as_json(tuned: Tuned, known: Field) -> dict[str, Any]:
+def as_json(tuned: Tuned, known: TunedScenarios) -> dict[str, Any]:
     """Everything, as one object."""
     gain = tuned.gain
     return {
@@ -108,12 +108,12 @@ def ends_of(interval: Interval | None) -> dict[str, Any] | None:
     return {"value": interval.value, "low": interval.low, "high": interval.high, "n": interval.n}
 
 
-def best_choices(known: Field, number: int) -> dict[str, Choice]:
+def best_choices(known: TunedScenarios, number: int) -> dict[str, Choice]:
     """The strategies of a candidate, by layer."""
     return dict(zip(TUNED_LAYERS, known.candidates[number].choices, strict=True))
 
 
-def settings_file(tuned: Tuned, known: Field) -> str:
+def settings_file(tuned: Tuned, known: TunedScenarios) -> str:
     """The winner as a file for `--set @FILE`."""
     best = best_choices(known, tuned.standings[0].number)
     lines = [f"  {layer}: {json.dumps(choice)}" for layer, choice in best.items()]

@@ -12,6 +12,7 @@ from automaton.build.gates import build_gates
 from automaton.build.initial_service_zones import build_service_zones
 from automaton.build.pods import build_pods
 from automaton.build.prepared_floor import Floor, floor_for
+from automaton.build.refined_world import refined_world
 from automaton.build.resolve import Resolved
 from automaton.build.rules import rules_for
 from automaton.build.starts import first_charges, homes, occupy_starts, start_headings
@@ -88,6 +89,14 @@ def build_world(
     `storage`: (n,) the identity stored at each index; default 0..n-1. `longest_route`: steps that a
     route may have; default what the floor may ask for.
     """
+    world, floor = _build_coarse(resolved.unrefined, seed, storage, longest_route)
+    return (world, floor) if resolved.coarse is None else refined_world(world, resolved)
+
+
+def _build_coarse(
+    resolved: Resolved, seed: int, storage: Array | None, longest_route: int | None
+) -> tuple[World, Floor]:
+    """The world at tick 0 in the ticks of its scenario."""
     scenario = resolved.scenario
     types = resolved.fleet.types
     floor = floor_for(resolved.floor_plan, scenario.world.traffic_zones, types)

@@ -191,13 +191,26 @@ class Simulation:
         """Validate a strategy, and enter how often, after which waits and with what it is called."""
         if strategy is not None:
             check_decides(strategy)
+            refinement = int(self.world.rules.refinement)
             layer = LAYER_NAMES.index(strategy.layer)
-            self.world.rules.period[layer] = checked_period(strategy)
+            counted = self._in_coarse_ticks(strategy)
+            period = checked_period(counted)
+            # Where it decides in every tick, a strategy that is always asked is asked in each.
+            is_fine = period == 1 and self.world.rules.stride == 1
+            self.world.rules.period[layer] = period if is_fine else period * refinement
             self.world.rules.holders[layer] = bool(strategy.holders)
             if strategy.layer == "right_of_way":
-                self.world.rules.wait[:] = checked_wait_ranges(strategy)
+                *waits, retries = checked_wait_ranges(counted)
+                self.world.rules.wait[:] = [*(refinement * wait for wait in waits), retries]
                 self.world.rules.steered[0] = int(strategy.steers)
         return strategy
+
+    def _in_coarse_ticks(self, strategy: Strategy) -> Strategy:
+        """The same strategy with the parameters that a refined scenario was read with."""
+        choice = self.resolved.unrefined.strategies[strategy.layer]
+        if self.resolved.coarse is None or strategy.parameters is choice.parameters:
+            return strategy
+        return type(strategy)(choice.parameters)
 
     def _state(self, strategy: Strategy | None) -> Struct:
         if strategy is None:

@@ -114,8 +114,9 @@ def epibt_state(view, parameters):
     weights = lattice_weights(grid)
     duration = np.asarray(view.rules.duration)[:, [ACTION_MOVE, ACTION_TURN]]
     paces, pace = np.unique(np.maximum(duration, 1), axis=0, return_inverse=True)
-    ticks = horizon_of(parameters.depth, int(paces.max()))
-    offset, left = paths_of(grid.offset, operations, paces.tolist(), ticks)
+    wait = int(view.rules.stride)
+    ticks = horizon_of(parameters.depth, max(int(paces.max()), wait))
+    offset, left = paths_of(grid.offset, operations, paces.tolist(), wait, ticks)
     dearest = AGAINST_STREET if guided else int(paces.max())
     candidates, ends = candidates_by_end(operations)
     return EpibtState.sized(

@@ -2,7 +2,8 @@
 
 A robot that begins a move holds the cell that it leaves and the one that it enters; in the last tick of
 the move it is in the new one alone. What is begun goes on before a plan: so a plan begins `delay` ticks
-from now, with the pose to which that leads. Waits take one tick, and a plan that is done waits on.
+from now, with the pose to which that leads. A wait lasts until robots are asked again, mostly one tick,
+and a plan that is done waits on.
 """
 
 import numpy as np
@@ -12,25 +13,25 @@ from automaton.strategy.kernels import kernel
 from strategies.right_of_way.epibt.operations import FORWARD, RIGHT, WAIT
 
 
-def paths_of(offsets, operations, paces, ticks):
+def paths_of(offsets, operations, paces, wait, ticks):
     """Return twice (4 B, O, T): the cell after each tick, and the one that is still held.
 
-    Both as offsets, by pace and first heading. `paces`: (move, turn) in ticks; `offsets`: of a move,
-    by heading.
+    Both as offsets, by pace and first heading. `paces`: (move, turn) in ticks, beside those of
+    a wait; `offsets`: of a move, by heading.
     """
     shape = 4 * len(paces), len(operations.actions), ticks
     offset, left = np.zeros(shape, np.int32), np.zeros(shape, np.int32)
     for b, (move, turn) in enumerate(paces):
         for first in range(4):
             for number, actions in enumerate(operations.actions):
-                here, held = path_of(offsets, actions, first, move, turn)
+                here, held = path_of(offsets, actions, first, move, turn, wait)
                 rest = [here[-1]] * (ticks - len(here))
                 offset[4 * b + first, number] = here + rest
                 left[4 * b + first, number] = held + rest
     return offset, left
 
 
-def path_of(offsets, actions, heading, move, turn):
+def path_of(offsets, actions, heading, move, turn, wait=1):
     """Return the cells of one operation, and those still held, as lists of offsets by tick."""
     here, held, cell = [], [], 0
     for action in actions:
@@ -39,7 +40,7 @@ def path_of(offsets, actions, heading, move, turn):
             cell += int(offsets[heading])
         elif action != WAIT:
             heading = heading + (1 if action == RIGHT else 3) & 3
-        span = move if action == FORWARD else 1 if action == WAIT else turn
+        span = move if action == FORWARD else wait if action == WAIT else turn
         here += [cell] * span
         held += [before] * (span - 1) + [cell]
     return here, held

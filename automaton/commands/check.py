@@ -20,7 +20,13 @@ from automaton.build.plain_numbers import plain_number_line
 from automaton.build.resolve import Resolved, document_of, resolve
 from automaton.build.scenario_warnings import scenario_warnings
 from automaton.build.visit_bounds import bounds_in_words
-from automaton.commands.arguments import add_settings_argument, note, print_warnings
+from automaton.commands.arguments import (
+    add_refinement_arguments,
+    add_settings_argument,
+    note,
+    print_warnings,
+    settings_of,
+)
 from automaton.errors import InputError
 from automaton.floor.cells import DESTINATION, DOCK, RACK, SHELF
 from automaton.floor.matrices import write_matrix
@@ -47,6 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton check`."""
     parser.add_argument("file", nargs="+", metavar="FILE", help="a file, or what is shipped")
     add_settings_argument(parser)
+    add_refinement_arguments(parser)
     parser.add_argument(
         "--matrix", type=Path, metavar="CSV", help="write the floor's matrix of codes to CSV"
     )
@@ -54,7 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print a line for each good file and a sentence for each bad one; 2 if any is bad."""
-    bad = 0
+    bad, settings = 0, settings_of(args)
     if args.matrix is not None and len(args.file) != 1:
         raise InputError(f"--matrix writes the floor of one scenario, found {len(args.file)}")
     for file in args.file:
@@ -64,14 +71,15 @@ def run(args: argparse.Namespace) -> int:
                 print(described_study(study))
                 print_study_warnings(study, scenarios)
                 continue
-            resolved = resolve(file, args.settings)
+            resolved = resolve(file, settings)
             if args.matrix is not None:
                 export_matrix(resolved, args.matrix)
-            document = document_of(file, args.settings)
+            document = document_of(file, settings)
             check_files(resolved, document)
             print(described(resolved, names_right_of_way(document)))
-            plain = plain_number_line(document, resolved.scenario.units.scale)
-            for line in (*resolved.file_notes, *conversion_lines(resolved), plain):
+            as_read = resolved.unrefined
+            plain = plain_number_line(document, as_read.scenario.units.scale)
+            for line in (*resolved.file_notes, *conversion_lines(as_read), plain):
                 if line:
                     print(f"  {line}")
             for line in bounds_in_words(resolved):
@@ -95,8 +103,8 @@ def names_study(file: str) -> bool:
 
 def checked_study(file: str, args: argparse.Namespace) -> tuple[Study, tuple[Resolved, ...]]:
     """A good study and the scenarios of its points. Raises InputError."""
-    if args.settings or args.matrix is not None:
-        option = "--set" if args.settings else "--matrix"
+    if args.settings or args.refine or args.matrix is not None:
+        option = "--set" if args.settings else "--refine" if args.refine else "--matrix"
         raise InputError(f"{option} is for scenarios; a study says itself what it changes", file)
     return check_study(file)
 
@@ -184,4 +192,7 @@ def described(resolved: Resolved, names_right_of_way: bool = True) -> str:
             f"right of way {resolved.strategies['right_of_way'].name} by default"
             + (f" ({why})" if why else "")
         ]
-    return f"{resolved.scenario.name}: {', '.join([*parts, robots, *closed, *chosen])}, ok"
+    scenario = resolved.scenario
+    if scenario.refine > 1:
+        chosen.append(f"tick refined {scenario.refine} times: {scenario.units.tick}")
+    return f"{scenario.name}: {', '.join([*parts, robots, *closed, *chosen])}, ok"

@@ -77,6 +77,12 @@ class Resolved:
             return ()
         return tuple(pod_names(self.scenario, len(pod_cells(self.scenario, self.floor_plan))))
 
+    def __reduce__(self) -> Any:
+        """A refined scenario is refined again: made from its parts, it would be checked as read."""
+        if self.coarse is None:
+            return object.__new__, (Resolved,), self.__getstate__()
+        return in_fine_ticks, (replace(self.coarse, overrides=self.overrides),)
+
     def __getstate__(self) -> dict[str, Any]:
         """All but the fleet, which follows from the rest and may be larger than all of it."""
         return {name: value for name, value in vars(self).items() if name != "fleet"}

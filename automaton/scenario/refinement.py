@@ -43,11 +43,12 @@ def refined(scenario: Scenario) -> Scenario:
     """The scenario in ticks that are `scenario.refine` times finer."""
     if scenario.refine == 1:
         return scenario
-    fine: Scenario = refined_value(scenario, scenario.refine)
+    fine = refined_value(scenario, scenario.refine)
     units = msgspec.structs.replace(
         scenario.units, tick=refined_tick(scenario.units, scenario.refine)
     )
-    return _with(fine, {"units": units})
+    result: Scenario = _with(fine, {"units": units})
+    return result
 
 
 def refined_data(data: dict[str, Any]) -> Scenario:
@@ -70,7 +71,8 @@ def refined_tick(units: Units, factor: int) -> str:
 
 def refined_value(value: Any, factor: int) -> Any:
     """A struct with all numbers of ticks, and all rates, in ticks that are so many times finer."""
-    return _refined(value, plan_of(type(value)), factor)
+    kind: Any = type(value)
+    return _refined(value, plan_of(kind), factor)
 
 
 def _refined(value: Any, plan: Plan, factor: int) -> Any:

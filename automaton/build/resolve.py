@@ -183,7 +183,7 @@ def in_fine_ticks(resolved: Resolved, document: Document | None = None) -> Resol
         objection = getattr(choice.parameters, "check_scenario", None)
         sentence = objection(fine, floor_plan) if objection else None
         if sentence:
-            text = f"with refine {scenario.refine} strategy.{layer} {choice.name} does not go: {sentence}"
+            text = f"with refine {scenario.refine} strategy.{layer} is {choice.name}: {sentence}"
             raise document.error(("refine",), text)
     return replace(
         resolved, scenario=fine, floor_plan=floor_plan, strategies=strategies, coarse=resolved

@@ -26,6 +26,7 @@ from automaton.engine.jit.kernel import first_compilation_announced, jit_is_on
 from automaton.engine.jit.structs import Struct, lent_address, window
 from automaton.engine.observation import COUNT_CURVE_ROWS, COUNT_EVENTS
 from automaton.engine.record_codes import KEYFRAME_TICKS
+from automaton.engine.slow_zones import MAX_MOVE_TICKS
 from automaton.engine.state import (
     CLOCK_CHANGE_ROWS,
     CLOCK_DECISION_WORDS,
@@ -191,26 +192,35 @@ class Simulation:
         """Validate a strategy, and enter how often, after which waits and with what it is called."""
         if strategy is not None:
             check_decides(strategy)
-            refinement = int(self.world.rules.refinement)
             layer = LAYER_NAMES.index(strategy.layer)
-            counted = self._in_coarse_ticks(strategy)
-            period = checked_period(counted)
+            as_read = self._as_read(strategy)
+            refinement = 1 if as_read is strategy else int(self.world.rules.refinement)
+            period = checked_period(as_read)
             # Where it decides in every tick, a strategy that is always asked is asked in each.
             is_fine = period == 1 and self.world.rules.stride == 1
             self.world.rules.period[layer] = period if is_fine else period * refinement
             self.world.rules.holders[layer] = bool(strategy.holders)
             if strategy.layer == "right_of_way":
-                *waits, retries = checked_wait_ranges(counted)
+                *waits, retries = checked_wait_ranges(as_read)
+                longest = refinement * max(waits)
+                if longest > MAX_MOVE_TICKS:
+                    text = (
+                        f"waits of right of way take {longest:,} ticks, at most {MAX_MOVE_TICKS:,}"
+                    )
+                    raise InputError(f"with refine {refinement} {text} are allowed")
                 self.world.rules.wait[:] = [*(refinement * wait for wait in waits), retries]
                 self.world.rules.steered[0] = int(strategy.steers)
         return strategy
 
-    def _in_coarse_ticks(self, strategy: Strategy) -> Strategy:
-        """The same strategy with the parameters that a refined scenario was read with."""
-        choice = self.resolved.unrefined.strategies[strategy.layer]
-        if self.resolved.coarse is None or strategy.parameters is choice.parameters:
+    def _as_read(self, strategy: Strategy) -> Strategy:
+        """The same strategy with the parameters that a refined scenario was read with.
+
+        One that is none of the scenario's counts the ticks of the run.
+        """
+        coarse, fine = self.resolved.coarse, self.resolved.strategies.get(strategy.layer)
+        if coarse is None or fine is None or strategy.parameters is not fine.parameters:
             return strategy
-        return type(strategy)(choice.parameters)
+        return type(strategy)(coarse.strategies[strategy.layer].parameters)
 
     def _state(self, strategy: Strategy | None) -> Struct:
         if strategy is None:

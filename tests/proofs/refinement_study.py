@@ -100,7 +100,8 @@ def compared(point: Point, ticks: int, most: int, executor: Executor) -> Row:
         futures = [executor.submit(one_pair, point, number, ticks) for number in more]
         pairs += [future.result() for future in futures]
         row = row_of(pairs)
-        if row.verdict != "undecided" or point.decide == "fine" or len(pairs) >= most:
+        is_clear = row.verdict != "undecided" if point.decide == "coarse" else len(pairs) > FIRST
+        if is_clear or len(pairs) >= most:
             return row
 
 

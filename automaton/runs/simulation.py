@@ -215,7 +215,7 @@ class Simulation:
     def _as_read(self, strategy: Strategy) -> Strategy:
         """The same strategy with the parameters that a refined scenario was read with.
 
-        One that is none of the scenario's counts the ticks of the run.
+        One that is not the scenario's own counts the ticks of the run.
         """
         coarse, fine = self.resolved.coarse, self.resolved.strategies.get(strategy.layer)
         if coarse is None or fine is None or strategy.parameters is not fine.parameters:

@@ -29,6 +29,7 @@ from automaton.scenario.locations import names_of_cells, with_locations_of_file
 from automaton.scenario.order_file import with_orders_of_file
 from automaton.scenario.pod_file import pod_cells, pod_names, with_pods_of_file
 from automaton.scenario.reading import SHIPPED_FOLDER, STUDIES_ARE_SWEPT, is_study, read
+from automaton.scenario.refinement import refined, refined_value, too_long
 from automaton.scenario.schema import LAYER_NAMES, Scenario, Units
 from automaton.scenario.start_file import with_starts_of_file
 from automaton.scenario.task_file import with_tasks_of_file
@@ -61,6 +62,7 @@ class Resolved:
     conversions: tuple[Conversion, ...] = ()  # of texts with units, but for those of strategies
     file_notes: tuple[str, ...] = ()  # what was read of a file of orders, for `check`
     file_warnings: tuple[str, ...] = ()  # and what is odd in it
+    coarse: Resolved | None = None  # as it was read, where this is in finer ticks
     orders_of_file: bool = False  # whether its orders, or their lines, come from a file
 
     @cached_property
@@ -75,9 +77,20 @@ class Resolved:
             return ()
         return tuple(pod_names(self.scenario, len(pod_cells(self.scenario, self.floor_plan))))
 
+    def __reduce__(self) -> Any:
+        """A refined scenario is refined again: made from its parts, it would be checked as read."""
+        if self.coarse is None:
+            return object.__new__, (Resolved,), self.__getstate__()
+        return in_fine_ticks, (replace(self.coarse, overrides=self.overrides),)
+
     def __getstate__(self) -> dict[str, Any]:
         """All but the fleet, which follows from the rest and may be larger than all of it."""
         return {name: value for name, value in vars(self).items() if name != "fleet"}
+
+    @property
+    def unrefined(self) -> Resolved:
+        """The scenario in the ticks in which it was read."""
+        return self if self.coarse is None else self.coarse
 
     @property
     def zoning(self) -> ZoningParameters:
@@ -148,7 +161,33 @@ def resolve(
         file_warnings=() if order_file is None else order_file.warnings,
     )
     vars(resolved)["fleet"] = fleet  # with the facts that the checks have found
-    return resolved
+    return in_fine_ticks(resolved, document)
+
+
+def in_fine_ticks(resolved: Resolved, document: Document | None = None) -> Resolved:
+    """A scenario as `refine` says, in finer ticks; itself if that is 1. Raises InputError."""
+    scenario = resolved.scenario
+    if scenario.refine == 1:
+        return resolved
+    document = document or Document({})
+    wrong = too_long(scenario)
+    if wrong:
+        raise document.error(("refine",), wrong)
+    fine = refined(scenario)
+    floor_plan = with_speed_limits(resolved.floor_plan, fine.floor.speed_limits)
+    strategies = {
+        layer: choice._replace(parameters=refined_value(choice.parameters, scenario.refine))
+        for layer, choice in resolved.strategies.items()
+    }
+    for layer, choice in strategies.items():
+        objection = getattr(choice.parameters, "check_scenario", None)
+        sentence = objection(fine, floor_plan) if objection else None
+        if sentence:
+            text = f"with refine {scenario.refine} strategy.{layer} is {choice.name}: {sentence}"
+            raise document.error(("refine",), text)
+    return replace(
+        resolved, scenario=fine, floor_plan=floor_plan, strategies=strategies, coarse=resolved
+    )
 
 
 def checked_scenario(document: Document) -> tuple[Document, Scenario, tuple[Conversion, ...]]:
@@ -205,6 +244,7 @@ def branched(resolved: Resolved, settings: tuple[str, ...]) -> Resolved:
 
     Floor, fleet, orders and seed are what the run began with. Raises InputError.
     """
+    resolved = resolved.unrefined
     document, scenario, _ = checked_scenario(document_of(resolved.scenario, settings))
     for name in Scenario.__struct_fields__:
         if name not in CHANGEABLE and getattr(scenario, name) != getattr(resolved.scenario, name):
@@ -215,7 +255,8 @@ def branched(resolved: Resolved, settings: tuple[str, ...]) -> Resolved:
     check_energy(document, scenario, resolved.floor_plan)
     check_table_memory(document, scenario, resolved.floor_plan)
     strategies = choose_strategies(document, scenario, resolved.floor_plan)
-    return replace(resolved, scenario=naming_files(scenario, strategies), strategies=strategies)
+    changed = replace(resolved, scenario=naming_files(scenario, strategies), strategies=strategies)
+    return in_fine_ticks(changed, document)
 
 
 def document_of(

@@ -57,6 +57,8 @@ def rules_for(
         under=int(scenario.pods.under == "empty"),
         loaded_types=len(types) if loaded_differ else 0,
         own_zones=int(getattr(scenario.information, "orders", "all") == "zones"),
+        refinement=scenario.refine,
+        stride=scenario.refine if scenario.decide == "coarse" else 1,
         tick_us=tick_length(scenario.units.tick),
         cell_milli=0
         if scenario.units.cell is None

@@ -12,6 +12,7 @@ from automaton.build.gates import build_gates
 from automaton.build.initial_service_zones import build_service_zones
 from automaton.build.pods import build_pods
 from automaton.build.prepared_floor import Floor, floor_for
+from automaton.build.refined_world import refined_world
 from automaton.build.resolve import Resolved
 from automaton.build.rules import rules_for
 from automaton.build.starts import first_charges, homes, occupy_starts, start_headings
@@ -91,6 +92,20 @@ def build_world(
     route may have; default what the floor may ask for. `in_convoy`: robots may follow each other in moves
     of several ticks as the run begins, since it branches off from one where they do.
     """
+    is_refined = resolved.coarse is not None
+    in_convoy = in_convoy or is_refined  # moves of one tick take several then
+    world, floor = _build_coarse(resolved.unrefined, seed, storage, longest_route, in_convoy)
+    return refined_world(world, resolved) if is_refined else (world, floor)
+
+
+def _build_coarse(
+    resolved: Resolved,
+    seed: int,
+    storage: Array | None,
+    longest_route: int | None,
+    in_convoy: bool,
+) -> tuple[World, Floor]:
+    """The world at tick 0 in the ticks of its scenario."""
     scenario = resolved.scenario
     types = resolved.fleet.types
     floor = floor_for(resolved.floor_plan, scenario.world.traffic_zones, types)

@@ -14,8 +14,9 @@ from automaton.build.resolve import Resolved
 from automaton.build.scenario_warnings import scenario_warnings
 from automaton.errors import InputError
 from automaton.scenario.clock_times import is_clock_time
-from automaton.scenario.document import parse
+from automaton.scenario.document import Override, parse
 from automaton.scenario.reading import read_text
+from automaton.scenario.schema import MAX_REFINEMENT
 
 if TYPE_CHECKING:
     from rich.progress import Progress, ProgressColumn
@@ -74,6 +75,33 @@ def settings_in(path: Path) -> list[str]:
             else ((section, part),)
         )
     ]
+
+
+def add_refinement_arguments(parser: argparse.ArgumentParser) -> None:
+    """How much finer the tick is, and when strategies decide: both go into `settings`."""
+    parser.add_argument(
+        "--refine",
+        type=whole("a refinement", 1, MAX_REFINEMENT),
+        metavar="K",
+        help="make the tick K times finer: every number of ticks is multiplied by K",
+    )
+    parser.add_argument(
+        "--decide",
+        choices=("coarse", "fine"),
+        help="coarse: strategies decide as often as without --refine (default); fine: in every tick",
+    )
+
+
+def settings_of(args: argparse.Namespace) -> tuple[str | Override, ...]:
+    """The settings of a scenario, its refinement included. Raises InputError."""
+    refined = []
+    if args.refine is not None:
+        refined.append(Override(f"--refine {args.refine}", ("refine",), args.refine))
+    if args.decide is not None:
+        if args.refine is None:
+            raise InputError("is for refined ticks; set --refine K, too", f"--decide {args.decide}")
+        refined.append(Override(f"--decide {args.decide}", ("decide",), args.decide))
+    return (*args.settings, *refined)
 
 
 def add_recording_argument(parser: argparse.ArgumentParser, name: str = "FILE") -> None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -24,6 +23,8 @@ from automaton.commands.explain import check_tick, shown_at
 from automaton.errors import InputError
 from automaton.evidence.recording.frames import Recording
 from automaton.evidence.recording.recording_reader import read_recording
+from automaton.scenario.refinement import refined_data
+from automaton.scenario.schema import Units
 from automaton.units import count, unit
 
 if TYPE_CHECKING:
@@ -78,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
         print(f"{name}, seed {seed}, branched off after tick {args.at:,}: {settings}")
         if difference is not None:
             print(difference.text.partition(";")[0])
-        print_futures(original, branch, header["scenario"]["units"])
+        print_futures(original, branch, refined_data(header["scenario"]).units)
         if not missing:
             print(f"\nrecorded in {out}")
     if missing:
@@ -128,14 +129,14 @@ def future(name: str, simulation: Simulation, finished: bool) -> Future:
     return Future(name, simulation.tick, finished, simulation.digest, metrics_of(simulation))
 
 
-def print_futures(original: Future, branch: Future, units: Mapping[str, str | None]) -> None:
+def print_futures(original: Future, branch: Future, units: Units) -> None:
     """The metrics of both beside each other, in the units of the scenario."""
     from automaton.runs.console_output import console, print_blocks
     from automaton.runs.metrics import METRIC_CATALOGUE
     from automaton.runs.report_document import Table
     from automaton.runs.run_report import in_units
 
-    tick_unit, cell = unit(units["tick"] or ""), units["cell"]
+    tick_unit, cell = unit(units.tick), units.cell
     lines = [
         f"{one.name}: {'' if one.finished else 'not '}finished after {count(one.ticks, 'tick')}"
         for one in (original, branch)

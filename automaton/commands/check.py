@@ -22,10 +22,12 @@ from automaton.build.scenario_warnings import scenario_warnings
 from automaton.build.visit_bounds import bounds_in_words
 from automaton.commands.arguments import (
     add_json_argument,
+    add_refinement_arguments,
     add_settings_argument,
     note,
     print_json,
     print_warnings,
+    settings_of,
 )
 from automaton.errors import InputError
 from automaton.floor.cells import DESTINATION, DOCK, RACK, SHELF
@@ -53,6 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton check`."""
     parser.add_argument("file", nargs="+", metavar="FILE", help="a file, or what is shipped")
     add_settings_argument(parser)
+    add_refinement_arguments(parser)
     parser.add_argument(
         "--matrix", type=Path, metavar="CSV", help="write the floor's matrix of codes to CSV"
     )
@@ -111,13 +114,15 @@ def check_file(file: str, args: argparse.Namespace) -> Report:
         for warning in warnings:
             note(f"{study.name}: warning: {warning}")
         return Report(file, study.name, (line,), tuple(warnings))
-    resolved = resolve(file, args.settings)
+    settings = settings_of(args)
+    resolved = resolve(file, settings)
+    as_read = resolved.unrefined
     if args.matrix is not None:
         export_matrix(resolved, args.matrix)
-    document = document_of(file, args.settings)
+    document = document_of(file, settings)
     check_files(resolved, document)
-    plain = plain_number_line(document, resolved.scenario.units.scale)
-    more = (*resolved.file_notes, *conversion_lines(resolved), plain, *bounds_in_words(resolved))
+    plain = plain_number_line(document, as_read.scenario.units.scale)
+    more = (*resolved.file_notes, *conversion_lines(as_read), plain, *bounds_in_words(resolved))
     lines = [described(resolved, names_right_of_way(document)), *(line for line in more if line)]
     if not args.json:
         print("\n  ".join(lines))
@@ -143,7 +148,12 @@ def names_study(file: str) -> bool:
 
 def checked_study(file: str, args: argparse.Namespace) -> tuple[Study, tuple[Resolved, ...]]:
     """A good study and the scenarios of its points. Raises InputError."""
-    options = {"--set": args.settings, "--matrix": args.matrix, "--trial": args.trial}
+    options = {
+        "--set": args.settings,
+        "--refine": args.refine,
+        "--matrix": args.matrix,
+        "--trial": args.trial,
+    }
     for option in (name for name, value in options.items() if value):
         raise InputError(f"{option} is for scenarios; a study says itself what it changes", file)
     return check_study(file)
@@ -231,4 +241,7 @@ def described(resolved: Resolved, names_right_of_way: bool = True) -> str:
     if not names_right_of_way:
         name, why = default_right_of_way(resolved.scenario, resolved.fleet)
         chosen = [f"right of way {name} by default" + (f" ({why})" if why else "")]
-    return f"{resolved.scenario.name}: {', '.join([*parts, robots, *closed, *chosen])}, ok"
+    scenario = resolved.scenario
+    if scenario.refine > 1:
+        chosen.append(f"tick refined {scenario.refine} times: {scenario.units.tick}")
+    return f"{scenario.name}: {', '.join([*parts, robots, *closed, *chosen])}, ok"

@@ -18,11 +18,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from automaton.build.resolve import Resolved, resolve
 from automaton.commands.arguments import (
     add_json_argument,
+    add_refinement_arguments,
     add_scenario_arguments,
     add_timeout_argument,
     note,
     print_json,
     print_warnings,
+    settings_of,
     whole,
 )
 from automaton.commands.run_tables import EventLines, add_table_arguments, written_tables
@@ -41,6 +43,7 @@ PROGRESS_INTERVAL_S = 2.0  # from then on it says which tick is being computed
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton run`."""
     add_scenario_arguments(parser)
+    add_refinement_arguments(parser)
     parser.add_argument("--record", type=Path, metavar="FILE", help="keep every tick in FILE")
     parser.add_argument(
         "--until", type=whole("a tick", 1), metavar="TICK", help="stop there, if not before"
@@ -56,7 +59,9 @@ def run(args: argparse.Namespace) -> int:
     from automaton.runs.headless import run_once
     from automaton.runs.jam_watch import JamWatch, note_jam
 
-    resolved = resolve(args.scenario, args.settings, args.seed)
+    resolved = resolve(args.scenario, settings_of(args), args.seed)
+    if args.until is not None:
+        args.until *= resolved.scenario.refine
     print_warnings(resolved)
     with (
         written_tables(args, resolved) as tables,
@@ -201,6 +206,12 @@ def progress(resolved: Resolved) -> Iterator[Any]:
         teller.join()
 
 
+def refinement_of(resolved: Resolved) -> dict[str, Any]:
+    """How the ticks of a run were refined; nothing if they were not."""
+    scenario = resolved.scenario
+    return {} if scenario.refine == 1 else {"refine": scenario.refine, "decide": scenario.decide}
+
+
 def as_json(resolved: Resolved, outcome: Outcome) -> dict[str, Any]:
     """The run as one object; times are in ticks, `metrics_in_units` has them in the units of the
     scenario."""
@@ -214,6 +225,7 @@ def as_json(resolved: Resolved, outcome: Outcome) -> dict[str, Any]:
     return {
         "scenario": resolved.scenario.name,
         "seed": resolved.scenario.seed,
+        **refinement_of(resolved),
         "finished": outcome.finished,
         "stopped": outcome.stopped,
         "ticks": outcome.ticks,

@@ -13,11 +13,13 @@ from typing import TYPE_CHECKING
 
 from automaton.commands.arguments import (
     add_json_argument,
+    add_refinement_arguments,
     add_scenario_arguments,
     add_workers_argument,
     note,
     print_json,
     print_warnings,
+    settings_of,
     whole,
 )
 from automaton.errors import WorkerDiedError
@@ -49,6 +51,7 @@ def positive_share(text: str) -> float:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton size`."""
     add_scenario_arguments(parser)
+    add_refinement_arguments(parser)
     add = parser.add_argument
     add("--target", required=True, metavar="T", help="such as 'makespan<=3000', 'makespan<=5h'")
     add("--robots", required=True, metavar="A..B", help="the fleets that may be an answer")
@@ -103,7 +106,7 @@ def run(args: argparse.Namespace) -> int:
     from automaton.studies.sizing.fleet_runs import Checked, Fleets, run_and_measure_use, session_of
 
     with PersistentPool(args.workers, run_and_measure_use) as rounds:
-        fleets = Fleets(args.scenario, args.settings, args.seed, rounds)
+        fleets = Fleets(args.scenario, settings_of(args), args.seed, rounds)
         asked = asked_of(args, fleets)
         print_warnings(fleets.base)
         session = session_of(fleets, Checked(fleets, asked, tell_progress))
@@ -164,6 +167,8 @@ def show(args: argparse.Namespace, session: SizingSession, fleets: Fleets) -> No
         ends = f"Every run lasts {limit}."
     if scenario.units.tick != "1 tick":
         ends += f" 1 tick = {scenario.units.tick}."
+    if scenario.refine > 1:
+        ends += f" Runs have ticks that are {scenario.refine} times finer; metrics count the scenario's."
     print_answer(console(), session, scenario.name, ends, args.price)
 
 

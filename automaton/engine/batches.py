@@ -4,6 +4,7 @@ import numpy as np
 
 from automaton.engine.jit.field_kernels import clearing
 from automaton.engine.jit.kernel import kernel
+from automaton.engine.refinement import is_due
 from automaton.engine.requests import clear_route_request, first_cell
 from automaton.engine.robot_status import STATUS_EXHAUSTED, STATUS_UP
 from automaton.engine.state import (
@@ -40,13 +41,6 @@ from automaton.engine.state import (
     RoutingDecisions,
     ZoningDecisions,
 )
-
-
-@kernel
-def is_due(world, layer):
-    """Whether the layer's strategy asked for this tick."""
-    period = world.rules.period[layer]
-    return period > 0 and world.clock[CLOCK_TICK] % period == 0
 
 
 @kernel

@@ -44,6 +44,7 @@ from automaton.engine.observation import (
     WAITERS,
 )
 from automaton.engine.prefetch import prefetch
+from automaton.engine.refinement import is_begin
 from automaton.engine.state import ACTION_MOVE, CLOCK_TICK, FOLLOWING_CONVOY, GOAL_NONE, NIL
 
 REQUESTED = -2  # value of scratch.holder: a robot waits for it
@@ -256,15 +257,16 @@ def cause_of_wait(world, observation, i):
 
 @kernel
 def count_wait(world, observation, i):
-    """Enter the lost tick of robot i by its cause and by its cell."""
-    observation.lost[U(i), U(observation.cause[U(i)])] += 1
+    """Enter the lost tick of robot i by its cause and by its cell; one that is free loses a stride."""
+    ticks = world.rules.stride if is_begin(world) and world.robots.busy[U(i)] == 0 else 1
+    observation.lost[U(i), U(observation.cause[U(i)])] += ticks
     cell = np.int64(world.robots.cell[U(i)])
     if cell != NIL:
         lost_ticks_by_cell, tick = observation.lost_ticks_by_cell[U(cell)], world.clock[CLOCK_TICK]
-        lost_ticks_by_cell[LOST_EVER] += 1
+        lost_ticks_by_cell[LOST_EVER] += ticks
         halvings = min((tick - np.int64(lost_ticks_by_cell[COUNTED_AT])) // MEMORY_TICKS, 31)
         if halvings > 0:
             lost_ticks_by_cell[COUNTED_AT] = tick
         lost_ticks_by_cell[LOST_LATELY] = (
             np.int64(lost_ticks_by_cell[LOST_LATELY]) >> halvings
-        ) + 1
+        ) + ticks

@@ -22,8 +22,15 @@ from automaton.engine.random_numbers import (
 )
 from automaton.engine.record_changes import record_change
 from automaton.engine.record_codes import CHANGE_DELAYED
+from automaton.engine.refinement import chance_decides
 from automaton.engine.robot_status import STATUS_EXHAUSTED
-from automaton.engine.state import ACTION_DELAYED, CLOCK_TICK, FOLLOWING_CONVOY, NIL
+from automaton.engine.state import (
+    ACTION_DELAYED,
+    CLOCK_COARSE_TICK,
+    CLOCK_TICK,
+    FOLLOWING_CONVOY,
+    NIL,
+)
 
 MAX_BUSY = 65_535  # ticks that robots.busy can hold
 
@@ -32,17 +39,19 @@ MAX_BUSY = 65_535  # ticks that robots.busy can hold
 def delay_robots(world, record):
     """Begin delays, and let delayed robots stand; call after robots have gone down and come back."""
     robots, delays, tick = world.robots, world.delays, world.clock[CLOCK_TICK]
-    last_hash = find_last_hash(world) if delays.poisson else np.uint64(0)
+    draws = chance_decides(world)
+    last_hash = find_last_hash(world) if delays.poisson and draws else np.uint64(0)
     lengthened = 0
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[U(identity)])
         if robots.cell[U(i)] == NIL or robots.status[U(i)] > STATUS_EXHAUSTED:
             delays.until[U(identity)] = 0
             continue
-        if delays.until[U(identity)] < tick and begins_delay(world, identity, last_hash):
-            lengthened += begin_delay(world, record, i)
+        if draws and delays.until[U(identity)] < tick:
+            if begins_delay(world, identity, last_hash):
+                lengthened += begin_delay(world, record, i)
         if delays.until[U(identity)] >= tick:
-            delays.lasted[U(identity)] += 1
+            delays.lasted[U(identity)] += world.rules.stride
             if robots.busy[U(i)] == 0:
                 begin(world, i, ACTION_DELAYED, delays.until[U(identity)] - tick + 1)
     if lengthened and world.rules.following == FOLLOWING_CONVOY:
@@ -52,7 +61,7 @@ def delay_robots(world, record):
 @kernel
 def begins_delay(world, identity, last_hash):
     """Whether a robot that may begin a delay does."""
-    bits = random_bits(world.rules.seed, STREAM_DELAYS, world.clock[CLOCK_TICK], identity)
+    bits = random_bits(world.rules.seed, STREAM_DELAYS, world.clock[CLOCK_COARSE_TICK], identity)
     if world.delays.poisson:
         return bits <= last_hash
     return np.int64(bits >> np.uint64(32)) < world.delays.probability
@@ -62,10 +71,9 @@ def begins_delay(world, identity, last_hash):
 def begin_delay(world, record, i):
     """Robot i is delayed from this tick on; returns 1 if what it drives takes longer, else 0."""
     robots, delays, tick = world.robots, world.delays, world.clock[CLOCK_TICK]
-    identity = np.int64(robots.identity[i])
-    entry = random_between(
-        0, delays.ticks.shape[0] - 1, world.rules.seed, STREAM_DELAY_TICKS, tick, identity
-    )
+    identity, last = np.int64(robots.identity[i]), delays.ticks.shape[0] - 1
+    drawn_in = world.clock[CLOCK_COARSE_TICK]
+    entry = random_between(0, last, world.rules.seed, STREAM_DELAY_TICKS, drawn_in, identity)
     busy = np.int64(robots.busy[i])
     ticks = min(np.int64(delays.ticks[entry]), MAX_BUSY - busy)
     delays.until[identity] = tick + ticks - 1
@@ -140,16 +148,16 @@ def put_off_end(world, i, ticks):
 def find_last_hash(world):
     """The hash up to which robots begin delays in this tick, 0: none does."""
     robots, delays, rules = world.robots, world.delays, world.rules
-    tick, count, able = world.clock[CLOCK_TICK], 0, 0
+    drawn_in, count, able = world.clock[CLOCK_COARSE_TICK], 0, 0
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[U(identity)])
         if robots.cell[U(i)] == NIL or robots.status[U(i)] > STATUS_EXHAUSTED:
             continue
-        if delays.until[U(identity)] >= tick:
+        if delays.until[U(identity)] >= world.clock[CLOCK_TICK]:
             continue
-        delays.hash[U(able)] = random_bits(rules.seed, STREAM_DELAYS, tick, identity)
+        delays.hash[U(able)] = random_bits(rules.seed, STREAM_DELAYS, drawn_in, identity)
         able += 1
-        bits = random_bits(rules.seed, STREAM_DELAY_COUNTS, tick, identity) >> np.uint64(32)
+        bits = random_bits(rules.seed, STREAM_DELAY_COUNTS, drawn_in, identity) >> np.uint64(32)
         for k in range(delays.counts.shape[0]):
             count += np.int64(np.int64(bits) >= delays.counts[U(k)])
     return least_hash(delays.hash, able, min(count, able))

@@ -35,7 +35,7 @@ from automaton.engine.operations import (
     count_lost_tick,
     energy_cost,
 )
-from automaton.engine.random_numbers import STREAM_HANDLING, STREAM_WAITS, random_between
+from automaton.engine.random_numbers import STREAM_HANDLING, STREAM_WAITS
 from automaton.engine.record_changes import record_change
 from automaton.engine.record_codes import (
     CHANGE_DURATION,
@@ -53,6 +53,7 @@ from automaton.engine.record_codes import (
     TURN_LEFT,
     TURN_RIGHT,
 )
+from automaton.engine.refinement import random_ticks
 from automaton.engine.requests import (
     clear_right_of_way,
     clear_route_request,
@@ -282,10 +283,7 @@ def handling_time(world, record, i, action):
     ticks = max(np.int64(world.rules.duration[world.robots.type[i], action]), 1)
     if world.rules.handling_jitter:
         identity = np.int64(world.robots.identity[i])
-        tick = world.clock[CLOCK_TICK]
-        ticks += random_between(
-            0, world.rules.handling_jitter, world.rules.seed, STREAM_HANDLING, tick, identity
-        )
+        ticks += random_ticks(world, 0, world.rules.handling_jitter, STREAM_HANDLING, identity)
         record_change(world.clock, record, CHANGE_DURATION, identity, ticks)
     return ticks
 
@@ -505,16 +503,9 @@ def refused(world, record, i):
             request_right_of_way(world, i)
     else:
         first = 2 if robots.load[i] != NIL else 0
-        tick = world.clock[CLOCK_TICK]
         identity = np.int64(robots.identity[i])
-        ticks = random_between(
-            np.int64(wait[first]),
-            np.int64(wait[first + 1]),
-            world.rules.seed,
-            STREAM_WAITS,
-            tick,
-            identity,
-        )
+        low, high = np.int64(wait[first]), np.int64(wait[first + 1])
+        ticks = random_ticks(world, low, high, STREAM_WAITS, identity)
         begin(world, i, ACTION_WAIT, ticks)
         robots.busy[i] = ticks - 1  # motion of this tick is over
         robots.retry_state[i] = RETRY_WAITED

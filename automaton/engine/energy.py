@@ -45,10 +45,10 @@ def has_energy_for(world, i, action):
 
 @kernel
 def charge_gain(world, i):
-    """Units that a tick at a charger gives robot i at its charge."""
+    """Units that a tick at a charger, or a stride, gives robot i at its charge."""
     charge = np.int64(world.robots.charge[i])
     rate = rate_at(world.rules.curve[world.robots.type[i]], charge)
-    return min(rate, BATTERY_FULL - charge)
+    return min(world.rules.stride * rate, BATTERY_FULL - charge)
 
 
 @kernel
@@ -105,7 +105,7 @@ def cancel_infeasible_moves(world):
             world.traffic.intent[i] = 0
             exhaust(world, i)
         if world.traffic.intent[U(i)] == 0:
-            consume_energy(world, i, energy_cost(world, i, ACTION_IDLE, 1))
+            consume_energy(world, i, energy_cost(world, i, ACTION_IDLE, world.rules.stride))
         elif live and is_entering_charger(world, i):
             join_charger_queue(world, i)
     for identity in range(robots.cell.shape[0]):

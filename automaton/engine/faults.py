@@ -24,6 +24,7 @@ from automaton.engine.random_numbers import (
 )
 from automaton.engine.record_changes import record_change
 from automaton.engine.record_codes import CHANGE_LOAD_LEFT, CHANGE_STATUS
+from automaton.engine.refinement import chance_decides
 from automaton.engine.requests import (
     clear_allocation_request,
     clear_right_of_way,
@@ -47,6 +48,7 @@ from automaton.engine.robot_status import (
 from automaton.engine.state import (
     ACTION_DOWN,
     ACTION_IDLE,
+    CLOCK_COARSE_TICK,
     CLOCK_NEEDING_CHARGING,
     CLOCK_NEXT_FAULT,
     CLOCK_REVISION,
@@ -76,7 +78,7 @@ def break_down_and_repair(world, record, workspace):
     ):
         fail(world, np.int64(world.robots.at_index[faults[clock[CLOCK_NEXT_FAULT], 1]]))
         clock[CLOCK_NEXT_FAULT] += 1
-    if world.rules.breakdown:
+    if world.rules.breakdown and chance_decides(world):
         draw_faults(world)
     if clock[CLOCK_ROBOTS_DOWN]:
         tow_and_repair(world, record, workspace)
@@ -99,7 +101,7 @@ def draw_faults(world):
         if robots.cell[i] != NIL and robots.status[i] == STATUS_UP:
             identity = np.int64(robots.identity[i])
             bits = random_bits(
-                rules.seed, STREAM_BREAKDOWNS, world.clock[CLOCK_TICK], identity
+                rules.seed, STREAM_BREAKDOWNS, world.clock[CLOCK_COARSE_TICK], identity
             ) >> np.uint64(32)
             if np.int64(bits) < rules.breakdown:
                 fail(world, i)
@@ -146,7 +148,7 @@ def take_all_out(world, record):
         if robots.status[i] == STATUS_FAILED and world.rules.repair_in_place.shape[0]:
             robots.busy[i] = 1  # motion takes it away again in this tick
         if robots.status[i] == STATUS_DEPLETED or robots.status[i] == STATUS_FAILED:
-            world.tally.ticks[i, ACTION_DOWN, 0] += 1
+            world.tally.ticks[i, ACTION_DOWN, 0] += world.rules.stride
 
 
 @kernel
@@ -159,7 +161,7 @@ def stop_in_place(world, record, i):
         rules.repair_in_place.shape[0] - 1,
         rules.seed,
         STREAM_REPAIRS,
-        tick,
+        world.clock[CLOCK_COARSE_TICK],
         np.int64(robots.identity[i]),
     )
     robots.status_until[i] = tick + rules.repair_in_place[entry]

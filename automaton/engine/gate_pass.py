@@ -11,6 +11,7 @@ from automaton.engine.gates import GATE_BLOCK, GATE_CLOSING, GATE_DOOR, GATE_LIF
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import AT_GATE, LIVE, U, is_before, is_empty
 from automaton.engine.state import (
+    CLOCK_COARSE_TICK,
     CLOCK_HALTED_UNTIL,
     CLOCK_TICK,
     GOAL_NONE,
@@ -180,7 +181,7 @@ def best_entrant(world, gate, mouth):
         fits = mouth == NIL or gates.entrant_cell[entry] == mouth
         if fits and gates.held[i] == NIL:
             if best == NIL or is_before(
-                world.robots, world.clock[CLOCK_TICK], i, np.int64(gates.entrant[best])
+                world.robots, world.clock[CLOCK_COARSE_TICK], i, np.int64(gates.entrant[best])
             ):
                 best = entry
         entry = gates.next_entrant[entry]
@@ -293,5 +294,5 @@ def note_closing(world, i):
     if gates.waited_for[identity] != row:
         gates.waited_for[identity] = row
         gates.waited[identity] = 0
-    gates.waited[identity] += 1
+    gates.waited[identity] += world.rules.stride
     return gates.waited[identity] == gates.replan_after[0]

@@ -38,6 +38,7 @@ from automaton.engine.observation import COUNT_CURVE_ROWS, COUNT_EVENTS, Observa
 from automaton.engine.observe import observe
 from automaton.engine.record_changes import MAX_CHANGES
 from automaton.engine.record_codes import EXECUTED_NOTHING
+from automaton.engine.refinement import is_begin, is_end, next_tick
 from automaton.engine.releases import release_orders
 from automaton.engine.right_of_way_commit import commit_right_of_way
 from automaton.engine.slow_zones import count_robots, set_move_ticks
@@ -119,23 +120,12 @@ def ticks(
             continue
         if workspace.stop[0]:
             yield LOOP_GIVEN_UP
-        clock[CLOCK_TICK] += 1
+        next_tick(world)
         world.robots.executed[:] = EXECUTED_NOTHING
-        if world.rules.may_fail:
-            break_down_and_repair(world, record, workspace)
-        if world.delays.until.shape[0]:
-            delay_robots(world, record)
-        if has_gates(world):
-            update_gates(world)
-        first = clock[CLOCK_NEXT_RELEASE]
-        release_orders(world)
-        if has_lines(world):
-            plan_trips(world, record)
-        elif has_trips(world):
-            take_turns(world, record, first)
-        if world.stations.part_arrivals.shape[0]:
-            work_at_stations(world)
-        for phase in range(PHASES):
+        begins = is_begin(world)
+        if begins:
+            prepare(world, record, workspace)
+        for phase in range(PHASES if begins else 0):
             layer = LAYER_SEQUENCE[phase]
             clock[CLOCK_PHASE] = phase
             if layer_mode[layer] == MODE_ABSENT or not collect_batch(world, full_batch, layer):
@@ -166,9 +156,29 @@ def ticks(
             write_record(world, record)
         if clock[CLOCK_OBSERVING]:
             observe(world, observation)
-            find_cycles(world, observation)
+            if begins:
+                find_cycles(world, observation)
             note_events(world, observation)
         clock[CLOCK_FINISHED] = is_finished(world)
+
+
+@kernel
+def prepare(world, record, workspace):
+    """Faults, orders and stations: what happens before anything is decided."""
+    if world.rules.may_fail:
+        break_down_and_repair(world, record, workspace)
+    if world.delays.until.shape[0]:
+        delay_robots(world, record)
+    if has_gates(world):
+        update_gates(world)
+    first = world.clock[CLOCK_NEXT_RELEASE]
+    release_orders(world)
+    if has_lines(world):
+        plan_trips(world, record)
+    elif has_trips(world):
+        take_turns(world, record, first)
+    if world.stations.part_arrivals.shape[0]:
+        work_at_stations(world)
 
 
 @kernel
@@ -208,6 +218,27 @@ def no_op(view, batch, decisions, memory, workspace):
 @kernel
 def motion(world, record):
     """Bays, intents and operations, the occupancy rules, and what comes of them; stops that are done."""
+    if is_begin(world):
+        want_moves(world, record)
+    else:
+        world.traffic.intent[:] = 0
+    move_all(world.grid, world.rules, world.robots, world.traffic, world.clock[CLOCK_TICK])
+    carries_pods = has_trips(world)
+    if carries_pods:
+        mark_queues(world)
+        count_starved(world)
+    apply_move_outcomes(world, record)
+    if carries_pods:
+        clear_queues(world)
+    if world.stops.cell.shape[0] and is_end(world):
+        complete_visits(world, record)
+    if carries_pods:
+        leave_stations_and_pods(world, record)
+
+
+@kernel
+def want_moves(world, record):
+    """What robots begin, and the moves that they want, as far as charge and gates allow them."""
     if world.rules.slowdown:
         count_robots(world.grid, world.robots, world.traffic.zone_occupancy)
     if world.clock[CLOCK_UNPARKED] < world.robots.cell.shape[0]:
@@ -224,18 +255,6 @@ def motion(world, record):
         cancel_infeasible_moves(world)
     if gated:
         hold_at_gates(world)
-    move_all(world.grid, world.rules, world.robots, world.traffic, world.clock[CLOCK_TICK])
-    carries_pods = has_trips(world)
-    if carries_pods:
-        mark_queues(world)
-        count_starved(world)
-    apply_move_outcomes(world, record)
-    if carries_pods:
-        clear_queues(world)
-    if world.stops.cell.shape[0]:
-        complete_visits(world, record)
-    if carries_pods:
-        leave_stations_and_pods(world, record)
 
 
 @kernel

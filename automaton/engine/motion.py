@@ -482,6 +482,7 @@ def resolve(grid, rules, robots, traffic, tick, pending, releases):
     small where few robots meet on many cells.
     """
     contest, intents = traffic.contest, traffic.pending
+    tick = (tick - 1) // rules.refinement + 1  # ties go by the coarse tick
     if traffic.key.shape[0] > 0:
         enter_entries(traffic, pending)
     for k in range(pending):

@@ -74,6 +74,7 @@ from automaton.engine.record_codes import (
     EXECUTED_WAIT,
     LEFT_PARKING_BAY,
 )
+from automaton.engine.refinement import is_begin
 from automaton.engine.robot_status import STATUS_DEPLETED, STATUS_EXHAUSTED
 from automaton.engine.slow_zones import robots_in_zone
 from automaton.engine.state import (
@@ -140,6 +141,7 @@ def scan_robots(world, observation):
     visits, visits_before = world.tally.visits, observation.visits_before
     rules = world.rules
     convoy = rules.following == FOLLOWING_CONVOY
+    between = not is_begin(world)
     may_slow = rules.slowdown or rules.extra_tick or world.grid.min_move_ticks.shape[0]
     waiting = 0
     working = 0
@@ -152,7 +154,8 @@ def scan_robots(world, observation):
             note_slow_move(world, observation, i, w)
         told = np.int64(executed[U(i)])
         mark = 0
-        now = CAUSE_NOT_WAITING
+        now = np.int64(CAUSE_NOT_WAITING)
+        goes_on = False
         visited = tours and visits[U(i)] != visits_before[U(i)]
         if w & MOVED:
             count_move(world, observation, i, w & 3)
@@ -160,6 +163,9 @@ def scan_robots(world, observation):
             now = note_following(world, observation, i)
         elif w & MOVED or visited:
             pass  # it got on, or stood where it had to
+        elif between and w == 0 and told == 0 and busy_before[U(i)] == 0:
+            now = np.int64(cause[U(i)])  # it begins nothing: the tick is counted already
+            goes_on = True
         elif w or told or busy_before[U(i)] or robots.parked[U(i)] == 0:
             now = find_wait(world, observation, i, w, told & ACTION_MASK)
         if now == CAUSE_NOT_WAITING:
@@ -168,10 +174,11 @@ def scan_robots(world, observation):
             if robots.parked[U(i)] == 0:
                 working += 1
         else:
-            note_wait(world, observation, i, now)
+            if not goes_on:
+                note_wait(world, observation, i, now)
             if now != CAUSE_NO_ORDER:
                 waiting += 1
-                mark = IS_WAITING
+                mark = 0 if goes_on else IS_WAITING
         busy_before[U(i)] = busy[U(i)]
         if (
             visited
@@ -247,7 +254,7 @@ def note_wait(world, observation, i, cause):
     observation.cause[U(i)] = cause
     if cause == CAUSE_NO_ORDER:
         observation.wait_cycle_ticks[U(i)] = 0
-        observation.lost[U(i), U(CAUSE_NO_ORDER)] += 1
+        observation.lost[U(i), U(CAUSE_NO_ORDER)] += world.rules.stride
 
 
 @kernel

@@ -83,13 +83,14 @@ def begin(world, i, action, ticks):
 
 @kernel
 def count_lost_tick(world, i, action):
-    """Count a tick in which robot i executes nothing, and why."""
+    """Count a tick in which robot i executes nothing, and why; it begins nothing for a stride."""
+    ticks = world.rules.stride
     if world.rules.battery:
-        consume_energy(world, i, energy_cost(world, i, action, 1))
+        consume_energy(world, i, energy_cost(world, i, action, ticks))
     loaded = 1 if world.robots.load[i] != NIL else 0
     world.robots.action[i] = action
     world.tally.operations[i, action, loaded] += 1
-    world.tally.ticks[i, action, loaded] += 1
+    world.tally.ticks[i, action, loaded] += ticks
 
 
 @kernel

@@ -12,7 +12,7 @@ from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import ENTERED, LIVE, U
 from automaton.engine.random_numbers import STREAM_EXTRA_TICKS, random_bits
 from automaton.engine.speed_limits import limited_ticks
-from automaton.engine.state import ACTION_MOVE, CLOCK_TICK, NIL
+from automaton.engine.state import ACTION_MOVE, CLOCK_COARSE_TICK, NIL
 
 MAX_MOVE_TICKS = 65_535  # what robots.busy and traffic.move_ticks can hold
 
@@ -51,8 +51,9 @@ def ticks_of_move(world, i, intent):
         ticks *= robots_in_zone(world, i, intent)
     if rules.extra_tick:
         identity = world.robots.identity[U(i)]
-        bits = random_bits(rules.seed, STREAM_EXTRA_TICKS, world.clock[CLOCK_TICK], identity)
-        ticks += 1 if np.int64(bits >> np.uint64(32)) < rules.extra_tick else 0
+        tick = world.clock[CLOCK_COARSE_TICK]
+        bits = random_bits(rules.seed, STREAM_EXTRA_TICKS, tick, identity)
+        ticks += rules.refinement if np.int64(bits >> np.uint64(32)) < rules.extra_tick else 0
     return ticks
 
 

@@ -169,7 +169,8 @@ CLOCK_NEXT_LINE: Final = 30  # entry of lines.sequence that is known next
 CLOCK_STORED_PODS: Final = 31  # entries of pods.stored in use
 CLOCK_FIRST_OPEN: Final = 32  # all orders with lower numbers are delivered
 CLOCK_ORDERS_DONE: Final = 33  # of lines
-CLOCK_SIZE: Final = 34
+CLOCK_COARSE_TICK: Final = 34  # the tick as the scenario counts it: draws and ties go by it
+CLOCK_SIZE: Final = 35
 
 # When a robot may begin to move into a cell.
 FOLLOWING_NONE: Final = 0  # if it was free when the tick began
@@ -210,6 +211,10 @@ class Rules(Struct, role=STATIC):
         "int64", "what is added to the type of a robot that carries a load; 0: it drives as without"
     )
     own_zones: int = field("int64", "1: only orders and stations in zones of robots that are seen")
+    refinement: int = field("int64", "ticks of the run in a tick of its scenario; 1: not refined")
+    stride: int = field(
+        "int64", "in the first of so many ticks strategies decide and robots begin something"
+    )
     tick_us: int = field("int64", "a tick in millionths of a second; 0: the scenario does not say")
     cell_milli: int = field(
         "int64", "a cell's side in thousandths of the scenario's unit of length; 0: none"

@@ -225,7 +225,8 @@ def add_to_stop(world, trip, stop, line):
     trips.last_line[stop] = line
     rule = world.pod_stations.rule[trips.station[stop]]
     trips.handling[stop] += lines.handling[rule, line]
-    world.stops.ticks[stop] = ticks_of(np.int64(trips.handling[stop]))
+    ticks = ticks_of(np.int64(trips.handling[stop]))
+    world.stops.ticks[stop] = min(world.rules.refinement * ticks, LONGEST_VISIT)
     if is_first or lines.priority[line] > orders.priority[trip]:
         orders.priority[trip] = lines.priority[line]
     orders.due[trip] = min(np.int64(orders.due[trip]), np.int64(lines.due[line]))

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, Final
 
-import msgspec
 import numpy as np
 import numpy.typing as npt
 
@@ -33,8 +32,8 @@ from automaton.evidence.recording.frames import (
 from automaton.exchange.planviz import ACTION_MODEL, HEADINGS, NO_TASK, VERSION
 from automaton.floor.cells import NIL
 from automaton.floor.floor_plan import DRIVABLE
+from automaton.scenario.refinement import refined_data
 from automaton.scenario.robot_types import types_of
-from automaton.scenario.schema import Scenario
 
 LETTERS: Final = np.full(ACTION_MASK + 1, ord("W"), np.uint8)  # of a recorded action
 LETTERS[MOVE_EAST : MOVE_NORTH + 1] = ord("F")
@@ -98,7 +97,7 @@ def _ticks_of(recording: Recording) -> tuple[npt.NDArray[np.uint16], npt.NDArray
 
 def _unfit(header: Content, data: dict[str, Any]) -> Iterator[str]:
     """Yield what of a run has no place in an output."""
-    scenario = msgspec.convert(data, Scenario)
+    scenario = refined_data(data)
     fleet, durations, world = scenario.fleet, scenario.durations, scenario.world
     for kinematics in fleet.all_kinematics:
         if kinematics != "differential":
@@ -138,7 +137,7 @@ class Tasks:
 
     def __init__(self, header: Content) -> None:
         self.header = header
-        scenario = msgspec.convert(header["scenario"], Scenario)
+        scenario = refined_data(header["scenario"])
         robots, orders = len(header["robots"]["cell"]), header["orders"]
         self.dealt_out = scenario.orders.assign == "round-robin"
         self.open_at_once = scenario.orders.in_system(robots)

@@ -41,6 +41,7 @@ from automaton.evidence.state_trace import Sample, StateTrace
 from automaton.evidence.vda5050_routes import NodeNames, RouteAhead, RouteState, route_columns
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.quantities import Scale
+from automaton.scenario.refinement import refined_data
 from automaton.scenario.schema import Scenario
 
 MANUFACTURER: Final = "automaton"
@@ -102,7 +103,7 @@ def write_trace(
     Raises InputError where a tick is not a time or a cell has no size, and for a recording that was
     altered.
     """
-    scenario = msgspec.convert(recording.header["scenario"], Scenario)
+    scenario = refined_data(recording.header["scenario"])
     scale = scenario.units.scale
     period = _period(every, scale.tick_seconds)
     messages = Messages(recording, scenario, VERSIONS[version])

@@ -128,6 +128,19 @@ def units_of(resolved: Resolved) -> tuple[Unit, Unit | None]:
     return unit(units.tick), None if units.cell is None else unit(units.cell)
 
 
+def in_coarse_ticks(metrics: Mapping[str, Any], refinement: int) -> dict[str, Any]:
+    """Return the metrics of a refined run in the ticks of its scenario, to be set beside others."""
+    if refinement == 1:
+        return dict(metrics)
+    result = {}
+    for name, value in metrics.items():
+        kind = METRIC_CATALOGUE[name][0] if name in METRIC_CATALOGUE else ""
+        per_ticks = kind.startswith(PER_1000_TICKS)
+        result[name] = value / refinement if kind == "ticks" else value
+        result[name] = value * refinement if per_ticks else result[name]
+    return result
+
+
 def to_scenario_units(
     metrics: Mapping[str, float], tick: Unit, cell: Unit | None
 ) -> dict[str, Any]:

@@ -54,7 +54,7 @@ def starved_ticks(world: World) -> int:
     move = max(int(slowest[ACTION_MOVE]), int(grid.min_move_ticks.max(initial=0)))
     drive = (width + height) * move
     drive += int(slowest[ACTION_PICK]) + int(slowest[ACTION_DROP])
-    return max(LEAST_STARVED_TICKS, STARVED_DRIVES * drive)
+    return max(LEAST_STARVED_TICKS * int(world.rules.refinement), STARVED_DRIVES * drive)
 
 
 def starved_robots(world: World, ticks: int | None = None) -> Array:

@@ -11,6 +11,7 @@ from automaton.runs.metric_catalogue import PER_1000_TICKS, units_of
 from automaton.runs.metrics import METRIC_CATALOGUE
 from automaton.runs.report_document import Table
 from automaton.runs.run_diagnosis import describe_jam, describe_wait_cycles
+from automaton.scenario.schema import Scenario
 from automaton.strategy.lookup import NO_STRATEGY
 from automaton.units import SECONDS_PER_UNIT, Unit, count, duration, number, percent
 
@@ -91,9 +92,18 @@ def heading(resolved: Resolved, outcome: Outcome, tick: Unit) -> list[str]:
         *out_of_orders(outcome),
         *(describe_wait_cycles(outcome.circles) if outcome.finished or outcome.stopped else []),
         *(describe_jam(outcome.jam) if outcome.finished or outcome.stopped else []),
+        *refinement(scenario),
         f"1 tick = {scenario.units.tick}{cell}; digest {outcome.digest}"
         + ("" if outcome.wall_s is None else f"; computed in {1000 * outcome.wall_s:,.1f} ms"),
     ]
+
+
+def refinement(scenario: Scenario) -> list[str]:
+    """One sentence if the ticks of a run are finer than those of its scenario."""
+    if scenario.refine == 1:
+        return []
+    when = "in every tick" if scenario.decide == "fine" else f"in one of {scenario.refine}"
+    return [f"refined: ticks are {scenario.refine} times finer, strategies decide {when}"]
 
 
 def out_of_orders(outcome: Outcome) -> list[str]:

@@ -27,6 +27,7 @@ from automaton.engine.jit.kernel import first_compilation_announced, jit_is_on
 from automaton.engine.jit.structs import Struct, lent_address, window
 from automaton.engine.observation import COUNT_CURVE_ROWS, COUNT_EVENTS
 from automaton.engine.record_codes import KEYFRAME_TICKS
+from automaton.engine.slow_zones import MAX_MOVE_TICKS
 from automaton.engine.state import (
     CLOCK_CHANGE_ROWS,
     CLOCK_DECISION_WORDS,
@@ -97,7 +98,8 @@ class Simulation:
         self._watchdog = None if patience is None else Watchdog(patience)
         self.seed = resolved.scenario.seed if seed is None else seed
         in_convoy = after is not None and after.world.rules.following == FOLLOWING_CONVOY
-        self.world, floor = build_world(resolved, self.seed, storage, in_convoy=in_convoy)
+        world, floor = build_world(resolved, self.seed, storage, in_convoy=in_convoy)
+        self.world: World = world
         self.workspace = floor.borrow_space(self, self.world.rules.table_bytes)
         # (m,) int32: ticks that a delivered order takes to drive at least, NIL while not asked for.
         self.least = np.full(len(self.world.orders.state), NIL, np.int32)
@@ -195,12 +197,34 @@ class Simulation:
         if strategy is not None:
             check_decides(strategy)
             layer = LAYER_NAMES.index(strategy.layer)
-            self.world.rules.period[layer] = checked_period(strategy)
+            as_read = self._as_read(strategy)
+            refinement = 1 if as_read is strategy else int(self.world.rules.refinement)
+            period = checked_period(as_read)
+            # Where it decides in every tick, a strategy that is always asked is asked in each.
+            is_fine = period == 1 and self.world.rules.stride == 1
+            self.world.rules.period[layer] = period if is_fine else period * refinement
             self.world.rules.holders[layer] = bool(strategy.holders)
             if strategy.layer == "right_of_way":
-                self.world.rules.wait[:] = checked_wait_ranges(strategy)
+                *waits, retries = checked_wait_ranges(as_read)
+                longest = refinement * max(waits)
+                if longest > MAX_MOVE_TICKS:
+                    text = (
+                        f"waits of right of way take {longest:,} ticks, at most {MAX_MOVE_TICKS:,}"
+                    )
+                    raise InputError(f"with refine {refinement} {text} are allowed")
+                self.world.rules.wait[:] = [*(refinement * wait for wait in waits), retries]
                 self.world.rules.steered[0] = int(strategy.steers)
         return strategy
+
+    def _as_read(self, strategy: Strategy) -> Strategy:
+        """The same strategy with the parameters that a refined scenario was read with.
+
+        One that is not the scenario's own counts the ticks of the run.
+        """
+        coarse, fine = self.resolved.coarse, self.resolved.strategies.get(strategy.layer)
+        if coarse is None or fine is None or strategy.parameters is not fine.parameters:
+            return strategy
+        return type(strategy)(coarse.strategies[strategy.layer].parameters)
 
     def _state(self, strategy: Strategy | None) -> Struct:
         if strategy is None:

@@ -55,6 +55,7 @@ TICK_PATTERN = r"^(?=[^a-zA-Z]*[1-9])\d{1,9}(\.\d{1,12})? ?(?![eE][-+]?\d)[^\s\d
 MEMORY_PATTERN = r"^(?=[^a-zA-Z]*[1-9])\d{1,9}(\.\d+)? [KMGT]iB$"
 
 MAX_MOVE_TICKS = 65_535  # ticks
+MAX_REFINEMENT = 1000  # fine ticks in a tick
 
 FORMER = "former"  # in Meta.extra: what is now written for a value that was allowed before
 
@@ -257,6 +258,22 @@ class Scenario(ConfigSection, frozen=True, kw_only=True):
         Measure | None,
         Meta(description="Measure the tasks: how long they take, and by how much too long."),
     ] = None
+    refine: Annotated[
+        int,
+        Meta(
+            ge=1,
+            le=MAX_REFINEMENT,
+            description="How many times finer the run's tick is than the tick of this file: all numbers "
+            "of ticks are multiplied by it, all rates divided.",
+        ),
+    ] = 1
+    decide: Annotated[
+        Literal["coarse", "fine"],
+        Meta(
+            description="When strategies decide in a refined run. coarse: in the first of `refine` "
+            "ticks, and robots begin what they do in these, too; fine: in every tick."
+        ),
+    ] = "coarse"
     seed: Annotated[
         int, Meta(ge=0, le=2**63 - 1, description="Every random draw of a run follows from it.")
     ] = 1

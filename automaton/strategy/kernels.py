@@ -31,6 +31,7 @@ from automaton.engine.random_numbers import (
     random_bits,
     splitmix64,
 )
+from automaton.engine.refinement import is_due, random_ticks
 from automaton.engine.requests import first_cell
 from automaton.engine.search import (
     AROUND_CLOSED,
@@ -133,6 +134,7 @@ __all__ = [
     "highest_priority",
     "how_turned",
     "is_closed",
+    "is_due",
     "is_empty",
     "is_facing",
     "is_in_full_gate",
@@ -156,6 +158,7 @@ __all__ = [
     "push",
     "random_between",
     "random_bits",
+    "random_ticks",
     "set_down",
     "splitmix64",
     "table_of",

@@ -16,7 +16,7 @@ from automaton.engine.jit.structs import Struct
 from automaton.engine.motion import has_room
 from automaton.engine.random_numbers import STREAM_STORAGE, random_between
 from automaton.engine.search import begin_search, mark_goal, nearest_mark
-from automaton.engine.state import CLOCK_TICK, CMD_DROP_AT, NIL, REASON_PICKED, REASON_SERVED
+from automaton.engine.state import CLOCK_COARSE_TICK, CMD_DROP_AT, NIL, REASON_PICKED, REASON_SERVED
 from automaton.strategy.access_cells import dropoff_cell, position
 
 POLICIES = ("fixed", "nearest", "class", "random")
@@ -162,7 +162,7 @@ def any_left(view, out, i):
         count - 1,
         view.rules.seed,
         STREAM_STORAGE,
-        view.clock[CLOCK_TICK],
+        view.clock[CLOCK_COARSE_TICK],
         np.int64(view.robots.identity[i]),
     )
     for slot in range(view.slots.first_spare):

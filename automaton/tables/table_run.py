@@ -134,7 +134,8 @@ def period_of(states: str | int, resolved: Resolved) -> int:
         raise InputError(f"states must be a period such as '10 s', or ticks; found {states!r}")
     if isinstance(states, str) and states.strip().isdecimal():
         states = int(states)
-    exact = Fraction(states) if isinstance(states, int) else _read_period(states, resolved)
+    factor = resolved.scenario.refine
+    exact = Fraction(states * factor) if isinstance(states, int) else _read_period(states, resolved)
     ticks = math.floor(exact + Fraction(1, 2))
     if ticks < 1:
         raise InputError(f"states are taken every {states}, which is less than a tick")

@@ -15,7 +15,7 @@ from automaton.engine.facilities import MAY_TURN, NO_WAY_THROUGH
 from automaton.engine.jit.fields import CONSTANT, SCRATCH, field
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import (
-    CLOCK_TICK,
+    CLOCK_COARSE_TICK,
     CMD_RETREAT,
     CMD_STEP,
     CMD_WAIT,
@@ -38,6 +38,7 @@ from automaton.strategy.kernels import (
     kernel,
     lane_of,
     random_between,
+    random_ticks,
 )
 from automaton.strategy.layer import Strategy
 
@@ -381,7 +382,7 @@ def yield_direction(view, i, j):
 @kernel
 def decide(view, batch, decisions, memory, workspace):
     out = decisions.right_of_way
-    seed, tick = view.rules.seed, view.clock[CLOCK_TICK]
+    seed, tick = view.rules.seed, view.clock[CLOCK_COARSE_TICK]
     state = RetreatState.of(memory)
     state.calls[0] += 1
     list_crowds(view, state)
@@ -405,14 +406,8 @@ def decide(view, batch, decisions, memory, workspace):
             direction = retreat_direction(view, workspace, i)
             if direction == NIL:
                 out.command[k] = CMD_WAIT
-                out.value[k] = random_between(
-                    state.abort_wait[0],
-                    state.abort_wait[1],
-                    seed,
-                    STREAM_ABORTS,
-                    tick,
-                    identity,
-                )
+                low, high = np.int64(state.abort_wait[0]), np.int64(state.abort_wait[1])
+                out.value[k] = random_ticks(view, low, high, STREAM_ABORTS, identity)
             else:
                 out.command[k] = CMD_STEP
                 out.value[k] = direction

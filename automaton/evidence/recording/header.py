@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from automaton.build.resolve import Resolved, StrategyChoice
+from automaton.build.resolve import Resolved, StrategyChoice, in_fine_ticks
 from automaton.build.speed_limits import with_speed_limits
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import NEVER, NIL
@@ -42,7 +42,7 @@ def header_of(resolved: Resolved, seed: int, world: Any, digest_names: tuple[str
         left_out.add("first_stop")
     plugins = tuple(choice.name for choice in resolved.strategies.values() if ":" in choice.name)
     return {
-        "scenario": plain_data(resolved.scenario),
+        "scenario": plain_data(resolved.unrefined.scenario),
         "seed": seed,
         "strategies": _strategies(resolved),
         "start": resolved.start,
@@ -94,7 +94,7 @@ def rules_of(simulation: Any, settings: tuple[str, ...] = ()) -> Content:
     return {
         "tick": simulation.tick,
         "settings": settings,
-        "scenario": plain_data(resolved.scenario),
+        "scenario": plain_data(resolved.unrefined.scenario),
         "strategies": _strategies(resolved),
         **file_hashes(resolved),
         "period": rules.period.copy(),
@@ -106,7 +106,7 @@ def rules_of(simulation: Any, settings: tuple[str, ...] = ()) -> Content:
 def _strategies(resolved: Resolved) -> Content:
     return {
         layer: {"name": choice.name, "parameters": msgspec.to_builtins(choice.parameters)}
-        for layer, choice in resolved.strategies.items()
+        for layer, choice in resolved.unrefined.strategies.items()
     }
 
 
@@ -123,7 +123,7 @@ def resolved_of(header: Content, with_strategies: bool = True) -> Resolved:
     """
     start = header["start"]
     scenario = msgspec.convert(header["scenario"], Scenario)
-    return Resolved(
+    resolved = Resolved(
         scenario=scenario,
         floor_plan=with_speed_limits(floor_plan_of(header["floor"]), scenario.floor.speed_limits),
         strategies={
@@ -136,6 +136,7 @@ def resolved_of(header: Content, with_strategies: bool = True) -> Resolved:
         source=header["text"],
         overrides=tuple(header["overrides"]),
     )
+    return in_fine_ticks(resolved)
 
 
 def floor_plan_of(floor: Content) -> FloorPlan:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, Final
 
 from automaton.engine.record_codes import MOVE_EAST, MOVE_NORTH, TURN_RIGHT
+from automaton.evidence.verification.coarse_ticks import CoarseTicks
 from automaton.evidence.verification.drawn_durations import (
     WHOLE,
     drawn_from,
@@ -31,7 +32,8 @@ class Delays:
         self.seed: int = header["seed"]
         self.rules = header["scenario"]["faults"].get("delays")
         self.until = [0] * len(motion.home)
-        self.table = durations_of(self.rules) if self.rules else []
+        self.ticks_of = CoarseTicks(header["scenario"])
+        self.table = self.rules.get("table") or durations_of(self.rules) if self.rules else []
 
     def begin(self, tick: int, rows: list[list[int]]) -> None:
         """Begin the delays of a tick as they are recorded, and say which are others than drawn."""
@@ -71,17 +73,20 @@ class Delays:
                 self.until[r] = 0
             elif self.until[r] < tick:
                 able.append(r)
-        hashes = {r: random_bits(self.seed, BEGIN, tick, r) for r in able}
+        if not self.ticks_of.draws(tick):
+            return {}
+        drawn_in = self.ticks_of.of(tick)
+        hashes = {r: random_bits(self.seed, BEGIN, drawn_in, r) for r in able}
         probability = self.rules["probability"]
         if self.rules["events"] == "poisson":
             counts = [
-                poisson_number(probability, random_bits(self.seed, COUNT, tick, r) >> 32)
+                poisson_number(probability, random_bits(self.seed, COUNT, drawn_in, r) >> 32)
                 for r in able
             ]
             chosen = sorted(able, key=hashes.__getitem__)[: sum(counts)]
         else:
             chosen = [r for r in able if hashes[r] >> 32 < round(probability * WHOLE)]
-        return {r: min(self._length(tick, r), self._room(tick, r)) for r in chosen}
+        return {r: min(self._length(drawn_in, r), self._room(tick, r)) for r in chosen}
 
     def _length(self, tick: int, r: int) -> int:
         return drawn_from(self.table, random_bits(self.seed, TICKS, tick, r))

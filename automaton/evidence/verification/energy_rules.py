@@ -29,6 +29,7 @@ from automaton.engine.record_codes import (
     TURN_LEFT,
     TURN_RIGHT,
 )
+from automaton.evidence.verification.coarse_ticks import CoarseTicks
 from automaton.evidence.verification.drawn_durations import drawn_from, repairs_of
 from automaton.evidence.verification.motion_rules import Acts, Complaint, Motion
 from automaton.evidence.verification.move_time_rules import random_bits
@@ -101,6 +102,7 @@ class Energy:
         self.charge: list[int] = header["robots"]["charge"].tolist()
         self.status = [STATUS_UP] * len(self.charge)
         self.since = [0] * len(self.charge)  # tick in which a robot got its status
+        self.ticks_of = CoarseTicks(header["scenario"])
         self.apply_rules(header["scenario"])
 
     def apply_rules(self, scenario: dict[str, Any]) -> None:
@@ -130,6 +132,7 @@ class Energy:
         if self.battery is None:
             return
         lengths = {row[2]: row[3] for row in rows if row[1] == CHANGE_DURATION}
+        stride = self.ticks_of.stride  # for which a lost tick lasts
         for r, did in acts:
             code, loaded = did & ACTION_MASK, int(load[r] != NIL)
             if code in OPERATION_BY_CODE:
@@ -139,15 +142,16 @@ class Energy:
                 self._operate(r, name, (ticks - behind) * self.own[r].rates[name][loaded])
                 self._stand(r, behind * self.own[r].rates["wait"][loaded])
             elif code in WAIT_CODES:
-                self._stand(r, lengths.get(r, 1) * self.own[r].rates["wait"][loaded])
+                self._stand(r, lengths.get(r, stride) * self.own[r].rates["wait"][loaded])
             elif code == EXECUTED_CHARGE:
                 self._take_in(r)
-        if any(any(one.rates["wait"]) for one in set(self.own)):
+        stands = any(any(one.rates["wait"]) for one in set(self.own))
+        if stands and self.ticks_of.decides(tick):
             busy = {r for r, did in acts if did & (ACTION_MASK | ENTERED_PARKING_BAY)}
             for r, cell in enumerate(self.motion.cell):
                 free = self.motion.free[r] <= tick and self.status[r] == STATUS_UP
                 if cell != NIL and free and r not in busy:
-                    self._stand(r, self.own[r].rates["wait"][int(load[r] != NIL)])
+                    self._stand(r, stride * self.own[r].rates["wait"][int(load[r] != NIL)])
 
     def _ticks_behind(self, tick: int, r: int, code: int, ticks: int, is_new: bool) -> int:
         """The ticks of a move that are lost behind the robot ahead, which it pays as it pays waits."""
@@ -169,7 +173,7 @@ class Energy:
         if cell == NIL or self.motion.kind[cell] != CHARGER:
             self.report_violation("energy", [r], cell, "charges where there is no charger")
         rate = max(step for step in self.own[r].curve if step[0] <= self.charge[r])[1]
-        self.charge[r] += min(rate, BATTERY_FULL - self.charge[r])
+        self.charge[r] += min(self.ticks_of.stride * rate, BATTERY_FULL - self.charge[r])
 
     def stand_for(self, r: int, ticks: int) -> None:
         """Pay for standing so many ticks."""
@@ -209,7 +213,9 @@ class Energy:
             pods.put_aside.discard(r)
             self.motion.tow(r)
         elif before == STATUS_FAILED and self.repairs:
-            wanted = drawn_from(self.repairs, random_bits(self.seed, REPAIR, since, r))
+            wanted = drawn_from(
+                self.repairs, random_bits(self.seed, REPAIR, self.ticks_of.of(since), r)
+            )
             if tick - since != wanted:
                 text = f"goes on after {tick - since} ticks and is repaired in {wanted}"
                 self.report_violation("energy", [r], cell, text)

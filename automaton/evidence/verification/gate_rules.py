@@ -18,6 +18,7 @@ from automaton.engine.record_codes import (
     EXECUTED_WAIT,
     MOVE_NORTH,
 )
+from automaton.evidence.verification.coarse_ticks import CoarseTicks
 from automaton.floor.cells import CELL_KINDS
 
 NIL: Final = -1
@@ -206,6 +207,7 @@ class GateRules:
 
     def __init__(self, header: dict[str, Any], complain: Complaint) -> None:
         section = header["scenario"].get("floor") or {}
+        self.ticks_of = CoarseTicks(header["scenario"])
         self.complain = complain
         self.cells = cells = Cells(header["floor"])
         self.gates: list[Gate] = []
@@ -238,7 +240,8 @@ class GateRules:
             wrong = end <= first or (k and first <= rows[k - 1][1])
             if isinstance(begin, int):
                 due = begin + k * (every or 0)
-                wrong = (first, end) != (due, due + one["for"]) or (k > 0 and every is None)
+                ticks = tuple(self.ticks_of.begin_of(tick) for tick in (due, due + one["for"]))
+                wrong = (first, end) != ticks or (k > 0 and every is None)
             if wrong:
                 text = f"closing {number + 1} has the ticks {first} to {end - 1}"
                 self.complain("closed", [], NIL, text)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Any, Final
 
+from automaton.evidence.verification.coarse_ticks import CoarseTicks
 from automaton.evidence.verification.type_rules import NIL, Types
 from automaton.floor.cells import CELL_KINDS, EAST, NORTH, SOUTH, WEST
 
@@ -26,11 +27,13 @@ class MoveTimes:
         self.seed = seed
         self.zones: list[tuple[int, int]] = []  # by cell: of robots that travel E or S, W or N
         self.crowd: dict[int, int] = {}  # robots by zone as the tick began
+        self.ticks_of = CoarseTicks({})
         self.cabin_ticks: dict[tuple[int, int], int] = {}  # in lifts, by cell and direction
 
     def apply_rules(self, scenario: dict[str, Any]) -> None:
         """Take over what a scenario says of the length of moves."""
         world = scenario["world"]
+        self.ticks_of = CoarseTicks(scenario)
         self.slow: bool = world.get("slowdown", "none") == "zones"
         self.limits = least_ticks(self.floor, scenario.get("floor") or {})
         self.extra = round(world.get("extra_tick_probability", 0.0) * 2**32)
@@ -73,13 +76,13 @@ class MoveTimes:
             why = f"zone {zone} holds {robots} robot{'s' if robots != 1 else ''} when it starts"
         if self.extra:
             late = self.draw(tick, robot) < self.extra
-            ticks += late
+            ticks += late * self.ticks_of.factor
             why += f" and chance adds {'a tick' if late else 'none'}"
         return min(ticks, MAX_MOVE_TICKS), why
 
     def draw(self, tick: int, robot: int) -> int:
         """The 32 bits that decide on the extra tick of a robot's move."""
-        return random_bits(self.seed, EXTRA_TICKS, tick, robot) >> 32
+        return random_bits(self.seed, EXTRA_TICKS, self.ticks_of.of(tick), robot) >> 32
 
 
 def random_bits(seed: int, stream: int, tick: int, robot: int) -> int:

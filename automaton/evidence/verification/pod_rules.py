@@ -34,6 +34,7 @@ class Trips:
         self.of_lines = "lines" in header
         scenario = header["scenario"]
         rules = scenario.get("pods") or {}
+        self._factor: int = scenario.get("refine", 1)  # handling is recorded in coarse ticks
         self._joins: bool = rules.get("join", True)
         self._drives_under: bool = rules.get("under", "empty") == "empty"
         self._most_stops: int = rules.get("max_stops", 0)
@@ -217,7 +218,7 @@ class Trips:
         by_line = self._handling[self._rule[station]]
         parts = self._visit[station] + sum(by_line[line] for line in self.served[trip][stop])
         ticks = (2 * parts + PARTS) // (2 * PARTS)
-        return min(max(ticks, 1), LONGEST) if parts else 0
+        return min(self._factor * max(ticks, 1), LONGEST) if parts else 0
 
     def has_break(self, tick: int, cell: int) -> bool:
         """Whether no visit begins in a cell: it is a station that has a break."""

@@ -33,6 +33,7 @@ from automaton.evidence.recording.contents import (
     Frame,
 )
 from automaton.evidence.verification.change_rows import parted, parted_delays, parted_visits
+from automaton.evidence.verification.coarse_ticks import CoarseTicks, in_fine_ticks
 from automaton.evidence.verification.delay_rules import Delays
 from automaton.evidence.verification.due_rules import check_due_times
 from automaton.evidence.verification.energy_rules import Energy, parted_faults
@@ -161,7 +162,8 @@ class Validator:
     """One replay; `motion` and `loads` hold the state, this compares and reports."""
 
     def __init__(self, header: dict[str, Any]) -> None:
-        self.header = header
+        self.ticks_of = CoarseTicks(header["scenario"])
+        self.header = {**header, "scenario": in_fine_ticks(header["scenario"])}
         self.report = Report()
         self._now = 0  # the tick that is replayed
         self._stride = header["floor"]["width"] + 2
@@ -208,7 +210,8 @@ class Validator:
         self._change_status(tick, faults)
         delays, rows = parted_delays(rows)
         self.delays.begin(tick, delays)
-        self.loads.release(tick)
+        if self.ticks_of.decides(tick):
+            self.loads.release(tick)
         self.motion.look(acts)
         if self.gates.gates:
             self.gates.look(tick, self.motion.cell, self.motion.claim)
@@ -224,7 +227,8 @@ class Validator:
         self.motion.execute(tick, acts, lengths, placed)
         self.loads.arrive(tick, after, acts)
         self.loads.check_parked(acts)
-        self.loads.visits.visit(tick, stops)
+        if stops or self.ticks_of.ends(tick):
+            self.loads.visits.visit(tick, stops)
         if trips.there:
             trips.end(tick, self.loads.load, self.loads.order)
         self.report.ticks = tick
@@ -328,10 +332,11 @@ class Validator:
         if content["tick"] != self.report.ticks:
             text = f"rules of tick {content['tick']} stand after tick {self.report.ticks}"
             self._report_violation("record", [], NIL, text)
-        self.header = {**self.header, "scenario": content["scenario"]}
-        self.motion.apply_rules(content["scenario"])
-        self.energy.apply_rules(content["scenario"])
-        check_due_times(self.header, content["scenario"], self._report_violation)
+        scenario = in_fine_ticks(content["scenario"])
+        self.header = {**self.header, "scenario": scenario}
+        self.motion.apply_rules(scenario)
+        self.energy.apply_rules(scenario)
+        check_due_times(self.header, scenario, self._report_violation)
 
     def end(self, content: dict[str, Any]) -> None:
         """Compare how the run is said to have ended."""

@@ -36,7 +36,9 @@ def design(results: Results, scenarios: Scenarios) -> Iterator[Block]:
         ["durations", f"varied: {', '.join(varied)}" if varied else "not varied by this study"],
         [
             "ticks",
-            ", ".join(sorted({f"1 tick = {s.scenario.units.tick}" for s in scenarios.values()}))
+            ", ".join(
+                sorted({f"1 tick = {s.unrefined.scenario.units.tick}" for s in scenarios.values()})
+            )
             or "-",
         ],
         [

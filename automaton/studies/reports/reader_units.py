@@ -58,7 +58,7 @@ class Units(NamedTuple):
 
 def units_of_points(scenarios: Iterable[Resolved], points: int) -> Units:
     """The units of a study of so many points: those that all of its scenarios share, else ticks."""
-    units = [units_of(resolved) for resolved in scenarios]
+    units = [units_of(resolved.unrefined) for resolved in scenarios]
     if len(units) < points:  # the scenario of a point is not known
         return Units()
     ticks, cells = {tick for tick, _ in units}, {cell for _, cell in units}

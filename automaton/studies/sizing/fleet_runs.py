@@ -23,6 +23,7 @@ from automaton.errors import InputError
 from automaton.floor.cells import CHARGER, STATION
 from automaton.runs.headless import run_marked
 from automaton.runs.jam_watch import JamWatch, note_jam
+from automaton.runs.metric_catalogue import in_coarse_ticks
 from automaton.runs.metrics import counted, metrics_of
 from automaton.runs.process_pool import PersistentPool
 from automaton.runs.simulation import Simulation
@@ -61,7 +62,7 @@ def run_and_measure_use(simulation: Simulation) -> dict[str, float | int]:
         (0, 0, 0) if since is None else (since.tick, since.actions, since.served)
     )
     ticks, elapsed = now.actions - before, max(1, now.tick - begin)
-    figures[MEASURED] = elapsed
+    figures[MEASURED] = elapsed // simulation.resolved.scenario.refine
     world, floor_plan = simulation.world, simulation.resolved.floor_plan
     stations, chargers = (int(np.count_nonzero(floor_plan.kind == k)) for k in (STATION, CHARGER))
     if stations:
@@ -71,7 +72,7 @@ def run_and_measure_use(simulation: Simulation) -> dict[str, float | int]:
         figures[STATION_USE] = used / (stations * elapsed)
     if chargers and world.rules.battery:
         figures[CHARGER_USE] = float(ticks[ACTION_CHARGE].sum()) / (chargers * elapsed)
-    return figures
+    return in_coarse_ticks(figures, simulation.resolved.scenario.refine)
 
 
 class Fleets:
@@ -85,7 +86,7 @@ class Fleets:
         rounds: PersistentPool,
     ) -> None:
         self._scenario, self._settings, self._rounds = scenario, tuple(settings), rounds
-        self.base = resolve(scenario, settings)
+        self.base = resolve(scenario, settings).unrefined
         self.seed = self.base.scenario.seed if seed is None else seed
         self.resolved = cache(self._resolved)  # of a place
 

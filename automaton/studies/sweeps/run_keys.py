@@ -328,7 +328,7 @@ def manifest_of(
                 point.levels,
                 fingerprint(resolved, windows),
                 windows,
-                warm_up_of(resolved.scenario),
+                warm_up_of(resolved.unrefined.scenario),
             )
             for point, resolved in each
         ),

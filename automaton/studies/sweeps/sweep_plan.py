@@ -126,6 +126,9 @@ def _resolved(document: Document, study: Study, point: Point) -> Resolved:
             "a steady state is seen in runs of a given length: the scenario needs stop.when never"
         )
         raise document.error(("design",), f"{text} (point {point.number}: {describe_point(point)})")
+    if study.design == "steady-state" and resolved.scenario.refine > 1:
+        text = "the windows of a steady state are of one length: leave refine out, or design"
+        raise document.error(("design",), f"{text} (point {point.number}: {describe_point(point)})")
     spelled = tuple(f"{key}={json.dumps(value)}" for key, value in point.levels.items())
     return replace(resolved, overrides=spelled)
 

@@ -28,6 +28,7 @@ from automaton.runs.headless import (
     sums_by_stretch,
 )
 from automaton.runs.jam_watch import JamWatch, note_jam
+from automaton.runs.metric_catalogue import in_coarse_ticks
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.studies.sweeps.result_columns import SERIES, SUMS_COLUMN
@@ -161,10 +162,11 @@ def figures_of(simulation: Simulation, window: int, marks: Marks) -> Row:
     """What a row tells of a run that is over; `window`: ticks of one, 0 for none."""
     orders = asked_orders(simulation.world)
     delivered = orders.done[orders.done != NIL]
-    metrics = metrics_of(simulation, marks.warm_up)
+    refinement = simulation.resolved.scenario.refine
+    metrics = in_coarse_ticks(metrics_of(simulation, marks.warm_up), refinement)
     row: Row = {
         "finished": is_finished(simulation),
-        "ticks": simulation.tick,
+        "ticks": -(-simulation.tick // refinement),
         "orders": len(orders.done),
         "delivered": metrics["delivered"],
         "digest": simulation.digest,

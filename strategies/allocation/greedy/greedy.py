@@ -13,7 +13,6 @@ from automaton.engine.jit.structs import Struct
 from automaton.engine.state import (
     ACTION_MOVE,
     ACTION_TURN,
-    CLOCK_TICK,
     CMD_PARK,
     LAYER_ALLOCATION,
     NIL,
@@ -22,6 +21,7 @@ from automaton.engine.state import (
 )
 from automaton.strategy.kernels import (
     POLICIES,
+    is_due,
     kernel,
     place_load,
     places_load,
@@ -65,9 +65,7 @@ class GreedyState(Struct):
 @kernel
 def decide(view, batch, decisions, memory, workspace):
     out, state = decisions.allocation, GreedyState.of(memory)
-    period = view.rules.period[LAYER_ALLOCATION]
-    again = period > 0 and view.clock[CLOCK_TICK] % period == 0
-    collect_seekers(view, batch, state.seekers, again)
+    collect_seekers(view, batch, state.seekers, is_due(view, LAYER_ALLOCATION))
     if state.seekers.count[0] > 0:
         first = update_open_orders(view, state.open_orders)
         if state.open_orders.rest.shape[0]:

@@ -12,7 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from automaton.engine.state import CLOCK_TICK, CMD_GO, CMD_HOLD, GOAL_NONE, NIL
+from automaton.engine.state import CLOCK_COARSE_TICK, CMD_GO, CMD_HOLD, GOAL_NONE, NIL
 from automaton.strategy.kernels import STREAM_STRATEGY, gate_before, kernel, random_between
 from automaton.strategy.layer import Strategy
 from strategies.right_of_way.deadlocks import (
@@ -103,7 +103,7 @@ def repair_plans(view, state, count):
         i = np.int64(state.sequence[place])
         power = ((count - place) << POWER_BITS) // count
         state.power[i] = power * power if state.sequence_key[i] != LAST_KEY else 0
-    seed, tick = view.rules.seed, view.clock[CLOCK_TICK]
+    seed, tick = view.rules.seed, view.clock[CLOCK_COARSE_TICK]
     for number in range(count * state.repair_tries):
         place = random_between(0, count - 1, seed, STREAM_REPAIRS, tick, number)
         i = np.int64(state.steered[place])

@@ -131,9 +131,11 @@ def epibt_state(view, parameters):
     guided = parameters.guidance == "lattice"
     duration = np.asarray(view.rules.duration)[:, [ACTION_MOVE, ACTION_TURN]]
     paces, pace = np.unique(np.maximum(duration, 1), axis=0, return_inverse=True)
-    ticks = horizon_of(parameters.depth, int(paces.max()))
     following, holds_late = view.rules.following, int(view.rules.following == FOLLOWING_NONE)
-    offset, left = paths_of(grid.offset, operations, paces.tolist(), ticks, holds_late)
+    wait = int(view.rules.stride)
+    ticks = horizon_of(parameters.depth, max(int(paces.max()), wait))
+    slow = [(move, turn, wait) for move, turn in paces.tolist()]
+    offset, left = paths_of(grid.offset, operations, slow, ticks, holds_late)
     dearest = int(paces.max()) * (LATTICE_SCALE * AGAINST_STREET if guided else 1)
     candidates, ends = candidates_by_end(operations)
     return EpibtState.sized(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-MOST_TICKS: Final = 64  # each cell needs a word for each
+MOST_TICKS: Final = 256  # each cell needs a word for each: 1 KiB at most
 
 
 def horizon_of(depth: int, longest: int) -> int:

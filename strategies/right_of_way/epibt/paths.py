@@ -3,8 +3,8 @@
 A robot that begins a move holds the cell that it leaves and the one that it enters, by the rule of
 following: under `none` to the end of the move; under `handover` in its last tick the new one alone; under
 `convoy` the new one alone from the first tick on, as another robot may follow at once. What is begun goes
-on before a plan: so a plan begins `delay` ticks from now, with the pose to which that leads. Waits take
-one tick, and a plan that is done waits on.
+on before a plan: so a plan begins `delay` ticks from now, with the pose to which that leads. A wait
+lasts until robots are asked again, mostly one tick, and a plan that is done waits on.
 """
 
 import numpy as np
@@ -17,15 +17,15 @@ from strategies.right_of_way.epibt.operations import FORWARD, RIGHT, WAIT
 def paths_of(offsets, operations, paces, ticks, late):
     """Return twice (4 B, O, T): the cell after each tick, and the one that is still held.
 
-    Both as offsets, by pace and first heading. `paces`: (move, turn) in ticks; `offsets`: of a move,
+    Both as offsets, by pace and first heading. `paces`: (move, turn, wait) in ticks; `offsets`: of a move,
     by heading; `late`: 1 where the cell that is left is held in the last tick, too.
     """
     shape = 4 * len(paces), len(operations.actions), ticks
     offset, left = np.zeros(shape, np.int32), np.zeros(shape, np.int32)
-    for b, (move, turn) in enumerate(paces):
+    for b, pace in enumerate(paces):
         for first in range(4):
             for number, actions in enumerate(operations.actions):
-                here, held = path_of(offsets, actions, first, (move, turn), late)
+                here, held = path_of(offsets, actions, first, pace, late)
                 rest = [here[-1]] * (ticks - len(here))
                 offset[4 * b + first, number] = here + rest
                 left[4 * b + first, number] = held + rest
@@ -35,14 +35,14 @@ def paths_of(offsets, operations, paces, ticks, late):
 def path_of(offsets, actions, heading, pace, late):
     """Return the cells of one operation, and those still held, as lists of offsets by tick."""
     here, held, cell = [], [], 0
-    move, turn = pace
+    move, turn, wait = pace
     for action in actions:
         before = cell
         if action == FORWARD:
             cell += int(offsets[heading])
         elif action != WAIT:
             heading = heading + (1 if action == RIGHT else 3) & 3
-        span = move if action == FORWARD else 1 if action == WAIT else turn
+        span = move if action == FORWARD else wait if action == WAIT else turn
         here += [cell] * span
         held += [before] * (span - 1 + late) + [cell] * (1 - late)
     return here, held

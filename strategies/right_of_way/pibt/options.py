@@ -9,6 +9,7 @@ from automaton.engine.state import (
     ACTION_MOVE,
     ACTION_PICK,
     ACTION_TURN,
+    CLOCK_COARSE_TICK,
     CLOCK_TICK,
     GOAL_CHARGE,
     GOAL_DROP,
@@ -84,7 +85,7 @@ def remaining_ticks(view, state, u):
         return np.int64(duration[ACTION_PICK])
     if robots.goal_type[u] == GOAL_DROP:
         return np.int64(duration[ACTION_DROP])
-    return np.int64(LONG if robots.goal_type[u] == GOAL_CHARGE else 1)
+    return np.int64(LONG if robots.goal_type[u] == GOAL_CHARGE else view.rules.stride)
 
 
 @kernel
@@ -239,14 +240,18 @@ def cost_of_step(view, i, direction):
 def rank_options(view, state, workspace, i):
     """Enter the options of robot i, best first; the one that it has turned to is the first of all.
 
-    Staying costs a tick more than the best way on. Each key ends with its option, and five of them
-    are sorted without a branch: which is best is as good as random to the processor.
+    Staying costs as many ticks more than the best way on as it is not asked in. Each key ends with its
+    option, and five of them are sorted without a branch: which is best is as good as random to the
+    processor.
     """
     robots = view.robots
     state.asks[U(i)] = 0
     draws = splitmix64(
         np.uint64(view.rules.seed)
-        ^ (np.uint64(view.clock[CLOCK_TICK]) << np.uint64(32) | np.uint64(robots.identity[U(i)]))
+        ^ (
+            np.uint64(view.clock[CLOCK_COARSE_TICK]) << np.uint64(32)
+            | np.uint64(robots.identity[U(i)])
+        )
     )
     east, a = key_of(view, state, i, 0, draws)
     south, b = key_of(view, state, i, 1, draws)
@@ -263,7 +268,7 @@ def rank_options(view, state, workspace, i):
         waits = state.waits
         east, south = with_wait(east, waits[0]), with_wait(south, waits[1])
         west, north = with_wait(west, waits[2]), with_wait(north, waits[3])
-    stay = ((((here + 1) << KEY_SHIFT) | STAY_BITS) << OPTION_BITS) | STAY
+    stay = ((((here + view.rules.stride) << KEY_SHIFT) | STAY_BITS) << OPTION_BITS) | STAY
     if state.deadlocks.aside[U(i)] and steps_aside(view, state.deadlocks, i):
         barred, stay = np.int64(state.deadlocks.aside[U(i)]) - 1, np.int64(NO_KEY)
         east, south = without(east, 0, barred), without(south, 1, barred)

@@ -1,0 +1,175 @@
+"""A scenario in ticks that are K times finer: every number of ticks times K, every rate divided by K.
+
+A scenario is read and rounded in its own ticks, the coarse ones, and then refined. Fine tick K t is the
+end of coarse tick t, and K (t - 1) + 1 its begin: there is what is to happen in tick t.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator
+from fractions import Fraction
+from typing import Any, Final
+
+import msgspec
+import numpy as np
+
+from automaton.scenario.conversions import Plan, plan_of
+from automaton.scenario.field_types import DueAt
+from automaton.scenario.line_table import LineTable
+from automaton.scenario.order_fields import NO_DUE
+from automaton.scenario.orders import OrderLine
+from automaton.scenario.pods import Line
+from automaton.scenario.quantities import (
+    CHARGE_RATE,
+    DUE,
+    GAP,
+    MOMENT,
+    PROBABILITY,
+    STEP,
+    TIME,
+    TURN,
+    Quantity,
+)
+from automaton.scenario.schema import MAX_MOVE_TICKS, Scenario, Units
+from automaton.units import NUMBER_AND_NAME
+
+LAST_TICK: Final = 2_000_000_000
+CHARGE_UNITS: Final = 10_000_000  # in a percent, as the world counts
+COARSE: Final = "coarse-ticks"  # what ticks count where the scenario does not say what they are
+
+
+def refined(scenario: Scenario) -> Scenario:
+    """The scenario in ticks that are `scenario.refine` times finer."""
+    if scenario.refine == 1:
+        return scenario
+    fine = refined_value(scenario, scenario.refine)
+    units = msgspec.structs.replace(
+        scenario.units, tick=refined_tick(scenario.units, scenario.refine)
+    )
+    result: Scenario = _with(fine, {"units": units})
+    return result
+
+
+def refined_data(data: dict[str, Any]) -> Scenario:
+    """The same of a scenario as a recording has it."""
+    return refined(msgspec.convert(data, Scenario))
+
+
+def begin_of(tick: Any, factor: int) -> Any:
+    """The fine tick in which something is that was to be in a coarse one, or in several; 0 stays 0."""
+    return np.where(np.asarray(tick) > 0, factor * (tick - 1) + 1, factor * tick)
+
+
+def refined_tick(units: Units, factor: int) -> str:
+    """What a fine tick is, such as "0.25 s" for half a tick of 0.5 s."""
+    match = NUMBER_AND_NAME.fullmatch(units.tick)
+    assert match is not None, "checked: a number and a name"
+    size = np.format_float_positional(float(Fraction(match[1]) / factor), trim="-")
+    return f"{size} {COARSE if units.tick == Units().tick else match[2]}"
+
+
+def refined_value(value: Any, factor: int) -> Any:
+    """A struct with all numbers of ticks, and all rates, in ticks that are so many times finer."""
+    kind: Any = type(value)
+    return _refined(value, plan_of(kind), factor)
+
+
+def _refined(value: Any, plan: Plan, factor: int) -> Any:
+    if isinstance(value, LineTable):
+        return _refined_table(value, factor)
+    if isinstance(value, msgspec.Struct):
+        names = zip(value.__struct_fields__, value.__struct_encode_fields__, strict=True)
+        changes = {
+            name: _refined(getattr(value, name), plan.fields[key], factor)
+            for name, key in names
+            if key in plan.fields
+        }
+        if isinstance(value, OrderLine | Line) and value.due_tick is not None:
+            changes["due"] = DueAt(at=factor * value.due_tick)
+        return _with(value, changes)
+    if isinstance(value, dict):
+        return {
+            key: _refined(one, plan.fields.get(key) or plan.values or Plan(), factor)
+            for key, one in value.items()
+        }
+    if isinstance(value, tuple) and plan.items:
+        last = len(plan.items) - 1
+        return tuple(_refined(one, plan.items[min(k, last)], factor) for k, one in enumerate(value))
+    if isinstance(value, int | float) and plan.place is not None:
+        return _scaled(value, plan.place.quantity, factor)
+    return value
+
+
+def _with(struct: Any, changes: dict[str, Any]) -> Any:
+    """A copy with other values. What has been checked in coarse ticks is not checked again."""
+    result = copy.copy(struct)
+    for name, value in changes.items():
+        msgspec.structs.force_setattr(result, name, value)
+    return result
+
+
+def _scaled(value: Any, quantity: Quantity, factor: int) -> Any:
+    if quantity is PROBABILITY:
+        return value / factor
+    if (
+        quantity is CHARGE_RATE
+    ):  # rounded up, so that a battery is full no later than in coarse ticks
+        return -(-round(value * CHARGE_UNITS) // factor) / CHARGE_UNITS
+    if quantity is MOMENT:
+        return int(begin_of(value, factor))
+    return factor * value if quantity in (TIME, STEP, TURN, GAP, DUE) else value
+
+
+def _refined_table(table: LineTable, factor: int) -> LineTable:
+    released, due = (table.values[name].astype(np.int64) for name in ("released", "due"))
+    ticks = {
+        "released": np.minimum(begin_of(released, factor), LAST_TICK),
+        "due": np.where(due == NO_DUE, NO_DUE, np.minimum(factor * due, NO_DUE - 1)),
+    }
+    columns = {name: column.astype(np.int32) for name, column in ticks.items()}
+    return LineTable(
+        {**table.values, **columns}, table.orders, table.pods, table.skus, table.stations
+    )
+
+
+def too_long(scenario: Scenario) -> str:
+    """What does not fit into a run that is refined so far, and how far it may be; "" if all does."""
+    factor, worst = scenario.refine, [(LAST_TICK, scenario.stop.max_duration, "stop.max_duration")]
+    worst += [(MAX_MOVE_TICKS, ticks, what) for ticks, what in _durations(scenario)]
+    limit, ticks, what = min(worst, key=lambda row: row[0] // max(row[1], 1))
+    if factor * ticks <= limit:
+        return ""
+    most = limit // ticks
+    fits = f"refine {most} still fits" if most > 1 else "it cannot be refined"
+    return (
+        f"with refine {factor} {what} takes {factor * ticks:,} ticks instead of {ticks:,}, and at most "
+        f"{limit:,} are allowed; {fits}"
+    )
+
+
+def _durations(scenario: Scenario) -> Iterator[tuple[int, str]]:
+    """The ticks of what robots do at a time, and what it is."""
+    of_fleet = ("durations", 1, scenario.durations)
+    of_types = (
+        (
+            f"type {kind.name}: durations",
+            kind.move_time_factor,
+            kind.durations.within(scenario.durations),
+        )
+        for kind in scenario.fleet.types
+    )
+    for key, times, one in (of_fleet, *of_types):
+        yield times * max(one.moves), f"{key}.move"
+        yield max(one.turns), f"{key}.turn"
+        yield one.pick + one.handling_jitter, f"{key}.pick"
+        yield one.drop + one.handling_jitter, f"{key}.drop"
+        yield one.try_drop, f"{key}.try_drop"
+    for limit in scenario.floor.speed_limits:
+        yield limit.max_speed, "a move at a limit of floor.speed_limits"
+    for lift in scenario.floor.lifts:
+        yield lift.travel_time, "floor.lifts travel_time"
+    if scenario.faults.delays is not None:
+        yield scenario.faults.delays.ticks.most, "faults.delays.ticks"
+    for line in scenario.orders.listed or ():
+        yield max(line.stop_ticks, default=0), "a stop of orders.list"

@@ -1,0 +1,152 @@
+"""Whether the answer depends on the tick: throughput of the shipped floors with ticks K times finer.
+
+    python tests/proofs/refinement_study.py [--ticks 2000] [--pairs 400] [--workers 2] [SCENARIO ...]
+
+A pair is a run with K = 1 and one with K, of one seed; the difference is that of their orders done in
+a coarse tick, as a share of the mean with K = 1, with Student's 95 % interval. Pairs are made in rounds
+until the interval lies within the bound of 3 % or outside it, at least 10 and at most --pairs. So
+interval and stopping look at the same pairs: an interval that only just clears the bound is to be taken
+with care. Strategies that decide in every tick (`fine`) are shown beside, and not bounded.
+
+The exit code is 1 if a row with coarse decisions is outside the bound, or undecided.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
+from typing import NamedTuple
+
+import numpy as np
+
+from automaton.build.resolve import resolve
+from automaton.engine.state import NIL
+from automaton.errors import InputError
+from automaton.runs.asked_orders import asked_orders
+from automaton.runs.headless import run_to_end
+from automaton.runs.simulation import Simulation
+from automaton.scenario.reading import shipped
+from automaton.studies.inference.intervals import mean_interval
+from automaton.studies.sweeps.run_keys import seed_of
+
+RIGHTS_OF_WAY = ("pibt", "epibt")
+REFINEMENTS = (2, 3, 5)
+BOUND = 0.03
+FIRST, ROUND = 10, 20  # pairs
+HEAD = ("floor", "right of way", "decide", "K", "pairs", "orders/1000 ticks, K = 1")
+COLUMNS = (*HEAD, "difference", "95 % interval", "within 3 %")
+
+
+class Point(NamedTuple):
+    """What is compared with itself at K = 1."""
+
+    scenario: str
+    right_of_way: str
+    decide: str
+    refine: int
+
+    def settings(self, refine: int) -> list[str]:
+        routing = "strategy.routing=shortest"  # robots that are steered follow no routes
+        own = [f"strategy.right_of_way={self.right_of_way}", routing]
+        return [*own, f"refine={refine}", f"decide={self.decide}"]
+
+
+class Row(NamedTuple):
+    """The difference, as a share of the mean at K = 1."""
+
+    pairs: int
+    usual: float  # orders in 1,000 coarse ticks
+    mean: float
+    low: float
+    high: float
+
+    @property
+    def verdict(self) -> str:
+        if self.low >= -BOUND and self.high <= BOUND:
+            return "yes"
+        return "NO" if self.low > BOUND or self.high < -BOUND else "undecided"
+
+
+def throughput(point: Point, refine: int, replication: int, ticks: int) -> float:
+    """Orders done in 1,000 coarse ticks, up to a tick or to the end of the run."""
+    resolved = resolve(point.scenario, point.settings(refine))
+    simulation = Simulation(resolved, seed_of(f"refinement {replication}"))
+    run_to_end(simulation, until=ticks * refine)
+    done = np.count_nonzero(asked_orders(simulation.world).done != NIL)
+    return 1000 * int(done) * refine / simulation.tick
+
+
+def one_pair(point: Point, replication: int, ticks: int) -> tuple[float, float]:
+    usual, fine = (throughput(point, k, replication, ticks) for k in (1, point.refine))
+    return usual, fine
+
+
+def row_of(pairs: list[tuple[float, float]]) -> Row:
+    usual, fine = np.array(pairs).T
+    scale = float(usual.mean()) or 1.0
+    interval = mean_interval((fine - usual) / scale)
+    assert interval.low is not None
+    assert interval.high is not None
+    return Row(len(pairs), float(usual.mean()), interval.value, interval.low, interval.high)
+
+
+def compared(point: Point, ticks: int, most: int, executor: Executor) -> Row:
+    """Make pairs until the verdict is clear, or there are `most`."""
+    pairs: list[tuple[float, float]] = []
+    while True:
+        more = range(len(pairs), min(most, len(pairs) + (ROUND if pairs else FIRST)))
+        futures = [executor.submit(one_pair, point, number, ticks) for number in more]
+        pairs += [future.result() for future in futures]
+        row = row_of(pairs)
+        is_clear = row.verdict != "undecided" if point.decide == "coarse" else len(pairs) > FIRST
+        if is_clear or len(pairs) >= most:
+            return row
+
+
+def points_of(scenarios: list[str]) -> Iterator[Point]:
+    for scenario in scenarios:
+        for right_of_way in RIGHTS_OF_WAY:
+            for decide in ("coarse", "fine"):
+                for refine in REFINEMENTS:
+                    yield Point(scenario, right_of_way, decide, refine)
+
+
+def refusal(point: Point) -> str:
+    """Why a point cannot be run, "" if it can."""
+    try:
+        resolve(point.scenario, point.settings(point.refine))
+    except InputError as error:
+        return error.message
+    return ""
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
+    parser.add_argument("scenario", nargs="*", default=list(shipped()))
+    parser.add_argument("--ticks", type=int, default=2000, help="coarse ticks of a run")
+    parser.add_argument("--pairs", type=int, default=400, help="of a row, at most")
+    parser.add_argument("--workers", type=int, default=2)
+    args = parser.parse_args()
+    print("| " + " | ".join(COLUMNS) + " |\n|" + "---|" * len(COLUMNS), flush=True)
+    refused: dict[str, None] = {}
+    wrong = 0
+    with ProcessPoolExecutor(args.workers) as executor:
+        for point in points_of(args.scenario):
+            why = refusal(point)
+            if why:
+                refused[f"{point.scenario}, {point.right_of_way}: {why}"] = None
+                continue
+            row = compared(point, args.ticks, max(FIRST, args.pairs), executor)
+            bounded = point.decide == "coarse"
+            wrong += bounded and row.verdict != "yes"
+            shares = f"{row.mean:+.1%} | {row.low:+.1%} to {row.high:+.1%}"
+            cells = [*map(str, point), str(row.pairs), f"{row.usual:.4g}", shares]
+            print("| " + " | ".join([*cells, row.verdict if bounded else "-"]) + " |", flush=True)
+    print("\nNot served:\n\n" + "\n".join(f"* {text}" for text in refused))
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

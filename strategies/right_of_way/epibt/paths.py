@@ -17,8 +17,8 @@ from strategies.right_of_way.epibt.operations import FORWARD, RIGHT, WAIT
 def paths_of(offsets, operations, paces, ticks, late):
     """Return twice (4 B, O, T): the cell after each tick, and the one that is still held.
 
-    Both as offsets, by pace and first heading. `paces`: (move, turn, wait) in ticks; `offsets`: of a move,
-    by heading; `late`: 1 where the cell that is left is held in the last tick, too.
+    Both as offsets, by pace and first heading. `paces`: (move, turn, wait) in ticks; `offsets`: of a
+    move, by heading; `late`: 1 where the cell that is left is held in the last tick, too.
     """
     shape = 4 * len(paces), len(operations.actions), ticks
     offset, left = np.zeros(shape, np.int32), np.zeros(shape, np.int32)

@@ -158,7 +158,7 @@ def test_moves_and_turns_of_several_ticks_are_planned(tmp_path: Path, move: int,
 def test_what_is_left_of_a_plan_is_a_plan() -> None:
     """In ticks, too: who goes on with the rest of it is where the others think it is."""
     offsets = (1, 100, -1, -100)
-    for depth, *pace, late in ((3, 2, 4, 0), (3, 1, 2, 0), (4, 3, 1, 0), (3, 2, 1, 1)):
+    for depth, *pace, late in ((3, 2, 4, 1, 0), (3, 1, 2, 1, 0), (4, 3, 1, 1, 0), (3, 2, 1, 1, 1)):
         known = operations_of(depth)
         for actions, number in zip(known.actions, known.following, strict=True):
             here, held = path_of(offsets, actions, 0, pace, late)

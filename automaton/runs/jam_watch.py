@@ -20,7 +20,7 @@ class JamWatch:
 
     A jam is seen when its robots have finished nothing for `starved_ticks`, 500 at least, and at most
     LOOK_TICKS later. It stays the same jam as long as one of its robots makes no progress. As long as a
-    robot is down on the floor, and for as many ticks after, others wait behind it, and nothing is reported.
+    robot is down on the floor, and for as many ticks after, others wait behind it: no jam is reported.
     """
 
     def __init__(self, on_jam: Callable[[int, Jam], None]) -> None:

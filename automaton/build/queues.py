@@ -25,8 +25,8 @@ def queue_path(
 
 def service_cells(scenario: Scenario, floor_plan: FloorPlan) -> npt.NDArray[np.bool_]:
     """(C,) bool: stations, their queues and chargers, unless they hold any number of robots."""
-    found = np.isin(floor_plan.kind, (STATION, CHARGER)).reshape(-1)
+    serving = np.isin(floor_plan.kind, (STATION, CHARGER)).reshape(-1)
     for station in scenario.stations.values():
-        found[queue_path(floor_plan, station.at, station.queue)] = True
-    limited: npt.NDArray[np.bool_] = found & (floor_plan.capacity.reshape(-1) != UNLIMITED)
+        serving[queue_path(floor_plan, station.at, station.queue)] = True
+    limited: npt.NDArray[np.bool_] = serving & (floor_plan.capacity.reshape(-1) != UNLIMITED)
     return limited

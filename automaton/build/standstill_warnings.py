@@ -2,7 +2,7 @@
 
 Robots that fill cells out of which no way leads but into each other's cells form rings and files
 without a gap. A full ring rotates under `convoy`, and under `handover` if its moves take one tick.
-Under `none`, and under `handover` with longer moves, somebody would have to begin, and nobody may.
+Under `none`, and under `handover` with longer moves, a first robot would have to begin, and none may.
 """
 
 from __future__ import annotations

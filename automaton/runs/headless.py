@@ -121,7 +121,7 @@ def run_to_end(
 
     `on_window` is called before the first and after every WINDOW_TICKS ticks. `last_worked`: (n,)
     int64 output, the last window's end at which each stored robot had worked since the one before.
-    `watch` tells of jams meanwhile.
+    `watch` sees jams meanwhile.
     """
     limit = simulation.resolved.scenario.stop.max_duration
     limit = limit if until is None else min(limit, until)
@@ -200,7 +200,7 @@ def run_once(
     """Run a scenario with its own seed, to its end or to tick `until`, and call `on_end` then.
 
     `patience`: seconds that a Python strategy has for each decision. `sampling`: what is taken meanwhile.
-    `watch`: tells of jams meanwhile.
+    `watch`: sees jams meanwhile.
 
     Raises InputError for a strategy that raises.
     """

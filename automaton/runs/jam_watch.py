@@ -1,4 +1,4 @@
-"""Tell of jams while a run goes on, once each, in the ticks between two pauses of the loop."""
+"""Report jams while a run goes on, once each, between two pauses of the loop."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ class JamWatch:
 
     A jam is seen when its robots have finished nothing for `starved_ticks`, 500 at least, and at most
     LOOK_TICKS later. It stays the same jam as long as one of its robots makes no progress. As long as a
-    robot is down on the floor, and for as many ticks after, others wait behind it, and nothing is told.
+    robot is down on the floor, and for as many ticks after, others wait behind it: no jam is reported.
     """
 
     def __init__(self, on_jam: Callable[[int, Jam], None]) -> None:
         self._on_jam = on_jam
-        self._known: set[int] = set()  # robots of jams that have been told of
+        self._known: set[int] = set()  # robots of jams that have been reported
         self._down_at = NIL  # the last look at which a robot was down on the floor
         self._ticks = 0  # without progress, after which a robot counts
 

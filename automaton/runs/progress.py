@@ -102,7 +102,7 @@ def largest_jam(world: World, floor_plan: FloorPlan) -> Jam | None:
 
 def jams(world: World, floor_plan: FloorPlan) -> list[Jam]:
     """Return all groups of robots without progress that stand near each other, by their first robots."""
-    ticks, found = starved_ticks(world), []
+    ticks, groups = starved_ticks(world), []
     stalled = stuck_robots(world, ticks)
     stalled = stalled[np.argsort(world.robots.identity[stalled])]
     if len(stalled) < JAM_ROBOTS:
@@ -116,8 +116,8 @@ def jams(world: World, floor_plan: FloorPlan) -> list[Jam]:
             for side in (np.min, np.max)
         )
         robots = world.robots.identity[stalled[group == one]]
-        found.append(Jam(tuple(robots.tolist()), first, last, ticks))
-    return found
+        groups.append(Jam(tuple(robots.tolist()), first, last, ticks))
+    return groups
 
 
 def _groups(rows: Array, columns: Array) -> Array:

@@ -43,23 +43,23 @@ class Trial(NamedTuple):
 def try_out(resolved: Resolved) -> Trial:
     """Run a scenario for MIN_TICKS or ROBOT_TICKS, whichever is more, at most to its limit."""
     ticks = max(MIN_TICKS, ROBOT_TICKS // resolved.scenario.fleet.robots)
-    found: list[str] = []
+    findings: list[str] = []
     patience: list[int] = []
 
     def on_jam(tick: int, jam: Jam) -> None:
-        found.append(f"tick {tick:,}: {describe_jam(jam)[0]}")
+        findings.append(f"tick {tick:,}: {describe_jam(jam)[0]}")
 
     def on_end(simulation: Simulation) -> None:
         patience.append(starved_ticks(simulation.world))
         stuck = stuck_robots(simulation.world, patience[0])
-        if len(stuck) and not found:
+        if len(stuck) and not findings:
             names = robot_names(simulation, stuck)
-            found.append(f"{names} finished nothing for {patience[0]:,} ticks, with work to do")
+            findings.append(f"{names} finished nothing for {patience[0]:,} ticks, with work to do")
 
     outcome = run_once(resolved, until=ticks, on_end=on_end, watch=JamWatch(on_jam))
-    found += describe_wait_cycles(outcome.circles)
-    found += exceeded_bounds(resolved, outcome)
-    return Trial(outcome.ticks, patience[0], tuple(found))
+    findings += describe_wait_cycles(outcome.circles)
+    findings += exceeded_bounds(resolved, outcome)
+    return Trial(outcome.ticks, patience[0], tuple(findings))
 
 
 def exceeded_bounds(resolved: Resolved, outcome: Outcome) -> list[str]:

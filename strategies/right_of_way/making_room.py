@@ -1,6 +1,6 @@
 """Idle robots make room where pushing them is in vain: in queues of stations, and in pockets.
 
-A robot in the queue of its station pushes nobody, since the queue alone moves it. From a pocket, a
+A robot in the queue of its station pushes no robot, since the queue alone moves it. From a pocket, a
 station or charger with one way in and out, a robot can only come before another one is at its mouth.
 So idle robots leave both as soon as another robot has something to do there. Elsewhere they are pushed.
 """
@@ -73,10 +73,10 @@ def ways_out(grid, area):
         for direction, offset in enumerate(grid.offset.tolist()):
             leads = (grid.cell_flags >> direction & 1 != 0) & np.roll(front, -offset)
             ahead = np.roll(area, -offset)
-            found = leads & (area != NIL) & ((ahead == NIL) | (ahead == area))
-            found &= (way_out == NO_WAY) & ~reached
-            way_out[found] = direction
-            reached |= found
+            leaving = leads & (area != NIL) & ((ahead == NIL) | (ahead == area))
+            leaving &= (way_out == NO_WAY) & ~reached
+            way_out[leaving] = direction
+            reached |= leaving
         front = reached
     return way_out
 

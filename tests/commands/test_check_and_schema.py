@@ -87,14 +87,14 @@ stop: {when: delivered}
     [
         (["fleet.start=parking-bays"], ""),
         (["fleet.start=random"], ""),  # not on stations
-        (["fleet.start=random", "fleet.robots=6"], "so robots begin and park on stations too"),
+        (["fleet.start=random", "fleet.robots=8"], "so robots begin and park on stations too"),
         (["fleet.start=[[0, 0], [4, 0]]"], "robot 1 begins on a station, and so parks there"),
         (["fleet.start=[[0, 0], [2, 0]]"], ""),
         (["strategy.allocation={name: shortest-job, idle: stay}"], "stay where they dropped"),
         (["fleet.start=random", "fleet.robots=1"], ""),
         (["fleet.start=random", "fleet.when_idle=leave"], ""),
         (
-            ["fleet.start=random", "fleet.robots=6", "strategy.right_of_way=retreat"],
+            ["fleet.start=random", "fleet.robots=8", "strategy.right_of_way=retreat"],
             "idle_give_way: true",
         ),
         (["fleet.start=random", "strategy.right_of_way={name: retreat, idle_give_way: true}"], ""),

@@ -23,7 +23,7 @@ import numpy as np
 from idle_waits import run_to_end
 
 from automaton.build.resolve import Resolved, resolve
-from automaton.engine.state import LAYER_NAMES
+from automaton.engine.state import LAYER_NAMES, NIL
 from automaton.errors import InputError
 from automaton.evidence.recording.recorder import MemoryRecorder
 from automaton.evidence.verification.validator import validate_stored
@@ -218,7 +218,10 @@ class Findings:
             resolved, on_record=recorder, on_observe=lambda run: run.empty_observation()
         )
         waits = run_to_end(run)
-        if not run.world.rules.may_fail:  # one that is down may keep an idle robot where it is
+        rules = run.world.rules
+        if (
+            not rules.may_fail and rules.radius == NIL
+        ):  # robots that are down, or see too little, may jam
             self.wrong += [f"{name}: {one}" for one in waits]
         self.runs += 1
         self.robot_ticks += run.tick * resolved.scenario.fleet.robots

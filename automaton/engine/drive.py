@@ -473,9 +473,14 @@ def stop_at_gate(world, i):
 
 @kernel
 def stands_in_queue(world, i):
-    """Whether robot i finds the next cell of its station's queue held, or the station: no wait begins."""
+    """Whether robot i finds the next cell of its station's queue held, or the station: no wait begins.
+
+    One that the queue alone moves stands in it whatever the robot ahead is there for.
+    """
     if not has_trips(world) or world.traffic.intent[i] == NO_TURN:
         return False
+    if world.rules.steered[0] and is_in_own_queue(world, i):
+        return True
     direction = np.int64(world.traffic.intent[i]) & 3
     return is_queueing_at_station(world, i, world.robots.cell[i] + world.grid.offset[direction])
 

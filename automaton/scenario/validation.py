@@ -98,10 +98,10 @@ def _explained(
     return document.error(keys, what + (_inside(keys) if missing else ""))
 
 
-def _now_written(expected: Any, found: Any) -> str:
+def _now_written(expected: Any, value: bool) -> str:
     """What to write for a value that the field took before, or ""."""
-    word = (getattr(expected, "extra", None) or {}).get(FORMER, {}).get(found)
-    return f"; {shown(found)} is now {word}" if word else ""
+    word = (getattr(expected, "extra", None) or {}).get(FORMER, {}).get(value)
+    return f"; {shown(value)} is now {word}" if word else ""
 
 
 def described(expected: Any) -> str:

@@ -83,7 +83,7 @@ def run(args: argparse.Namespace) -> int:
             if args.debug:
                 raise
             bad += 1
-            report = Report(file, error=str(error))
+            report = CheckedFile(file, error=str(error))
             sys.stdout.flush()  # keeps the order where both streams meet
             print(f"automaton: {error}", file=sys.stderr)
         reports.append(report)
@@ -93,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
     return 2 if bad else int(failed)
 
 
-class Report(NamedTuple):
+class CheckedFile(NamedTuple):
     """What is known of a file: an object of the JSON."""
 
     file: str
@@ -104,7 +104,7 @@ class Report(NamedTuple):
     error: str | None = None
 
 
-def check_file(file: str, args: argparse.Namespace) -> Report:
+def check_file(file: str, args: argparse.Namespace) -> CheckedFile:
     """Check a file, and print what is known of it unless JSON is. Raises InputError."""
     if names_study(file):
         study, scenarios = checked_study(file, args)
@@ -113,7 +113,7 @@ def check_file(file: str, args: argparse.Namespace) -> Report:
             print(line)
         for warning in warnings:
             note(f"{study.name}: warning: {warning}")
-        return Report(file, study.name, (line,), tuple(warnings))
+        return CheckedFile(file, study.name, (line,), tuple(warnings))
     settings = settings_of(args)
     resolved = resolve(file, settings)
     as_read = resolved.unrefined
@@ -136,7 +136,7 @@ def check_file(file: str, args: argparse.Namespace) -> Report:
             print("\n".join(f"  {line}" for line in trial.lines()))
     name, warnings = resolved.scenario.name, scenario_warnings(resolved)
     done = None if trial is None else trial.as_json()
-    return Report(file, name, tuple(lines), tuple(warnings), done)
+    return CheckedFile(file, name, tuple(lines), tuple(warnings), done)
 
 
 def names_study(file: str) -> bool:

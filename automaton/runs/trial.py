@@ -14,10 +14,10 @@ from automaton.runs.simulation import Simulation
 from automaton.units import count
 
 MIN_TICKS: Final = 500
-ROBOT_TICKS: Final = 2_000_000
+TRIAL_ROBOT_TICKS: Final = 2_000_000
 
 
-class Trial(NamedTuple):
+class TrialRun(NamedTuple):
     """What a trial came to."""
 
     ticks: int
@@ -40,9 +40,9 @@ class Trial(NamedTuple):
         return {"passed": not self.findings, **self._asdict()}
 
 
-def try_out(resolved: Resolved) -> Trial:
-    """Run a scenario for MIN_TICKS or ROBOT_TICKS, whichever is more, at most to its limit."""
-    ticks = max(MIN_TICKS, ROBOT_TICKS // resolved.scenario.fleet.robots)
+def try_out(resolved: Resolved) -> TrialRun:
+    """Run a scenario for MIN_TICKS or TRIAL_ROBOT_TICKS, whichever is more, at most to its limit."""
+    ticks = max(MIN_TICKS, TRIAL_ROBOT_TICKS // resolved.scenario.fleet.robots)
     findings: list[str] = []
     patience: list[int] = []
 
@@ -59,7 +59,7 @@ def try_out(resolved: Resolved) -> Trial:
     outcome = run_once(resolved, until=ticks, on_end=on_end, watch=JamWatch(on_jam))
     findings += describe_wait_cycles(outcome.circles)
     findings += exceeded_bounds(resolved, outcome)
-    return Trial(outcome.ticks, patience[0], tuple(findings))
+    return TrialRun(outcome.ticks, patience[0], tuple(findings))
 
 
 def exceeded_bounds(resolved: Resolved, outcome: Outcome) -> list[str]:

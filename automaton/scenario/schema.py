@@ -57,7 +57,7 @@ MEMORY_PATTERN = r"^(?=[^a-zA-Z]*[1-9])\d{1,9}(\.\d+)? [KMGT]iB$"
 MAX_MOVE_TICKS = 65_535  # ticks
 MAX_REFINEMENT = 1000  # fine ticks in a tick
 
-FORMER = "former"  # in Meta.extra: what is now written for a value that was allowed before
+INSTEAD = "instead"  # in Meta.extra: what is now written for a value that was allowed before
 
 LAYER_NAMES = ("zoning", "charging", "allocation", "routing", "right_of_way")
 ROUTE_FOLLOWERS = ("retreat", "wait")  # rights of way under which robots follow routes
@@ -133,7 +133,7 @@ class WorldRules(ConfigSection, frozen=True, kw_only=True):
             description="When a robot may begin to move into a cell. none: if the cell was free when "
             "the tick began; handover: also if its holder gives it up in this tick, the last one of "
             "the holder's move; convoy: also if its holder is on its way out.",
-            extra={FORMER: {True: "handover", False: "none"}},
+            extra={INSTEAD: {True: "handover", False: "none"}},
         ),
     ] = "convoy"
     access_cell: Annotated[

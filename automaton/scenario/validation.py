@@ -10,7 +10,7 @@ import msgspec
 from automaton.errors import InputError, alternatives, nearest
 from automaton.scenario.document import Document, Keys
 from automaton.scenario.quantities import KEY, TIME
-from automaton.scenario.schema import FORMER, MEMORY_PATTERN, TICK_PATTERN
+from automaton.scenario.schema import INSTEAD, MEMORY_PATTERN, TICK_PATTERN
 
 T = TypeVar("T")
 
@@ -100,7 +100,7 @@ def _explained(
 
 def _now_written(expected: Any, value: bool) -> str:
     """What to write for a value that the field took before, or ""."""
-    word = (getattr(expected, "extra", None) or {}).get(FORMER, {}).get(value)
+    word = (getattr(expected, "extra", None) or {}).get(INSTEAD, {}).get(value)
     return f"; {shown(value)} is now {word}" if word else ""
 
 

@@ -13,7 +13,7 @@ from automaton.engine.state import GOAL_NONE, GOAL_PARK, NIL, Array
 from automaton.floor.cells import CHARGER, STATION
 from automaton.strategy.kernels import kernel
 
-NO_WAY = 4  # beside the four directions
+NO_WAY_OUT = 4  # beside the four directions
 
 
 class ServiceAreas(Struct):
@@ -23,7 +23,7 @@ class ServiceAreas(Struct):
         "(c,) int32", "the service area that a cell belongs to, or NIL", role=CONSTANT
     )
     way_out: Array = field(
-        "(c,) uint8", "direction of the next step out of it, or NO_WAY", role=CONSTANT
+        "(c,) uint8", "direction of the next step out of it, or NO_WAY_OUT", role=CONSTANT
     )
     callers: Array = field("(p,) int32", "robots that have something to do there", role=SCRATCH)
 
@@ -46,9 +46,9 @@ def service_areas_of(view):
     area[lane] = area[head]
     way_out = ways_out(grid, area)
     beyond = head + grid.offset[way_out[head] & 3]
-    through = lane[(way_out[head] != NO_WAY) & (area[beyond] == NIL)]
+    through = lane[(way_out[head] != NO_WAY_OUT) & (area[beyond] == NIL)]
     way_out[through] = stations.queue_way[through]  # the others in the queue stand behind
-    area[way_out == NO_WAY] = NIL
+    area[way_out == NO_WAY_OUT] = NIL
     return ServiceAreas.sized({"p": len(heads)}, area=area, way_out=way_out)
 
 
@@ -65,8 +65,8 @@ def is_pocket(grid):
 
 
 def ways_out(grid, area):
-    """Return (c,) the first direction of a shortest way from a cell of an area out of it, or NO_WAY."""
-    way_out = np.full(len(area), NO_WAY, np.uint8)
+    """Return (c,) the first direction of a shortest way from a cell of an area out of it, or NO_WAY_OUT."""
+    way_out = np.full(len(area), NO_WAY_OUT, np.uint8)
     front = area == NIL
     while front.any():
         reached = np.zeros(len(area), bool)
@@ -74,7 +74,7 @@ def ways_out(grid, area):
             leads = (grid.cell_flags >> direction & 1 != 0) & np.roll(front, -offset)
             ahead = np.roll(area, -offset)
             leaving = leads & (area != NIL) & ((ahead == NIL) | (ahead == area))
-            leaving &= (way_out == NO_WAY) & ~reached
+            leaving &= (way_out == NO_WAY_OUT) & ~reached
             way_out[leaving] = direction
             reached |= leaving
         front = reached

@@ -20,7 +20,7 @@ from strategies.right_of_way.pibt.options import option_of
 from strategies.right_of_way.pibt.pibt_state import DECIDED, U
 from strategies.right_of_way.pibt.reservations import holder_of
 
-UNKNOWN = 0  # state.departs
+NOT_ASKED = 0  # state.departs
 GOES = 1
 WAITS = 2
 ASKED = 3  # those behind it on this walk depend on it
@@ -81,7 +81,7 @@ def departs(view, state, first):
     has closed only where rings rotate. What is found holds for all robots on the way there.
     """
     stack, depth, i, opens = state.stack, 0, first, True
-    while state.departs[U(i)] == UNKNOWN:
+    while state.departs[U(i)] == NOT_ASKED:
         state.departs[U(i)] = ASKED
         stack[U(depth)] = i
         depth += 1

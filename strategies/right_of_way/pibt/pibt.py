@@ -61,7 +61,7 @@ from strategies.right_of_way.deadlocks import (
 from strategies.right_of_way.lattice import lattice_tables, moves_against_streets
 from strategies.right_of_way.making_room import count_callers, service_areas_of, way_to_make_room
 from strategies.right_of_way.pibt.alleys import count_in_dead_ends, empty_dead_ends, has_to_leave
-from strategies.right_of_way.pibt.departures import UNKNOWN, departs, direction_of, holds_back
+from strategies.right_of_way.pibt.departures import NOT_ASKED, departs, direction_of, holds_back
 from strategies.right_of_way.pibt.options import option_of, rank_all_options
 from strategies.right_of_way.pibt.pibt_state import (
     DECIDED,
@@ -95,7 +95,7 @@ def look_at_robots(view, batch, state):
         sees_plans = not limited or i == batch.robot[0]  # what others have in mind is out of sight
         state.mode[i] = FIXED
         state.begun[i] = state.turning[i] if sees_plans else 0
-        state.departs[i] = UNKNOWN
+        state.departs[i] = NOT_ASKED
         if robots.cell[i] == NIL:
             continue
         look_where_it_goes(view, state, i)

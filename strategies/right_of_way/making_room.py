@@ -65,7 +65,7 @@ def is_pocket(grid):
 
 
 def ways_out(grid, area):
-    """Return (c,) the first direction of a shortest way from a cell of an area out of it, or NO_WAY_OUT."""
+    """Return (c,) the first direction of a shortest way out of the area of a cell, or NO_WAY_OUT."""
     way_out = np.full(len(area), NO_WAY_OUT, np.uint8)
     front = area == NIL
     while front.any():

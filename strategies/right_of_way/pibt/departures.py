@@ -22,7 +22,7 @@ from strategies.right_of_way.pibt.reservations import holder_of
 
 NOT_ASKED = 0  # state.departs
 GOES = 1
-WAITS = 2
+IS_BEHIND = 2
 ASKED = 3  # those behind it on this walk depend on it
 
 
@@ -98,6 +98,6 @@ def departs(view, state, first):
     while depth:
         depth -= 1
         i = np.int64(stack[U(depth)])
-        state.departs[U(i)] = GOES if opens else WAITS
+        state.departs[U(i)] = GOES if opens else IS_BEHIND
         opens = opens and gives_way_at_once(view, state, i)
     return state.departs[U(first)] == GOES

@@ -108,12 +108,10 @@ def is_needed(areas, cell):
 def way_to_make_room(view, areas, i, cell):
     """Return the direction in which robot i, without work, leaves its cell in a needed area, or NIL."""
     robots = view.robots
-    if not is_needed(areas, cell):
+    is_idle = robots.goal_type[i] == GOAL_NONE or robots.goal_type[i] == GOAL_PARK
+    if not is_idle or not is_needed(areas, cell):
         return np.int64(NIL)
-    is_idle = robots.goal_type[i] == GOAL_NONE
-    if robots.goal_type[i] == GOAL_PARK:  # else it leaves on its way home
-        is_idle = areas.area[robots.goal_cell[i]] == areas.area[cell]
-    return np.int64(areas.way_out[cell]) if is_idle else np.int64(NIL)
+    return np.int64(areas.way_out[cell])
 
 
 @kernel

@@ -24,7 +24,7 @@ from automaton.engine.state import (
     Rules,
 )
 from automaton.scenario.orders import priorities_of
-from automaton.scenario.robot_types import RobotType, types_of
+from automaton.scenario.robot_types import RobotType, follows_in_convoy, types_of
 from automaton.scenario.schema import Battery, Faults, Scenario
 from automaton.units import bytes_of, unit
 
@@ -88,19 +88,11 @@ def rules_for(
 
 
 def following_of(scenario: Scenario, in_convoy: bool) -> int:
-    """The rule of following; where all moves take one tick a convoy hands cells over, and costs less."""
-    floor, rules = scenario.floor, scenario.world
-    is_quick = not in_convoy and all(
-        ticks == 1 for one in types_of(scenario) for ticks in one.moves
-    )
-    may_slow = rules.slowdown != "none" or rules.extra_tick_probability > 0
-    if (
-        rules.following == "convoy"
-        and is_quick
-        and not (may_slow or floor.speed_limits or floor.lifts)
-    ):
+    """The rule of following; handing cells over costs less where a convoy comes to the same."""
+    following = scenario.world.following
+    if following == "convoy" and not (in_convoy or follows_in_convoy(scenario)):
         return FOLLOWING_HANDOVER
-    return FOLLOWING_NAMES.index(rules.following)
+    return FOLLOWING_NAMES.index(following)
 
 
 def radius_of(information: Any) -> int:

@@ -21,7 +21,8 @@ Under the rule `convoy` a move of any length takes the room ahead and gives back
 of one tick do under `handover`: so the room bits say whether a cell is *open*, not whether it is empty.
 `traffic.leaving` holds, by resource, when the last move out of it ends, and its direction. A move takes
 its own ticks, or those that the move out of its target still takes if these are more; in a ring all
-take as long as the longest. Lengths follow from head to tail, as queues are decided.
+take as long as the longest. Lengths follow from head to tail: a robot sets out when the cell ahead is
+open, so the length of the move out of that is settled.
 
 Two passes decide all but the contested and the queueing intents from these words alone; only final
 inferences are drawn, so the order of the robots does not matter. `resolve` decides the rest.
@@ -482,7 +483,7 @@ def resolve(grid, rules, robots, traffic, tick, pending, releases):
     small where few robots meet on many cells.
     """
     contest, intents = traffic.contest, traffic.pending
-    tick = (tick - 1) // rules.refinement + 1  # ties go by the coarse tick
+    drawn_in = (tick - 1) // rules.refinement + 1  # ties go by the coarse tick
     if traffic.key.shape[0] > 0:
         enter_entries(traffic, pending)
     for k in range(pending):
@@ -491,7 +492,9 @@ def resolve(grid, rules, robots, traffic, tick, pending, releases):
         goal = U(intents[U(k), U(INTENT_GOAL)])
         best = np.int64(contest[goal])
         i = np.int64(intents[U(k), U(INTENT_ROBOT)])
-        if best == NIL or is_before(robots, tick, i, np.int64(intents[U(best), U(INTENT_ROBOT)])):
+        if best == NIL or is_before(
+            robots, drawn_in, i, np.int64(intents[U(best), U(INTENT_ROBOT)])
+        ):
             contest[goal] = k
     for k in range(pending):
         if contest[U(intents[U(k), U(INTENT_GOAL)])] != k:
@@ -599,8 +602,8 @@ def rotate_ring(traffic, k):
     """Follow the winners behind winner k: a ring closes on k and rotates, any other queue is refused.
 
     A resource has one winner, who wants one resource: so queues and rings never branch. Members of
-    a ring give room to each other, so the room of its cells stays as it is. All take as long as the
-    longest: under `handover` only moves of one tick form rings.
+    a ring give room to each other, so the room of its cells stays as it is. Under convoy all take as
+    long as the longest; under `handover` only moves of one tick form rings.
     """
     intents = traffic.pending
     ticks = np.int64(intents[U(k), U(INTENT_TICKS)])

@@ -477,7 +477,8 @@ class Traffic(Struct, role=SCRATCH):
     )
     leaving: Array = field(
         "(L,) int64",
-        "by resource, under convoy: 4 * the last tick of the last move out of it + its direction",
+        "by resource, under convoy: 4 * the last tick of the last move out of it + its direction, or NIL",
+        default=NIL,
         role=DERIVED,
     )
     zone_occupancy: Array = field("(Z,) int32", "robots in each traffic zone as the tick began")

@@ -94,11 +94,13 @@ class FilmColumns:
         self.figures = np.zeros((len(FIGURES), ticks), np.int32)
         self.full, self.shut = ChangingCells(), ChangingCells()
         self._places: tuple[Column, Column] | None = None
+        self._busy = np.zeros(robots, np.int64)  # ticks that each still needs after the last one
 
     def take(self, simulation: Simulation) -> None:
         """Read what is to be shown off the state after a tick; ticks ascend."""
         k = simulation.tick - self.first
         world = simulation.world
+        self._busy = world.robots.busy[world.robots.at_index].astype(np.int64)
         fleet = fleet_of(world, simulation.observation)
         looks = looks_of_fleet(fleet, self.floor)
         values = {
@@ -193,7 +195,7 @@ class FilmColumns:
         for k in range(ticks):
             since[:, k] = np.where(moving[:, k], 1 + same[:, k] * (since[:, k - 1] if k else 0), 0)
         for k in range(ticks - 1, -1, -1):
-            goes_on = same[:, k + 1] * until[:, k + 1] if k + 1 < ticks else 0
+            goes_on = same[:, k + 1] * until[:, k + 1] if k + 1 < ticks else self._busy - 1
             until[:, k] = np.where(moving[:, k], 1 + goes_on, 0)
         shares: NDArray[np.float64] = since / np.maximum(since + until, 1)
         return shares

@@ -132,8 +132,9 @@ def under_way(world: World) -> list[tuple[Array, Array, Array, Array]]:
 
 
 def _follows(world: World) -> bool:
-    """Whether moves may last longer because of the robot ahead."""
-    return bool(world.rules.following == FOLLOWING_CONVOY)
+    """Whether moves may last longer because of the robot ahead, or did before the rules were changed."""
+    is_convoy = world.rules.following == FOLLOWING_CONVOY
+    return bool(is_convoy or world.tally.ticks[:, ACTION_FOLLOWING].any())
 
 
 def counted(run: Measured) -> Counted:
@@ -284,7 +285,7 @@ def _not_lost(world: World) -> list[str]:
         "lost_station_queue": not (has_lines(world) or _has_queues(world)),
         "lost_held_back": not world.rules.steered[0],
         "lost_at_gates": not len(world.gates.kind),
-        "lost_following": not (_follows(world) or world.tally.ticks[:, ACTION_FOLLOWING].any()),
+        "lost_following": not _follows(world),
     }
     return [name for name, is_absent in absent.items() if is_absent]
 

@@ -140,6 +140,8 @@ def hold_cells(world: World) -> None:
         left = resources(world, robots.cell[moves], robots.travel[moves])
         last = int(world.clock[CLOCK_TICK]) + robots.busy[moves].astype(np.int64)
         world.traffic.leaving[left[left >= 0]] = (4 * last + way)[left >= 0]
+        own = world.traffic.own_ticks  # whose following is not known drives by itself
+        own[moves] = np.maximum(own[moves], robots.busy[moves] + 1)
 
 
 def resources(world: World, cells: Array, directions: Array) -> Array:

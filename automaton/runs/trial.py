@@ -42,7 +42,8 @@ class TrialRun(NamedTuple):
 
 def try_out(resolved: Resolved) -> TrialRun:
     """Run a scenario for MIN_TICKS or TRIAL_ROBOT_TICKS, whichever is more, at most to its limit."""
-    ticks = max(MIN_TICKS, TRIAL_ROBOT_TICKS // resolved.scenario.fleet.robots)
+    scenario = resolved.scenario
+    ticks = scenario.refine * max(MIN_TICKS, TRIAL_ROBOT_TICKS // scenario.fleet.robots)
     findings: list[str] = []
     patience: list[int] = []
 

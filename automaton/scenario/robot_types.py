@@ -157,3 +157,15 @@ def _open_exits(floor_plan: FloorPlan, closed: Mask) -> npt.NDArray[np.uint8]:
         # np.roll wraps round, but only through the border, which has no exits.
         exits[np.roll(closed, -offset)] &= np.uint8(15 ^ (1 << direction))
     return exits.reshape(floor_plan.exits.shape)
+
+
+def follows_in_convoy(scenario: Scenario) -> bool:
+    """Whether robots follow each other in moves of several ticks.
+
+    Where all moves take one tick, a convoy is the same as handing cells over.
+    """
+    floor, rules = scenario.floor, scenario.world
+    is_quick = all(ticks == 1 for one in types_of(scenario) for ticks in one.moves)
+    may_slow = rules.slowdown != "none" or rules.extra_tick_probability > 0
+    takes_time = not is_quick or may_slow or bool(floor.speed_limits or floor.lifts)
+    return rules.following == "convoy" and takes_time

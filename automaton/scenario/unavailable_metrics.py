@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from automaton.scenario.line_table import line_column
 from automaton.scenario.orders import has_due_times, listed_lines
+from automaton.scenario.robot_types import follows_in_convoy
 from automaton.scenario.schema import ROUTE_FOLLOWERS, Scenario
 
 TASK_METRICS: Final = ("task_time", "delay", "delay_p95", "throughput_per_robot")
@@ -91,6 +92,11 @@ def not_measured(scenario: Scenario) -> dict[str, str]:
             ("lost_at_gates",),
             scenario.floor.has_gates,
             "floor.closed, floor.doors, floor.blocks or floor.lifts",
+        ),
+        (
+            ("lost_following",),
+            follows_in_convoy(scenario),
+            "world.following convoy, and moves of several ticks",
         ),
         (("distance",), scenario.units.cell is not None, "units.cell"),
         (

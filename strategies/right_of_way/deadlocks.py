@@ -10,7 +10,7 @@ import numpy as np
 
 from automaton.engine.jit.fields import SCRATCH, STATIC, field
 from automaton.engine.jit.structs import Struct
-from automaton.engine.state import ACTION_COUNT, CLOCK_TICK, NIL, Array
+from automaton.engine.state import ACTION_COUNT, CLOCK_COARSE_TICK, CLOCK_TICK, NIL, Array
 from automaton.strategy.kernels import kernel, walk_to_cycle
 
 LOOK = 16  # ticks
@@ -43,7 +43,7 @@ class Deadlocks(Struct):
 def is_time_to_look(view, deadlocks):
     """Return whether wait cycles are looked for in this tick; then note who has stood since when."""
     robots, tick = view.robots, view.clock[CLOCK_TICK]
-    if tick % LOOK and deadlocks.look_again[0] == 0:
+    if view.clock[CLOCK_COARSE_TICK] % LOOK and deadlocks.look_again[0] == 0:
         return False
     deadlocks.look_again[0] = 0
     for i in range(robots.cell.shape[0]):

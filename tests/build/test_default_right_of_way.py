@@ -65,7 +65,7 @@ def yard(folder: Path, picture: str) -> Path:
         (ONE_WAY, "durations.turn=2", "pibt", ""),
         (RING, "durations.turn=2;floor.closed=[{cells: [[1, 0]], from: 5, for: 5}]", "pibt", ""),
         (RING, "durations={pick: 2, drop: 2}", "pibt", ""),
-        (RING, "durations.turn=20", "pibt", ""),
+        (RING, "durations.turn=65", "pibt", ""),
         (RING_AND_TREE, AMONG_TREES, "retreat", NO_RING),
     ],
 )

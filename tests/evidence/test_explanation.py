@@ -29,7 +29,8 @@ def test_a_chain_ends_with_the_robot_that_keeps_all() -> None:
 
 
 def test_a_chain_ends_with_a_robot_at_work() -> None:
-    floor = SmallRun("AB..", {"A": "E", "B": "EE"}, durations=Durations(move=4)).tick()
+    rules = WorldRules(following="handover")
+    floor = SmallRun("AB..", {"A": "E", "B": "EE"}, durations=Durations(move=4), rules=rules).tick()
     assert why(floor, "A") == [
         "robot 0 has waited 1 tick: robot 1 holds (1, 0) and is driving on",
         "robot 1 drives for 3 more ticks",

@@ -165,7 +165,7 @@ def demand(draws: Draws, robots: int, loads: bool) -> Options:
 
 def world(draws: Draws, plans: bool) -> Options:
     return {
-        "following": "convoy" if plans or chance(draws, 0.7) else "none",
+        "following": str(draws.choice(["convoy", "convoy", "handover", "none"])),
         "slowdown": str(draws.choice(["none", "none", "zones"])),
         "traffic_zones": str(draws.choice(["undirected", "directed", "with-intersections"])),
         "extra_tick_probability": float(draws.choice([0.0, 0.0, 0.3])),

@@ -124,21 +124,6 @@ class CountsNothing(Base):
         return Asked.sized({"n": len(view.robots.cell)})
 
 
-class Within(Struct):
-    """A count in a struct of the state."""
-
-    totals: Asked
-    times: Array = field("(n,) int64")
-
-
-class CountsWithin(Base):
-    counters: ClassVar = {"asked": "totals.times"}
-
-    def reset(self, view: Any) -> Any:
-        sizes = {"n": len(view.robots.cell)}
-        return Within.sized(sizes, totals=Asked.sized(sizes))
-
-
 class CountsMoves(CountsNothing):
     counters: ClassVar = {"moves": "times"}
 
@@ -198,11 +183,6 @@ def test_values_that_a_radius_would_hide_are_called_constant() -> None:
             "CountsNothing",
             "allocation",
             "counter 'asked' must name a field of Asked .*: these are times; ",
-        ),
-        (
-            "CountsWithin",
-            "allocation",
-            r"counter 'asked' must name a field of Within .*: these are times; found 'totals\.times'",
         ),
         ("CountsMoves", "allocation", "counter 'moves': every run counts this itself; rename it"),
         ("Often", "allocation", "period must be a number of ticks"),

@@ -18,6 +18,7 @@ from automaton.engine.random_numbers import splitmix64
 from automaton.engine.robot_status import STATUS_REMOVED, STATUS_UP
 from automaton.engine.state import (
     CLOCK_ALLOCATION_REVISION,
+    CLOCK_COARSE_TICK,
     CLOCK_FINISHED,
     CLOCK_FIRST_OPEN,
     CLOCK_FRESH_ALLOCATION,
@@ -236,6 +237,7 @@ def set_clock(world: World, said: Said, resolved: Resolved) -> None:
     """The tick, and the counters that follow from the robots and orders."""
     robots, clock = world.robots, world.clock
     clock[CLOCK_TICK] = said.tick
+    clock[CLOCK_COARSE_TICK] = (said.tick - 1) // world.rules.refinement + 1
     clock[CLOCK_REVISION] = said.changes
     clock[CLOCK_ALLOCATION_REVISION] = said.seen
     is_open = world.orders.state != ORDER_DELIVERED

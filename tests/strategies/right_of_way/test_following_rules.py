@@ -16,7 +16,7 @@ from automaton.scenario.schema import Durations
 from strategies.right_of_way.epibt.epibt import Epibt
 from strategies.right_of_way.epibt.epibt_parameters import EpibtParameters
 from strategies.right_of_way.pibt.pibt import Pibt, dead_ends_that_hold
-from strategies.right_of_way.right_of_way_parameters import SteeringParameters
+from strategies.right_of_way.right_of_way_parameters import PibtParameters
 
 STEERING = {"pibt": Pibt, "epibt": Epibt}
 BOTH = pytest.mark.parametrize("name", STEERING)
@@ -48,7 +48,7 @@ def drive(name, picture, ticks, following, move=1, strategy=None, **options):
     return run, arrived
 
 
-PARAMETERS = {"pibt": SteeringParameters, "epibt": EpibtParameters}
+PARAMETERS = {"pibt": PibtParameters, "epibt": EpibtParameters}
 
 
 def refused(run):
@@ -105,7 +105,7 @@ def test_a_slow_robot_ahead_is_not_followed_in_the_tick_in_which_it_sets_out():
 def test_two_robots_head_on_break_their_deadlock():
     """A.B between walls: after its patience one of them goes into the pocket below."""
     goals = {"A": (2, 0), "B": (0, 0)}
-    patient = Pibt(SteeringParameters(deadlock_patience=10))
+    patient = Pibt(PibtParameters(deadlock_patience=10))
     run, arrived = drive("pibt", "A.B\n#.#", 400, "convoy", move=2, strategy=patient, **goals)
     assert set(arrived) == {"A", "B"} and refused(run) == 0
     assert run.run.counted["deadlocks_resolved"] > 0

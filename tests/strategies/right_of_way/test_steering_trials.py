@@ -21,7 +21,7 @@ def test_trials_are_of_all_kinds() -> None:
     assert set("bct=~><v^+-|#") <= set(pictures)
     assert {one.orders.generator for one in drawn} == {"stations", "visits", "tours"}
     assert {one.strategy.zoning for one in drawn} == {"none", "static", "annealing"}
-    assert {one.world.following for one in drawn} == {True, False}
+    assert {one.world.following for one in drawn} == {"convoy", "handover", "none"}
     assert {"everything"} < {str(one.information) for one in drawn}
     assert any(one.areas for one in drawn) and any(one.battery for one in drawn)
     assert any(one.faults.listed for one in drawn) and any(

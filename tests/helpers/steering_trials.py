@@ -62,7 +62,7 @@ def scenario_of(strategy: str, seed: int) -> Scenario:
         | ({} if plans else types(draws, robots)),
         "durations": durations(draws, plans),
         "orders": demand(draws, robots, zoned or charging),
-        "world": world(draws, plans),
+        "world": world(draws),
         "faults": faults(draws, robots),
         "information": "everything" if plans or zoned else sight(draws),
         "strategy": {
@@ -163,7 +163,7 @@ def demand(draws: Draws, robots: int, loads: bool) -> Options:
     return out
 
 
-def world(draws: Draws, plans: bool) -> Options:
+def world(draws: Draws) -> Options:
     return {
         "following": str(draws.choice(["convoy", "convoy", "handover", "none"])),
         "slowdown": str(draws.choice(["none", "none", "zones"])),

@@ -69,6 +69,12 @@ def unit(text: str) -> Unit:
     return Unit(float(found[1]), found[2].strip())
 
 
+def shown_unit(text: str) -> str:
+    """A unit as it is written, but with six digits where it is a part of another one."""
+    size, name = unit(text)
+    return text if len(text) <= 12 else f"{size:.6g} {name}"
+
+
 def symbol_of(name: str) -> str | None:
     """The symbol of a unit of time, in whichever way it is written; None: it is none."""
     return _symbol(name, TIME_UNITS)

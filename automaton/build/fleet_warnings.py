@@ -97,7 +97,7 @@ def is_crowded(resolved: Resolved, ends: DeadEnds) -> str:
         return ""
     return (
         f"{count(robots, 'robot')} on {count(cells, 'cell')} for one robot each (dead ends aside) have "
-        "hardly room to move; fewer orders get done than with half as many robots (study crowds)"
+        "hardly room to move; fewer orders may get done than with half as many robots (study crowds)"
     )
 
 

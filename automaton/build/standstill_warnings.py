@@ -33,12 +33,12 @@ def standstill_warnings(resolved: Resolved) -> list[str]:
     if cells < 2:
         return []
     x, y = floor_plan.xy(int(np.flatnonzero(held)[0]))
-    moves = "" if rule == "none" else f" and moves of {least:g} ticks or more"
+    of_moves = "" if rule == "none" else f" of moves longer than one tick (here {least:g})"
     most = count(cells - 1, "robot")
     return [
         f"stands still: {count(cells, 'robot')} fill the {count(cells, 'cell')} around [{x}, {y}], and "
-        f"under world.following: {rule}{moves} a full ring cannot start; at most {most} "
-        "fit there, or set world.following: convoy"
+        f"under world.following: {rule} a full ring{of_moves} cannot start; at most {most} "
+        "can move there at all, or set world.following: convoy"
     ]
 
 

@@ -37,7 +37,7 @@ from automaton.scenario.reading import is_study, read, shipped
 from automaton.strategy.entry import files_of
 from automaton.studies.sweeps.study import Point, Study, shipped_studies
 from automaton.studies.sweeps.sweep_plan import check_study, describe_point
-from automaton.units import count
+from automaton.units import count, shown_unit
 
 if TYPE_CHECKING:
     from automaton.engine.state import Array, Grid
@@ -243,5 +243,5 @@ def described(resolved: Resolved, names_right_of_way: bool = True) -> str:
         chosen = [f"right of way {name} by default" + (f" ({why})" if why else "")]
     scenario = resolved.scenario
     if scenario.refine > 1:
-        chosen.append(f"tick refined {scenario.refine} times: {scenario.units.tick}")
+        chosen.append(f"tick refined {scenario.refine} times: {shown_unit(scenario.units.tick)}")
     return f"{scenario.name}: {', '.join([*parts, robots, *closed, *chosen])}, ok"

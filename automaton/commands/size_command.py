@@ -23,7 +23,7 @@ from automaton.commands.arguments import (
     whole,
 )
 from automaton.errors import WorkerDiedError
-from automaton.units import ticks_and_time, unit
+from automaton.units import shown_unit, ticks_and_time, unit
 
 if TYPE_CHECKING:
     from automaton.studies.sizing.fleet_runs import Fleets
@@ -166,7 +166,7 @@ def show(args: argparse.Namespace, session: SizingSession, fleets: Fleets) -> No
     if not fleets.ends_with_orders:
         ends = f"Every run lasts {limit}."
     if scenario.units.tick != "1 tick":
-        ends += f" 1 tick = {scenario.units.tick}."
+        ends += f" 1 tick = {shown_unit(scenario.units.tick)}."
     if scenario.refine > 1:
         ends += f" Runs have ticks that are {scenario.refine} times finer; metrics count the scenario's."
     print_answer(console(), session, scenario.name, ends, args.price)

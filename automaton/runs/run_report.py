@@ -13,7 +13,7 @@ from automaton.runs.report_document import Table
 from automaton.runs.run_diagnosis import describe_jam, describe_wait_cycles
 from automaton.scenario.schema import Scenario
 from automaton.strategy.lookup import NO_STRATEGY
-from automaton.units import SECONDS_PER_UNIT, Unit, count, duration, number, percent
+from automaton.units import SECONDS_PER_UNIT, Unit, count, duration, number, percent, shown_unit
 
 LOST_METRIC_PREFIX = "lost_"
 ROBOT_COLUMNS = {  # head: what of the robot's metrics
@@ -93,7 +93,7 @@ def heading(resolved: Resolved, outcome: Outcome, tick: Unit) -> list[str]:
         *(describe_wait_cycles(outcome.circles) if outcome.finished or outcome.stopped else []),
         *(describe_jam(outcome.jam) if outcome.finished or outcome.stopped else []),
         *refinement(scenario),
-        f"1 tick = {scenario.units.tick}{cell}; digest {outcome.digest}"
+        f"1 tick = {shown_unit(scenario.units.tick)}{cell}; digest {outcome.digest}"
         + ("" if outcome.wall_s is None else f"; computed in {1000 * outcome.wall_s:,.1f} ms"),
     ]
 

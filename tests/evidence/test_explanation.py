@@ -8,6 +8,7 @@ from small_runs import SmallRun
 from automaton.engine.observation import CAUSE_HEAD_ON, CAUSES
 from automaton.engine.state import ACTION_MOVE, ACTION_NAMES, NIL
 from automaton.evidence.history.explanation import doing, explain
+from automaton.scenario.fleet import FleetType
 from automaton.scenario.schema import Durations, WorldRules
 
 
@@ -33,6 +34,18 @@ def test_a_chain_ends_with_a_robot_at_work() -> None:
     floor = SmallRun("AB..", {"A": "E", "B": "EE"}, durations=Durations(move=4), rules=rules).tick()
     assert why(floor, "A") == [
         "robot 0 has waited 1 tick: robot 1 holds (1, 0) and is driving on",
+        "robot 1 drives for 3 more ticks",
+    ]
+
+
+def test_a_robot_that_follows_a_slower_one_drives_on_behind_it() -> None:
+    types = (
+        FleetType(name="quick", robots=1),
+        FleetType(name="slow", robots=1, move_time_factor=4),
+    )
+    floor = SmallRun("AB..", {"A": "E", "B": "EE"}, types=types).tick()
+    assert why(floor, "A") == [
+        "robot 0 has waited 1 tick: it drives on behind robot 1, which is still leaving (1, 0)",
         "robot 1 drives for 3 more ticks",
     ]
 

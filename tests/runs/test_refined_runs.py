@@ -117,6 +117,11 @@ def test_refined_recordings_keep_the_rules_and_can_be_run_again(hard: Path, deci
     assert recording.header["scenario"]["stop"]["max_duration"] == 250, "as it was read"
 
 
+def test_a_refined_crowd_in_convoy_keeps_the_rules() -> None:
+    settings = ["fleet.robots=250", "refine=2", "stop.max_duration=40"]
+    assert not validate_stored(recorded(resolve("random-400", settings))).violations
+
+
 def test_strategies_decide_in_the_first_of_fine_ticks_or_in_all(tmp_path: Path) -> None:
     ring = written(tmp_path, RING)
     layer = 4  # right of way, asked whenever anything is decided

@@ -10,6 +10,7 @@ from automaton.engine.blocker_cycles import walk_to_cycle
 from automaton.engine.observation import (
     CAUSE_CHARGER_QUEUE,
     CAUSE_DELAYED,
+    CAUSE_DRIVING_AHEAD,
     CAUSE_FAULT,
     CAUSE_NO_ENERGY,
     CAUSE_NO_ORDER,
@@ -90,12 +91,15 @@ def explain(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> Explanatio
 STATION_WORDS: Final = {CAUSE_STATION_QUEUE: queue_words, CAUSE_STATION_BREAK: break_words}
 
 
+FOLLOWING_RULE: Final = "following: no robot arrives before the one ahead has left"
+
+
 def link_of(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> Link:
     fleet = snapshot.robots
     code = int(fleet.cause[robot])
     if code == CAUSE_NOT_WAITING:
         return Link(robot, "", None, NIL, 0, f"robot {robot} {doing(snapshot, robot)}", "")
-    cause = CAUSES[code]
+    cause, rule = CAUSES[code], CAUSES[code].rule
     blocker, wanted = int(fleet.blocker[robot]), int(fleet.wanted[robot])
     cell = None if wanted == NIL else floor_plan.xy(wanted)
     because = cause.text.format(
@@ -103,7 +107,12 @@ def link_of(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> Link:
         blocker="no robot" if blocker == NIL else f"robot {blocker}",
         cell="its next cell" if cell is None else f"({cell[0]}, {cell[1]})",
     )
-    if code == CAUSE_CHARGER_QUEUE and cell is not None:
+    if code == CAUSE_DRIVING_AHEAD and wanted == fleet.claim[robot] and cell is not None:
+        because = (
+            f"it drives on behind robot {blocker}, which is still leaving ({cell[0]}, {cell[1]})"
+        )
+        rule = FOLLOWING_RULE
+    elif code == CAUSE_CHARGER_QUEUE and cell is not None:
         because = queueing_words(snapshot, robot, f"({cell[0]}, {cell[1]})")
     elif code == CAUSE_DELAYED:
         last = int(snapshot.delayed_until[robot]) if len(snapshot.delayed_until) else NIL
@@ -118,9 +127,7 @@ def link_of(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> Link:
         because = f"{because}: {full}"
     ticks = int(waited_ticks(fleet.cause[robot], fleet.since[robot], snapshot.tick))
     since = f"has waited {ticks:,} tick{'s' if ticks != 1 else ''}"
-    return Link(
-        robot, cause.name, cell, blocker, ticks, f"robot {robot} {since}: {because}", cause.rule
-    )
+    return Link(robot, cause.name, cell, blocker, ticks, f"robot {robot} {since}: {because}", rule)
 
 
 def out_of_order(snapshot: Snapshot, robot: int) -> str:

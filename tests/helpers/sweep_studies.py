@@ -120,7 +120,7 @@ def of_session(session: int) -> list[int]:
     return found
 
 
-def wait_until(condition: Any, seconds: float = 20) -> None:
+def wait_until(condition: Any, seconds: float = 60) -> None:
     """Wait for something to hold."""
     end = time.monotonic() + seconds
     while not condition():

@@ -361,7 +361,8 @@ def test_a_reloaded_page_gets_the_place_it_gave_up(tmp_path: Path) -> None:
 def test_nothing_runs_after_the_browser_went(
     tmp_path: Path, manner: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(session_module, "TERMINATE_GRACE_S", 0.5)
+    if manner == "stubborn":  # the others end by themselves, on a busy machine later than that
+        monkeypatch.setattr(session_module, "TERMINATE_GRACE_S", 0.5)
 
     async def told(server: Served) -> None:
         browser = await server.connect()

@@ -55,7 +55,10 @@ def conclusion(tuned: Tuned) -> str:
     if tuned.gain is None:
         return f"The best is the scenario as it is: {tuned.metric} {with_ends(tuned.own)}, {runs}"
     by = with_ends(tuned.gain.difference)
-    text = f"The best: {tuned.metric} {with_ends(tuned.winner)}, as it is {with_ends(tuned.own)}; "
+    low, high = tuned.gain.difference.low, tuned.gain.difference.high
+    is_shown = low is not None and high is not None and (low > 0 or high < 0)
+    head = "The best" if is_shown else "Not shown to be better than the scenario as it is"
+    text = f"{head}: {tuned.metric} {with_ends(tuned.winner)}, as it is {with_ends(tuned.own)}; "
     if tuned.gain.relative is not None:
         by += f", {100 * tuned.gain.relative.value:+,.1f} %"
     return f"{text}difference {by}; {runs}"

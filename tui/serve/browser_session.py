@@ -126,11 +126,14 @@ class BrowserSession(AppService):
         if self._task is not None:
             self._task.cancel()
             await asyncio.wait([self._task], timeout=TERMINATE_GRACE_S)
-        with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(TERMINATE_GRACE_S):
-                # Read to the end: a process that waits in a full pipe would never see the signal.
-                await process.communicate()
-        signal_group(process.pid, signal.SIGKILL)  # it, or what it left behind
+        try:
+            # RuntimeError: its reader has not ended yet.
+            with contextlib.suppress(TimeoutError, RuntimeError):
+                async with asyncio.timeout(TERMINATE_GRACE_S):
+                    # Read to the end: a process that waits in a full pipe would never see the signal.
+                    await process.communicate()
+        finally:
+            signal_group(process.pid, signal.SIGKILL)  # it, or what it left behind
         with contextlib.suppress(TimeoutError):
             # a child outside the group may hold the pipes
             async with asyncio.timeout(TERMINATE_GRACE_S):

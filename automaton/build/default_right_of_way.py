@@ -16,7 +16,7 @@ from automaton.strategy.entry import ROUTED, SLOW_STEERED, STEERED
 from automaton.strategy.lookup import default_for, parameters_type
 
 DEFAULT_ROUTING: Final = "shortest"  # what it plans can be left out where robots are steered
-TWO_WAY_SHARE: Final = 0.5  # by `automaton sweep crowds`: in one-way aisles pibt is level or ahead
+TWO_WAY_SHARE: Final = 0.5  # of pairs of cells; in one-way aisles neither planner is always ahead
 
 
 class Default(NamedTuple):

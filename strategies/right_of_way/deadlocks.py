@@ -1,9 +1,9 @@
 """Deadlocks, where all else has failed: wait cycles, in which each robot waits for the next one.
 
-Every LOOK ticks those that have stood for long are looked at. In a wait cycle whose robots have all stood
-for `patience` ticks more than the longest action of any of them, the robot whose goal is newest, ties by
-identity, steps aside: it chooses before all others, any cell but the one for which it waits, until it has
-left its own. If it finds no way out, it is the turn of the next one in the tick after.
+Every LOOK coarse ticks those that have stood for long are looked at. In a wait cycle whose robots have all
+stood for `patience` ticks more than the longest action of any of them, the robot whose goal is newest,
+ties by identity, steps aside: it chooses before all others, any cell but the one for which it waits,
+until it has left its own. If it finds no way out, it is the turn of the next one in the next decision.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ from automaton.engine.jit.structs import Struct
 from automaton.engine.state import ACTION_COUNT, CLOCK_COARSE_TICK, CLOCK_TICK, NIL, Array
 from automaton.strategy.kernels import kernel, walk_to_cycle
 
-LOOK = 16  # ticks
+LOOK = 16  # coarse ticks: strategies may decide in the first fine tick of each alone
 COUNTERS = {"deadlocks_resolved": "deadlocks.resolved"}  # of strategies whose state has `deadlocks`
 
 
@@ -113,7 +113,7 @@ def robot_to_step_aside(view, deadlocks, first):
 @kernel
 def let_step_aside(view, deadlocks, i):
     """Robot i chooses another cell in the next tick, and is looked at again; once all have, they rest."""
-    if deadlocks.tries[i] == 0 or view.clock[CLOCK_TICK] % LOOK == 0:
+    if deadlocks.tries[i] == 0 or view.clock[CLOCK_COARSE_TICK] % LOOK == 0:
         deadlocks.tries[i] += 1
         deadlocks.aside[i] = deadlocks.first_choice[i]
         deadlocks.aside_since[i] = view.clock[CLOCK_TICK]

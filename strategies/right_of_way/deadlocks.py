@@ -1,9 +1,10 @@
 """Deadlocks, where all else has failed: wait cycles, in which each robot waits for the next one.
 
-Every LOOK coarse ticks those that have stood for long are looked at. In a wait cycle whose robots have all
-stood for `patience` ticks more than the longest action of any of them, the robot whose goal is newest,
-ties by identity, steps aside: it chooses before all others, any cell but the one for which it waits,
-until it has left its own. If it finds no way out, it is the turn of the next one in the next decision.
+Every LOOK coarse ticks those that have stood for long are looked at. In a wait cycle whose robots have
+all stood for `patience` ticks more than the longest action of any of them, the robot whose goal is
+newest, ties by identity, steps aside: it chooses before all others, any cell but the one for which it
+waits, until it has left its own. If it finds no way out, it is the turn of the next one in the next
+decision.
 """
 
 import numpy as np

@@ -122,6 +122,20 @@ def test_a_refined_crowd_in_convoy_keeps_the_rules() -> None:
     assert not validate_stored(recorded(resolve("random-400", settings))).violations
 
 
+def test_deadlocks_are_broken_at_the_same_times() -> None:
+    settings = ["fleet.robots=700", "durations.move=2", "world.following=none"]
+    settings += [
+        "strategy.right_of_way={name: pibt, deadlock_patience: 2}",
+        "stop.max_duration=150",
+    ]
+    broken = []
+    for refine in (1, 2):
+        simulation = Simulation(resolve("random-400", [*settings, f"refine={refine}"]))
+        simulation.run()
+        broken.append(dict(simulation.counted)["deadlocks_resolved"])
+    assert broken[0] == broken[1] > 0
+
+
 def test_strategies_decide_in_the_first_of_fine_ticks_or_in_all(tmp_path: Path) -> None:
     ring = written(tmp_path, RING)
     layer = 4  # right of way, asked whenever anything is decided

@@ -1,6 +1,6 @@
 """Robots that have come to where they do something: what steers them lets them; who may go on."""
 
-from automaton.engine.state import ACTION_MOVE, GOAL_CHARGE, GOAL_NONE
+from automaton.engine.state import ACTION_MOVE, FOLLOWING_CONVOY, GOAL_CHARGE, GOAL_NONE
 from automaton.strategy.kernels import energy_cost, kernel
 
 
@@ -28,3 +28,11 @@ def lacks_charge(view, i):
         return False
     ticks = view.rules.duration[view.robots.type[i], ACTION_MOVE]
     return view.robots.charge[i] < energy_cost(view, i, ACTION_MOVE, ticks)
+
+
+def at_once_ticks(view):
+    """Return the ticks of moves that are over when robots are asked again: all that follow go at once.
+
+    In a convoy also a move of a coarse tick that is refined, so that refined fleets decide as before.
+    """
+    return int(view.rules.stride) if view.rules.following == FOLLOWING_CONVOY else 1

@@ -1,8 +1,9 @@
 """Whether the answer depends on the tick: throughput of the shipped floors with ticks K times finer.
 
-    python tests/proofs/refinement_study.py [--ticks 2000] [--pairs 400] [--workers 2] [SCENARIO ...]
+    python tests/proofs/refinement_study.py [--robot-ticks 80000] [--pairs 400] [SCENARIO ...]
 
-A pair is a run with K = 1 and one with K, of one seed; the difference is that of their orders done in
+A run lasts for 2,000 coarse ticks at least; small fleets do little in a tick and get more of them. A pair
+is a run with K = 1 and one with K, of one seed; the difference is that of their orders done in
 a coarse tick, as a share of the mean with K = 1, with Student's 95 % interval. Pairs are made in rounds
 until the interval lies within the bound of 3 % or outside it, at least 10 and at most --pairs. So
 interval and stopping look at the same pairs: an interval that only just clears the bound is to be taken
@@ -36,6 +37,7 @@ REFINEMENTS = (2, 3, 5)
 BOUND = 0.03
 FIRST, ROUND = 10, 20  # pairs
 HEAD = ("floor", "right of way", "decide", "K", "pairs", "orders/1000 ticks, K = 1")
+SHORTEST = 2000  # coarse ticks
 COLUMNS = (*HEAD, "difference", "95 % interval", "within 3 %")
 
 
@@ -49,7 +51,8 @@ class Point(NamedTuple):
 
     def settings(self, refine: int) -> list[str]:
         routing = "strategy.routing=shortest"  # robots that are steered follow no routes
-        own = [f"strategy.right_of_way={self.right_of_way}", routing]
+        following = "world.following=convoy"  # under handover the world itself goes by the tick
+        own = [f"strategy.right_of_way={self.right_of_way}", routing, following]
         return [*own, f"refine={refine}", f"decide={self.decide}"]
 
 
@@ -69,17 +72,22 @@ class Row(NamedTuple):
         return "NO" if self.low > BOUND or self.high < -BOUND else "undecided"
 
 
-def throughput(point: Point, refine: int, replication: int, ticks: int) -> float:
+def throughput(point: Point, refine: int, replication: int, robot_ticks: int) -> float:
     """Orders done in 1,000 coarse ticks, up to a tick or to the end of the run."""
     resolved = resolve(point.scenario, point.settings(refine))
     simulation = Simulation(resolved, seed_of(f"refinement {replication}"))
+    ticks = max(SHORTEST, robot_ticks // resolved.scenario.fleet.robots)
     run_to_end(simulation, until=ticks * refine)
     done = np.count_nonzero(asked_orders(simulation.world).done != NIL)
     return 1000 * int(done) * refine / simulation.tick
 
 
-def one_pair(point: Point, replication: int, ticks: int) -> tuple[float, float]:
-    usual, fine = (throughput(point, k, replication, ticks) for k in (1, point.refine))
+def one_pair(point: Point, replication: int, robot_ticks: int) -> tuple[float, float] | None:
+    """The throughput with K = 1 and with K; None: this seed draws a fleet that may not begin so."""
+    try:
+        usual, fine = (throughput(point, k, replication, robot_ticks) for k in (1, point.refine))
+    except InputError:
+        return None
     return usual, fine
 
 
@@ -92,16 +100,18 @@ def row_of(pairs: list[tuple[float, float]]) -> Row:
     return Row(len(pairs), float(usual.mean()), interval.value, interval.low, interval.high)
 
 
-def compared(point: Point, ticks: int, most: int, executor: Executor) -> Row:
+def compared(point: Point, robot_ticks: int, most: int, executor: Executor) -> Row:
     """Make pairs until the verdict is clear, or there are `most`."""
     pairs: list[tuple[float, float]] = []
+    tried = 0
     while True:
-        more = range(len(pairs), min(most, len(pairs) + (ROUND if pairs else FIRST)))
-        futures = [executor.submit(one_pair, point, number, ticks) for number in more]
-        pairs += [future.result() for future in futures]
+        more = range(tried, min(most, tried + (ROUND if tried else FIRST)))
+        futures = [executor.submit(one_pair, point, number, robot_ticks) for number in more]
+        pairs += [pair for future in futures if (pair := future.result())]
+        tried += len(more)
         row = row_of(pairs)
-        is_clear = row.verdict != "undecided" if point.decide == "coarse" else len(pairs) > FIRST
-        if is_clear or len(pairs) >= most:
+        is_clear = row.verdict != "undecided" if point.decide == "coarse" else tried > FIRST
+        if is_clear or tried >= most:
             return row
 
 
@@ -125,7 +135,9 @@ def refusal(point: Point) -> str:
 def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
     parser.add_argument("scenario", nargs="*", default=list(shipped()))
-    parser.add_argument("--ticks", type=int, default=2000, help="coarse ticks of a run")
+    parser.add_argument(
+        "--robot-ticks", type=int, default=80_000, help="of a run, if that takes longer"
+    )
     parser.add_argument("--pairs", type=int, default=400, help="of a row, at most")
     parser.add_argument("--workers", type=int, default=2)
     args = parser.parse_args()
@@ -138,7 +150,7 @@ def main() -> int:
             if why:
                 refused[f"{point.scenario}, {point.right_of_way}: {why}"] = None
                 continue
-            row = compared(point, args.ticks, max(FIRST, args.pairs), executor)
+            row = compared(point, args.robot_ticks, max(FIRST, args.pairs), executor)
             bounded = point.decide == "coarse"
             wrong += bounded and row.verdict != "yes"
             shares = f"{row.mean:+.1%} | {row.low:+.1%} to {row.high:+.1%}"

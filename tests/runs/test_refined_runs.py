@@ -122,6 +122,14 @@ def test_a_refined_crowd_in_convoy_keeps_the_rules() -> None:
     assert not validate_stored(recorded(resolve("random-400", settings))).violations
 
 
+@pytest.mark.parametrize("right_of_way", ["pibt", "epibt"])
+def test_a_crowd_that_is_steered_goes_the_same_ways(right_of_way: str) -> None:
+    settings = ["fleet.robots=400", f"strategy.right_of_way={right_of_way}", "stop.max_duration=60"]
+    usual, fine = (run("random-400", k, *settings) for k in (1, 3))
+    assert history(fine, 3) == history(usual, 1)
+    assert usual.orders.delivered.max() > 0
+
+
 def test_deadlocks_are_broken_at_the_same_times() -> None:
     settings = ["fleet.robots=700", "durations.move=2", "world.following=none"]
     settings += [

@@ -10,7 +10,7 @@ that is in the way of another would rather end in another cell.
 import numpy as np
 
 from automaton.engine.facilities import NO_WAY_THROUGH
-from automaton.engine.state import CLOCK_TICK, GOAL_NONE, NIL
+from automaton.engine.state import CLOCK_TICK, GOAL_NONE, GOAL_PARK, NIL
 from automaton.strategy.kernels import (
     UNREACHABLE,
     cost_in,
@@ -35,11 +35,12 @@ CANDIDATE_BITS = 8  # below a cost in a key
 CANDIDATE_MASK = 255
 DIGIT_BITS = 11  # of keys that are sorted
 LAST_KEY = (1 << 2 * DIGIT_BITS) - 1
+FIRST_IDLE_KEY = LAST_KEY // 2  # of robots on their way home, who come after all with work
 _1 = np.uint64(1)
 
 
 @kernel
-def rank_candidates(view, workspace, state, i):
+def rank_candidates(view, workspace, state, i, oldest_first):
     """Enter the keys of all operations that are open to robot i, and the cost of its plan."""
     goal, row = goal_of(view, workspace, state, i)
     pose = np.int64(state.pose[i])
@@ -58,12 +59,14 @@ def rank_candidates(view, workspace, state, i):
         or way_out_of(view, state, i) != NIL
     ):
         state.sequence_key[i] = 0
-    elif state.oldest_first:
+    elif view.robots.goal_type[i] == GOAL_PARK:
+        state.sequence_key[i] = min(FIRST_IDLE_KEY + way, LAST_KEY - 2)
+    elif oldest_first:
         age = view.clock[CLOCK_TICK] - state.idle_since[i]
-        state.sequence_key[i] = max(LAST_KEY - 1 - age, 0)
+        state.sequence_key[i] = max(FIRST_IDLE_KEY - 1 - age, 0)
     else:
-        state.sequence_key[i] = min(way, LAST_KEY - 1)
-    if goal != NIL and state.has_storage:
+        state.sequence_key[i] = min(way, FIRST_IDLE_KEY - 1)
+    if goal != NIL and (state.has_storage or (oldest_first and state.takes_time)):
         turn_at_pockets(state, i, goal)
 
 

@@ -2,17 +2,17 @@
 
 In each tick every robot has a plan of D actions, free of conflicts with all others, of which the first
 one is done. Robots go on with the rest of their plans; then they choose again, by turns: those nearest to
-their goals first, or those that have gone longest without finishing one. A robot may push another one
-out of its way, which has to choose another plan at once (module `chains`). What is gained by further
-pushes, whose turn it may be, is tried after that for some robots (repair, large neighbourhood search).
-Effort is counted in pushes and tries, never in time, so a run can be repeated.
+their goals first, or those that have gone longest without finishing one; those on their way home last. A
+robot may push another one out of its way, which has to choose another plan at once (module `chains`).
+What is gained by further pushes, whose turn it may be, is tried after that for some robots (repair, large
+neighbourhood search). Effort is counted in pushes and tries, never in time, so a run can be repeated.
 """
 
 from typing import ClassVar
 
 import numpy as np
 
-from automaton.engine.state import CLOCK_COARSE_TICK, CMD_GO, CMD_HOLD, GOAL_NONE, NIL
+from automaton.engine.state import CLOCK_COARSE_TICK, CLOCK_TICK, CMD_GO, CMD_HOLD, GOAL_NONE, NIL
 from automaton.strategy.kernels import STREAM_STRATEGY, gate_before, kernel, random_between
 from automaton.strategy.layer import Strategy
 from strategies.right_of_way.deadlocks import (
@@ -48,10 +48,11 @@ from strategies.right_of_way.making_room import count_callers
 
 STREAM_REPAIRS = STREAM_STRATEGY + 40
 POWER_BITS = 10
+STALLED = 4  # times the patience with deadlocks
 
 
 @kernel
-def rank_all_candidates(view, workspace, state, count):
+def rank_all_candidates(view, workspace, state, count, oldest_first):
     """Rank the operations of all robots; where actions take time, idle ones are asked to make room.
 
     One that has to turn first cannot leave in time for any plan of the robot behind it, so that pushing
@@ -60,7 +61,7 @@ def rank_all_candidates(view, workspace, state, count):
     for k in range(count):
         state.asked[state.steered[k]] = 0
     for k in range(count):
-        rank_candidates(view, workspace, state, np.int64(state.steered[k]))
+        rank_candidates(view, workspace, state, np.int64(state.steered[k]), oldest_first)
     if state.takes_time:
         asked = 0  # on the list chain_robot
         for k in range(count):
@@ -70,9 +71,23 @@ def rank_all_candidates(view, workspace, state, count):
         place = 0
         while place < asked:
             i = np.int64(state.chain_robot[place])
-            rank_candidates(view, workspace, state, i)
+            rank_candidates(view, workspace, state, i, oldest_first)
             asked = ask_idle_robot_ahead(view, state, i, asked)
             place += 1
+
+
+@kernel
+def is_stalled(view, state):
+    """Return whether no robot has finished a goal for long, where actions take time.
+
+    Then those that are nearest keep each other from their goals, and the oldest come first.
+    """
+    if not state.takes_time:
+        return False
+    last = np.int64(0)
+    for i in range(state.idle_since.shape[0]):
+        last = max(last, state.idle_since[i])
+    return view.clock[CLOCK_TICK] - last > STALLED * state.deadlocks.patience
 
 
 @kernel
@@ -198,9 +213,10 @@ def decide(view, batch, decisions, memory, workspace):
         i = np.int64(batch.robot[k])
         if waits_in_bay(view, i):
             enter_floor(view, state, i)
-    rank_all_candidates(view, workspace, state, count)
+    oldest_first = state.oldest_first or is_stalled(view, state)
+    rank_all_candidates(view, workspace, state, count, oldest_first)
     sort_by_key(state, count)
-    if state.oldest_first:  # robots of one age could not push each other
+    if oldest_first:  # robots of one age could not push each other
         settle_ties(state, count)
     choose_plans(state, count)
     if state.repair_tries:

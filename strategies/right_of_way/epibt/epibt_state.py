@@ -24,6 +24,7 @@ from automaton.engine.state import (
     Array,
 )
 from automaton.strategy.weighted_tables import DistanceTables, no_tables
+from strategies.right_of_way.arrivals import at_once_ticks
 from strategies.right_of_way.deadlocks import Deadlocks
 from strategies.right_of_way.epibt.horizon import horizon_of
 from strategies.right_of_way.epibt.operations import FORWARD, RIGHT, WAIT, operations_of, trace
@@ -133,7 +134,8 @@ def epibt_state(view, parameters):
     paces, pace = np.unique(np.maximum(duration, 1), axis=0, return_inverse=True)
     following, holds_late = view.rules.following, int(view.rules.following == FOLLOWING_NONE)
     wait = int(view.rules.stride)
-    ticks = horizon_of(parameters.depth, max(int(paces.max()), wait))
+    at_once = at_once_ticks(view)
+    ticks = horizon_of(parameters.depth, max(int(paces.max()), wait), wait)
     slow = [(move, turn, wait) for move, turn in paces.tolist()]
     offset, left = paths_of(grid.offset, operations, slow, ticks, holds_late)
     dearest = int(paces.max()) * (LATTICE_SCALE * AGAINST_STREET if guided else 1)
@@ -148,8 +150,8 @@ def epibt_state(view, parameters):
         reach=parameters.depth * dearest,
         holds_two=int(following != FOLLOWING_CONVOY and duration[:, 0].max() + holds_late > 1),
         holds_late=holds_late,
-        slow_moves=int(duration[:, 0].max() > 1),
-        takes_time=int(paces.max() > 1),
+        slow_moves=int(duration[:, 0].max() > at_once),
+        takes_time=int(paces.max() > at_once),
         has_storage=int((grid.type_cell_flags & NO_WAY_THROUGH).any()),
         oldest_first=int(parameters.first == "oldest"),
         guided=int(guided),

@@ -15,7 +15,7 @@ from automaton.engine.state import (
     NIL,
 )
 from automaton.strategy.kernels import has_gates, is_facing, kernel, limited_ticks
-from strategies.right_of_way.arrivals import comes_to_charge, lacks_charge
+from strategies.right_of_way.arrivals import at_once_ticks, comes_to_charge, lacks_charge
 from strategies.right_of_way.pibt.options import option_of
 from strategies.right_of_way.pibt.pibt_state import DECIDED, U
 from strategies.right_of_way.pibt.reservations import holder_of
@@ -30,7 +30,8 @@ def holds_back(view):
     """Return whether robots may find that those whom they push are not gone in the same tick."""
     ticks = np.asarray(view.rules.duration)[:, ACTION_MOVE].max()
     limits = np.asarray(view.grid.min_move_ticks)
-    takes_time = max(int(ticks), int(limits.max(initial=0))) > 1 or view.rules.slowdown
+    longest = max(int(ticks), int(limits.max(initial=0)))
+    takes_time = longest > at_once_ticks(view) or view.rules.slowdown
     return bool(takes_time or view.rules.following == FOLLOWING_NONE)
 
 

@@ -124,6 +124,13 @@ def test_epibt_breaks_deadlocks_in_a_crowd():
     assert [broken for broken, _ in done] == [True, False] and done[0][1] > done[1][1]
 
 
+@pytest.mark.parametrize(("number", "visits"), [(100278, 150), (100395, 350)])
+def test_epibt_does_not_let_robots_keep_each_other_from_their_goals(number, visits):
+    """One that goes home again and again before another; six that want into a pocket with one in it."""
+    findings, figures = trials("epibt", 1, number)
+    assert not findings and figures["visits"] > visits
+
+
 def test_the_dead_end_rule_ends_where_too_few_places_are_left_outside():
     """The floor has 10 places outside its dead end of 2."""
     run = SmallRun("A...\n.##.\n....\n.###\n.###", strategies={"right_of_way": Pibt()})

@@ -27,7 +27,9 @@ class Deadlocks(Struct):
     goal: Array = field("(n,) int32", "its goal cell at the last look", default=NIL)
     goal_since: Array = field("(n,) int64", "the tick of the look that first found that")
     aside: Array = field("(n,) uint8", "1 + the direction in which it must not go, or 0")
-    aside_since: Array = field("(n,) int64", "the tick since which it is to step aside")
+    aside_since: Array = field(
+        "(n,) int64", "the tick since which it is to step aside, or last was"
+    )
     tries: Array = field("(n,) int32", "how often it has been to do so in its cell")
     look_again: Array = field("(s,) int64", "1: in the next tick, one number")
     resolved: Array = field("(n,) int64", "deadlocks that it has broken")
@@ -55,6 +57,7 @@ def is_time_to_look(view, deadlocks):
             deadlocks.cell[i] = robots.cell[i]
             deadlocks.stood_since[i] = tick
             deadlocks.tries[i] = 0
+            deadlocks.aside_since[i] = 0
         if robots.goal_cell[i] != deadlocks.goal[i]:
             deadlocks.goal[i] = robots.goal_cell[i]
             deadlocks.goal_since[i] = tick
@@ -96,11 +99,11 @@ def has_lasted(view, deadlocks, first):
 
 @kernel
 def robot_to_step_aside(view, deadlocks, first):
-    """Return the robot of the wait cycle with the fewest tries, of these the one of the newest goal."""
+    """Return the robot of the wait cycle that has not tried for longest, or that of the newest goal."""
     robots, best, i = view.robots, first, first
     while True:
-        if deadlocks.tries[i] != deadlocks.tries[best]:
-            is_better = deadlocks.tries[i] < deadlocks.tries[best]
+        if deadlocks.aside_since[i] != deadlocks.aside_since[best]:
+            is_better = deadlocks.aside_since[i] < deadlocks.aside_since[best]
         elif deadlocks.goal_since[i] != deadlocks.goal_since[best]:
             is_better = deadlocks.goal_since[i] > deadlocks.goal_since[best]
         else:

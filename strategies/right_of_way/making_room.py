@@ -1,17 +1,19 @@
-"""Idle robots make room where pushing them is in vain: in queues of stations, and in pockets.
+"""Idle robots make room where pushing them is in vain: in queues of stations, in pockets, and in blocks.
 
 A robot in the queue of its station pushes no robot, since the queue alone moves it. From a pocket, a
 station or charger with one way in and out, a robot can only come before another one is at its mouth.
-So idle robots leave both as soon as another robot has something to do there. Elsewhere they are pushed.
+So idle robots leave both as soon as another robot has something to do there; and a block or lift that
+holds as many robots as it may, as soon as another robot is beside it. Elsewhere they are pushed.
 """
 
 import numpy as np
 
+from automaton.engine.gates import GATE_BLOCK
 from automaton.engine.jit.fields import CONSTANT, SCRATCH, field
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import GOAL_NONE, GOAL_PARK, NIL, Array
 from automaton.floor.cells import CHARGER, STATION
-from automaton.strategy.kernels import kernel
+from automaton.strategy.kernels import has_gates, kernel
 
 NO_WAY_OUT = 4  # beside the four directions
 
@@ -25,11 +27,18 @@ class ServiceAreas(Struct):
     way_out: Array = field(
         "(c,) uint8", "direction of the next step out of it, or NO_WAY_OUT", role=CONSTANT
     )
-    callers: Array = field("(p,) int32", "robots that have something to do there", role=SCRATCH)
+    gate: Array = field(
+        "(p,) int32", "the block or lift that it is, or NIL", default=NIL, role=CONSTANT
+    )
+    callers: Array = field(
+        "(p,) int32",
+        "robots that have something to do there, or are beside a full one",
+        role=SCRATCH,
+    )
 
 
 def service_areas_of(view):
-    """Return the service areas: stations with queues, each with its queue, and pockets.
+    """Return the service areas: stations with queues, each with its queue, pockets, blocks and lifts.
 
     A cell without limit is in none: it holds robots that stay, too.
     """
@@ -38,9 +47,13 @@ def service_areas_of(view):
     lane = np.flatnonzero((stations.queue_at != NIL) & limited[: len(stations.queue_at)])
     heads = np.flatnonzero(limited & np.isin(grid.kind, (STATION, CHARGER)) & is_pocket(grid))
     heads = np.union1d(heads, stations.cell[stations.queue_at[lane]])
-    if not len(heads):
+    gates = np.flatnonzero(view.gates.kind >= GATE_BLOCK)
+    if not len(heads) + len(gates):
         return ServiceAreas.sized({"p": 0, "c": 0})
     area = np.full(len(grid.kind), NIL, np.int32)
+    for number, gate in enumerate(gates, len(heads)):
+        entries = np.flatnonzero(view.gates.cell_gate == gate)
+        area[np.searchsorted(view.gates.cell_first, entries, side="right") - 1] = number
     area[heads] = np.arange(len(heads), dtype=np.int32)
     head = stations.cell[stations.queue_at[lane]]
     area[lane] = area[head]
@@ -49,7 +62,8 @@ def service_areas_of(view):
     through = lane[(way_out[head] != NO_WAY_OUT) & (area[beyond] == NIL)]
     way_out[through] = stations.queue_way[through]  # the others in the queue stand behind
     area[way_out == NO_WAY_OUT] = NIL
-    return ServiceAreas.sized({"p": len(heads)}, area=area, way_out=way_out)
+    gate = np.concatenate((np.full(len(heads), NIL), gates)).astype(np.int32)
+    return ServiceAreas.sized({"p": len(gate)}, area=area, way_out=way_out, gate=gate)
 
 
 def is_pocket(grid):
@@ -93,6 +107,22 @@ def count_callers(view, areas):
             goal = np.int64(robots.goal_cell[i])
             if goal != NIL and areas.area[goal] != NIL:
                 areas.callers[areas.area[goal]] += 1
+        drives = robots.goal_type[i] != GOAL_NONE and robots.cell[i] != NIL and not robots.parked[i]
+        if drives and has_gates(view):
+            call_at_full_gates(view, areas, np.int64(robots.cell[i]))
+
+
+@kernel
+def call_at_full_gates(view, areas, cell):
+    """Count a robot for each block or lift beside its cell that holds as many robots as it may."""
+    for direction in range(4):
+        if (np.int64(view.grid.cell_flags[cell]) >> direction) & 1 == 0:
+            continue
+        area = np.int64(areas.area[cell + view.grid.offset[direction]])
+        if area == NIL or area == areas.area[cell] or areas.gate[area] == NIL:
+            continue
+        gate = np.int64(areas.gate[area])
+        areas.callers[area] += view.gates.robots[gate] >= view.gates.max_robots[gate]
 
 
 @kernel
@@ -111,6 +141,10 @@ def way_to_make_room(view, areas, i, cell):
     is_idle = robots.goal_type[i] == GOAL_NONE or robots.goal_type[i] == GOAL_PARK
     if not is_idle or not is_needed(areas, cell):
         return np.int64(NIL)
+    area = np.int64(areas.area[cell])
+    is_through = areas.gate[area] != NIL and robots.goal_type[i] == GOAL_PARK
+    if is_through and areas.area[robots.goal_cell[i]] != area:
+        return np.int64(NIL)  # it goes through, on its own way
     return np.int64(areas.way_out[cell])
 
 

@@ -18,6 +18,7 @@ from automaton.strategy.kernels import (
     has_room,
     is_in_full_gate,
     kernel,
+    splitmix64,
     table_of,
     weighted_table_of,
     with_load,
@@ -40,7 +41,7 @@ _1 = np.uint64(1)
 
 
 @kernel
-def rank_candidates(view, workspace, state, i, oldest_first):
+def rank_candidates(view, workspace, state, i, round_of_turns):
     """Enter the keys of all operations that are open to robot i, and the cost of its plan."""
     goal, row = goal_of(view, workspace, state, i)
     pose = np.int64(state.pose[i])
@@ -54,19 +55,22 @@ def rank_candidates(view, workspace, state, i, oldest_first):
     elif goal == NIL or (waits and wants_ahead(state, i)):
         state.sequence_key[i] = LAST_KEY
     elif (
-        is_in_full_gate(view, pose >> 2)
+        (is_in_full_gate(view, pose >> 2) and round_of_turns == 0)
         or state.deadlocks.aside[i]
         or way_out_of(view, state, i) != NIL
     ):
         state.sequence_key[i] = 0
     elif view.robots.goal_type[i] == GOAL_PARK:
         state.sequence_key[i] = min(FIRST_IDLE_KEY + way, LAST_KEY - 2)
-    elif oldest_first:
+    elif round_of_turns > 1:
+        draw = splitmix64(np.uint64(round_of_turns << 32 | np.int64(view.robots.identity[i])))
+        state.sequence_key[i] = np.int64(draw % np.uint64(FIRST_IDLE_KEY))
+    elif state.oldest_first or round_of_turns:
         age = view.clock[CLOCK_TICK] - state.idle_since[i]
         state.sequence_key[i] = max(FIRST_IDLE_KEY - 1 - age, 0)
     else:
         state.sequence_key[i] = min(way, FIRST_IDLE_KEY - 1)
-    if goal != NIL and (state.has_storage or (oldest_first and state.takes_time)):
+    if goal != NIL and (state.has_storage or round_of_turns):
         turn_at_pockets(state, i, goal)
 
 

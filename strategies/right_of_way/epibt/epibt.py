@@ -52,7 +52,7 @@ STALLED = 4  # times the patience with deadlocks
 
 
 @kernel
-def rank_all_candidates(view, workspace, state, count, oldest_first):
+def rank_all_candidates(view, workspace, state, count, round_of_turns):
     """Rank the operations of all robots; where actions take time, idle ones are asked to make room.
 
     One that has to turn first cannot leave in time for any plan of the robot behind it, so that pushing
@@ -61,7 +61,7 @@ def rank_all_candidates(view, workspace, state, count, oldest_first):
     for k in range(count):
         state.asked[state.steered[k]] = 0
     for k in range(count):
-        rank_candidates(view, workspace, state, np.int64(state.steered[k]), oldest_first)
+        rank_candidates(view, workspace, state, np.int64(state.steered[k]), round_of_turns)
     if state.takes_time:
         asked = 0  # on the list chain_robot
         for k in range(count):
@@ -71,23 +71,25 @@ def rank_all_candidates(view, workspace, state, count, oldest_first):
         place = 0
         while place < asked:
             i = np.int64(state.chain_robot[place])
-            rank_candidates(view, workspace, state, i, oldest_first)
+            rank_candidates(view, workspace, state, i, round_of_turns)
             asked = ask_idle_robot_ahead(view, state, i, asked)
             place += 1
 
 
 @kernel
-def is_stalled(view, state):
-    """Return whether no robot has finished a goal for long, where actions take time.
+def round_of_stall(view, state):
+    """Return how often other turns have been tried, where no robot finishes a goal and actions take time.
 
-    Then those that are nearest keep each other from their goals, and the oldest come first.
+    Those that are nearest keep each other from their goals then. At first the oldest come first; if that
+    does not help, turns are drawn, anew each time. A time is two times the patience with deadlocks.
     """
     if not state.takes_time:
-        return False
+        return np.int64(0)
     last = np.int64(0)
     for i in range(state.idle_since.shape[0]):
         last = max(last, state.idle_since[i])
-    return view.clock[CLOCK_TICK] - last > STALLED * state.deadlocks.patience
+    ticks = view.clock[CLOCK_TICK] - last - STALLED * state.deadlocks.patience
+    return max(ticks // (2 * state.deadlocks.patience) + 1, np.int64(0))
 
 
 @kernel
@@ -213,10 +215,10 @@ def decide(view, batch, decisions, memory, workspace):
         i = np.int64(batch.robot[k])
         if waits_in_bay(view, i):
             enter_floor(view, state, i)
-    oldest_first = state.oldest_first or is_stalled(view, state)
-    rank_all_candidates(view, workspace, state, count, oldest_first)
+    round_of_turns = round_of_stall(view, state)
+    rank_all_candidates(view, workspace, state, count, round_of_turns)
     sort_by_key(state, count)
-    if oldest_first:  # robots of one age could not push each other
+    if state.oldest_first or round_of_turns:  # robots of one age could not push each other
         settle_ties(state, count)
     choose_plans(state, count)
     if state.repair_tries:

@@ -40,6 +40,7 @@ from automaton.strategy.kernels import (
     direction_between,
     gate_before,
     has_gates,
+    headings_of,
     is_facing,
     is_in_full_gate,
     is_in_own_queue,
@@ -75,7 +76,9 @@ from strategies.right_of_way.pibt.pibt_state import (
 from strategies.right_of_way.pibt.pushes import fetch_cells, push
 from strategies.right_of_way.pibt.reservations import (
     holder_of,
+    is_for_two,
     is_lane_free,
+    own_resource,
     reserve,
     reserve_other_lane,
     reserver_of,
@@ -123,6 +126,8 @@ def look_where_it_goes(view, state, i):
         state.mode[i] = LEAVING
         reserve_other_lane(view, state, i)
     elif robots.busy[i]:
+        if robots.action[i] == ACTION_TURN and has_gates(view):  # to a gate for which it is to wait
+            reserve(state, own_resource(view, i), i)
         state.begun[i] = 0
     if state.mode[i] == LEAVING:
         to = np.int64(state.next[i])
@@ -135,9 +140,25 @@ def let_choose(view, state, i):
     has_left = view.robots.cell[i] == NIL
     if has_left or not (is_at_goal(view, i) or is_in_own_queue(view, i)):
         state.mode[i] = UNDECIDED
+        if state.holds_back and not has_left and stands_across(view, i):
+            reserve_other_lane(view, state, i)  # it has begun to turn round
     else:
         state.begun[i] = 0
         state.turning[i] = 0
+
+
+@kernel
+def stands_across(view, i):
+    """Whether robot i, in an aisle for two, faces neither way."""
+    robots, cell, travel = (
+        view.robots,
+        np.int64(view.robots.cell[i]),
+        np.int64(view.robots.travel[i]),
+    )
+    turns = headings_of(view.grid, robots.type[i]) > 1
+    if not turns or not is_for_two(view, cell) or (robots.heading[i] ^ travel) & 1 == 0:
+        return False
+    return holder_of(view, cell, travel ^ 2) == NIL
 
 
 @kernel
@@ -156,6 +177,25 @@ def update_queue(view, state):
             remaining += 1
     for place in range(moved):
         queue[remaining + place] = state.finished[place]
+    ticks = view.clock[CLOCK_TICK] - state.progress[0]
+    if is_stalled(view, state) and ticks % (2 * state.deadlocks.patience) == 0:
+        first = queue[0]
+        for place in range(queue.shape[0] - 1):
+            queue[place] = queue[place + 1]
+        queue[queue.shape[0] - 1] = first
+
+
+@kernel
+def is_stalled(view, state):
+    """Return whether no robot has finished a visit for long.
+
+    Then robots drive each other back and forth: before a block, say, that is full whenever one of them
+    goes in, so that those inside come first. While it lasts no robot's rank goes by gates, and the one
+    at the head of the queue gives way to the next one now and then.
+    """
+    if view.rules.radius != NIL or not (has_gates(view) or state.holds_back):
+        return False
+    return view.clock[CLOCK_TICK] - state.progress[0] > STALLED * state.deadlocks.patience
 
 
 @kernel
@@ -167,12 +207,17 @@ def has_finished(view, state, i):
     robots = view.robots
     before, cell = np.int64(state.aim_type[i]), np.int64(state.aim_cell[i])
     if before == robots.goal_type[i] and cell == robots.goal_cell[i]:
-        return robots.action[i] == ACTION_GATE and is_beside_full_gate(view, i)
+        is_kept = robots.action[i] == ACTION_GATE and is_beside_full_gate(view, i)
+        return is_kept and not is_stalled(view, state)
     state.aim_type[i], state.aim_cell[i] = robots.goal_type[i], robots.goal_cell[i]
     was_visit = before == GOAL_PICK or before == GOAL_DROP or before == GOAL_STOP
-    return was_visit and robots.cell[i] == cell
+    if was_visit and robots.cell[i] == cell:
+        state.progress[0] = view.clock[CLOCK_TICK]
+        return True
+    return False
 
 
+STALLED = 4  # times the patience with deadlocks
 MAX_PRIORITY = 32_767
 AHEAD = 8  # robots in the queue
 STEPS_ASIDE = 0  # ranks of robots
@@ -192,7 +237,7 @@ def rank_of(view, state, i):
     robots = view.robots
     if state.deadlocks.aside[U(i)]:
         return STEPS_ASIDE
-    if has_gates(view) and robots.cell[U(i)] != NIL:
+    if has_gates(view) and robots.cell[U(i)] != NIL and not is_stalled(view, state):
         if is_in_full_gate(view, robots.cell[U(i)]):
             return LEAVES
         gate = gate_that_keeps(view, state, i)

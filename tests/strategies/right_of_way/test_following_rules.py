@@ -131,6 +131,20 @@ def test_epibt_does_not_let_robots_keep_each_other_from_their_goals(number, visi
     assert not findings and figures["visits"] > visits
 
 
+@pytest.mark.parametrize("number", [100538, 100690])
+def test_robots_that_turn_round_in_an_aisle_for_two_are_not_caught_across_it(number):
+    findings, _ = trials("pibt", 1, number)
+    assert not findings
+
+
+@pytest.mark.parametrize(("move", "seed"), [(1, 53), (2, 2), (2, 10), (3, 8)])
+def test_pibt_gets_all_robots_through_a_block_and_a_lift(move, seed):
+    """Blocks that idle robots keep full, a lift whose next robot is pushed away, ranks that change."""
+    run = Simulation(resolve("bad-day", (f"durations.move={move}",)), seed)
+    run.run(until=8000)
+    assert run.finished
+
+
 def test_the_dead_end_rule_ends_where_too_few_places_are_left_outside():
     """The floor has 10 places outside its dead end of 2."""
     run = SmallRun("A...\n.##.\n....\n.###\n.###", strategies={"right_of_way": Pibt()})

@@ -4,16 +4,29 @@ Every LOOK coarse ticks those that have stood for long are looked at. In a wait 
 all stood for `patience` ticks more than the longest action of any of them, the robot whose goal is
 newest, ties by identity, steps aside: it chooses before all others, any cell but the one for which it
 waits, until it has left its own. If it finds no way out, it is the turn of the next one in the next
-decision.
+decision, and so on round the cycle.
+
+Where robots move and yet none of those with work gets anything done, they keep each other from their
+goals in turn. That is a stall: the strategies then try other orders of turns, one after another.
 """
 
 import numpy as np
 
 from automaton.engine.jit.fields import SCRATCH, STATIC, field
 from automaton.engine.jit.structs import Struct
-from automaton.engine.state import ACTION_COUNT, CLOCK_COARSE_TICK, CLOCK_TICK, NIL, Array
+from automaton.engine.state import (
+    ACTION_COUNT,
+    CLOCK_COARSE_TICK,
+    CLOCK_TICK,
+    GOAL_DROP,
+    GOAL_PICK,
+    GOAL_STOP,
+    NIL,
+    Array,
+)
 from automaton.strategy.kernels import kernel, walk_to_cycle
 
+STALLED = 4  # times the patience: nothing has been done for so long
 LOOK = 16  # coarse ticks: strategies may decide in the first fine tick of each alone
 COUNTERS = {"deadlocks_resolved": "deadlocks.resolved"}  # of strategies whose state has `deadlocks`
 
@@ -33,6 +46,9 @@ class Deadlocks(Struct):
     tries: Array = field("(n,) int32", "how often it has been to do so in its cell")
     look_again: Array = field("(s,) int64", "1: in the next tick, one number")
     resolved: Array = field("(n,) int64", "deadlocks that it has broken")
+    aim_type: Array = field("(n,) uint8", "what it was to do in the last decision")
+    aim_cell: Array = field("(n,) int32", "and where", default=NIL)
+    progress: Array = field("(s,) int64", "the coarse tick in which something was last done")
     first_choice: Array = field(
         "(n,) uint8", "1 + the direction of the cell for which it waits", role=SCRATCH
     )
@@ -137,3 +153,38 @@ def steps_aside(view, deadlocks, i):
         deadlocks.resolved[i] += 1
         deadlocks.aside[i] = 0
     return deadlocks.aside[i] != 0
+
+
+@kernel
+def has_work(goal_type):
+    return goal_type == GOAL_PICK or goal_type == GOAL_DROP or goal_type == GOAL_STOP
+
+
+@kernel
+def note_progress(view, deadlocks):
+    """Note whether a robot does its work, has done it, gets some after it had none, or none has any."""
+    robots, is_quiet = view.robots, True
+    for i in range(robots.cell.shape[0]):
+        before, goal_type = deadlocks.aim_type[i], robots.goal_type[i]
+        is_quiet = is_quiet and not has_work(goal_type)
+        if robots.busy[i] and has_work(goal_type) and robots.cell[i] == robots.goal_cell[i]:
+            deadlocks.progress[0] = view.clock[CLOCK_COARSE_TICK]
+        if before == goal_type and deadlocks.aim_cell[i] == robots.goal_cell[i]:
+            continue
+        was_there = robots.cell[i] == deadlocks.aim_cell[i]
+        if was_there if has_work(before) else has_work(goal_type):
+            deadlocks.progress[0] = view.clock[CLOCK_COARSE_TICK]
+        deadlocks.aim_type[i], deadlocks.aim_cell[i] = goal_type, robots.goal_cell[i]
+    if is_quiet:
+        deadlocks.progress[0] = view.clock[CLOCK_COARSE_TICK]
+
+
+@kernel
+def round_of_stall(view, deadlocks):
+    """Return which order of turns is to be tried in a stall, from 1 on; 0: it is not one.
+
+    Each is tried for two times the patience.
+    """
+    patience = deadlocks.patience // view.rules.refinement
+    ticks = view.clock[CLOCK_COARSE_TICK] - deadlocks.progress[0] - STALLED * patience
+    return max(ticks // (2 * patience) + 1, np.int64(0))

@@ -3,7 +3,7 @@
 A robot in the queue of its station pushes no robot, since the queue alone moves it. From a pocket, a
 station or charger with one way in and out, a robot can only come before another one is at its mouth.
 So idle robots leave both as soon as another robot has something to do there; and a block or lift that
-holds as many robots as it may, as soon as another robot is beside it. Elsewhere they are pushed.
+holds as many robots as it may, as soon as another robot faces it. Elsewhere they are pushed.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ from automaton.engine.jit.fields import CONSTANT, SCRATCH, field
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import GOAL_NONE, GOAL_PARK, NIL, Array
 from automaton.floor.cells import CHARGER, STATION
-from automaton.strategy.kernels import has_gates, kernel
+from automaton.strategy.kernels import has_gates, is_facing, kernel
 
 NO_WAY_OUT = 4  # beside the four directions
 
@@ -32,7 +32,7 @@ class ServiceAreas(Struct):
     )
     callers: Array = field(
         "(p,) int32",
-        "robots that have something to do there, or are beside a full one",
+        "robots that have something to do there, or face it where it is full",
         role=SCRATCH,
     )
 
@@ -40,7 +40,8 @@ class ServiceAreas(Struct):
 def service_areas_of(view):
     """Return the service areas: stations with queues, each with its queue, pockets, blocks and lifts.
 
-    A cell without limit is in none: it holds robots that stay, too.
+    A cell without limit is in none but blocks and lifts: it holds robots that stay, too. A cell of a
+    station's queue or of a pocket belongs to that.
     """
     grid, stations = view.grid, view.pod_stations
     limited = grid.cell_flags >> 5 & 3 != 0
@@ -51,9 +52,6 @@ def service_areas_of(view):
     if not len(heads) + len(gates):
         return ServiceAreas.sized({"p": 0, "c": 0})
     area = np.full(len(grid.kind), NIL, np.int32)
-    for number, gate in enumerate(gates, len(heads)):
-        entries = np.flatnonzero(view.gates.cell_gate == gate)
-        area[np.searchsorted(view.gates.cell_first, entries, side="right") - 1] = number
     area[heads] = np.arange(len(heads), dtype=np.int32)
     head = stations.cell[stations.queue_at[lane]]
     area[lane] = area[head]
@@ -61,6 +59,12 @@ def service_areas_of(view):
     beyond = head + grid.offset[way_out[head] & 3]
     through = lane[(way_out[head] != NO_WAY_OUT) & (area[beyond] == NIL)]
     way_out[through] = stations.queue_way[through]  # the others in the queue stand behind
+    for number, gate in enumerate(gates, len(heads)):
+        entries = np.flatnonzero(view.gates.cell_gate == gate)
+        inside = np.full(len(area), NIL, np.int32)
+        inside[np.searchsorted(view.gates.cell_first, entries, side="right") - 1] = number
+        added = (area == NIL) & (inside == number)
+        area[added], way_out[added] = number, ways_out(grid, inside)[added]
     area[way_out == NO_WAY_OUT] = NIL
     gate = np.concatenate((np.full(len(heads), NIL), gates)).astype(np.int32)
     return ServiceAreas.sized({"p": len(gate)}, area=area, way_out=way_out, gate=gate)
@@ -105,24 +109,32 @@ def count_callers(view, areas):
     for i in range(robots.cell.shape[0]):
         if robots.goal_type[i] != GOAL_NONE and robots.goal_type[i] != GOAL_PARK:
             goal = np.int64(robots.goal_cell[i])
-            if goal != NIL and areas.area[goal] != NIL:
-                areas.callers[areas.area[goal]] += 1
-        drives = robots.goal_type[i] != GOAL_NONE and robots.cell[i] != NIL and not robots.parked[i]
-        if drives and has_gates(view):
-            call_at_full_gates(view, areas, np.int64(robots.cell[i]))
+            area = areas.area[goal] if goal != NIL else NIL
+            if area != NIL and areas.gate[area] == NIL:
+                areas.callers[area] += 1
+        if has_gates(view) and robots.cell[i] != NIL and robots.goal_type[i] != GOAL_NONE:
+            call_at_full_gate(view, areas, i)
 
 
 @kernel
-def call_at_full_gates(view, areas, cell):
-    """Count a robot for each block or lift beside its cell that holds as many robots as it may."""
+def call_at_full_gate(view, areas, i):
+    """Count robot i for the block or lift that it faces, if that holds as many robots as it may.
+
+    Robots that only want to park in there do not count: they would take turns with those that do.
+    """
+    robots, cell = view.robots, np.int64(view.robots.cell[i])
     for direction in range(4):
-        if (np.int64(view.grid.cell_flags[cell]) >> direction) & 1 == 0:
+        if (np.int64(view.grid.cell_flags[cell]) >> direction) & 1 == 0 or not is_facing(
+            view, i, direction
+        ):
             continue
         area = np.int64(areas.area[cell + view.grid.offset[direction]])
         if area == NIL or area == areas.area[cell] or areas.gate[area] == NIL:
             continue
         gate = np.int64(areas.gate[area])
-        areas.callers[area] += view.gates.robots[gate] >= view.gates.max_robots[gate]
+        parks = robots.goal_type[i] == GOAL_PARK and areas.area[robots.goal_cell[i]] == area
+        if not parks and view.gates.robots[gate] >= view.gates.max_robots[gate]:
+            areas.callers[area] += 1
 
 
 @kernel

@@ -41,8 +41,11 @@ _1 = np.uint64(1)
 
 
 @kernel
-def rank_candidates(view, workspace, state, i, round_of_turns):
-    """Enter the keys of all operations that are open to robot i, and the cost of its plan."""
+def rank_candidates(view, workspace, state, i, stall):
+    """Enter the keys of all operations that are open to robot i, the cost of its plan, and its turn.
+
+    In a stall (deadlocks) the oldest come first; then turns are drawn, others for each of its rounds.
+    """
     goal, row = goal_of(view, workspace, state, i)
     pose = np.int64(state.pose[i])
     way = cost_from(workspace, state, row, pose) if goal != NIL else np.int64(0)
@@ -55,22 +58,23 @@ def rank_candidates(view, workspace, state, i, round_of_turns):
     elif goal == NIL or (waits and wants_ahead(state, i)):
         state.sequence_key[i] = LAST_KEY
     elif (
-        (is_in_full_gate(view, pose >> 2) and round_of_turns == 0)
+        (is_in_full_gate(view, pose >> 2) and stall == 0)
         or state.deadlocks.aside[i]
         or way_out_of(view, state, i) != NIL
     ):
         state.sequence_key[i] = 0
     elif view.robots.goal_type[i] == GOAL_PARK:
         state.sequence_key[i] = min(FIRST_IDLE_KEY + way, LAST_KEY - 2)
-    elif round_of_turns > 1:
-        draw = splitmix64(np.uint64(round_of_turns << 32 | np.int64(view.robots.identity[i])))
+    elif stall > 1:
+        number = np.uint64(stall << 32 | np.int64(view.robots.identity[i]))
+        draw = splitmix64(np.uint64(view.rules.seed) ^ number)
         state.sequence_key[i] = np.int64(draw % np.uint64(FIRST_IDLE_KEY))
-    elif state.oldest_first or round_of_turns:
+    elif state.oldest_first or stall:
         age = view.clock[CLOCK_TICK] - state.idle_since[i]
         state.sequence_key[i] = max(FIRST_IDLE_KEY - 1 - age, 0)
     else:
         state.sequence_key[i] = min(way, FIRST_IDLE_KEY - 1)
-    if goal != NIL and (state.has_storage or round_of_turns):
+    if goal != NIL and (state.has_storage or stall):
         turn_at_pockets(state, i, goal)
 
 

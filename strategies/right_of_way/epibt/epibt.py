@@ -12,7 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from automaton.engine.state import CLOCK_COARSE_TICK, CLOCK_TICK, CMD_GO, CMD_HOLD, GOAL_NONE, NIL
+from automaton.engine.state import CLOCK_COARSE_TICK, CMD_GO, CMD_HOLD, GOAL_NONE, NIL
 from automaton.strategy.kernels import STREAM_STRATEGY, gate_before, kernel, random_between
 from automaton.strategy.layer import Strategy
 from strategies.right_of_way.deadlocks import (
@@ -21,6 +21,8 @@ from strategies.right_of_way.deadlocks import (
     has_stood_long,
     is_given_up,
     is_time_to_look,
+    note_progress,
+    round_of_stall,
 )
 from strategies.right_of_way.epibt.candidates import (
     CANDIDATE_MASK,
@@ -48,11 +50,10 @@ from strategies.right_of_way.making_room import count_callers
 
 STREAM_REPAIRS = STREAM_STRATEGY + 40
 POWER_BITS = 10
-STALLED = 4  # times the patience with deadlocks
 
 
 @kernel
-def rank_all_candidates(view, workspace, state, count, round_of_turns):
+def rank_all_candidates(view, workspace, state, count, stall):
     """Rank the operations of all robots; where actions take time, idle ones are asked to make room.
 
     One that has to turn first cannot leave in time for any plan of the robot behind it, so that pushing
@@ -61,7 +62,7 @@ def rank_all_candidates(view, workspace, state, count, round_of_turns):
     for k in range(count):
         state.asked[state.steered[k]] = 0
     for k in range(count):
-        rank_candidates(view, workspace, state, np.int64(state.steered[k]), round_of_turns)
+        rank_candidates(view, workspace, state, np.int64(state.steered[k]), stall)
     if state.takes_time:
         asked = 0  # on the list chain_robot
         for k in range(count):
@@ -71,25 +72,9 @@ def rank_all_candidates(view, workspace, state, count, round_of_turns):
         place = 0
         while place < asked:
             i = np.int64(state.chain_robot[place])
-            rank_candidates(view, workspace, state, i, round_of_turns)
+            rank_candidates(view, workspace, state, i, stall)
             asked = ask_idle_robot_ahead(view, state, i, asked)
             place += 1
-
-
-@kernel
-def round_of_stall(view, state):
-    """Return how often other turns have been tried, where no robot finishes a goal and actions take time.
-
-    Those that are nearest keep each other from their goals then. At first the oldest come first; if that
-    does not help, turns are drawn, anew each time. A time is two times the patience with deadlocks.
-    """
-    if not state.takes_time:
-        return np.int64(0)
-    last = np.int64(0)
-    for i in range(state.idle_since.shape[0]):
-        last = max(last, state.idle_since[i])
-    ticks = view.clock[CLOCK_TICK] - last - STALLED * state.deadlocks.patience
-    return max(ticks // (2 * state.deadlocks.patience) + 1, np.int64(0))
 
 
 @kernel
@@ -215,10 +200,13 @@ def decide(view, batch, decisions, memory, workspace):
         i = np.int64(batch.robot[k])
         if waits_in_bay(view, i):
             enter_floor(view, state, i)
-    round_of_turns = round_of_stall(view, state)
-    rank_all_candidates(view, workspace, state, count, round_of_turns)
+    stall = np.int64(0)
+    if state.takes_time:
+        note_progress(view, state.deadlocks)
+        stall = round_of_stall(view, state.deadlocks)
+    rank_all_candidates(view, workspace, state, count, stall)
     sort_by_key(state, count)
-    if state.oldest_first or round_of_turns:  # robots of one age could not push each other
+    if state.oldest_first or stall:  # robots of one age could not push each other
         settle_ties(state, count)
     choose_plans(state, count)
     if state.repair_tries:

@@ -23,7 +23,7 @@ class EpibtParameters(GuidedParameters, forbid_unknown_fields=True, frozen=True,
         Meta(
             description="nearest: robots that are closest to their goals come first, for throughput; "
             "oldest: robots whose last finished goal was longest ago; less gets done, and a crowd may "
-            "come to a stop"
+            "come to a stop. Robots on their way home come last"
         ),
     ] = "nearest"
     repair_tries: Annotated[

@@ -58,6 +58,8 @@ from strategies.right_of_way.deadlocks import (
     has_stood_long,
     is_given_up,
     is_time_to_look,
+    note_progress,
+    round_of_stall,
 )
 from strategies.right_of_way.lattice import lattice_tables, moves_against_streets
 from strategies.right_of_way.making_room import count_callers, service_areas_of, way_to_make_room
@@ -126,7 +128,8 @@ def look_where_it_goes(view, state, i):
         state.mode[i] = LEAVING
         reserve_other_lane(view, state, i)
     elif robots.busy[i]:
-        if robots.action[i] == ACTION_TURN and has_gates(view):  # to a gate for which it is to wait
+        waits_at_gate = robots.action[i] == ACTION_TURN and has_gates(view)
+        if waits_at_gate and view.rules.radius == NIL:  # it turns to the gate, and holds its place
             reserve(state, own_resource(view, i), i)
         state.begun[i] = 0
     if state.mode[i] == LEAVING:
@@ -140,7 +143,7 @@ def let_choose(view, state, i):
     has_left = view.robots.cell[i] == NIL
     if has_left or not (is_at_goal(view, i) or is_in_own_queue(view, i)):
         state.mode[i] = UNDECIDED
-        if state.holds_back and not has_left and stands_across(view, i):
+        if state.holds_back and not has_left and stands_across(view, state, i):
             reserve_other_lane(view, state, i)  # it has begun to turn round
     else:
         state.begun[i] = 0
@@ -148,24 +151,27 @@ def let_choose(view, state, i):
 
 
 @kernel
-def stands_across(view, i):
-    """Whether robot i, in an aisle for two, faces neither way."""
-    robots, cell, travel = (
-        view.robots,
-        np.int64(view.robots.cell[i]),
-        np.int64(view.robots.travel[i]),
-    )
+def stands_across(view, state, i):
+    """Whether robot i, in an aisle for two, faces neither way, and the other lane is free to turn on."""
+    robots = view.robots
+    cell, travel = np.int64(robots.cell[i]), np.int64(robots.travel[i])
     turns = headings_of(view.grid, robots.type[i]) > 1
     if not turns or not is_for_two(view, cell) or (robots.heading[i] ^ travel) & 1 == 0:
         return False
-    return holder_of(view, cell, travel ^ 2) == NIL
+    return is_lane_free(view, state, i)
 
 
 @kernel
 def update_queue(view, state):
-    """Who has finished a visit goes to the end of the queue."""
+    """Who has finished a visit goes to the end of the queue.
+
+    In a stall the robot at its head does, once in each round. Then no robot's rank goes by gates: one
+    that goes into a block and fills it would give way to those inside, and push them back from outside.
+    """
     robots, queue = view.robots, state.queue
     remaining, moved = 0, 0
+    if may_stall(view, state):
+        note_progress(view, state.deadlocks)
     for place in range(queue.shape[0]):
         identity = queue[place]
         i = np.int64(robots.at_index[identity])
@@ -177,25 +183,19 @@ def update_queue(view, state):
             remaining += 1
     for place in range(moved):
         queue[remaining + place] = state.finished[place]
-    ticks = view.clock[CLOCK_TICK] - state.progress[0]
-    if is_stalled(view, state) and ticks % (2 * state.deadlocks.patience) == 0:
+    stall = round_of_stall(view, state.deadlocks) if may_stall(view, state) else np.int64(0)
+    if stall > max(state.stall[0], 1):
         first = queue[0]
         for place in range(queue.shape[0] - 1):
             queue[place] = queue[place + 1]
         queue[queue.shape[0] - 1] = first
+    state.stall[0] = stall
 
 
 @kernel
-def is_stalled(view, state):
-    """Return whether no robot has finished a visit for long.
-
-    Then robots drive each other back and forth: before a block, say, that is full whenever one of them
-    goes in, so that those inside come first. While it lasts no robot's rank goes by gates, and the one
-    at the head of the queue gives way to the next one now and then.
-    """
-    if view.rules.radius != NIL or not (has_gates(view) or state.holds_back):
-        return False
-    return view.clock[CLOCK_TICK] - state.progress[0] > STALLED * state.deadlocks.patience
+def may_stall(view, state):
+    """Whether stalls are looked for: where robots are held back or kept by gates, and see all others."""
+    return view.rules.radius == NIL and (has_gates(view) or state.holds_back)
 
 
 @kernel
@@ -208,16 +208,12 @@ def has_finished(view, state, i):
     before, cell = np.int64(state.aim_type[i]), np.int64(state.aim_cell[i])
     if before == robots.goal_type[i] and cell == robots.goal_cell[i]:
         is_kept = robots.action[i] == ACTION_GATE and is_beside_full_gate(view, i)
-        return is_kept and not is_stalled(view, state)
+        return is_kept and state.stall[0] == 0
     state.aim_type[i], state.aim_cell[i] = robots.goal_type[i], robots.goal_cell[i]
     was_visit = before == GOAL_PICK or before == GOAL_DROP or before == GOAL_STOP
-    if was_visit and robots.cell[i] == cell:
-        state.progress[0] = view.clock[CLOCK_TICK]
-        return True
-    return False
+    return was_visit and robots.cell[i] == cell
 
 
-STALLED = 4  # times the patience with deadlocks
 MAX_PRIORITY = 32_767
 AHEAD = 8  # robots in the queue
 STEPS_ASIDE = 0  # ranks of robots
@@ -237,7 +233,7 @@ def rank_of(view, state, i):
     robots = view.robots
     if state.deadlocks.aside[U(i)]:
         return STEPS_ASIDE
-    if has_gates(view) and robots.cell[U(i)] != NIL and not is_stalled(view, state):
+    if has_gates(view) and robots.cell[U(i)] != NIL and state.stall[0] == 0:
         if is_in_full_gate(view, robots.cell[U(i)]):
             return LEAVES
         gate = gate_that_keeps(view, state, i)

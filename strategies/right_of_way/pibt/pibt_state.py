@@ -69,7 +69,7 @@ class PibtState(Struct):
         "(e,) int32", "the greatest depth at which robots outside will park, or 0", role=SCRATCH
     )
     service_areas: ServiceAreas
-    progress: Array = field("(s,) int64", "the tick of the last visit that any robot has finished")
+    stall: Array = field("(s,) int64", "which round of a stall it is, or 0")
     calls: Array = field("(s,) int64", "how often it has decided, one number", role=SCRATCH)
     in_sight: Array = field(
         "(n,) int64", "with limited sight: who chooses, those first in the lowest", role=SCRATCH

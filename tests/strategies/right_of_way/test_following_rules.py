@@ -145,6 +145,14 @@ def test_pibt_gets_all_robots_through_a_block_and_a_lift(move, seed):
     assert run.finished
 
 
+@pytest.mark.parametrize("right_of_way", ["pibt", "epibt"])
+def test_a_block_that_is_never_full_lets_idle_robots_stay(right_of_way):
+    block = "floor={blocks: [{cells: {from: [0, 0], to: [12, 5]}, max_robots: 50}]}"
+    run = Simulation(resolve("bad-day", (block, f"strategy.right_of_way={right_of_way}")), 1)
+    run.run(until=3000)
+    assert run.finished
+
+
 def test_the_dead_end_rule_ends_where_too_few_places_are_left_outside():
     """The floor has 10 places outside its dead end of 2."""
     run = SmallRun("A...\n.##.\n....\n.###\n.###", strategies={"right_of_way": Pibt()})

@@ -15,6 +15,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from automaton.build.gate_feasibility import cells_to_start
 from automaton.build.loaded_reach import (
     LoadEnds,
     has_closed_ways,
@@ -109,6 +110,7 @@ class FleetOnFloor:
         cells = np.flatnonzero(self.floor_plan.drivable)
         if self.start == "racks":
             cells = np.unique(rack_stands(self.floor_plan)).astype(np.int64)
+        cells = cells_to_start(self.scenario, self.floor_plan, cells)
         return [cells[~closed[cells]] for closed in self.closed]
 
     def first_open(self, cells: npt.NDArray[Any]) -> list[npt.NDArray[np.intp]]:

@@ -8,12 +8,16 @@ from typing import Any
 import numpy as np
 
 from automaton.build.capabilities import FleetOnFloor, Start
-from automaton.build.gate_feasibility import check_gates
+from automaton.build.gate_feasibility import (
+    check_gates,
+    check_homes_in_lifts,
+    check_starts_at_gates,
+)
 from automaton.build.pod_feasibility import check_pod_ways, check_pods
 from automaton.build.rail_feasibility import check_rails
 from automaton.build.task_lists import MAX_ORDERS, order_count
 from automaton.engine.state import NIL
-from automaton.errors import alternatives, nearest
+from automaton.errors import InputError, alternatives, nearest
 from automaton.floor.cells import (
     ANY,
     CELL_KINDS,
@@ -190,6 +194,14 @@ def _listed_start(
 def check_starts(document: Document, fleet: FleetOnFloor) -> None:
     """No robot begins where its type may not go. Raises InputError."""
     floor_plan, start, robots = fleet.floor_plan, fleet.start, len(fleet.type_of)
+    try:
+        if isinstance(start, tuple):
+            check_starts_at_gates(fleet.scenario, floor_plan, list(start))
+        if start != "random":
+            homes = np.concatenate(fleet.starts).tolist()
+            check_homes_in_lifts(fleet.scenario, floor_plan, homes)
+    except InputError as error:
+        raise document.error(START, error.message) from None
     if not isinstance(start, tuple):
         for robot_type, count, cells in zip(fleet.types, fleet.counts, fleet.starts, strict=True):
             many = start == "racks" and (floor_plan.capacity.flat[cells] == UNLIMITED).all()

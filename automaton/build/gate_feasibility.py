@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
 from automaton.build.gate_cells import (
     CELL_KEYS,
     Gate,
@@ -18,6 +24,8 @@ from automaton.scenario.changing_floor import Block, Lift
 from automaton.scenario.document import Document
 from automaton.scenario.schema import MAX_MOVE_TICKS, Scenario
 from automaton.units import ticks_and_time, unit
+
+Cells = npt.NDArray[Any]
 
 
 def check_gates(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
@@ -85,17 +93,41 @@ def check_shares(document: Document, gate: Gate, lift: Lift, moves: list[int]) -
         )
 
 
+def cells_to_start(scenario: Scenario, floor_plan: FloorPlan, cells: Cells) -> Cells:
+    """Those of a list of flat cells, in its order, in which robots may begin, one in each.
+
+    No cell of a lift's shaft, and of a block no more than it holds.
+    """
+    is_open = np.ones(len(cells), np.bool_)
+    for gate in gates_of(scenario.floor):
+        if gate.kind in (GATE_BLOCK, GATE_LIFT):
+            inside = np.flatnonzero(is_open & np.isin(cells, cells_of(gate, floor_plan)))
+            most = gate.section.max_robots if isinstance(gate.section, Block) else 0
+            is_open[inside[most:]] = False
+    return cells[is_open]
+
+
+def check_homes_in_lifts(scenario: Scenario, floor_plan: FloorPlan, homes: Iterable[int]) -> None:
+    """No robot begins or parks in the shaft of a lift. Raises InputError."""
+    for gate in gates_of(scenario.floor):
+        if gate.kind == GATE_LIFT:
+            for cell in sorted({*homes} & {*cells_of(gate, floor_plan)}):
+                x, y = floor_plan.xy(cell)
+                raise InputError(
+                    f"a robot would begin or park at [{x}, {y}], in the shaft of {gate.name}"
+                )
+
+
 def check_starts_at_gates(scenario: Scenario, floor_plan: FloorPlan, starts: list[int]) -> None:
-    """No more robots begin in a block or lift than it holds. Raises InputError.
+    """No more robots begin in a block than it holds. Raises InputError.
 
     `starts`: the flat cells of robots that begin on the floor.
     """
     for gate in gates_of(scenario.floor):
-        if gate.kind not in (GATE_BLOCK, GATE_LIFT):
+        if not isinstance(gate.section, Block):
             continue
-        cells = set(cells_of(gate, floor_plan))
+        cells, most = set(cells_of(gate, floor_plan)), gate.section.max_robots
         count = sum(cell in cells for cell in starts)
-        most = gate.section.max_robots if isinstance(gate.section, Block) else 1
         if count > most:
             robots = "robots begin" if count > 1 else "robot begins"
             raise InputError(f"{count} {robots} in {gate.name}, which holds {most}")

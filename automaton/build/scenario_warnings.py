@@ -39,6 +39,7 @@ def scenario_warnings(resolved: Resolved) -> list[str]:
         resolved.fleet.handed_over(),
         counts_as_seconds(resolved),
         short_rows(resolved),
+        nothing_to_carry(resolved),
     )
     sentences = [sentence for sentence in found if sentence]
     return [
@@ -78,6 +79,14 @@ def short_rows(resolved: Resolved) -> str:
                 f"{count(len(row), 'character')}, and others have {width:,}: the rest "
                 "of the row is wall; write # there if that is meant"
             )
+    return ""
+
+
+def nothing_to_carry(resolved: Resolved) -> str:
+    """Warn about a picture that holds no loads where its loads are the orders."""
+    orders, floor_plan = resolved.scenario.orders, resolved.floor_plan
+    if orders.generator == "picture-loads" and not (floor_plan.loads == 1).any():
+        return "there is nothing to carry: orders are the loads of the picture, and it shows none"
     return ""
 
 

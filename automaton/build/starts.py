@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from automaton.build.capabilities import FleetOnFloor
+from automaton.build.gate_feasibility import cells_to_start
 from automaton.build.queues import service_cells
 from automaton.build.resolve import Resolved
 from automaton.build.rules import charge_units
@@ -26,7 +27,9 @@ def homes(resolved: Resolved, seed: int) -> tuple[Array, Array]:
         bays = floor_plan.bays[np.concatenate(fleet.first_open(floor_plan.bays[:, 1]))]
         return bays[:, 1].astype(np.int32), bays[:, 0].astype(np.int32)
     if resolved.start == "random":
-        cells = random_cells(floor_plan, seed, service_cells(resolved.scenario, floor_plan))
+        scenario = resolved.scenario
+        cells = random_cells(floor_plan, seed, service_cells(scenario, floor_plan))
+        cells = cells_to_start(scenario, floor_plan, cells)
         return cells[np.concatenate(fleet.first_open(cells))], none
     if resolved.start == "racks":
         return stands_for_all(fleet, seed), none

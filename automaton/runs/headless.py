@@ -247,7 +247,7 @@ def orders_exhausted(simulation: Simulation) -> OrdersExhausted | None:
         (orders.state == ORDER_WAITING) & (orders.reserved_by == NIL)
     )
     taken = int(orders.dispatched.max(initial=0))
-    if stop.when != "never" or is_open.any() or taken >= simulation.tick:
+    if not len(orders.state) or stop.when != "never" or is_open.any() or taken >= simulation.tick:
         return None
     done = bool((orders.state == ORDER_DELIVERED).all())
     return OrdersExhausted(taken, int(orders.delivered.max()) if done else None)

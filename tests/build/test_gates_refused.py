@@ -98,11 +98,24 @@ def test_the_mouths_of_a_lift_are_looked_for_once(monkeypatch: pytest.MonkeyPatc
     assert calls == [6]
 
 
-def test_robots_that_begin_in_a_lift_are_one_at_most() -> None:
+def test_no_robot_begins_or_parks_in_a_lift() -> None:
     floor = {"lifts": [{"shaft": [[1, 0], [4, 0]], "travel_time": 9}]}
-    build_world(gate_scene(floor, (5, 0), start=[[1, 0], [0, 0]]), 1)
-    with pytest.raises(InputError, match="2 robots begin in lift 1, which holds 1"):
-        build_world(gate_scene(floor, (5, 0), start=[[1, 0], [4, 0]]), 1)
+    with pytest.raises(InputError, match=r"begin or park at \[1, 0\], in the shaft of lift 1"):
+        gate_scene(floor, (5, 0), start=[[1, 0], [0, 0]])
+
+
+def test_robots_drawn_into_cells_leave_lifts_free_and_blocks_within_what_they_hold() -> None:
+    """Of 14 cells a lift has four, and a block for two has six."""
+    floor = {
+        "lifts": [{"shaft": [[1, 0], [4, 0]], "travel_time": 9}],
+        "blocks": [{"cells": {"from": [0, 2], "to": [5, 2]}, "max_robots": 2}],
+    }
+    fleet = {"robots": 6, "kinematics": "omni", "start": "random"}
+    scene = gate_scene(floor, (5, 0), picture=HALLS, fleet=fleet)
+    for seed in range(20):
+        build_world(scene, seed)
+    with pytest.raises(InputError, match="too few cells are open to"):
+        gate_scene(floor, (5, 0), picture=HALLS, fleet=fleet | {"robots": 7})
 
 
 def test_more_closings_than_a_run_may_have() -> None:

@@ -9,6 +9,7 @@ import pytest
 from automaton.build.plain_numbers import plain_number_line
 from automaton.build.resolve import Resolved, document_of, resolve
 from automaton.build.scenario_warnings import scenario_warnings
+from automaton.commands import main
 from automaton.errors import InputError
 
 SCENARIO = """\
@@ -143,3 +144,18 @@ def test_a_row_of_a_picture_that_is_too_short_is_warned_of(tmp_path: Path) -> No
         "row 2 of the picture ends with '.' after 3 characters, and others have 5: the rest of the row "
         "is wall; write # there if that is meant"
     ]
+
+
+def test_a_picture_without_loads_is_nothing_to_carry(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It is legal, and a run of it goes to its end."""
+    scenario = tmp_path / "empty.yaml"
+    scenario.write_text(
+        'name: empty\nlayout: {picture: ".s.\\n.d."}\n'
+        "fleet: {robots: 1, kinematics: omni, start: [[0, 0]]}\n"
+        "orders: {generator: picture-loads}\nstop: {when: never, max_duration: 50}\n"
+    )
+    assert "nothing to carry" in scenario_warnings(resolve(scenario))[0]
+    assert main(["run", str(scenario)]) == 0
+    assert "ran for 50 ticks, 0 of 0 orders delivered" in capsys.readouterr().out

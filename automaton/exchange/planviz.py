@@ -71,6 +71,8 @@ class PlanvizOutput:
         int, tuple[int, list[tuple[int, int]]]
     ]  # task: released, (row, column) of its visits
     finished: int
+    makespan: int
+    sum_of_cost: int
 
     @property
     def ticks(self) -> int:
@@ -118,6 +120,8 @@ def read_output(path: Path) -> PlanvizOutput:
         events=sorted(said.events, key=lambda event: event[0]),
         tasks=tasks,
         finished=said.num_task_finished,
+        makespan=said.makespan,
+        sum_of_cost=said.sum_of_cost,
     )
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from automaton.exchange.planviz import NO_TASK, PlanvizOutput
 from automaton.exchange.planviz_violation import Violation
 from automaton.exchange.problem import Problem
+from automaton.units import count
 
 
 @dataclass
@@ -142,7 +143,7 @@ def _is_next(problem: Problem, progress: Progress, robot: int, task: int) -> boo
 def _wrong_counts(
     output: PlanvizOutput, problem: Problem, progress: Progress
 ) -> Iterator[Violation]:
-    """The pool is refilled as tasks are finished, and finished tasks are counted."""
+    """The pool is refilled as tasks are finished; these, ticks and what they cost are counted."""
     if problem.assignment == "pool" and problem.repeat:
         ends = [0] * problem.open_tasks + progress.finished_at
         for task, end in enumerate(ends):
@@ -159,4 +160,11 @@ def _wrong_counts(
     if output.finished != len(progress.finished_at):
         text = f"numTaskFinished is {output.finished:,}"
         text += f", the events finish {len(progress.finished_at):,}"
+        yield Violation(output.ticks, (), "count", text)
+    if output.makespan != output.ticks:
+        text = f"makespan is {output.makespan:,}, the paths have {count(output.ticks, 'tick')}"
+        yield Violation(output.ticks, (), "count", text)
+    cost = output.robots * output.ticks
+    if output.sum_of_cost != cost:
+        text = f"sumOfCost is {output.sum_of_cost:,}, robots times ticks are {cost:,}"
         yield Violation(output.ticks, (), "count", text)

@@ -205,6 +205,12 @@ def test_robots_may_follow_each_other_in_one_tick(tmp_path: Path) -> None:
             "tick 3: there are 6 tasks, 5 were released",
         ),
         ({"numTaskFinished": 3}, "tick 3: numTaskFinished is 3, the events finish 2"),
+        ({"makespan": 4}, "tick 3: makespan is 4, the paths have 3 ticks"),
+        ({"sumOfCost": 7}, "tick 3: sumOfCost is 7, robots times ticks are 6"),
+        (
+            {"events": [*VALID["events"], VALID["events"][-1]]},
+            "tick 2: robot 0 visits for task 0, which is finished",
+        ),
     ],
 )
 def test_the_first_violation_of_tasks_is_named(

@@ -22,6 +22,7 @@ SCENARIO_FILE: Final = "scenario.yaml"
 WORKBOOK: Final = "tables.xlsx"
 CSV, PARQUET, XLSX = "csv", "parquet", "xlsx"
 FORMATS: Final = (CSV, PARQUET, XLSX)
+FORMULA: Final = r"^([=+\-@\t\r])"  # how texts begin that spreadsheets take for formulas
 HINT: Final = "; events=True and states=PERIOD observe a run"
 
 
@@ -110,6 +111,8 @@ class FolderSink:
         self._open: dict[str, tuple[Any, BinaryIO]] = {}
 
     def write(self, form: Form, table: pa.Table) -> None:
+        if self._format == CSV:
+            table = without_formulas(table)
         try:
             if form.name not in self._open:
                 self._open[form.name] = self._begin(form.name, table.schema)
@@ -152,6 +155,22 @@ class FolderSink:
             for name in self._open
         }
         return Tables(readers, HINT)
+
+
+def without_formulas(table: pa.Table) -> pa.Table:
+    """A table for CSV: an apostrophe before each text that spreadsheets would take for a formula."""
+    import pyarrow.compute
+
+    pa = arrow()
+    for index, field in enumerate(table.schema):
+        is_coded = pa.types.is_dictionary(field.type)
+        if is_coded and not pa.types.is_string(field.type.value_type):
+            continue
+        if is_coded or pa.types.is_string(field.type):
+            texts = table.column(index).cast(pa.string())
+            harmless = pyarrow.compute.replace_substring_regex(texts, FORMULA, r"'\1")
+            table = table.set_column(index, field.name, harmless)
+    return table
 
 
 class WorkbookSink:

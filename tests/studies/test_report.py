@@ -22,6 +22,7 @@ from automaton.commands import main
 from automaton.runs.report_document import (
     Curves,
     Document,
+    Heading,
     HeatMap,
     Line,
     Listed,
@@ -336,6 +337,7 @@ def test_text_of_users_is_escaped() -> None:
     assert "<script>" not in page and "<i>" not in page and "&lt;script&gt;" in page
     assert r"\<script>\|\*" in as_markdown(document)
     assert "| a\\|b |" in as_markdown(document)
+    assert as_markdown(Document("", [Heading("<b>", 2)])) == "## \\<b>\n"
     assert as_text(document).startswith("<script>|*")
 
 

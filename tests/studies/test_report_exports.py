@@ -186,6 +186,12 @@ def test_a_column_that_says_nothing_is_left_out() -> None:
     assert without_empty(records) == [{"a": 1}, {"a": None}]
 
 
+def test_text_in_csv_is_no_formula() -> None:
+    assert [csv_cell(one) for one in ("=1+1", "@sum", "-x", -1, "a=b")] == [
+        '"\'=1+1"', '"\'@sum"', '"\'-x"', "-1", '"a=b"',
+    ]  # fmt: skip
+
+
 def test_text_in_csv_is_quoted(tmp_path: Path) -> None:
     assert [csv_cell(one) for one in ('a "b"', 1, 0.5, None, True)] == [
         '"a ""b"""', "1", "0.5", "", "True",

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import openpyxl
+import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 import pytest
@@ -55,6 +56,16 @@ def test_all_forms_have_the_same_figures(tmp_path: Path) -> None:
         assert rows_of_workbook(xlsx / table_files.WORKBOOK, name) == in_16_digits(rows), name
     texts = {(folder / "metrics.json").read_text() for folder in (csv, parquet, xlsx)}
     assert len(texts) == 1
+
+
+def test_no_text_of_a_csv_is_a_formula() -> None:
+    names = ["=1", "-x", "a-b", None]
+    table = pa.table(
+        {"name": names, "coded": pa.array(names).dictionary_encode(), "n": [-1, 2, 3, 4]}
+    )
+    safe = table_files.without_formulas(table).to_pydict()
+    assert safe["name"] == safe["coded"] == ["'=1", "'-x", "a-b", None]
+    assert safe["n"] == [-1, 2, 3, 4]
 
 
 def test_figures_are_those_of_the_report(

@@ -1,7 +1,8 @@
 """What a folder holds, as files for other programs: CSV, and rows as one Parquet file.
 
 Columns have no dots in their names, and those that are empty throughout are left out. In CSV what is
-text stands in quotes: seeds are, since a spreadsheet keeps 15 digits of a number.
+text stands in quotes: seeds are, since a spreadsheet keeps 15 digits of a number. A text that begins as
+formulas do gets an apostrophe first.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ ROWS_BEGIN: Final = b"key,"  # the first column
 SUMMARY_BEGINS: Final = b"point,"
 COMPARISONS_BEGIN: Final = b"metric,"
 PARQUET_BEGINS: Final = b"PAR1"
+FORMULA_SIGNS: Final = ("=", "+", "-", "@", "\t", "\r")
 SEED: Final = "seed"  # a number of 63 bits
 
 
@@ -89,9 +91,13 @@ def _csv_head(name: str) -> str:
 
 
 def csv_cell(value: Any) -> str:
-    """Text in quotes, numbers as they are, what is absent as nothing."""
+    """Text in quotes, numbers as they are, what is absent as nothing.
+
+    Text that spreadsheets would take for a formula gets an apostrophe.
+    """
     if isinstance(value, str):
-        return '"' + value.replace('"', '""') + '"'
+        text = f"'{value}" if value.startswith(FORMULA_SIGNS) else value
+        return '"' + text.replace('"', '""') + '"'
     return "" if value is None else str(value)
 
 

@@ -83,6 +83,10 @@ def table_lines(table: Table) -> Iterator[str]:
     yield from map(line, table.rows)
 
 
+SIGNS = "\\|*_`<"  # of Markdown
+HTML_SIGNS = "\\<"  # in titles, where names stand as they are
+
+
 def as_markdown(document: Document) -> str:
     """For a repository or an editor; charts are text, kept as they are."""
     lines: list[str] = []
@@ -95,7 +99,7 @@ def as_markdown(document: Document) -> str:
 def markdown_lines(block: Block) -> Iterator[str]:
     """One block."""
     if isinstance(block, Heading):
-        yield f"{'#' * block.level} {block.text}"
+        yield f"{'#' * block.level} {escaped(block.text, HTML_SIGNS)}"
     elif isinstance(block, Text) and not block.code:
         yield f"**{escaped(block.text)}**" if block.strong else escaped(block.text)
     elif isinstance(block, Folded):
@@ -124,9 +128,9 @@ def markdown_table(table: Table) -> Iterator[str]:
     yield from map(line, table.rows)
 
 
-def escaped(text: str) -> str:
+def escaped(text: str, signs: str = SIGNS) -> str:
     """Text in which Markdown finds no signs of its own."""
-    for sign in "\\|*_`<":
+    for sign in signs:
         text = text.replace(sign, f"\\{sign}")
     return text
 

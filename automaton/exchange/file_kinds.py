@@ -95,6 +95,6 @@ def _top_keys(path: Path, head: bytes) -> set[str]:
     content = head if len(head) < HEAD_BYTES else read_bytes(path)
     try:
         data: dict[str, Any] = msgspec.json.decode(content, type=dict[str, msgspec.Raw])
-    except (msgspec.MsgspecError, RecursionError):
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
         return {key for key in LIF_KEYS if f'"{key}"'.encode() in head}
     return set(data)

@@ -83,7 +83,7 @@ def _mapping(path: Path) -> dict[str, Any]:
     text = read_text(path)
     try:
         data = msgspec.json.decode(text)
-    except msgspec.DecodeError as error:
+    except (msgspec.DecodeError, RecursionError) as error:
         raise InputError(f"is not valid JSON: {error}", str(path)) from None
     if not isinstance(data, dict):
         raise InputError(f"a problem must be a JSON object, found {shown(data)}", str(path))

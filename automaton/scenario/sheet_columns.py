@@ -8,7 +8,9 @@ Values of formulas are those that the program that wrote the file has left in it
 from __future__ import annotations
 
 import datetime
+import lzma
 import zipfile
+import zlib
 from array import array
 from collections.abc import Iterator, Sequence
 from contextlib import closing
@@ -66,6 +68,12 @@ def read_sheet_columns(
             return _read(pairs, book.place, time, choose)
 
 
+DAMAGE: Final = (  # what the parts of an archive raise
+    *(zipfile.BadZipFile, zlib.error, lzma.LZMAError),
+    *(EOFError, NotImplementedError, RuntimeError),
+)
+
+
 def _has_formulas(path: Path) -> bool:
     """Whether a workbook has formulas. Raises InputError for what is not a workbook, or too large."""
     file = str(path)
@@ -83,7 +91,7 @@ def _has_formulas(path: Path) -> bool:
                 raise InputError(f"is too large to be read: {what}; save the sheet as CSV", file)
             sheets = [member for member in members if member.filename.startswith(SHEETS)]
             return any(_has_formula(archive, sheet) for sheet in sheets)
-    except (zipfile.BadZipFile, EOFError, NotImplementedError, RuntimeError) as error:
+    except DAMAGE as error:
         raise InputError(f"is not a workbook (.xlsx): {error}", file) from None
     except OSError as error:
         reason = (error.strerror or str(error)).lower()

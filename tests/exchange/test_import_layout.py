@@ -218,3 +218,14 @@ def test_a_scenario_has_no_more_values_than_are_read() -> None:
     sections = {"name": "a", "floor": {"speed_limits": [{"max_speed": 1}] * 40_000}}
     with pytest.raises(InputError, match="120,004 values, most of them in floor; at most 90,000"):
         check_values(sections, "site.lif")
+
+
+@pytest.mark.parametrize("name", ["site.lif", "problem.json"])
+def test_keys_that_are_not_utf_8_are_said(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / name
+    path.write_bytes(b'{"layouts\xff": []}')
+    assert main(["import", str(path), "--out", str(tmp_path / "out.yaml")]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith(f"automaton: {path}") and "utf-8" in said.lower()

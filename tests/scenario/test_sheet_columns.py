@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import sys
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -159,3 +160,18 @@ def test_without_openpyxl_the_extra_is_named(shift: Path, monkeypatch: pytest.Mo
     monkeypatch.setitem(sys.modules, "openpyxl", None)
     with pytest.raises(InputError, match=r"pip install 'fleet-automaton\[excel\]'"):
         read_columns(shift, FIELDS, OrderFile(file="shift.xlsx"), COLUMNS, UNITS.scale)
+
+
+def test_a_workbook_whose_stream_is_damaged_is_none(tmp_path: Path) -> None:
+    """A byte in the middle of the compressed sheet is another one."""
+    path = tmp_path / "orders.xlsx"
+    read(path, [HEAD, *[[f"O{n}", at(8), at(9), "x" * n] for n in range(60)]])
+    with zipfile.ZipFile(path) as archive:
+        member = archive.getinfo("xl/worksheets/sheet1.xml")
+    damaged = bytearray(path.read_bytes())
+    begin = member.header_offset + 30 + len(member.filename)
+    for place in range(begin, begin + member.compress_size // 2):
+        damaged[place] ^= 0x55
+    path.write_bytes(damaged)
+    with pytest.raises(InputError, match="is not a workbook"):
+        read_columns(path, FIELDS, OrderFile(file=path.name), COLUMNS, UNITS.scale)

@@ -6,13 +6,14 @@ Commands are imported when they are asked for, so that `automaton --help` answer
 from __future__ import annotations
 
 import argparse
+import errno
 import importlib
 import io
 import os
 import re
 import sys
 from collections.abc import Sequence
-from typing import NoReturn
+from typing import NoReturn, TextIO
 
 from automaton.engine.jit.compile_progress import COMPILING
 from automaton.engine.jit.unfit_numba import UnfitNumbaError
@@ -60,6 +61,7 @@ COMMANDS = {  # name: (module with add_arguments(parser) and run(args) -> int, w
 }
 
 LONGEST_ERROR = 300  # characters of an internal error; compilers write pages
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EIO)  # errors of writing to a standard stream
 DONE, FAILED, BAD_INPUT, INTERRUPTED, BROKEN_PIPE, TERMINATED = 0, 1, 2, 130, 141, 143
 
 
@@ -78,15 +80,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal without "ń" shows "?"
     before = sys.stdout, sys.stderr
-    sys.stdout, sys.stderr = map(PrintedText, before)
+    sys.stdout, sys.stderr = (PrintedText(stream or _nowhere()) for stream in before)
     try:
         with signals_raise():
             code = _dispatch([argument for argument in arguments if argument != "--debug"], debug)
         sys.stdout.flush()
         return code
     except BrokenPipeError:
-        # The reader of a pipe went away; what Python still holds back goes nowhere.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _give_up_output()  # the reader of a pipe went away
         return BROKEN_PIPE
     except TerminatedError:
         print("automaton: terminated", file=sys.stderr)
@@ -103,6 +104,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         return FAILED
     except Exception as error:
         _show_traceback(debug)
+        if isinstance(error, OSError) and error.errno in FULL:
+            _give_up_output()
+            reason = os.strerror(error.errno).lower()
+            print(f"automaton: standard output cannot be written: {reason}", file=sys.stderr)
+            return BAD_INPUT
         if getattr(sys.stdout, "closed", False):
             print("automaton: a strategy or plug-in has closed standard output", file=sys.stderr)
             return BAD_INPUT
@@ -111,6 +117,16 @@ def main(argv: Sequence[str] | None = None) -> int:
         return FAILED
     finally:
         sys.stdout, sys.stderr = before
+
+
+def _nowhere() -> TextIO:
+    """A stream for a process that was started without standard output, or without errors."""
+    return open(os.devnull, "w", encoding="utf-8")
+
+
+def _give_up_output() -> None:
+    """What Python still holds back of standard output goes nowhere."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _show_traceback(debug: bool) -> None:

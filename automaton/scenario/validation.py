@@ -144,8 +144,10 @@ def shown(value: Any) -> str:
     if isinstance(value, dict):
         return "a mapping"
     text = repr(value)
-    if isinstance(value, list) and len(text) > 40:
-        return f"a list of {len(value)}"
+    if isinstance(value, list):
+        if len(text) > 40:
+            return f"a list of {len(value)}"
+        text = f"[{', '.join('null' if one is None else shown(one) for one in value)}]"
     return text if len(text) <= 60 else text[:57] + "..."
 
 

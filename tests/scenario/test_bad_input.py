@@ -55,6 +55,7 @@ CHANGES = [  # what is typed instead of what, line, words of the answer
     ("fleet:", "flet:", 3, ["unknown key 'flet'", "did you mean 'fleet'?"]),
     ("robots: 2", "robots: five", 3, ["fleet.robots must be a whole number", "found 'five'"]),
     ("robots: 2", "robots: 0", 3, ["from 1 to", "found 0"]),
+    ("robots: 2", "robots: [true, null]", 3, ["found [true, null]"]),
     ("robots: 2", "robots: 2.5", 3, ["whole number", "found 2.5"]),
     ("robots: 2", "robots: 1:30", 3, ["1:30", "plain decimal"]),
     ("robots: 2", "robots: 010", 3, ["010", "plain decimal"]),

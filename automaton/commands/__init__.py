@@ -61,7 +61,7 @@ COMMANDS = {  # name: (module with add_arguments(parser) and run(args) -> int, w
 }
 
 LONGEST_ERROR = 300  # characters of an internal error; compilers write pages
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EIO)  # errors of writing to a standard stream
+UNWRITABLE = (errno.ENOSPC, errno.EDQUOT, errno.EIO)  # errors of writing to a standard stream
 DONE, FAILED, BAD_INPUT, INTERRUPTED, BROKEN_PIPE, TERMINATED = 0, 1, 2, 130, 141, 143
 
 
@@ -104,7 +104,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return FAILED
     except Exception as error:
         _show_traceback(debug)
-        if isinstance(error, OSError) and error.errno in FULL:
+        if isinstance(error, OSError) and error.errno in UNWRITABLE:
             _give_up_output()
             reason = os.strerror(error.errno).lower()
             print(f"automaton: standard output cannot be written: {reason}", file=sys.stderr)

@@ -22,7 +22,7 @@ SCENARIO_FILE: Final = "scenario.yaml"
 WORKBOOK: Final = "tables.xlsx"
 CSV, PARQUET, XLSX = "csv", "parquet", "xlsx"
 FORMATS: Final = (CSV, PARQUET, XLSX)
-FORMULA: Final = r"^([=+\-@\t\r])"  # how texts begin that spreadsheets take for formulas
+FORMULA_SIGN: Final = r"^([=+\-@\t\r])"  # how texts begin that spreadsheets take for formulas
 HINT: Final = "; events=True and states=PERIOD observe a run"
 
 
@@ -168,7 +168,7 @@ def without_formulas(table: pa.Table) -> pa.Table:
             continue
         if is_coded or pa.types.is_string(field.type):
             texts = table.column(index).cast(pa.string())
-            harmless = pyarrow.compute.replace_substring_regex(texts, FORMULA, r"'\1")
+            harmless = pyarrow.compute.replace_substring_regex(texts, FORMULA_SIGN, r"'\1")
             table = table.set_column(index, field.name, harmless)
     return table
 

@@ -134,7 +134,8 @@ def test_a_robot_that_cannot_pay_a_move_in_a_lift_is_out_of_energy(
     """A move in the lift takes 20 ticks and 40 % of the battery; the robot stands at its mouth."""
     lift = {"lifts": [{"shaft": [[1, 0], [2, 0]], "travel_time": 20}]}
     battery = {"drain": {"move": 2.0}, "charge_rate": 1.0, "initial_charge": charge}
-    content = head(lift, (1, 0), battery=battery)
+    content = head(lift, (0, 0), battery=battery)
+    content["robots"]["cell"] = content["robots"]["cell"] + 1  # no scenario begins there
     report = played(content, {}, changes=[(1, CHANGE_STATUS, 0, STATUS_DEPLETED)])
     assert rules(report) == expected
 

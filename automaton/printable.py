@@ -6,11 +6,15 @@ are shown as `\\u001b`, which is right in JSON, too. Names are cut, and a senten
 
 from __future__ import annotations
 
+import os
 import re
-from typing import Any, Final, NoReturn
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, Final, NoReturn, TextIO
 
 LONGEST_NAME: Final = 100  # characters
 LONGEST_SENTENCE: Final = 2000
+FORMULA_SIGNS: Final = ("=", "+", "-", "@", "\t", "\r")  # what begins so, spreadsheets compute
 
 # C0, DEL and C1, what else ends a line, and what turns the direction of writing.
 _OBEYED: Final = "\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069"
@@ -74,17 +78,44 @@ _SHOWN: Final = {
 }
 
 
-class PrintedText:
-    """A standard stream to which whatever is printed goes through here."""
+class OutputError(Exception):
+    """Standard output cannot be written: a disk is full."""
 
-    def __init__(self, stream: Any) -> None:
-        self.stream = stream
+
+class PrintedText:
+    """A standard stream to which whatever is printed goes through here; None: it goes nowhere."""
+
+    def __init__(self, stream: Any, is_output: bool = True) -> None:
+        self.stream = _nowhere() if stream is None else stream
+        self.is_output = is_output
 
     def write(self, text: str) -> int:
-        """Write text, with control characters shown; colours only to a terminal."""
+        """Write text, with control characters shown; colours only to a terminal. Raises OutputError."""
         shown = for_terminal(text) if self.stream.isatty() else escaped(text)
-        self.stream.write(shown)
+        with self._writable():
+            self.stream.write(shown)
         return len(text)
+
+    def flush(self) -> None:
+        """Write what is held back. Raises OutputError."""
+        with self._writable():
+            self.stream.flush()
+
+    @contextmanager
+    def _writable(self) -> Iterator[None]:
+        try:
+            yield
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            self.give_up()
+            if self.is_output:
+                reason = (error.strerror or str(error)).lower()
+                raise OutputError(f"standard output cannot be written: {reason}") from None
+
+    def give_up(self) -> None:
+        """What Python still holds back goes nowhere."""
+        os.dup2(os.open(os.devnull, os.O_WRONLY), self.stream.fileno())
 
     def close(self) -> NoReturn:
         """Refused: a plug-in that closes it takes it away from everybody."""
@@ -92,3 +123,7 @@ class PrintedText:
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.stream, name)
+
+
+def _nowhere() -> TextIO:
+    return open(os.devnull, "w", encoding="utf-8")

@@ -107,10 +107,11 @@ class FleetOnFloor:
         if self.start == "parking-bays":
             homes = self.floor_plan.bays[:, 1].astype(np.int64)
             return [homes[numbers] for numbers in self.first_open(homes)]
-        cells = np.flatnonzero(self.floor_plan.drivable)
         if self.start == "racks":
             cells = np.unique(rack_stands(self.floor_plan)).astype(np.int64)
-        cells = cells_to_start(self.scenario, self.floor_plan, cells)
+        else:
+            cells = np.flatnonzero(self.floor_plan.drivable)
+            cells = cells_to_start(self.scenario, self.floor_plan, cells)
         return [cells[~closed[cells]] for closed in self.closed]
 
     def first_open(self, cells: npt.NDArray[Any]) -> list[npt.NDArray[np.intp]]:

@@ -10,12 +10,13 @@ import numpy as np
 from automaton.build.capabilities import FleetOnFloor, Start
 from automaton.build.gate_feasibility import (
     check_gates,
-    check_homes_in_lifts,
+    check_homes,
     check_starts_at_gates,
 )
 from automaton.build.pod_feasibility import check_pod_ways, check_pods
 from automaton.build.rail_feasibility import check_rails
 from automaton.build.task_lists import MAX_ORDERS, order_count
+from automaton.engine.gates import GATE_BLOCK, GATE_LIFT
 from automaton.engine.state import NIL
 from automaton.errors import InputError, alternatives, nearest
 from automaton.floor.cells import (
@@ -197,9 +198,12 @@ def check_starts(document: Document, fleet: FleetOnFloor) -> None:
     try:
         if isinstance(start, tuple):
             check_starts_at_gates(fleet.scenario, floor_plan, list(start))
-        if start != "random":
+        if start == "racks":  # in front of one, there may be any number of robots
+            stands = rack_stands(floor_plan).tolist()
+            check_homes(fleet.scenario, floor_plan, stands, GATE_LIFT, GATE_BLOCK)
+        elif start != "random":
             homes = np.concatenate(fleet.starts).tolist()
-            check_homes_in_lifts(fleet.scenario, floor_plan, homes)
+            check_homes(fleet.scenario, floor_plan, homes, GATE_LIFT)
     except InputError as error:
         raise document.error(START, error.message) from None
     if not isinstance(start, tuple):

@@ -107,15 +107,15 @@ def cells_to_start(scenario: Scenario, floor_plan: FloorPlan, cells: Cells) -> C
     return cells[is_open]
 
 
-def check_homes_in_lifts(scenario: Scenario, floor_plan: FloorPlan, homes: Iterable[int]) -> None:
-    """No robot begins or parks in the shaft of a lift. Raises InputError."""
+def check_homes(
+    scenario: Scenario, floor_plan: FloorPlan, homes: Iterable[int], *barred: int
+) -> None:
+    """No robot begins or parks in a gate of a kind that is barred. Raises InputError."""
     for gate in gates_of(scenario.floor):
-        if gate.kind == GATE_LIFT:
+        if gate.kind in barred:
             for cell in sorted({*homes} & {*cells_of(gate, floor_plan)}):
                 x, y = floor_plan.xy(cell)
-                raise InputError(
-                    f"a robot would begin or park at [{x}, {y}], in the shaft of {gate.name}"
-                )
+                raise InputError(f"a robot would begin or park at [{x}, {y}], in {gate.name}")
 
 
 def check_starts_at_gates(scenario: Scenario, floor_plan: FloorPlan, starts: list[int]) -> None:

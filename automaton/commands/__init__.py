@@ -6,19 +6,18 @@ Commands are imported when they are asked for, so that `automaton --help` answer
 from __future__ import annotations
 
 import argparse
-import errno
 import importlib
 import io
 import os
 import re
 import sys
 from collections.abc import Sequence
-from typing import NoReturn, TextIO
+from typing import NoReturn
 
 from automaton.engine.jit.compile_progress import COMPILING
 from automaton.engine.jit.unfit_numba import UnfitNumbaError
 from automaton.errors import InputError, WorkerDiedError, nearest
-from automaton.printable import PrintedText, one_line
+from automaton.printable import OutputError, PrintedText, one_line
 from automaton.runs.interruption import TerminatedError, signals_raise
 
 COMMANDS = {  # name: (module with add_arguments(parser) and run(args) -> int, what it does)
@@ -61,7 +60,6 @@ COMMANDS = {  # name: (module with add_arguments(parser) and run(args) -> int, w
 }
 
 LONGEST_ERROR = 300  # characters of an internal error; compilers write pages
-UNWRITABLE = (errno.ENOSPC, errno.EDQUOT, errno.EIO)  # errors of writing to a standard stream
 DONE, FAILED, BAD_INPUT, INTERRUPTED, BROKEN_PIPE, TERMINATED = 0, 1, 2, 130, 141, 143
 
 
@@ -80,14 +78,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal without "ń" shows "?"
     before = sys.stdout, sys.stderr
-    sys.stdout, sys.stderr = (PrintedText(stream or _nowhere()) for stream in before)
+    output = PrintedText(sys.stdout, is_output=True)
+    sys.stdout, sys.stderr = output, PrintedText(sys.stderr, is_output=False)
     try:
         with signals_raise():
             code = _dispatch([argument for argument in arguments if argument != "--debug"], debug)
         sys.stdout.flush()
         return code
     except BrokenPipeError:
-        _give_up_output()  # the reader of a pipe went away
+        output.give_up()  # the reader of a pipe went away
         return BROKEN_PIPE
     except TerminatedError:
         print("automaton: terminated", file=sys.stderr)
@@ -95,7 +94,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("automaton: interrupted", file=sys.stderr)
         return INTERRUPTED
-    except (InputError, UnfitNumbaError) as error:
+    except (InputError, OutputError, UnfitNumbaError) as error:
         _show_traceback(debug)
         print(f"automaton: {error}", file=sys.stderr)
         return BAD_INPUT
@@ -104,11 +103,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         return FAILED
     except Exception as error:
         _show_traceback(debug)
-        if isinstance(error, OSError) and error.errno in UNWRITABLE:
-            _give_up_output()
-            reason = os.strerror(error.errno).lower()
-            print(f"automaton: standard output cannot be written: {reason}", file=sys.stderr)
-            return BAD_INPUT
         if getattr(sys.stdout, "closed", False):
             print("automaton: a strategy or plug-in has closed standard output", file=sys.stderr)
             return BAD_INPUT
@@ -117,16 +111,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         return FAILED
     finally:
         sys.stdout, sys.stderr = before
-
-
-def _nowhere() -> TextIO:
-    """A stream for a process that was started without standard output, or without errors."""
-    return open(os.devnull, "w", encoding="utf-8")
-
-
-def _give_up_output() -> None:
-    """What Python still holds back of standard output goes nowhere."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _show_traceback(debug: bool) -> None:

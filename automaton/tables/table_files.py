@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Final, Protocol
 
 from automaton.errors import InputError, alternatives
+from automaton.printable import FORMULA_SIGNS
 from automaton.tables.arrow_groups import arrow
 from automaton.tables.columns import TABLES, Form
 from automaton.units import count
@@ -22,7 +24,7 @@ SCENARIO_FILE: Final = "scenario.yaml"
 WORKBOOK: Final = "tables.xlsx"
 CSV, PARQUET, XLSX = "csv", "parquet", "xlsx"
 FORMATS: Final = (CSV, PARQUET, XLSX)
-FORMULA_SIGN: Final = r"^([=+\-@\t\r])"  # how texts begin that spreadsheets take for formulas
+FORMULA: Final = f"^([{re.escape(''.join(FORMULA_SIGNS))}])"
 HINT: Final = "; events=True and states=PERIOD observe a run"
 
 
@@ -168,7 +170,7 @@ def without_formulas(table: pa.Table) -> pa.Table:
             continue
         if is_coded or pa.types.is_string(field.type):
             texts = table.column(index).cast(pa.string())
-            harmless = pyarrow.compute.replace_substring_regex(texts, FORMULA_SIGN, r"'\1")
+            harmless = pyarrow.compute.replace_substring_regex(texts, FORMULA, r"'\1")
             table = table.set_column(index, field.name, harmless)
     return table
 

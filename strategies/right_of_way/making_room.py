@@ -124,9 +124,8 @@ def call_at_full_gate(view, areas, i):
     """
     robots, cell = view.robots, np.int64(view.robots.cell[i])
     for direction in range(4):
-        if (np.int64(view.grid.cell_flags[cell]) >> direction) & 1 == 0 or not is_facing(
-            view, i, direction
-        ):
+        leads = (np.int64(view.grid.cell_flags[cell]) >> direction) & 1
+        if leads == 0 or not is_facing(view, i, direction):
             continue
         area = np.int64(areas.area[cell + view.grid.offset[direction]])
         if area == NIL or area == areas.area[cell] or areas.gate[area] == NIL:

@@ -100,7 +100,7 @@ def test_the_mouths_of_a_lift_are_looked_for_once(monkeypatch: pytest.MonkeyPatc
 
 def test_no_robot_begins_or_parks_in_a_lift() -> None:
     floor = {"lifts": [{"shaft": [[1, 0], [4, 0]], "travel_time": 9}]}
-    with pytest.raises(InputError, match=r"begin or park at \[1, 0\], in the shaft of lift 1"):
+    with pytest.raises(InputError, match=r"begin or park at \[1, 0\], in lift 1"):
         gate_scene(floor, (5, 0), start=[[1, 0], [0, 0]])
 
 

@@ -27,11 +27,19 @@ def test_a_command_needs_no_standard_streams(command: str) -> None:
 @pytest.mark.parametrize("command", COMMANDS)
 def test_a_full_disk_is_said_in_a_sentence(command: str) -> None:
     said = "automaton: standard output cannot be written: no space left on device\n"
-    assert ended(command, ">/dev/full") == (2, said)
+    code, errors = ended(command, ">/dev/full")
+    assert code == 2
+    assert errors.endswith(said)  # what is compiled for the first time is said before it
 
 
 def test_a_reader_that_goes_away_ends_a_command() -> None:
-    assert ended("schema", "| true; exit ${PIPESTATUS[0]}") in ((141, ""), (0, ""))
+    """The schema is longer than what a pipe holds."""
+    assert ended("schema", "| true; exit ${PIPESTATUS[0]}") == (141, "")
+
+
+def test_a_full_disk_for_errors_stops_nothing() -> None:
+    assert ended("run goods-mini --until 20 --record", "2>/dev/full")[0] == 2  # no file is named
+    assert ended("run goods-mini --until 20", "2>/dev/full")[0] == 0
 
 
 def test_bad_input_has_its_exit_code_without_a_place_for_the_sentence() -> None:

@@ -163,7 +163,7 @@ def test_without_openpyxl_the_extra_is_named(shift: Path, monkeypatch: pytest.Mo
 
 
 def test_a_workbook_whose_stream_is_damaged_is_none(tmp_path: Path) -> None:
-    """A byte in the middle of the compressed sheet is another one."""
+    """The first half of what is compressed of the sheet has other bytes."""
     path = tmp_path / "orders.xlsx"
     read(path, [HEAD, *[[f"O{n}", at(8), at(9), "x" * n] for n in range(60)]])
     with zipfile.ZipFile(path) as archive:

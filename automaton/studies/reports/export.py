@@ -14,6 +14,7 @@ from typing import Any, Final
 
 from automaton.atomic_write import atomic_writer
 from automaton.errors import InputError
+from automaton.printable import FORMULA_SIGNS
 from automaton.studies.reports.records import column_names
 from automaton.studies.sweeps.result_columns import SUMS_COLUMN
 
@@ -21,7 +22,6 @@ ROWS_BEGIN: Final = b"key,"  # the first column
 SUMMARY_BEGINS: Final = b"point,"
 COMPARISONS_BEGIN: Final = b"metric,"
 PARQUET_BEGINS: Final = b"PAR1"
-FORMULA_SIGNS: Final = ("=", "+", "-", "@", "\t", "\r")
 SEED: Final = "seed"  # a number of 63 bits
 
 

@@ -169,9 +169,10 @@ def update_queue(view, state):
     that goes into a block and fills it would give way to those inside, and push them back from outside.
     """
     robots, queue = view.robots, state.queue
-    remaining, moved = 0, 0
+    remaining, moved, stall = 0, 0, np.int64(0)
     if may_stall(view, state):
         note_progress(view, state.deadlocks)
+        stall = round_of_stall(view, state.deadlocks)
     for place in range(queue.shape[0]):
         identity = queue[place]
         i = np.int64(robots.at_index[identity])
@@ -183,7 +184,6 @@ def update_queue(view, state):
             remaining += 1
     for place in range(moved):
         queue[remaining + place] = state.finished[place]
-    stall = round_of_stall(view, state.deadlocks) if may_stall(view, state) else np.int64(0)
     if stall > max(state.stall[0], 1):
         first = queue[0]
         for place in range(queue.shape[0] - 1):

@@ -156,6 +156,16 @@ def test_it_is_kept_until_that_robot_leaves() -> None:
     assert broken(floor(), [OFFERED], [0, S]) == ["order"]
 
 
+def test_it_is_kept_until_that_robot_has_another_if_only_for_a_moment() -> None:
+    """It is sent to a charger in the tick in which it takes the other trip, and has to turn first."""
+    head = floor(LINE, {"pod": 2, "station": 1})
+    moment = [reserved(2, 1, 0), reserved(2, 1, -1)]
+    assert broken(head, [OFFERED, reserved(2, 0, -1), *moment], [0, 0]) == []
+    assert broken(head, [OFFERED, reserved(2, 0, -1)], [0, 0]) == ["order"]
+    later = [reserved(3, 1, 0), reserved(3, 1, -1)]
+    assert broken(head, [OFFERED, reserved(2, 0, -1), *later], [0, 0, 0]) == ["order"]
+
+
 def test_trips_are_numbered_as_their_lines_become_known() -> None:
     lines = {"pod": 2, "station": 1}, LINE
     rows = [reserved(1, 0, 0), reserved(1, 0, 0), PICKED]

@@ -88,8 +88,8 @@ class CountedTrips:
         self._end, self._end_early = trips.end, trips._end_early
         trips.end, trips._end_early = self.end, self.end_early  # type: ignore[method-assign]
 
-    def end(self, tick: int, load: Sequence[int], order: Sequence[int]) -> None:
-        self._end(tick, load, order)
+    def end(self, load: Sequence[int]) -> None:
+        self._end(load)
         self.open_ticks += sum(self.trips.open)
 
     def end_early(self, trip: int) -> None:

@@ -86,7 +86,7 @@ class Trips:
         robots = len(motion.home)
         self.place, self.leaving, self.offered = [NIL] * robots, [NIL] * robots, [NIL] * robots
         self.offers: dict[int, int] = {}  # trips of this tick -> who stands beneath its pod
-        self._withdrawn: list[tuple[int, int]] = []  # (robot, trip) of this tick
+        self._withdrawn: dict[int, int] = {}  # robot -> trip, of this tick, without a reason yet
         # A robot that is about to fail gets no offer, which actions do not show.
         faults = scenario["faults"]
         self._may_fail = bool(faults.get("listed") or faults.get("failure_probability"))
@@ -233,6 +233,8 @@ class Trips:
             text = f"gets trip {trip}, and that of the pod above it stays reserved for it"
             self.report_violation("order", [r], self.motion.cell[r], text)
         self.offered[r] = NIL
+        if self._withdrawn.get(r, trip) != trip:
+            del self._withdrawn[r]  # it has another trip, if only for a moment
         self._take_place(r, self.next_station(trip))
 
     def _take_place(self, r: int, station: int) -> None:
@@ -255,7 +257,7 @@ class Trips:
 
     def withdraw(self, r: int) -> None:
         """The trip of the pod above a robot is not kept for it any more."""
-        self._withdrawn.append((r, self.offered[r]))
+        self._withdrawn[r] = self.offered[r]
         self.offered[r] = NIL
 
     def lift(self, r: int, trip: int) -> None:
@@ -369,7 +371,7 @@ class Trips:
             elif pod != NIL and (order[r] == NIL or self.pod_of[order[r]] != pod):
                 self.report_violation("pod", [r], to, "drives under a pod that it does not lift")
 
-    def end(self, tick: int, load: Sequence[int], order: Sequence[int]) -> None:
+    def end(self, load: Sequence[int]) -> None:
         """After motion: places at stations that robots left are free, and so are pods they left."""
         for trip, r in self.offers.items():
             if not self._may_fail:
@@ -384,8 +386,8 @@ class Trips:
             if trip != NIL and not self._stands_beneath(r, trip):
                 text = f"has left the pod of trip {trip}, which stays reserved for it"
                 self.report_violation("order", [r], cell, text)
-        for r, trip in self._withdrawn:
-            if order[r] in (NIL, trip) and self._stands_beneath(r, trip):
+        for r, trip in self._withdrawn.items():
+            if self._stands_beneath(r, trip):
                 text = f"stands under the pod of trip {trip}, which is kept for it no longer"
                 self.report_violation("order", [r], self.motion.cell[r], text)
         self._withdrawn.clear()

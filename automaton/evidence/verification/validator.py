@@ -230,7 +230,7 @@ class Validator:
         if stops or self.ticks_of.ends(tick):
             self.loads.visits.visit(tick, stops)
         if trips.there:
-            trips.end(tick, self.loads.load, self.loads.order)
+            trips.end(self.loads.load)
         self.report.ticks = tick
 
     def _change_status(self, tick: int, rows: list[list[int]]) -> None:

@@ -26,9 +26,10 @@ from typing import Final, Literal, NamedTuple
 
 import numpy as np
 
+from automaton.build.charger_places import places_of_chargers
 from automaton.build.resolve import Resolved
 from automaton.engine.state import NIL, Array
-from automaton.floor.cells import CHARGER, STATION
+from automaton.floor.cells import STATION
 from automaton.floor.floor_plan import may_turn
 from automaton.floor.reachability import backward_exits, slot_access
 from automaton.scenario.carried_pods import transports_of
@@ -260,7 +261,7 @@ def _given(resolved: Resolved) -> float:
         max(step[1] for step in charge) if isinstance(charge, tuple) else charge
         for charge in charges
     )
-    return float(rate * np.count_nonzero(resolved.floor_plan.kind == CHARGER))
+    return float(rate * sum(places_of_chargers(resolved.scenario, resolved.floor_plan)))
 
 
 def _mended(resolved: Resolved) -> float:

@@ -71,7 +71,7 @@ class Rounding(NamedTuple):
 def roundings(resolved: Resolved) -> list[Rounding]:
     """All texts of a scenario that became whole numbers of its world."""
     conversions = list(resolved.conversions)
-    for choice in resolved.strategies.values():
+    for _, choice in resolved.choices:
         conversions += choice.conversions
     return [one for one in map(_rounding, conversions) if one is not None]
 

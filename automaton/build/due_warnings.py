@@ -39,8 +39,8 @@ def due_too_early(resolved: Resolved) -> str:
 
 def nothing_due(resolved: Resolved) -> str:
     """Warn about an allocation that goes by due times where no order has one."""
-    by = getattr(resolved.strategies["allocation"].parameters, "by", None)
-    if by != "due" or has_due_times(resolved.scenario.orders):
+    ways = {getattr(choice.parameters, "by", None) for choice in resolved.allocations}
+    if "due" not in ways or has_due_times(resolved.scenario.orders):
         return ""
     return (
         "strategy.allocation goes by due times (by: due), and no order has one, so the order that was "

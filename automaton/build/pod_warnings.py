@@ -92,7 +92,7 @@ def robots_that_wait(resolved: Resolved) -> Iterator[str]:
             f"{count(robots, 'robot')}, but stations let {count(sum(places), 'trip')} come at a time: "
             "the others have nothing to do"
         )
-    stays = getattr(resolved.strategies["allocation"].parameters, "idle", "park") == "stay"
+    stays = resolved.may_stay
     if stays and scenario.pods.under == "none" and robots > 1:
         yield (
             "robots without a trip stay under the pods that they have stored (idle: stay), where no "

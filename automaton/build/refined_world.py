@@ -60,7 +60,10 @@ def _rules(coarse: Rules, resolved: Resolved) -> Rules:
     factor = resolved.scenario.refine
     fine = rules_for(resolved.scenario, int(coarse.seed), coarse.loaded_types > 0)
     return fine.replaced(
-        breakdown=coarse.breakdown, repair_in_place=_times(coarse.repair_in_place, factor)
+        breakdown=coarse.breakdown,
+        repair_in_place=_times(coarse.repair_in_place, factor),
+        allocations=coarse.allocations,
+        allocation=coarse.allocation,
     )
 
 

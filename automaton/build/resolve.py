@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from automaton.build.capabilities import FleetOnFloor, Start
+from automaton.build.charger_places import with_charger_blocks, with_shared_chargers
 from automaton.build.default_right_of_way import with_right_of_way
 from automaton.build.feasibility import check_energy, check_feasible
 from automaton.build.speed_limits import check_speed_limits, with_speed_limits
@@ -33,10 +34,11 @@ from automaton.scenario.refinement import refined, refined_value, too_long
 from automaton.scenario.schema import LAYER_NAMES, Scenario, Units
 from automaton.scenario.start_file import with_starts_of_file
 from automaton.scenario.task_file import with_tasks_of_file
-from automaton.scenario.validation import validated
+from automaton.scenario.validation import dotted, validated
 from automaton.strategy.entry import NoParameters, files_of, resolve_paths
 from automaton.strategy.zone_parameters import ZoningParameters, zoning_parameters_of
 
+MAX_ALLOCATIONS = 4  # strategies that a run asks for allocations
 CHANGEABLE = ("strategy", "durations", "information", "world", "stop")  # while a run goes on
 
 
@@ -63,6 +65,8 @@ class Resolved:
     file_notes: tuple[str, ...] = ()  # what was read of a file of orders, for `check`
     file_warnings: tuple[str, ...] = ()  # and what is odd in it
     coarse: Resolved | None = None  # as it was read, where this is in finer ticks
+    # Of each type of robots the allocation that it has to itself; None: that of `strategies`.
+    own_allocations: tuple[StrategyChoice | None, ...] = ()
     orders_of_file: bool = False  # whether its orders, or their lines, come from a file
 
     @cached_property
@@ -91,6 +95,33 @@ class Resolved:
     def unrefined(self) -> Resolved:
         """The scenario in the ticks in which it was read."""
         return self if self.coarse is None else self.coarse
+
+    @property
+    def allocations(self) -> tuple[StrategyChoice, ...]:
+        """The strategies that allocate orders, each once: that of `strategies`, then types' own."""
+        found = [self.strategies["allocation"]] if self.strategies else []
+        for own in self.own_allocations:
+            if own is not None and all(own[:2] != other[:2] for other in found):
+                found.append(own)
+        return tuple(found)
+
+    @property
+    def allocation_of_types(self) -> list[int]:
+        """Of each type of robots, which of `allocations` is its own; empty where no type has one."""
+        known = [choice[:2] for choice in self.allocations]
+        return [0 if own is None else known.index(own[:2]) for own in self.own_allocations]
+
+    @property
+    def may_stay(self) -> bool:
+        """Whether robots without an order stay where they are."""
+        given = (getattr(choice.parameters, "idle", "park") for choice in self.allocations)
+        return "stay" in given
+
+    @property
+    def choices(self) -> tuple[tuple[str, StrategyChoice], ...]:
+        """The layer and the choice of all strategies: those of the layers, then types' own."""
+        further = (("allocation", choice) for choice in self.allocations[1:])
+        return (*self.strategies.items(), *further)
 
     @property
     def zoning(self) -> ZoningParameters:
@@ -122,6 +153,8 @@ def resolve(
     document, checked, start_file = with_starts_of_file(document, checked)
     checked, handling_files = with_durations_of_files(document, checked)
     floor = floor_of(document, checked.layout)
+    checked = with_charger_blocks(checked, floor.floor_plan)
+    floor = floor._replace(floor_plan=with_shared_chargers(floor.floor_plan))
     check_speed_limits(document, checked, floor.floor_plan)
     limits = checked.floor.speed_limits
     floor = floor._replace(floor_plan=with_speed_limits(floor.floor_plan, limits))
@@ -132,8 +165,9 @@ def resolve(
     check_table_memory(document, checked, floor.floor_plan)
     checked = with_right_of_way(checked, fleet)
     strategies = choose_strategies(document, checked, floor.floor_plan)
+    own_allocations = choose_own_allocations(document, checked, floor.floor_plan)
     resolved = Resolved(
-        scenario=naming_files(checked, strategies),
+        scenario=naming_files(checked, strategies, own_allocations),
         floor_plan=floor.floor_plan,
         strategies=strategies,
         start=fleet.start,
@@ -158,9 +192,11 @@ def resolve(
             note for file in (pod_file, order_file) if file is not None for note in file.notes
         ),
         orders_of_file=order_file is not None,
+        own_allocations=own_allocations,
         file_warnings=() if order_file is None else order_file.warnings,
     )
     vars(resolved)["fleet"] = fleet  # with the facts that the checks have found
+    check_allocations(document, resolved)
     return in_fine_ticks(resolved, document)
 
 
@@ -175,18 +211,26 @@ def in_fine_ticks(resolved: Resolved, document: Document | None = None) -> Resol
         raise document.error(("refine",), wrong)
     fine = refined(scenario)
     floor_plan = with_speed_limits(resolved.floor_plan, fine.floor.speed_limits)
-    strategies = {
-        layer: choice._replace(parameters=refined_value(choice.parameters, scenario.refine))
-        for layer, choice in resolved.strategies.items()
-    }
-    for layer, choice in strategies.items():
+
+    def in_fine(choice: StrategyChoice) -> StrategyChoice:
+        return choice._replace(parameters=refined_value(choice.parameters, scenario.refine))
+
+    strategies = {layer: in_fine(choice) for layer, choice in resolved.strategies.items()}
+    own_allocations = tuple(own and in_fine(own) for own in resolved.own_allocations)
+    further = (("allocation", own) for own in own_allocations if own is not None)
+    for layer, choice in (*strategies.items(), *further):
         objection = getattr(choice.parameters, "check_scenario", None)
         sentence = objection(fine, floor_plan) if objection else None
         if sentence:
-            text = f"with refine {scenario.refine} strategy.{layer} is {choice.name}: {sentence}"
+            text = f"with refine {scenario.refine} {layer} is {choice.name}: {sentence}"
             raise document.error(("refine",), text)
     return replace(
-        resolved, scenario=fine, floor_plan=floor_plan, strategies=strategies, coarse=resolved
+        resolved,
+        scenario=fine,
+        floor_plan=floor_plan,
+        strategies=strategies,
+        own_allocations=own_allocations,
+        coarse=resolved,
     )
 
 
@@ -210,33 +254,94 @@ def choose_strategies(
     Parameters may have a method `check_scenario(scenario, floor_plan)`: one sentence on what they
     do not go with, or None.
     """
-    strategies = {layer: _choose_strategy(document, scenario, layer) for layer in layers}
+    strategies = {
+        layer: choose_strategy(
+            document, scenario, layer, getattr(scenario.strategy, layer), ("strategy", layer)
+        )
+        for layer in layers
+    }
     if "zoning" in strategies:
         try:
             zoning_parameters_of(strategies["zoning"].parameters)
         except InputError as error:
             raise document.error(("strategy", "zoning"), error.message) from None
     for layer, choice in strategies.items():
-        objection = getattr(choice.parameters, "check_scenario", None)
-        sentence = objection(scenario, floor_plan) if objection else None
-        if sentence:
-            raise document.error(
-                ("strategy", layer), f"strategy.{layer} is {choice.name}: {sentence}"
-            )
+        _check_choice(document, scenario, floor_plan, ("strategy", layer), choice)
     return strategies
 
 
-def naming_files(scenario: Scenario, strategies: dict[str, StrategyChoice]) -> Scenario:
+def choose_own_allocations(
+    document: Document, scenario: Scenario, floor_plan: FloorPlan
+) -> tuple[StrategyChoice | None, ...]:
+    """Of each type of robots the allocation that it has to itself; () if none has. Raises InputError."""
+    specs = [kind.strategy.allocation for kind in scenario.fleet.types]
+    if all(spec is None for spec in specs):
+        return ()
+    found: list[StrategyChoice | None] = []
+    for number, spec in enumerate(specs):
+        keys: Keys = ("fleet", "types", number, "strategy", "allocation")
+        own = None
+        if spec is not None:
+            own = choose_strategy(document, scenario, "allocation", spec, keys)
+            _check_choice(document, scenario, floor_plan, keys, own)
+        found.append(own)
+    return tuple(found)
+
+
+def check_allocations(document: Document, resolved: Resolved) -> None:
+    """Raises InputError for more strategies of allocation than a run asks."""
+    found = len(resolved.allocations)
+    if found > MAX_ALLOCATIONS:
+        text = (
+            f"fleet.types and strategy.allocation name {found} different allocation strategies; "
+            f"at most {MAX_ALLOCATIONS} are allowed"
+        )
+        raise document.error(("fleet", "types"), text)
+
+
+def _check_choice(
+    document: Document,
+    scenario: Scenario,
+    floor_plan: FloorPlan,
+    keys: Keys,
+    choice: StrategyChoice,
+) -> None:
+    objection = getattr(choice.parameters, "check_scenario", None)
+    sentence = objection(scenario, floor_plan) if objection else None
+    if sentence:
+        raise document.error(keys, f"{dotted(keys)} is {choice.name}: {sentence}")
+
+
+def naming_files(
+    scenario: Scenario,
+    strategies: dict[str, StrategyChoice],
+    own_allocations: tuple[StrategyChoice | None, ...],
+) -> Scenario:
     """The scenario with the files of its strategies named as they are found from anywhere."""
-    choices: dict[str, Any] = {}
-    for layer, strategy in strategies.items():
-        choice: Any = getattr(scenario.strategy, layer)
-        if files_of(strategy.parameters) and isinstance(choice, dict):
-            found = msgspec.to_builtins(strategy.parameters)
-            choices[layer] = {key: found.get(key, choice[key]) for key in choice}
-    return msgspec.structs.replace(
-        scenario, strategy=msgspec.structs.replace(scenario.strategy, **choices)
+    change = msgspec.structs.replace
+    specs = {
+        layer: _naming_files(getattr(scenario.strategy, layer), choice)
+        for layer, choice in strategies.items()
+    }
+    types = tuple(
+        kind
+        if own is None
+        else change(
+            kind,
+            strategy=change(kind.strategy, allocation=_naming_files(kind.strategy.allocation, own)),
+        )
+        for kind, own in zip(scenario.fleet.types, own_allocations, strict=False)
     )
+    fleet = change(scenario.fleet, types=types) if types else scenario.fleet
+    return change(scenario, strategy=change(scenario.strategy, **specs), fleet=fleet)
+
+
+def _naming_files(spec: Any, choice: StrategyChoice) -> Any:
+    """What a scenario says of a strategy, with the files as they are found from anywhere."""
+    if not files_of(choice.parameters) or not isinstance(spec, dict):
+        return spec
+    found = msgspec.to_builtins(choice.parameters)
+    return {key: found.get(key, spec[key]) for key in spec}
 
 
 def branched(resolved: Resolved, settings: tuple[str, ...]) -> Resolved:
@@ -255,7 +360,9 @@ def branched(resolved: Resolved, settings: tuple[str, ...]) -> Resolved:
     check_energy(document, scenario, resolved.floor_plan)
     check_table_memory(document, scenario, resolved.floor_plan)
     strategies = choose_strategies(document, scenario, resolved.floor_plan)
-    changed = replace(resolved, scenario=naming_files(scenario, strategies), strategies=strategies)
+    named = naming_files(scenario, strategies, resolved.own_allocations)
+    changed = replace(resolved, scenario=named, strategies=strategies)
+    check_allocations(document, changed)
     return in_fine_ticks(changed, document)
 
 
@@ -271,23 +378,24 @@ def document_of(
     return override(Document(data=copy.deepcopy(plain_data(scenario))), settings)
 
 
-def _choose_strategy(document: Document, scenario: Scenario, layer: str) -> StrategyChoice:
+def choose_strategy(
+    document: Document, scenario: Scenario, layer: str, choice: Any, at: Keys
+) -> StrategyChoice:
+    """The strategy that stands at a place of a scenario: its name, or {name: NAME, ...parameters}."""
     from automaton.strategy import lookup
 
-    choice: Any = getattr(scenario.strategy, layer)
-    keys: Keys = ("strategy", layer)
+    keys = at
     parameters: dict[str, Any] = {}
     if isinstance(choice, dict):
         parameters = {key: value for key, value in choice.items() if key != "name"}
         choice = choice.get("name")
         if not isinstance(choice, str):
-            raise document.error(keys, f"the key 'name' is missing in strategy.{layer}")
+            raise document.error(keys, f"the key 'name' is missing in {dotted(at)}")
         keys = (*keys, "name")
     try:
         wanted = lookup.parameters_type(layer, choice)
     except InputError as error:
         raise document.error(keys, error.message) from None
-    at = ("strategy", layer)
     numbers, conversions = with_numbers(document, parameters, wanted, scenario.units.scale, at)
     given = validated(document, numbers, wanted, at)
     # Nobody keeps files beside the shipped scenarios.
@@ -296,4 +404,4 @@ def _choose_strategy(document: Document, scenario: Scenario, layer: str) -> Stra
         parameters_with_files = resolve_paths(given, document.folder if own else Path())
         return StrategyChoice(choice, parameters_with_files, conversions)
     except InputError as error:
-        raise document.error(("strategy", layer), error.message) from None
+        raise document.error(at, error.message) from None

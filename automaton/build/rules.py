@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -18,8 +19,11 @@ from automaton.engine.state import (
     ACTION_TURN,
     FOLLOWING_HANDOVER,
     FOLLOWING_NAMES,
+    LAYER_ALLOCATION,
+    LAYER_RIGHT_OF_WAY,
     NIL,
     ORDER_LIST,
+    STRATEGIES,
     Array,
     Rules,
 )
@@ -32,14 +36,21 @@ STOPS = {"parked": 0, "delivered": 1, "never": 2}
 
 
 def rules_for(
-    scenario: Scenario, seed: int, loaded_differ: bool = False, in_convoy: bool = False
+    scenario: Scenario,
+    seed: int,
+    loaded_differ: bool = False,
+    in_convoy: bool = False,
+    allocations: Sequence[int] = (),
 ) -> Rules:
     """The scenario's constants; what strategies ask for is entered when they are admitted.
 
     `loaded_differ`: robots with a load drive otherwise than without, as types of their own; `in_convoy`:
-    some may be in moves of several ticks.
+    some may be in moves of several ticks; `allocations`: of each type, which of several strategies
+    allocates orders to its robots, 0 that of all others.
     """
     rules, types = scenario.world, types_of(scenario)
+    numbers = [LAYER_RIGHT_OF_WAY + k if k else LAYER_ALLOCATION for k in allocations]
+    numbers = numbers or [LAYER_ALLOCATION] * len(types)
     rows = [(one, loaded) for loaded in (False, True)[: 1 + loaded_differ] for one in types]
     return Rules(
         seed=np.uint64(seed),
@@ -66,9 +77,12 @@ def rules_for(
         duration=np.stack([duration_table(one, loaded) for one, loaded in rows]),
         payload=np.array([one.payload for one, _ in rows], np.int32),
         wait=np.ones(5, np.int32),
-        period=np.zeros(5, np.int32),
-        holders=np.zeros(5, np.uint8),
+        period=np.zeros(STRATEGIES, np.int32),
+        holders=np.zeros(STRATEGIES, np.uint8),
+        allocations=1 + max(allocations, default=0),
+        allocation=np.array(numbers * (1 + loaded_differ), np.uint8),
         steered=np.zeros(1, np.uint8),
+        watches_chargers=np.zeros(1, np.uint8),
         table_bytes=bytes_of(rules.distance_tables),
         slowdown=int(rules.slowdown == "zones"),
         extra_tick=round(rules.extra_tick_probability * 2**32),

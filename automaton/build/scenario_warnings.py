@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from automaton.build.charger_places import places_of_chargers
 from automaton.build.conversion_table import coarse_conversions
 from automaton.build.due_warnings import due_warnings
 from automaton.build.fleet_warnings import fleet_warnings
@@ -93,17 +94,17 @@ def nothing_to_carry(resolved: Resolved) -> str:
 def parks_on_charger(resolved: Resolved) -> str:
     """Warn about robots that begin, and so park, on a charger that other robots need."""
     scenario, floor_plan, start = resolved.scenario, resolved.floor_plan, resolved.start
-    robots, chargers = scenario.fleet.robots, int(np.count_nonzero(floor_plan.kind == CHARGER))
+    robots, places = scenario.fleet.robots, sum(places_of_chargers(scenario, floor_plan))
     if resolved.strategies["charging"].name == NO_STRATEGY or not isinstance(start, tuple):
         return ""
-    if scenario.fleet.when_idle != "park" or chargers >= robots:
+    if scenario.fleet.when_idle != "park" or places >= robots:
         return ""
     for robot, cell in enumerate(start):
         if floor_plan.kind.flat[cell] == CHARGER:
             x, y = floor_plan.xy(cell)
             return (
                 f"robot {robot} begins at [{x}, {y}], and so parks there, on a charger that others "
-                f"need: {robots} robots share {chargers}; start it next to the charger"
+                f"need: {robots} robots share {places}; start it next to the charger"
             )
     return ""
 
@@ -171,7 +172,7 @@ def stays_on_station(resolved: Resolved) -> str:
     used = {cell for cell in served_stations(resolved) if floor_plan.capacity.flat[cell] == 1}
     if not settled or not used or scenario.fleet.robots < 2:
         return ""
-    if getattr(resolved.strategies["allocation"].parameters, "idle", "park") == "stay":
+    if resolved.may_stay:
         who = "robots without an order stay where they dropped the last one (idle: stay)"
     elif scenario.fleet.when_idle != "park" or start in ("parking-bays", "racks"):
         return ""

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from automaton.build.charger_places import places_of_chargers
 from automaton.build.demand import build_orders, build_stations
 from automaton.build.disturbances import build_delays
 from automaton.build.gates import build_gates
@@ -58,6 +59,8 @@ from automaton.engine.state import (
 from automaton.engine.visibility import hide_all
 from automaton.engine.zoning_decision_stream import max_zoning_words
 from automaton.floor.cells import CHARGER
+from automaton.floor.floor_plan import FloorPlan
+from automaton.scenario.schema import Scenario
 
 MAX_QUEUE_LENGTH = 64  # orders of a robot
 MAX_QUEUED_ORDERS = 4_000_000  # of all robots: bounds the memory of large fleets
@@ -137,7 +140,8 @@ def _build_coarse(
     clock[CLOCK_FRESH_ALLOCATION] = n
     clock[CLOCK_ALLOCATION_REVISION] = NIL
     clock[CLOCK_DIGEST_EVERY] = digest_interval(most)
-    rules = rules_for(scenario, seed, len(floor.move) > len(types), in_convoy)
+    loaded_differ = len(floor.move) > len(types)
+    rules = rules_for(scenario, seed, loaded_differ, in_convoy, resolved.allocation_of_types)
     on_floor = starts[0][starts[1] == NIL]
     gates = build_gates(resolved, on_floor, seed, int(rules.tick_us))
     traffic = build_traffic(n, occupancy, floor.grid.traffic_zone_count, rules.following)
@@ -154,7 +158,7 @@ def _build_coarse(
         trips=carried.trips,
         pod_stations=carried.stations,
         gates=gates,
-        chargers=build_chargers(floor.grid.kind),
+        chargers=build_chargers(scenario, resolved.floor_plan),
         service_zones=service_zones,
         traffic=traffic,
         tally=Tally.sized({"n": n}),
@@ -164,11 +168,12 @@ def _build_coarse(
     return world, floor
 
 
-def build_chargers(kind: Array) -> Chargers:
-    cells = np.flatnonzero(kind == CHARGER)
-    at = np.full(len(kind), NIL, np.int32)
+def build_chargers(scenario: Scenario, floor_plan: FloorPlan) -> Chargers:
+    cells = np.flatnonzero(floor_plan.kind == CHARGER)
+    at = np.full(floor_plan.kind.size, NIL, np.int32)
+    places = np.array(places_of_chargers(scenario, floor_plan), np.int32)
     at[cells] = np.arange(len(cells), dtype=np.int32)
-    return Chargers.sized(cell=cells.astype(np.int32), charger_at=at)
+    return Chargers.sized(cell=cells.astype(np.int32), charger_at=at, places=places)
 
 
 def build_traffic(robots: int, occupancy: Array, zones: int, following: int) -> Traffic:
@@ -261,7 +266,7 @@ def build_sight(world: World, floor: Floor) -> World:
         ),
         tally=world.tally.copied(),
         delays=world.delays.copied(),  # without who is delayed
-        chargers=build_chargers(world.grid.kind),  # without what the tick notes about robots
+        chargers=world.chargers.copied(),
         service_zones=service_zones.replaced(
             halt=service_zones.halt.copy(),
             wake=service_zones.wake.copy(),

@@ -185,7 +185,7 @@ def study_warnings(study: Study, scenarios: Sequence[Resolved]) -> list[str]:
 
 def check_files(resolved: Resolved, document: Document) -> None:
     """Raises InputError for a file of a strategy that is not there, or not what it must be."""
-    for layer, choice in resolved.strategies.items():
+    for layer, choice in resolved.choices:
         for file in files_of(choice.parameters):
             if not os.path.isfile(file):
                 said = f"strategy.{layer}: there is no file {file}"
@@ -231,8 +231,11 @@ def described(resolved: Resolved, names_right_of_way: bool = True) -> str:
     fleet = resolved.scenario.fleet
     robots = count(fleet.robots, "robot")
     if fleet.types:
-        pairs = zip(fleet.types, fleet.counts, strict=True)
-        robots += f" ({', '.join(f'{kind.name} {many}' for kind, many in pairs)})"
+        told = [
+            f"{kind.name} {many}" + (f" by {kind.own_allocation}" if kind.own_allocation else "")
+            for kind, many in zip(fleet.types, fleet.counts, strict=True)
+        ]
+        robots += f" ({', '.join(told)})"
     closed = [
         f"{area} closed to {' and '.join(given.closed_to)}"
         for area, given in resolved.scenario.areas.items()

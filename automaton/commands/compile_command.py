@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
     used = set()
     for resolved in first_of_each(scenarios_in(args.file or list(shipped()))):
         begin_run(resolved)
-        used |= {(layer, choice.name) for layer, choice in resolved.strategies.items()}
+        used |= {(layer, choice.name) for layer, choice in resolved.choices}
     if not args.file:
         used |= compile_others(used)
     strategies = count(
@@ -70,7 +70,7 @@ def first_of_each(scenarios: Iterator[Resolved]) -> Iterator[Resolved]:
     """Of the scenarios with the same strategies the first one."""
     known = set()
     for resolved in scenarios:
-        names = tuple(choice.name for choice in resolved.strategies.values())
+        names = tuple(choice.name for _, choice in resolved.choices)
         if names not in known:
             known.add(names)
             yield resolved

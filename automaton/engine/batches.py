@@ -106,6 +106,31 @@ def batch_charging(world, batch):
 
 
 @kernel
+def allocation_of(world, i):
+    """The strategy that allocates orders to robot i."""
+    return np.int64(world.rules.allocation[world.robots.type[i]])
+
+
+@kernel
+def is_allocation_due(world):
+    """Whether a strategy that allocates orders asked for this tick."""
+    due = is_due(world, LAYER_ALLOCATION)
+    for further in range(1, world.rules.allocations):
+        due = due or is_due(world, LAYER_RIGHT_OF_WAY + further)
+    return due
+
+
+@kernel
+def strategy_of_call(world, full_batch, layer, call):
+    """The strategy that call number `call` asks: that of the layer, or one of several allocations."""
+    if layer != LAYER_ALLOCATION or world.rules.allocations == 1:
+        return np.int64(layer)
+    if world.rules.radius != NIL:
+        return allocation_of(world, np.int64(full_batch.robot[call]))
+    return np.int64(LAYER_RIGHT_OF_WAY + call if call else LAYER_ALLOCATION)
+
+
+@kernel
 def batch_allocation(world, batch):
     """Robots that are free, have just picked, or gave their order back.
 
@@ -113,7 +138,7 @@ def batch_allocation(world, batch):
     """
     robots, clock = world.robots, world.clock
     batch.count[0] = 0
-    due = is_due(world, LAYER_ALLOCATION)
+    due = is_allocation_due(world)
     if (
         not due
         and clock[CLOCK_FRESH_ALLOCATION] == 0
@@ -129,7 +154,7 @@ def batch_allocation(world, batch):
         )
         if concerned and robots.seen_revision[i] != clock[CLOCK_REVISION]:
             append(batch, i, robots.reason[i])
-        elif due and robots.status[i] == STATUS_UP:
+        elif due and robots.status[i] == STATUS_UP and is_due(world, allocation_of(world, i)):
             append(batch, i, REASON_PERIODIC)
     if batch.count[0] == 0 and not due:
         return False

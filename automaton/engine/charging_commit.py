@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from automaton.engine.energy import end_charging
+from automaton.engine.energy import end_charging, offer_charger
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.operations import refuse
 from automaton.engine.requests import (
@@ -34,7 +34,7 @@ def commit_charging(world, record, batch, decisions):
         if goal_cell == KEEP:
             continue
         if goal_cell == NIL and robots.goal_type[i] == GOAL_CHARGE:
-            end_charging(robots, i)
+            end_charging(world, i)
             drop_route(robots, i)
             clear_route_request(world, i)
             request_allocation(world, i, REASON_IDLE)
@@ -73,5 +73,7 @@ def send_to_charger(world, record, i, goal_cell, charge_target, charging_interru
     else:
         clear_allocation_request(world, i)
     if robots.goal_type[i] != GOAL_CHARGE or robots.goal_cell[i] != goal_cell:
+        if robots.goal_type[i] == GOAL_CHARGE:
+            offer_charger(world, i)
         robots.ticket[i] = 0
         set_goal(world, i, GOAL_CHARGE, goal_cell)

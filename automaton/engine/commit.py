@@ -230,7 +230,7 @@ def take(world, record, i, order, goal_cell, out):
         begin_leg(world, i)
         reserve_order(world, record, order, np.int64(robots.identity[i]))
     if robots.goal_type[i] == GOAL_CHARGE:
-        end_charging(robots, i)
+        end_charging(world, i)
     set_goal(world, i, GOAL_PICK if has_load(orders, order) else GOAL_STOP, goal_cell)
     request_charging(world, i, REASON_ORDER_TAKEN)
 

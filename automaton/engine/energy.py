@@ -7,12 +7,13 @@ does nothing in this tick and is down from the next one on (automaton.engine.fau
 import numpy as np
 
 from automaton.engine.charging_curve import rate_at
+from automaton.engine.gate_queries import has_gates, is_gated
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import LIVE, U, has_room
 from automaton.engine.operations import consume_energy, count_lost_tick, energy_cost, exhaust
 from automaton.engine.record_codes import EXECUTED_BLOCKED, EXECUTED_CHARGE
-from automaton.engine.requests import request_allocation
-from automaton.engine.robot_status import BATTERY_FULL, STATUS_EXHAUSTED
+from automaton.engine.requests import request_allocation, request_charging
+from automaton.engine.robot_status import BATTERY_FULL, STATUS_EXHAUSTED, STATUS_UP
 from automaton.engine.state import (
     ACTION_CHARGE,
     ACTION_DROP,
@@ -66,18 +67,41 @@ def charge_up(world, i):
     robots.charge[i] += more
     world.tally.charged[i] += more
     if robots.charge[i] >= robots.charge_target[i]:
-        end_charging(robots, i)
+        end_charging(world, i)
         request_allocation(world, i, REASON_IDLE)
 
 
 @kernel
-def end_charging(robots, i):
+def end_charging(world, i):
     """Robot i has nothing to do at a charger any more."""
+    robots = world.robots
+    if robots.goal_type[i] == GOAL_CHARGE:
+        offer_charger(world, i)
     robots.goal_type[i] = GOAL_NONE
     robots.goal_cell[i] = NIL
     robots.charge_target[i] = 0
     robots.charging_interruptible[i] = 0
     robots.ticket[i] = 0
+
+
+@kernel
+def offer_charger(world, besides):
+    """A robot leaves its place at a charger: charging is asked about all others that are idle."""
+    if world.rules.watches_chargers[0] == 0:
+        return
+    robots = world.robots
+    for i in range(robots.cell.shape[0]):
+        idle = robots.order[i] == NIL and robots.load[i] == NIL and robots.status[i] == STATUS_UP
+        if idle and i != besides and robots.goal_type[i] != GOAL_CHARGE:
+            request_charging(world, i, REASON_IDLE)
+
+
+@kernel
+def has_line(world, i):
+    """Whether robots line up before the charger where robot i is to charge: it has room for so many."""
+    goal_cell = world.robots.goal_cell[i]
+    limited = np.int64(world.grid.cell_flags[goal_cell]) >> 5 & 3 != 0
+    return limited or (has_gates(world) and is_gated(world, goal_cell))
 
 
 @kernel
@@ -106,7 +130,7 @@ def cancel_infeasible_moves(world):
             exhaust(world, i)
         if world.traffic.intent[U(i)] == 0:
             consume_energy(world, i, energy_cost(world, i, ACTION_IDLE, world.rules.stride))
-        elif live and is_entering_charger(world, i):
+        elif live and is_entering_charger(world, i) and has_line(world, i):
             join_charger_queue(world, i)
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])

@@ -84,6 +84,7 @@ class Chargers(Struct, role=STATIC):
 
     cell: Array = field("(k,) int32", "where it is")
     charger_at: Array = field("(C,) int32", "the charger in a cell, or NIL")
+    places: Array = field("(k,) int32", "robots that charge there at once")
     exit_cell: Array = field(
         "(k,) int32",
         "scratch: the cell into which its holder wants to move, or NIL",

@@ -215,7 +215,7 @@ def return_orders(world, record, i):
     if robots.slot[i] != NIL:
         reserve_slot(world, record, np.int64(robots.slot[i]), NIL)
         robots.slot[i] = NIL
-    end_charging(robots, i)
+    end_charging(world, i)
     drop_route(robots, i)
     clear_route_request(world, i)
     clear_right_of_way(world, i)

@@ -17,6 +17,7 @@ from automaton.engine.batches import (
     batch_right_of_way,
     batch_routing,
     clear_decisions,
+    strategy_of_call,
 )
 from automaton.engine.charging_commit import commit_charging
 from automaton.engine.commit import commit_allocation, commit_routing
@@ -38,7 +39,7 @@ from automaton.engine.observation import COUNT_CURVE_ROWS, COUNT_EVENTS, Observa
 from automaton.engine.observe import observe
 from automaton.engine.record_changes import MAX_CHANGES
 from automaton.engine.record_codes import EXECUTED_NOTHING
-from automaton.engine.refinement import is_begin, is_end, next_tick
+from automaton.engine.refinement import is_begin, is_due, is_end, next_tick
 from automaton.engine.releases import release_orders
 from automaton.engine.right_of_way_commit import commit_right_of_way
 from automaton.engine.slow_zones import count_robots, set_move_ticks
@@ -61,13 +62,13 @@ from automaton.engine.state import (
     CLOCK_UNPARKED,
     LAYER_ALLOCATION,
     LAYER_CHARGING,
-    LAYER_NAMES,
     LAYER_RIGHT_OF_WAY,
     LAYER_ROUTING,
     LAYER_SEQUENCE,
     LAYER_ZONING,
     STOP_DELIVERED,
     STOP_PARKED,
+    STRATEGIES,
     Batch,
     Decisions,
     Memory,
@@ -83,11 +84,11 @@ from automaton.engine.visits import complete_visits
 from automaton.engine.zoning_commit import commit_zoning, judge_zoning
 from automaton.engine.zoning_decision_stream import max_zoning_words
 
-# What the generator yields: the layer (0..4) that a Python strategy has to decide for, or
-LOOP_PAUSED = 5
-LOOP_GIVEN_UP = 6  # workspace.stop is set: it must not be resumed
+# What the generator yields: the number of a strategy in Python that has to decide, or
+LOOP_PAUSED = STRATEGIES
+LOOP_GIVEN_UP = STRATEGIES + 1  # workspace.stop is set: it must not be resumed
 
-MODE_ABSENT = 0  # layer_mode: how a layer decides
+MODE_ABSENT = 0  # mode: how a strategy decides
 MODE_COMPILED = 1
 MODE_INTERPRETED = 2
 
@@ -95,20 +96,22 @@ PHASES = len(LAYER_SEQUENCE)
 
 
 def ticks(
-    worlds, batches, decisions, outputs, workspace, layer_mode, memories,
-    zoning, charging, allocation, routing, right_of_way,
+    worlds, batches, decisions, outputs, workspace, mode, memories,
+    zoning, charging, allocation, routing, right_of_way, allocation_2, allocation_3, allocation_4,
 ):  # fmt: skip
     """Run ticks until world.clock[CLOCK_STOP_TICK]; pause there, when a buffer is full, and at the end.
 
     `worlds`: the world; what strategies see of it; the same memory, read-only, which they get.
     `batches`: the robots that a layer is asked about; those of one call; the same, read-only.
-    `outputs`: the record, and what is observed. `layer_mode`, `memories`: by layer. Functions come one by
+    `outputs`: the record, and what is observed. `mode`, `memories`: by strategy. Functions come one by
     one: Numba warns of a tuple of them. Gives the run up in mid-tick once workspace.stop is set.
     """
     world, visible_world, view = worlds
     full_batch, batch, batch_view = batches
     record, observation = outputs
-    decide = (zoning, charging, allocation, routing, right_of_way)
+    decide = (
+        zoning, charging, allocation, routing, right_of_way, allocation_2, allocation_3, allocation_4
+    )  # fmt: skip
     clock = world.clock
     while True:
         if (
@@ -128,19 +131,25 @@ def ticks(
         for phase in range(PHASES if begins else 0):
             layer = LAYER_SEQUENCE[phase]
             clock[CLOCK_PHASE] = phase
-            if layer_mode[layer] == MODE_ABSENT or not collect_batch(world, full_batch, layer):
+            if mode[layer] == MODE_ABSENT or not collect_batch(world, full_batch, layer):
                 continue
-            for call in range(call_count(world, full_batch)):
-                begin_call(world, visible_world, full_batch, batch, memories[layer], call)
+            for call in range(call_count(world, full_batch, layer)):
+                strategy = strategy_of_call(world, full_batch, layer, call)
+                memory = memories[strategy]
+                begin_call(world, visible_world, full_batch, batch, memory, strategy, call)
+                if batch.count[0] == 0 and not is_due(world, strategy):
+                    continue  # it is about robots of other allocations
                 clear_decisions(batch, decisions, layer, clock[CLOCK_KNOWN_ORDERS])
-                if world.rules.holders[layer]:
+                if world.rules.holders[strategy]:
                     enter_holders(visible_world)
-                if layer_mode[layer] == MODE_COMPILED:
-                    decide[layer](view, batch_view, decisions, memories[layer], workspace)
+                if mode[strategy] == MODE_COMPILED:
+                    decide[strategy](view, batch_view, decisions, memory, workspace)
                 else:
-                    yield layer
-                    name_robots(world, full_batch, batch, call)  # whatever stands there now
-                if world.rules.holders[layer]:
+                    yield strategy
+                    name_robots(
+                        world, full_batch, batch, strategy, call
+                    )  # whatever stands there now
+                if world.rules.holders[strategy]:
                     remove_holders(visible_world)
                 if workspace.stop[0]:
                     yield LOOP_GIVEN_UP
@@ -149,7 +158,7 @@ def ticks(
                 if clock[CLOCK_RECORDING]:
                     keep_decisions(world, record, batch, decisions, layer)
                 commit(world, record, batch, decisions, layer)
-                end_call(world, memories[layer], full_batch, call)
+                end_call(world, memory, full_batch, call)
         clock[CLOCK_PHASE] = 0
         motion(world, record)
         if clock[CLOCK_RECORDING]:
@@ -307,7 +316,7 @@ def compile_loop():
     """The generator function, and the signature of `decide`; all runs have the same types."""
     if not jit_is_on():
         return ticks, None
-    decide, five = decide_signature(), len(LAYER_NAMES)
+    decide = decide_signature()
     worlds = declared_type(World), declared_type(World), declared_type(World, writable=False)
     batches = declared_type(Batch), declared_type(Batch), declared_type(Batch, writable=False)
     kinds = (
@@ -317,8 +326,8 @@ def compile_loop():
         types.BaseTuple.from_types((declared_type(Record), declared_type(Observation))),
         declared_type(Workspace),
         types.Array(types.uint8, 1, "C"),
-        types.UniTuple(declared_type(Memory), five),
-        *[types.FunctionType(decide)] * five,
+        types.UniTuple(declared_type(Memory), STRATEGIES),
+        *[types.FunctionType(decide)] * STRATEGIES,
     )
     return kernel(ticks, signature=kinds), decide
 

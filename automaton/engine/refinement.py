@@ -31,9 +31,9 @@ def is_end(world):
 
 
 @kernel
-def is_due(world, layer):
-    """Whether the layer's strategy asked for this tick, or for one that ends in this coarse tick."""
-    period = world.rules.period[layer]
+def is_due(world, strategy):
+    """Whether a strategy asked for this tick, or for one that ends in this coarse tick."""
+    period = world.rules.period[strategy]
     return period > 0 and (world.clock[CLOCK_TICK] + world.rules.stride - 1) % period == 0
 
 

@@ -92,6 +92,8 @@ LAYER_ALLOCATION: Final = 2
 LAYER_ROUTING: Final = 3
 LAYER_RIGHT_OF_WAY: Final = 4
 LAYER_NAMES: Final = ("zoning", "charging", "allocation", "routing", "right_of_way")
+# Strategies by number: of the layers, then further ones that allocate orders to some types of robots.
+STRATEGIES: Final = 8
 
 # In which sequence they are asked: charging once more, about orders taken and robots left without one.
 LAYER_SEQUENCE: Final = (
@@ -224,9 +226,18 @@ class Rules(Struct, role=STATIC):
     wait: Array = field(
         "(5,) int32", "empty from, to; loaded from, to; retries before right of way is asked"
     )
-    period: Array = field("(5,) int32", "a layer is asked every so many ticks; 0 never")
-    holders: Array = field("(5,) uint8", "1 = a layer's strategy reads traffic.holder")
+    period: Array = field(
+        f"({STRATEGIES},) int32", "a strategy is asked every so many ticks; 0 never"
+    )
+    holders: Array = field(f"({STRATEGIES},) uint8", "1 = a strategy reads traffic.holder")
+    allocations: int = field("int64", "how many strategies allocate orders to robots")
+    allocation: Array = field(
+        "(K,) uint8", "the strategy that allocates orders to robots of a type"
+    )
     steered: Array = field("(1,) uint8", "1 = right of way steers the robots: they keep no routes")
+    watches_chargers: Array = field(
+        "(1,) uint8", "1 = charging is asked about idle robots when a place at a charger is free"
+    )
     table_bytes: int = field("int64", "memory for distance tables")
     slowdown: int = field("int64", "1: a move takes as many times longer as its zone has robots")
     extra_tick: int = field("int64", "of 2**32 moves, how many take a tick more")
@@ -559,6 +570,9 @@ class Batch(Struct):
     count: Array = field("(1,) int64", "how many they are")
     robot: Array = field("(n,) int32", "storage indices; the first `count` are valid")
     reason: Array = field("(n,) uint8", "why the layer is asked about each: REASON_*")
+    strategy: Array = field(
+        "(1,) uint8", "which strategy is asked: a layer, or a further allocation"
+    )
 
 
 def decided(meaning: str, default: int = 0, dtype: str = "int32") -> Any:

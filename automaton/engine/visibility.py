@@ -14,12 +14,21 @@ a strategy gets its robot's own rows of its state only (state_rows).
 
 import numpy as np
 
+from automaton.engine.batches import allocation_of, append
 from automaton.engine.facilities import Stations
 from automaton.engine.jit.field_kernels import hiding, showing
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import CLAIMS, FLAGS_SHIFT, U
 from automaton.engine.service_zones import ServiceZones
-from automaton.engine.state import NIL, ORDER_UNRELEASED, Orders, Robots, Tally
+from automaton.engine.state import (
+    LAYER_ALLOCATION,
+    LAYER_RIGHT_OF_WAY,
+    NIL,
+    ORDER_UNRELEASED,
+    Orders,
+    Robots,
+    Tally,
+)
 from automaton.engine.state_rows import keep_rows, show_rows
 from automaton.engine.zone_segments import copy_segment
 
@@ -37,15 +46,17 @@ hide_job, show_job = hiding(Stations, "j"), showing(Stations, "j")
 
 
 @kernel
-def call_count(world, full_batch):
-    """How often a layer is called for a batch."""
-    return 1 if world.rules.radius == NIL else full_batch.count[0]
+def call_count(world, full_batch, layer):
+    """How often a layer is called for a batch: once for each strategy, or for each robot."""
+    if world.rules.radius != NIL:
+        return full_batch.count[0]
+    return np.int64(world.rules.allocations if layer == LAYER_ALLOCATION else 1)
 
 
 @kernel
-def begin_call(world, visible_world, full_batch, batch, memory, call):
-    """Prepare call number `call`: the robots asked, what they see, what they remember."""
-    name_robots(world, full_batch, batch, call)
+def begin_call(world, visible_world, full_batch, batch, memory, strategy, call):
+    """Prepare call number `call`: who is asked, about which robots, what they see and remember."""
+    name_robots(world, full_batch, batch, strategy, call)
     if world.rules.radius == NIL:
         return
     i = np.int64(full_batch.robot[call])
@@ -55,15 +66,24 @@ def begin_call(world, visible_world, full_batch, batch, memory, call):
 
 
 @kernel
-def name_robots(world, full_batch, batch, call):
-    """Enter the robots that call number `call` is about: the whole batch, or one of it."""
-    everything = world.rules.radius == NIL
-    first = 0 if everything else call
-    count = full_batch.count[0] if everything else 1
-    batch.count[0] = count
-    for k in range(count):
-        batch.robot[k] = full_batch.robot[first + k]
-        batch.reason[k] = full_batch.reason[first + k]
+def name_robots(world, full_batch, batch, strategy, call):
+    """Enter the robots that call number `call` is about: the strategy's of the batch, or one of them."""
+    batch.strategy[0] = strategy
+    batch.count[0] = 0
+    if world.rules.radius != NIL:
+        append(batch, np.int64(full_batch.robot[call]), np.int64(full_batch.reason[call]))
+        return
+    several = world.rules.allocations > 1 and is_allocation(strategy)
+    for k in range(full_batch.count[0]):
+        i = np.int64(full_batch.robot[k])
+        if not several or allocation_of(world, i) == strategy:
+            append(batch, i, np.int64(full_batch.reason[k]))
+
+
+@kernel
+def is_allocation(strategy):
+    """Whether a strategy allocates orders."""
+    return strategy == LAYER_ALLOCATION or strategy > LAYER_RIGHT_OF_WAY
 
 
 @kernel

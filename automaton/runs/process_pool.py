@@ -199,7 +199,7 @@ class PersistentPool:
     def _warm_up(self, chunks: Sequence[Chunk]) -> None:
         """Compile, or find in the cache, whatever the workers will load; once for all rounds."""
         for resolved, seed in (job for chunk in chunks for job in chunk.jobs):
-            names = tuple(choice.name for choice in resolved.strategies.values())
+            names = tuple(choice.name for _, choice in resolved.choices)
             if names not in self._warm:
                 self._warm.add(names)
                 with attribute_strategy_errors(resolved):

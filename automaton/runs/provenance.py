@@ -42,9 +42,7 @@ def source_hash(plugins: tuple[str, ...] = ()) -> str:
 
 def file_hashes(resolved: Resolved) -> dict[str, Any]:
     """{"files": {file: 16 hex digits of its content}} of those that strategies read, if any do."""
-    files = [
-        file for choice in resolved.strategies.values() for file in files_of(choice.parameters)
-    ]
+    files = [file for _, choice in resolved.choices for file in files_of(choice.parameters)]
     return {"files": {str(file): content_hash(file) for file in files}} if files else {}
 
 

@@ -81,6 +81,7 @@ def heading(resolved: Resolved, outcome: Outcome, tick: Unit) -> list[str]:
     end = f"{finished if outcome.finished else unfinished} {time}"
     strategies = [
         f"{layer.replace('_', ' ')} {choice.name}"
+        + (own_allocations(resolved) if layer == "allocation" else "")
         for layer, choice in resolved.strategies.items()
         if choice.name != NO_STRATEGY
     ]
@@ -96,6 +97,13 @@ def heading(resolved: Resolved, outcome: Outcome, tick: Unit) -> list[str]:
         f"1 tick = {shown_unit(scenario.units.tick)}{cell}; digest {outcome.digest}"
         + ("" if outcome.wall_s is None else f"; computed in {1000 * outcome.wall_s:,.1f} ms"),
     ]
+
+
+def own_allocations(resolved: Resolved) -> str:
+    """The allocations that types of robots have to themselves, behind that of the others."""
+    types = resolved.scenario.fleet.types
+    own = [f"{kind.name}: {kind.own_allocation}" for kind in types if kind.own_allocation]
+    return f" ({', '.join(own)})" if own else ""
 
 
 def refinement(scenario: Scenario) -> list[str]:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from automaton.build.resolve import Resolved
+from automaton.build.resolve import Resolved, StrategyChoice
 from automaton.build.world import (
     build_buffers,
     build_observation,
@@ -38,8 +38,10 @@ from automaton.engine.state import (
     CLOCK_STOP_TICK,
     CLOCK_TICK,
     FOLLOWING_CONVOY,
+    LAYER_ALLOCATION,
     LAYER_NAMES,
     NIL,
+    STRATEGIES,
     Array,
     Memory,
     World,
@@ -77,9 +79,9 @@ class Simulation:
     `seed` replaces the scenario's; `storage` permutes how robots are stored (the digest does not
     change). With `on_record` every tick is recorded, with `on_observe` observed: these functions
     are called when the buffers are full and before `run` returns, and empty them. `strategies`,
-    one for each layer or None, replace the scenario's; `after` is a simulation whose state this
-    one goes on from. A Python strategy has `patience` seconds for a decision, None: any time. What
-    it raises comes out of `run`.
+    one for each layer or None, replace the scenario's, types' own included; `after` is a simulation
+    whose state this one goes on from. A Python strategy has `patience` seconds for a decision, None:
+    any time. What it raises comes out of `run`.
     """
 
     def __init__(
@@ -113,17 +115,21 @@ class Simulation:
         self.on_observe = on_observe
         self.observation = build_observation(self.world, OBSERVED_TICKS if on_observe else 0)
         self.world.clock[CLOCK_OBSERVING] = 1 if on_observe else 0
-        picked = (
-            [self._load_strategy(layer) for layer in LAYER_NAMES]
-            if strategies is None
-            else strategies
-        )
-        self._strategies = [self._validate_strategy(strategy) for strategy in picked]
+        if strategies is None:
+            picked = [self._load_strategy(layer, choice) for layer, choice in resolved.choices]
+        else:
+            self.world.rules.allocation[:] = LAYER_ALLOCATION
+            picked = list(strategies)
+        picked += [None] * (STRATEGIES - len(picked))
+        # Of each strategy by number, None: there is none.
+        self._strategies = [
+            self._validate_strategy(number, strategy) for number, strategy in enumerate(picked)
+        ]
         for strategy in self._strategies:
             if strategy is not None:
                 strategy.other_layers = {
                     layer: other
-                    for layer, other in zip(LAYER_NAMES, self._strategies, strict=True)
+                    for layer, other in zip(LAYER_NAMES, self._strategies, strict=False)
                     if other is not None
                 }
         if after is not None:
@@ -172,15 +178,16 @@ class Simulation:
 
     def _restore_states(self, before: Simulation) -> None:
         """Restore the states of the strategies that stay, and their objects: some keep more there."""
-        for index, layer in enumerate(LAYER_NAMES):
-            if self.resolved.strategies[layer] != before.resolved.strategies[layer]:
+        for index, pair in enumerate(
+            zip(self.resolved.choices, before.resolved.choices, strict=False)
+        ):
+            if pair[0] != pair[1]:
                 continue
             self._strategies[index] = before._strategies[index]
             self._states[index] = before._states[index].copied()
 
-    def _load_strategy(self, layer: str) -> Strategy | None:
-        """Load the strategy that the scenario chooses for a layer."""
-        choice = self.resolved.strategies[layer]
+    def _load_strategy(self, layer: str, choice: StrategyChoice) -> Strategy | None:
+        """Load a strategy that the scenario chooses for a layer."""
         if choice.name == lookup.NO_STRATEGY:
             return None
         kind = lookup.load(layer, choice.name)
@@ -192,18 +199,19 @@ class Simulation:
         """While inside, a strategy has its time to decide."""
         return self._watchdog.watching() if self._watchdog else nullcontext()
 
-    def _validate_strategy(self, strategy: Strategy | None) -> Strategy | None:
+    def _validate_strategy(self, number: int, strategy: Strategy | None) -> Strategy | None:
         """Validate a strategy, and enter how often, after which waits and with what it is called."""
         if strategy is not None:
             check_decides(strategy)
-            layer = LAYER_NAMES.index(strategy.layer)
             as_read = self._as_read(strategy)
             refinement = 1 if as_read is strategy else int(self.world.rules.refinement)
             period = checked_period(as_read)
             # Where it decides in every tick, a strategy that is always asked is asked in each.
             is_fine = period == 1 and self.world.rules.stride == 1
-            self.world.rules.period[layer] = period if is_fine else period * refinement
-            self.world.rules.holders[layer] = bool(strategy.holders)
+            self.world.rules.period[number] = period if is_fine else period * refinement
+            self.world.rules.holders[number] = bool(strategy.holders)
+            if strategy.layer == "charging":
+                self.world.rules.watches_chargers[0] = bool(strategy.watches_chargers)
             if strategy.layer == "right_of_way":
                 *waits, retries = checked_wait_ranges(as_read)
                 longest = refinement * max(waits)
@@ -221,10 +229,12 @@ class Simulation:
 
         One that is not the scenario's own counts the ticks of the run.
         """
-        coarse, fine = self.resolved.coarse, self.resolved.strategies.get(strategy.layer)
-        if coarse is None or fine is None or strategy.parameters is not fine.parameters:
-            return strategy
-        return type(strategy)(coarse.strategies[strategy.layer].parameters)
+        if self.resolved.coarse is not None:
+            pairs = zip(self.resolved.choices, self.resolved.coarse.choices, strict=True)
+            for (_, fine), (_, coarse) in pairs:
+                if strategy.parameters is fine.parameters:
+                    return type(strategy)(coarse.parameters)
+        return strategy
 
     def _state(self, strategy: Strategy | None) -> Struct:
         if strategy is None:
@@ -241,37 +251,35 @@ class Simulation:
             self.decisions,
             (self.record, self.observation),
             self.workspace,
-            np.zeros(len(LAYER_NAMES), np.uint8),
+            np.zeros(STRATEGIES, np.uint8),
         )
         loop, decide_type = _compiled_loop(self._strategies)
-        layer_mode = arguments[-1]
+        mode = arguments[-1]
         functions = []
         for index, strategy in enumerate(self._strategies):
             function = None if strategy is None else type(strategy).compiled
             if strategy is not None:
-                layer_mode[index] = (
+                mode[index] = (
                     loop_kernels.MODE_INTERPRETED
                     if function is None
                     else loop_kernels.MODE_COMPILED
                 )
             functions.append(compiled_decide(function or loop_kernels.no_op, decide_type))
-            if (
-                layer_mode[index] == loop_kernels.MODE_INTERPRETED
-            ):  # whatever becomes of the strategy's own
+            if mode[index] == loop_kernels.MODE_INTERPRETED:  # whatever becomes of its own
                 self._states[index] = self._states[index].copied()
         self._states = [state.stopped_by(self.workspace.stop) for state in self._states]
         # Under a radius each robot is shown its own rows, when it is asked.
         limited = self.world.rules.radius > 0
         shown = [state.cleared() if limited else state for state in self._states]
         faces = [
-            state.lent() if mode == loop_kernels.MODE_INTERPRETED else state
-            for state, mode in zip(shown, layer_mode, strict=True)
+            state.lent() if kind == loop_kernels.MODE_INTERPRETED else state
+            for state, kind in zip(shown, mode, strict=True)
         ]
         memories = [
             Memory(address=lent_address(face), rows=state_rows(*pair) if limited else NO_ROWS)
             for face, *pair in zip(faces, self._states, shown, strict=True)
         ]
-        if loop_kernels.MODE_INTERPRETED in layer_mode:
+        if loop_kernels.MODE_INTERPRETED in mode:
             self._lent_decisions = self.decisions.lent()
             self._faces = [memory.lent() for memory in memories]
             # With the JIT off, kernels write to what Python sees.
@@ -283,7 +291,7 @@ class Simulation:
 
     @property
     def states(self) -> list[Any]:
-        """The state of each layer's strategy, a struct of its own class."""
+        """The state of each strategy by number, a struct of its own class."""
         return self._states
 
     @property
@@ -344,8 +352,10 @@ class Simulation:
     def _constants_kept(self) -> Iterator[None]:
         """Inside, strategies in Python may write to bare memory: put right what other runs share."""
         in_python = [
-            f"the {layer.replace('_', '-')} strategy '{self.resolved.strategies[layer].name}'"
-            for layer, strategy in zip(LAYER_NAMES, self._strategies, strict=True)
+            f"the {layer.replace('_', '-')} strategy '{choice.name}'"
+            for (layer, choice), strategy in zip(
+                self.resolved.choices, self._strategies, strict=False
+            )
             if strategy is not None and type(strategy).compiled is None
         ]
         constants = constants_of(self.world) if in_python else []
@@ -383,15 +393,15 @@ class Simulation:
         """What `on_observe` does when it has taken what the buffers of the observation hold."""
         self.observation.count[[COUNT_EVENTS, COUNT_CURVE_ROWS]] = 0
 
-    def _decide(self, layer: int) -> None:
-        strategy = self._strategies[layer]
+    def _decide(self, number: int) -> None:
+        strategy = self._strategies[number]
         assert strategy is not None
         self._decisions += 1
         checked = self._decisions <= ALWAYS_CHECKED or self._decisions % CHECKED_EVERY == 0
         before = (self.digests(), self.world.clock.copy()) if checked else None
         with self._within_patience():
             strategy.decide(
-                self.view, self._batch_view, self._lent_decisions, self._faces[layer], self._sealed
+                self.view, self._batch_view, self._lent_decisions, self._faces[number], self._sealed
             )
         changed = self._changed_since(*before) if before else ()
         if changed:

@@ -8,8 +8,7 @@ import traceback
 from types import FrameType
 from typing import Any
 
-from automaton.build.resolve import Resolved
-from automaton.engine.state import LAYER_NAMES
+from automaton.build.resolve import Resolved, StrategyChoice
 from automaton.errors import InputError
 from automaton.printable import one_line
 from automaton.runs import interruption
@@ -17,7 +16,7 @@ from automaton.runs.simulation import Simulation
 
 MAX_ERROR_LENGTH = 300  # characters of what was raised
 
-# Where a simulation calls a strategy's own code; their locals name the layer or the strategy.
+# Where a simulation calls a strategy's own code; their locals name its choice or the strategy.
 CALLS = {
     function.__code__
     for function in (
@@ -34,9 +33,9 @@ def strategy_failure(error: BaseException, resolved: Resolved) -> InputError | N
     frames = list(traceback.walk_tb(error.__traceback__))
     for depth, (frame, _) in enumerate(frames):
         if frame.f_code in CALLS:
-            layer = _layer(frame.f_locals)
+            layer, choice = _choice(frame.f_locals, resolved)
             inner = frames[depth + 1 :]
-            return _sentence(error, resolved.strategies[layer].name, layer, _place(frame, inner))
+            return _sentence(error, choice.name, layer, _place(frame, inner))
     return None
 
 
@@ -55,11 +54,15 @@ def is_from_outside(error: BaseException) -> bool:
     return dis.opname[place.tb_frame.f_code.co_code[place.tb_lasti]] != "RAISE_VARARGS"
 
 
-def _layer(names: dict[str, Any]) -> str:
-    layer = names.get("layer")
-    if layer is None:
-        layer = names["strategy"].layer
-    return LAYER_NAMES[layer] if isinstance(layer, int) else str(layer)
+def _choice(names: dict[str, Any], resolved: Resolved) -> tuple[str, StrategyChoice]:
+    """The layer and the choice of the strategy that is called where these are the locals."""
+    if "choice" in names:
+        return names["layer"], names["choice"]
+    strategy = names["strategy"]
+    for layer, choice in resolved.choices:
+        if layer == strategy.layer and choice.parameters is strategy.parameters:
+            return layer, choice
+    return strategy.layer, resolved.strategies[strategy.layer]
 
 
 def _place(called_from: FrameType, inner: list[tuple[FrameType, int]]) -> str:

@@ -311,7 +311,7 @@ def _opened(value: Any, keys: Keys) -> Any:
     """What a further key is looked up in: a missing part is begun, a strategy's name unfolded."""
     if value is None:
         return {}
-    if isinstance(value, str) and keys[0] == "strategy" and len(keys) == 2:
+    if isinstance(value, str) and len(keys) > 1 and keys[-2] == "strategy":
         return {"name": value}
     return value
 

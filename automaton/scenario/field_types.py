@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 import msgspec
 from msgspec import Meta
@@ -23,6 +23,8 @@ Weight = Annotated[
 Pair = Annotated[tuple[int, int], Meta(description="A cell [x, y], from the upper left.")]
 NamedCell = Annotated[Pair, place()]  # written as [x, y] or by its name
 NonEmptyText = Annotated[str, Meta(min_length=1)]
+Parameters = dict[str, Any]
+StrategySpec = str | Parameters  # a strategy: its name, or {name: NAME, ...parameters}
 SingleLine = Annotated[str, Meta(min_length=1, max_length=200, pattern=r"^[^\r\n]*$")]
 
 

@@ -15,6 +15,7 @@ from automaton.scenario.field_types import (
     NonEmptyText,
     Pair,
     SingleLine,
+    StrategySpec,
     Weight,
 )
 
@@ -25,6 +26,23 @@ ONE_CELL: Final = dict.fromkeys(
 Kinematics = Literal["rail", "differential", "omni"]
 HEADING_COUNTS: Final[dict[Kinematics, int]] = {"omni": 1, "rail": 2, "differential": 4}
 ALL, EMPTY, LOADED = GROUPS = ("all", "empty", "loaded")  # of robots, to which areas may be closed
+
+
+class TypeStrategy(ConfigSection, frozen=True, kw_only=True):
+    """The strategies that robots of a type have to themselves."""
+
+    refused: ClassVar[dict[str, str]] = dict.fromkeys(
+        ("zoning", "charging", "routing", "right_of_way"),
+        "all robots have the same one; set it under strategy",
+    )
+
+    allocation: Annotated[
+        StrategySpec | None,
+        Meta(
+            description="Which order such a robot does next: a name, or {name: NAME, "
+            "...parameters}; left out: as in strategy.allocation."
+        ),
+    ] = None
 
 
 class FleetType(ConfigSection, frozen=True, kw_only=True):
@@ -52,6 +70,15 @@ class FleetType(ConfigSection, frozen=True, kw_only=True):
     kinematics: Annotated[
         Kinematics | None, Meta(description="How it drives; left out: as in fleet.kinematics.")
     ] = None
+    strategy: Annotated[
+        TypeStrategy, Meta(description="Its own strategies; left out: as in strategy.")
+    ] = TypeStrategy()
+
+    @property
+    def own_allocation(self) -> str:
+        """The name of its own allocation strategy, "" where it has none."""
+        spec = self.strategy.allocation
+        return str(spec.get("name")) if isinstance(spec, dict) else spec or ""
 
 
 class StartFile(ConfigSection, frozen=True, kw_only=True):

@@ -25,6 +25,7 @@ from automaton.scenario.energy_and_faults import TypeBattery
 from automaton.scenario.field_types import ConfigSection as ConfigSection
 from automaton.scenario.field_types import Direction as Direction
 from automaton.scenario.field_types import NonEmptyText as NonEmptyText
+from automaton.scenario.field_types import Parameters, StrategySpec
 from automaton.scenario.field_types import SingleLine as SingleLine
 from automaton.scenario.fleet import Area as Area
 from automaton.scenario.fleet import Fleet as Fleet
@@ -34,7 +35,6 @@ from automaton.scenario.pods import Pods, PodStation
 from automaton.scenario.quantities import CELLS, TIME, Scale, quantity
 from automaton.units import ticks_and_time, unit
 
-Parameters = dict[str, Any]
 KindName = Literal[
     "wall",
     "floor",
@@ -49,7 +49,6 @@ KindName = Literal[
     "station",
     "storage",
 ]
-StrategySpec = str | Parameters  # a strategy: its name, or {name: NAME, ...parameters}
 
 TICK_PATTERN = r"^(?=[^a-zA-Z]*[1-9])\d{1,9}(\.\d{1,12})? ?(?![eE][-+]?\d)[^\s\d.]\S*$"
 MEMORY_PATTERN = r"^(?=[^a-zA-Z]*[1-9])\d{1,9}(\.\d+)? [KMGT]iB$"
@@ -320,7 +319,10 @@ class LegendEntry(ConfigSection, frozen=True, kw_only=True):
     ]
     capacity: Annotated[
         Literal[0, 1, 2] | None,
-        Meta(description="Robots at a time: 1, 2 (one each way) or 0 (any number)."),
+        Meta(
+            description="Robots at a time: 1, 2 (one each way; at a charger both at once, whichever "
+            "way they came) or 0 (any number)."
+        ),
     ] = None
     exits: Annotated[
         tuple[Direction, ...] | None,

@@ -5,6 +5,7 @@ Strategies import compiled code from here and nowhere else (an import contract h
 
 from __future__ import annotations
 
+from automaton.engine.batches import allocation_of
 from automaton.engine.blocker_cycles import walk_to_cycle
 from automaton.engine.charging_curve import CURVE_RATE, charging_ticks, level_after
 from automaton.engine.distance_tables import UNREACHABLE
@@ -102,6 +103,7 @@ __all__ = [
     "TURNED_BEHIND",
     "UNREACHABLE",
     "PlacingState",
+    "allocation_of",
     "begin_cell",
     "begin_search",
     "can_bring",

@@ -57,6 +57,8 @@ class Strategy:
         if "decide" in cls.__dict__ and "compiled" not in cls.__dict__:
             cls.compiled = None
 
+    # charging: it is also asked about idle robots when a place at a charger is free
+    watches_chargers: bool = False
     steers: bool = False  # right of way: robots go where it says in each tick, without routes
 
     other_layers: Mapping[str, Strategy] = {}  # of the run, by layer; known before reset

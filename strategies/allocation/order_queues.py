@@ -10,6 +10,7 @@ from automaton.engine.state import (
     REASON_PERIODIC,
 )
 from automaton.strategy.kernels import (
+    allocation_of,
     can_do,
     has_place,
     is_open,
@@ -38,6 +39,25 @@ def copy_plan(view, out, i):
     out.order_queue_length[i] = view.robots.order_queue_length[i]
     for k in range(view.robots.order_queue_length[i]):
         out.order_queue[i, k] = view.robots.order_queue[i, k]
+
+
+@kernel
+def drop_lost_orders(view, out, strategy):
+    """Strike off the lists of a strategy's robots what robots of other strategies have taken."""
+    if view.rules.allocations == 1:
+        return
+    orders = view.orders
+    for i in range(view.robots.cell.shape[0]):
+        if allocation_of(view, i) != strategy or planned_count(view, out, i) == 0:
+            continue
+        copy_plan(view, out, i)
+        remaining = 0
+        for p in range(out.order_queue_length[i]):
+            order = np.int64(out.order_queue[i, p])
+            if orders.state[order] == ORDER_WAITING and orders.reserved_by[order] == NIL:
+                out.order_queue[i, remaining] = order
+                remaining += 1
+        out.order_queue_length[i] = remaining
 
 
 @kernel

@@ -9,6 +9,7 @@ from msgspec import Meta
 
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.carried_pods import carries_pods
+from automaton.scenario.quantities import TIME, quantity
 from automaton.scenario.schema import Scenario
 from strategies.allocation.load_parameters import refusal_of_tours
 
@@ -21,6 +22,16 @@ class Quotes(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=Tr
     count_queues: Annotated[
         bool, Meta(description="robots that were sent to a charger earlier make it cost more")
     ] = True
+    check_idle_every: Annotated[
+        int,
+        quantity(
+            TIME,
+            ge=1,
+            le=1_000_000,
+            description="ticks after which robots without an order are looked at again, since "
+            "waiting takes energy",
+        ),
+    ] = 50
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         """Orders without a load are not priced."""

@@ -25,8 +25,6 @@ from strategies.allocation.auction.market import (
 )
 from strategies.charging.charging_parameters import FillUp, Insertion, Opportunity, Threshold
 
-IDLE_CHECKS = 50  # ticks between two looks at idle robots
-
 
 class ChargingState(Struct):
     """It remembers nothing."""
@@ -39,8 +37,11 @@ class Quoted(Strategy):
 
     layer: ClassVar[str] = "charging"
     parameters: Any
-    period = IDLE_CHECKS
     idle_below = 0  # idle robots with less go to charge
+
+    def __init__(self, parameters: Any = None) -> None:
+        super().__init__(parameters)
+        self.period = self.parameters.check_idle_every
 
     def policy(self) -> dict[str, int]:
         """What a quote depends on: policy, end_reach, threshold and target."""
@@ -109,9 +110,13 @@ class ThresholdCharging(Quoted):
 
 
 class OpportunityCharging(InsertCharging):
-    """Idle robots charge where no robot is, and leave for any order that they can finish."""
+    """Idle robots charge where no robot is, and leave for any order that they can finish.
+
+    They are looked at when they become idle, and when a place at a charger is free.
+    """
 
     Parameters: ClassVar[Any] = Opportunity
+    watches_chargers = True
 
     def __init__(self, parameters: Any = None) -> None:
         super().__init__(parameters)

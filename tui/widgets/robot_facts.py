@@ -97,6 +97,7 @@ def _type(view: View, robot: int) -> list[str | Span]:
     facts = [f"{kind.move_time_factor} x durations.move" if kind.move_time_factor > 1 else ""]
     facts += [own_durations(kind), "" if kind.battery == TypeBattery() else "its own battery"]
     facts += [f"carries up to {kind.payload:,}" if kind.payload else ""]
+    facts += [f"allocation {kind.own_allocation}" if kind.own_allocation else ""]
     told = ", ".join(fact for fact in facts if fact)
     return [kind.name, f": {told}" if told else ""]
 

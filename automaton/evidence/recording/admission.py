@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from automaton.build.feasibility import check_energy, check_feasible
-from automaton.build.resolve import CHANGEABLE, choose_strategies
+from automaton.build.resolve import CHANGEABLE, choose_strategies, choose_strategy
 from automaton.build.speed_limits import check_speed_limits
 from automaton.build.task_lists import order_count
 from automaton.errors import InputError
@@ -31,7 +31,7 @@ from automaton.evidence.recording.contents import (
     refusal,
 )
 from automaton.evidence.recording.frames import Payload, decode, tick_of
-from automaton.evidence.recording.header import floor_plan_of
+from automaton.evidence.recording.header import floor_plan_of, own_allocation_of
 from automaton.floor.cells import CELL_KINDS, DIRECTION_VECTORS, NIL, SHELF, STATION, STORAGE
 from automaton.floor.floor_plan import FloorPlan, bays_of
 from automaton.scenario.carried_pods import carries_pods
@@ -225,21 +225,28 @@ class Admission:
     def _check_strategies(self, scenario: Scenario, recorded: Content) -> None:
         """Strategies are recorded as the scenario names them; parameters of plug-ins are not known."""
         given = recorded_strategies(recorded)
-        choices = {layer: getattr(scenario.strategy, layer) for layer in LAYER_NAMES}
-        for layer, choice in choices.items():
-            name = choice.get("name") if isinstance(choice, dict) else choice
-            if given[layer].name != name:
+        specs = {layer: getattr(scenario.strategy, layer) for layer in LAYER_NAMES}
+        for kind in scenario.fleet.types:
+            if kind.strategy.allocation is not None:
+                specs[own_allocation_of(kind.name)] = kind.strategy.allocation
+        if list(given) != list(specs):
+            raise InvalidFrameError(f"it has strategies for {', '.join(given) or 'nothing'}")
+        for key, spec in specs.items():
+            name = spec.get("name") if isinstance(spec, dict) else spec
+            if given[key].name != name:
                 raise InvalidFrameError(
-                    f"strategy.{layer} is {name} here and {given[layer].name} there"
+                    f"strategy.{key} is {name} here and {given[key].name} there"
                 )
-        known = [layer for layer in LAYER_NAMES if lookup.is_built_in(layer, given[layer].name)]
         document = Document(plain_data(scenario))
-        for layer, strategy in choose_strategies(
-            document, scenario, self.floor_plan, known
-        ).items():
-            if _as_stored(strategy.parameters) != given[layer].parameters:
+        known = [layer for layer in LAYER_NAMES if lookup.is_built_in(layer, given[layer].name)]
+        choices = choose_strategies(document, scenario, self.floor_plan, known)
+        for key, spec in specs.items():
+            if key not in LAYER_NAMES and lookup.is_built_in("allocation", given[key].name):
+                choices[key] = choose_strategy(document, scenario, "allocation", spec, (key,))
+        for key, strategy in choices.items():
+            if _as_stored(strategy.parameters) != given[key].parameters:
                 raise InvalidFrameError(
-                    f"the parameters of strategy.{layer} are not those of its scenario"
+                    f"the parameters of strategy.{key} are not those of its scenario"
                 )
 
     def _admit_conditions(self, content: Content) -> None:
@@ -262,14 +269,11 @@ class _RecordedStrategy(msgspec.Struct, forbid_unknown_fields=True):
 
 
 def recorded_strategies(recorded: Content) -> dict[str, _RecordedStrategy]:
-    """The recorded strategies by layer. Raises InvalidFrameError."""
+    """The recorded strategies by layer, then types' own. Raises InvalidFrameError."""
     try:
-        found = msgspec.convert(recorded, dict[str, _RecordedStrategy])
+        return msgspec.convert(recorded, dict[str, _RecordedStrategy])
     except msgspec.ValidationError as error:
         raise InvalidFrameError(f"its strategies cannot be: {error}") from None
-    if tuple(found) != LAYER_NAMES:
-        raise InvalidFrameError(f"it has strategies for {', '.join(found) or 'nothing'}")
-    return found
 
 
 def _as_stored(parameters: msgspec.Struct) -> Any:

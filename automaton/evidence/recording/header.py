@@ -40,7 +40,7 @@ def header_of(resolved: Resolved, seed: int, world: Any, digest_names: tuple[str
     tours = len(world.stops.cell) > 0
     if not tours:
         left_out.add("first_stop")
-    plugins = tuple(choice.name for choice in resolved.strategies.values() if ":" in choice.name)
+    plugins = tuple(choice.name for _, choice in resolved.choices if ":" in choice.name)
     return {
         "scenario": plain_data(resolved.unrefined.scenario),
         "seed": seed,
@@ -104,10 +104,19 @@ def rules_of(simulation: Any, settings: tuple[str, ...] = ()) -> Content:
 
 
 def _strategies(resolved: Resolved) -> Content:
+    """By layer, then the allocations that types of robots have to themselves."""
+    resolved = resolved.unrefined
+    types = zip(resolved.scenario.fleet.types, resolved.own_allocations, strict=False)
+    own = {own_allocation_of(kind.name): choice for kind, choice in types if choice is not None}
     return {
-        layer: {"name": choice.name, "parameters": msgspec.to_builtins(choice.parameters)}
-        for layer, choice in resolved.unrefined.strategies.items()
+        key: {"name": choice.name, "parameters": msgspec.to_builtins(choice.parameters)}
+        for key, choice in (resolved.strategies | own).items()
     }
+
+
+def own_allocation_of(robot_type: str) -> str:
+    """The key of the allocation that a type of robots has to itself, among recorded strategies."""
+    return f"allocation of {robot_type}"
 
 
 def changed(header: Content, rules: Content) -> Content:
@@ -121,17 +130,23 @@ def resolved_of(header: Content, with_strategies: bool = True) -> Resolved:
     Raises InputError when a strategy is not installed here or takes other parameters now. Without
     its strategies, which a replay does not need, plug-ins keep their parameters as recorded.
     """
+
+    def choice_of(layer: str, given: Content) -> StrategyChoice:
+        if with_strategies or lookup.is_built_in(layer, given["name"]):
+            return _strategy_choice(layer, **given)
+        return StrategyChoice(given["name"], AsRecorded(given["parameters"]))
+
     start = header["start"]
     scenario = msgspec.convert(header["scenario"], Scenario)
+    given = [
+        header["strategies"].get(own_allocation_of(kind.name)) for kind in scenario.fleet.types
+    ]
+    own = tuple(one and choice_of("allocation", one) for one in given)
     resolved = Resolved(
         scenario=scenario,
         floor_plan=with_speed_limits(floor_plan_of(header["floor"]), scenario.floor.speed_limits),
-        strategies={
-            layer: _strategy_choice(layer, **given)
-            if with_strategies or lookup.is_built_in(layer, given["name"])
-            else StrategyChoice(given["name"], AsRecorded(given["parameters"]))
-            for layer, given in ((layer, header["strategies"][layer]) for layer in LAYER_NAMES)
-        },
+        strategies={layer: choice_of(layer, header["strategies"][layer]) for layer in LAYER_NAMES},
+        own_allocations=own if any(own) else (),
         start=start if isinstance(start, str) else tuple(start),  # type: ignore[arg-type]
         source=header["text"],
         overrides=tuple(header["overrides"]),

@@ -12,6 +12,7 @@ from typing import Any, Final, NamedTuple
 import msgspec
 import numpy as np
 
+from automaton.build.charger_places import with_shared_chargers
 from automaton.build.resolve import Resolved, branched
 from automaton.build.speed_limits import with_speed_limits
 from automaton.engine.decision_stream import first_other_tick
@@ -255,7 +256,7 @@ def _number(value: Any) -> Any:
 def as_branched(before: Resolved, resolved: Resolved, settings: tuple[str, ...]) -> Scenario:
     """The scenario after settings were changed; files are named from another folder perhaps."""
     scenario = branched(before, settings).scenario
-    if any(files_of(choice.parameters) for choice in resolved.strategies.values()):
+    if any(files_of(choice.parameters) for _, choice in resolved.choices):
         return msgspec.structs.replace(scenario, strategy=resolved.scenario.strategy)
     return scenario
 
@@ -265,7 +266,7 @@ def drawn_otherwise(resolved: Resolved) -> bool:
     layout = resolved.scenario.layout
     if "picture" not in layout and not is_shipped(layout):
         return False
-    drawn = floor_of(Document({}), layout).floor_plan
+    drawn = with_shared_chargers(floor_of(Document({}), layout).floor_plan)
     limits = resolved.scenario.floor.speed_limits
     return with_speed_limits(drawn, limits) != resolved.floor_plan
 

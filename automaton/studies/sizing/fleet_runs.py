@@ -17,10 +17,11 @@ import msgspec
 import numpy as np
 
 from automaton.build.bounds import bounds, least_ticks, most_throughput
+from automaton.build.charger_places import places_of_chargers
 from automaton.build.resolve import Resolved, resolve
 from automaton.engine.state import ACTION_CHARGE, ACTION_DROP, ACTION_PICK, ACTION_TRY_DROP
 from automaton.errors import InputError
-from automaton.floor.cells import CHARGER, STATION
+from automaton.floor.cells import STATION
 from automaton.runs.headless import run_marked
 from automaton.runs.jam_watch import JamWatch, note_jam
 from automaton.runs.metric_catalogue import in_coarse_ticks
@@ -47,7 +48,7 @@ STATION_USE = "station_use"  # share of the time of all stations in which a robo
 MEASURED = "measured"  # ticks of which the metrics are
 MOVE_KEY = re.compile(r"durations\.move[.=]")
 PLAIN_KEY = re.compile(r"[\w-]+")  # a name that may stand between the points of a key
-CHARGER_USE = "charger_use"  # share of the time of all chargers in which a robot charges
+CHARGER_USE = "charger_use"  # share of the time of all places at chargers in which a robot charges
 
 
 def run_and_measure_use(simulation: Simulation) -> dict[str, float | int]:
@@ -64,14 +65,15 @@ def run_and_measure_use(simulation: Simulation) -> dict[str, float | int]:
     ticks, elapsed = now.actions - before, max(1, now.tick - begin)
     figures[MEASURED] = elapsed // simulation.resolved.scenario.refine
     world, floor_plan = simulation.world, simulation.resolved.floor_plan
-    stations, chargers = (int(np.count_nonzero(floor_plan.kind == k)) for k in (STATION, CHARGER))
+    stations = int(np.count_nonzero(floor_plan.kind == STATION))
+    places = sum(places_of_chargers(resolved.scenario, floor_plan))
     if stations:
         handling = int(ticks[[ACTION_PICK, ACTION_DROP, ACTION_TRY_DROP]].sum())
         # Pods are picked and dropped in storage.
         used = now.served - served if len(world.trips.pod) else handling
         figures[STATION_USE] = used / (stations * elapsed)
-    if chargers and world.rules.battery:
-        figures[CHARGER_USE] = float(ticks[ACTION_CHARGE].sum()) / (chargers * elapsed)
+    if places and world.rules.battery:
+        figures[CHARGER_USE] = float(ticks[ACTION_CHARGE].sum()) / (places * elapsed)
     return in_coarse_ticks(figures, simulation.resolved.scenario.refine)
 
 

@@ -153,10 +153,10 @@ def fingerprint(resolved: Resolved, windows: Windows = WHOLE_RUNS) -> str:
     del scenario["seed"], scenario["summary"]
     for form in DRAWN_ELSEWHERE:
         scenario["layout"].pop(form, None)
-    picks = {
-        layer: [choice.name, msgspec.to_builtins(choice.parameters)]
-        for layer, choice in resolved.strategies.items()
-    }
+    picks = [
+        (layer, choice.name, msgspec.to_builtins(choice.parameters))
+        for layer, choice in resolved.choices
+    ]
     contents = file_hashes(resolved).get("files", {})
     whole = [
         by_content(scenario, contents),
@@ -179,7 +179,7 @@ def by_content(data: Any, contents: Mapping[str, str]) -> Any:
 
 def plugins_of(resolved: Resolved) -> set[str]:
     """The modules of a scenario's strategies that are not built-ins."""
-    places = (lookup.place(layer, choice.name) for layer, choice in resolved.strategies.items())
+    places = (lookup.place(layer, choice.name) for layer, choice in resolved.choices)
     modules = {place.partition(":")[0] for place in places if place}
     return {module for module in modules if module.partition(".")[0] not in PACKAGES}
 

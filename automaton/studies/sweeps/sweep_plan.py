@@ -218,11 +218,7 @@ def shortest(scenarios: tuple[Resolved, ...]) -> int:
 
 def counted_by(scenarios: tuple[Resolved, ...]) -> tuple[str, ...]:
     """Metrics that the strategies in use count themselves, those of every run left out."""
-    picks = {
-        (layer, choice.name)
-        for resolved in scenarios
-        for layer, choice in resolved.strategies.items()
-    }
+    picks = {(layer, choice.name) for resolved in scenarios for layer, choice in resolved.choices}
     names = {
         name
         for layer, strategy in sorted(picks)
@@ -328,7 +324,7 @@ def files_named(resolved: Resolved, folder: Path) -> Iterator[Path]:
     layout = resolved.scenario.layout
     yield from (folder / layout[form] for form in DRAWN_ELSEWHERE if form in layout)
     yield from (Path(file) for file, _ in resolved.files)
-    for choice in resolved.strategies.values():
+    for _, choice in resolved.choices:
         yield from files_of(choice.parameters)
 
 

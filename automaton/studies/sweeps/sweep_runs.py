@@ -105,7 +105,7 @@ def _scenario(fingerprint: str, pickled: bytes, patience: float | None = None) -
         for oldest in list(_SCENARIOS)[: 1 - MAX_SCENARIOS_KEPT]:
             _SCENARIOS.pop(oldest, None)
         resolved = _SCENARIOS[fingerprint] = pickle.loads(pickled)
-        names = tuple(choice.name for choice in resolved.strategies.values())
+        names = tuple(choice.name for _, choice in resolved.choices)
         if names not in _LOADED:  # loads what is compiled, so that no run's time counts it
             _LOADED.add(names)
             try:

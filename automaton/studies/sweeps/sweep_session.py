@@ -243,5 +243,5 @@ def points_to_warm(plan: SweepPlan) -> list[int]:
     """The first point of each combination of strategies."""
     first: dict[tuple[str, ...], int] = {}
     for point, resolved in enumerate(plan.scenarios):
-        first.setdefault(tuple(one.name for one in resolved.strategies.values()), point)
+        first.setdefault(tuple(choice.name for _, choice in resolved.choices), point)
     return list(first.values())

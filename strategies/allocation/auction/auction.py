@@ -51,7 +51,7 @@ from strategies.allocation.auction.winners import (
     WINNER_LOWEST_BID,
     WINNER_REGRET,
 )
-from strategies.allocation.order_queues import has_empty_list, serve
+from strategies.allocation.order_queues import drop_lost_orders, has_empty_list, serve
 
 BID_RULES: Final = {"mixed": BID_MIXED, "average": BID_AVERAGE_ADDED, "average-paper": BID_AVERAGE}
 WINNER_RULES: Final = {
@@ -80,31 +80,35 @@ class Auction(Strategy):
     ) -> None:
         """Hold an auction if there is reason to, and give out what robots do next."""
         out, state = decisions.allocation, AuctionState.of(memory)
+        drop_lost_orders(view, out, int(batch.strategy[0]))
         if self.parameters.reauction_after is not None:
-            self._take_back_late(view, out, state, workspace, self.parameters.reauction_after)
+            self._take_back_late(view, batch, out, state, workspace)
+        own = view.rules.allocation[view.robots.type] == batch.strategy[0]
         if self.parameters.while_charging == "release" and has_empty_list(view, batch, out):
             charging = (view.robots.goal_type == GOAL_CHARGE) & (view.robots.order_queue_length > 0)
+            charging &= own
             out.order_queue_length[charging] = state.due[charging] = 0
         mark_planned(view, out)
         count, delivered = find_items(view, out, state.delivered[0], state.sellable)
         state.delivered[0] = delivered
         if count and (count != state.unsold[0] or has_empty_list(view, batch, out)):
             if self.parameters.mechanism == "exact":  # it knows no lists to begin with
-                count = self._take_back(view, out, state)
+                count = self._take_back(view, out, state, own)
             for center, items in self._auctioneers(view, state, int(count)):
-                self._sell(view, out, state, workspace, int(batch.robot[0]), center, items)
+                self._sell(view, batch, out, state, workspace, center, items)
             state.unsold[0], _ = find_items(view, out, delivered, state.sellable)
         policy = POLICIES.index(self.parameters.storage)
         serve(view, batch, out, workspace, state.due, policy)
 
     def _take_back_late(
-        self, view: World, out: Any, state: AuctionState, workspace: Workspace, tolerance: int
+        self, view: World, batch: Batch, out: Any, state: AuctionState, workspace: Workspace
     ) -> None:
         """Lists that will be done so much later than was predicted are for sale again."""
         if not (state.due > 0).any():
             return
-        market = state.market
-        robots = open_auction(view, out, workspace, market, state.sellable, 0)
+        market, tolerance = state.market, self.parameters.reauction_after or 0
+        strategy = int(batch.strategy[0])
+        robots = open_auction(view, out, workspace, market, strategy, state.sellable, 0)
         for r in range(robots):
             i = int(market.robot[r])
             due = int(state.due[i])
@@ -112,10 +116,11 @@ class Auction(Strategy):
             if due and market.fleet.length[r] and done > due + tolerance:
                 out.order_queue_length[i] = state.due[i] = 0
 
-    def _take_back(self, view: World, out: Any, state: AuctionState) -> int:
-        """Put all that is planned up for sale again; returns how many orders are."""
-        out.order_queue_length[:] = 0
+    def _take_back(self, view: World, out: Any, state: AuctionState, own: Any) -> int:
+        """Put all that its own robots plan up for sale again; returns how many orders are."""
+        out.order_queue_length[own] = 0
         out.order_taken[out.order_taken == ORDER_PLANNED] = 0
+        mark_planned(view, out)
         count, _ = find_items(view, out, state.delivered[0], state.sellable)
         return int(count)
 
@@ -155,17 +160,15 @@ class Auction(Strategy):
     def _sell(
         self,
         view: World,
+        batch: Batch,
         out: Any,
         state: AuctionState,
         workspace: Workspace,
-        asked: int,
         center: int,
         items: Any,
     ) -> None:
-        """One auctioneer's auction; its region is doubled while orders are left unsold.
-
-        `asked`: the robot in whose row it is counted.
-        """
+        """One auctioneer's auction; its region is doubled while orders are left unsold."""
+        asked, strategy = int(batch.robot[0]), int(batch.strategy[0])  # it is counted in that row
         parameters, market = self.parameters, state.market
         most = MAX_SOLD.get(parameters.mechanism)
         items = items[:most]
@@ -174,7 +177,7 @@ class Auction(Strategy):
         if center == NIL and parameters.region == "auctioneer":
             radius = NIL  # the central auctioneer reaches all robots
         while len(items):
-            robots = open_auction(view, out, workspace, market, items, len(items))
+            robots = open_auction(view, out, workspace, market, strategy, items, len(items))
             market.fleet.capacity[:robots], market.fleet.capacity[robots:] = state.limit, 0
             announce_items(view, market, robots, len(items), center, radius)
             self._hold(view, state, len(items))

@@ -9,11 +9,12 @@ import numpy as np
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.robot_status import STATUS_UP
 from automaton.engine.state import CLOCK_NEXT_RELEASE, CLOCK_TICK, KEEP, NIL, ORDER_WAITING
-from automaton.strategy.kernels import can_do, types_of_robots
+from automaton.strategy.kernels import allocation_of, can_do, types_of_robots
 from strategies.allocation.auction.floor_market import (
     count_queues,
     enter_robot,
     enter_task,
+    enter_waits,
     measure_distances,
 )
 from strategies.allocation.auction.market import INF_COST
@@ -71,8 +72,8 @@ def find_items(view, allocation, since, out):
 
 
 @kernel
-def open_auction(view, out, workspace, market, sellable, count):
-    """Fill the market: robots in order, their plans as lists, and sellable[:count] as items.
+def open_auction(view, out, workspace, market, strategy, sellable, count):
+    """Fill the market: the strategy's robots in order, their plans as lists, sellable[:count] as items.
 
     Returns how many robots take part.
     """
@@ -82,7 +83,7 @@ def open_auction(view, out, workspace, market, sellable, count):
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
         hidden = robots.cell[i] == NIL and robots.home[i] == NIL  # beyond what may be seen
-        if robots.status[i] != STATUS_UP or hidden:
+        if robots.status[i] != STATUS_UP or hidden or allocation_of(view, i) != strategy:
             continue
         r = taking_part
         enter_robot(view, workspace, market, r, i)
@@ -109,7 +110,8 @@ def open_auction(view, out, workspace, market, sellable, count):
             fleet.may_bid[r, task] = can_do(view, market.robot[r], market.order[task])
     for robot_type in range(types_of_robots(view)):
         measure_distances(view, workspace, market, robot_type, taking_part, tasks)
-    count_queues(view, market, NIL)
+    count_queues(view, market)
+    enter_waits(view, market)
     settle_all(market.costs, market.battery, fleet, market.scratch)
     return taking_part
 

@@ -17,7 +17,13 @@ from automaton.engine.state import (
     REASON_PERIODIC,
 )
 from automaton.strategy.kernels import charging_ticks, first_cell
-from strategies.allocation.auction.floor_market import count_queues, enter_task, measure_distances
+from strategies.allocation.auction.floor_market import (
+    count_before,
+    count_queues,
+    enter_task,
+    enter_waits,
+    measure_distances,
+)
 from strategies.allocation.auction.market import INF_COST, POLICY_NO_CHARGING
 from strategies.allocation.auction.quotes import quote, select_robot_type
 
@@ -30,6 +36,7 @@ IDLE_ENERGY_MARGIN = (
 def choose_charging(view, batch, out, market, workspace, idle_below):
     """Decide for a batch; idle robots below `idle_below` go to a free charger and may be called away."""
     robots = view.robots
+    count_queues(view, market)
     for k in range(batch.count[0]):
         i = np.int64(batch.robot[k])
         if robots.load[i] != NIL or robots.goal_type[i] == GOAL_CHARGE or robots.retreat_moves[i]:
@@ -43,29 +50,24 @@ def choose_charging(view, batch, out, market, workspace, idle_below):
             market.cell[robot_type, home] = robots.home[i]
             market.cell[robot_type, home + 1] = robots.home[i]
         measure_distances(view, workspace, market, robots.type[i], 1, max(tasks, 1))
-        count_queues(view, market, i)
-        count_earlier(view, batch, out, market, k)
+        enter_waits(view, market)
         compare_queues(market.battery.wait)
         if tasks:
             charge_for_list(view, out, market, k, tasks)
         elif batch.reason[k] != REASON_IDLE or idle_below > 0:
             charge_when_idle(view, out, market, k, np.int64(home), idle_below)
+        if out.goal_cell[k] >= 0:
+            count_decision(view, out, market, k, i)
 
 
 @kernel
-def count_earlier(view, batch, out, market, k):
-    """Whom earlier decisions of the batch send to a charger comes before robot k of it, too."""
-    if market.queues == 0:
-        return
-    for earlier in range(k):
-        if out.goal_cell[earlier] >= 0:
-            j = np.int64(batch.robot[earlier])
-            charge_target = np.int64(out.charge_target[earlier])
-            market.battery.wait[view.chargers.charger_at[out.goal_cell[earlier]]] += charging_ticks(
-                view.rules.curve[view.robots.type[j]],
-                np.int64(view.robots.charge[j]),
-                charge_target,
-            )
+def count_decision(view, out, market, k, i):
+    """Robot i, which decision k sends to a charger, comes before those of later decisions."""
+    charger = view.chargers.charger_at[out.goal_cell[k]]
+    market.sent[charger] += 1
+    curve, target = view.rules.curve[view.robots.type[i]], np.int64(out.charge_target[k])
+    ticks = charging_ticks(curve, np.int64(view.robots.charge[i]), target)
+    count_before(market, charger, ticks)
 
 
 @kernel
@@ -169,28 +171,21 @@ def charge_when_idle(view, out, market, k, home, idle_below):
     if charge < BATTERY_FULL and (stands_there or (min(later, now) < low and worth_it)):
         send(view, out, k, nearest, BATTERY_FULL, 1)
     elif charge < idle_below:
-        free = free_charger(view, out, market, k)
+        free = free_charger(view, market)
         if free != NIL:
             send(view, out, k, free, BATTERY_FULL, 1)
 
 
 @kernel
-def free_charger(view, out, market, k):
-    """The nearest charger to which no robot was sent, NIL if there is none."""
-    robots, chargers, robot_type = view.robots, view.chargers, market.costs.robot_type[0]
+def free_charger(view, market):
+    """The nearest charger with a place to which no robot was sent, NIL if there is none."""
+    chargers, robot_type = view.chargers, market.costs.robot_type[0]
     best, least = np.int64(NIL), np.int64(INF_COST)
     for c in range(chargers.cell.shape[0]):
-        taken = False
-        for j in range(robots.cell.shape[0]):
-            taken = taken or (
-                robots.goal_type[j] == GOAL_CHARGE and robots.goal_cell[j] == chargers.cell[c]
-            )
-        for earlier in range(k):
-            taken = taken or out.goal_cell[earlier] == chargers.cell[c]
         place = market.battery.charger[c]
         ticks = np.int64(market.costs.ticks[robot_type, 0, place])
         enough = market.costs.energy[robot_type, 0, place] <= view.robots.charge[market.robot[0]]
-        if not taken and enough and ticks < least:
+        if market.sent[c] < chargers.places[c] and enough and ticks < least:
             best, least = np.int64(c), ticks
     return best
 

@@ -72,6 +72,10 @@ class FloorMarket(Struct, role=SCRATCH):
     order: Array = field("(T,) int32", "the order of each task")
     item: Array = field("(T,) int32", "tasks that are for sale")
     queues: int = field("int64", "1: robots wait for those that were sent to a charger before")
+    # Of each charger:
+    sent: Array = field("(C,) int32", "robots that were sent there, whatever they do")
+    before: Array = field("(C,) int32", "those of them that do not leave for an order")
+    ticks: Array = field("(C,) int64", "ticks in which these have charged")
 
 
 def make_floor_market(
@@ -96,7 +100,7 @@ def make_floor_market(
     cell[:, robots : robots + len(chargers)] = chargers
     begin = robots + len(chargers) + 2 * np.arange(tasks)
     return FloorMarket.sized(
-        {"R": robots, "T": tasks},
+        {"R": robots, "T": tasks, "C": len(chargers)},
         costs=deliveries(nothing, nothing, begin, begin + 1, none, none),
         battery=battery,
         fleet=fleet_of(np.arange(robots), tasks, longest=longest),
@@ -254,9 +258,10 @@ def ticks_to_level(view, j):
 
 @kernel
 def charging_queue_ticks(view, i):
-    """Ticks of charging of those that charge at the charger of robot i, or queue before it."""
+    """How long robot i waits for those that charge at its charger, or queue before it."""
     robots = view.robots
-    ticks = np.int64(0)
+    charger = view.chargers.charger_at[robots.goal_cell[i]]
+    ticks, before = np.int64(0), 0
     for j in range(robots.cell.shape[0]):
         if (
             j == i
@@ -265,12 +270,19 @@ def charging_queue_ticks(view, i):
         ):
             continue
         there = robots.cell[j] == robots.goal_cell[j]
-        before = robots.ticket[j] != 0 and (
+        earlier = robots.ticket[j] != 0 and (
             robots.ticket[i] == 0 or robots.ticket[j] < robots.ticket[i]
         )
-        if robots.charging_interruptible[j] == 0 and (there or before):
+        if robots.charging_interruptible[j] == 0 and (there or earlier):
             ticks += ticks_to_level(view, j)
-    return ticks
+            before += 1
+    return shared_wait(ticks, before, np.int64(view.chargers.places[charger]))
+
+
+@kernel
+def shared_wait(ticks, robots, places):
+    """How long a robot waits for so many others that need these ticks in all, sharing places."""
+    return np.int64(0) if robots < places else ticks // places
 
 
 @kernel
@@ -306,16 +318,32 @@ def measure_distances(view, workspace, market, robot_type, robots, tasks):
 
 
 @kernel
-def count_queues(view, market, besides):
-    """How long a robot waits at each charger for those that were sent there before, but for one."""
-    wait, robots = market.battery.wait, view.robots
-    for c in range(wait.shape[0]):
-        wait[c] = 0
-    if market.queues == 0:
-        return
+def count_queues(view, market):
+    """Count who was sent to each charger before, and the ticks that they need there."""
+    robots = view.robots
+    market.sent[:] = 0
+    market.before[:] = 0
+    market.ticks[:] = 0
     for j in range(robots.cell.shape[0]):
-        if j == besides or robots.goal_type[j] != GOAL_CHARGE or robots.status[j] != STATUS_UP:
+        if robots.goal_type[j] != GOAL_CHARGE or robots.goal_cell[j] == NIL:
             continue
-        goal_cell = np.int64(robots.goal_cell[j])
-        if goal_cell != NIL and robots.charging_interruptible[j] == 0:
-            wait[view.chargers.charger_at[goal_cell]] += ticks_to_level(view, j)
+        charger = view.chargers.charger_at[robots.goal_cell[j]]
+        market.sent[charger] += 1
+        if robots.charging_interruptible[j] == 0 and robots.status[j] == STATUS_UP:
+            count_before(market, charger, ticks_to_level(view, j))
+
+
+@kernel
+def count_before(market, charger, ticks):
+    """One more robot charges there before those that are sent now, for so many ticks."""
+    if market.queues:
+        market.before[charger] += 1
+        market.ticks[charger] += ticks
+
+
+@kernel
+def enter_waits(view, market):
+    """How long a robot waits at each charger for those that were sent there before."""
+    for c in range(market.battery.wait.shape[0]):
+        places = np.int64(view.chargers.places[c])
+        market.battery.wait[c] = shared_wait(market.ticks[c], market.before[c], places)

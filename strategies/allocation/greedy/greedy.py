@@ -14,7 +14,6 @@ from automaton.engine.state import (
     ACTION_MOVE,
     ACTION_TURN,
     CMD_PARK,
-    LAYER_ALLOCATION,
     NIL,
     REASON_PERIODIC,
     Array,
@@ -65,7 +64,7 @@ class GreedyState(Struct):
 @kernel
 def decide(view, batch, decisions, memory, workspace):
     out, state = decisions.allocation, GreedyState.of(memory)
-    collect_seekers(view, batch, state.seekers, is_due(view, LAYER_ALLOCATION))
+    collect_seekers(view, batch, state.seekers, is_due(view, np.int64(batch.strategy[0])))
     if state.seekers.count[0] > 0:
         first = update_open_orders(view, state.open_orders)
         if state.open_orders.rest.shape[0]:

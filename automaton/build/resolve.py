@@ -119,9 +119,9 @@ class Resolved:
 
     @property
     def choices(self) -> tuple[tuple[str, StrategyChoice], ...]:
-        """The layer and the choice of all strategies: those of the layers, then types' own."""
-        further = (("allocation", choice) for choice in self.allocations[1:])
-        return (*self.strategies.items(), *further)
+        """The layer and the choice of all strategies, as they are numbered: of layers, then types' own."""
+        of_layers = ((name, self.strategies[name]) for name in LAYER_NAMES if self.strategies)
+        return (*of_layers, *(("allocation", choice) for choice in self.allocations[1:]))
 
     @property
     def zoning(self) -> ZoningParameters:

@@ -119,7 +119,7 @@ class Resolved:
 
     @property
     def choices(self) -> tuple[tuple[str, StrategyChoice], ...]:
-        """The layer and the choice of all strategies, as they are numbered: of layers, then types' own."""
+        """The layer and the choice of all strategies, by number: those of layers, then of types."""
         of_layers = ((name, self.strategies[name]) for name in LAYER_NAMES if self.strategies)
         return (*of_layers, *(("allocation", choice) for choice in self.allocations[1:]))
 

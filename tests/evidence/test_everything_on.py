@@ -28,7 +28,6 @@ from automaton.engine.record_codes import (
 )
 from automaton.evidence.recording.contents import FRAME_KIND_TICKS, Frame
 from automaton.evidence.recording.frames import Recording
-from automaton.evidence.recording.recording_reader import read_recording
 from automaton.evidence.verification.validator import validate_stored
 
 SAMPLE, TICKS = range(1, 31), 200
@@ -59,13 +58,11 @@ def test_robots_that_begin_in_lifts_are_found(monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.fixture(scope="module")
-def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
+def recording() -> Recording:
     """A recorded run of the scenario COUNTED."""
     scenario = scenario_of(COUNTED, TICKS)
     assert {"pods", "gates", "charging"} <= contents_of(scenario)
-    path = tmp_path_factory.mktemp("counted") / "run.rec"
-    recorded(resolved_whole(scenario), path, Random(COUNTED))
-    return read_recording(path)
+    return recorded(resolved_whole(scenario), Random(COUNTED))[1]
 
 
 def altered(recording: Recording) -> tuple[Any, list[Any]]:

@@ -78,7 +78,10 @@ def drawn_whole(number: int, ticks: int = TICKS) -> Plain:
         scenario["battery"] = batteries(chance, fleet["robots"])
     scenario["strategy"] = strategies(chance, scenario, rows, battery)
     scenario["information"] = information(chance, scenario["strategy"])
-    when = chance.choice(("delivered", "never", "parked"))
+    # What is listed is done soon, and robots would stand idle.
+    when = chance.choice(
+        ("delivered", "parked") if listed(scenario["orders"]) else ("never", "parked")
+    )
     scenario["stop"] = {"when": when, "max_duration": ticks}
     if chance.random() < 0.15:
         scenario["measure"] = {"warm_up": ticks // 4}
@@ -323,7 +326,7 @@ def faults(chance: Random, robots: int, battery: bool, ticks: int) -> Plain:
     elif kind in ("listed", "place"):
         when = sorted(chance.randrange(1, ticks) for _ in range(chance.randint(1, 4)))
         out["list"] = [{"robot": chance.randrange(robots), "at": tick} for tick in when]
-        out["tow_after"] = chance.choice((1, 5, 20, None))
+        out["tow_after"] = chance.choice((1, 5, 20, 20, 20, None))
     if kind == "place":
         out["repair_in_place"] = chance.choice((7, {"uniform": {"from": 2, "to": 20}}))
     if chance.random() < 0.3:

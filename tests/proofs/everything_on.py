@@ -48,8 +48,8 @@ from automaton.engine.state import (
     ACTION_STATION_QUEUE,
 )
 from automaton.errors import InputError
-from automaton.evidence.recording.recorder import Recorder
-from automaton.evidence.recording.recording_reader import read_recording
+from automaton.evidence.recording.frames import Recording
+from automaton.evidence.recording.recorder import MemoryRecorder
 from automaton.evidence.verification.verification import verify_recording
 from automaton.runs.headless import run_once
 from automaton.runs.jam_watch import JamWatch
@@ -57,7 +57,7 @@ from automaton.runs.run_report import print_report
 from automaton.runs.simulation import Simulation
 
 LENGTHS = (200, 400, 400, 1000, 2000)  # ticks of runs
-AS_FILE = 40  # every so many-th scenario goes through the command line
+AS_FILE = 25  # every so many-th scenario goes through the command line
 AT_ONCE = 100  # runs between two lines of counts
 REFUSALS = (InputError, msgspec.ValidationError)
 
@@ -95,7 +95,7 @@ def trial(number: int, folder: Path, ticks: int | None = None) -> Outcome:
     try:
         described(resolved), conversion_lines(resolved.unrefined), bounds_in_words(resolved)
         scenario_warnings(resolved)
-        flaws += flaws_of_run(resolved, number, folder, counts)
+        flaws += flaws_of_run(resolved, number, counts)
         if number % AS_FILE == 0:
             flaws += flaws_of_commands(scenario, folder)
     except Exception:
@@ -110,11 +110,9 @@ def last_line() -> str:
     return f"{lines[-1]} ({places[-1].split('/')[-1]})"
 
 
-def flaws_of_run(resolved: Resolved, number: int, folder: Path, counts: Counter[str]) -> list[str]:
+def flaws_of_run(resolved: Resolved, number: int, counts: Counter[str]) -> list[str]:
     """Run a scenario four times: recorded, verified, stored otherwise, and as `run` does it."""
-    path = folder / "run.rec"
-    run = recorded(resolved, path, Random(number))
-    recording = read_recording(path)
+    run, recording = recorded(resolved, Random(number))
     verification = verify_recording(recording)
     flaws = [str(one) for one in verification.report.violations[:5]]
     if verification.difference is not None:
@@ -136,18 +134,18 @@ def flaws_of_run(resolved: Resolved, number: int, folder: Path, counts: Counter[
     return flaws
 
 
-def recorded(resolved: Resolved, path: Path, chance: Random) -> Simulation:
-    """Run a scenario to its end and record it, with states now and then."""
+def recorded(resolved: Resolved, chance: Random) -> tuple[Simulation, Recording]:
+    """Run a scenario to its end and record it, with more states than a file may have."""
     end = resolved.scenario.stop.max_duration
-    with Recorder(path, resolved, resolved.scenario.seed) as recorder:
-        run = Simulation(resolved, on_record=recorder)
-        while not run.finished and run.tick < end:
-            run.run(until=min(end, run.tick + chance.randint(5, 120)))
-            recorder(run)
-            recorder.flush()
-            if run.tick > recorder._keyframe_at:
-                recorder._keyframe(run.world)
-    return run
+    recorder = MemoryRecorder(resolved)
+    run = Simulation(resolved, on_record=recorder)
+    while not run.finished and run.tick < end:
+        run.run(until=min(end, run.tick + chance.randint(5, 120)))
+        recorder(run)
+        recorder.flush()
+        if run.tick > recorder._keyframe_at:
+            recorder._keyframe(run.world)
+    return run, recorder.recording()
 
 
 def stored_otherwise(resolved: Resolved, number: int) -> str:

@@ -267,6 +267,7 @@ class CountedRecording:
         robot = self.robots[r]
         if not self.exits[robot.cell] >> way & 1:
             self.wrong(f"robot {r} leaves cell {robot.cell} where it has no exit")
+            return
         if way % robot.kind.headings != robot.heading:
             self.wrong(f"robot {r} drives across its heading")
         robot.to, robot.way = robot.cell + self.step[way], way
@@ -320,10 +321,15 @@ class CountedRecording:
     # Charges
 
     def _pay(self, executed: list[int], lengths: dict[int, int]) -> None:
+        leaving = {
+            self._place(robot.cell, robot.travel)
+            for robot, value in zip(self.robots, executed, strict=True)
+            if robot.to != NIL or value & codes.ACTION_MASK in MOVES
+        }
         for r, (robot, value) in enumerate(zip(self.robots, executed, strict=True)):
             code, loaded = value & codes.ACTION_MASK, robot.is_loaded
             if code in NAMES:
-                self._pay_operation(r, code, lengths.get(r))
+                self._pay_operation(r, code, lengths.get(r), leaving)
             elif code in STANDING:
                 self._stand(robot, lengths.get(r, self.stride))
             elif code == codes.EXECUTED_CHARGE:
@@ -340,14 +346,17 @@ class CountedRecording:
         is_free = robot.cell != NIL and robot.to == NIL and robot.end < self.tick
         return decides and not acts and is_free and robot.status == UP
 
-    def _pay_operation(self, r: int, code: int, length: int | None) -> None:
+    def _pay_operation(self, r: int, code: int, length: int | None, leaving: set[Any]) -> None:
+        """Pay for what begins; `leaving`: the places that robots are on their way out of."""
         robot, name = self.robots[r], NAMES[code]
         usual = max(1, robot.kind.ticks[name][robot.is_loaded])
-        ticks = length or usual
+        ticks = least_own = length or usual
         rate, wait = (robot.kind.drain[key][robot.is_loaded] for key in (name, "wait"))
-        # Under convoy a move may take longer for the robot ahead: then it waits for the rest.
-        behind = self.following == "convoy" and name == "move" and length is not None
-        least_own = min(usual, ticks) if behind else ticks
+        if self.following == "convoy" and code in MOVES:
+            # Behind another robot a move may take longer: then it waits for the rest.
+            way = code - codes.MOVE_EAST
+            ahead = self._place(robot.cell + self.step[way], way) if robot.cell != NIL else None
+            least_own = min(usual, ticks) if ahead in leaving and ahead is not None else ticks
         if least_own * rate > robot.most:
             self.wrong(f"robot {r} begins a {name} for {ticks * rate} units, and has {robot.most}")
         prices = [own * rate + (ticks - own) * wait for own in (least_own, ticks)]

@@ -93,11 +93,18 @@ def columns_of(gates: list[Gate]) -> dict[str, Array]:
 def gates_by_cell(
     cells: list[list[int]], mouths: list[list[int]], floor_plan: FloorPlan
 ) -> tuple[Array, Array, Array]:
-    """The gates of each cell, one cell after another, and which mouth of a lift it is there."""
+    """The gates of each cell, one cell after another, and the last mouth of a lift up to it.
+
+    A cell between two mouths counts as the first of them on the path of the shaft: a robot that was towed
+    there comes back there where robots leave the floor (fleet.when_idle), and calls the cabin to it.
+    """
     pairs = sorted((cell, number) for number, inside in enumerate(cells) for cell in inside)
     count = np.bincount([cell for cell, _ in pairs], minlength=floor_plan.kind.size)
-    place = [{cell: k for k, cell in enumerate(one)} for one in mouths]
-    index = [place[number].get(cell, NIL) for cell, number in pairs]
+    place = [  # NIL in other gates, which have no mouths
+        dict(zip(inside, (np.cumsum(np.isin(inside, ways_in)) - 1).tolist(), strict=True))
+        for inside, ways_in in zip(cells, mouths, strict=True)
+    ]
+    index = [place[number][cell] for cell, number in pairs]
     return (
         np.concatenate([[0], np.cumsum(count)]).astype(np.int32),
         np.array([number for _, number in pairs], np.int32),

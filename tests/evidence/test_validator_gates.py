@@ -6,12 +6,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from gate_scenes import gate_scene
 from handmade_recordings import E, W, header, played, rules
 
 from automaton.engine.record_codes import CHANGE_STATUS, EXECUTED_WAIT
 from automaton.engine.record_codes import EXECUTED_BLOCKED as B
+from automaton.evidence.recording.recorder import MemoryRecorder
 from automaton.evidence.verification.energy_rules import STATUS_DEPLETED
 from automaton.evidence.verification.gate_rules import Gate
+from automaton.evidence.verification.verification import verify_recording
+from automaton.runs.simulation import Simulation
 
 AISLE = "......d"
 CLOSED = {"closed": [{"cells": [[2, 0]], "from": 2, "for": 3}]}
@@ -145,3 +149,22 @@ def test_moves_in_a_lift_take_their_share(length: int, expected: list[str]) -> N
     changes = [(3, 3, 0, length)] if length != 1 else []
     report = played(head(LIFT, (0, 0)), {0: B}, {0: E}, {0: E}, changes=changes)
     assert rules(report) == expected
+
+
+def test_robots_that_were_towed_out_of_a_shaft_come_back_there() -> None:
+    """Where robots leave the floor they come back where they stood: here between two mouths."""
+    lift = {"shaft": [[3, 0], [3, 2]], "travel_time": 4, "door_time": 1}
+    scene = gate_scene(
+        {"lifts": [lift]},
+        (6, 2),
+        (0, 0),
+        picture=".......\n###.###\n.......",
+        fleet={"robots": 1, "kinematics": "omni", "start": [[0, 0]], "when_idle": "leave"},
+        faults={"list": [{"robot": 0, "at": 7}], "tow_after": 2, "repair_time": 3},
+        strategy={"allocation": "first-come", "routing": "shortest", "right_of_way": "retreat"},
+    )
+    memory = MemoryRecorder(scene)
+    run = Simulation(scene, on_record=memory)
+    run.run()
+    assert run.finished and run.world.robots.home[0] == scene.floor_plan.cell(3, 1)
+    assert verify_recording(memory.recording()).passed

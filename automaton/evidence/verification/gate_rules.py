@@ -173,7 +173,9 @@ class Lift(Gate):
 
     def __init__(self, cells: list[int], mouths: list[int], section: dict[str, Any]) -> None:
         super().__init__(cells)
-        self.mouths = mouths
+        # The last mouth up to each cell of the path: a towed robot may come back between two mouths.
+        last = itertools.accumulate(int(cell in mouths) for cell in cells)
+        self.number = dict(zip(cells, last, strict=True))
         self.travel, self.doors = section["travel_time"], section["door_time"]
         self.cabin = mouths[0]
         # The first tick in which it was free and may have been called.
@@ -182,7 +184,7 @@ class Lift(Gate):
     def look(self, inside: set[int], cell: list[int]) -> None:
         super().look(inside, cell)
         for r in self.inside:
-            if cell[r] in self.mouths:
+            if cell[r] in self.number:
                 self.cabin = cell[r]
         if self.inside:
             self.asked = None
@@ -196,7 +198,7 @@ class Lift(Gate):
         if len(self.inside) + len(entered) > 1:
             complain("lift", robots, to, "enters a lift, which holds one robot")
             return
-        way = abs(self.mouths.index(to) - self.mouths.index(self.cabin))
+        way = abs(self.number[to] - self.number[self.cabin])
         there = (self.asked or 0) + way * self.travel + self.doors
         if tick < there:
             complain("lift", robots, to, f"enters a lift whose cabin is not there before {there}")

@@ -92,6 +92,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         print("automaton: terminated", file=sys.stderr)
         return TERMINATED
     except KeyboardInterrupt:
+        # Python ends by the signal if the exception has passed through an `exec` of text, such as a
+        # dataclass that is made; the next one that passes makes it forget that.
+        exec("")
         print("automaton: interrupted", file=sys.stderr)
         return INTERRUPTED
     except (InputError, OutputError, UnfitNumbaError) as error:

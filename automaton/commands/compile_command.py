@@ -38,7 +38,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Begin a run with each set of strategies, and say how long compiling took."""
-    from automaton.engine.jit.kernel import cache_root, jit_is_on, seconds_compiled
+    from automaton.engine.jit.kernel import jit_is_on, seconds_compiled
+    from automaton.engine.jit.kernel_cache import cache_root
 
     if not jit_is_on():
         raise InputError("nothing is compiled under NUMBA_DISABLE_JIT; unset it")

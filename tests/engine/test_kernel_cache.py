@@ -306,7 +306,7 @@ def kept_in(cache: Path, temporary: Path) -> tuple[str, str]:
             sys.executable,
             "-c",
             "from automaton.engine.jit import kernel_sources as s\n"
-            "from automaton.engine.jit.kernel import cache_folder\n"
+            "from automaton.engine.jit.kernel_cache import cache_folder\n"
             "print(cache_folder(s.__name__, s.__file__))",
         ],
         env=os.environ | {"AUTOMATON_CACHE_DIR": str(cache), "TMPDIR": str(temporary)},
@@ -366,3 +366,98 @@ def test_the_temporary_folder_is_removed_when_nobody_used_it_for_a_week(
     os.utime(folder, (0, 0))
     kept_in(tmp_path / "cache", temporary)
     assert not shared.exists()
+
+
+SQUARES = (
+    "from automaton.strategy.kernels import kernel\n\n@kernel\ndef {name}(x):\n    return x * x\n"
+)
+# Runs as root, too, which may write everywhere: a process without this capability may not (CAPBSET_DROP
+# of CAP_DAC_OVERRIDE; what it executes has not got it).
+DROPPED = "__import__('ctypes').CDLL(None).prctl(24, 1, 0, 0, 0)"
+USED = """
+import json, sys
+from automaton.engine.jit.numba_parts import event
+compiled = []
+class Listener(event.Listener):
+    def on_start(self, event):
+        compiled.append(event.data["dispatcher"].py_func.__name__)
+    def on_end(self, event):
+        pass
+event.register("numba:compile", Listener())
+for name in sys.argv[1:]:
+    function = getattr(__import__(name), name)
+    assert function(7) == 49 and function.is_compiled
+print(json.dumps(compiled))
+"""
+
+
+@pytest.fixture
+def filled(tmp_path: Path) -> Iterator[Path]:
+    """A cache with the kernel `square`, in which nothing can be written."""
+    for name in ("square", "other"):
+        (tmp_path / f"{name}.py").write_text(SESSION + SQUARES.format(name=name))
+    cache = tmp_path / "filled"
+    assert compiled_where(cache, tmp_path, tmp_path, "square") == (["square"], "")
+    folders = [cache, *(path for path in cache.rglob("*") if path.is_dir())]
+    for folder in folders:
+        folder.chmod(0o555)
+    yield cache
+    for folder in folders:
+        folder.chmod(0o755)
+
+
+def compiled_where(
+    cache: Path, modules: Path, temporary: Path, *names: str
+) -> tuple[list[str], str]:
+    """What a process compiles that calls a kernel of each module, and what it says about that."""
+    executed = [sys.executable, "-c", USED, *names]
+    done = subprocess.run(
+        [sys.executable, "-c", f"{DROPPED}; __import__('os').execv({executed[0]!r}, {executed!r})"],
+        env=os.environ
+        | {
+            "AUTOMATON_CACHE_DIR": str(cache),
+            "TMPDIR": str(temporary),
+            "PYTHONPATH": f"{modules}{os.pathsep}{ROOT}",
+        },
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return json.loads(done.stdout), done.stderr
+
+
+def cannot_be_written(folder: Path) -> bool:
+    written = f"open({str(folder / 'probe')!r}, 'w')"
+    command = f"import os; {DROPPED}; os.execv({sys.executable!r}, ['python', '-c', {written!r}])"
+    return subprocess.run([sys.executable, "-c", command], stderr=subprocess.DEVNULL).returncode > 0
+
+
+@pytest.mark.skipif(not jit_is_on(), reason="compilation is off")
+def test_a_cache_that_cannot_be_written_is_read(
+    filled: Path, temporary: Path, tmp_path: Path
+) -> None:
+    if not cannot_be_written(filled):
+        pytest.skip("nothing is unwritable here")
+    assert compiled_where(filled, tmp_path, temporary, "square") == ([], "")
+    # What it lacks is kept in the temporary folder, and both are read.
+    assert compiled_where(filled, tmp_path, temporary, "square", "other") == (["other"], "")
+    assert compiled_where(filled, tmp_path, temporary, "other", "square") == ([], "")
+
+
+@pytest.mark.skipif(not jit_is_on(), reason="compilation is off")
+def test_a_cache_is_read_where_nothing_can_be_written_at_all(filled: Path, tmp_path: Path) -> None:
+    """Not even in a temporary folder: each process compiles what the cache lacks."""
+    if not cannot_be_written(filled):
+        pytest.skip("nothing is unwritable here")
+    nowhere = without_temporary_folder(tmp_path)
+    for _ in range(2):
+        assert compiled_where(filled, nowhere, tmp_path, "square", "other") == (["other"], "")
+
+
+def without_temporary_folder(modules: Path) -> Path:
+    """Modules for a process that finds no temporary folder, as in an image that is read only."""
+    (modules / "sitecustomize.py").write_text(
+        "import tempfile\n\n\ndef gettempdir():\n    raise FileNotFoundError(2, 'No usable folder')\n\n\n"
+        "tempfile.gettempdir = gettempdir\n"
+    )
+    return modules

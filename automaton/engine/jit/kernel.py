@@ -1,46 +1,36 @@
-"""Compilation: the one decorator of every kernel, and a cache that notices an edit in any file.
-
-Numba looks only at a kernel's own file when it decides whether a cached kernel is fresh; a changed
-callee in another file goes unnoticed. So each module has a cache folder of its own, named by a hash of
-the sources that it is made of: whoever edits a strategy compiles that strategy, and nothing else.
-"""
+"""Compilation: the one decorator of every kernel, and what is said while one is compiled."""
 
 from __future__ import annotations
 
-import atexit
-import hashlib
-import os
-import shutil
-import stat
 import sys
-import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from fcntl import LOCK_EX, flock
-from functools import cache, update_wrapper
+from functools import update_wrapper
 from pathlib import Path
 from typing import Any, TypeVar
 
-import numba
 from numba import njit, types
 
 import automaton.engine.jit.struct_types  # noqa: F401  teaches Numba what a Struct is
 from automaton.engine.jit.compile_progress import COMPILING
-from automaton.engine.jit.kernel_sources import sources_digest
+from automaton.engine.jit.kernel_cache import (
+    cache_folder,
+    filled_folder,
+    is_in_cache,
+    with_cache,
+)
 from automaton.engine.jit.numba_parts import config, event
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 ENGINE = "automaton.engine"  # packages whose kernels are the world
 LOOP = "automaton.engine.loop"  # compiled in every first run, and last
-CACHES_KEPT = 4
+COMPLETE = "complete"
 CALLEES = "callees"  # a folder beside the kernels that Python calls
 # What Python and C call a kernel by, which takes a fifth of the time in which a kernel is compiled.
 NO_WRAPPERS = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-UNUSED_S = 7 * 86_400.0  # after which kernels in the temporary folder are removed
-LOCK = "lock"  # a file in the folder of a module, held by who saves
 WORLD = "the world"
 FIRST_RUN_NOTICE = "first run of this version on this machine (about a minute): the world"
 FIRST_USE_NOTICE = "first use on this machine: "
@@ -50,111 +40,6 @@ COMPILE_NOTICE_DELAY_S = 1.0  # before it is said that something is being compil
 def jit_is_on() -> bool:
     """False when NUMBA_DISABLE_JIT=1: kernels then run as plain Python, 300 times slower."""
     return not config.DISABLE_JIT
-
-
-@cache
-def cache_root() -> Path:
-    """Where compiled kernels live, in a folder for each module.
-
-    Where nothing can be written, they live in a temporary folder, which later processes of the same
-    user find again; that is said when it is made.
-    """
-    home = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    root = Path(os.environ.get("AUTOMATON_CACHE_DIR") or Path(home) / "automaton") / "kernels"
-    _remove_unused(_shared_root())
-    try:
-        _check_writable(root)
-    except OSError as error:
-        instead = _temporary_root()
-        is_new = not any(instead.iterdir())
-        _check_writable(instead)
-        if is_new:
-            print(
-                f"automaton: compiled code cannot be kept in {root} ({error.strerror}), so it goes to "
-                f"{instead}; AUTOMATON_CACHE_DIR names another folder",
-                file=sys.stderr,
-                flush=True,
-            )
-        root = instead
-    return root
-
-
-def _check_writable(root: Path) -> None:
-    """Raises OSError if no kernels can be kept there."""
-    root.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryFile(dir=root):
-        pass
-
-
-@cache
-def cache_folder(module: str, file: str) -> Path:
-    """Where the kernels of a module in `file` live; made if needed, older generations removed."""
-    versions = f"{numba.__version__} {sys.version_info[:2]}"
-    digest = hashlib.sha256(f"{versions} {sources_digest(module, file)}".encode()).hexdigest()[:12]
-    folder = cache_root() / f"{module}-{digest}"
-    if folder.is_dir():
-        with suppress(OSError):
-            os.utime(folder)  # it is in use
-        return folder
-    folder.mkdir(exist_ok=True)
-    generations = sorted(cache_root().glob(f"{module}-????????????"), key=_age)
-    for stale in generations[:-CACHES_KEPT]:
-        shutil.rmtree(stale, ignore_errors=True)
-    return folder
-
-
-def _age(folder: Path) -> float:
-    try:
-        return folder.stat().st_mtime
-    except OSError:  # another process has removed it
-        return 0.0
-
-
-def _shared_root() -> Path:
-    return Path(tempfile.gettempdir()) / f"automaton-kernels-{os.getuid()}"
-
-
-def _temporary_root() -> Path:
-    """A folder of this user's alone: compiled code is loaded from it.
-
-    Where somebody else holds its name, it is one that ends with this process.
-    """
-    root = _shared_root()
-    try:
-        root.mkdir(mode=0o700, exist_ok=True)
-        found = root.lstat()
-        if (
-            stat.S_ISDIR(found.st_mode)
-            and found.st_uid == os.getuid()
-            and not found.st_mode & 0o022
-        ):
-            return root
-    except FileExistsError:
-        pass
-    own = Path(tempfile.mkdtemp(prefix="automaton-kernels-"))
-    atexit.register(shutil.rmtree, own, ignore_errors=True)
-    return own
-
-
-def _is_mine(root: Path) -> bool:
-    """Whether it is a folder that this user owns and nobody else can write to."""
-    try:
-        found = root.lstat()
-    except FileNotFoundError:
-        return False
-    is_closed = not found.st_mode & 0o022
-    return stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and is_closed
-
-
-def _remove_unused(root: Path) -> None:
-    """Remove the generations in the temporary folder that nobody used for days."""
-    if not _is_mine(root):
-        return
-    with suppress(OSError):
-        for folder in root.iterdir():
-            if folder.stat().st_mtime < time.time() - UNUSED_S:
-                shutil.rmtree(folder, ignore_errors=True)
-        root.rmdir()  # unless something is left
 
 
 def kernel(
@@ -176,8 +61,7 @@ def kernel(
         return Kernel(function, options, None)
     folder = cache_folder(function.__module__, function.__code__.co_filename)
     if signature is not None:
-        with _caching_in(folder):
-            dispatcher = njit(cache=True, **options)(function)
+        dispatcher = with_cache(function, options, folder)
         dispatcher.compile(signature)  # for long; meanwhile others ask how far it is
         dispatcher.disable_compile()
         return dispatcher
@@ -224,17 +108,14 @@ class Kernel:
         options = self.targetoptions | more
         if folder is None:
             return _with_one_signature(njit(**options)(self.py_func))
-        with _caching_in(folder):
-            dispatcher = njit(cache=True, **options)(self.py_func)
-        return _saved_alone(_with_one_signature(dispatcher))
+        return _with_one_signature(with_cache(self.py_func, options, folder))
 
     @property
     def is_compiled(self) -> bool:
         """Whether this process has compiled it, or this or another one has for kernels."""
         if any(one and one.overloads for one in (self._for_python, self._for_kernels)):
             return True
-        file = getattr(self.callee._cache, "_cache_file", None)
-        return file is not None and os.path.exists(file._index_path)
+        return is_in_cache(self.callee)
 
     @property
     def _numba_type_(self) -> Any:
@@ -249,19 +130,7 @@ class Kernel:
         return getattr(self.dispatcher, name)
 
 
-_MAKING = threading.RLock()  # the folder of caches is one for all threads
-
-
-@contextmanager
-def _caching_in(folder: Path) -> Iterator[None]:
-    """While inside, Numba makes caches in a folder; kernels of other packages keep their own."""
-    with _MAKING:
-        before = config.CACHE_DIR
-        config.CACHE_DIR = str(folder)
-        try:
-            yield
-        finally:
-            config.CACHE_DIR = before
+_MAKING = threading.RLock()  # the dispatcher of a kernel is made once
 
 
 def _with_one_signature(dispatcher: Any) -> Any:
@@ -276,23 +145,6 @@ def _with_one_signature(dispatcher: Any) -> Any:
         return resolve([_widened(kind) for kind in arguments], keywords)
 
     dispatcher.get_call_template = get_call_template
-    return dispatcher
-
-
-def _saved_alone(dispatcher: Any) -> Any:
-    """Let one process at a time enter what it compiled into the cache: Numba would read the index, and
-    replace it without what others have entered meanwhile."""
-    save = dispatcher._cache.save_overload
-
-    def save_overload(signature: Any, compiled: Any) -> None:
-        folder = Path(dispatcher._cache.cache_path)
-        folder.mkdir(parents=True, exist_ok=True)  # it may be among the removed generations
-        with (folder / LOCK).open("ab") as lock:
-            with suppress(OSError):  # some network folders have no locks
-                flock(lock, LOCK_EX)
-            save(signature, compiled)
-
-    dispatcher._cache.save_overload = save_overload
     return dispatcher
 
 
@@ -359,7 +211,9 @@ def subject_of(module: str) -> str:
 
 def world_marker() -> Path:
     """A file that is there when the world has been compiled in this version."""
-    return cache_folder(LOOP, str(Path(__file__).parent.parent / "loop.py")) / "complete"
+    folder = cache_folder(LOOP, str(Path(__file__).parent.parent / "loop.py"))
+    filled = filled_folder(folder)
+    return (filled if filled and (filled / COMPLETE).exists() else folder) / COMPLETE
 
 
 COMPILATIONS = _Compilations()
@@ -385,4 +239,5 @@ def first_compilation_announced() -> Iterator[None]:
         yield
     finally:
         COMPILATIONS.announced = before
-    world_marker().touch()
+    with suppress(OSError):  # nothing can be kept
+        world_marker().touch()

@@ -33,6 +33,7 @@ def unfit(what: str) -> UnfitNumbaError:
 try:
     from numba.core import cgutils, config, event
     from numba.core.caching import FunctionCache
+    from numba.core.caching import _CacheLocator as CacheLocator
     from numba.core.cpu import CPUTargetOptions
     from numba.core.dispatcher import Dispatcher
     from numba.core.typing.templates import AttributeTemplate, infer_getattr
@@ -48,7 +49,16 @@ try:
 except ImportError as error:
     raise unfit(str(error)) from error
 
-__all__ = ["AttributeTemplate", "cgutils", "config", "event", "infer_getattr", "populate_array"]
+__all__ = [
+    "AttributeTemplate",
+    "CacheLocator",
+    "FunctionCache",
+    "cgutils",
+    "config",
+    "event",
+    "infer_getattr",
+    "populate_array",
+]
 
 
 def changed() -> Iterator[str]:
@@ -63,8 +73,10 @@ def changed() -> Iterator[str]:
         yield "AttributeTemplate.generic_resolve is gone"
     if not hasattr(config, "CACHE_DIR"):
         yield "config.CACHE_DIR is gone"
-    if not {"save_overload", "cache_path"} <= set(dir(FunctionCache)):
+    if not {"save_overload", "load_overload", "cache_path"} <= set(dir(FunctionCache)):
         yield "FunctionCache saves otherwise"
+    if not hasattr(CacheLocator, "ensure_cache_path"):
+        yield "_CacheLocator.ensure_cache_path is gone"
     if not {"on_start", "on_end"} <= set(dir(event.Listener)):
         yield "event.Listener hears other events"
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import errno
 import html
 import signal
 import socket
@@ -12,10 +13,12 @@ from pathlib import Path
 from string import Template
 
 from aiohttp import WSMsgType, web
+from aiohttp.typedefs import Handler
 from textual_serve.server import Server, to_int
 
 from tui.serve.access import Access
 from tui.serve.browser_session import TERMINATE_GRACE_S, BrowserSession, bounded
+from tui.serve.request_log import request_log
 
 HERE = Path(__file__).parent
 # how long a new session waits for one that is ending: a reloaded page
@@ -71,6 +74,17 @@ class Punctual(asyncio.Protocol):
         self._handler.resume_writing()
 
 
+@web.middleware
+async def known_paths(request: web.Request, handler: Handler) -> web.StreamResponse:
+    """Answer that there is no file where a path is longer than a file system takes."""
+    try:
+        return await handler(request)
+    except OSError as error:
+        if error.errno == errno.ENAMETOOLONG:
+            raise web.HTTPNotFound from None
+        raise
+
+
 class ViewerServer(Server):
     """textual-serve with a door, a limit and an end."""
 
@@ -95,7 +109,7 @@ class ViewerServer(Server):
         self._closing = False
 
     async def _make_app(self) -> web.Application:
-        app = web.Application(middlewares=[self._access.guard])
+        app = web.Application(middlewares=[self._access.guard, known_paths])
         app.add_routes(
             [
                 web.get("/", self.handle_index),
@@ -183,7 +197,11 @@ class ViewerServer(Server):
         # No access log: the first address has the token in it.
         app = await self._make_app()
         runner = web.AppRunner(
-            app, access_log=None, shutdown_timeout=SHUTDOWN_S, keepalive_timeout=HEAD_S
+            app,
+            access_log=None,
+            logger=request_log(),
+            shutdown_timeout=SHUTDOWN_S,
+            keepalive_timeout=HEAD_S,
         )
         await runner.setup()
         handler = runner.server

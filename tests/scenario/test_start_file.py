@@ -105,3 +105,12 @@ def test_headings_are_said_once_and_for_robots_that_turn(
     with pytest.raises(InputError) as caught:
         resolve(path, (*settings, *also))
     assert sentence in str(caught.value)
+
+
+def test_a_file_with_headings_is_for_robots_that_turn(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        resolve(floor(tmp_path), ["fleet.kinematics=omni"])
+    assert str(caught.value) == (
+        f"{tmp_path / 'floor.yaml'}:6: starts.csv has headings, which belong to differential robots; "
+        "leave out that column"
+    )

@@ -29,6 +29,8 @@ class _OneLine(logging.Handler):
 
 def request_log() -> logging.Logger:
     """Return the logger for the server of aiohttp, which would print a traceback of each request."""
-    log = logging.Logger("automaton.serve", logging.ERROR)  # of no family: no other handler hears it
+    log = logging.Logger(
+        "automaton.serve", logging.ERROR
+    )  # of no family: no other handler hears it
     log.addHandler(_OneLine())
     return log

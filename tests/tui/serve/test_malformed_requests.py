@@ -98,4 +98,3 @@ def test_a_fault_of_ours_is_one_line(
 
     asyncio.run(ask())
     assert capsys.readouterr().err == "automaton: a request failed, ValueError: no number\n"
-

@@ -2,11 +2,24 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
+import os
+import re
 import subprocess
 import sys
+from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import pytest
+from doc_commands import in_this_process
+from docs_pages import page
+
+from automaton.bench.measurement import Figure
+from automaton.commands import COMMANDS as ALL_COMMANDS
+from automaton.commands import main
 
 COMMANDS = ("list", "check goods-mini", "schema", "run goods-mini --until 20", "--help")
 
@@ -44,3 +57,113 @@ def test_a_full_disk_for_errors_stops_nothing() -> None:
 
 def test_bad_input_has_its_exit_code_without_a_place_for_the_sentence() -> None:
     assert ended("check nosuch.yaml", "2>&-")[0] == 2
+
+
+# Every command, with arguments for which it has little to do; what it reads lies in the folder.
+LINES = {
+    "run": "run crossing",
+    "sweep": "sweep small.yaml --out results --workers 1",
+    "watch": "watch crossing --no-record",
+    "replay": "replay a.rec",
+    "explain": "explain a.rec --robot 0 --at 5",
+    "branch": "branch a.rec --at 3 --out b.rec",
+    "cast": "cast a.rec --out a.gif --to 20",
+    "serve": "serve crossing --port 0 --no-token",
+    "report": "report results",
+    "size": "size crossing --target makespan<=5000 --robots 2 --budget 70 --workers 1",
+    "tune": "tune crossing --budget 63 --workers 1 --set stop.max_duration=5",
+    "reproduce": "reproduce tabletop --seeds 1 --strategies cooperative --workers 1",
+    "train": "train traffic --scenario crossing --legs 40 --epochs 1 --out a.npz",
+    "verify": "verify a.rec",
+    "import": "import a.map --out a.yaml --force",
+    "export": "export a.rec --vda5050 a.jsonl",
+    "check": "check crossing",
+    "schema": "schema",
+    "list": "list",
+    "compile": "compile crossing",
+    "bench": "bench --only step --repeat 1",
+}
+LACKS_EXTRA = {"train": "torch"}
+STUDY = "name: small\nscenario: crossing\npoints: [{}]\nreplications: 2\n"
+MAP = "type octile\nheight 2\nwidth 3\nmap\n..@\n...\n"
+RECORDED = "run crossing --record a.rec --set units.cell=1m"
+# In the order of the columns of the table on the page.
+STREAMS = ("closed", "full", "gone")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A folder with a recording, results, and what else the commands read."""
+    path = tmp_path_factory.mktemp("streams")
+    with in_this_process(path):
+        (path / "small.yaml").write_text(STUDY)
+        (path / "a.map").write_text(MAP)
+        with contextlib.redirect_stdout(io.StringIO()):
+            assert main(RECORDED.split()) == 0
+            assert main(LINES["sweep"].split()) == 0
+        yield path
+
+
+@contextlib.contextmanager
+def standard_output(stream: str) -> Iterator[Any]:
+    """None, a disk that is full, or a pipe whose reader has gone."""
+    if stream == "closed":
+        yield None
+        return
+    if stream == "full":
+        file = open("/dev/full", "w")  # noqa: SIM115
+    else:
+        reader, writer = os.pipe()
+        os.close(reader)
+        file = os.fdopen(writer, "w")
+    with contextlib.suppress(OSError), file:
+        yield file
+
+
+def rows_of_the_page() -> dict[str, tuple[str, ...]]:
+    """The codes of each command on the page, in the order of STREAMS."""
+    text = page("docs/reference/json.md").text
+    rows = re.findall(r"^\| ((?:`\w+`(?:, )?)+) \| (\d+) \| (\d+) \| (\d+) \|$", text, re.MULTILINE)
+    return {name: codes for names, *codes in rows for name in re.findall(r"\w+", names)}
+
+
+def test_every_command_has_its_row() -> None:
+    assert sorted(rows_of_the_page()) == sorted(ALL_COMMANDS) == sorted(LINES)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no full device")
+@pytest.mark.parametrize("stream", STREAMS)
+@pytest.mark.parametrize("command", LINES)
+def test_a_command_ends_as_its_row_says(
+    command: str, stream: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if command in LACKS_EXTRA and not find_spec(LACKS_EXTRA[command]):
+        pytest.skip(f"needs {LACKS_EXTRA[command]}")
+    if command == "serve":
+        end_at_once(monkeypatch)
+    if command == "bench":  # nothing is measured: that takes seconds
+        monkeypatch.setattr("automaton.commands.bench_command.measure", measure_nothing)
+    errors = io.StringIO()
+    with standard_output(stream) as output, monkeypatch.context() as patch:
+        patch.setattr(sys, "stdout", output)
+        patch.setattr(sys, "stderr", errors)
+        code = main(LINES[command].split())
+    assert code == int(rows_of_the_page()[command][STREAMS.index(stream)]), errors.getvalue()
+    said = "automaton: standard output cannot be written: no space left on device\n"
+    assert (said in errors.getvalue()) == (code == 2)
+    assert "internal error" not in errors.getvalue()
+
+
+def measure_nothing(wanted: Any, repeat: int, figures: list[Figure]) -> int:
+    figures.append(Figure("nothing", "ns", 1.0, 1.0, 1.0))
+    return 0
+
+
+def end_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have `serve` end when it has begun."""
+    pytest.importorskip("textual_serve")
+
+    async def ended() -> None:
+        return None
+
+    monkeypatch.setattr("tui.serve.server.asked_to_end", ended)

@@ -488,7 +488,8 @@ COMMAND_MEANINGS: Final = {
     "CMD_PARK": "allocation: drive home; illegal for a robot that has an order or a load",
     "CMD_STEP": "right of way: one move, or the turn before it",
     "CMD_WAIT": "right of way: wait for some ticks",
-    "CMD_RETREAT": "right of way: begin a retreat, and be asked for each of its moves",
+    "CMD_RETREAT": "right of way: begin a retreat, and be asked for each of its moves; of no moves: plan "
+    "again where the robot stands",
     "CMD_HOLD": "right of way that steers: stay for this tick, which is lost",
     "CMD_GO": "right of way that steers: turn towards a direction, or move in it; out of the parking bay",
 }

@@ -13,7 +13,14 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from automaton.commands.arguments import add_json_argument, note, print_json, progress_bar, whole
+from automaton.commands.arguments import (
+    add_json_argument,
+    add_settings_argument,
+    note,
+    print_json,
+    progress_bar,
+    whole,
+)
 from automaton.errors import InputError
 
 if TYPE_CHECKING:
@@ -44,9 +51,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--tables",
-        default="",
+        nargs="?",
+        const="",
         metavar="A,B",
-        help="only these, where tables have names; some are made only when named here",
+        help="show all tables, claims and remarks, not the first screen alone; with names, make only "
+        "these tables, of which some are made only when named",
+    )
+    add_settings_argument(
+        parser, "change a value of the scenarios that are run, such as durations.turn=10; may be repeated"
     )
     parser.add_argument(
         "--workers", type=int, metavar="N", help="processes, default one for each core"
@@ -62,7 +74,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run all cases, judge the claims, report."""
-    from automaton.papers.claims import judge
     from automaton.papers.published_tables import find
     from automaton.papers.reproduction_study import reproduce
 
@@ -74,21 +85,23 @@ def run(args: argparse.Namespace) -> int:
         if reproduction.from_data is None:
             raise InputError(f"{args.name} needs no data of others: leave out --data")
         reproduction = reproduction.from_data(args.data)
-    strategies, tables = listed(args.strategies), listed(args.tables)
+    strategies, tables = listed(args.strategies), listed(args.tables or "")
     with progress() as (on_start, on_done):
         listeners = on_start, on_done
         many = args.seeds, strategies, args.workers
-        reproduced = reproduce(reproduction, *many, *listeners, tables, args.seed_from)
-    samples, printed = reproduced.samples(), reproduced.published()
-    repeated = reproduced.repeated()
-    judged = [judge(claim, samples, printed, repeated) for claim in reproduction.claims]
-    known = [claim for claim in judged if claim is not None]
+        changed = tables, args.seed_from, tuple(args.settings)
+        reproduced = reproduce(reproduction, *many, *listeners, *changed)
+    judged = reproduced.judged()
     if args.json:
-        print_json(as_json(reproduced, known))
+        print_json(as_json(reproduced, judged))
+    elif args.tables is None:
+        from automaton.papers.first_screen import print_first_screen
+
+        print_first_screen(reproduced, judged)
     else:
         from automaton.papers.claim_report import print_reproduced
 
-        print_reproduced(reproduced, known)
+        print_reproduced(reproduced, judged)
     if reproduced.unfinished:
         note(f"{reproduced.unfinished:,} of {reproduced.repetitions:,} runs did not finish")
         return 1
@@ -123,6 +136,7 @@ def as_json(reproduced: Reproduced, judged: list[JudgedClaim]) -> dict[str, Any]
         "name": reproduced.reproduction.name,
         "seeds": reproduced.seeds,
         "seed_from": reproduced.first_seed,
+        "settings": list(reproduced.settings),
         "runs": reproduced.repetitions,
         "unfinished": reproduced.unfinished,
         "rows": [
@@ -134,6 +148,7 @@ def as_json(reproduced: Reproduced, judged: list[JudgedClaim]) -> dict[str, Any]
                 "sd": row.sd,
                 "error": row.error,
                 **({"half_width": row.half_width, "rank": row.rank} if row.ranked else {}),
+                **({"paper_sd": row.paper_sd} if row.paper_sd is not None else {}),
                 **({"stored": True} if row.stored else {}),
                 **({"low": row.exact.low, "high": row.exact.high} if row.exact else {}),
             }
@@ -150,8 +165,25 @@ def as_json(reproduced: Reproduced, judged: list[JudgedClaim]) -> dict[str, Any]
             }
             for claim in judged
         ],
+        **premises_as_json(reproduced),
         "remarks": list(reproduced.reproduction.remarks),
         **further_as_json(reproduced),
+    }
+
+
+def premises_as_json(reproduced: Reproduced) -> dict[str, Any]:
+    """By each other premise: mean errors, and the verdicts of all claims."""
+    if not reproduced.premises:
+        return {}
+    return {
+        "premises": [
+            {
+                "premise": premise,
+                "mean_absolute_error": reproduced.mean_errors(premise),
+                "claims": {one.claim.text: one.verdict for one in reproduced.judged(premise)},
+            }
+            for premise in reproduced.premises
+        ]
     }
 
 

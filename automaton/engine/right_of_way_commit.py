@@ -8,7 +8,12 @@ from automaton.engine.headings import is_facing
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.operations import begin, count_lost_tick, refuse
 from automaton.engine.record_changes import record_change
-from automaton.engine.record_codes import CHANGE_DURATION, EXECUTED_RETREAT, EXECUTED_WAIT
+from automaton.engine.record_codes import (
+    CHANGE_DURATION,
+    EXECUTED_BLOCKED,
+    EXECUTED_RETREAT,
+    EXECUTED_WAIT,
+)
 from automaton.engine.requests import (
     clear_right_of_way,
     clear_route_request,
@@ -18,6 +23,7 @@ from automaton.engine.requests import (
     set_goal,
 )
 from automaton.engine.state import (
+    ACTION_BLOCKED,
     ACTION_RETREAT,
     ACTION_WAIT,
     CLOCK_UNPARKED,
@@ -72,6 +78,8 @@ def commit_right_of_way(world, record, batch, decisions):
             step(world, i, value)
         elif command == CMD_WAIT and 1 <= value <= MAX_COMMAND_TICKS:
             pause(world, record, i, value)
+        elif command == CMD_RETREAT and value == 0:
+            plan_again(world, record, i, out.return_order[k])
         elif command == CMD_RETREAT and 1 <= value <= MAX_COMMAND_TICKS:
             retreat(world, record, i, value, out.return_order[k])
         else:
@@ -162,11 +170,38 @@ def retreat(world, record, i, moves, returns):
     robots.retry_state[i] = RETRY_NONE
     drop_route(robots, i)
     request_right_of_way(world, i)
-    may_return = robots.load[i] == NIL and not has_started(world, i)
-    if returns and may_return and robots.goal_type[i] != GOAL_CHARGE:
-        if robots.order[i] != NIL:
-            return_order(world, record, i)
-        robots.goal_type[i] = GOAL_NONE
-        robots.goal_cell[i] = NIL
-        clear_route_request(world, i)
-        request_allocation(world, i, REASON_ORDER_RETURNED)
+    if returns:
+        choose_again(world, record, i)
+
+
+@kernel
+def plan_again(world, record, i, returns):
+    """A retreat of no moves: the plan is made again where robot i stands; this tick executes nothing.
+
+    Its failed retries still count: the next one may lead to a retreat.
+    """
+    robots = world.robots
+    count_lost_tick(world, i, ACTION_BLOCKED)
+    robots.busy[i] = 1
+    robots.executed[i] = EXECUTED_BLOCKED
+    robots.retreat_moves[i] = 0
+    robots.retry_state[i] = RETRY_NONE
+    clear_right_of_way(world, i)
+    drop_route(robots, i)
+    if not (returns and choose_again(world, record, i)):
+        replan(world, i)
+
+
+@kernel
+def choose_again(world, record, i):
+    """Robot i gives back an order that it has not begun, and is asked for another; or returns False."""
+    robots = world.robots
+    if robots.load[i] != NIL or has_started(world, i) or robots.goal_type[i] == GOAL_CHARGE:
+        return False
+    if robots.order[i] != NIL:
+        return_order(world, record, i)
+    robots.goal_type[i] = GOAL_NONE
+    robots.goal_cell[i] = NIL
+    clear_route_request(world, i)
+    request_allocation(world, i, REASON_ORDER_RETURNED)
+    return True

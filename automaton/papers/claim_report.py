@@ -22,6 +22,7 @@ STYLES = {
 SHORT = {"configuration": "cfg", "robots": "N"}
 WIDEST_TEXT = 110
 VERDICT_WIDTH = 18
+PRINTED_SD = "(sd)"
 EXPLANATION = (
     "A claim holds if the 95 % interval of each of its figures lies in the range, and does not "
     "hold if one lies outside; else it is undecided. What came out alike in all runs is not "
@@ -43,6 +44,7 @@ def blocks(
     reproduction, text_width = reproduced.reproduction, min(width, WIDEST_TEXT)
     yield Text(reproduction.title, "bold")
     yield from textwrap.wrap(reproduction.source, text_width)
+    yield from set_lines(reproduced, text_width)
     for made in reproduced.tables:
         if made.cases:  # none where its strategy was not asked for
             yield from made_blocks(made, width)
@@ -51,12 +53,23 @@ def blocks(
             yield from section(one.title, one.text.splitlines())
     yield from error_lines(reproduced)
     yield from claim_blocks(reproduction.claims_title, judged, text_width)
+    for premise in reproduced.premises:
+        yield from premise_blocks(reproduced, judged, premise, text_width)
     if reproduction.remarks:
         bullets = (bulleted(remark, text_width) for remark in reproduction.remarks)
         lines = (line for bullet in bullets for line in bullet)
         yield from section(reproduction.remarks_title, lines)
     for title, text in reproduction.texts() if reproduction.texts is not None else ():
         yield from section(title, text.splitlines())
+
+
+def set_lines(reproduced: Reproduced, width: int) -> list[str]:
+    """Say that scenarios were changed, and how."""
+    if not reproduced.settings:
+        return []
+    settings = " ".join(f"--set {setting}" for setting in reproduced.settings)
+    text = f"NOT THE PUBLISHED EXPERIMENT: made with {settings}"
+    return textwrap.wrap(text, width, break_on_hyphens=False)
 
 
 def section(title: str, lines: Iterable[str]) -> Iterator[ConsoleBlock]:
@@ -120,7 +133,11 @@ def panel_table(metrics: Sequence[str], rows: Sequence[Row], made_of: PublishedT
     labels = rows[0].case
     printed = {row.metric for row in rows if row.paper is not None}
     exact = {row.metric for row in rows if row.exact is not None}
-    columns = {name: heads_of(made_of, name in printed, name in exact) for name in metrics}
+    deviations = {row.metric for row in rows if row.paper_sd is not None}
+    columns = {
+        name: heads_of(made_of, name in printed, name in exact, name in deviations)
+        for name in metrics
+    }
     head = [f"\n{SHORT.get(label, label)}" for label in labels]
     for metric, (first, *others) in columns.items():
         head += [f"  {metric}\n  {first}", *(f"\n{other}" for other in others)]
@@ -138,10 +155,15 @@ def panel_table(metrics: Sequence[str], rows: Sequence[Row], made_of: PublishedT
     return Table(head, lines, left=0, also_left=left, gap=1)
 
 
-def heads_of(table: PublishedTable, printed: bool, exact: bool) -> list[str]:
-    """The columns of a metric; a stored figure has no spread, an exact share its interval."""
+def heads_of(table: PublishedTable, printed: bool, exact: bool, deviation: bool) -> list[str]:
+    """The columns of a metric; a stored figure has no spread, an exact share its interval.
+
+    `deviation`: a standard deviation is printed beside the printed figure.
+    """
     spread = "95 %" if exact else table.spread
     heads = ["paper", "ours", spread, "error"] if printed else ["ours", spread]
+    if deviation:
+        heads.insert(1, PRINTED_SD)
     if table.ranked:
         heads = ["paper", "rank", "ours", "95 %", spread] if printed else ["ours", "95 %", spread]
         heads = list(dict.fromkeys(heads))
@@ -162,6 +184,7 @@ def figures(row: Row | None, heads: Sequence[str], table: PublishedTable) -> lis
         return [""] * len(heads)
     error = "-" if row.error is None else f"{100 * row.error:+.1f} %"
     cells = {"paper": row.paper, "ours": row.mean, "sd": row.sd, "se": row.se, "stored": row.mean}
+    cells[PRINTED_SD] = row.paper_sd
     rank = "" if row.rank is None else percent(row.rank, 0)
     shown = {
         head: "-" if value is None else in_table(value, row.metric, table)
@@ -183,12 +206,30 @@ def in_table(value: float, metric: str, table: PublishedTable) -> str:
 
 def error_lines(reproduced: Reproduced) -> list[str]:
     """The mean relative error of each metric."""
-    parts = [
-        f"{metric} {percent(error)}"
-        for metric, error in reproduced.mean_errors().items()
-        if error is not None
-    ]
-    return ["", f"mean |error|: {', '.join(parts)}"] if parts else []
+    lines = []
+    for premise in ("", *reproduced.premises):
+        parts = [
+            f"{metric} {percent(error)}"
+            for metric, error in reproduced.mean_errors(premise).items()
+            if error is not None
+        ]
+        shown = premise or (reproduced.reproduction.premise if reproduced.premises else "")
+        if parts:
+            lines.append(f"mean |error|: {', '.join(parts)}{f' ({shown})' if shown else ''}")
+    return ["", *lines] if lines else []
+
+
+def premise_blocks(
+    reproduced: Reproduced, judged: Sequence[JudgedClaim], premise: str, width: int
+) -> Iterator[ConsoleBlock]:
+    """The claims that come to another verdict by another premise."""
+    own = {claim.claim.text: claim.verdict for claim in judged}
+    changed = [one for one in reproduced.judged(premise) if own[one.claim.text] != one.verdict]
+    yield from section(f"Claims with another verdict by {premise}", ())
+    for claim in changed:
+        yield from bulleted(f"{claim.verdict}: {claim.claim.text}; {evidence(claim)}", width)
+    if not changed:
+        yield "none"
 
 
 def claim_blocks(title: str, judged: Sequence[JudgedClaim], width: int) -> Iterator[ConsoleBlock]:

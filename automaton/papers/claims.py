@@ -217,12 +217,14 @@ def judge(
 ) -> JudgedClaim | None:
     """Judge a claim by the values of each case over the seeds; None if a case was not run.
 
+    None too where nothing is to be divided by: changed scenarios may leave a metric at zero.
+
     `repeated`: what a value of a sample is of, unless it is a run.
     """
     try:
         found = [_judged(figure, samples, printed, repeated) for figure in claim.figures]
         return JudgedClaim(claim, found)
-    except KeyError:
+    except (KeyError, ZeroDivisionError):
         return None
 
 

@@ -11,18 +11,21 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Final, Literal, Protocol
+from typing import Any, Final, Literal, Protocol, TypeVar
 
 from automaton.build.resolve import Resolved, resolve
 from automaton.errors import InputError, alternatives, nearest
-from automaton.papers.claims import Claim
+from automaton.papers.claims import Claim, JudgedClaim, judge
 from automaton.runs.process_pool import OnDone, Result, RunFunction, run_all, run_and_measure
+from automaton.scenario.document import Override, parse_setting
 from automaton.studies.inference.intervals import Interval
 from automaton.studies.inference.proportions import exact_share
 from automaton.studies.inference.t_distribution import student
 
+T = TypeVar("T")
 Label = str | int
 Key = tuple[Label, ...]  # the labels of a case, in order
+Settings = tuple[str | Override, ...]  # changes of a scenario, as `--set` takes them
 
 
 class Measured(Protocol):
@@ -57,11 +60,37 @@ class Case:
 
 
 @dataclass(frozen=True)
-class ScenarioCase(Case):
-    """A case for which a scenario is run."""
+class RunCase(Case):
+    """A case for which a scenario is run; `settings` are those of `--set`, the last ones to apply."""
+
+    settings: Settings = field(default=(), kw_only=True)
+
+    @property
+    def own_settings(self) -> tuple[str, ...]:
+        """What makes this case differ from others: no `--set` may replace it."""
+        return ()
+
+    def check(self) -> None:
+        """Check the settings before anything runs. Raises InputError."""
+
+
+@dataclass(frozen=True)
+class ScenarioCase(RunCase):
+    """A case for which a scenario that has a name is run."""
 
     scenario: str
     overrides: tuple[str, ...]
+
+    @property
+    def own_settings(self) -> tuple[str, ...]:
+        return self.overrides
+
+    def check(self) -> None:
+        self.resolved()
+
+    def resolved(self) -> Resolved:
+        """Return the scenario with all that changes in it. Raises InputError."""
+        return resolve(self.scenario, (*self.overrides, *self.settings))
 
 
 # for these strategies, the cases of a table
@@ -116,7 +145,7 @@ def scenario_runs(
         workers: int | None = None,
         on_done: OnDone | None = None,
     ) -> list[list[Result]]:
-        scenarios = [resolve(case.scenario, case.overrides) for case in cases]
+        scenarios = [case.resolved() for case in cases]
         results = run_all(scenarios, seeds, workers, on_done, conduct, change)
         return [[with_published_names(result) for result in batch] for batch in results]
 
@@ -180,6 +209,8 @@ class Table:
     together: Together | None = None  # figures for claims that rest on the runs of several cases
     grouped: int = -1  # lines with the same labels[:grouped] stand together
     spread: Literal["sd", "se"] = "sd"  # shown: of single repetitions, or of their mean
+    printed_sd: Callable[[Key, str], float | None] = unpublished  # the printed sd of a case and metric
+    premise: str = ""  # where this differs between tables; the last label of its cases names it
     stored: Callable[[], str] | None = None  # how figures were made that are read, not run for
 
     @property
@@ -198,6 +229,18 @@ class Further:
 
 
 @dataclass(frozen=True)
+class Headline:
+    """A line of the first screen: a claim that begins with these words, or a cell of a table."""
+
+    label: str
+    claim: str = ""
+    figure: int = 0  # of the claim: the one that is shown
+    cell: tuple[str, Key] | None = None  # metric, and key of the case
+    unit: str = ""  # of a cell: "%" shows shares times 100
+    digits: int = 0
+
+
+@dataclass(frozen=True)
 class Reproduction:
     """What is made again of a publication."""
 
@@ -209,6 +252,8 @@ class Reproduction:
     remarks: tuple[str, ...]
     strategies: tuple[str, ...] = ()  # those of the publication; () where there is no choice
     averaged: tuple[str, ...] = ()  # metrics whose mean |error| is reported
+    premise: str = ""  # of its claims, where tables differ in a premise
+    headlines: tuple[Headline, ...] = ()  # of the first screen
     seeds: int = 60  # unless another number is asked for
     texts: Callable[[], Sequence[tuple[str, str]]] | None = None  # (title, text), shown at the end
     further: Callable[[Reproduced], Sequence[Further]] | None = None
@@ -231,6 +276,7 @@ class Row:
     rank: float | None = None  # share of repetitions below the printed figure, ties by half
     exact: Interval | None = None  # Clopper and Pearson's, of a share of repetitions
     stored: bool = False  # read from a file, not computed in this run
+    paper_sd: float | None = None  # printed beside the printed figure
 
     @property
     def se(self) -> float | None:
@@ -262,6 +308,10 @@ class MadeTable:
         return sum(map(len, self.results))
 
     @property
+    def seeds(self) -> int:
+        return len(self.results[0]) // self.table.per_seed if self.results else 0
+
+    @property
     def unfinished(self) -> int:
         return sum(not result.finished for batch in self.results for result in batch)
 
@@ -288,8 +338,19 @@ class MadeTable:
         sd = math.sqrt(spread / (len(values) - 1)) if len(values) > 1 else None
         rank = _rank(paper, values) if self.table.ranked else None
         exact = exact_share(round(math.fsum(values)), len(values)) if of_runs else None
-        ranked, stored = self.table.ranked, self.table.stored is not None
-        return Row(case.labels, metric, paper, mean, sd, len(values), ranked, rank, exact, stored)
+        return Row(
+            case.labels,
+            metric,
+            paper,
+            mean,
+            sd,
+            len(values),
+            self.table.ranked,
+            rank,
+            exact,
+            stored=self.table.stored is not None,
+            paper_sd=self.table.printed_sd(case.key, metric),
+        )
 
     def samples(self) -> Iterator[tuple[tuple[str, Key], list[float]]]:
         """(metric, key of a case) and its values, of the metrics that every repetition has."""
@@ -325,6 +386,7 @@ class Reproduced:
     seeds: int
     tables: Sequence[MadeTable]
     first_seed: int = 1
+    settings: tuple[str, ...] = ()  # of `--set`, as typed: not the published experiment
 
     @property
     def repetitions(self) -> int:
@@ -339,29 +401,55 @@ class Reproduced:
         """The rows of all tables."""
         return [row for table in self.tables for row in table.rows()]
 
-    def mean_errors(self) -> dict[str, float | None]:
-        """Mean |error| over the cases with a printed figure, by metric."""
-        rows = self.rows()
-        found: dict[str, float | None] = {}
+    @property
+    def premises(self) -> list[str]:
+        """The other premises of which a table was made, in their order."""
+        return list(dict.fromkeys(made.table.premise for made in self.tables if made.table.premise))
+
+    def mean_errors(self, premise: str = "") -> dict[str, float | None]:
+        """Mean |error| over the cases with a printed figure, by metric; of the tables of a premise."""
+        rows = [row for made in self._under(premise) for row in made.rows()]
+        means: dict[str, float | None] = {}
         for metric in self.reproduction.averaged:
             errors = [row.error for row in rows if row.metric == metric]
             known = [abs(error) for error in errors if error is not None]
-            found[metric] = math.fsum(known) / len(known) if known else None
-        return found
+            means[metric] = math.fsum(known) / len(known) if known else None
+        return means
 
-    def samples(self) -> dict[tuple[str, Key], list[float]]:
+    def samples(self, premise: str = "") -> dict[tuple[str, Key], list[float]]:
         """(metric, key of a case) -> its values, what claims are judged by."""
-        return dict(sample for table in self.tables for sample in table.samples())
+        return self._by_case(premise, lambda made: made.samples())
 
-    def repeated(self) -> dict[tuple[str, Key], str]:
+    def repeated(self, premise: str = "") -> dict[tuple[str, Key], str]:
         """(metric, key of a case) -> what its values are of: runs, tours, trainings."""
-        return {
-            sample: made.table.repetition for made in self.tables for sample, _ in made.samples()
-        }
+        return self._by_case(
+            premise,
+            lambda made: ((sample, made.table.repetition) for sample, _ in made.samples()),
+        )
 
-    def published(self) -> dict[tuple[str, Key], float]:
+    def published(self, premise: str = "") -> dict[tuple[str, Key], float]:
         """(metric, key of a case) -> the printed figure, where there is one."""
-        return dict(figure for table in self.tables for figure in table.published())
+        return self._by_case(premise, lambda made: made.published())
+
+    def judged(self, premise: str = "") -> list[JudgedClaim]:
+        """The claims whose cases were run, by the tables of a premise."""
+        facts = self.samples(premise), self.published(premise), self.repeated(premise)
+        verdicts = [judge(claim, *facts) for claim in self.reproduction.claims]
+        return [claim for claim in verdicts if claim is not None]
+
+    def _under(self, premise: str) -> list[MadeTable]:
+        return [made for made in self.tables if made.table.premise == premise]
+
+    def _by_case(
+        self, premise: str, of: Callable[[MadeTable], Iterable[tuple[tuple[str, Key], T]]]
+    ) -> dict[tuple[str, Key], T]:
+        """By metric and key of a case, as claims name them: without the label of another premise."""
+        end = -1 if premise else None
+        return {
+            (metric, key[:end]): value
+            for made in self._under(premise)
+            for (metric, key), value in of(made)
+        }
 
 
 def tables_named(reproduction: Reproduction, names: Sequence[str]) -> tuple[Table, ...]:
@@ -379,6 +467,31 @@ def tables_named(reproduction: Reproduction, names: Sequence[str]) -> tuple[Tabl
     return tuple(known[name] for name in names) or usual
 
 
+def with_settings(
+    name: str, cases: Sequence[Sequence[Case]], settings: Settings
+) -> list[list[Case]]:
+    """The cases of all tables, each scenario with these settings. Raises InputError before any run."""
+    if settings and not any(isinstance(case, RunCase) for of_table in cases for case in of_table):
+        raise InputError(f"{name} runs no scenarios: leave out --set")
+    changed = [[_with_settings(name, case, settings) for case in of_table] for of_table in cases]
+    for case in (one for of_table in changed for one in of_table if settings):
+        if isinstance(case, RunCase):
+            case.check()
+    return changed
+
+
+def _with_settings(name: str, case: Case, settings: Settings) -> Case:
+    """The case with these settings, none of which may replace what makes it this case."""
+    if not isinstance(case, RunCase):
+        return case
+    own = [parse_setting(text).keys for text in case.own_settings] if settings else []
+    for setting in settings:
+        one = parse_setting(setting) if isinstance(setting, str) else setting
+        if any(keys[: len(one.keys)] == one.keys for keys in own):
+            raise InputError(f"the cases of {name} set this themselves; leave it out", one.argument)
+    return replace(case, settings=settings)
+
+
 def reproduce(
     reproduction: Reproduction,
     seeds: int | None,
@@ -388,18 +501,22 @@ def reproduce(
     on_done: OnDone | None = None,
     tables: Sequence[str] = (),
     first_seed: int = 1,
+    settings: Settings = (),
 ) -> Reproduced:
     """Make the usual tables, or those with these names, with so many seeds from `first_seed` on (None:
     as many as each table needs).
 
-    `strategies` instead of the published ones; `on_start` is told the number of repetitions. Raises
-    InputError for an unknown strategy before anything runs, and where there is none to choose.
+    `strategies` instead of the published ones; `on_start` gets the number of repetitions; `settings`
+    change the scenarios. Raises InputError before anything runs for an unknown strategy or setting,
+    and where there is none to choose.
     """
     if strategies and not reproduction.strategies:
         raise InputError(f"{reproduction.name} compares no strategies: leave out --strategies")
     reproduction = replace(reproduction, tables=tables_named(reproduction, tables))
     chosen = tuple(strategies) or reproduction.strategies
-    cases = [table.cases(chosen) for table in reproduction.tables]
+    cases = with_settings(
+        reproduction.name, [table.cases(chosen) for table in reproduction.tables], settings
+    )
     many = [seeds or table.seeds or reproduction.seeds for table in reproduction.tables]
     plan = list(zip(reproduction.tables, cases, many, strict=True))
     if on_start is not None:
@@ -419,4 +536,5 @@ def reproduce(
         )
         for table, of_table, n in plan
     ]
-    return Reproduced(reproduction, seeds or reproduction.seeds, made, first_seed)
+    typed = tuple(one if isinstance(one, str) else one.argument for one in settings)
+    return Reproduced(reproduction, seeds or reproduction.seeds, made, first_seed, typed)

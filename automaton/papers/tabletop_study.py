@@ -4,6 +4,9 @@ T. Grzejszczak, W. Nocoń: Cooperative and individual planning strategies for au
 warehouse parcel transportation. The figures are the printed ones; those of empty runs (Figure 11)
 are lost, so E_U has no printed figure, and its definition is open: all three readings are reported.
 
+The paper forbids robots to communicate: each knows where it is, and the list of orders. So they are
+run with `information: orders`; beside it stands the same with robots that see the whole state.
+
 A claim about "less" is a difference above zero, one with a number is compared with that number. Where
 a word needs a range ("the same", "rapidly"), the range is ours and the figure says so.
 """
@@ -11,6 +14,7 @@ a word needs a range ("the same", "rapidly"), the range is ours and the figure s
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from itertools import pairwise, product
 from typing import Final
 
@@ -18,6 +22,8 @@ from automaton.engine.state import ACTION_PICK
 from automaton.errors import InputError
 from automaton.papers.claims import Claim, Figure, Quantity, above, below, claim, least, mean_of
 from automaton.papers.reproduction_study import (
+    Cases,
+    Headline,
     Key,
     Label,
     Reproduction,
@@ -56,7 +62,16 @@ T_R_TOTAL: Final = {
 }
 TABLE_3: Final = {"T_total": T_TOTAL, "T_R": T_R, "T_Rtotal": T_R_TOTAL}
 
+ORDERS: Final = "orders"  # what robots know: as published
+EVERYTHING: Final = "everything"
+
 REMARKS: Final = (
+    "Robots know the list of orders and the cells next to them (information: orders), for the paper has "
+    "them neither communicate nor see each other from afar. With information: everything they plan "
+    "around all robots after a retreat, wherever these are; then the crossover of configuration 2 "
+    "comes one robot earlier than in print.",
+    "A robot that still finds its next cell held after a wait keeps its plan for one more try. The "
+    "printed `Go to: 1` is `--set strategy.right_of_way.after_wait=replan`.",
     "T_Rtotal is N times T_R in every printed cell, to the unit: it was computed from a rounded "
     "T_R and is no figure of its own.",
     "The text credits the independent strategy with the shorter T_total for few robots in "
@@ -89,7 +104,11 @@ def cases(strategies: Sequence[str]) -> list[ScenarioCase]:
         ScenarioCase(
             labels={"configuration": configuration, "strategy": strategy, "robots": robots},
             scenario=f"tabletop-{configuration}",
-            overrides=(f"fleet.robots={robots}", f"strategy.allocation={strategy}"),
+            overrides=(
+                f"fleet.robots={robots}",
+                f"strategy.allocation={strategy}",
+                f"information={ORDERS}",
+            ),
         )
         for configuration in CONFIGURATIONS
         for strategy in strategies
@@ -99,9 +118,30 @@ def cases(strategies: Sequence[str]) -> list[ScenarioCase]:
 
 def sixth(strategies: Sequence[str]) -> list[ScenarioCase]:
     """Six cooperative robots in configuration 1, which the publication did not run."""
-    overrides = "fleet.robots=6", f"strategy.allocation={COOPERATIVE}"
+    overrides = (
+        "fleet.robots=6",
+        f"strategy.allocation={COOPERATIVE}",
+        f"information={ORDERS}",
+    )
     labels: dict[str, Label] = {"configuration": 1, "strategy": COOPERATIVE, "robots": 6}
     return [ScenarioCase(labels, "tabletop-1", overrides)] if COOPERATIVE in strategies else []
+
+
+def seeing_everything(cases: Cases) -> Cases:
+    """The same cases with robots that see the whole state."""
+
+    def changed(strategies: Sequence[str]) -> list[ScenarioCase]:
+        return [
+            ScenarioCase(
+                {**case.labels, "information": EVERYTHING},
+                case.scenario,
+                (*case.overrides[:-1], f"information={EVERYTHING}"),
+            )
+            for case in cases(strategies)
+            if isinstance(case, ScenarioCase)
+        ]
+
+    return changed
 
 
 def with_least_busy(simulation: Simulation) -> dict[str, float | int]:
@@ -112,8 +152,8 @@ def with_least_busy(simulation: Simulation) -> dict[str, float | int]:
 
 
 def published(key: Key, metric: str) -> float | None:
-    """The printed figure of (configuration, strategy, robots); None where there is none."""
-    configuration, strategy, robots = key
+    """The printed figure of (configuration, strategy, robots, ...); None where there is none."""
+    configuration, strategy, robots = key[:3]
     table = TABLE_3.get(metric, {})
     line = table.get((int(configuration), str(strategy)))
     return None if line is None or robots not in ROBOTS else line[ROBOTS.index(int(robots))]
@@ -304,6 +344,43 @@ CLAIMS: Final = (
     *empty_runs(),
 )
 
+TABLE_OF_ORDERS: Final = Table(
+    title="Table 3: robots know the list of orders",
+    cases=cases,
+    panels=(("T_total", "T_R", "T_Rtotal"), tuple(E_U)),
+    published=published,
+    shares=tuple(E_U),
+)
+SIXTH_ROBOT: Final = Table(
+    title="A sixth robot, which has no alley of its own",
+    cases=sixth,
+    panels=(("T_total", "T_R", "least_picks", "sixth_idle"),),
+    published=published,
+    run=scenario_runs(with_least_busy),
+    shares=("sixth_idle",),
+)
+
+
+def with_everything(table: Table, title: str) -> Table:
+    """The same table with robots that see the whole state."""
+    cases = seeing_everything(table.cases)
+    return replace(table, title=title, cases=cases, premise=f"information: {EVERYTHING}")
+
+
+HEADLINES: Final = (  # "saved" and "cut" are what cooperation makes less
+    Headline("cfg 1: T_total cut, N = 4", "Configuration 1: cooperation cuts T_total"),
+    Headline("cfg 1: T_total saved, N = 5", "Configuration 1: cooperation shortens", figure=4),
+    Headline("cfg 1: change by a fifth", "Configuration 1: 4 cooperative"),
+    Headline("cfg 1: T_total saved, N = 1", "Configuration 1: few robots"),
+    Headline("cfg 2: T_total saved, N = 2", "The same read for configuration 2", figure=1),
+    Headline("cfg 2: crossover, saved N = 3", "Configuration 2: the crossover"),
+    Headline("cfg 2: T_total saved, N = 5", "Configuration 2: 5 independent"),
+    Headline("cfg 1: T_R rise, N = 2 to 5", "Configuration 1: T_R of independent"),
+    Headline("cfg 1: T_Rtotal rises faster", "T_Rtotal rises faster"),
+    Headline("cfg 2: T_Rtotal saved, N = 3", "Configuration 2: cooperation needs 4", figure=2),
+    Headline("cfg 1: a sixth stays idle", "Configuration 1: a sixth"),
+)
+
 REPRODUCTION: Final = Reproduction(
     name="tabletop",
     title="Table-top warehouse, Table 3",
@@ -311,22 +388,14 @@ REPRODUCTION: Final = Reproduction(
     "robots in warehouse parcel transportation",
     strategies=STRATEGIES,
     tables=(
-        Table(
-            cases=cases,
-            panels=(("T_total", "T_R", "T_Rtotal"), tuple(E_U)),
-            published=published,
-            shares=tuple(E_U),
-        ),
-        Table(
-            title="A sixth robot, which has no alley of its own",
-            cases=sixth,
-            panels=(("T_total", "T_R", "least_picks", "sixth_idle"),),
-            published=published,
-            run=scenario_runs(with_least_busy),
-            shares=("sixth_idle",),
-        ),
+        TABLE_OF_ORDERS,
+        SIXTH_ROBOT,
+        with_everything(TABLE_OF_ORDERS, "Table 3: robots see the whole state, which the paper forbids"),
+        with_everything(SIXTH_ROBOT, "A sixth robot, all of them seeing the whole state"),
     ),
     averaged=("T_total", "T_Rtotal"),
+    premise=f"information: {ORDERS}",
+    headlines=HEADLINES,
     claims=CLAIMS,
     remarks=REMARKS,
 )

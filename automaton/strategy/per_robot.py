@@ -76,7 +76,10 @@ def wait(ticks: int) -> Decision:
 
 
 def retreat(moves: int, return_order: bool = True) -> Decision:
-    """Right of way: make room by so many moves; an empty robot may give its order back."""
+    """Right of way: make room by so many moves; an empty robot may give its order back.
+
+    Of no moves: plan again where the robot stands.
+    """
     return Decision(state.CMD_RETREAT, moves, return_order)
 
 

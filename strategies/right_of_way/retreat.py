@@ -3,7 +3,7 @@ deadlock.
 
 The world runs the waits and retries that `wait_ranges` sets. After a failed retry the robot
 retreats if the other one wants its cell (head-on), or when it failed `limit` times; else it keeps
-its plan. A retreat is a random number of moves away from the target; the plan is made again after
+its plan, or makes it again (`after_wait: replan`, the printed "go to 1"). A retreat is a random number of moves away from the target; the plan is made again after
 it. With `idle_give_way` a robot that has nothing to do makes room for one that wants its cell.
 
 Robots are looked up by cell: in `traffic.holder`, or in lists of those in each cell without limit.
@@ -54,6 +54,7 @@ class RetreatState(Struct):
     abort_wait: Array = field(
         "(2,) int64", "least and most ticks to wait where every way is closed", role=CONSTANT
     )
+    replans: int = field("int64", "1: after a failed retry the plan is made again")
     calls: Array = field("(1,) int64", "calls so far", role=SCRATCH)
     queues: Array = field(
         "(q,) int64",
@@ -402,6 +403,10 @@ def decide(view, batch, decisions, memory, workspace):
                     state.moves[0], state.moves[1], seed, STREAM_RETREATS, tick, identity
                 )
                 out.return_order[k] = 1
+            elif state.replans:
+                out.command[k] = CMD_RETREAT
+                out.value[k] = 0
+                out.return_order[k] = 1
         elif batch.reason[k] == REASON_RETREATING:
             direction = retreat_direction(view, workspace, i)
             if direction == NIL:
@@ -441,4 +446,5 @@ class Retreat(Strategy):
             max_retries=p.max_retries,
             moves=p.retreat_moves,
             abort_wait=p.abort_wait,
+            replans=int(p.after_wait == "replan"),
         )

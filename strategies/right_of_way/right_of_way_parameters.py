@@ -41,6 +41,14 @@ class RetreatParameters(Waits, forbid_unknown_fields=True, frozen=True, kw_only=
     max_retries: Annotated[
         int, Meta(ge=1, le=254, description="failed retries after which it retreats in any case")
     ] = 2
+    after_wait: Annotated[
+        Literal["keep", "replan"],
+        Meta(
+            description="what a robot does that finds its next cell still held after a wait, before it may "
+            "retreat in any case: keep its plan, or replan: one without load chooses again what to do, "
+            "any robot plans another route (the `go to 1` and `go to 12` of Grzejszczak and Nocon)"
+        ),
+    ] = "keep"
     retreat_moves: Annotated[tuple[Moves, Moves], BOTH_INCLUDED] = (1, 12)
     abort_wait: Span = (1, 5)  # ticks, when every way is closed
     idle_give_way: Annotated[

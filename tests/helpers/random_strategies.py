@@ -249,7 +249,7 @@ class RandomRightOfWay(RandomStrategy):
         others = (
             (CMD_WAIT, 0),
             (CMD_WAIT, 20_000),
-            (CMD_RETREAT, 0),
+            (CMD_RETREAT, 20_000),
             (CMD_RETREAT, -3),
             (9, 1),
             (-7, 1),

@@ -23,7 +23,16 @@ from automaton.exchange.problem import Problem
 from automaton.exchange.problem_folder import MAP, fleets_of, read_problem_folder
 from automaton.exchange.robot_runners import read_league_problem
 from automaton.papers.claims import Claim, Figure, above, claim, mean_of
-from automaton.papers.reproduction_study import Case, Cases, Key, Reproduction, Runner, Table
+from automaton.papers.reproduction_study import (
+    Case,
+    Cases,
+    Headline,
+    Key,
+    Reproduction,
+    RunCase,
+    Runner,
+    Table,
+)
 from automaton.runs.process_pool import OnDone, Result, run_all
 from automaton.scenario.reading import read_text
 from automaton.strategy import lookup
@@ -64,11 +73,19 @@ MAP_KEY: Final = '"mapFile"'  # what problems of the league have, and outputs do
 ProblemOf = Callable[[Key], Problem]
 
 
+class FleetCase(RunCase):
+    """A strategy with a problem and so many robots."""
+
+    @property
+    def own_settings(self) -> tuple[str, ...]:
+        return (f"strategy.right_of_way={self.labels['strategy']}",)
+
+
 def tasks_in(problem_of: ProblemOf) -> Runner:
     """A table's runner: the tasks that each case finishes; a case is strategy, problem and robots."""
 
     def run(
-        cases: Sequence[Case],
+        cases: Sequence[FleetCase],
         seeds: Sequence[int],
         workers: int | None = None,
         on_done: OnDone | None = None,
@@ -81,12 +98,12 @@ def tasks_in(problem_of: ProblemOf) -> Runner:
     return run
 
 
-def scenario_of(case: Case, problem: Problem, folder: Path) -> Resolved:
+def scenario_of(case: FleetCase, problem: Problem, folder: Path) -> Resolved:
     """The scenario of a case, by way of the files that `automaton import` would write."""
     ticks = LEAGUE_TICKS.get(problem.name, TICKS)
     for name, text in imported_files(problem, "floor", ticks).items():
         (folder / name).write_text(text, encoding="utf-8")
-    return resolve(folder / "floor.yaml", (f"strategy.right_of_way={case.labels['strategy']}",))
+    return resolve(folder / "floor.yaml", (*case.own_settings, *case.settings))
 
 
 def with_tasks(result: Result) -> Result:
@@ -104,7 +121,7 @@ def crossed_with(problems: Sequence[tuple[str, int]]) -> Cases:
             except InputError as error:
                 raise InputError(f"--strategies: {error}") from error
         return [
-            Case({"strategy": strategy, "problem": name, "robots": robots})
+            FleetCase({"strategy": strategy, "problem": name, "robots": robots})
             for strategy in strategies
             for name, robots in problems
         ]

@@ -67,12 +67,24 @@ def exact_wait(handling: str) -> float:
     return p * second / (2 * (1 - p * mean))
 
 
-def waits(case: Case, seed: int) -> Sequence[Mapping[str, float]]:
+class QueueCase(RunCase):
+    """A distribution of the handling."""
+
+    @property
+    def own_settings(self) -> tuple[str, ...]:
+        return (f"durations.handling.line={HANDLING[str(self.key[0])]}",)
+
+    def check(self) -> None:
+        scenario = msgspec.convert(scenario_of(str(self.key[0])), Scenario)
+        resolve(scenario, self.settings)
+
+
+def waits(case: RunCase, seed: int) -> Sequence[Mapping[str, float]]:
     """The mean wait of a run, and how many lines waited otherwise than the one before them says."""
     import msgspec
 
     scenario = msgspec.convert(scenario_of(str(case.key[0])), Scenario)
-    simulation = Simulation(resolve(scenario, seed=seed))
+    simulation = Simulation(resolve(scenario, case.settings, seed))
     simulation.run()
     released, taken, service = times_of(simulation.world)
     wait = taken - released
@@ -135,7 +147,7 @@ REPRODUCTION: Final = Reproduction(
     tables=(
         Table(
             title="Ticks from release to taken, and lines that waited otherwise than Lindley says",
-            cases=fixed([{"handling": name} for name in HANDLING]),
+            cases=fixed([QueueCase({"handling": name}) for name in HANDLING]),
             panels=(("wait", "wrong_lines"),),
             run=each_seed(waits),
             published=published,

@@ -15,7 +15,16 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from automaton.papers.claims import Claim, Figure, Mean, above, below, claim, mean_of
+from automaton.papers.claims import (
+    Claim,
+    Figure,
+    Mean,
+    Quantity,
+    above,
+    below,
+    claim,
+    mean_of,
+)
 from automaton.papers.reproduction_study import (
     Case,
     Key,
@@ -30,10 +39,16 @@ from automaton.papers.traffic.traffic_trials import TRIALS, Setting, exact, nois
 A_STAR: Final = "A*"
 AVOIDANCE: Final = "avoidance"
 CAUTIOUS: Final = "most cautious"
+MORE_THAN: Final = "more than A"
 
 TABLE_5: Final = {  # as printed, the last two columns from the text
     A_STAR: {"time": 229.97, "distance": 160.25},
     AVOIDANCE: {"time": 180.53, "distance": 214.34, "taken": 0.39, "saving": 126.76},
+}
+
+TABLE_5_SD: Final = {  # printed in brackets, and that of the saving in the text
+    A_STAR: {"time": 77.60, "distance": 46.96},
+    AVOIDANCE: {"time": 59.81, "distance": 104.26, "saving": 70.35},
 }
 
 # Precision and recall of two rows of the paper's Tables 3 and 4: training and testing.
@@ -58,6 +73,7 @@ def line(slowdown: str, path: str, counts: str, setting: Setting) -> TrialCase:
 LINES: Final = (
     line("static", A_STAR, "-", Setting(exact)),
     line("static", AVOIDANCE, "exact", Setting(exact)),
+    line("static", MORE_THAN, "exact", Setting(exact, more_than=True)),
     line("static", AVOIDANCE, ".40/.84", Setting(TRAINED)),
     line("static", CAUTIOUS, ".40/.84", Setting(TRAINED, cautious=True)),
     line("static", AVOIDANCE, ".05/.75", Setting(TESTED)),
@@ -78,6 +94,12 @@ def published(key: Key, metric: str) -> float | None:
     return TABLE_5[path].get(metric)
 
 
+def published_sd(key: Key, metric: str) -> float | None:
+    """The printed standard deviation over trials, of the same rows."""
+    path = A_STAR if key[1] == A_STAR else AVOIDANCE
+    return TABLE_5_SD[path].get(metric)
+
+
 Reading = tuple[str, str, str]  # the labels of a case
 
 PLAIN: Final = (A_STAR, "-")  # path and counts
@@ -87,6 +109,7 @@ SAVING_SD: Final = (0.39 * (126.76**2 + 70.35**2) - (0.39 * 126.76) ** 2) ** 0.5
 
 READINGS: Final = {  # slowdown, path, counts: how it is called
     ("static", AVOIDANCE, "exact"): "static, exact counts",
+    ("static", MORE_THAN, "exact"): "static, exact counts, zones with more than A",
     ("static", AVOIDANCE, ".40/.84"): "static, counts with precision .40 and recall .84",
     ("static", CAUTIOUS, ".40/.84"): "the same counts, most cautious path",
     ("static", AVOIDANCE, ".05/.75"): "static, precision .05 and recall .75 as tested",
@@ -149,6 +172,36 @@ STATEMENTS: Final[dict[str, Callable[[Reading], Figure]]] = {
 }
 
 
+def spread(name: str, *key: str) -> Quantity:
+    """The standard deviation of a metric over trials."""
+    square, mean = mean_of(f"{name}_squared", *key), mean_of(name, *key)
+    return Quantity(lambda of: max(0.0, square(of) - mean(of) ** 2) ** 0.5)
+
+
+def about_spreads() -> Iterator[Claim]:
+    """The printed standard deviations; one of 100 trials has a standard error of about 7 %."""
+    error = 1 / (2 * (PRINTED_TRIALS - 1)) ** 0.5
+    readings: dict[Reading, str] = {
+        (slowdown, *PLAIN): f"plain A*, {slowdown}" for slowdown in ("static", "dynamic")
+    }
+    for reading, name in (readings | READINGS).items():
+        printed = TABLE_5_SD[A_STAR if reading[1] == A_STAR else AVOIDANCE]
+        yield claim(
+            f"Times spread by {printed['time']:.2f} and distances by {printed['distance']:.2f} ({name})",
+            *(
+                Figure(
+                    f"sd of {metric}",
+                    spread(metric, *reading),
+                    printed[metric] * (1 - 2 * error),
+                    printed[metric] * (1 + 2 * error),
+                    digits=1,
+                    why=f"the printed {printed[metric]:.2f}, give or take two of its standard errors",
+                )
+                for metric in ("time", "distance")
+            ),
+        )
+
+
 def about_avoidance() -> Iterator[Claim]:
     """What the paper says of traffic avoidance, for each reading."""
     for statement, figure in STATEMENTS.items():
@@ -183,8 +236,9 @@ REMARKS: Final = (
     "everything everywhere: with such counts next to nothing is gained.",
     "The biases start at log(N1/N0), which favours empty zones; the text says the opposite.",
     "Equation 7 (Matthews' correlation) lacks the factor TN + FP and its parentheses.",
-    "Zones with more than A robots are obstacles, A = 1 to 6, and A = 6 is to equal plain A*; here "
-    "zones with A or more are closed, and plain A* is a candidate besides.",
+    "Zones with more than A robots are obstacles, A = 1 to 6, and A = 6 is to equal plain A*; with five "
+    "others A = 5 would, too. Here zones with A or more are closed, and plain A* is a candidate besides; "
+    "the line `more than A` closes those with more (in a scenario `closed_from: more than A`).",
     "All cells that are not zero are obstacles: that would close the intersections.",
     "At most two robots pass in an aisle, yet m robots in a zone slow it down, up to six.",
     "The hinge loss as printed, with y of 0 or 1, is constant where y is 0: nothing lowers an output, "
@@ -203,7 +257,7 @@ REMARKS: Final = (
     "reading tried.",
 )
 
-CLAIMS: Final = (*about_plain_a_star(), *about_avoidance(), *about_depth())
+CLAIMS: Final = (*about_plain_a_star(), *about_avoidance(), *about_spreads(), *about_depth())
 
 REPRODUCTION: Final = Reproduction(
     name="traffic",
@@ -216,6 +270,7 @@ REPRODUCTION: Final = Reproduction(
             cases=fixed(LINES),
             panels=(("time", "distance"), ("taken", "saving", "encounters")),
             published=published,
+            printed_sd=published_sd,
             run=each_seed(trials),
             repetition="trial",
             per_seed=TRIALS,

@@ -51,6 +51,7 @@ class Setting:
     predictor: Predictor
     slowdown: Literal["static", "dynamic"] = "static"
     cautious: bool = False  # take the feasible path of least A, whatever its time
+    more_than: bool = False  # zones with more than A others are closed, not those with A
 
 
 @cache
@@ -127,6 +128,7 @@ def run_seed(setting: Setting, seed: int) -> list[Trial]:
             tasks,
             setting.predictor(where, seed, tasks),
             MOST_THRESHOLD,
+            2 if setting.more_than else 1,
             MOST_CAUTIOUS if setting.cautious else LEAST_TIME,
             int(setting.slowdown == "dynamic"),
             out,
@@ -145,7 +147,12 @@ def _figures(row: Sequence[int]) -> Trial:
         row[monte_carlo.TRIAL_ALTERNATIVE],
         plain[monte_carlo.TRIAL_TIME] - chosen[monte_carlo.TRIAL_TIME],
     )
-    found = dict(zip(names, chosen, strict=True)) | {"taken": taken, "saved": saved}
+    found = with_squares(dict(zip(names, chosen, strict=True))) | {"taken": taken, "saved": saved}
     if taken:
         found["saving"] = saved
-    return Trial(dict(zip(names, plain, strict=True)), found)
+    return Trial(with_squares(dict(zip(names, plain, strict=True))), found)
+
+
+def with_squares(metrics: dict[str, int]) -> dict[str, int]:
+    """The metrics of a trial with the squares from which standard deviations follow."""
+    return metrics | {f"{name}_squared": metrics[name] ** 2 for name in ("time", "distance")}

@@ -18,6 +18,7 @@ import numpy as np
 
 from automaton.engine.state import ACTION_MOVE, ACTION_PICK, NIL, Array
 from automaton.papers.reproduction_study import Reproduced
+from automaton.papers.zoning.zoning_balance import run_watched
 from automaton.papers.zoning.zoning_cases import DDZ, FREE, GA, SA
 from automaton.runs.headless import run_to_end
 from automaton.runs.simulation import Simulation
@@ -82,7 +83,11 @@ def finished_parts(simulation: Simulation) -> Array:
 def completed(simulation: Simulation) -> Figures:
     """A run to its end: the columns of Table 5, the curve of Figure 5, and what zoning did."""
     legs = first_legs(simulation)
-    run_to_end(simulation)
+    watched = None
+    if "ticks_watched" in simulation.counted:
+        run_to_end(simulation)
+    else:
+        watched = run_watched(simulation)
     feet = feet_by_robot(simulation, legs)
     done, counted = finished_parts(simulation), simulation.counted
     figures: Figures = {
@@ -97,7 +102,9 @@ def completed(simulation: Simulation) -> Figures:
             if name in counted
         },
     }
-    if counted.get("ticks_watched"):
+    if watched is not None:
+        figures["in_balance"] = watched
+    elif counted.get("ticks_watched"):
         figures["in_balance"] = counted["ticks_in_balance"] / counted["ticks_watched"]
     return figures | curve_of(simulation, done)
 

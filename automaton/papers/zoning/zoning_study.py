@@ -297,7 +297,7 @@ TABLE_5: Final = Table(
 REPRODUCTION: Final = Reproduction(
     name="zoning",
     title="Zones of a factory, redesigned by annealing, breeding and negotiation",
-    source="S. Keith & H. M. La, Dynamic Zoning of Industrial Environments with Autonomous Mobile "
+    source="Russell Keith & Hung La, Dynamic Zoning of Industrial Environments with Autonomous Mobile "
     "Robots: Table 5 and Figure 5, one run each; 100 parts, 18 stations, 3 robots",
     tables=(
         TABLE_5,

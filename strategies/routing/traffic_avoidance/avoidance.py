@@ -1,7 +1,7 @@
 """Traffic avoidance (Bhattathiri, Li & Kuhl): A* around the zones in which many others are
 predicted.
 
-For A = 1, 2, ... the zones with A or more others are closed, save those that touch the robot's own
+For A = 1, 2, ... the zones with A or more others are closed (or with more than A), save those that touch the robot's own
 start, pick-up or drop-off; each A that still leaves a way gives a candidate, and so does plain A*.
 """
 
@@ -23,20 +23,23 @@ MOST_CAUTIOUS = 1  # the one of least A
 
 @kernel
 def choose_threshold(
-    grid, robot_type, duration, workspace, ties, seed, start, pick, drop, most, rule
+    grid, robot_type, duration, workspace, ties, seed, start, pick, drop, most, least_count, rule
 ):
     """The A = 1..most of the candidate that is taken, or PLAIN.
+
+    `least_count`: of A = 1, the fewest others for which a zone is closed: 1, or 2 for "more than A".
 
     Reads the others in each zone from workspace.count; `start` is a pose, `pick` and `drop` are
     cells,
     `pick` may be NIL. Leaves workspace.closed for any A: close_zones sets it again.
     """
     chosen = PLAIN
+    offset = least_count - 1
     least = foreseen_time(
         grid, robot_type, duration, workspace, ties, seed, start, pick, drop, PLAIN
     )
     for threshold in range(1, most + 1):
-        if close_zones(grid, workspace, threshold, start, pick, drop) == 0:
+        if close_zones(grid, workspace, threshold + offset, start, pick, drop) == 0:
             break  # a larger A closes nothing either
         ticks = foreseen_time(
             grid, robot_type, duration, workspace, ties, seed, start, pick, drop, threshold

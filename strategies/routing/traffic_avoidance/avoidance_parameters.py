@@ -58,6 +58,18 @@ class Avoidance(TieBreaking, forbid_unknown_fields=True, frozen=True, kw_only=Tr
     max_threshold: Annotated[
         int, Meta(ge=1, le=1000, description="Zones with A others are closed, A = 1 to this.")
     ] = 6
+    closed_from: Annotated[
+        Literal["A", "more than A"],
+        Meta(
+            description="How many others close a zone: A or more of them, or more than A, as Shaji "
+            "Bhattathiri, Li and Kuhl print it (then one other never closes a zone)."
+        ),
+    ] = "A"
+
+    @property
+    def least_count(self) -> int:
+        """The fewest others for which a zone is closed, where A = 1."""
+        return 1 if self.closed_from == "A" else 2
 
     def __post_init__(self) -> None:
         given = [value is not None for value in (self.precision, self.recall)]

@@ -187,13 +187,12 @@ def drive_dynamic(grid, duration, workspace, trial, ties, seed, avoid_zones, row
 
 @kernel
 def run_trials(
-    grid, duration, workspace, trial, ties, seed, tasks, foreseen, most, rule, dynamic, out
+    grid, duration, workspace, trial, ties, seed, tasks, foreseen, most, least_count, rule, dynamic, out
 ):
     """out: (trials, TRIAL_COLUMNS) int64; robot 0 chooses by what is foreseen, and drives what is true.
 
-    tasks: (trials, r, 3) of `draw_tasks`; foreseen: (trials, Z), others in each zone; most, rule:
-    of
-    `choose_threshold`; dynamic: 1 for that reading.
+    tasks: (trials, r, 3) of `draw_tasks`; foreseen: (trials, Z), others in each zone; most,
+    least_count, rule: of `choose_threshold`; dynamic: 1 for that reading.
     """
     for number in range(tasks.shape[0]):
         trial.actual[:] = 0
@@ -205,17 +204,21 @@ def run_trials(
                 count_zones(trial.used, trial.actual)
         for zone in range(workspace.count.shape[0]):
             workspace.count[zone] = foreseen[number, zone]
-        run_trial(grid, duration, workspace, trial, ties, seed, most, rule, dynamic, out[number])
+        run_trial(
+            grid, duration, workspace, trial, ties, seed, most, least_count, rule, dynamic, out[number]
+        )
 
 
 @kernel
-def run_trial(grid, duration, workspace, trial, ties, seed, most, rule, dynamic, row):
+def run_trial(
+    grid, duration, workspace, trial, ties, seed, most, least_count, rule, dynamic, row
+):
     """row: (TRIAL_COLUMNS,) of the trial with trial.task, trial.actual and workspace.count."""
     start, pick, drop = trial.task[0, START], trial.task[0, PICK], trial.task[0, DROP]
     threshold = choose_threshold(
-        grid, 0, duration, workspace, ties, seed, start, pick, drop, most, rule
+        grid, 0, duration, workspace, ties, seed, start, pick, drop, most, least_count, rule
     )
-    close_zones(grid, workspace, threshold, start, pick, drop)
+    close_zones(grid, workspace, threshold + least_count - 1, start, pick, drop)
     for column in (0, TRIAL_CHOSEN):
         avoid_zones = column == TRIAL_CHOSEN and threshold != PLAIN
         part = row[column : column + TRIAL_CHOSEN]

@@ -4,7 +4,7 @@ A robot that gets a task predicts which zones the others use. All it knows of th
 tasks began, pick up and drop: it predicts the zones on the A* paths of the whole task, as if no
 robot delayed them, or a noisy version of those, or what a network says that has learnt such paths.
 It plans both legs of its own task at once, with the zones of A or more others closed for A = 1, 2,
-..., and keeps the plan that takes the least time so.
+... (`closed_from: more than A` closes those of more than A), and keeps the plan that takes the least time so.
 
 The noisy version is that of the trials of Table 5 (prediction_noise). In a fleet of many
 nearly every zone has A or more others predicted for each A up to max_threshold; then no way is left
@@ -61,6 +61,7 @@ class AvoidanceState(Struct):
 
     tie_rule: int = field("int64", "an index of TIES")
     max_threshold: int = field("int64", "the largest A")
+    least_count: int = field("int64", "others for which a zone is closed, where A = 1")
     keep_chance: int = field("int64", "of the noise, in 1 / CERTAIN: a zone used is predicted,")
     add_chance: int = field("int64", "and another one")
     network: KernelNetwork
@@ -183,12 +184,13 @@ def choose(view, state, i, start):
         pick,
         drop,
         state.max_threshold,
+        state.least_count,
         LEAST_TIME,
     )
     if threshold == PLAIN:
         routes.closed[:] = 0
     else:
-        close_zones(view.grid, routes, threshold, start, pick, drop)
+        close_zones(view.grid, routes, threshold + state.least_count - 1, start, pick, drop)
         state.alternatives[i] += 1
     closed = state.closed[i]
     closed[:] = 0
@@ -268,6 +270,7 @@ class TrafficAvoidance(Strategy):
             {"n": len(view.robots.cell), "words": words(view.grid.traffic_zone_count)},
             tie_rule=TIES.index(p.tie_break),
             max_threshold=p.max_threshold,
+            least_count=p.least_count,
             keep_chance=round(keep * CERTAIN),
             add_chance=round(add * CERTAIN),
             network=network,

@@ -81,8 +81,11 @@ def foreseen(case: Case, pick: int, count: list[int], closed: set[int]) -> int:
 
 
 @settings(max_examples=examples(80))
-@given(tasks())
-def test_the_plan_of_least_foreseen_time_is_chosen(task: tuple[Case, int, list[int]]) -> None:
+@given(tasks(), st.booleans())
+def test_the_plan_of_least_foreseen_time_is_chosen(
+    task: tuple[Case, int, list[int]], more_than: bool
+) -> None:
+    """With the zones of A or more others closed, or with those of more than A."""
     case, pick, count = task
     floor, duration, workspace = case.built()
     workspace.count[:] = count
@@ -90,19 +93,17 @@ def test_the_plan_of_least_foreseen_time_is_chosen(task: tuple[Case, int, list[i
     own |= set() if pick == NIL else touching(case, pick)
     times = {avoidance.PLAIN: foreseen(case, pick, count, set())}
     for threshold in range(1, MOST + 1):
-        busy = {zone for zone, others in enumerate(count) if others >= threshold}
+        busy = {zone for zone, others in enumerate(count) if others >= threshold + more_than}
         times[threshold] = foreseen(case, pick, count, busy - own)
     arguments = (floor.grid.read_only(), 0, duration, workspace, LARGER_G, np.uint64(1))
+    choices = (*arguments, case.start_pose(), pick, case.target, MOST, 1 + more_than)
     with np.errstate(over="ignore"):
-        chosen = avoidance.choose_threshold(
-            *arguments, case.start_pose(), pick, case.target, MOST, avoidance.LEAST_TIME
-        )
-        cautious = avoidance.choose_threshold(
-            *arguments, case.start_pose(), pick, case.target, MOST, avoidance.MOST_CAUTIOUS
-        )
+        chosen = avoidance.choose_threshold(*choices, avoidance.LEAST_TIME)
+        cautious = avoidance.choose_threshold(*choices, avoidance.MOST_CAUTIOUS)
     assert times[chosen] == min(times.values())
     assert chosen == avoidance.PLAIN or times[chosen] < times[avoidance.PLAIN]
-    open_to = [one for one in range(1, 1 + min(MOST, max(count, default=0))) if times[one] < FAR]
+    busiest = max(count, default=0) - more_than
+    open_to = [one for one in range(1, 1 + min(MOST, busiest)) if times[one] < FAR]
     assert cautious == (open_to[0] if open_to else avoidance.PLAIN)
 
 

@@ -44,7 +44,18 @@ def plan_avoiding(
             workspace.count[zone] = foreseen[number, zone]
         start, pick, drop = tasks[number, 0, 0], tasks[number, 0, 1], tasks[number, 0, 2]
         threshold = choose_threshold(
-            grid, 0, duration, workspace, LARGER_G, seed, start, pick, drop, MOST, FEWEST, LEAST_TIME
+            grid,
+            0,
+            duration,
+            workspace,
+            LARGER_G,
+            seed,
+            start,
+            pick,
+            drop,
+            MOST,
+            FEWEST,
+            LEAST_TIME,
         )
         close_zones(grid, workspace, threshold, start, pick, drop)
         pose = np.int64(start)

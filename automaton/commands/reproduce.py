@@ -58,7 +58,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "these tables, of which some are made only when named",
     )
     add_settings_argument(
-        parser, "change a value of the scenarios that are run, such as durations.turn=10; may be repeated"
+        parser,
+        "change a value of the scenarios that are run, such as durations.turn=10; may be repeated",
     )
     parser.add_argument(
         "--workers", type=int, metavar="N", help="processes, default one for each core"
@@ -89,8 +90,14 @@ def run(args: argparse.Namespace) -> int:
     with progress() as (on_start, on_done):
         listeners = on_start, on_done
         many = args.seeds, strategies, args.workers
-        changed = tables, args.seed_from, tuple(args.settings)
-        reproduced = reproduce(reproduction, *many, *listeners, *changed)
+        reproduced = reproduce(
+            reproduction,
+            *many,
+            *listeners,
+            tables=tables,
+            first_seed=args.seed_from,
+            settings=tuple(args.settings),
+        )
     judged = reproduced.judged()
     if args.json:
         print_json(as_json(reproduced, judged))

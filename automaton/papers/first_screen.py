@@ -12,17 +12,17 @@ from collections.abc import Callable, Iterator, Sequence
 from rich.text import Text
 
 from automaton.papers.claim_report import set_lines
-from automaton.papers.claims import Judged, JudgedClaim
+from automaton.papers.claims import Judged, JudgedClaim, Verdict
 from automaton.papers.reproduction_study import Headline, Reproduced, Row
 from automaton.runs.console_output import ConsoleBlock, console, print_blocks
 from automaton.runs.report_document import Table
 from automaton.units import count, percent
 
 WIDTH = 80
-SOURCE_LINES = 2
+MAX_LINES = 2  # of a sentence
 GAP = 1
 UNITS = {"%": " %", "points": " pt"}  # pt: points of per cent
-COUNTED = {
+COUNTED: dict[Verdict, tuple[str, str]] = {
     "holds": ("holds", "hold"),
     "not contradicted": ("is not contradicted", "are not contradicted"),
     "undecided": ("is undecided", "are undecided"),
@@ -37,14 +37,11 @@ def print_first_screen(reproduced: Reproduced, judged: Sequence[JudgedClaim]) ->
     print_blocks(console(), first_screen(reproduced, judged))
 
 
-def first_screen(
-    reproduced: Reproduced, judged: Sequence[JudgedClaim]
-) -> Iterator[ConsoleBlock]:
+def first_screen(reproduced: Reproduced, judged: Sequence[JudgedClaim]) -> Iterator[ConsoleBlock]:
     """The first screen: what was run, a line for each headline, and how many claims hold."""
     reproduction = reproduced.reproduction
     yield Text(reproduction.title, "bold")
-    source = textwrap.wrap(reproduction.source, WIDTH, max_lines=SOURCE_LINES, placeholder=" ...")
-    yield from source
+    yield from wrapped(reproduction.source)
     yield from textwrap.wrap(effort(reproduced), WIDTH)
     yield from set_lines(reproduced, WIDTH)
     yield ""
@@ -55,10 +52,16 @@ def first_screen(
         yield ""
     yield from textwrap.wrap(tally(judged), WIDTH)
     for premise, claims in others.items():
-        yield from textwrap.wrap(changed_verdicts(reproduction.headlines, judged, claims, premise), WIDTH)
+        changed = changed_verdicts(reproduction.headlines, judged, claims, premise)
+        yield from wrapped(changed)
     yield from textwrap.wrap(
         f"All tables, claims and remarks: automaton reproduce {reproduction.name} --tables", WIDTH
     )
+
+
+def wrapped(text: str) -> list[str]:
+    """Two lines of a text at most."""
+    return textwrap.wrap(text, WIDTH, max_lines=MAX_LINES, placeholder=" ...")
 
 
 def effort(reproduced: Reproduced) -> str:
@@ -100,8 +103,14 @@ def headline_lines(
         if claim is not None:
             figure = claim.figures[headline.figure]
             twin = named(others.get(other, ()), headline)
-            theirs = "-" if twin is None else number(twin.figures[headline.figure], twin.figures[headline.figure].value)
-            yield headline.label, printed(figure), around(figure), theirs, claim.verdict
+            theirs = (
+                "-"
+                if twin is None
+                else number(twin.figures[headline.figure], twin.figures[headline.figure].value)
+            )
+            paper = figure.printed if headline.printed is None else headline.printed
+            beside_ours = "-" if paper is None else number(figure, paper)
+            yield headline.label, beside_ours, around(figure), theirs, claim.verdict
 
 
 def named(judged: Sequence[JudgedClaim], headline: Headline) -> JudgedClaim | None:
@@ -147,10 +156,6 @@ def bare(figure: Judged, value: float) -> str:
 def number(figure: Judged, value: float) -> str:
     """A value with the unit of a figure."""
     return bare(figure, value) + UNITS.get(figure.figure.unit, "")
-
-
-def printed(figure: Judged) -> str:
-    return "-" if figure.printed is None else number(figure, figure.printed)
 
 
 def around(figure: Judged) -> str:
@@ -203,5 +208,3 @@ def changed_verdicts(
         if claim is not None and theirs not in (None, claim.verdict):
             changed.append(f"{headline.label} ({theirs})")
     return f"Other verdicts with {premise}: {'; '.join(changed) or 'none of these'}."
-
-

@@ -209,7 +209,9 @@ class Table:
     together: Together | None = None  # figures for claims that rest on the runs of several cases
     grouped: int = -1  # lines with the same labels[:grouped] stand together
     spread: Literal["sd", "se"] = "sd"  # shown: of single repetitions, or of their mean
-    printed_sd: Callable[[Key, str], float | None] = unpublished  # the printed sd of a case and metric
+    printed_sd: Callable[[Key, str], float | None] = (
+        unpublished  # the printed sd of a case and metric
+    )
     premise: str = ""  # where this differs between tables; the last label of its cases names it
     stored: Callable[[], str] | None = None  # how figures were made that are read, not run for
 
@@ -235,6 +237,7 @@ class Headline:
     label: str
     claim: str = ""
     figure: int = 0  # of the claim: the one that is shown
+    printed: float | None = None  # where the printed number is no row of a table
     cell: tuple[str, Key] | None = None  # metric, and key of the case
     unit: str = ""  # of a cell: "%" shows shares times 100
     digits: int = 0

@@ -3,8 +3,9 @@ deadlock.
 
 The world runs the waits and retries that `wait_ranges` sets. After a failed retry the robot
 retreats if the other one wants its cell (head-on), or when it failed `limit` times; else it keeps
-its plan, or makes it again (`after_wait: replan`, the printed "go to 1"). A retreat is a random number of moves away from the target; the plan is made again after
-it. With `idle_give_way` a robot that has nothing to do makes room for one that wants its cell.
+its plan, or makes it again (`after_wait: replan`, the printed "go to 1"). A retreat is a random number
+of moves away from the target; the plan is made again after it. With `idle_give_way` a robot that has
+nothing to do makes room for one that wants its cell.
 
 Robots are looked up by cell: in `traffic.holder`, or in lists of those in each cell without limit.
 """

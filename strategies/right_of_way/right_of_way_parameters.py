@@ -44,9 +44,9 @@ class RetreatParameters(Waits, forbid_unknown_fields=True, frozen=True, kw_only=
     after_wait: Annotated[
         Literal["keep", "replan"],
         Meta(
-            description="what a robot does that finds its next cell still held after a wait, before it may "
-            "retreat in any case: keep its plan, or replan: one without load chooses again what to do, "
-            "any robot plans another route (the `go to 1` and `go to 12` of Grzejszczak and Nocon)"
+            description="what a robot does that finds its next cell still held after a wait and does not "
+            "retreat: keep its plan; or replan: without load it chooses again what to do, and it plans "
+            "another route (`go to 1` and `go to 12` of Grzejszczak and Nocon)"
         ),
     ] = "keep"
     retreat_moves: Annotated[tuple[Moves, Moves], BOTH_INCLUDED] = (1, 12)

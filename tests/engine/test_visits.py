@@ -251,21 +251,28 @@ class Retreats(Strategy):
     layer = "right_of_way"
     period = 1
 
-    def __init__(self, tick: int) -> None:
+    def __init__(self, tick: int, moves: int) -> None:
         super().__init__()
-        self.tick = tick
+        self.tick, self.moves = tick, moves
 
     def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
         out = decisions.right_of_way
         if view.clock[CLOCK_TICK] == self.tick:
-            out.command[0], out.value[0], out.return_order[0] = CMD_RETREAT, 2, 1
+            out.command[0], out.value[0], out.return_order[0] = (
+                CMD_RETREAT,
+                self.moves,
+                1,
+            )
         elif view.robots.retreat_moves[0]:
             out.command[0], out.value[0] = CMD_STEP, 0
 
 
+@pytest.mark.parametrize("moves", [2, 0])
 @pytest.mark.parametrize(("tick", "keeps"), [(2, False), (4, True)])
-def test_a_retreat_returns_only_what_is_not_begun(tick: int, keeps: bool) -> None:
-    run = Simulation(tours([(3, 0), (6, 0)]), strategies=layers(right_of_way=Retreats(tick)))
+def test_a_retreat_returns_only_what_is_not_begun(tick: int, keeps: bool, moves: int) -> None:
+    """So does a retreat of no moves, after which the robot plans again where it stands."""
+    right_of_way = Retreats(tick, moves)
+    run = Simulation(tours([(3, 0), (6, 0)]), strategies=layers(right_of_way=right_of_way))
     run.run(until=tick)
     assert (run.world.robots.order[0] != NIL) == keeps
     if keeps:

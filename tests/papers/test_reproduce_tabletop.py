@@ -93,6 +93,7 @@ def test_there_is_a_row_for_each_metric_of_each_cell(two_seeds: Reproduced) -> N
         product((1, 2), ("independent", "cooperative"), (1, 2, 3, 4, 5), METRICS)
     )
     expected += [(1, "cooperative", 6, metric) for metric in SIXTH]
+    expected += [(*one[:3], "everything", one[3]) for one in expected]
     assert [(*row.case.values(), row.metric) for row in rows] == expected
     assert set(rows[0].case) == {"configuration", "strategy", "robots"}
     assert two_seeds.unfinished == 0
@@ -289,7 +290,12 @@ def json_of(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, An
 def test_json_has_the_agreed_keys(capsys: pytest.CaptureFixture[str]) -> None:
     found = json_of(capsys, "--seeds", "1", "--workers", "1")
     assert (found["name"], found["seeds"], found["unfinished"]) == ("tabletop", 1, 0)
-    assert found["runs"] == 21 and len(found["rows"]) == 124
+    assert found["runs"] == 2 * 21 and len(found["rows"]) == 2 * 124
+    [other] = found["premises"]
+    assert other["premise"] == "information: everything"
+    assert set(other["mean_absolute_error"]) == {"T_total", "T_Rtotal"}
+    assert list(other["claims"]) == [claim["claim"] for claim in found["claims"]]
+    assert found["settings"] == []
     assert set(found["rows"][0]) == {"case", "metric", "paper", "mean", "sd", "error"}
     assert found["rows"][0]["case"] == {
         "configuration": 1,
@@ -308,7 +314,7 @@ def test_other_strategies_have_no_figures_to_compare_with(
     found = json_of(capsys, "--seeds", "1", "--workers", "1", "--strategies", names)
     strategies = {row["case"]["strategy"]: row["paper"] for row in found["rows"][::-1]}
     assert strategies == {"adaptive": None, "independent": 5145}
-    assert len(found["rows"]) == 120
+    assert len(found["rows"]) == 2 * 120
 
 
 @pytest.mark.parametrize("columns", [80, 200])
@@ -316,14 +322,16 @@ def test_the_report_fits_the_terminal(
     columns: int, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", str(columns))
-    assert main(["reproduce", "tabletop", "--seeds", "2", "--workers", "1"]) == 0
+    assert main(["reproduce", "tabletop", "--seeds", "2", "--workers", "1", "--tables"]) == 0
     text, errors = capsys.readouterr()
     assert errors == ""  # no progress in a pipe
     lines = text.splitlines()
     assert max(map(len, lines)) <= columns
     assert "…" not in text and "\x1b" not in text
     cells = [line for line in lines if re.match(r" +[12] (independent|cooperative) +[1-5] ", line)]
-    assert len(cells) == 20 * (3 if columns == 80 else 2)
+    assert len(cells) == 2 * 20 * (3 if columns == 80 else 2)
+    assert "mean |error|: T_total" in text and "(information: everything)" in text
+    assert "Claims with another verdict by information: everything" in text
     assert "40 runs, 0 unfinished" in text
     assert "DISAGREES" in text and "mean |error|: T_total " in text
 
@@ -336,6 +344,13 @@ def test_the_report_fits_the_terminal(
         (["tabletop", "--workers", "0"], "--workers must be at least 1, not 0"),
         (["tabletop", "--seed-from", "0"], "--seed-from: '0' is not a seed: allowed are 1, 2, 3"),
         (["tabletop", "--seeds", "1e9"], "argument --seeds: '1e9' is not a whole number"),
+        (["tabletop", "--set", "fleet.robots=3"], "the cases of tabletop set this themselves"),
+        (["tabletop", "--set", "information={radius: 3}"], "the cases of tabletop set this"),
+        (["tabletop", "--set", "durations.turn=x"], "--set durations.turn=x: durations.turn must"),
+        (["tabletop", "--set", "nonsense"], "--set nonsense: expected KEY=VALUE"),
+        (["traffic", "--set", "durations.turn=3"], "traffic runs no scenarios: leave out --set"),
+        (["fleets", "--set", "strategy={}"], "the cases of fleets set this themselves"),
+        (["queues", "--set", "orders.lines.count=-1"], "--set orders.lines.count=-1: orders.lines"),
         (["tabletop", "--strategies", "adaptiv"], "did you mean 'adaptive'?"),
         (["tabletop", "--strategies", "x"], "automaton: --strategies: allocation strategy 'x' is"),
     ],
@@ -346,6 +361,33 @@ def test_bad_input_is_one_sentence(
     assert main(["reproduce", *arguments]) == 2
     errors = capsys.readouterr().err
     assert sentence in errors and errors.count("\n") == 1
+
+
+def test_a_changed_experiment_says_so(capsys: pytest.CaptureFixture[str]) -> None:
+    """Turns that take no longer than a move: everything is faster, in both tables."""
+    few = ["--seeds", "1", "--workers", "1", "--strategies", "independent"]
+    published, changed = (
+        json_of(capsys, *few, *more) for more in ([], ["--set", "durations.turn=1"])
+    )
+    assert (published["settings"], changed["settings"]) == ([], ["durations.turn=1"])
+    for before, after in zip(published["rows"], changed["rows"], strict=True):
+        assert before["case"] == after["case"]
+        if before["metric"] == "T_total":
+            assert after["mean"] < before["mean"]
+    said = "NOT THE PUBLISHED EXPERIMENT: made with --set durations.turn=1"
+    for more in ([], ["--tables"]):
+        command = ["reproduce", "tabletop", *few, "--set", "durations.turn=1", *more]
+        assert main(command) == 0
+        assert said in " ".join(capsys.readouterr().out.split())
+
+
+def test_robots_know_the_list_of_orders_alone() -> None:
+    tables = [table.cases(REPRODUCTION.strategies) for table in REPRODUCTION.tables]
+    informed = [
+        {resolve(case.scenario, case.overrides).scenario.information for case in cases}  # type: ignore[attr-defined]
+        for cases in tables
+    ]
+    assert informed == [{"orders"}, {"orders"}, {"everything"}, {"everything"}]
 
 
 def test_runs_that_do_not_finish_are_counted(capsys: pytest.CaptureFixture[str]) -> None:

@@ -169,8 +169,9 @@ def test_json_has_the_agreed_keys(capsys: pytest.CaptureFixture[str]) -> None:
         1,
         0,
     )
-    assert found["runs"] == 800
-    assert set(found["rows"][0]) == {"case", "metric", "paper", "mean", "sd", "error"}
+    assert found["runs"] == 900
+    assert set(found["rows"][0]) == {"case", "metric", "paper", "mean", "sd", "error", "paper_sd"}
+    assert found["rows"][0]["paper_sd"] == 77.60
     assert found["rows"][0]["case"] == {"slowdown": "static", "path": "A*", "counts": "-"}
     assert found["rows"][0]["paper"] == 229.97
     assert found["remarks"]
@@ -197,15 +198,16 @@ def test_the_report_fits_the_terminal(
     # `test_json_has_the_agreed_keys` sees that the command makes the trials.
     study = "automaton.papers.reproduction_study.reproduce"
     monkeypatch.setattr(study, lambda *how, **more: one_seed)
-    assert main(["reproduce", "traffic", "--seeds", "1"]) == 0
+    assert main(["reproduce", "traffic", "--seeds", "1", "--tables"]) == 0
     text = capsys.readouterr().out
     assert max(map(len, text.splitlines())) <= columns and "…" not in text
     words = " ".join(text.split())
-    assert "800 trials, 0 unfinished; 1 seed of 100 trials for each case" in words
+    assert "900 trials, 0 unfinished; 1 seed of 100 trials for each case" in words
     assert "one seed gives no interval" not in text  # a hundred trials do
     before, after = text.split("Tables 1 to 4: what the network learns")
     assert "paper stored" in " ".join(after.split()) and " ours " not in after.split("claims")[0]
     assert " ours" in before and "stored" not in before
+    assert "(77.6" in text or "77.6" in before  # the printed standard deviation
 
 
 def test_there_are_no_strategies_to_choose(capsys: pytest.CaptureFixture[str]) -> None:

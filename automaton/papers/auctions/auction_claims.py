@@ -20,9 +20,9 @@ SCALES: Final = (
 )
 
 REMARKS: Final = (
-    "The figures with the layout and the curves are lost: the floor is one that has every length of the "
-    "text, and ratios stand beside no printed number. Nine lanes are needed for those lengths, eight may "
-    "be there or not (`comb` leaves out four of them).",
+    "The figures with the layout and the curves are lost, and the text gives no seconds: the floor has "
+    "every length of the text, and ratios, Figure 5 and Figure 6c stand beside no printed number. Nine "
+    "lanes are needed for those lengths, eight may be there or not (`comb` leaves out four of them).",
     "Only position 2 may charge in the worked example. Section 3.2.1 puts chargers at the depots: then "
     "robot 2 charges for a second where it stands, bids 66 and wins.",
     "Among the places for the charger with equal cost, [2, 5, 4, 9, 14] and [5, 2, 4, 9, 14] tie; the "

@@ -19,6 +19,7 @@ from automaton.papers.auctions.auction_charging import (
 from automaton.papers.auctions.auction_claims import CLAIMS, REMARKS
 from automaton.papers.auctions.auction_example import SETTINGS, bids_for, steps
 from automaton.papers.auctions.auction_pictures import pictures
+from automaton.papers.auctions.auction_times import TIMES, about_times
 from automaton.papers.auctions.auction_trials import (
     AGAIN,
     METHODS,
@@ -31,6 +32,7 @@ from automaton.papers.auctions.auction_trials import (
 from automaton.papers.reproduction_study import (
     Case,
     Cases,
+    Headline,
     Key,
     Reproduction,
     Table,
@@ -245,6 +247,32 @@ HORIZON: Final = Table(
 )
 
 
+HEADLINES: Final = (
+    Headline("example: bid of robot 1, s", cell=("bid", ("as printed", 1))),
+    Headline("example: bid of robot 2, s", cell=("bid", ("as printed", 2))),
+    Headline(
+        "2 robots: GA less auction",
+        "The auction lies between the optimum and the genetic algorithm (2",
+    ),
+    Headline("work with tasks: exponent", "The auction's work grows linearly with the tasks"),
+    Headline("work: GA for one of auction", "The auction needs far less work"),
+    Headline(
+        "Figure 5: time, m^n / auction", "Figure 5: the auction takes far less computing time (m^n"
+    ),
+    Headline(
+        "Figure 5: time, GA / auction", "Figure 5: the auction takes far less computing time (gen"
+    ),
+    Headline("Figure 6b: charging saved", "Charging just as much as needed costs less"),
+    Headline("... dearer in tours of 10", "... always, in every single tour"),
+    Headline("Figure 6c: us beyond threshold", "Figure 6c: optimal charging"),
+    Headline(
+        "batches of 2: s saved a task",
+        "Just enough beats threshold-100 at equal safety, batch after batch "
+        "(linear curve, batches of 2)",
+    ),
+)
+
+
 def texts() -> list[tuple[str, str]]:
     """The worked example step by step, and the assigned routes."""
     return [("Section 4, step by step", "\n".join(steps())), *pictures()]
@@ -263,12 +291,14 @@ REPRODUCTION: Final = Reproduction(
         MAKESPANS,
         EFFORTS,
         EFFORTS_BY_ROBOTS,
+        *TIMES,
         CHARGING,
         OBJECTIVE,
         HORIZON,
     ),
-    claims=CLAIMS,
+    claims=(*CLAIMS, *about_times()),
     remarks=REMARKS,
+    headlines=HEADLINES,
     seeds=20,
     claims_title="Paper's claims",
     texts=texts,

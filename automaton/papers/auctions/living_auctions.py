@@ -20,6 +20,7 @@ from automaton.engine.robot_status import FAILURE_DEPLETED
 from automaton.engine.state import ACTION_CHARGE, ACTION_QUEUE, ORDER_DELIVERED, World
 from automaton.papers.claims import Figure, above, claim, mean_of
 from automaton.papers.reproduction_study import (
+    Headline,
     Reproduction,
     ScenarioCase,
     Table,
@@ -322,6 +323,20 @@ REMARKS: Final = (
     "A reserve is what plans keep. What a robot spends in line, or behind others, no plan foresees.",
 )
 
+HEADLINES: Final = (
+    Headline("insertion: runs that run empty", "With never-strand"),
+    Headline("insertion: all delivered", "and every order"),
+    Headline("insertion: throughput", "at 0.8 kr"),
+    Headline("may strand: empty robots", "Without it robots"),
+    Headline("wait 0.01 %, reserve 0: empty", "Where waits take energy"),
+    Headline("wait 0.01 %, reserve 20: empty", "and in one run of twenty"),
+    Headline("two or more in line", "With one charger"),
+    Headline("line left out: wait, ticks", "Robots wait longer"),
+    Headline("local search: lead time saved", "Local search"),
+    Headline("radius 4: messages more", "Regions of announcement"),
+    Headline("a failure: all delivered", "If a robot fails"),
+)
+
 REPRODUCTION: Final = Reproduction(
     name="auctions-floor",
     title="Auctions and batteries in the living world",
@@ -329,6 +344,7 @@ REPRODUCTION: Final = Reproduction(
     tables=TABLES,
     claims=CLAIMS,
     remarks=REMARKS,
+    headlines=HEADLINES,
     seeds=40,
     claims_title="Claims",
     remarks_title="Remarks",

@@ -57,6 +57,8 @@ PRINTED: Final = {
 BEST_KNOWN: Final = {"random_32_32_20_100": 1186}  # with 32 cores and a second for each tick
 LEAGUE_TICKS: Final = {"random_32_32_20_100": 500}
 
+MAX_HEADLINES: Final = 12  # of the first screen
+
 GENERATED: Final = "generated"
 GENERATED_ROBOTS: Final = (100, 200, 400, 800)
 SIDE: Final = 32  # cells
@@ -163,6 +165,15 @@ def table_of(title: str, problems: Mapping[tuple[str, int], ProblemOf], **others
     )
 
 
+def headlines_of(problems: Sequence[tuple[str, int]]) -> tuple[Headline, ...]:
+    """A line for the tasks of both strategies with each problem, the first ones."""
+    return tuple(
+        Headline(f"{strategy}, {robots} robots: tasks", cell=("tasks", (strategy, name, robots)))
+        for strategy in STRATEGIES
+        for name, robots in problems
+    )[:MAX_HEADLINES]
+
+
 def more_tasks(name: str, fleets: Sequence[int]) -> Claim:
     """The publication's claim, for the fleets of a problem."""
     return claim(
@@ -219,7 +230,15 @@ def from_data(folder: Path) -> Reproduction:
             tables.append(table_of(title, pool, published=best_known, name="league"))
     if not tables:
         raise InputError("holds no problem: neither map.txt nor a problem's .json", str(folder))
-    return replace(REPRODUCTION, tables=tuple(tables), claims=tuple(claims), remarks=REMARKS[1:])
+    keys = [case.key for table in tables for case in table.cases(STRATEGIES)]
+    of_all = list(dict.fromkeys((str(name), int(robots)) for _, name, robots in keys))
+    return replace(
+        REPRODUCTION,
+        tables=tuple(tables),
+        claims=tuple(claims),
+        remarks=REMARKS[1:],
+        headlines=headlines_of(of_all),
+    )
 
 
 def is_league_problem(path: Path) -> bool:
@@ -260,6 +279,7 @@ REPRODUCTION: Final = Reproduction(
         ),
     ),
     averaged=("tasks",),
+    headlines=headlines_of([(GENERATED, robots) for robots in GENERATED_ROBOTS]),
     seeds=3,
     claims=(more_tasks(GENERATED, GENERATED_ROBOTS),),
     remarks=REMARKS,

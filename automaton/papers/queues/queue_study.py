@@ -17,7 +17,15 @@ import numpy as np
 from automaton.build.resolve import resolve
 from automaton.engine.state import Array, World
 from automaton.papers.claims import Claim, Figure, claim, mean_of
-from automaton.papers.reproduction_study import Case, Key, Reproduction, Table, each_seed, fixed
+from automaton.papers.reproduction_study import (
+    Headline,
+    Key,
+    Reproduction,
+    RunCase,
+    Table,
+    each_seed,
+    fixed,
+)
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
 
@@ -75,16 +83,19 @@ class QueueCase(RunCase):
         return (f"durations.handling.line={HANDLING[str(self.key[0])]}",)
 
     def check(self) -> None:
-        scenario = msgspec.convert(scenario_of(str(self.key[0])), Scenario)
-        resolve(scenario, self.settings)
+        resolve(queue_scenario(self), self.settings)
+
+
+def queue_scenario(case: RunCase) -> Scenario:
+    """The scenario of a case, without further settings."""
+    import msgspec
+
+    return msgspec.convert(scenario_of(str(case.key[0])), Scenario)
 
 
 def waits(case: RunCase, seed: int) -> Sequence[Mapping[str, float]]:
     """The mean wait of a run, and how many lines waited otherwise than the one before them says."""
-    import msgspec
-
-    scenario = msgspec.convert(scenario_of(str(case.key[0])), Scenario)
-    simulation = Simulation(resolve(scenario, case.settings, seed))
+    simulation = Simulation(resolve(queue_scenario(case), case.settings, seed))
     simulation.run()
     released, taken, service = times_of(simulation.world)
     wait = taken - released
@@ -154,6 +165,11 @@ REPRODUCTION: Final = Reproduction(
         ),
     ),
     averaged=("wait", "wrong_lines"),
+    headlines=(
+        *(Headline(name, cell=("wait", (name,)), digits=1) for name in HANDLING),
+        Headline("wait - formula, 20 ticks", "The mean wait"),
+        Headline("lines with another wait", "Each wait follows"),
+    ),
     seeds=RUNS,
     claims=(as_computed(), line_by_line()),
     remarks=(

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from automaton.papers.claims import Figure, Quantity, above, claim, mean_of
-from automaton.papers.reproduction_study import Reproduction, ScenarioCase, Table
+from automaton.papers.reproduction_study import Headline, Reproduction, ScenarioCase, Table
 
 SCENARIO: Final = "warehouse-100"
 ROBOTS: Final = (6, 20, 50, 100)
@@ -125,6 +125,18 @@ REMARKS: Final = (
     "Extra ticks count as delay, though nobody is in the way then.",
 )
 
+HEADLINES: Final = (
+    *(
+        Headline(f"100 robots, delay: {policy}", cell=("delay", (policy, CROWD)), digits=1)
+        for policy in POLICIES
+    ),
+    Headline("avoidance beyond A*, 6 robots", "Avoidance by static counts harms"),
+    Headline("time average beyond plans", "What helps is to know"),
+    Headline("congestion, delay", "Search in time through shared plans"),
+    Headline("congestion, throughput gained", "It gives at least a fifth"),
+    Headline("congestion, extra ticks: delay", "It bears that plans"),
+)
+
 REPRODUCTION: Final = Reproduction(
     name="traffic-fleet",
     title="Warehouse with slow zones, the whole fleet by one policy",
@@ -149,6 +161,7 @@ REPRODUCTION: Final = Reproduction(
     ),
     claims=CLAIMS,
     remarks=REMARKS,
+    headlines=HEADLINES,
     seeds=3,
     claims_title="Claims",
     remarks_title="Remarks",

@@ -1,8 +1,9 @@
 """Traffic avoidance (Bhattathiri, Li & Kuhl): A* around the zones in which many others are
 predicted.
 
-For A = 1, 2, ... the zones with A or more others are closed (or with more than A), save those that touch the robot's own
-start, pick-up or drop-off; each A that still leaves a way gives a candidate, and so does plain A*.
+For A = 1, 2, ... the zones with A or more others are closed (or with more than A), save those that
+touch the robot's own start, pick-up or drop-off; each A that still leaves a way gives a candidate, and
+so does plain A*.
 """
 
 import numpy as np

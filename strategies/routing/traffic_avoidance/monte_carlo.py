@@ -187,7 +187,19 @@ def drive_dynamic(grid, duration, workspace, trial, ties, seed, avoid_zones, row
 
 @kernel
 def run_trials(
-    grid, duration, workspace, trial, ties, seed, tasks, foreseen, most, least_count, rule, dynamic, out
+    grid,
+    duration,
+    workspace,
+    trial,
+    ties,
+    seed,
+    tasks,
+    foreseen,
+    most,
+    least_count,
+    rule,
+    dynamic,
+    out,
 ):
     """out: (trials, TRIAL_COLUMNS) int64; robot 0 chooses by what is foreseen, and drives what is true.
 
@@ -205,14 +217,22 @@ def run_trials(
         for zone in range(workspace.count.shape[0]):
             workspace.count[zone] = foreseen[number, zone]
         run_trial(
-            grid, duration, workspace, trial, ties, seed, most, least_count, rule, dynamic, out[number]
+            grid,
+            duration,
+            workspace,
+            trial,
+            ties,
+            seed,
+            most,
+            least_count,
+            rule,
+            dynamic,
+            out[number],
         )
 
 
 @kernel
-def run_trial(
-    grid, duration, workspace, trial, ties, seed, most, least_count, rule, dynamic, row
-):
+def run_trial(grid, duration, workspace, trial, ties, seed, most, least_count, rule, dynamic, row):
     """row: (TRIAL_COLUMNS,) of the trial with trial.task, trial.actual and workspace.count."""
     start, pick, drop = trial.task[0, START], trial.task[0, PICK], trial.task[0, DROP]
     threshold = choose_threshold(

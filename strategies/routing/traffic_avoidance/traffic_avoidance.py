@@ -4,7 +4,7 @@ A robot that gets a task predicts which zones the others use. All it knows of th
 tasks began, pick up and drop: it predicts the zones on the A* paths of the whole task, as if no
 robot delayed them, or a noisy version of those, or what a network says that has learnt such paths.
 It plans both legs of its own task at once, with the zones of A or more others closed for A = 1, 2,
-... (`closed_from: more than A` closes those of more than A), and keeps the plan that takes the least time so.
+... (or of more than A: `closed_from`), and keeps the plan that takes the least time so.
 
 The noisy version is that of the trials of Table 5 (prediction_noise). In a fleet of many
 nearly every zone has A or more others predicted for each A up to max_threshold; then no way is left

@@ -15,6 +15,7 @@ from automaton.engine.requests import (
     clear_route_request,
     first_cell,
     request_charging,
+    request_route,
     set_goal,
 )
 from automaton.engine.robot_status import STATUS_EXHAUSTED
@@ -36,9 +37,12 @@ from automaton.engine.state import (
     LAYER_ALLOCATION,
     LAYER_ROUTING,
     NEED_ALLOCATION,
+    NEED_ROUTE,
     NIL,
     ORDER_WAITING,
+    REASON_AROUND_ROBOTS,
     REASON_NO_ORDER,
+    REASON_ORDER_RETURNED,
     REASON_ORDER_TAKEN,
 )
 from automaton.engine.trips import (
@@ -100,6 +104,20 @@ def commit_allocation(world, record, batch, decisions):
             stay_idle(world, i, out.ask_again[k])
         else:
             refuse(world, LAYER_ALLOCATION, i)
+        if batch.reason[k] == REASON_ORDER_RETURNED:
+            route_around_robots(world, i)
+
+
+@kernel
+def route_around_robots(world, i):
+    """Robot i chose again where its way was blocked (`plan_again`): its new route leads around robots."""
+    robots = world.robots
+    if (
+        robots.retreat_moves[i] == 0
+        and robots.failed_retries[i] > 0
+        and robots.need[i] & NEED_ROUTE
+    ):
+        request_route(world, i, REASON_AROUND_ROBOTS)
 
 
 @kernel

@@ -158,7 +158,7 @@ def panel_table(metrics: Sequence[str], rows: Sequence[Row], made_of: PublishedT
 def heads_of(table: PublishedTable, printed: bool, exact: bool, deviation: bool) -> list[str]:
     """The columns of a metric; a stored figure has no spread, an exact share its interval.
 
-    `deviation`: a standard deviation is printed beside the printed figure.
+    `deviation`: a standard deviation is printed beside the printed mean.
     """
     spread = "95 %" if exact else table.spread
     heads = ["paper", "ours", spread, "error"] if printed else ["ours", spread]

@@ -5,6 +5,7 @@ Everything else (all tables, all claims, remarks) is behind `--tables`.
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -69,7 +70,7 @@ def effort(reproduced: Reproduced) -> str:
     seeds = sorted({one.seeds for one in reproduced.tables if one.table.stored is None})
     many = count(seeds[0], "seed") if len(seeds) == 1 else f"{seeds[0]:,} to {seeds[-1]:,} seeds"
     begin = f" from {reproduced.first_seed:,}" if reproduced.first_seed > 1 else ""
-    kinds = {made.table.repetition for made in reproduced.tables if made.table.stored is None}
+    kinds = {one.table.repetition for one in reproduced.tables if one.table.stored is None}
     what = kinds.pop() if len(kinds) == 1 else "repetition"
     runs = f"{count(reproduced.repetitions, what)}, {reproduced.unfinished:,} unfinished"
     return f"{runs}; {many}{begin}; ours: mean and 95 % interval"
@@ -137,24 +138,28 @@ def of_cell(headline: Headline, row: Row) -> Line:
 def with_ends(
     shown: Callable[[float], str], value: float, ends: tuple[float | None, float | None] | None
 ) -> str:
-    """A value with its 95 % interval: half of it where both halves are alike, else its ends."""
+    """A value with its 95 % interval: half of it where both halves are alike, else its ends.
+
+    Ends are whole numbers, for they are those of a share of runs.
+    """
     low, high = ends if ends is not None else (None, None)
     if low is None or high is None or low == high:
         return shown(value)
-    if shown(high - value) == shown(value - low):
+    if math.isclose(high - value, value - low, rel_tol=1e-6):
         return f"{shown(value)} +-{shown(high - value)}"
-    return f"{shown(value)} ({shown(low)} to {shown(high)})"
+    ends_shown = " to ".join(f"{float(shown(end).replace(',', '')):,.0f}" for end in (low, high))
+    return f"{shown(value)} ({ends_shown})"
 
 
 def bare(figure: Judged, value: float) -> str:
-    """A value of a figure without its unit."""
+    """A value of a claim without its unit."""
     if figure.figure.unit:
         return f"{100 * value:,.1f}"
     return f"{value:,.{figure.figure.digits}f}"
 
 
 def number(figure: Judged, value: float) -> str:
-    """A value with the unit of a figure."""
+    """A value with its unit."""
     return bare(figure, value) + UNITS.get(figure.figure.unit, "")
 
 

@@ -237,7 +237,7 @@ class Headline:
     label: str
     claim: str = ""
     figure: int = 0  # of the claim: the one that is shown
-    printed: float | None = None  # where the printed number is no row of a table
+    printed: float | None = None  # where no row of a table has the printed number
     cell: tuple[str, Key] | None = None  # metric, and key of the case
     unit: str = ""  # of a cell: "%" shows shares times 100
     digits: int = 0
@@ -279,7 +279,7 @@ class Row:
     rank: float | None = None  # share of repetitions below the printed figure, ties by half
     exact: Interval | None = None  # Clopper and Pearson's, of a share of repetitions
     stored: bool = False  # read from a file, not computed in this run
-    paper_sd: float | None = None  # printed beside the printed figure
+    paper_sd: float | None = None  # printed beside the printed mean
 
     @property
     def se(self) -> float | None:
@@ -407,11 +407,11 @@ class Reproduced:
     @property
     def premises(self) -> list[str]:
         """The other premises of which a table was made, in their order."""
-        return list(dict.fromkeys(made.table.premise for made in self.tables if made.table.premise))
+        return list(dict.fromkeys(one.table.premise for one in self.tables if one.table.premise))
 
     def mean_errors(self, premise: str = "") -> dict[str, float | None]:
-        """Mean |error| over the cases with a printed figure, by metric; of the tables of a premise."""
-        rows = [row for made in self._under(premise) for row in made.rows()]
+        """Mean |error| over the cases with a printed value, by metric; of the tables of a premise."""
+        rows = [row for one in self._under(premise) for row in one.rows()]
         means: dict[str, float | None] = {}
         for metric in self.reproduction.averaged:
             errors = [row.error for row in rows if row.metric == metric]
@@ -421,18 +421,18 @@ class Reproduced:
 
     def samples(self, premise: str = "") -> dict[tuple[str, Key], list[float]]:
         """(metric, key of a case) -> its values, what claims are judged by."""
-        return self._by_case(premise, lambda made: made.samples())
+        return self._by_case(premise, lambda one: one.samples())
 
     def repeated(self, premise: str = "") -> dict[tuple[str, Key], str]:
         """(metric, key of a case) -> what its values are of: runs, tours, trainings."""
         return self._by_case(
             premise,
-            lambda made: ((sample, made.table.repetition) for sample, _ in made.samples()),
+            lambda one: ((sample, one.table.repetition) for sample, _ in one.samples()),
         )
 
     def published(self, premise: str = "") -> dict[tuple[str, Key], float]:
         """(metric, key of a case) -> the printed figure, where there is one."""
-        return self._by_case(premise, lambda made: made.published())
+        return self._by_case(premise, lambda one: one.published())
 
     def judged(self, premise: str = "") -> list[JudgedClaim]:
         """The claims whose cases were run, by the tables of a premise."""
@@ -441,7 +441,7 @@ class Reproduced:
         return [claim for claim in verdicts if claim is not None]
 
     def _under(self, premise: str) -> list[MadeTable]:
-        return [made for made in self.tables if made.table.premise == premise]
+        return [one for one in self.tables if one.table.premise == premise]
 
     def _by_case(
         self, premise: str, of: Callable[[MadeTable], Iterable[tuple[tuple[str, Key], T]]]
@@ -450,8 +450,8 @@ class Reproduced:
         end = -1 if premise else None
         return {
             (metric, key[:end]): value
-            for made in self._under(premise)
-            for (metric, key), value in of(made)
+            for one in self._under(premise)
+            for (metric, key), value in of(one)
         }
 
 

@@ -364,7 +364,7 @@ SIXTH_ROBOT: Final = Table(
 def with_everything(table: Table, title: str) -> Table:
     """The same table with robots that see the whole state."""
     cases = seeing_everything(table.cases)
-    return replace(table, title=title, cases=cases, premise=f"information: {EVERYTHING}")
+    return replace(table, title=title, cases=cases, premise=f"information: {EVERYTHING}", grouped=2)
 
 
 HEADLINES: Final = (  # "saved" and "cut" are what cooperation makes less
@@ -372,7 +372,7 @@ HEADLINES: Final = (  # "saved" and "cut" are what cooperation makes less
     Headline("cfg 1: change by a fifth", "Configuration 1: 4 cooperative"),
     Headline("cfg 1: T_total saved, N = 1", "Configuration 1: few robots"),
     Headline("cfg 2: T_total saved, N = 2", "The same read for configuration 2", figure=1),
-    Headline("cfg 2: crossover, saved N = 3", "Configuration 2: the crossover"),
+    Headline("cfg 2: crossover (N = 3)", "Configuration 2: the crossover"),
     Headline("cfg 2: T_total saved, N = 5", "Configuration 2: 5 independent"),
     Headline("cfg 1: T_R rise, N = 2 to 5", "Configuration 1: T_R of independent"),
     Headline("cfg 2: T_Rtotal saved, N = 3", "Configuration 2: cooperation needs 4", figure=2),

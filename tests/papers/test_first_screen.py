@@ -45,12 +45,16 @@ def made_up(reproduction: Reproduction, size: float, seeds: int = 4) -> Reproduc
     dice = random.Random(1)
     used = metrics_of_claims(reproduction)
 
+    def share() -> float:
+        """Of a run, or of many runs, each of which is 0 or 1."""
+        return dice.random() if size < 1 else float(dice.random() < 0.8)
+
     def repetitions(table: Table, key: Key) -> list[Repetition]:
         metrics = {*table.metrics, *used[key], *used[key[:-1]]}
         return [
             Repetition(
                 {
-                    name: dice.random() if name in table.shares else size * (1 + dice.random())
+                    name: share() if name in table.shares else size * (1 + dice.random())
                     for name in sorted(metrics)
                 }
             )

@@ -227,3 +227,22 @@ def test_the_report_shows_steps_pictures_and_standard_errors(
     ):
         assert line in text
     assert "mean and se over the seeds" in text
+
+
+def test_computing_times_are_those_of_figures_5_and_6c(printed: dict[str, Any]) -> None:
+    """The text has no seconds: nothing stands beside ours, and its statements are judged."""
+    for computing, metrics in (
+        ("Figure 5", ("optimum ms", "m^n ms", "GA ms", "auction ms")),
+        ("Figure 6c", ("as needed us", "threshold us", "no battery us")),
+    ):
+        for n in range(1, 11):
+            for metric in metrics:
+                assert rows(printed, metric, computing=computing, tasks=n)[0] > 0
+    timed = [row for row in printed["rows"] if "computing" in row["case"]]
+    assert all(row["paper"] is None for row in timed)
+    slow, fast = (
+        rows(printed, f"{name} ms", computing="Figure 5", tasks=10)[0] for name in ("GA", "auction")
+    )
+    assert slow > 10 * fast
+    judged = [claim["claim"] for claim in printed["claims"] if "Figure" in claim["claim"]]
+    assert len([text for text in judged if text.startswith(("Figure 5", "Figure 6c"))]) == 7

@@ -225,3 +225,27 @@ def test_what_is_claimed_to_be_more_is_not_as_much() -> None:
     for words in ("shortens the travel time", "shorter distance", "fewer zones", "saves 126.76"):
         found = {verdict for text, verdict in verdicts.items() if words in text}
         assert found == {"does not hold"}, words
+
+
+def test_standard_deviations_stand_beside_the_printed_ones(ten_seeds: Reproduced) -> None:
+    printed = {
+        (A_STAR, "time"): 77.60,
+        (A_STAR, "distance"): 46.96,
+        (EXACT, "time"): 59.81,
+        (EXACT, "distance"): 104.26,
+        (EXACT, "saving"): 70.35,
+    }
+    for (key, metric), sd in printed.items():
+        assert row(ten_seeds, key, metric).paper_sd == sd
+    assert row(ten_seeds, EXACT, "encounters").paper_sd is None
+    judged = verdicts(ten_seeds)
+    [spread] = [one for text, one in judged.items() if text.startswith("Times spread by 77.60")][:1]
+    assert spread.figures[0].value == pytest.approx(row(ten_seeds, A_STAR, "time").sd, rel=1e-3)
+
+
+def test_more_than_a_closes_fewer_zones(ten_seeds: Reproduced) -> None:
+    """As printed: fewer alternatives, and less is saved than by closing zones with A or more."""
+    more_than = ("static", "more than A", "exact")
+    assert row(ten_seeds, more_than, "taken").mean < row(ten_seeds, EXACT, "taken").mean
+    assert row(ten_seeds, more_than, "time").mean > row(ten_seeds, EXACT, "time").mean
+    assert max(paired(ten_seeds, more_than)) == 0

@@ -18,11 +18,14 @@ from automaton.commands import main
 from automaton.papers.claims import Claim, JudgedClaim, judge
 from automaton.papers.published_tables import find
 from automaton.papers.reproduction_study import MadeTable, Reproduced, reproduce, tables_named
+from automaton.papers.zoning.zoning_balance import run_watched
 from automaton.papers.zoning.zoning_cases import (
     DDZ,
     FIXED,
+    FIXED_DDZ,
     FREE,
     GA,
+    GA_PRINTED,
     MANY,
     NO_SHARING,
     PRINTED,
@@ -135,6 +138,37 @@ def test_the_time_ends_with_the_last_work(made: Reproduced) -> None:
     figures = completed(run)
     assert figures["hours"] <= run.tick * 0.635055 / 3600 < figures["hours"] + 0.01
     assert figures["hours"] == made.samples()["hours", (SA,)][0]
+
+
+@pytest.mark.parametrize("name", [SA, NO_SHARING])
+def test_a_bystander_sees_the_balance_that_zoning_sees(name: str) -> None:
+    """Once a minute, where SA looks every minute or every third: nearly the same share of time."""
+    run, plain = (Simulation(resolve("factory", SETTINGS[name]), 2) for _ in range(2))
+    watched = run_watched(run)
+    plain.run()
+    assert run.digest == plain.digest, "looking changes nothing"
+    own = run.counted["ticks_in_balance"] / run.counted["ticks_watched"]
+    assert watched == pytest.approx(own, abs=0.05)
+
+
+def test_ddz_has_a_time_in_balance_that_is_not_printed(made: Reproduced) -> None:
+    shares = made.samples()["in_balance", (DDZ,)]
+    assert all(0 <= share < 0.5 for share in shares)
+    assert made.samples()["in_balance", (FIXED_DDZ,)] != shares
+
+
+def test_the_genetic_algorithm_has_its_published_size_too() -> None:
+    sizes = []
+    for name in (GA, GA_PRINTED):
+        parameters: Any = resolve("factory", SETTINGS[name]).strategies["zoning"].parameters
+        sizes.append((parameters.generations, parameters.population, parameters.poses))
+    assert sizes[0][:2] == (12, 30) and sizes[1][:2] == (100, 60)
+    assert sizes[0][2] == sizes[1][2]
+    assert PRINTED[GA] == PRINTED[GA_PRINTED]
+
+
+def test_authors_are_cited_by_their_names() -> None:
+    assert find("zoning").source.startswith("Russell Keith & Hung La,")
 
 
 def test_printed_figures() -> None:

@@ -1,7 +1,7 @@
 """How balanced the zones of DDZ are, by the measure of SA and GA.
 
 The publication prints a share of time in balance for SA and GA, and "NA" for DDZ, whose robots compare
-loads of their own. Here a bystander looks once a minute at the zones that DDZ has made, and reckons the
+loads of their own. Here a bystander looks once a minute at the zones that DDZ has made, and computes the
 same SVp from the same flow of the last 20 minutes: 0 < SVp <= 0.2 is in balance, as in SA and GA. A look
 counts up to the next one. Nothing of a run depends on it.
 """

@@ -130,7 +130,8 @@ def table_width(metrics: Sequence[str], rows: Sequence[Row], table: PublishedTab
 
 def panel_table(metrics: Sequence[str], rows: Sequence[Row], made_of: PublishedTable) -> Table:
     """A line for each case; for each metric the printed figure, ours, sd and relative error."""
-    labels = rows[0].case
+    end = -1 if made_of.premise else None  # the title says it
+    labels = dict(list(rows[0].case.items())[:end])
     printed = {row.metric for row in rows if row.paper is not None}
     exact = {row.metric for row in rows if row.exact is not None}
     deviations = {row.metric for row in rows if row.paper_sd is not None}
@@ -144,7 +145,7 @@ def panel_table(metrics: Sequence[str], rows: Sequence[Row], made_of: PublishedT
     lines: list[list[str]] = []
     group: list[str] = []
     for figures_of in cases_of(rows):
-        cells = [str(value) for value in next(iter(figures_of.values())).case.values()]
+        cells = [str(value) for value in next(iter(figures_of.values())).case.values()][:end]
         before, group = group, cells[: made_of.grouped]
         if before and before != group:
             lines.append([])

@@ -46,14 +46,14 @@ T_Rtotal Coop 1130 1668 1779 2124 3355  1848 2194 2592 2832 3935
 
 # Means over seeds 1 and 2 for N = 1..5: a change of the world or of a strategy shows here.
 GOLDEN = {
-    "1 independent T_total": [5163.0, 3237.5, 2953.0, 3175.0, 2779.5],
-    "1 independent T_Rtotal": [1244.5, 1669.0, 2461.0, 3579.5, 4004.5],
-    "1 cooperative T_total": [4623.0, 2862.0, 2349.0, 2097.0, 1689.0],
-    "1 cooperative T_Rtotal": [1122.0, 1393.0, 1765.5, 1947.0, 1800.0],
-    "2 independent T_total": [5798.0, 3644.0, 3911.5, 3475.0, 3604.0],
-    "2 independent T_Rtotal": [1533.0, 1940.0, 3186.5, 3827.5, 5227.5],
-    "2 cooperative T_total": [9365.0, 4685.0, 3274.5, 3109.0, 2991.5],
-    "2 cooperative T_Rtotal": [1809.0, 1908.0, 2068.5, 2823.0, 3333.0],
+    "1 independent T_total": [5163.0, 3065.0, 2869.0, 2889.0, 2734.5],
+    "1 independent T_Rtotal": [1244.5, 1574.0, 2433.5, 3312.0, 3963.0],
+    "1 cooperative T_total": [4623.0, 2885.0, 2280.5, 2159.5, 1804.0],
+    "1 cooperative T_Rtotal": [1122.0, 1442.5, 1733.0, 2066.0, 2011.5],
+    "2 independent T_total": [5798.0, 3756.0, 3125.5, 3357.0, 3145.5],
+    "2 independent T_Rtotal": [1533.0, 2137.0, 2721.5, 4216.0, 4762.0],
+    "2 cooperative T_total": [9365.0, 4689.5, 3248.5, 2670.0, 2753.0],
+    "2 cooperative T_Rtotal": [1809.0, 1927.0, 2123.0, 2401.0, 3024.5],
 }
 
 
@@ -208,15 +208,17 @@ def test_no_range_of_a_claim_is_without_a_reason() -> None:
 
 
 def test_a_sixth_cooperative_robot_stays_idle(six_seeds: Reproduced) -> None:
-    """In nine of ten runs: in some it gets an alley that another robot has just left."""
-    rows = {row.metric: row for row in six_seeds.rows() if row.case["robots"] == 6}
-    assert (rows["sixth_idle"].mean, rows["least_picks"].mean) == (1, 0)
+    """In five of six runs: in the others it gets an alley that another robot has just left."""
+    idle = [run.metrics["sixth_idle"] for run in six_seeds.tables[1].results[0]]
+    picks = [run.metrics["least_picks"] for run in six_seeds.tables[1].results[0]]
+    assert idle == [1, 0, 1, 1, 0, 1]
+    assert [count == 0 for count in picks] == [one == 1 for one in idle]
     samples = six_seeds.samples()
     judged = judge(claim_about("a sixth"), samples, {})
-    assert judged is not None and judged.verdict == "not contradicted"
-    busy = samples | {("sixth_idle", (1, "cooperative", 6)): [1.0, 1.0, 0.0, 1.0, 1.0, 1.0]}
-    judged = judge(claim_about("a sixth"), busy, {})
     assert judged is not None and judged.verdict == "does not hold"
+    always = samples | {("sixth_idle", (1, "cooperative", 6)): [1.0] * 6}
+    judged = judge(claim_about("a sixth"), always, {})
+    assert judged is not None and judged.verdict == "not contradicted"
 
 
 def test_other_seeds_are_other_runs_of_which_the_claims_are_told(

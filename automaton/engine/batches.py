@@ -114,10 +114,16 @@ def allocation_of(world, i):
 @kernel
 def is_allocation_due(world):
     """Whether a strategy that allocates orders asked for this tick."""
-    due = is_due(world, LAYER_ALLOCATION)
-    for further in range(1, world.rules.allocations):
-        due = due or is_due(world, LAYER_RIGHT_OF_WAY + further)
-    return due
+    for further in range(world.rules.allocations):
+        if is_due(world, number_of_allocation(further)):
+            return True
+    return False
+
+
+@kernel
+def number_of_allocation(further):
+    """The number of the first strategy that allocates orders, 0, or of a further one."""
+    return np.int64(LAYER_RIGHT_OF_WAY + further if further else LAYER_ALLOCATION)
 
 
 @kernel
@@ -127,16 +133,17 @@ def strategy_of_call(world, full_batch, layer, call):
         return np.int64(layer)
     if world.rules.radius != NIL:
         return allocation_of(world, np.int64(full_batch.robot[call]))
-    return np.int64(LAYER_RIGHT_OF_WAY + call if call else LAYER_ALLOCATION)
+    return number_of_allocation(call)
 
 
 @kernel
 def batch_allocation(world, batch):
-    """Robots that are free, have just picked, or gave their order back.
+    """Robots that are free, have just picked, or gave their order back; those of one strategy after those
+    of another.
 
     One that was left idle is asked again when an order or a reservation has changed.
     """
-    robots, clock = world.robots, world.clock
+    clock = world.clock
     batch.count[0] = 0
     due = is_allocation_due(world)
     if (
@@ -146,20 +153,31 @@ def batch_allocation(world, batch):
     ):
         return False
     clock[CLOCK_ALLOCATION_REVISION] = clock[CLOCK_REVISION]
+    for further in range(world.rules.allocations):
+        append_concerned(world, batch, number_of_allocation(further))
+    if batch.count[0] == 0 and not due:
+        return False
+    world.tally.batches[LAYER_ALLOCATION] += 1
+    return True
+
+
+@kernel
+def append_concerned(world, batch, strategy):
+    """The robots of a strategy that allocates orders that it is asked about, by identity."""
+    robots, clock = world.robots, world.clock
+    due, several = is_due(world, strategy), world.rules.allocations > 1
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
+        if several and allocation_of(world, i) != strategy:
+            continue
         concerned = robots.need[i] & NEED_ALLOCATION and (
             robots.busy[i] == 0
             or (robots.reason[i] == REASON_PICKED and robots.status[i] <= STATUS_EXHAUSTED)
         )
         if concerned and robots.seen_revision[i] != clock[CLOCK_REVISION]:
             append(batch, i, robots.reason[i])
-        elif due and robots.status[i] == STATUS_UP and is_due(world, allocation_of(world, i)):
+        elif due and robots.status[i] == STATUS_UP:
             append(batch, i, REASON_PERIODIC)
-    if batch.count[0] == 0 and not due:
-        return False
-    world.tally.batches[LAYER_ALLOCATION] += 1
-    return True
 
 
 @kernel

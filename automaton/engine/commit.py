@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from automaton.engine.batches import allocation_of
 from automaton.engine.energy import end_charging
 from automaton.engine.facilities import MAY_TURN
 from automaton.engine.headings import heading_towards
@@ -122,7 +123,10 @@ def route_around_robots(world, i):
 
 @kernel
 def may_set_order_queue(world, batch, i):
-    """Whether the plan of robot i may be made now: with limited sight only its own decision does."""
+    """Whether the plan of robot i may be made now: by its own strategy, with limited sight by its own
+    decision."""
+    if allocation_of(world, i) != batch.strategy[0]:
+        return False
     return world.rules.radius == NIL or batch.robot[0] == i
 
 

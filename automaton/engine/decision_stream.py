@@ -11,6 +11,7 @@ illegal route.
 
 import numpy as np
 
+from automaton.engine.batches import allocation_of
 from automaton.engine.commit import is_drivable, may_set_order_queue
 from automaton.engine.jit.field_kernels import appending, decision_values, reading
 from automaton.engine.jit.fields import CONSTANT, field
@@ -184,9 +185,9 @@ def repeat(view, batch, decisions, memory, workspace):
         state.cursor[0] = repeat_zoning(view, batch, decisions.zoning, words, at, end, key)
         return
     for k in range(batch.count[0]):
-        if (
-            layer == LAYER_ALLOCATION
-        ):  # of robots that were asked one by one, each plan stands by its decision
+        if layer == LAYER_ALLOCATION:
+            # Of robots that were asked one by one, each plan stands by its decision.
+            at = skip_others(view, batch, words, at, end, key)
             at = repeat_plans(view, decisions.allocation, words, at, end, key)
         # Earlier ticks, and other layers of this one.
         while at + 1 < end and words[at] < key:
@@ -200,6 +201,20 @@ def repeat(view, batch, decisions, memory, workspace):
             give(words, at + 2, size, decisions, layer, k)
             at += 2 + size
     state.cursor[0] = at
+
+
+@kernel
+def skip_others(view, batch, words, at, end, key):
+    """Where words begin that are not of robots with another allocation, whose are behind one another."""
+    several = view.rules.allocations > 1
+    while several and at + 1 < end and words[at] <= key:
+        identity, size = words[at + 1] >> COUNT_BITS, words[at + 1] & ((1 << COUNT_BITS) - 1)
+        if words[at] == key and 0 <= identity < view.robots.cell.shape[0]:
+            i = np.int64(view.robots.at_index[identity])
+            if allocation_of(view, i) == batch.strategy[0]:
+                return at
+        at += 2 + size
+    return at
 
 
 @kernel

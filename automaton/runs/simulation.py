@@ -79,9 +79,9 @@ class Simulation:
     `seed` replaces the scenario's; `storage` permutes how robots are stored (the digest does not
     change). With `on_record` every tick is recorded, with `on_observe` observed: these functions
     are called when the buffers are full and before `run` returns, and empty them. `strategies`,
-    one for each layer or None, replace the scenario's, types' own included; `after` is a simulation
-    whose state this one goes on from. A Python strategy has `patience` seconds for a decision, None:
-    any time. What it raises comes out of `run`.
+    one for each layer or None, replace the scenario's, and types' own unless these follow; `after`
+    is a simulation whose state this one goes on from. A Python strategy has `patience` seconds for a
+    decision, None: any time. What it raises comes out of `run`.
     """
 
     def __init__(
@@ -115,11 +115,13 @@ class Simulation:
         self.on_observe = on_observe
         self.observation = build_observation(self.world, OBSERVED_TICKS if on_observe else 0)
         self.world.clock[CLOCK_OBSERVING] = 1 if on_observe else 0
-        if strategies is None:
-            picked = [self._load_strategy(layer, choice) for layer, choice in resolved.choices]
-        else:
+        picked = (
+            [self._load_strategy(layer, choice) for layer, choice in resolved.choices]
+            if strategies is None
+            else list(strategies)
+        )
+        if len(picked) == len(LAYER_NAMES):
             self.world.rules.allocation[:] = LAYER_ALLOCATION
-            picked = list(strategies)
         picked += [None] * (STRATEGIES - len(picked))
         # Of each strategy by number, None: there is none.
         self._strategies = [

@@ -65,7 +65,9 @@ def with_starts_of_file(
         text = f"fleet.robots is {scenario.fleet.robots:,}, but {start.file} has"
         raise document.error(("fleet", "robots"), f"{text} {len(starts.cells):,} starts")
     if starts.headings is not None and "differential" not in scenario.fleet.all_kinematics:
-        text = f"{start.file} has headings, which belong to differential robots; leave out that column"
+        text = (
+            f"{start.file} has headings, which belong to differential robots; leave out that column"
+        )
         raise document.error(("fleet", "start", "file"), text)
     fleet = msgspec.structs.replace(
         scenario.fleet, start=starts.cells, heading=starts.headings or scenario.fleet.heading

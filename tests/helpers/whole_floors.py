@@ -88,6 +88,7 @@ def drawn_whole(number: int, ticks: int = TICKS) -> Plain:
     if chance.random() < 0.08:
         scenario["refine"] = chance.choice((2, 3))
         scenario["decide"] = chance.choice(("coarse", "fine"))
+    add_premises(Random(f"premises {number}"), scenario)
     plain: Plain = msgspec.to_builtins(scenario)
     return plain
 
@@ -403,6 +404,21 @@ def strategies(chance: Random, scenario: Plain, rows: Rows, battery: bool) -> Pl
     right_of_way = chance.choice(("wait", "retreat", "retreat", "pibt", "pibt", "epibt", "epibt"))
     if right_of_way == "epibt" and not plans:
         right_of_way = "pibt"
+    allocation = allocation_for(chance, scenario)
+    charging = chance.choice(CHARGING) if battery else "none"
+    if orders.get("generator") in ("tours", "visits"):
+        charging = "none"
+    return {
+        "allocation": allocation,
+        "charging": charging,
+        "routing": "shortest" if right_of_way in STEERED else chance.choice(FOLLOWED),
+        "right_of_way": right_of_way,
+    }
+
+
+def allocation_for(chance: Random, scenario: Plain) -> Plain:
+    """A strategy that allocates the orders of a scenario."""
+    orders = scenario["orders"]
     tours = orders.get("generator") == "tours" or "list" in orders
     names = ["first-come", "shortest-job", "independent", "greedy"]
     is_prioritized = any(line.get("priority") for line in listed(orders))
@@ -419,15 +435,26 @@ def strategies(chance: Random, scenario: Plain, rows: Rows, battery: bool) -> Pl
         allocation["max_orders_per_robot"] = chance.choice((1, 3))
     if name in ("shortest-job", "greedy"):
         allocation["idle"] = chance.choice(("park", "stay"))
-    charging = chance.choice(CHARGING) if battery else "none"
-    if orders.get("generator") in ("tours", "visits"):
-        charging = "none"
-    return {
-        "allocation": allocation,
-        "charging": charging,
-        "routing": "shortest" if right_of_way in STEERED else chance.choice(FOLLOWED),
-        "right_of_way": right_of_way,
-    }
+    return allocation
+
+
+def add_premises(chance: Random, scenario: Plain) -> None:
+    """Allocations of types, chargers for two or any number, plans made again after a wait."""
+    strategy, fleet, layout = scenario["strategy"], scenario["fleet"], scenario["layout"]
+    if fleet["robots"] > 1 and "types" not in fleet and chance.random() < 0.3:
+        fleet["types"] = [{"name": "own", "robots": fleet["robots"] // 2}, {"name": "usual"}]
+    if "types" in fleet and chance.random() < 0.7:
+        own = allocation_for(chance, scenario)
+        if own["name"] != "auction" or scenario["information"] == "everything":
+            fleet["types"][0]["strategy"] = {"allocation": own}
+    if "c" in layout["picture"] and chance.random() < 0.4:
+        layout["picture"] = layout["picture"].replace("c", "x")
+        layout["legend"] = {"x": {"kind": "charger", "capacity": chance.choice((0, 2, 2))}}
+    if strategy["right_of_way"] == "retreat" and chance.random() < 0.3:
+        strategy["right_of_way"] = {"name": "retreat", "after_wait": "replan"}
+    if strategy["charging"] == "opportunity":
+        every = chance.choice((7, 50, 1000))
+        strategy["charging"] = {"name": "opportunity", "check_idle_every": every}
 
 
 def listed(orders: Plain) -> list[Plain]:
@@ -473,9 +500,13 @@ def contents_of(scenario: Plain) -> set[str]:
         "sight": not is_open,
         "bays": fleet["start"] == "parking-bays",
         "refined": scenario.get("refine", 1) > 1,
+        "own allocations": any("strategy" in kind for kind in fleet.get("types", ())),
+        "shared chargers": "legend" in scenario["layout"],
     }
     out = {name for name, holds in by_name.items() if holds} | gates
-    out |= {world["following"], fleet["kinematics"], strategy["right_of_way"], strategy["routing"]}
+    right_of_way = strategy["right_of_way"]
+    out |= {world["following"], fleet["kinematics"], strategy["routing"]}
+    out.add("plan again" if isinstance(right_of_way, dict) else right_of_way)
     out.add(strategy["allocation"]["name"])
     if {"pods", "gates", "battery", "faults"} <= out:
         out.add("pods + gates + battery + faults")

@@ -3,11 +3,11 @@
     nice python tests/proofs/everything_on.py --ticks 1e6 --seed 1
 
 Floors, fleets, gates, pods, batteries, faults and strategies are random (helpers/whole_floors.py). What
-`check` accepts is run to its end and recorded; the recording is verified, counted again without the
-validator (helpers/counted_recordings.py), and run with its robots stored in another sequence; the report
-of `run` is printed to nowhere. Now and then a scenario goes through the command line as a file, tables
-included. A finding is named by its seed: `--only SEED` repeats it, `--yaml SEED` prints its scenario.
-Exits with 1 if anything is found.
+`check` accepts is run to its end and recorded; the recording is verified, played back, counted again
+without the validator (helpers/counted_recordings.py), and run with its robots stored in another sequence;
+the report of `run` is printed to nowhere. Now and then a scenario goes through the command line as a
+file, tables included. A finding is named by its seed: `--only SEED` repeats it, `--yaml SEED` prints its
+scenario. Exits with 1 if anything is found.
 """
 
 from __future__ import annotations
@@ -48,6 +48,7 @@ from automaton.engine.state import (
     ACTION_STATION_QUEUE,
 )
 from automaton.errors import InputError
+from automaton.evidence.history.playback import Playback
 from automaton.evidence.recording.frames import Recording
 from automaton.evidence.recording.recorder import MemoryRecorder
 from automaton.evidence.verification.verification import verify_recording
@@ -118,6 +119,10 @@ def flaws_of_run(resolved: Resolved, number: int, counts: Counter[str]) -> list[
     if verification.difference is not None:
         flaws.append(f"run again: {verification.difference}")
     flaws += [f"counted again: {flaw}" for flaw in flaws_of(recording)[:5]]
+    playback = Playback(recording.header, recording.stored())
+    playback.go_to(run.tick)
+    if playback.simulation.digest != run.digest:
+        flaws.append("played back: the digest differs")
     if stored_otherwise(resolved, number) != run.digest:
         flaws.append("stored otherwise: the digest differs")
     outcome = run_once(resolved, watch=JamWatch(lambda *jam: None))

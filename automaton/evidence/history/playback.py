@@ -30,10 +30,10 @@ class ReplayStrategy(Strategy):
     compiled = repeat
     layer: ClassVar[str] = ""
 
-    def __init__(self, layer: str, rules: Content, words: list[np.ndarray]) -> None:
+    def __init__(self, layer: str, number: int, rules: Content, words: list[np.ndarray]) -> None:
         super().__init__()
         self.layer = layer  # type: ignore[misc]
-        self.period = int(rules["period"][LAYER_NAMES.index(layer)])
+        self.period = int(rules["period"][number])
         self.steers = bool(rules["steered"][0])
         self._wait: WaitRanges = tuple(int(w) for w in rules["wait"])  # type: ignore[assignment]
         self._words = words
@@ -157,15 +157,16 @@ class Playback:
 
     def _simulation(self, rules: Content, before: Simulation | None) -> Simulation:
         self._since = rules["tick"]
+        resolved = self._resolved(rules)
         return Simulation(
-            self._resolved(rules),
+            resolved,
             self.header["seed"],
             on_observe=self._on_observe,
             strategies=[
                 None
-                if rules["strategies"][layer]["name"] == NO_STRATEGY
-                else ReplayStrategy(layer, rules, self._words)
-                for layer in LAYER_NAMES
+                if choice.name == NO_STRATEGY
+                else ReplayStrategy(layer, number, rules, self._words)
+                for number, (layer, choice) in enumerate(resolved.choices)
             ],
             after=before,
         )

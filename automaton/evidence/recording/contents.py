@@ -33,7 +33,7 @@ from automaton.engine.record_codes import (
     EXECUTED_CODES,
     EXECUTED_VALUES,
 )
-from automaton.engine.state import Orders, Robots, World
+from automaton.engine.state import STRATEGIES, Orders, Robots, World
 from automaton.engine.stops import Stops
 from automaton.errors import InputError
 from automaton.floor.cells import ALL_EXITS, CELL_KINDS
@@ -382,7 +382,7 @@ HEADER_ARRAYS: Final = {
     "gates.closings": Range("i8", ("closings", 2), 0, 2 * MAX_NUMBER),
 }
 CONDITIONS_ARRAYS: Final = {
-    "period": Range("i4", (5,), 0, MAX_NUMBER),
+    "period": Range("i4", (STRATEGIES,), 0, MAX_NUMBER),
     "wait": Range("i4", (5,), 1, 10_001),
     "steered": Range("u1", (1,), 0, 2),
 }

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from drawn_scenes import recorded_run
 from panel_harness import moment, of_robot, shown
+from played_back import check_at, digests_of, playback_of, recorded
 
 from automaton.build.resolve import Resolved, branched, resolve
 from automaton.commands.check import described
@@ -67,6 +68,29 @@ def test_two_pass_loads_on_and_two_carry_them_all_the_way(information: str) -> N
     assert all(shelves[r] > 0 for r in BRIGADE), "a brigade passes loads on"
     assert all(shelves[r] == 0 for r in CARRIERS), "the others do not"
     assert verify_recording(recording).passed
+
+
+GREEDY = tuple({"name": "greedy", "reassign": ticks} for ticks in (7, 5))
+
+
+@pytest.mark.parametrize(
+    ("scenario", "own", "information"),
+    [
+        ("tabletop-mini", ("cooperative", "independent"), "everything"),
+        ("tabletop-mini", ("cooperative", "independent"), "{radius: 3}"),
+        ("random-400", GREEDY, "everything"),
+        ("random-400", (None, *GREEDY), "{radius: 3}"),
+        ("depots", ("auction", "first-come"), "everything"),
+    ],
+)
+def test_a_recording_is_played_back(scenario: str, own: tuple[Any, ...], information: str) -> None:
+    settings = {"stop__max_duration": 300, "information": information}
+    if scenario == "random-400":
+        settings |= {"strategy__right_of_way": "pibt", "strategy__allocation": "first-come"}
+    recording = recorded(mixed(*own, scenario=scenario, **settings))
+    digests, playback = digests_of(recording), playback_of(recording)
+    for tick in (len(digests) // 2, len(digests), 10):
+        check_at(playback, digests, tick)
 
 
 def test_it_does_not_depend_on_how_robots_are_stored() -> None:

@@ -7,7 +7,7 @@ does not say what a cell is (`units.cell`), lengths are in cells.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
 import msgspec
 import numpy as np
@@ -31,6 +31,16 @@ SHIPPED = Path(__file__).parent.parent.parent / "layouts" / "zones"
 Seconds = Annotated[float, quantity(SECONDS, ge=0, le=1_000_000)]
 Minutes = Annotated[float, quantity(MINUTES, ge=0, le=100_000)]
 Length = Annotated[float, quantity(LENGTH, gt=0, le=1_000_000)]
+
+
+TipPairs = Annotated[
+    Literal["last", "all"],
+    Meta(
+        description="all: a tip that a zone gives is joined to any tip in reach of the zone that takes "
+        "it, tried in random order; last: only to the one with the largest number, as in the authors' "
+        "code"
+    ),
+]
 
 
 class Zones(ZoningParameters, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -162,6 +172,7 @@ class Annealing(Repairing, forbid_unknown_fields=True, frozen=True, kw_only=True
     ] = 500
     hot: Annotated[float, Meta(gt=0, le=1000, description="T_i: first temperature")] = 4.5
     cold: Annotated[float, Meta(gt=0, le=1000, description="T_f: last temperature")] = 0.35
+    tip_pairs: TipPairs = "last"
 
 
 class Genetic(Repairing, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -207,6 +218,7 @@ class Decentralized(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True
     iterations: Annotated[int, Meta(ge=1, le=1000, description="I_t: exchanges in a turn")] = 10
     hot: Annotated[float, Meta(gt=0, le=1000, description="T_i: first temperature")] = 4.5
     cold: Annotated[float, Meta(gt=0, le=1000, description="T_f: last temperature")] = 0.3
+    tip_pairs: TipPairs = "last"
     scale: Annotated[
         float,
         quantity(

@@ -86,21 +86,7 @@ def improve(roads, rules, flow, hot, cold, steps, design, workspace, seed, tick)
         if pair == NIL:
             break
         a, b = np.int64(workspace.zones[pair, 0]), np.int64(workspace.zones[pair, 1])
-        tip = random_tip(workspace, a, b, seed, tick)
-        copy_design(workspace.now, workspace.trial)
-        through = np.int64(workspace.via_station[a, b, tip])
-        if (
-            give(
-                roads,
-                workspace.trial,
-                workspace,
-                tip,
-                through,
-                rules.adjacent,
-                MIN_ZONE_STATIONS,
-            )
-            == 0
-        ):
+        if give_random_tip(roads, rules, workspace.now, workspace, a, b, seed, tick) == 0:
             moves += 1
             continue
         tried = judged(find_loads(roads, rules, flow, 0, workspace.trial, workspace))
@@ -179,6 +165,48 @@ def facing_tips(roads, rules, design, workspace, a, b):
     count = np.int64(0)
     for s in range(stations):
         if workspace.via_station[a, b, s] != NIL:
+            count += 1
+    return count
+
+
+@kernel
+def give_random_tip(roads, rules, design, workspace, a, b, seed, tick):
+    """workspace.trial: the design with a random tip of a given to b; 0 if it cannot be.
+
+    It is one that `facing_tips` found. Joined to the last tip of b in reach alone, or with
+    rules.all_pairs to those in reach in a random order, until it can be joined to one.
+    """
+    tip = random_tip(workspace, a, b, seed, tick)
+    if not rules.all_pairs:
+        through = np.int64(workspace.via_station[a, b, tip])
+        return give_through(roads, rules, design, workspace, tip, through)
+    count = list_partners(roads, rules, design, workspace, tip, a, b)
+    while count > 0:
+        k = below(workspace, count, seed, tick)
+        if give_through(roads, rules, design, workspace, tip, np.int64(workspace.listed[k])) == 1:
+            return 1
+        count -= 1
+        workspace.listed[k] = workspace.listed[count]
+    return 0
+
+
+@kernel
+def give_through(roads, rules, design, workspace, tip, through):
+    """workspace.trial: the design with a tip given to the zone of `through`, joined to it; or 0."""
+    copy_design(design, workspace.trial)
+    return give(roads, workspace.trial, workspace, tip, through, rules.adjacent, MIN_ZONE_STATIONS)
+
+
+@kernel
+def list_partners(roads, rules, design, workspace, tip, a, b):
+    """workspace.listed: the tips of b in reach of a tip of a; how many. Needs workspace.tip."""
+    block_others(design, workspace, a, b)
+    spread(roads, workspace, roads.point[tip], NIL, whole_cells(rules.adjacent))
+    count = np.int64(0)
+    for t in range(design.zone.shape[0]):
+        near = workspace.distance[roads.point[t]] < rules.adjacent
+        if near and design.zone[t] == b and workspace.tip[t] == 1:
+            workspace.listed[count] = t
             count += 1
     return count
 

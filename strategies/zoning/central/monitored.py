@@ -87,7 +87,7 @@ class MonitoredZones(Strategy):
     def _first_state(self, view: World, kind: type[MonitoredState], **more: Any) -> Struct:
         return kind.sized(
             {"n": len(view.robots.cell), "k": len(view.service_zones.roads.point)},
-            rules=rules_of_zones(view, self.parameters.adjacency),
+            rules=rules_of_zones(view, self.parameters.adjacency, self._annealing().tip_pairs),
             **order_weights(self.other_layers.get("allocation")),
             zones=space_of(view),
             **more,

@@ -191,7 +191,7 @@ class DecentralizedZones(Strategy):
         """Nothing is remembered yet; the parameters in ticks, cells and nano-minutes."""
         parameters = self.parameters
         average_every = max(1, ticks(view, parameters.average_every))
-        rules = rules_of_zones(view, parameters.adjacency, decentralized=True)
+        rules = rules_of_zones(view, parameters.adjacency, parameters.tip_pairs, decentralized=True)
         blank = (view.service_zones.design.held == NIL).all()
         return NegotiatorState.sized(
             {"n": len(view.robots.cell)},

@@ -15,14 +15,8 @@ from automaton.engine.jit.fields import SCRATCH, field
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import NIL
-from strategies.zoning.annealing.annealing import (
-    MIN_ZONE_STATIONS,
-    facing_tips,
-    forget_tips,
-    random_tip,
-)
+from strategies.zoning.annealing.annealing import facing_tips, forget_tips, give_random_tip
 from strategies.zoning.decentralized.consensus import sigma_about
-from strategies.zoning.design.exchange import give
 from strategies.zoning.design.part_routing import ROUTING_NEIGHBOURS, route
 from strategies.zoning.design.portable_math import exponential, temperature
 from strategies.zoning.design.transfer_stations import find_transfers, joined, reach_connected
@@ -91,8 +85,7 @@ def exchange(roads, rules, parts, heat, sigma, design, workspace, leader, reach,
     Returns the new sigma, or -1 when there was nothing to exchange or it was refused. Refused are
     also designs that leave the leader without a transfer station, or zones cut off.
     """
-    copy_design(design, workspace.trial)
-    if propose(roads, rules, workspace.trial, workspace, leader, reach, seed, tick) == 0:
+    if propose(roads, rules, design, workspace, leader, reach, seed, tick) == 0:
         return -1.0
     find_transfers(roads, rules, workspace.trial, workspace, reach)
     if has_transfer(workspace.trial, leader) == 0:
@@ -121,7 +114,7 @@ def exchange(roads, rules, parts, heat, sigma, design, workspace, leader, reach,
 
 @kernel
 def propose(roads, rules, design, workspace, leader, reach, seed, tick):
-    """The busier of the leader and a random neighbour gives a tip to the other; 0 if it cannot."""
+    """workspace.trial: the busier of leader and random neighbour gives the other a tip; or 0."""
     count = np.int64(0)
     for z in range(reach.shape[0]):
         if z != leader and reach[z] == 1:
@@ -135,9 +128,7 @@ def propose(roads, rules, design, workspace, leader, reach, seed, tick):
     forget_tips(roads, design, workspace)
     if facing_tips(roads, rules, design, workspace, a, b) == 0:
         return 0
-    tip = random_tip(workspace, a, b, seed, tick)
-    through = np.int64(workspace.via_station[a, b, tip])
-    return give(roads, design, workspace, tip, through, rules.adjacent, MIN_ZONE_STATIONS)
+    return give_random_tip(roads, rules, design, workspace, a, b, seed, tick)
 
 
 @kernel

@@ -33,6 +33,9 @@ class ZoneRules(Struct):
     shared: int = field(
         "int64", "1: transfer stations belong to the stations of a zone's load (DDZ)"
     )
+    all_pairs: int = field(
+        "int64", "1: a tip that is given is joined to any tip in reach, 0: to the last one alone"
+    )
 
 
 class ZoneSpace(Struct, role=SCRATCH):
@@ -92,6 +95,7 @@ def zone_rules(
     limit: float | None = None,
     blocks: bool = True,
     shared: bool = False,
+    all_pairs: bool = False,
 ) -> ZoneRules:
     """The defaults are those of SA and GA (DDZ: base 0, a limit, not blocks, shared).
 
@@ -105,6 +109,7 @@ def zone_rules(
         limit=INF_COST if limit is None else limit,
         blocks=blocks,
         shared=shared,
+        all_pairs=all_pairs,
     )
 
 

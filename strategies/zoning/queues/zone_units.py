@@ -10,6 +10,7 @@ from automaton.units import SECONDS_PER_UNIT
 from strategies.zoning.design.zone_workspace import ZoneRules, typical_distance, zone_rules
 
 MILLION: Final = 1_000_000
+ALL_PAIRS: Final = "all"  # tip_pairs of annealing and decentralized
 
 
 def seconds_of_tick(view: World) -> float:
@@ -40,8 +41,11 @@ def order_weights(allocation: Strategy | None) -> dict[str, int]:
     }
 
 
-def rules_of_zones(view: World, adjacency: float | None, decentralized: bool = False) -> ZoneRules:
+def rules_of_zones(
+    view: World, adjacency: float | None, tip_pairs: str, decentralized: bool = False
+) -> ZoneRules:
     """The numbers by which zones are made; those of robots that negotiate are whole millionths."""
+    all_pairs = tip_pairs == ALL_PAIRS
     tick = seconds_of_tick(view)
     duration = view.rules.duration[view.rules.loaded_types]  # of the first type, with its loads
     between = view.service_zones.roads.between
@@ -50,10 +54,11 @@ def rules_of_zones(view: World, adjacency: float | None, decentralized: bool = F
     work_ticks = float(duration[ACTION_PICK] + duration[ACTION_DROP])
     handling = tick * work_ticks / SECONDS_PER_UNIT["min"]
     if not decentralized:
-        return zone_rules(speed, adjacent, handling=handling)
+        return zone_rules(speed, adjacent, handling=handling, all_pairs=all_pairs)
     speed, adjacent, handling = (
         round(MILLION * one) / MILLION for one in (speed, adjacent, handling)
     )
     return zone_rules(
-        speed, adjacent, base=0.0, handling=handling, limit=adjacent, blocks=False, shared=True
-    )
+        speed, adjacent, base=0.0, handling=handling, limit=adjacent, blocks=False, shared=True,
+        all_pairs=all_pairs,
+    )  # fmt: skip

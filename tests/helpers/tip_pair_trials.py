@@ -1,4 +1,4 @@
-"""Annealing on random floors, by the last tip in reach and by all of them.
+"""Annealing on random floors, by the last tip in reach and by all of them; run by hand.
 
 From the root of the repository, `PYTHONPATH=. python tests/helpers/tip_pair_trials.py` prints on how
 many floors which of the two leaves the smaller balance.

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from handmade_recordings import rules
 from pod_scenes import line_ticks, pod_scene
 
-from automaton.build.resolve import Resolved
+from automaton.build.resolve import Resolved, resolve
 from automaton.engine.record_codes import CHANGE_LOAD_LEFT
 from automaton.engine.state import NIL, ORDER_DELIVERED, ORDER_WAITING
 from automaton.evidence.recording.contents import FRAME_KIND_TICKS
 from automaton.evidence.recording.recorder import MemoryRecorder
 from automaton.evidence.verification.validator import Report, validate_stored
 from automaton.runs.simulation import Simulation
+from automaton.scenario.schema import Scenario
 
 LINE = {"pod": 1, "station": "P1"}
 FULL = """\
@@ -161,3 +163,34 @@ def test_the_validator_finds_a_pod_that_is_put_elsewhere_or_stays_on_its_robot()
     ticks["changes"] = np.delete(ticks["changes"], row, axis=0)
     texts = [one.text for one in validate_stored(recording).violations]
     assert "is towed with its pod" in texts
+
+
+AREA = """\
+t.....p
+##.####
+##q####"""
+
+
+@pytest.mark.parametrize(("closed_to", "place"), [("slow", (2, 2)), ("empty", (6, 0))])
+def test_no_pod_is_put_where_robots_without_a_load_may_not_come(
+    closed_to: str, place: tuple[int, int]
+) -> None:
+    """Robot 0 fails with its pod in (2, 0): the cell below is nearest, behind one that may be closed."""
+    scenario = {
+        "name": "area",
+        "layout": {"picture": AREA},
+        "fleet": {
+            "robots": 2,
+            "kinematics": "omni",
+            "start": [[6, 0], [1, 0]],
+            "types": [{"name": "fast", "robots": 1}, {"name": "slow"}],
+        },
+        "areas": {"area": {"from": [2, 1], "to": [2, 1], "closed_to": [closed_to]}},
+        "faults": {"list": [{"robot": 0, "at": 5}], "tow_after": 5, "repair_time": None},
+        "orders": {"lines": [LINE | {"station": 1}]},
+        "stop": {"when": "delivered", "max_duration": 60},
+        "strategy": {"allocation": "first-come", "right_of_way": "retreat"},
+    }
+    scene = resolve(msgspec.convert(scenario, Scenario))
+    run, report = played(scene, 12)
+    assert run.world.pods.slot[0] == slot_at(run, *place) and report.valid

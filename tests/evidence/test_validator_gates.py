@@ -168,3 +168,13 @@ def test_robots_that_were_towed_out_of_a_shaft_come_back_there() -> None:
     run.run()
     assert run.finished and run.world.robots.home[0] == scene.floor_plan.cell(3, 1)
     assert verify_recording(memory.recording()).passed
+
+
+@pytest.mark.parametrize("refine", [1, 2, 3])
+def test_the_shares_of_moves_in_a_lift_are_those_of_coarse_ticks(refine: int) -> None:
+    """Two moves take 3 and 4 of 7 ticks; in ticks that are half as long 6 and 8, not 7 and 7."""
+    lift = {"shaft": [[3, 0], [5, 0]], "travel_time": 7, "door_time": 1}
+    memory = MemoryRecorder(scene := gate_scene({"lifts": [lift]}, (7, 0), refine=refine))
+    run = Simulation(scene, on_record=memory)
+    run.run()
+    assert run.finished and verify_recording(memory.recording()).passed

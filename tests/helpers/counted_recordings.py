@@ -209,7 +209,7 @@ class CountedRecording:
                 robot.delayed = 0
             elif robot.delayed >= self.tick > robot.end:
                 self._stand(robot, robot.delayed - self.tick + 1)
-                robot.end = robot.delayed
+                robot.end, robot.code = robot.delayed, codes.EXECUTED_NOTHING
 
     def _hand_on(self) -> bool:
         """No move ends before that of the robot ahead; return whether one was lengthened."""

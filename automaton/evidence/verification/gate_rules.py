@@ -250,12 +250,13 @@ class GateRules:
                 return
 
     def _share_out(self, path: list[int], mouths: set[int], travel: int) -> None:
-        """From mouth to mouth moves take their ticks in equal shares, the last one the rest."""
+        """From mouth to mouth moves take equal shares of coarse ticks, the last one the rest."""
+        fine = self.ticks_of.factor
         stretch: list[tuple[int, int]] = []
         for cell, to in itertools.pairwise(path):
             stretch.append((cell, self.cells.steps.index(to - cell)))
             if to in mouths:
-                share = travel // len(stretch)
+                share = travel // fine // len(stretch) * fine
                 self.cabin_ticks.update(dict.fromkeys(stretch, share))
                 self.cabin_ticks[stretch[-1]] = travel - share * (len(stretch) - 1)
                 stretch = []

@@ -1,4 +1,4 @@
-"""Where the pod of a robot goes that is towed: ways with a load, worked out a second time."""
+"""Where the pod of a robot goes that is towed: its ways, worked out a second time."""
 
 from __future__ import annotations
 
@@ -13,19 +13,22 @@ FAR = 1 << 60  # ticks to a cell to which no way leads
 
 
 class LoadedWays:
-    """Ways of robots with a load on a floor: through storage none leads but at its ends."""
+    """Ways of robots on a floor: through storage none leads but at its ends."""
 
     def __init__(self, motion: Motion, stations: Sequence[int]) -> None:
         self.motion = motion
         self._stations = stations
+        self._homes = list(motion.home)
         self._ends: dict[int, set[int]] = {}  # by robot: storage from which it gets everywhere
 
-    def ticks(self, r: int, start: int, headings: Iterable[int]) -> dict[int, int]:
+    def ticks(
+        self, r: int, start: int, headings: Iterable[int], loaded: bool = True
+    ) -> dict[int, int]:
         """Least ticks from a cell to all others that robot r reaches; `headings`: it begins in one."""
         motion = self.motion
         apart = motion.headings[r]
-        move, turn = (motion.types.ticks[r][name][True] for name in ("move", "turn"))
-        closed, limits = motion.types.closed[r][True], motion.pace.limits
+        move, turn = (motion.types.ticks[r][name][loaded] for name in ("move", "turn"))
+        closed, limits = motion.types.closed[r][loaded], motion.pace.limits
         best = {(start, heading): 0 for heading in headings}
         queue = [(0, *pose) for pose in best]
         while queue:
@@ -56,7 +59,10 @@ class LoadedWays:
         return headings == 4 or (headings == 2 and CELL_KINDS[self.motion.kind[cell]].turns)
 
     def useful(self, r: int) -> set[int]:
-        """The storage cells to which robot r gets with a load from every station, and back."""
+        """The storage cells to which robot r gets with a load from every station, and back.
+
+        And without one from where it begins, and back, if areas are closed to robots without a load.
+        """
         if r not in self._ends:
             storage = {cell for cell, kind in enumerate(self.motion.kind) if kind == STORAGE}
             every = range(self.motion.headings[r])
@@ -66,6 +72,13 @@ class LoadedWays:
             self._ends[r] = {
                 cell for cell in storage if stations <= self.ticks(r, cell, every).keys()
             }
+            empty, full = self.motion.types.closed[r]
+            if empty - full:
+                home = self._homes[r]
+                self._ends[r] &= self.ticks(r, home, every, False).keys()
+                self._ends[r] = {
+                    cell for cell in self._ends[r] if home in self.ticks(r, cell, every, False)
+                }
         return self._ends[r]
 
     def nearest(self, r: int, free: dict[int, int]) -> int:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from automaton.build.closings import find_too_many_closings
 from automaton.build.gate_cells import (
     CELL_KEYS,
     Gate,
@@ -40,6 +41,9 @@ def check_gates(document: Document, scenario: Scenario, floor_plan: FloorPlan) -
             raise document.error((*gate.keys, CELL_KEYS[gate.kind]), error.message) from None
         if isinstance(gate.section, Lift):
             check_shares(document, gate, gate.section, moves_of(cells, floor_plan))
+    if too_many := find_too_many_closings(scenario):
+        gate, text = too_many
+        raise document.error((*gate.keys, CELL_KEYS[gate.kind]), text)
     for name, level in scenario.floor.levels.items():
         for key, (x, y) in (("from", level.first), ("to", level.last)):
             if not floor_plan.holds(x, y):

@@ -7,21 +7,17 @@ from typing import Any
 
 import numpy as np
 
+from automaton.build.closings import MAX_CLOSINGS, closings_of, too_many_closings
 from automaton.build.gate_cells import Gate, cells_of, gates_of, mouths_of, shares
 from automaton.build.gate_feasibility import check_starts_at_gates
-from automaton.build.geometric_draws import geometric
-from automaton.build.handling_times import drawn_durations
 from automaton.build.resolve import Resolved
 from automaton.engine.gates import GATE_DOOR, GATE_LIFT, Gates
-from automaton.engine.random_numbers import STREAM_CLOSINGS
 from automaton.engine.state import NEVER, NIL, Array
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
-from automaton.scenario.changing_floor import Block, Closing, Lift, MeanGap
-from automaton.scenario.handling import Distribution
+from automaton.scenario.changing_floor import Block, Lift
 from automaton.scenario.schema import Scenario
 
-MAX_CLOSINGS = 4_000_000  # of a run
 REPLAN_AFTER_S = 30  # where the scenario does not say
 
 NOTHING = dict.fromkeys("gcexarny", 0)
@@ -43,10 +39,7 @@ def build_gates(resolved: Resolved, starts: Array, seed: int, tick_us: int) -> G
     closings = [closings_of(gate, number, scenario, seed) for number, gate in enumerate(gates)]
     first_closing = np.cumsum([0, *map(len, closings)])
     if first_closing[-1] > MAX_CLOSINGS:
-        raise InputError(
-            f"cells close {first_closing[-1]:,} times until stop.max_duration, at most "
-            f"{MAX_CLOSINGS:,} are allowed; set it lower, or every larger"
-        )
+        raise InputError(too_many_closings(int(first_closing[-1])))
     count, n = len(gates), scenario.fleet.robots
     most = int(np.diff(cell_first).max())
     sizes = {"g": count, "c": floor_plan.kind.size, "r": n, "n": n, "y": n * most}
@@ -141,39 +134,3 @@ def replan_after(scenario: Scenario, tick_us: int) -> Array:
     if isinstance(after, str):
         after = max(1, round(REPLAN_AFTER_S * 1_000_000 / tick_us)) if tick_us else REPLAN_AFTER_S
     return np.array([after], np.int64)
-
-
-def closings_of(gate: Gate, number: int, scenario: Scenario, seed: int) -> Array:
-    """(k, 2) int64: first tick and tick after the last of the closings of a gate until the run ends."""
-    closing, end = gate.section, scenario.stop.max_duration
-    if not isinstance(closing, Closing):
-        return np.zeros((0, 2), np.int64)
-    if isinstance(closing.every, MeanGap):
-        return random_closings(closing, closing.every.mean, number, seed, end)
-    assert closing.begin is not None and isinstance(closing.ticks, int), "checked: by schedule"
-    ticks = range(closing.begin, max(end, closing.begin) + 1, closing.every or end + 1)
-    if len(ticks) > MAX_CLOSINGS:
-        raise InputError(f"{gate.name} closes {len(ticks):,} times, at most {MAX_CLOSINGS:,}")
-    begins = np.arange(ticks.start, ticks.stop, ticks.step, dtype=np.int64)
-    return np.stack([begins, begins + closing.ticks], axis=1)
-
-
-def random_closings(closing: Closing, mean: float, number: int, seed: int, end: int) -> Array:
-    """Closings by chance: address (CLOSINGS, row, 2 k) the gap before closing k, 2 k + 1 its length."""
-    rows: list[Array] = []
-    tick, first, count = 0, 0, 256
-    while tick <= end and first <= MAX_CLOSINGS:
-        k = np.arange(first, first + count)
-        gaps = geometric(mean, seed, STREAM_CLOSINGS, number, 2 * k)
-        if isinstance(closing.ticks, Distribution):
-            address = STREAM_CLOSINGS, np.full(count, number), 2 * k + 1
-            drawn = drawn_durations(closing.ticks, count, seed, address)
-            lengths = np.maximum(np.floor(drawn + 0.5).astype(np.int64), 1)
-        else:
-            lengths = np.full(count, closing.ticks)
-        ends = tick + np.cumsum(gaps + lengths)
-        rows.append(np.stack([ends - lengths, ends], axis=1))
-        tick, first, count = int(ends[-1]), first + count, min(2 * count, 65_536)
-    closings = np.concatenate(rows)
-    begun: Array = closings[closings[:, 0] <= end].astype(np.int64)
-    return begun

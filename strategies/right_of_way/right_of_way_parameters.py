@@ -10,6 +10,7 @@ from msgspec import Meta
 
 from automaton.scenario.carried_pods import carries_pods
 from automaton.scenario.quantities import TIME, quantity
+from automaton.scenario.schema import MAX_MOVE_TICKS
 
 MAX_GUIDED_SPEEDS = 7  # tables have a queue for 16 costs: two for each speed, and turns
 
@@ -30,6 +31,13 @@ class Waits(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=Tru
             span = getattr(self, name)
             if isinstance(span, tuple) and span[0] > span[1]:
                 raise ValueError(f"{name} must go from the smaller to the larger number")
+
+    def check_scenario(self, scenario: Any, floor_plan: Any) -> str:
+        """What is wrong: a wait that a refined tick makes too long."""
+        longest = max(*self.wait_empty, *self.wait_loaded)
+        if longest <= MAX_MOVE_TICKS:
+            return ""
+        return f"its waits take {longest:,} ticks, at most {MAX_MOVE_TICKS:,} are allowed"
 
 
 class RetreatParameters(Waits, forbid_unknown_fields=True, frozen=True, kw_only=True):

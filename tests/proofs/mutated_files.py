@@ -25,10 +25,10 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 from file_mutants import draw, outcome
 from recording_trials import peak_memory
 
-SECONDS = 60  # of processor time, for one file: what is compiled for the first time is in it
+SECONDS = 60  # of processor time, for one file; a second time if it was spent on compiling kernels
 MEMORY = 3 << 30  # bytes that may be in use
 SPACE = 12 << 30  # and of addresses
-RENEWED = 500  # files after which there is a new worker: each one has its own most memory
+RENEWED = 200  # files after which there is a new worker: each one has its own most memory
 
 
 def work(pipe: Connection, seed: int, only: str) -> None:
@@ -64,6 +64,10 @@ class Worker:
 
     def tried(self, number: int) -> tuple[str, str, int]:
         """Return the case, what became of it, and the most bytes of memory so far."""
+        result = self._tried(number)
+        return self._tried(number) if result[1] == "hang" else result
+
+    def _tried(self, number: int) -> tuple[str, str, int]:
         try:
             self._pipe.send(number)
             name, said, memory = self._pipe.recv()
@@ -97,8 +101,8 @@ def main() -> int:
         peak = max(peak, memory)
         if said not in ("accepted", "refused") or memory > MEMORY:
             wrong += 1
-            print(f"--seed {options.seed} --first {number} ({name}): {said}", flush=True)
-            pass
+            room = f" with {memory >> 20} MiB" if memory > MEMORY else ""
+            print(f"--seed {options.seed} --first {number} ({name}): {said}{room}", flush=True)
             said = "wrong"
         counts[said] += 1
         if (number + 1) % RENEWED == 0 or memory > MEMORY:

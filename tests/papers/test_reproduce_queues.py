@@ -6,7 +6,7 @@ import pytest
 
 from automaton.papers.queues import queue_study
 from automaton.papers.queues.queue_study import EXPONENTIAL, FIXED, LOGNORMAL, exact_wait, waits
-from automaton.papers.reproduction_study import Case
+from automaton.papers.reproduction_study import RunCase
 
 
 @pytest.mark.parametrize(
@@ -19,6 +19,6 @@ def test_the_formula(handling: str, ticks: float) -> None:
 
 def test_each_wait_follows_from_the_one_before(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(queue_study, "LINES", 400)
-    (figures,) = waits(Case({"handling": EXPONENTIAL}), seed=3)
+    (figures,) = waits(RunCase({"handling": EXPONENTIAL}), seed=3)
     assert figures["wrong_lines"] == 0
     assert figures["wait"] > 0

@@ -23,13 +23,13 @@ from strategies.zoning.queues.zone_units import rules_of_zones, ticks
 LOOK_S: Final = 60.0
 WINDOW_MIN: Final = 20.0
 TOLERANCE: Final = 0.2
-ADJACENCY_FT: Final = 243.6437908496732  # of SA and GA; loads do not depend on it
+ADJACENCY_FT: Final = 243.6437908496732  # of SA and GA; loads depend on neither this nor tip_pairs
 
 
 def run_watched(simulation: Simulation) -> float:
     """Run to the end; return the share of time in which the zones were in balance."""
     view, limit = simulation.view, simulation.resolved.scenario.stop.max_duration
-    rules, workspace = rules_of_zones(view, ADJACENCY_FT), space_of(view)
+    rules, workspace = rules_of_zones(view, ADJACENCY_FT, "last"), space_of(view)
     flow = np.zeros((len(view.service_zones.roads.point),) * 2)
     every = ticks(view, LOOK_S)
     window = ticks(view, SECONDS_PER_UNIT["min"] * WINDOW_MIN)

@@ -22,7 +22,9 @@ from automaton.scenario.schema import Fleet, Scenario
 def conditions(lines: list[OrderLine]) -> dict[str, Any]:
     orders = Orders(listed=tuple(lines))
     scenario = Scenario(name="long", layout={}, fleet=Fleet(robots=1), orders=orders)
-    arrays = {name: np.zeros(1, np.int32) for name in ("period", "wait", "steered")}
+    arrays = {
+        name: np.zeros(1, np.int32) for name in ("period", "wait", "steered", "watches_chargers")
+    }
     return {
         "tick": 0,
         "settings": (),

@@ -35,6 +35,7 @@ class ReplayStrategy(Strategy):
         self.layer = layer  # type: ignore[misc]
         self.period = int(rules["period"][number])
         self.steers = bool(rules["steered"][0])
+        self.watches_chargers = bool(rules["watches_chargers"][0])
         self._wait: WaitRanges = tuple(int(w) for w in rules["wait"])  # type: ignore[assignment]
         self._words = words
 

@@ -174,6 +174,7 @@ class _Conditions(_Frame):
     period: np.ndarray
     wait: np.ndarray
     steered: np.ndarray
+    watches_chargers: np.ndarray
     files: _Named | UnsetType = UNSET
     listed: _Columns | UnsetType = UNSET
     listed_lines: _Columns | UnsetType = UNSET
@@ -385,6 +386,7 @@ CONDITIONS_ARRAYS: Final = {
     "period": Range("i4", (STRATEGIES,), 0, MAX_NUMBER),
     "wait": Range("i4", (5,), 1, 10_001),
     "steered": Range("u1", (1,), 0, 2),
+    "watches_chargers": Range("u1", (1,), 0, 2),
 }
 # Only the validator reads states, as numbers; `verify` compares them with the run made again.
 STATE_SIZES: Final = {name: name for name in ("robots", "orders", "slots", "stops")}

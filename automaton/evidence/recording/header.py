@@ -100,6 +100,7 @@ def rules_of(simulation: Any, settings: tuple[str, ...] = ()) -> Content:
         "period": rules.period.copy(),
         "wait": rules.wait.copy(),
         "steered": rules.steered.copy(),
+        "watches_chargers": rules.watches_chargers.copy(),
     }
 
 

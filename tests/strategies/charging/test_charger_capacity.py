@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 from drawn_scenes import recorded_run
+from played_back import playback_of
 
 from automaton.build.charger_places import places_of_chargers
 from automaton.build.resolve import Resolved, resolve
@@ -104,7 +105,11 @@ def test_recorded_runs_are_verified(capacity: int, following: str) -> None:
     )
     run, recorder = recorded_run(resolved)
     assert run.world.tally.charged.sum() > 0
-    assert verify_recording(recorder.recording()).passed
+    recording = recorder.recording()
+    assert verify_recording(recording).passed
+    playback = playback_of(recording)
+    playback.go_to(run.tick)
+    assert playback.simulation.digest == run.digest
 
 
 def test_a_scenario_that_is_resolved_again_has_no_more_blocks() -> None:

@@ -121,6 +121,7 @@ def check_file(file: str, args: argparse.Namespace) -> CheckedFile:
         export_matrix(resolved, args.matrix)
     document = document_of(file, settings)
     check_files(resolved, document)
+    check_zone_design(resolved, document)
     plain = plain_number_line(document, as_read.scenario.units.scale)
     more = (*resolved.file_notes, *conversion_lines(as_read), plain, *bounds_in_words(resolved))
     lines = [described(resolved, names_right_of_way(document)), *(line for line in more if line)]
@@ -196,6 +197,18 @@ def check_files(resolved: Resolved, document: Document) -> None:
                 check(lambda: grid_and_durations(resolved))
         except InputError as error:
             raise document.error(("strategy", layer), f"strategy.{layer}: {error}") from None
+
+
+def check_zone_design(resolved: Resolved, document: Document) -> None:
+    """Raises InputError for a zone design that the fleet cannot serve."""
+    if resolved.zoning.design is None:
+        return
+    from automaton.build.world import build_world  # needs Numba, as most checks do not
+
+    try:
+        build_world(resolved, resolved.scenario.seed)
+    except InputError as error:
+        raise document.error(("strategy", "zoning"), f"strategy.zoning: {error.message}") from None
 
 
 def grid_and_durations(resolved: Resolved) -> tuple[Grid, Array]:

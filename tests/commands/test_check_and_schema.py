@@ -192,6 +192,16 @@ def test_a_share_out_of_range_is_told_the_whole_range(
     assert capsys.readouterr().err.endswith(said)
 
 
+def test_a_zone_design_that_robots_of_a_type_cannot_serve_is_refused(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """As `run` refuses it."""
+    setting = "strategy.zoning={name: genetic, design: factory-ddz, generations: 2}"
+    for command in ("check", "run"):
+        assert main([command, "factory-types", "--set", setting]) == 2
+        assert "but robot 0 (tug) does not get there" in capsys.readouterr().err
+
+
 def test_check_goes_on_after_a_bad_file(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "nothing", "tabletop-2", "nor.yaml"]) == 2
     out, err = capsys.readouterr()

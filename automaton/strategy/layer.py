@@ -16,6 +16,10 @@ first. They may turn, wait or be in the middle of a long move: a new route repla
 old one when that is over. It begins in `position(view, robot)`, in a long move the cell that it
 enters.
 
+Where types of robots have allocations of their own, each of these is asked about its robots alone, one
+after another; `batch.strategy[0]` is its number, `view.rules.allocation` that of each type. A charging
+strategy with `watches_chargers` is also asked about idle robots as soon as a place at a charger is free.
+
 A right of way that steers (`steers` = True) is asked in every tick (`period` = 1) about all robots
 that are free. It answers CMD_GO with a direction, CMD_HOLD, or KEEP for what a robot came for at its
 goal cell. Then robots keep no routes, and routing is not asked.

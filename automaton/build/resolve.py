@@ -99,11 +99,11 @@ class Resolved:
     @property
     def allocations(self) -> tuple[StrategyChoice, ...]:
         """The strategies that allocate orders, each once: that of `strategies`, then types' own."""
-        found = [self.strategies["allocation"]] if self.strategies else []
+        choices = [self.strategies["allocation"]] if self.strategies else []
         for own in self.own_allocations:
-            if own is not None and all(own[:2] != other[:2] for other in found):
-                found.append(own)
-        return tuple(found)
+            if own is not None and all(own[:2] != other[:2] for other in choices):
+                choices.append(own)
+        return tuple(choices)
 
     @property
     def allocation_of_types(self) -> list[int]:
@@ -114,8 +114,9 @@ class Resolved:
     @property
     def may_stay(self) -> bool:
         """Whether robots without an order stay where they are."""
-        given = (getattr(choice.parameters, "idle", "park") for choice in self.allocations)
-        return "stay" in given
+        return any(
+            getattr(choice.parameters, "idle", "park") == "stay" for choice in self.allocations
+        )
 
     @property
     def choices(self) -> tuple[tuple[str, StrategyChoice], ...]:
@@ -277,23 +278,23 @@ def choose_own_allocations(
     specs = [kind.strategy.allocation for kind in scenario.fleet.types]
     if all(spec is None for spec in specs):
         return ()
-    found: list[StrategyChoice | None] = []
+    choices: list[StrategyChoice | None] = []
     for number, spec in enumerate(specs):
         keys: Keys = ("fleet", "types", number, "strategy", "allocation")
         own = None
         if spec is not None:
             own = choose_strategy(document, scenario, "allocation", spec, keys)
             _check_choice(document, scenario, floor_plan, keys, own)
-        found.append(own)
-    return tuple(found)
+        choices.append(own)
+    return tuple(choices)
 
 
 def check_allocations(document: Document, resolved: Resolved) -> None:
     """Raises InputError for more strategies of allocation than a run asks."""
-    found = len(resolved.allocations)
-    if found > MAX_ALLOCATIONS:
+    number = len(resolved.allocations)
+    if number > MAX_ALLOCATIONS:
         text = (
-            f"fleet.types and strategy.allocation name {found} different allocation strategies; "
+            f"fleet.types and strategy.allocation name {number} different allocation strategies; "
             f"at most {MAX_ALLOCATIONS} are allowed"
         )
         raise document.error(("fleet", "types"), text)
@@ -340,8 +341,8 @@ def _naming_files(spec: Any, choice: StrategyChoice) -> Any:
     """What a scenario says of a strategy, with the files as they are found from anywhere."""
     if not files_of(choice.parameters) or not isinstance(spec, dict):
         return spec
-    found = msgspec.to_builtins(choice.parameters)
-    return {key: found.get(key, spec[key]) for key in spec}
+    resolved_parameters = msgspec.to_builtins(choice.parameters)
+    return {key: resolved_parameters.get(key, spec[key]) for key in spec}
 
 
 def branched(resolved: Resolved, settings: tuple[str, ...]) -> Resolved:

@@ -244,11 +244,11 @@ def described(resolved: Resolved, names_right_of_way: bool = True) -> str:
     fleet = resolved.scenario.fleet
     robots = count(fleet.robots, "robot")
     if fleet.types:
-        told = [
+        types = [
             f"{kind.name} {many}" + (f" by {kind.own_allocation}" if kind.own_allocation else "")
             for kind, many in zip(fleet.types, fleet.counts, strict=True)
         ]
-        robots += f" ({', '.join(told)})"
+        robots += f" ({', '.join(types)})"
     closed = [
         f"{area} closed to {' and '.join(given.closed_to)}"
         for area, given in resolved.scenario.areas.items()

@@ -367,7 +367,7 @@ def with_everything(table: Table, title: str) -> Table:
     return replace(table, title=title, cases=cases, premise=f"information: {EVERYTHING}", grouped=2)
 
 
-HEADLINES: Final = (  # "saved" and "cut" are what cooperation makes less
+TABLETOP_HEADLINES: Final = (  # "saved" and "cut" are what cooperation makes less
     Headline("cfg 1: T_total cut, N = 4", "Configuration 1: cooperation cuts T_total"),
     Headline("cfg 1: change by a fifth", "Configuration 1: 4 cooperative"),
     Headline("cfg 1: T_total saved, N = 1", "Configuration 1: few robots"),
@@ -395,7 +395,7 @@ REPRODUCTION: Final = Reproduction(
     ),
     averaged=("T_total", "T_Rtotal"),
     premise=f"information: {ORDERS}",
-    headlines=HEADLINES,
+    headlines=TABLETOP_HEADLINES,
     claims=CLAIMS,
     remarks=REMARKS,
 )

@@ -123,7 +123,7 @@ class Simulation:
         if len(picked) == len(LAYER_NAMES):
             self.world.rules.allocation[:] = LAYER_ALLOCATION
         picked += [None] * (STRATEGIES - len(picked))
-        # Of each strategy by number, None: there is none.
+        # Of each strategy by number; None where it is missing.
         self._strategies = [
             self._validate_strategy(number, strategy) for number, strategy in enumerate(picked)
         ]

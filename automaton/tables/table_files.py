@@ -24,7 +24,7 @@ SCENARIO_FILE: Final = "scenario.yaml"
 WORKBOOK: Final = "tables.xlsx"
 CSV, PARQUET, XLSX = "csv", "parquet", "xlsx"
 FORMATS: Final = (CSV, PARQUET, XLSX)
-FORMULA: Final = f"^([{re.escape(''.join(FORMULA_SIGNS))}])"
+BEGINS_AS_FORMULA: Final = f"^([{re.escape(''.join(FORMULA_SIGNS))}])"
 HINT: Final = "; events=True and states=PERIOD observe a run"
 
 
@@ -170,7 +170,7 @@ def without_formulas(table: pa.Table) -> pa.Table:
             continue
         if is_coded or pa.types.is_string(field.type):
             texts = table.column(index).cast(pa.string())
-            harmless = pyarrow.compute.replace_substring_regex(texts, FORMULA, r"'\1")
+            harmless = pyarrow.compute.replace_substring_regex(texts, BEGINS_AS_FORMULA, r"'\1")
             table = table.set_column(index, field.name, harmless)
     return table
 

@@ -139,10 +139,9 @@ def resolved_of(header: Content, with_strategies: bool = True) -> Resolved:
 
     start = header["start"]
     scenario = msgspec.convert(header["scenario"], Scenario)
-    given = [
-        header["strategies"].get(own_allocation_of(kind.name)) for kind in scenario.fleet.types
-    ]
-    own = tuple(one and choice_of("allocation", one) for one in given)
+    keys = (own_allocation_of(kind.name) for kind in scenario.fleet.types)
+    recorded = [header["strategies"].get(key) for key in keys]
+    own = tuple(one and choice_of("allocation", one) for one in recorded)
     resolved = Resolved(
         scenario=scenario,
         floor_plan=with_speed_limits(floor_plan_of(header["floor"]), scenario.floor.speed_limits),

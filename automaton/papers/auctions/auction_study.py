@@ -19,7 +19,7 @@ from automaton.papers.auctions.auction_charging import (
 from automaton.papers.auctions.auction_claims import CLAIMS, REMARKS
 from automaton.papers.auctions.auction_example import SETTINGS, bids_for, steps
 from automaton.papers.auctions.auction_pictures import pictures
-from automaton.papers.auctions.auction_times import TIMES, about_times
+from automaton.papers.auctions.auction_times import TIME_TABLES, about_times
 from automaton.papers.auctions.auction_trials import (
     AGAIN,
     METHODS,
@@ -247,7 +247,7 @@ HORIZON: Final = Table(
 )
 
 
-HEADLINES: Final = (
+AUCTION_HEADLINES: Final = (
     Headline("example: bid of robot 1, s", cell=("bid", ("as printed", 1))),
     Headline("example: bid of robot 2, s", cell=("bid", ("as printed", 2))),
     Headline(
@@ -291,14 +291,14 @@ REPRODUCTION: Final = Reproduction(
         MAKESPANS,
         EFFORTS,
         EFFORTS_BY_ROBOTS,
-        *TIMES,
+        *TIME_TABLES,
         CHARGING,
         OBJECTIVE,
         HORIZON,
     ),
     claims=(*CLAIMS, *about_times()),
     remarks=REMARKS,
-    headlines=HEADLINES,
+    headlines=AUCTION_HEADLINES,
     seeds=20,
     claims_title="Paper's claims",
     texts=texts,

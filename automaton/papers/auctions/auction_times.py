@@ -37,15 +37,15 @@ SOLVERS: Final = {
 }
 CHARGERS: Final = (1, 2, 3)
 RULES: Final = {"as needed us": "r20", "threshold us": "look"}
-CALLS: Final = 100  # of a quote, which takes microseconds
-TRIES: Final = 3  # the shortest counts: other processes only add
-SEEDS: Final = 5  # as many as in print
+QUOTES: Final = 100  # of a quote, which takes microseconds
+TIMED_TRIES: Final = 3  # the shortest counts: other processes only add
+PRINTED_SEEDS: Final = 5  # as many as in print
 
 
 def cpu_seconds(work: Callable[[], object]) -> float:
     """The least CPU time of some tries."""
     spent = []
-    for _ in range(TRIES):
+    for _ in range(TIMED_TRIES):
         begun = time.process_time_ns()
         work()
         spent.append(time.process_time_ns() - begun)
@@ -80,15 +80,15 @@ def charging_times(case: Case, seed: int) -> list[Mapping[str, float]]:
         scratch = single_scratch(n, max(1, len(rule.charger)))
 
         def quote(rule: object = rule, scratch: object = scratch) -> None:
-            for _ in range(CALLS):
+            for _ in range(QUOTES):
                 quotes.quote(task_costs, rule, scratch, start - 1, 0, BATTERY_FULL, order, n)
 
         quote()
-        figures[name] = 1e6 * cpu_seconds(quote) / CALLS
+        figures[name] = 1e6 * cpu_seconds(quote) / QUOTES
     return [figures]
 
 
-TIMES: Final = (
+TIME_TABLES: Final = (
     Table(
         title="Figure 5: milliseconds for two robots, on this machine (optimum: an exact search; m^n: "
         "all allotments; no printed seconds are left)",
@@ -97,7 +97,7 @@ TIMES: Final = (
         run=each_seed(solving_times),
         repetition="task set",
         digits=3,
-        seeds=SEEDS,
+        seeds=PRINTED_SEEDS,
     ),
     Table(
         title="Figure 6c: microseconds of one robot's charging plan, on this machine, chargers 1, 2, 3 "
@@ -107,7 +107,7 @@ TIMES: Final = (
         run=each_seed(charging_times),
         repetition="tour",
         digits=1,
-        seeds=SEEDS,
+        seeds=PRINTED_SEEDS,
     ),
 )
 

@@ -323,7 +323,7 @@ REMARKS: Final = (
     "A reserve is what plans keep. What a robot spends in line, or behind others, no plan foresees.",
 )
 
-HEADLINES: Final = (
+LIVING_HEADLINES: Final = (
     Headline("insertion: runs that run empty", "With never-strand"),
     Headline("insertion: all delivered", "and every order"),
     Headline("insertion: throughput", "at 0.8 kr"),
@@ -344,7 +344,7 @@ REPRODUCTION: Final = Reproduction(
     tables=TABLES,
     claims=CLAIMS,
     remarks=REMARKS,
-    headlines=HEADLINES,
+    headlines=LIVING_HEADLINES,
     seeds=40,
     claims_title="Claims",
     remarks_title="Remarks",

@@ -125,7 +125,7 @@ REMARKS: Final = (
     "Extra ticks count as delay, though nobody is in the way then.",
 )
 
-HEADLINES: Final = (
+FLEET_HEADLINES: Final = (
     *(
         Headline(f"100 robots, delay: {policy}", cell=("delay", (policy, CROWD)), digits=1)
         for policy in POLICIES
@@ -161,7 +161,7 @@ REPRODUCTION: Final = Reproduction(
     ),
     claims=CLAIMS,
     remarks=REMARKS,
-    headlines=HEADLINES,
+    headlines=FLEET_HEADLINES,
     seeds=3,
     claims_title="Claims",
     remarks_title="Remarks",

@@ -260,16 +260,16 @@ REMARKS: Final = (
 
 CLAIMS: Final = (*about_plain_a_star(), *about_avoidance(), *about_spreads(), *about_depth())
 
-STATIC: Final = ("static", AVOIDANCE, "exact")
+STATIC_CASE: Final = ("static", AVOIDANCE, "exact")
 PLAIN_LINE: Final = "Plain A* takes 229.97 steps over 160.25 cells (static)"
 SPREAD_LINE: Final = "Times spread by 59.81 and distances by 104.26 (static, exact counts)"
 TAKEN_LINE: Final = "An alternative is taken in less than half of the trials (static, "
-HEADLINES: Final = (
+TRAFFIC_HEADLINES: Final = (
     Headline("A*: time", PLAIN_LINE),
     Headline("A*: distance", PLAIN_LINE, figure=1),
     Headline("A*: sd of time", "Times spread by 77.60", printed=77.60),
-    Headline("avoidance: time", cell=("time", STATIC), digits=1),
-    Headline("avoidance: distance", cell=("distance", STATIC), digits=1),
+    Headline("avoidance: time", cell=("time", STATIC_CASE), digits=1),
+    Headline("avoidance: distance", cell=("distance", STATIC_CASE), digits=1),
     Headline("avoidance: sd of time", SPREAD_LINE, printed=59.81),
     Headline("avoidance: sd of distance", SPREAD_LINE, figure=1, printed=104.26),
     Headline(
@@ -309,6 +309,6 @@ REPRODUCTION: Final = Reproduction(
     ),
     claims=CLAIMS,
     remarks=REMARKS,
-    headlines=HEADLINES,
+    headlines=TRAFFIC_HEADLINES,
     seeds=10,
 )

@@ -22,7 +22,7 @@ from strategies.zoning.queues.zone_units import rules_of_zones, ticks
 
 LOOK_S: Final = 60.0
 WINDOW_MIN: Final = 20.0
-TOLERANCE: Final = 0.2
+IN_BALANCE: Final = 0.2
 ADJACENCY_FT: Final = 243.6437908496732  # of SA and GA; loads depend on neither this nor tip_pairs
 
 
@@ -40,7 +40,7 @@ def run_watched(simulation: Simulation) -> float:
         if record_flow(view, window, now, flow) and view.service_zones.design.zone[0] != NIL:
             design = view.service_zones.design
             svp = find_loads(view.service_zones.roads, rules, flow, 0, design, workspace)
-            good = 0.0 < svp <= TOLERANCE
+            good = 0.0 < svp <= IN_BALANCE
         simulation.run(until=now + every)
         watched += simulation.tick - now
         balanced += good * (simulation.tick - now)

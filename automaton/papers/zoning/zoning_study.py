@@ -302,7 +302,7 @@ REMARKS: Final = (
     "to 30 ft wide); `--tables lanes` puts one robot in a cell.",
 )
 
-HEADLINES: Final = (
+ZONING_HEADLINES: Final = (
     Headline("SA, hours", cell=("hours", (SA,)), digits=2),
     Headline("SA, time in balance", cell=("in_balance", (SA,)), unit="%", digits=1),
     Headline("SA, sigma of travel, ft", cell=("sigma_ft", (SA,))),
@@ -363,7 +363,7 @@ REPRODUCTION: Final = Reproduction(
     ),
     claims=CLAIMS,
     remarks=REMARKS,
-    headlines=HEADLINES,
+    headlines=ZONING_HEADLINES,
     seeds=100,
     further=further,
 )

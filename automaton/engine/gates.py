@@ -34,7 +34,7 @@ class Gates(Struct, role=STATIC):
     )
     cell_gate: Array = field("(e,) int32", "gates by cell, each cell's in ascending order")
     cell_index: Array = field(
-        "(e,) int32", "which mouth of its lift the cell is, by path; else NIL", default=NIL
+        "(e,) int32", "the last mouth of its lift up to the cell, by path; else NIL", default=NIL
     )
     first_closing: Array = field(
         "(g + 1,) int32",

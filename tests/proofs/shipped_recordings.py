@@ -2,9 +2,9 @@
 
     python tests/proofs/shipped_recordings.py [SCENARIO ...] [--seeds 1 2 3]
 
-Without names all shipped scenarios are recorded, which takes an hour. A line for each recording shows
-seconds and peak memory of `run` and of `verify`, each of which is a process of its own. Exits with 1 if
-a recording is not verified.
+Without names all shipped scenarios are recorded, which takes a quarter of an hour. A line for each
+recording shows seconds and peak memory of `run` and of `verify`, each of which is a process of its own.
+Exits with 1 if a recording is not verified.
 """
 
 from __future__ import annotations

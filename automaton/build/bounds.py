@@ -261,7 +261,7 @@ def _given(resolved: Resolved) -> float:
         max(step[1] for step in charge) if isinstance(charge, tuple) else charge
         for charge in charges
     )
-    return float(rate * sum(places_of_chargers(resolved.scenario, resolved.floor_plan)))
+    return float(rate * sum(places_of_chargers(resolved.scenario, resolved.floor_plan).values()))
 
 
 def _mended(resolved: Resolved) -> float:

@@ -46,8 +46,8 @@ def with_charger_blocks(scenario: Scenario, floor_plan: FloorPlan) -> Scenario:
     return msgspec.structs.replace(scenario, floor=floor)
 
 
-def places_of_chargers(scenario: Scenario, floor_plan: FloorPlan) -> list[int]:
-    """How many robots charge at each charger at once, by cell; one without a limit has room for all."""
+def places_of_chargers(scenario: Scenario, floor_plan: FloorPlan) -> dict[int, int]:
+    """How many robots charge at once, by the flat cell of each charger; all, where there is no limit."""
     places = {
         cell: 1 if floor_plan.capacity.flat[cell] != UNLIMITED else scenario.fleet.robots
         for cell in np.flatnonzero(floor_plan.kind == CHARGER).tolist()
@@ -56,4 +56,4 @@ def places_of_chargers(scenario: Scenario, floor_plan: FloorPlan) -> list[int]:
         cells = cells_of_set("", block.cells, floor_plan)
         if len(cells) == 1 and cells[0] in places:
             places[cells[0]] = min(places[cells[0]], block.max_robots)
-    return list(places.values())
+    return places

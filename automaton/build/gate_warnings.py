@@ -61,7 +61,9 @@ def gated_chargers(resolved: Resolved) -> list[str]:
     if scenario.battery is None or not gates or not (floor_plan.kind == CHARGER).any():
         return []
     everywhere = reach_chargers(resolved, ())
+    chargers = set(np.flatnonzero(floor_plan.kind == CHARGER).tolist())
     gated = [cells_of(gate, floor_plan) for gate in gates]
+    gated = [[] if set(cells) <= chargers else cells for cells in gated]  # it is the charger's line
     inside = sorted({cell for cells in gated for cell in cells})
     if not is_cut_off(everywhere, reach_chargers(resolved, inside), inside):
         return []

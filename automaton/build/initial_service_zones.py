@@ -25,6 +25,10 @@ if TYPE_CHECKING:
 NO_STRATEGY = "none"
 
 
+class ZoneDesignError(InputError):
+    """A zone design that the fleet cannot serve."""
+
+
 def build_service_zones(
     resolved: Resolved, floor: Floor, slots: Slots, stations: Stations, orders: int
 ) -> ServiceZones:
@@ -54,11 +58,13 @@ def build_service_zones(
     design = zone_design_reader()(resolved.floor_plan, roads, parameters.design, names)
     if len(design.transfer) != robots:
         zones = count(len(design.transfer), "zone")
-        raise InputError(f"the zone design has {zones}, one for each robot; there are {robots}")
+        raise ZoneDesignError(
+            f"the zone design has {zones}, one for each robot; there are {robots}"
+        )
     for station, zone in enumerate(design.zone.tolist()):
         if not serves[zone, station]:
             name = resolved.fleet.types[resolved.fleet.type_of[zone]].name
-            raise InputError(
+            raise ZoneDesignError(
                 f"station {station + 1} is in zone {zone + 1} of the zone design, "
                 f"but robot {zone} ({name}) does not get there"
             )

@@ -98,8 +98,10 @@ class Resolved:
 
     @property
     def allocations(self) -> tuple[StrategyChoice, ...]:
-        """The strategies that allocate orders, each once: that of `strategies`, then types' own."""
-        choices = [self.strategies["allocation"]] if self.strategies else []
+        """The strategies that allocate orders, each once: that of `strategies`, unless all types have
+        their own, then these."""
+        is_used = self.strategies and (None in self.own_allocations or not self.own_allocations)
+        choices = [self.strategies["allocation"]] if is_used else []
         for own in self.own_allocations:
             if own is not None and all(own[:2] != other[:2] for other in choices):
                 choices.append(own)
@@ -121,8 +123,10 @@ class Resolved:
     @property
     def choices(self) -> tuple[tuple[str, StrategyChoice], ...]:
         """The layer and the choice of all strategies, by number: those of layers, then of types."""
-        of_layers = ((name, self.strategies[name]) for name in LAYER_NAMES if self.strategies)
-        return (*of_layers, *(("allocation", choice) for choice in self.allocations[1:]))
+        first, *further = self.allocations or (None,)
+        strategies = self.strategies | ({"allocation": first} if first else {})
+        of_layers = ((name, strategies[name]) for name in LAYER_NAMES if strategies)
+        return (*of_layers, *(("allocation", choice) for choice in further))
 
     @property
     def zoning(self) -> ZoningParameters:
@@ -218,12 +222,13 @@ def in_fine_ticks(resolved: Resolved, document: Document | None = None) -> Resol
 
     strategies = {layer: in_fine(choice) for layer, choice in resolved.strategies.items()}
     own_allocations = tuple(own and in_fine(own) for own in resolved.own_allocations)
-    further = (("allocation", own) for own in own_allocations if own is not None)
-    for layer, choice in (*strategies.items(), *further):
+    further = (("fleet.types: allocation", own) for own in own_allocations if own is not None)
+    of_layers = ((f"strategy.{layer}", choice) for layer, choice in strategies.items())
+    for key, choice in (*of_layers, *further):
         objection = getattr(choice.parameters, "check_scenario", None)
         sentence = objection(fine, floor_plan) if objection else None
         if sentence:
-            text = f"with refine {scenario.refine} {layer} is {choice.name}: {sentence}"
+            text = f"with refine {scenario.refine} {key} is {choice.name}: {sentence}"
             raise document.error(("refine",), text)
     return replace(
         resolved,
@@ -361,8 +366,13 @@ def branched(resolved: Resolved, settings: tuple[str, ...]) -> Resolved:
     check_energy(document, scenario, resolved.floor_plan)
     check_table_memory(document, scenario, resolved.floor_plan)
     strategies = choose_strategies(document, scenario, resolved.floor_plan)
-    named = naming_files(scenario, strategies, resolved.own_allocations)
-    changed = replace(resolved, scenario=named, strategies=strategies)
+    own_allocations = choose_own_allocations(document, scenario, resolved.floor_plan)
+    changed = replace(
+        resolved,
+        scenario=naming_files(scenario, strategies, own_allocations),
+        strategies=strategies,
+        own_allocations=own_allocations,
+    )
     check_allocations(document, changed)
     return in_fine_ticks(changed, document)
 

@@ -94,7 +94,7 @@ def nothing_to_carry(resolved: Resolved) -> str:
 def parks_on_charger(resolved: Resolved) -> str:
     """Warn about robots that begin, and so park, on a charger that other robots need."""
     scenario, floor_plan, start = resolved.scenario, resolved.floor_plan, resolved.start
-    robots, places = scenario.fleet.robots, sum(places_of_chargers(scenario, floor_plan))
+    robots, places = scenario.fleet.robots, sum(places_of_chargers(scenario, floor_plan).values())
     if resolved.strategies["charging"].name == NO_STRATEGY or not isinstance(start, tuple):
         return ""
     if scenario.fleet.when_idle != "park" or places >= robots:

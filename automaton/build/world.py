@@ -58,7 +58,6 @@ from automaton.engine.state import (
 )
 from automaton.engine.visibility import hide_all
 from automaton.engine.zoning_decision_stream import max_zoning_words
-from automaton.floor.cells import CHARGER
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.schema import Scenario
 
@@ -169,9 +168,9 @@ def _build_coarse(
 
 
 def build_chargers(scenario: Scenario, floor_plan: FloorPlan) -> Chargers:
-    cells = np.flatnonzero(floor_plan.kind == CHARGER)
+    by_cell = places_of_chargers(scenario, floor_plan)
+    cells, places = np.array(list(by_cell), np.int32), np.array(list(by_cell.values()), np.int32)
     at = np.full(floor_plan.kind.size, NIL, np.int32)
-    places = np.array(places_of_chargers(scenario, floor_plan), np.int32)
     at[cells] = np.arange(len(cells), dtype=np.int32)
     return Chargers.sized(cell=cells.astype(np.int32), charger_at=at, places=places)
 

@@ -203,11 +203,13 @@ def check_zone_design(resolved: Resolved, document: Document) -> None:
     """Raises InputError for a zone design that the fleet cannot serve."""
     if resolved.zoning.design is None:
         return
-    from automaton.build.world import build_world  # needs Numba, as most checks do not
+    # Needs Numba, as most checks do not.
+    from automaton.build.initial_service_zones import ZoneDesignError
+    from automaton.build.world import build_world
 
     try:
         build_world(resolved, resolved.scenario.seed)
-    except InputError as error:
+    except ZoneDesignError as error:
         raise document.error(("strategy", "zoning"), f"strategy.zoning: {error.message}") from None
 
 

@@ -7,7 +7,6 @@ does nothing in this tick and is down from the next one on (automaton.engine.fau
 import numpy as np
 
 from automaton.engine.charging_curve import rate_at
-from automaton.engine.gate_queries import has_gates, is_gated
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import LIVE, U, has_room
 from automaton.engine.operations import consume_energy, count_lost_tick, energy_cost, exhaust
@@ -98,10 +97,9 @@ def offer_charger(world, besides):
 
 @kernel
 def has_line(world, i):
-    """Whether robots line up before the charger where robot i is to charge: it has room for so many."""
-    goal_cell = world.robots.goal_cell[i]
-    limited = np.int64(world.grid.cell_flags[goal_cell]) >> 5 & 3 != 0
-    return limited or (has_gates(world) and is_gated(world, goal_cell))
+    """Whether robots line up before the charger where robot i is to charge: its places may be taken."""
+    places = world.chargers.places[world.chargers.charger_at[world.robots.goal_cell[i]]]
+    return places == 1 or places < world.robots.cell.shape[0]
 
 
 @kernel

@@ -109,7 +109,9 @@ PHASE_CHARGING_AGAIN: Final = 3  # its entry
 # Why a robot is in a batch.
 REASON_IDLE: Final = 0  # it has nothing to do
 REASON_PICKED: Final = 1  # its pick has begun, and there are no stops: where does the load go?
-REASON_ORDER_RETURNED: Final = 2  # it returned its order before a retreat: plan around robots
+REASON_ORDER_RETURNED: Final = (
+    2  # it returned its order where its way was blocked: plan around robots
+)
 REASON_REPLAN: Final = 3  # it drives home or nowhere, and its plan is made again
 REASON_PERIODIC: Final = 4  # the strategy asked for every k-th tick
 REASON_NEW_GOAL: Final = 5  # routing: a new goal

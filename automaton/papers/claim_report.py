@@ -225,7 +225,7 @@ def premise_blocks(
 ) -> Iterator[ConsoleBlock]:
     """The claims that come to another verdict by another premise."""
     own = {claim.claim.text: claim.verdict for claim in judged}
-    changed = [one for one in reproduced.judged(premise) if own[one.claim.text] != one.verdict]
+    changed = [one for one in reproduced.judged(premise) if own.get(one.claim.text) != one.verdict]
     yield from section(f"Claims with another verdict by {premise}", ())
     for claim in changed:
         yield from bulleted(f"{claim.verdict}: {claim.claim.text}; {evidence(claim)}", width)

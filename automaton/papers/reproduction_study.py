@@ -490,7 +490,7 @@ def _with_settings(name: str, case: Case, settings: Settings) -> Case:
     own = [parse_setting(text).keys for text in case.own_settings] if settings else []
     for setting in settings:
         one = parse_setting(setting) if isinstance(setting, str) else setting
-        if any(keys[: len(one.keys)] == one.keys for keys in own):
+        if any(keys[: len(one.keys)] == one.keys[: len(keys)] for keys in own):
             raise InputError(f"the cases of {name} set this themselves; leave it out", one.argument)
     return replace(case, settings=settings)
 

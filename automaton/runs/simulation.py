@@ -136,11 +136,8 @@ class Simulation:
                 }
         if after is not None:
             take_over(self.world, self.observation, after.world, after.observation)
-            if (
-                self.resolved.strategies["allocation"].name
-                != after.resolved.strategies["allocation"].name
-            ):
-                self.world.robots.order_queue_length[:] = 0  # nobody goes on with them
+            others = self._robots_of_other_allocations(after.resolved)
+            self.world.robots.order_queue_length[others] = 0  # nobody goes on with them
             if self.world.rules.steered[0] != after.world.rules.steered[0]:
                 plan_anew(self.world)
             self.update_finished()
@@ -180,13 +177,22 @@ class Simulation:
 
     def _restore_states(self, before: Simulation) -> None:
         """Restore the states of the strategies that stay, and their objects: some keep more there."""
-        for index, pair in enumerate(
-            zip(self.resolved.choices, before.resolved.choices, strict=False)
-        ):
-            if pair[0] != pair[1]:
-                continue
-            self._strategies[index] = before._strategies[index]
-            self._states[index] = before._states[index].copied()
+        known = list(before.resolved.choices)
+        for number, choice in enumerate(self.resolved.choices):
+            if choice in known:
+                was = known.index(choice)
+                self._strategies[number] = before._strategies[was]
+                self._states[number] = before._states[was].copied()
+
+    def _robots_of_other_allocations(self, before: Resolved) -> Array:
+        """(n,) bool: robots to which another strategy allocates orders than before a branch."""
+        types = len(self.resolved.fleet.types)
+        names = []
+        for resolved in (self.resolved, before):
+            numbers = resolved.allocation_of_types or [0] * types
+            names.append([resolved.allocations[number].name for number in numbers])
+        others: Array = (np.array(names[0]) != names[1])[self.world.robots.type % types]
+        return others
 
     def _load_strategy(self, layer: str, choice: StrategyChoice) -> Strategy | None:
         """Load a strategy that the scenario chooses for a layer."""

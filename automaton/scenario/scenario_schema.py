@@ -36,6 +36,9 @@ def json_schema() -> Schema:
         if layers[layer]["default"] is None:
             choices = [*choices, {"type": "null"}]
         layers[layer] = {**_kept(layers[layer]), "anyOf": choices}
+    own = definitions["TypeStrategy"]["properties"]
+    choices = [*_choices("allocation", definitions), {"type": "null"}]
+    own["allocation"] = {**_kept(own["allocation"]), "anyOf": choices}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "automaton scenario",

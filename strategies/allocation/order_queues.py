@@ -48,16 +48,16 @@ def drop_lost_orders(view, out, strategy):
         return
     orders = view.orders
     for i in range(view.robots.cell.shape[0]):
-        if allocation_of(view, i) != strategy or planned_count(view, out, i) == 0:
+        if allocation_of(view, i) != strategy:
             continue
-        copy_plan(view, out, i)
-        remaining = 0
-        for p in range(out.order_queue_length[i]):
-            order = np.int64(out.order_queue[i, p])
+        count, remaining = np.int64(view.robots.order_queue_length[i]), 0
+        for p in range(count):
+            order = np.int64(view.robots.order_queue[i, p])
             if orders.state[order] == ORDER_WAITING and orders.reserved_by[order] == NIL:
                 out.order_queue[i, remaining] = order
                 remaining += 1
-        out.order_queue_length[i] = remaining
+        if remaining < count:
+            out.order_queue_length[i] = remaining
 
 
 @kernel

@@ -32,11 +32,11 @@ class Waits(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=Tru
             if isinstance(span, tuple) and span[0] > span[1]:
                 raise ValueError(f"{name} must go from the smaller to the larger number")
 
-    def check_scenario(self, scenario: Any, floor_plan: Any) -> str:
+    def check_scenario(self, scenario: Any, floor_plan: Any) -> str | None:
         """What is wrong: a wait that a refined tick makes too long."""
         longest = max(*self.wait_empty, *self.wait_loaded)
         if longest <= MAX_MOVE_TICKS:
-            return ""
+            return None
         return f"its waits take {longest:,} ticks, at most {MAX_MOVE_TICKS:,} are allowed"
 
 

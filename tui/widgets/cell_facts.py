@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from automaton.build.charger_places import places_of_chargers
 from automaton.engine.state import (
     NIL,
     ORDER_CARRIED,
@@ -89,6 +90,10 @@ def _ground(view: View, cell: int) -> list[tuple[str, Parts]]:
     )
     ways = [name for bit, name in enumerate(DIRECTIONS) if exits >> bit & 1]
     room = "any number of robots" if capacity == UNLIMITED else count(capacity, "robot")
+    if kind == CHARGER and capacity == UNLIMITED:
+        scenario = view.run.resolved.scenario
+        places = places_of_chargers(scenario, floor_plan)[cell]
+        room = count(places, "robot") if places < scenario.fleet.robots else room
     return [
         ("exits", [", ".join(ways) if ways else "none"]),
         ("closed to", [", ".join(closed_to(view, cell))] if closed_to(view, cell) else []),

@@ -89,7 +89,7 @@ class Kernel:
     def dispatcher(self) -> Any:
         """What Python calls, and the loop as a first-class function."""
         if self._for_python is None:
-            with _MAKING:
+            with _MAKING_DISPATCHER:
                 if self._for_python is None:
                     self._for_python = self._make(self._folder, {})
         return self._for_python
@@ -98,7 +98,7 @@ class Kernel:
     def callee(self) -> Any:
         """What kernels call."""
         if self._for_kernels is None:
-            with _MAKING:
+            with _MAKING_DISPATCHER:
                 if self._for_kernels is None:
                     folder = self._folder and self._folder / CALLEES
                     self._for_kernels = self._make(folder, NO_WRAPPERS)
@@ -130,7 +130,7 @@ class Kernel:
         return getattr(self.dispatcher, name)
 
 
-_MAKING = threading.RLock()  # the dispatcher of a kernel is made once
+_MAKING_DISPATCHER = threading.RLock()  # the dispatcher of a kernel is made once
 
 
 def _with_one_signature(dispatcher: Any) -> Any:

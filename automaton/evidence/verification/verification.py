@@ -257,7 +257,8 @@ def as_branched(before: Resolved, resolved: Resolved, settings: tuple[str, ...])
     """The scenario after settings were changed; files are named from another folder perhaps."""
     scenario = branched(before, settings).scenario
     if any(files_of(choice.parameters) for _, choice in resolved.choices):
-        return msgspec.structs.replace(scenario, strategy=resolved.scenario.strategy)
+        named = resolved.scenario
+        return msgspec.structs.replace(scenario, strategy=named.strategy, fleet=named.fleet)
     return scenario
 
 

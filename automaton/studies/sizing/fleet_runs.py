@@ -66,7 +66,7 @@ def run_and_measure_use(simulation: Simulation) -> dict[str, float | int]:
     figures[MEASURED] = elapsed // simulation.resolved.scenario.refine
     world, floor_plan = simulation.world, simulation.resolved.floor_plan
     stations = int(np.count_nonzero(floor_plan.kind == STATION))
-    places = sum(places_of_chargers(resolved.scenario, floor_plan))
+    places = sum(places_of_chargers(resolved.scenario, floor_plan).values())
     if stations:
         handling = int(ticks[[ACTION_PICK, ACTION_DROP, ACTION_TRY_DROP]].sum())
         # Pods are picked and dropped in storage.

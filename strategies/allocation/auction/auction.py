@@ -169,6 +169,7 @@ class Auction(Strategy):
     ) -> None:
         """One auctioneer's auction; its region is doubled while orders are left unsold."""
         asked, strategy = int(batch.robot[0]), int(batch.strategy[0])  # it is counted in that row
+        bidders = int((view.rules.allocation[view.robots.type] == strategy).sum())
         parameters, market = self.parameters, state.market
         most = MAX_SOLD.get(parameters.mechanism)
         items = items[:most]
@@ -180,7 +181,7 @@ class Auction(Strategy):
             robots = open_auction(view, out, workspace, market, strategy, items, len(items))
             market.fleet.capacity[:robots], market.fleet.capacity[robots:] = state.limit, 0
             announce_items(view, market, robots, len(items), center, radius)
-            self._hold(view, state, len(items))
+            self._hold(view, state, bidders, len(items))
             enter_plans(view, out, market, robots, state.due)
             state.auctions[asked] += 1
             state.bids[asked] += market.scratch.count.bids[0]
@@ -190,11 +191,11 @@ class Auction(Strategy):
                 return
             radius *= 2
 
-    def _hold(self, view: World, state: AuctionState, count: int) -> None:
-        """Sell so many items of the market by the rules of the scenario."""
+    def _hold(self, view: World, state: AuctionState, bidders: int, count: int) -> None:
+        """Sell so many items of the market to its robots by the rules of the scenario."""
         given, market = self.parameters, state.market
         market_parts = (market.costs, market.battery, market.fleet, market.scratch)
-        rule, epsilon = BID_RULES[given.bid_rule], self._epsilon(view, count)
+        rule, epsilon = BID_RULES[given.bid_rule], self._epsilon(view, bidders, count)
         if given.mechanism == "arrival":
             by_arrival(*market_parts, market.item, count, rule, epsilon)
         elif given.mechanism == "parallel":
@@ -202,7 +203,7 @@ class Auction(Strategy):
         elif given.mechanism == "assignment":
             assign_once(*market_parts, state.assignment, market.item, count, rule, epsilon)
         elif given.mechanism == "sequential" or not self._allot(
-            view, state, market_parts, count, epsilon
+            view, state, market_parts, bidders, count, epsilon
         ):
             winner = WINNER_RULES[given.winner_rule]
             sequential(*market_parts, market.item, count, rule, epsilon, winner, 0)
@@ -210,7 +211,13 @@ class Auction(Strategy):
             improve(*market_parts, epsilon)
 
     def _allot(
-        self, view: World, state: AuctionState, market_parts: Any, count: int, epsilon: int
+        self,
+        view: World,
+        state: AuctionState,
+        market_parts: Any,
+        bidders: int,
+        count: int,
+        epsilon: int,
     ) -> bool:
         """Look at whole allotments; False, with the lists as before, if none does every item."""
         fleet, item = state.market.fleet, state.market.item
@@ -220,7 +227,7 @@ class Auction(Strategy):
         elif self.parameters.mechanism == "exact":
             value = exact(*market_parts, state.bundles, item, count, epsilon)
         else:
-            turns, number = generations(len(view.robots.cell), count), int(state.auctions.sum())
+            turns, number = generations(bidders, count), int(state.auctions.sum())
             draws = (turns, 0, np.uint64(view.rules.seed), number)
             with np.errstate(over="ignore"):
                 value = genetic(*market_parts, state.population, item, count, epsilon, *draws)
@@ -230,12 +237,12 @@ class Auction(Strategy):
         settle_all(*market_parts)
         return False
 
-    def _epsilon(self, view: World, count: int) -> int:
+    def _epsilon(self, view: World, bidders: int, count: int) -> int:
         """Thousandths of MiniSum in the bids of this auction."""
         given = self.parameters.epsilon
         if isinstance(given, EpsilonSchedule):
             share = min(1.0, int(view.clock[CLOCK_TICK]) / given.until)
             return round(1000 * (given.first + share * (given.last - given.first)))
         if given == "load":
-            return min(1000, 1000 * count // (BUSY * len(view.robots.cell)))
+            return min(1000, 1000 * count // (BUSY * bidders))
         return round(1000 * given)

@@ -44,6 +44,8 @@ def choose_charging(view, batch, out, market, workspace, idle_below):
         tasks = enter_list(view, workspace, market, i)
         if batch.reason[k] == REASON_PERIODIC and (tasks or robots.busy[i]):
             continue
+        if tasks == 0 and robots.charge[i] == BATTERY_FULL:
+            continue
         home = market.costs.begin[0]
         if tasks == 0:
             robot_type = market.costs.robot_type[0]

@@ -13,10 +13,10 @@ from drawn_scenes import recorded_run
 from panel_harness import moment, of_robot, shown
 from played_back import check_at, digests_of, playback_of, recorded
 
-from automaton.build.resolve import Resolved, branched, resolve
+from automaton.build.resolve import MAX_ALLOCATIONS, Resolved, branched, resolve
 from automaton.commands.check import described
 from automaton.engine.record_codes import CHANGE_DROPPED
-from automaton.engine.state import LAYER_ALLOCATION, NIL
+from automaton.engine.state import LAYER_ALLOCATION, LAYER_NAMES, NIL, STRATEGIES
 from automaton.errors import InputError
 from automaton.evidence.recording.contents import FRAME_KIND_TICKS
 from automaton.evidence.recording.frames import Recording, encoded
@@ -30,6 +30,7 @@ from automaton.units import unit
 from tui.widgets.inspector import Inspector
 
 BRIGADE, CARRIERS = (0, 1), (2, 3)
+GREEDY = tuple({"name": "greedy", "reassign": ticks} for ticks in (7, 5))
 
 
 def mixed(*own: Any, scenario: str = "tabletop-1", **settings: Any) -> Resolved:
@@ -70,9 +71,6 @@ def test_two_pass_loads_on_and_two_carry_them_all_the_way(information: str) -> N
     assert verify_recording(recording).passed
 
 
-GREEDY = tuple({"name": "greedy", "reassign": ticks} for ticks in (7, 5))
-
-
 @pytest.mark.parametrize(
     ("scenario", "own", "information"),
     [
@@ -109,7 +107,7 @@ def test_types_with_the_same_strategy_share_it(spec: Any) -> None:
     alike = mixed(spec, spec, scenario=scenario, strategy__allocation="first-come")
     usual = mixed(None, None, scenario=scenario)
     usual = resolve(usual.scenario, [f"strategy.allocation={msgspec.json.encode(spec).decode()}"])
-    assert alike.allocation_of_types == [1, 1]
+    assert alike.allocation_of_types == [0, 0] and len(alike.allocations) == 1
     runs = [Simulation(one) for one in (alike, usual)]
     for run in runs:
         run.run(until=3000)
@@ -127,8 +125,7 @@ def test_strategies_in_python_and_compiled_ones_go_together() -> None:
 
 
 def test_each_is_asked_in_its_own_period() -> None:
-    own = {"name": "greedy", "reassign": 7}
-    other = {"name": "greedy", "reassign": 5}
+    own, other = GREEDY
     run = Simulation(mixed(own, other, None, scenario="random-400"))
     period = run.world.rules.period
     assert period[LAYER_ALLOCATION] == 0
@@ -145,6 +142,29 @@ def test_an_auction_sells_to_its_own_robots() -> None:
     planned = [planned_orders(one) for one in (resolved, mixed("auction", None, scenario="depots"))]
     assert planned[0] == {0, 1} and planned[1] == {0, 1, 2, 3}
     assert verify_recording(recorder.recording()).passed
+
+
+def test_a_branch_keeps_what_stays() -> None:
+    """The base changes to the strategy of a type: both are one then, and the other keeps its lists."""
+    resolved = mixed(
+        "auction", "first-come", None, scenario="depots", strategy__allocation="greedy"
+    )
+    run = Simulation(resolved)
+    run.run(until=300)
+    lists = run.world.robots.order_queue_length.copy()
+    assert lists.sum() > 0
+    changed = branched(resolved, ("strategy.allocation=auction",))
+    assert [choice.name for choice in changed.allocations] == ["auction", "first-come"]
+    after = run.continue_with(changed)
+    assert after.world.robots.order_queue_length.tolist() == lists.tolist()
+    after.run(until=600)
+    assert (after.world.tally.illegal == 0).all()
+
+
+def test_a_branch_is_checked_for_types_too() -> None:
+    resolved = mixed("auction", None, scenario="depots", strategy__allocation="greedy")
+    with pytest.raises(InputError, match="information"):
+        branched(resolved, ("information=orders", "strategy.charging=none"))
 
 
 def planned_orders(resolved: Resolved) -> set[int]:
@@ -231,10 +251,11 @@ def test_what_is_wrong_is_said_with_its_place(
 
 
 def test_more_than_four_are_refused() -> None:
-    own = ["independent", "adaptive", "shortest-job", "first-come"]  # and the scenario's
-    assert len(mixed(*own[:3]).allocations) == 4
+    own = ["independent", "adaptive", "shortest-job", "first-come"]
+    assert len(mixed(*own).allocations) == 4, "the scenario's own is asked about nobody"
     with pytest.raises(InputError, match="name 5 different allocation strategies; at most 4"):
-        mixed(*own)
+        mixed(*own, None)
+    assert 1 + STRATEGIES - len(LAYER_NAMES) == MAX_ALLOCATIONS
 
 
 def test_a_part_of_one_can_be_set(tmp_path: Path) -> None:

@@ -89,7 +89,7 @@ def test_a_usual_charger_serves_one() -> None:
 @pytest.mark.parametrize(("capacity", "places"), [(0, 3), (1, 1), (2, 2)])
 def test_its_capacity_is_what_estimates_count(capacity: int, places: int) -> None:
     resolved = crowd(capacity, AROUND)
-    assert places_of_chargers(resolved.scenario, resolved.floor_plan) == [places]
+    assert list(places_of_chargers(resolved.scenario, resolved.floor_plan).values()) == [places]
     assert Simulation(resolved).world.chargers.places.tolist() == [places]
 
 

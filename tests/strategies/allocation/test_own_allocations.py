@@ -146,9 +146,8 @@ def test_an_auction_sells_to_its_own_robots() -> None:
 
 def test_a_branch_keeps_what_stays() -> None:
     """The base changes to the strategy of a type: both are one then, and the other keeps its lists."""
-    resolved = mixed(
-        "auction", "first-come", None, scenario="depots", strategy__allocation="greedy"
-    )
+    settings = {"strategy__allocation": "greedy", "fleet__start": "random"}
+    resolved = mixed("auction", "first-come", None, scenario="depots", **settings)
     run = Simulation(resolved)
     run.run(until=300)
     lists = run.world.robots.order_queue_length.copy()

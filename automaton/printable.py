@@ -96,6 +96,11 @@ class PrintedText:
             self.stream.write(shown)
         return len(text)
 
+    @property
+    def buffer(self) -> _PrintedBytes:
+        """The stream as one of bytes, which are written as they are."""
+        return _PrintedBytes(self)
+
     def flush(self) -> None:
         """Write what is held back. Raises OutputError."""
         with self._writable():
@@ -123,6 +128,19 @@ class PrintedText:
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.stream, name)
+
+
+class _PrintedBytes:
+    """What writes bytes to a standard stream as `PrintedText` writes text."""
+
+    def __init__(self, printed: PrintedText) -> None:
+        self.printed = printed
+
+    def write(self, data: bytes) -> int:
+        """Write bytes. Raises OutputError."""
+        with self.printed._writable():
+            return int(self.printed.stream.buffer.write(data))
+        return 0
 
 
 def _nowhere() -> TextIO:

@@ -460,7 +460,9 @@ def tables_named(reproduction: Reproduction, names: Sequence[str]) -> tuple[Tabl
     known = {table.name: table for table in reproduction.tables if table.name}
     for name in names:
         if not known:
-            raise InputError(f"{reproduction.name} has no tables to choose: leave out --tables")
+            raise InputError(
+                f"{reproduction.name} has no tables to choose: write --tables without names"
+            )
         if name not in known:
             raise InputError(
                 f"{reproduction.name} has no table '{name}'{nearest(name, known)}; "
@@ -490,9 +492,18 @@ def _with_settings(name: str, case: Case, settings: Settings) -> Case:
     own = [parse_setting(text).keys for text in case.own_settings] if settings else []
     for setting in settings:
         one = parse_setting(setting) if isinstance(setting, str) else setting
-        if any(keys[: len(one.keys)] == one.keys[: len(keys)] for keys in own):
+        if one.keys == ("seed",):
+            raise InputError("seeds are counted: --seed-from N --seeds M", one.argument)
+        replaced = any(keys[: len(one.keys)] == one.keys[: len(keys)] for keys in own)
+        if replaced or (_gives_types_allocations(one) and ("strategy", "allocation") in own):
             raise InputError(f"the cases of {name} set this themselves; leave it out", one.argument)
     return replace(case, settings=settings)
+
+
+def _gives_types_allocations(setting: Override) -> bool:
+    """Whether a setting gives types of robots strategies of their own."""
+    of_types = setting.keys[:2] == ("fleet", "types")
+    return of_types and ("strategy" in setting.keys or "strategy" in str(setting.value))
 
 
 def reproduce(

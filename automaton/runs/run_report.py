@@ -80,8 +80,8 @@ def heading(resolved: Resolved, outcome: Outcome, tick: Unit) -> list[str]:
     unfinished = "stopped after" if outcome.stopped else "NOT FINISHED after"
     end = f"{finished if outcome.finished else unfinished} {time}"
     strategies = [
-        f"{layer.replace('_', ' ')} {choice.name}"
-        + (own_allocations(resolved) if layer == "allocation" else "")
+        f"{layer.replace('_', ' ')} "
+        + (allocations(resolved) if layer == "allocation" else choice.name)
         for layer, choice in resolved.strategies.items()
         if choice.name != NO_STRATEGY
     ]
@@ -99,11 +99,14 @@ def heading(resolved: Resolved, outcome: Outcome, tick: Unit) -> list[str]:
     ]
 
 
-def own_allocations(resolved: Resolved) -> str:
-    """The allocations that types of robots have to themselves, behind that of the others."""
+def allocations(resolved: Resolved) -> str:
+    """The strategy that allocates orders; beside it, those that types of robots have to themselves."""
     types = resolved.scenario.fleet.types
-    own = [f"{kind.name}: {kind.own_allocation}" for kind in types if kind.own_allocation]
-    return f" ({', '.join(own)})" if own else ""
+    usual = resolved.strategies["allocation"].name
+    own = ", ".join(f"{kind.name}: {kind.own_allocation}" for kind in types if kind.own_allocation)
+    if types and all(kind.own_allocation for kind in types):
+        return own
+    return f"{usual} ({own})" if own else usual
 
 
 def refinement(scenario: Scenario) -> list[str]:

@@ -80,7 +80,7 @@ def _explained(
         return document.error(
             (*keys, field[1]),
             f"unknown key '{field[1]}'{_inside(keys)}{nearest(field[1], names)}; "
-            f"allowed: {', '.join(names)}",
+            + (f"allowed: {', '.join(names)}" if names else "there are no keys here"),
         )
     if field and what.startswith("Object missing"):
         return document.error(keys, f"the key '{field[1]}' is missing{_inside(keys)}")

@@ -154,6 +154,19 @@ def test_a_command_ends_as_its_row_says(
     assert "internal error" not in errors.getvalue()
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no full device")
+def test_bytes_that_do_not_fit_are_said_as_text_is(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    errors = io.StringIO()
+    with standard_output("full") as output, monkeypatch.context() as patch:
+        patch.setattr(sys, "stdout", output)
+        patch.setattr(sys, "stderr", errors)
+        code = main(["cast", "a.rec", "--out", "-", "--to", "20"])
+    said = "automaton: standard output cannot be written: no space left on device\n"
+    assert (code, errors.getvalue()) == (2, said)
+
+
 def measure_nothing(wanted: Any, repeat: int, figures: list[Figure]) -> int:
     figures.append(Figure("nothing", "ns", 1.0, 1.0, 1.0))
     return 0

@@ -348,6 +348,12 @@ def test_the_report_fits_the_terminal(
         (["tabletop", "--seeds", "1e9"], "argument --seeds: '1e9' is not a whole number"),
         (["tabletop", "--set", "fleet.robots=3"], "the cases of tabletop set this themselves"),
         (["tabletop", "--set", "information={radius: 3}"], "the cases of tabletop set this"),
+        (["tabletop", "--set", "strategy.allocation.name=adaptive"], "the cases of tabletop set"),
+        (
+            ["tabletop", "--set", "fleet.types=[{name: a, strategy: {allocation: adaptive}}]"],
+            "the cases of tabletop set this themselves",
+        ),
+        (["tabletop", "--set", "seed=5"], "--set seed=5: seeds are counted: --seed-from N"),
         (["tabletop", "--set", "durations.turn=x"], "--set durations.turn=x: durations.turn must"),
         (["tabletop", "--set", "nonsense"], "--set nonsense: expected KEY=VALUE"),
         (["traffic", "--set", "durations.turn=3"], "traffic runs no scenarios: leave out --set"),

@@ -76,7 +76,7 @@ def _frames_of(stream: BinaryIO, size: int, file: str) -> Iterator[Payload]:
     at, number = PREAMBLE.size, 0
 
     def damaged(why: str) -> InputError:
-        kept = f"; ticks 0 to {sequence.tick:,} come before it, and `head -c {at} FILE` keeps them"
+        kept = f"; ticks 0 to {sequence.tick:,} come before it, and `head -c {at} FILE > NEW` keeps them"
         text = f"damaged: frame {number} at byte {at:,} {why}"
         return InputError(text + (kept if sequence.keyframe >= 0 else ""), file)
 

@@ -204,6 +204,9 @@ def test_the_report_names_them() -> None:
     outcome = run_once(resolved)
     head = "\n".join(heading(resolved, outcome, unit(resolved.scenario.units.tick)))
     assert "allocation independent (type 0: cooperative)" in head
+    nobody_else = mixed("cooperative", "adaptive")
+    head = "\n".join(heading(nobody_else, outcome, unit(resolved.scenario.units.tick)))
+    assert "allocation type 0: cooperative, type 1: adaptive, routing" in head
     assert "4 robots (type 0 2 by cooperative, type 1 2)" in described(resolved)
     types = '[{"name": "brigade", "robots": 2, "strategy": {"allocation": "cooperative"}}, {"name": "b"}]'
     view = moment(20, "tabletop-1", f"fleet.types={types}")
@@ -227,6 +230,10 @@ def test_the_report_names_them() -> None:
         (
             [{"name": "a", "strategy": {"allocation": {"name": "greedy", "reasign": 3}}}],
             "unknown key 'reasign' in fleet.types[0].strategy.allocation (did you mean 'reassign'?)",
+        ),
+        (
+            [{"name": "a", "strategy": {"allocation": {"name": "independent-python", "x": 1}}}],
+            "unknown key 'x' in fleet.types[0].strategy.allocation; there are no keys here",
         ),
         (
             [{"name": "a", "strategy": {"allocation": {"reassign": 3}}}],

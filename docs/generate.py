@@ -167,6 +167,8 @@ def scenario_page() -> str:
     layers = definitions["Strategies"]["properties"]
     for layer in LAYER_NAMES:
         layers[layer]["anyOf"] = [{"type": f"see [strategies](strategies.md#{layer})"}]
+    own = definitions["TypeStrategy"]["properties"]["allocation"]
+    own["anyOf"] = layers["allocation"]["anyOf"]
     sections = list(reachable("Scenario", definitions))
     return page(
         "Keys of a scenario",

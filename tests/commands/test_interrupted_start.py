@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
 
 import pytest
+from signal_process import signal_process
 
 # Sends the signal of Ctrl-C when a module is looked for; `importing` is what the program then does.
 INTERRUPTED_AT = """
@@ -35,9 +37,8 @@ LATER = ("automaton.commands.check", "numpy")
 
 
 def ended(program: str) -> tuple[int, str]:
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=False
-    )
+    command = signal_process(signal.SIGINT, [sys.executable, "-c", program])
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     return done.returncode, done.stderr
 
 

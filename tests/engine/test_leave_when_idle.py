@@ -87,7 +87,7 @@ class Wrong(Strategy):
 
     def decide(self, view, batch, decisions, memory, workspace):
         decisions.right_of_way.command[: batch.count[0]] = CMD_RETREAT
-        decisions.right_of_way.value[: batch.count[0]] = 0
+        decisions.right_of_way.value[: batch.count[0]] = -1
 
 
 def test_who_would_leave_and_loses_the_tick_is_not_parked_any_more(scenario):

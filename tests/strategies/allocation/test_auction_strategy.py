@@ -187,7 +187,7 @@ def test_a_schedule_goes_evenly_from_one_epsilon_to_another() -> None:
     found = []
     for tick in (0, 500, 1000, 9000):
         run.world.clock[CLOCK_TICK] = tick
-        found.append(strategy._epsilon(run.view, 1))
+        found.append(strategy._epsilon(run.view, 1, 1))
     assert found == [200, 400, 600, 600]
 
 

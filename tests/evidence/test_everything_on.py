@@ -29,10 +29,12 @@ from automaton.engine.record_codes import (
 from automaton.evidence.recording.contents import FRAME_KIND_TICKS, Frame
 from automaton.evidence.recording.frames import Recording
 from automaton.evidence.verification.validator import validate_stored
+from automaton.runs.simulation import Simulation
 
 SAMPLE, TICKS = range(8, 31), 200
 COUNTED = 28  # a scenario with pods, gates, faults and charging
 IN_SHAFT = range(29, 30)  # robots that would begin in the shaft of a lift
+NO_WAY_HOME = 700_755  # from a charger, for robots of one type
 
 
 def test_on_floors_with_everything_on_nothing_breaks() -> None:
@@ -42,6 +44,12 @@ def test_on_floors_with_everything_on_nothing_breaks() -> None:
     for name in ("delivered", "failures", "charging", "at_gates", "in_queues"):
         assert counts[name] > 0, f"in no run: {name}"
     assert counts["with pods + gates + battery + faults"] > 1
+
+
+def test_no_robot_is_sent_to_a_charger_from_which_it_does_not_get_home() -> None:
+    run = Simulation(resolved_whole(scenario_of(NO_WAY_HOME)))
+    run.run()
+    assert (run.world.tally.illegal == 0).all()
 
 
 def test_a_scenario_and_its_file_are_the_same(tmp_path: Path) -> None:

@@ -299,9 +299,11 @@ def measure_distances(view, workspace, market, robot_type, robots, tasks):
     cell, ticks, energy = market.cell[robot_type], costs.ticks[robot_type], costs.energy[robot_type]
     for b in range(market.fleet.place.shape[0], places):  # one distance field after another
         end = np.int64(cell[b])
+        # From a charger a robot must also get home.
+        served = end != NIL and (b >= first_task or view.slots.reachable[robot_type, end] != 0)
         for a in range(places):
             if a < robots or a >= market.fleet.place.shape[0]:
-                known = cell[a] != NIL and end != NIL
+                known = cell[a] != NIL and served
                 way = longest_way(view, workspace, robot_type, cell[a], end) if known else CAPPED
                 ticks[a, b] = way
                 energy[a, b] = min(way * rate, CAPPED_ENERGY)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import msgspec
-import numpy as np
 import pytest
 from drawn_scenes import recorded_run
 from played_back import playback_of
@@ -14,7 +13,6 @@ from automaton.build.charger_places import places_of_chargers
 from automaton.build.resolve import Resolved, resolve
 from automaton.engine.robot_status import BATTERY_PERCENT
 from automaton.engine.state import GOAL_CHARGE
-from automaton.evidence.recording.recorder import MemoryRecorder
 from automaton.evidence.verification.verification import verify_recording
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
@@ -161,14 +159,3 @@ def test_robots_that_wait_use_up_charge_and_are_looked_at_every_so_many_ticks() 
             run.run(until=run.tick + 1)
         sent.append(run.tick)
     assert sent == [15, 40]
-
-
-def test_whoever_leaves_no_charger_wakes_nobody() -> None:
-    """With another strategy, idle robots are asked about as before."""
-    strategy = {"charging": "insertion", "allocation": "first-come"}
-    resolved = crowd(1, AROUND, strategy=strategy)
-    memory = MemoryRecorder(resolved)
-    run = Simulation(resolved, on_record=memory)
-    run.run()
-    assert run.world.rules.watches_chargers[0] == 0
-    assert np.all(run.world.robots.goal_type != GOAL_CHARGE)

@@ -71,6 +71,8 @@ OBSERVED_TICKS = 1024  # and of an observation
 # Decisions in Python after which the state is compared: two digests take longer than a short decision.
 ALWAYS_CHECKED = 100  # the first ones
 CHECKED_EVERY = 256  # and later ones
+NO_STATE = NoState()  # of the strategies that a run does without, in all runs
+NO_MEMORY = Memory(address=lent_address(NO_STATE), rows=NO_ROWS)
 
 
 class Simulation:
@@ -246,7 +248,7 @@ class Simulation:
 
     def _state(self, strategy: Strategy | None) -> Struct:
         if strategy is None:
-            return NoState()
+            return NO_STATE
         with self._within_patience():
             state = strategy.reset(self.view)
         check_counters(strategy, TASK_SUMS)
@@ -278,13 +280,18 @@ class Simulation:
         self._states = [state.stopped_by(self.workspace.stop) for state in self._states]
         # Under a radius each robot is shown its own rows, when it is asked.
         limited = self.world.rules.radius > 0
-        shown = [state.cleared() if limited else state for state in self._states]
+        shown = [
+            state.cleared() if limited and state is not NO_STATE else state
+            for state in self._states
+        ]
         faces = [
             state.lent() if kind == loop_kernels.MODE_INTERPRETED else state
             for state, kind in zip(shown, mode, strict=True)
         ]
         memories = [
-            Memory(address=lent_address(face), rows=state_rows(*pair) if limited else NO_ROWS)
+            NO_MEMORY
+            if face is NO_STATE
+            else Memory(address=lent_address(face), rows=state_rows(*pair) if limited else NO_ROWS)
             for face, *pair in zip(faces, self._states, shown, strict=True)
         ]
         if loop_kernels.MODE_INTERPRETED in mode:

@@ -38,8 +38,9 @@ def _compile(function: Any, signature: Any) -> Any:
     place = f"{inspect.getsourcefile(plain)}:{plain.__code__.co_firstlineno}"
     if len(inspect.signature(plain).parameters) != len(ARGUMENTS):
         raise InputError(f"{place}: a compiled decide takes ({', '.join(ARGUMENTS)})")
+    dispatcher = getattr(function, "dispatcher", function)  # what Numba passes as a function
     try:
-        function.compile(signature)
+        result = dispatcher.get_compile_result(signature)
     except NumbaError as error:
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
         told = next(
@@ -49,4 +50,5 @@ def _compile(function: Any, signature: Any) -> Any:
         raise InputError(
             f"{place}: the strategy does not compile: {told} {where}".strip()
         ) from error
-    return getattr(function, "dispatcher", function)  # a first-class function is one of Numba's own
+    dispatcher.get_compile_result = lambda _: result  # looked up twice by each run
+    return dispatcher

@@ -4,14 +4,21 @@ Ctrl-C while the command line is imported, a fifth of a second, ends the process
 later: this module imports nothing else before it has seen to that.
 """
 
+import gc
 import os
 import sys
 
 INTERRUPTED = 130
+COLLECTED = (
+    300_000,
+    50,
+    1000,
+)  # more objects than a start makes, in which no garbage is looked for
 
 
 def main() -> int:
     """Run the command line of this process and return the exit code."""
+    gc.set_threshold(*COLLECTED)
     try:
         import signal
 
@@ -21,7 +28,9 @@ def main() -> int:
         from automaton.commands import main as run_command_line
 
         signal.signal(signal.SIGINT, usual)
-        return run_command_line()
+        code = run_command_line()
+        gc.freeze()  # what is left goes with the process: nobody looks for garbage in it
+        return code
     except KeyboardInterrupt:
         return _end_at_once()
 

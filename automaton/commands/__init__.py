@@ -130,6 +130,8 @@ def _dispatch(arguments: list[str], debug: bool) -> int:
     name, *rest = arguments
     if name == "--version":
         print(f"automaton {version()}")
+        if "--verbose" in rest:
+            print(surroundings())
         return DONE
     if name not in COMMANDS:
         what = "option" if name.startswith("-") else "command"
@@ -172,9 +174,31 @@ def usage() -> str:
         f"commands:\n{commands}\n\n"
         f"options:\n"
         f"  {'--help':<{width}}this text, or a command's own\n"
-        f"  {'--version':<{width}}the version\n"
+        f"  {'--version':<{width}}the version; with --verbose, what it runs on\n"
         f"  {'--debug':<{width}}show tracebacks of errors\n"
     ).rstrip()
+
+
+def surroundings() -> str:
+    """What `automaton --version --verbose` says: versions and folders that a report of a fault needs."""
+    import platform
+
+    import numba
+    import numpy
+
+    from automaton.engine.jit.kernel_cache import cache_root
+    from automaton.engine.jit.numba_parts import LINKS_OTHERWISE
+    from automaton.runs.cores import cores
+
+    way = "as intermediate code, once in what Python calls"
+    if LINKS_OTHERWISE:
+        way = f"one by one, which takes longer: in this Numba, {LINKS_OTHERWISE}"
+    return (
+        f"Python {platform.python_version()}, Numba {numba.__version__}, NumPy {numpy.__version__}\n"
+        f"{platform.system()} {platform.machine()}, {cores()} cores\n"
+        f"compiled code in {cache_root()}\n"
+        f"kernels are compiled {way}"
+    )
 
 
 def version() -> str:

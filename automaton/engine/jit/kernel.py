@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 import threading
 import time
@@ -21,19 +22,31 @@ from automaton.engine.jit.kernel_cache import (
     is_in_cache,
     with_cache,
 )
-from automaton.engine.jit.numba_parts import config, event
+from automaton.engine.jit.numba_parts import LINKS_OTHERWISE, config, event
+from automaton.engine.jit.operator_types import remember
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 ENGINE = "automaton.engine"  # packages whose kernels are the world
 LOOP = "automaton.engine.loop"  # compiled in every first run, and last
 COMPLETE = "complete"
-CALLEES = "callees"  # a folder beside the kernels that Python calls
+# A folder beside the kernels that Python calls, for those that kernels call.
+CALLEES = "machine-code" if LINKS_OTHERWISE else "callees"
 # What Python and C call a kernel by, which takes a fifth of the time in which a kernel is compiled.
 NO_WRAPPERS = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+ROOTS: dict[str, Any] = {}  # options of kernels that Python calls
+OF_KERNELS: dict[str, Any] = NO_WRAPPERS  # and of those that only kernels call
+if not LINKS_OTHERWISE:
+    from automaton.engine.jit.callees import CalleeCompiler, RootCompiler
+
+    ROOTS = {"pipeline_class": RootCompiler}
+    OF_KERNELS = NO_WRAPPERS | {"pipeline_class": CalleeCompiler}
 WORLD = "the world"
 FIRST_RUN_NOTICE = "first run of this version on this machine (about a minute): the world"
 FIRST_USE_NOTICE = "first use on this machine: "
+# Compiling makes millions of objects that live as long as it takes: the garbage collector, called after
+# each 700, would take a tenth of the time.
+COLLECTED = (50_000, 50, 1000)  # objects and collections after which it is called
 COMPILE_NOTICE_DELAY_S = 1.0  # before it is said that something is being compiled
 
 
@@ -61,7 +74,7 @@ def kernel(
         return Kernel(function, options, None)
     folder = cache_folder(function.__module__, function.__code__.co_filename)
     if signature is not None:
-        dispatcher = with_cache(function, options, folder)
+        dispatcher = with_cache(function, options | ROOTS, folder)
         dispatcher.compile(signature)  # for long; meanwhile others ask how far it is
         dispatcher.disable_compile()
         return dispatcher
@@ -91,7 +104,7 @@ class Kernel:
         if self._for_python is None:
             with _MAKING_DISPATCHER:
                 if self._for_python is None:
-                    self._for_python = self._make(self._folder, {})
+                    self._for_python = self._make(self._folder, ROOTS)
         return self._for_python
 
     @property
@@ -101,7 +114,7 @@ class Kernel:
             with _MAKING_DISPATCHER:
                 if self._for_kernels is None:
                     folder = self._folder and self._folder / CALLEES
-                    self._for_kernels = self._make(folder, NO_WRAPPERS)
+                    self._for_kernels = self._make(folder, OF_KERNELS)
         return self._for_kernels
 
     def _make(self, folder: Path | None, more: dict[str, Any]) -> Any:
@@ -166,6 +179,7 @@ class _Compilations(event.Listener):  # type: ignore[misc]
         self.announced = False  # somebody has said why it takes long
         self._depth = 0
         self._begun = 0.0
+        self._collected = gc.get_threshold()
         self._told: set[str] = set()
         self._timer = threading.Timer(0.0, print)
 
@@ -174,6 +188,8 @@ class _Compilations(event.Listener):  # type: ignore[misc]
         if self._depth > 1:
             return  # a kernel that another one calls
         self._begun = time.perf_counter()
+        self._collected = gc.get_threshold()
+        gc.set_threshold(*map(max, self._collected, COLLECTED))
         COMPILING.begin()
         subject = subject_of(event.data["dispatcher"].py_func.__module__)
         if not self.announced:
@@ -185,6 +201,7 @@ class _Compilations(event.Listener):  # type: ignore[misc]
         self._depth -= 1
         if self._depth == 0:
             self._timer.cancel()
+            gc.set_threshold(*self._collected)
             self.seconds += time.perf_counter() - self._begun
 
     def announce(self, subject: str) -> None:
@@ -216,6 +233,7 @@ def world_marker() -> Path:
     return (filled if filled and (filled / COMPLETE).exists() else folder) / COMPLETE
 
 
+remember()
 COMPILATIONS = _Compilations()
 event.register("numba:compile", COMPILATIONS)
 

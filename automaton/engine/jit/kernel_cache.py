@@ -171,14 +171,15 @@ def with_cache(function: Any, options: dict[str, Any], folder: Path) -> Any:
     Kernels of a cache that can only be read come first: no process can have changed them.
     """
     filled = filled_folder(folder)
-    reader = None if filled is None else _reader(function, filled)
+    kind = getattr(options.get("pipeline_class"), "cache_class", FunctionCache)
+    reader = None if filled is None else _reader(kind, function, filled)
+    dispatcher = njit(**options)(function)
     if not cache_places().is_writable:
-        dispatcher = njit(**options)(function)
         if reader is not None:
             dispatcher._cache = reader
         return dispatcher
     with _caching_in(folder):
-        dispatcher = njit(cache=True, **options)(function)
+        dispatcher._cache = kind(function)
     if reader is not None:
         _read_first(reader, dispatcher._cache)
     return _saved_alone(dispatcher)
@@ -206,15 +207,15 @@ def _caching_in(folder: Path) -> Iterator[None]:
             config.CACHE_DIR = before
 
 
-def _reader(function: Any, folder: Path) -> Any:
-    """Return a cache in a folder that cannot be written: it loads, and saves nothing."""
+def _reader(kind: Any, function: Any, folder: Path) -> Any:
+    """Return a cache of a kind in a folder that cannot be written: it loads, and saves nothing."""
     with _caching_in(folder):
         check = CacheLocator.ensure_cache_path
         CacheLocator.ensure_cache_path = lambda self: (
             None
         )  # Numba takes no folder that it cannot write
         try:
-            reader = FunctionCache(function)
+            reader = kind(function)
         finally:
             CacheLocator.ensure_cache_path = check
     load = reader.load_overload

@@ -36,6 +36,7 @@ try:
     from numba.core.caching import _CacheLocator as CacheLocator
     from numba.core.cpu import CPUTargetOptions
     from numba.core.dispatcher import Dispatcher
+    from numba.core.types.functions import BaseFunction
     from numba.core.typing.templates import AttributeTemplate, infer_getattr
     from numba.np.arrayobj import populate_array
 
@@ -65,6 +66,8 @@ def changed() -> Iterator[str]:
     """The parts that are there, and not what compiled code takes them for."""
     if not {"data", "shape", "strides", "itemsize", "meminfo"} <= parameters(populate_array):
         yield "populate_array takes other arguments"
+    if parameters(BaseFunction.get_call_type) != {"self", "context", "args", "kws"}:
+        yield "BaseFunction.get_call_type takes other arguments"
     if parameters(getattr(Dispatcher, "get_call_template", None)) != {"self", "args", "kws"}:
         yield "Dispatcher.get_call_template takes other arguments"
     if not hasattr(CPUTargetOptions, "_nrt"):
@@ -85,5 +88,31 @@ def parameters(function: Any) -> set[str]:
     return set(inspect.signature(function).parameters) if callable(function) else set()
 
 
+def links_otherwise() -> str:
+    """Return which part of Numba is not as `callees` takes it, "" if none: without it each kernel gets
+    machine code of its own, and a first run takes a quarter longer."""
+    try:
+        from numba.core.caching import CompileResultCacheImpl
+        from numba.core.codegen import JITCodeLibrary
+        from numba.core.compiler import CR_FIELDS, Compiler, compile_result
+        from numba.core.environment import lookup_environment
+    except ImportError as error:
+        return str(error)
+    library = {"finalize", "_finalize_specific", "_finalize_dynamic_globals", "_raise_if_finalized"}
+    library |= {"_get_module_for_linking", "add_linking_library", "get_pointer_to_function"}
+    if not library <= set(dir(JITCodeLibrary)):
+        return f"JITCodeLibrary has no {min(library - set(dir(JITCodeLibrary)))}"
+    if not {"library", "entry_point", "referenced_envs", "reload_init"} <= set(CR_FIELDS):
+        return "the results of compilations have other fields"
+    if parameters(Compiler.compile_extra) != {"self", "func"}:
+        return "Compiler.compile_extra takes other arguments"
+    if not {"reduce", "rebuild"} <= set(dir(CompileResultCacheImpl)):
+        return "CompileResultCacheImpl keeps results otherwise"
+    return (
+        "" if parameters(compile_result) and parameters(lookup_environment) else "other functions"
+    )
+
+
 for _what in changed():
     raise unfit(_what)
+LINKS_OTHERWISE = links_otherwise()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 
 import pytest
@@ -16,6 +17,16 @@ COMMON = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
 settings.register_profile("ci", derandomize=True, print_blob=True, **COMMON)
 settings.register_profile("explore", derandomize=False, **COMMON)  # new examples in every run
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
+
+
+# Tests make objects by the million, and drop most of them at once.
+gc.set_threshold(50_000, 50, 1000)
+
+
+def pytest_collection_finish() -> None:
+    """What thousands of collected tests consist of stays to the end: no garbage is looked for there."""
+    gc.collect()
+    gc.freeze()
 
 
 def pytest_addoption(pluginmanager: pytest.PytestPluginManager) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from automaton.engine.jit.kernel_cache import cache_root
 from automaton.pytest_plugin import difference, file_name
 
 pytest_plugins = ["pytester"]
@@ -16,10 +17,12 @@ STORY = """
         grid_snapshot({text!r})
 """
 GOLDEN = "snapshots/test_it/test_story.txt"
+COMPILED = str(cache_root().parent)  # found before pytester gives each project a home of its own
 
 
 @pytest.fixture
-def project(pytester: pytest.Pytester) -> pytest.Pytester:
+def project(pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> pytest.Pytester:
+    monkeypatch.setenv("AUTOMATON_CACHE_DIR", COMPILED)
     pytester.makeini("[pytest]\naddopts = -p no:cacheprovider -p automaton.pytest_plugin")
     return pytester
 

@@ -96,9 +96,13 @@ def begin_run(resolved: Resolved) -> None:
 
 
 def compile_others(used: set[tuple[str, str]]) -> set[tuple[str, str]]:
-    """Compile the decisions of the strategies that no shipped scenario names; what these are."""
+    """Compile the features, and the decisions of the strategies, that no shipped scenario uses; return
+    these strategies."""
+    from automaton.engine.features import FEATURES, compiled_feature
     from automaton.runs.simulation import compile_strategy
 
+    for number in range(len(FEATURES)):
+        compiled_feature(number)
     others = {(layer, name) for layer in LAYER_NAMES for name in lookup.names(layer)} - used
     for layer, name in sorted(others):
         if name != lookup.NO_STRATEGY:

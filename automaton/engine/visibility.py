@@ -29,7 +29,6 @@ from automaton.engine.state import (
     Robots,
     Tally,
 )
-from automaton.engine.state_rows import keep_rows, show_rows
 from automaton.engine.zone_segments import copy_segment
 
 HIDDEN = -2  # design.held: the point belongs to a robot out of sight
@@ -54,18 +53,6 @@ def call_count(world, full_batch, layer):
 
 
 @kernel
-def begin_call(world, visible_world, full_batch, batch, memory, strategy, call):
-    """Prepare call number `call`: who is asked, about which robots, what they see and remember."""
-    name_robots(world, full_batch, batch, strategy, call)
-    if world.rules.radius == NIL:
-        return
-    i = np.int64(full_batch.robot[call])
-    mask_world(world, visible_world, i)
-    if world.rules.radius > 0:
-        show_rows(memory.rows, i)
-
-
-@kernel
 def name_robots(world, full_batch, batch, strategy, call):
     """Enter the robots that call number `call` is about: the strategy's of the batch, or one of them."""
     batch.strategy[0] = strategy
@@ -84,13 +71,6 @@ def name_robots(world, full_batch, batch, strategy, call):
 def is_allocation(strategy):
     """Whether a strategy allocates orders."""
     return strategy == LAYER_ALLOCATION or strategy > LAYER_RIGHT_OF_WAY
-
-
-@kernel
-def end_call(world, memory, full_batch, call):
-    """Put away what the robot remembers."""
-    if world.rules.radius > 0:
-        keep_rows(memory.rows, np.int64(full_batch.robot[call]))
 
 
 @kernel

@@ -1,7 +1,7 @@
 """The first run: two processes compile its 400 kernels side by side, into one cache.
 
-The other process compiles what the loop calls last, and then what the strategies decide with. This one
-loads what is there by the time it needs it, and compiles the rest, whatever becomes of the other.
+The other process compiles the features that the run uses, and what its strategies decide with. This one
+compiles the loop, loads what is there then, and compiles the rest, whatever becomes of the other.
 """
 
 from __future__ import annotations
@@ -16,25 +16,28 @@ from contextlib import contextmanager, suppress
 from importlib import import_module
 from multiprocessing import parent_process
 
+from automaton.engine.features import compiled_feature
 from automaton.engine.jit.kernel import COMPILATIONS, jit_is_on, world_marker
-from automaton.engine.loop import decide_signature, last_parts
+from automaton.engine.loop import decide_signature
 from automaton.runs.cores import cores
 from automaton.strategy.decide_compilation import compiled_decide
 from automaton.strategy.layer import Strategy
 
 
 @contextmanager
-def compiled_side_by_side(kinds: Sequence[type[Strategy]]) -> Iterator[None]:
-    """While the loop is compiled in here for the first time, another process does a part of it.
+def compiled_side_by_side(
+    kinds: Sequence[type[Strategy]], features: Sequence[int]
+) -> Iterator[None]:
+    """While the loop is compiled in here for the first time, another process does what is needed next.
 
-    `kinds`: the strategies that are needed next; they are compiled when this ends.
+    That is these strategies and features (automaton.engine.features); they are compiled when this ends.
     """
     if not jit_is_on() or world_marker().exists() or cores() < 2 or parent_process():
         yield
         return
     try:
         other = subprocess.Popen(
-            [sys.executable, "-c", _command(kinds)],
+            [sys.executable, "-c", _command(kinds, features)],
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
@@ -52,26 +55,26 @@ def compiled_side_by_side(kinds: Sequence[type[Strategy]]) -> Iterator[None]:
         other.communicate()
 
 
-def _command(kinds: Sequence[type[Strategy]]) -> str:
+def _command(kinds: Sequence[type[Strategy]], features: Sequence[int]) -> str:
     """The program of the other process, which finds modules where this one does."""
     names = [f"{kind.__module__}:{kind.__qualname__}" for kind in kinds]
     return (
         f"import sys; sys.path[:] = {sys.path!r}\n"
         f"from {__name__} import compile_for_another as compile\n"
-        f"compile({names!r})"
+        f"compile({names!r}, {list(features)!r})"
     )
 
 
-def compile_for_another(names: Sequence[str]) -> None:
-    """Compile a part of the loop and some strategies, as long as the process that asked lives."""
+def compile_for_another(names: Sequence[str], features: Sequence[int]) -> None:
+    """Compile strategies and features, as long as the process that asked lives."""
     threading.Thread(target=_end_with_stdin, daemon=True).start()
-    compile_part(names)
+    compile_parts(names, features)
 
 
-def compile_part(names: Sequence[str]) -> None:
-    """Compile the last parts of the loop and what these strategies ("module:class") decide with."""
-    for part, kinds in last_parts():  # type: ignore[no-untyped-call]
-        part.callee.compile(kinds)
+def compile_parts(names: Sequence[str], features: Sequence[int]) -> None:
+    """Compile features, by number, and what strategies ("module:class") decide with."""
+    for number in features:
+        compiled_feature(number)
     signature = decide_signature()  # type: ignore[no-untyped-call]
     for name in names:
         module, _, kind = name.partition(":")

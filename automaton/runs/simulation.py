@@ -22,6 +22,7 @@ from automaton.drawings.palette import Theme
 from automaton.engine import loop as loop_kernels
 from automaton.engine.digest import DIGEST_NAMES, combine, digest_world
 from automaton.engine.distance_tables import STOP_NO_ROOM
+from automaton.engine.features import absent, absent_feature, compiled_feature, used_features
 from automaton.engine.jit.compile_progress import COMPILING
 from automaton.engine.jit.kernel import first_compilation_announced, jit_is_on
 from automaton.engine.jit.structs import Struct, lent_address, window
@@ -263,20 +264,27 @@ class Simulation:
             self.workspace,
             np.zeros(STRATEGIES, np.uint8),
         )
-        loop, decide_type = _compiled_loop(self._strategies)
         mode = arguments[-1]
-        functions = []
         for index, strategy in enumerate(self._strategies):
-            function = None if strategy is None else type(strategy).compiled
             if strategy is not None:
+                is_compiled = type(strategy).compiled is not None
                 mode[index] = (
-                    loop_kernels.MODE_INTERPRETED
-                    if function is None
-                    else loop_kernels.MODE_COMPILED
+                    loop_kernels.MODE_COMPILED if is_compiled else loop_kernels.MODE_INTERPRETED
                 )
-            functions.append(compiled_decide(function or loop_kernels.no_op, decide_type))
             if mode[index] == loop_kernels.MODE_INTERPRETED:  # whatever becomes of its own
                 self._states[index] = self._states[index].copied()
+        used = used_features(self.world, mode)
+        loop, decide_type = _compiled_loop(self._strategies, np.flatnonzero(used).tolist())
+        functions = [
+            compiled_decide(type(strategy).compiled, decide_type)  # type: ignore[arg-type]
+            if strategy is not None and kind == loop_kernels.MODE_COMPILED
+            else absent(decide_type)
+            for strategy, kind in zip(self._strategies, mode, strict=True)
+        ]
+        functions += [
+            compiled_feature(number) if is_used else absent_feature(number)
+            for number, is_used in enumerate(used)
+        ]
         self._states = [state.stopped_by(self.workspace.stop) for state in self._states]
         # Under a radius each robot is shown its own rows, when it is asked.
         limited = self.world.rules.radius > 0
@@ -300,8 +308,8 @@ class Simulation:
             # With the JIT off, kernels write to what Python sees.
             self._sealed = self.workspace.sealed() if jit_is_on() else self.workspace
         # Kernels count no references: whatever is freed here would be overwritten under the loop.
-        self._lent = (arguments, functions, shown, faces, memories)
-        ticks: Iterator[int] = loop(*arguments, tuple(memories), *functions)
+        self._lent = (arguments, used, functions, shown, faces, memories)
+        ticks: Iterator[int] = loop(*arguments, tuple(memories), used, *functions)
         return ticks
 
     @property
@@ -470,11 +478,13 @@ def constants_of(world: World) -> list[tuple[str, Array, Array]]:
 _LOOPS: dict[str, Any] = {}
 
 
-def _compiled_loop(strategies: Sequence[Strategy | None]) -> tuple[Any, Any]:
+def _compiled_loop(
+    strategies: Sequence[Strategy | None], features: Sequence[int]
+) -> tuple[Any, Any]:
     """The loop, compiled or loaded once per process: all worlds have the same types."""
     if "loop" not in _LOOPS:
         kinds = [type(strategy) for strategy in strategies if strategy is not None]
-        with first_compilation_announced(), compiled_side_by_side(kinds):
+        with first_compilation_announced(), compiled_side_by_side(kinds, features):
             _LOOPS["loop"] = loop_kernels.compile_loop()  # type: ignore[no-untyped-call]
         COMPILING.finish(loop_kernels.ticks)
     found: tuple[Any, Any] = _LOOPS["loop"]

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from automaton.engine.jit.compile_progress import COMPILING
-from automaton.engine.jit.kernel import jit_is_on
+from automaton.engine.jit.kernel import first_class, jit_is_on
 from automaton.errors import InputError
 
 ARGUMENTS = ("view", "batch", "decisions", "memory", "workspace")
@@ -38,9 +38,8 @@ def _compile(function: Any, signature: Any) -> Any:
     place = f"{inspect.getsourcefile(plain)}:{plain.__code__.co_firstlineno}"
     if len(inspect.signature(plain).parameters) != len(ARGUMENTS):
         raise InputError(f"{place}: a compiled decide takes ({', '.join(ARGUMENTS)})")
-    dispatcher = getattr(function, "dispatcher", function)  # what Numba passes as a function
     try:
-        result = dispatcher.get_compile_result(signature)
+        return first_class(function, signature)
     except NumbaError as error:
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
         told = next(
@@ -50,5 +49,3 @@ def _compile(function: Any, signature: Any) -> Any:
         raise InputError(
             f"{place}: the strategy does not compile: {told} {where}".strip()
         ) from error
-    dispatcher.get_compile_result = lambda _: result  # looked up twice by each run
-    return dispatcher

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from automaton.build.resolve import resolve
+from automaton.engine.features import FAULTS, GATES, compiled_feature
 from automaton.engine.jit.kernel import jit_is_on
 from automaton.runs import first_compilation
 from automaton.runs.first_compilation import compiled_side_by_side
@@ -21,10 +22,11 @@ pytestmark = pytest.mark.skipif(not jit_is_on(), reason="compilation is off")
 MISSED = """
 import gc
 from numba.core.dispatcher import Dispatcher
-from automaton.engine.loop import motion
-print(len(motion.callee.overloads), motion.is_compiled)
-from automaton.runs.first_compilation import compile_part
-compile_part(["strategies.allocation.cooperative:Cooperative", "no.such.module:Rule"])
+from automaton.engine.features import FAULTS, GATES
+from automaton.engine.gate_pass import update_gates
+print(len(update_gates.callee.overloads), update_gates.is_compiled)
+from automaton.runs.first_compilation import compile_parts
+compile_parts(["strategies.allocation.cooperative:Cooperative", "no.such.module:Rule"], [FAULTS, GATES])
 kernels = [one for one in gc.get_objects() if isinstance(one, Dispatcher)]
 for count in ("cache_hits", "cache_misses"):
     print(sum(len(getattr(kernel.stats, count)) for kernel in kernels))
@@ -48,24 +50,26 @@ def others(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[Any]:
 
 def test_the_other_process_compiles_what_a_run_needs_and_nothing_else() -> None:
     Simulation(resolve("tabletop-mini", ["strategy.allocation=cooperative"]))  # fills the cache
+    for number in (FAULTS, GATES):
+        compiled_feature(number)
     done = subprocess.run([sys.executable, "-c", MISSED], capture_output=True, text=True)
-    assert done.stdout.split() == ["0", "True", "6", "0"], done.stderr
+    assert done.stdout.split() == ["0", "True", "3", "0"], done.stderr
 
 
 def test_a_first_run_waits_for_the_other_process(others: list[Any]) -> None:
-    with compiled_side_by_side([Cooperative]):
+    with compiled_side_by_side([Cooperative], [FAULTS]):
         assert others[0].poll() is None
     assert [other.returncode for other in others] == [0]
 
 
 def test_a_first_run_that_fails_ends_the_other_process(others: list[Any]) -> None:
-    with pytest.raises(RuntimeError), compiled_side_by_side([Cooperative]):
+    with pytest.raises(RuntimeError), compiled_side_by_side([Cooperative], [FAULTS]):
         raise RuntimeError
     assert others[0].returncode < 0
 
 
 def test_the_other_process_ends_with_the_one_that_asked(others: list[Any]) -> None:
-    with compiled_side_by_side([Cooperative]):
+    with compiled_side_by_side([Cooperative], [FAULTS]):
         others[0].stdin.close()
         assert others[0].wait(20) == 1
 
@@ -76,7 +80,7 @@ def test_a_later_run_one_core_or_a_worker_has_no_other_process(
 ) -> None:
     found = {"world_marker": tmp_path, "cores": 1, "parent_process": object()}[name]
     monkeypatch.setattr(first_compilation, name, lambda: found)
-    with compiled_side_by_side([Cooperative]):
+    with compiled_side_by_side([Cooperative], [FAULTS]):
         pass
     assert not others
 
@@ -88,5 +92,5 @@ def test_where_no_process_can_be_started_this_one_compiles_alone(
         raise OSError("too many processes")
 
     monkeypatch.setattr(first_compilation.subprocess, "Popen", refused)
-    with compiled_side_by_side([Cooperative]):
+    with compiled_side_by_side([Cooperative], [FAULTS]):
         pass

@@ -143,6 +143,17 @@ class Kernel:
         return getattr(self.dispatcher, name)
 
 
+def first_class(function: Any, signature: Any) -> Any:
+    """What is passed to compiled code that calls a kernel by this one signature; compiled, or loaded.
+
+    Numba looks a signature up twice whenever a function is passed, each time anew: here it is kept.
+    """
+    dispatcher = getattr(function, "dispatcher", function)
+    result = dispatcher.get_compile_result(signature)
+    dispatcher.get_compile_result = lambda _: result
+    return dispatcher
+
+
 _MAKING_DISPATCHER = threading.RLock()  # the dispatcher of a kernel is made once
 
 

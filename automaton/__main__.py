@@ -9,7 +9,7 @@ import os
 import sys
 
 INTERRUPTED = 130
-COLLECTED = (
+START_THRESHOLD = (
     300_000,
     50,
     1000,
@@ -18,7 +18,7 @@ COLLECTED = (
 
 def main() -> int:
     """Run the command line of this process and return the exit code."""
-    gc.set_threshold(*COLLECTED)
+    gc.set_threshold(*START_THRESHOLD)
     try:
         import signal
 

@@ -78,7 +78,7 @@ PARTS: Final[dict[str, Part]] = {
     "compile": Part(
         "automaton.bench.startup_speed:first_run_measurements",
         False,
-        "the first run, in a process of its own",
+        "first runs, which compile, in processes of their own; some minutes",
     ),
     "startup": Part("automaton.bench.startup_speed", False, "commands, in processes of their own"),
 }

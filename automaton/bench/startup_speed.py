@@ -10,7 +10,8 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -19,6 +20,12 @@ from automaton.bench.measurement import SECONDS, Measurement, Sample, wall_secon
 
 STRATEGY: Final = "strategies.allocation.cooperative"
 COMMANDS = (("--help",), ("check", "tabletop-1"), ("run", "tabletop-1"))
+PODS = ("run", "goods-60x40", "--until", "1000")
+COLD = (  # one after the other, the first one with an empty cache
+    ("first run", ("run", "tabletop-1")),
+    ("then goods-60x40", PODS),
+    ("then goods-60x40 with epibt", (*PODS, "--set", "strategy.right_of_way=epibt")),
+)
 
 
 def measurements() -> list[Measurement]:
@@ -71,9 +78,15 @@ def run_command(command: Sequence[str], **variables: str) -> None:
 
 
 def first_run_measurements() -> list[Measurement]:
-    """One, taken twice at most: it takes as long as everything else together."""
+    """A first run on two cores and on one, and what later runs compile besides; once or twice each."""
     return [
         Measurement("first run, compiling", SECONDS, prepare_first_run, warm_up=False, at_most=2),
+        *(
+            Measurement(
+                f"{name}, CPU of one core", SECONDS, partial(prepare_cold, number), False, 1
+            )
+            for number, (name, _) in enumerate(COLD)
+        ),
     ]
 
 
@@ -87,3 +100,39 @@ def prepare_first_run() -> Sample:
             )
 
     return sample
+
+
+def prepare_cold(number: int) -> Sample:
+    """A sampler: CPU seconds of one of the runs that begin with an empty cache, on one core.
+
+    Without the setting of cores, where the system has none, another process helps the first run.
+    """
+
+    def sample() -> float:
+        with tempfile.TemporaryDirectory(prefix="automaton-bench-") as folder, on_one_core():
+            for _, command in COLD[: number + 1]:
+                before = children_seconds()
+                run_command(command, AUTOMATON_CACHE_DIR=folder)
+            return children_seconds() - before
+
+    return sample
+
+
+@contextmanager
+def on_one_core() -> Iterator[None]:
+    """While inside, this process and those that it starts use one core."""
+    if not hasattr(os, "sched_setaffinity"):
+        yield
+        return
+    cores = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {min(cores)})
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, cores)
+
+
+def children_seconds() -> float:
+    """CPU seconds of the processes that this one has started and waited for."""
+    times = os.times()
+    return times.children_user + times.children_system

@@ -54,7 +54,7 @@ from automaton.engine.visits import complete_visits
 from automaton.engine.zoning_commit import commit_zoning, judge_zoning
 
 # Moments of a tick in which a part is called that is called more than once.
-BEGINS = 0  # before anything is decided
+TICK_BEGINS = 0  # before anything is decided
 COLLECTS = 1  # the robots that a layer is asked about
 JUDGES = 2  # decisions, before they are recorded
 COMMITS = 3  # and after that
@@ -63,13 +63,13 @@ MOVES_WANTED = 5  # all that robots want is known
 MOVES_FEASIBLE = 6  # and limited to what charge allows
 BEFORE_OPERATIONS = 7
 AFTER_OPERATIONS = 8
-ENDS = 9
+TICK_ENDS = 9
 
 
 @kernel
 def gates(world, moment):
     """Doors, lifts and blocks."""
-    if moment == BEGINS:
+    if moment == TICK_BEGINS:
         update_gates(world)
     elif moment == MOVES_WANTED:
         set_cabin_ticks(world)
@@ -80,7 +80,7 @@ def gates(world, moment):
 @kernel
 def trips(world, record, moment, first):
     """Pods that are carried to stations; `first`: the first order that was released in this tick."""
-    if moment == BEGINS:
+    if moment == TICK_BEGINS:
         if has_lines(world):
             plan_trips(world, record)
         else:

@@ -27,11 +27,9 @@ from automaton.engine.features import (
     BATTERY,
     BEFORE_DRIVING,
     BEFORE_OPERATIONS,
-    BEGINS,
     COLLECTS,
     COMMITS,
     DELAYS,
-    ENDS,
     FAULTS,
     FEATURES,
     GATES,
@@ -43,6 +41,8 @@ from automaton.engine.features import (
     RECORDING,
     SIGHT,
     STATIONS,
+    TICK_BEGINS,
+    TICK_ENDS,
     TRIPS,
     VISITS,
     signature,
@@ -144,11 +144,11 @@ def ticks(
             if used[DELAYS]:
                 delay_robots(world, record)
             if used[GATES]:
-                gates(world, BEGINS)
+                gates(world, TICK_BEGINS)
             first = clock[CLOCK_NEXT_RELEASE]
             release_orders(world)
             if used[TRIPS]:
-                trips(world, record, BEGINS, first)
+                trips(world, record, TICK_BEGINS, first)
             if used[STATIONS]:
                 work_at_stations(world)
         for phase in range(PHASES if begins else 0):
@@ -222,7 +222,7 @@ def ticks(
         if used[VISITS] and is_end(world):
             complete_visits(world, record)
         if used[TRIPS]:
-            trips(world, record, ENDS, 0)
+            trips(world, record, TICK_ENDS, 0)
         if used[RECORDING]:
             recording(world, record, batch, decisions, NIL)
         if used[OBSERVATION]:

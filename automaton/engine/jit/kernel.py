@@ -46,7 +46,7 @@ FIRST_RUN_NOTICE = "first run of this version on this machine (about a minute): 
 FIRST_USE_NOTICE = "first use on this machine: "
 # Compiling makes millions of objects that live as long as it takes: the garbage collector, called after
 # each 700, would take a tenth of the time.
-COLLECTED = (50_000, 50, 1000)  # objects and collections after which it is called
+GARBAGE_THRESHOLD = (50_000, 50, 1000)  # objects and collections after which it is called
 COMPILE_NOTICE_DELAY_S = 1.0  # before it is said that something is being compiled
 
 
@@ -200,7 +200,7 @@ class _Compilations(event.Listener):  # type: ignore[misc]
             return  # a kernel that another one calls
         self._begun = time.perf_counter()
         self._collected = gc.get_threshold()
-        gc.set_threshold(*map(max, self._collected, COLLECTED))
+        gc.set_threshold(*map(max, self._collected, GARBAGE_THRESHOLD))
         COMPILING.begin()
         subject = subject_of(event.data["dispatcher"].py_func.__module__)
         if not self.announced:

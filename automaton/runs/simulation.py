@@ -22,7 +22,13 @@ from automaton.drawings.palette import Theme
 from automaton.engine import loop as loop_kernels
 from automaton.engine.digest import DIGEST_NAMES, combine, digest_world
 from automaton.engine.distance_tables import STOP_NO_ROOM
-from automaton.engine.features import absent, absent_feature, compiled_feature, used_features
+from automaton.engine.features import (
+    FEATURES,
+    absent,
+    absent_feature,
+    compiled_feature,
+    used_features,
+)
 from automaton.engine.jit.compile_progress import COMPILING
 from automaton.engine.jit.kernel import first_compilation_announced, jit_is_on
 from automaton.engine.jit.structs import Struct, lent_address, window
@@ -153,14 +159,17 @@ class Simulation:
             and self.world.rules.loaded_types == after.world.rules.loaded_types
         ):
             self._restore_states(after)
+        self._mode = np.array([mode_of(strategy) for strategy in self._strategies], np.uint8)
+        self._used = used_features(self.world, self._mode)
         with COMPILING.expected(self._to_be_compiled()):
             self._ticks = self._start()
 
     def _to_be_compiled(self) -> list[Any]:
         """The functions that the first tick needs compiled."""
         loop = [] if "loop" in _LOOPS else [loop_kernels.ticks]
+        features = [FEATURES[number].kernel for number in np.flatnonzero(self._used)]
         kinds = [type(strategy) for strategy in self._strategies if strategy is not None]
-        return [*loop, *(kind.compiled for kind in kinds if kind.compiled is not None)]
+        return [*loop, *features, *(kind.compiled for kind in kinds if kind.compiled is not None)]
 
     def continue_with(self, resolved: Resolved) -> Simulation:
         """Return a simulation that continues from the state of this one with another scenario.
@@ -262,18 +271,11 @@ class Simulation:
             self.decisions,
             (self.record, self.observation),
             self.workspace,
-            np.zeros(STRATEGIES, np.uint8),
+            self._mode,
         )
-        mode = arguments[-1]
-        for index, strategy in enumerate(self._strategies):
-            if strategy is not None:
-                is_compiled = type(strategy).compiled is not None
-                mode[index] = (
-                    loop_kernels.MODE_COMPILED if is_compiled else loop_kernels.MODE_INTERPRETED
-                )
-            if mode[index] == loop_kernels.MODE_INTERPRETED:  # whatever becomes of its own
-                self._states[index] = self._states[index].copied()
-        used = used_features(self.world, mode)
+        mode, used = self._mode, self._used
+        for index in np.flatnonzero(mode == loop_kernels.MODE_INTERPRETED):
+            self._states[index] = self._states[index].copied()  # whatever becomes of its own
         loop, decide_type = _compiled_loop(self._strategies, np.flatnonzero(used).tolist())
         functions = [
             compiled_decide(type(strategy).compiled, decide_type)  # type: ignore[arg-type]
@@ -308,7 +310,7 @@ class Simulation:
             # With the JIT off, kernels write to what Python sees.
             self._sealed = self.workspace.sealed() if jit_is_on() else self.workspace
         # Kernels count no references: whatever is freed here would be overwritten under the loop.
-        self._lent = (arguments, used, functions, shown, faces, memories)
+        self._lent = (arguments, functions, shown, faces, memories)
         ticks: Iterator[int] = loop(*arguments, tuple(memories), used, *functions)
         return ticks
 
@@ -458,6 +460,14 @@ class Simulation:
     def _repr_html_(self) -> str:
         """Show it in a notebook."""
         return self.picture()._repr_html_()
+
+
+def mode_of(strategy: Strategy | None) -> int:
+    """How a strategy decides."""
+    if strategy is None:
+        return loop_kernels.MODE_ABSENT
+    is_compiled = type(strategy).compiled is not None
+    return loop_kernels.MODE_COMPILED if is_compiled else loop_kernels.MODE_INTERPRETED
 
 
 def compile_strategy(kind: type[Strategy]) -> None:

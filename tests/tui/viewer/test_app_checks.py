@@ -43,7 +43,7 @@ def test_without_its_body_the_check_of_an_action_fails(
             await does(app, id)
             return
         called.append(app)
-        users[0].patience = 0.5  # nothing comes of it: do not wait for long
+        users[0].patience = 0.1  # nothing comes of it: do not wait for long
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(Viewer, "action_do", do)

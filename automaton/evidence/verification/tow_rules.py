@@ -20,6 +20,7 @@ class LoadedWays:
         self._stations = stations
         self._homes = list(motion.home)
         self._ends: dict[int, set[int]] = {}  # by robot: storage from which it gets everywhere
+        self._ends_of_type: dict[str, set[int]] = {}  # the same, by type and for loads alone
 
     def ticks(
         self, r: int, start: int, headings: Iterable[int], loaded: bool = True
@@ -58,28 +59,53 @@ class LoadedWays:
         headings = self.motion.headings[r]
         return headings == 4 or (headings == 2 and CELL_KINDS[self.motion.kind[cell]].turns)
 
+    def starts(self, r: int, target: int, loaded: bool = True) -> set[int]:
+        """The cells from which robot r gets to one, if it may begin in any heading."""
+        motion = self.motion
+        apart, kind = motion.headings[r], motion.kind
+        closed = motion.types.closed[r][loaded]
+        poses = {(target, heading) for heading in range(apart)}
+        left = list(poses)
+        while left:
+            cell, heading = left.pop()
+            before: list[tuple[int, int]] = []
+            if self._turns(r, cell):
+                before += [(cell, (heading + 1) % apart), (cell, (heading - 1) % apart)]
+            for direction in range(heading, 4, apart) if cell not in closed else ():
+                at = cell - motion.step[direction]
+                if motion.exits[at] >> direction & 1:
+                    before.append((at, heading))
+            for pose in before:
+                if pose not in poses:
+                    poses.add(pose)
+                    if kind[pose[0]] != STORAGE or pose[0] == target:
+                        left.append(pose)
+        return {cell for cell, _ in poses}
+
     def useful(self, r: int) -> set[int]:
         """The storage cells to which robot r gets with a load from every station, and back.
 
         And without one from where it begins, and back, if areas are closed to robots without a load.
         """
         if r not in self._ends:
-            storage = {cell for cell, kind in enumerate(self.motion.kind) if kind == STORAGE}
-            every = range(self.motion.headings[r])
-            for station in self._stations:
-                storage &= self.ticks(r, station, every).keys()
-            stations = set(self._stations)
-            self._ends[r] = {
-                cell for cell in storage if stations <= self.ticks(r, cell, every).keys()
-            }
+            ends = self._stored_by(r)
             empty, full = self.motion.types.closed[r]
             if empty - full:
-                home = self._homes[r]
-                self._ends[r] &= self.ticks(r, home, every, False).keys()
-                self._ends[r] = {
-                    cell for cell in self._ends[r] if home in self.ticks(r, cell, every, False)
-                }
+                every, home = range(self.motion.headings[r]), self._homes[r]
+                ends = ends & self.ticks(r, home, every, False).keys() & self.starts(r, home, False)
+            self._ends[r] = ends
         return self._ends[r]
+
+    def _stored_by(self, r: int) -> set[int]:
+        """Where robots of the type of robot r put their loads, whatever their homes are."""
+        name = self.motion.types.name[r]
+        if name not in self._ends_of_type:
+            ends = {cell for cell, kind in enumerate(self.motion.kind) if kind == STORAGE}
+            every = range(self.motion.headings[r])
+            for station in self._stations:
+                ends &= self.ticks(r, station, every).keys() & self.starts(r, station)
+            self._ends_of_type[name] = ends
+        return self._ends_of_type[name]
 
     def nearest(self, r: int, free: dict[int, int]) -> int:
         """The free slot that robot r gets to soonest, ties the lowest; NIL: none. `free`: by cell."""

@@ -51,6 +51,7 @@ class Visits:
         stops = header.get("stops")
         self.cell: list[int] = [] if stops is None else stops["cell"].tolist()
         self.ticks: list[int] = [] if stops is None else stops["ticks"].tolist()
+        self._places = {*self.cell, *trips.cell}  # outside no stop is done
         source = header["orders"]["source"].tolist()
         self.has_load: list[bool] = [slot != NIL or trips.of_lines for slot in source]
         self.touring: set[int] = set()  # robots with an order that has stops
@@ -161,7 +162,10 @@ class Visits:
 
     def visit(self, tick: int, rows: Rows) -> None:
         """Carry out the stops that are done at the end of a tick; the recording has all of them."""
-        standing = {r for r in self.touring if self._has_done_stop(tick, r)}
+        at = self.motion.cell
+        standing = {
+            r for r in self.touring if at[r] in self._places and self._has_done_stop(tick, r)
+        }
         visiting: set[int] = set()
         for _, code, subject, value in rows:
             if code == CHANGE_VISITED and self.loads.exists(code, subject, value):

@@ -20,6 +20,7 @@ from automaton.build.starts import first_charges, homes, occupy_starts, start_he
 from automaton.engine.decision_stream import max_words
 from automaton.engine.events import max_events
 from automaton.engine.facilities import Chargers
+from automaton.engine.jit.field_kernels import digested_fields
 from automaton.engine.motion import POD
 from automaton.engine.observation import Observation, Scratch
 from automaton.engine.record_changes import MAX_CHANGES
@@ -63,8 +64,13 @@ from automaton.scenario.schema import Scenario
 
 MAX_QUEUE_LENGTH = 64  # orders of a robot
 MAX_QUEUED_ORDERS = 4_000_000  # of all robots: bounds the memory of large fleets
-ORDERS_DIGESTED = 20_000  # in a tick, on average: some 25 ns each, so half a millisecond
+VALUES_DIGESTED = 8_000  # in a tick, on average: some 2 ns each
 LONGEST_DIGEST_INTERVAL = 64  # ticks
+DIGESTED_ARRAYS = [
+    (part, name, declared)
+    for part, name, declared in digested_fields(World).values()
+    if part and declared.is_array
+]
 CROWDED = 12  # cells per robot below which each cell has its entry in the contest
 
 
@@ -76,9 +82,13 @@ class Buffers(NamedTuple):
     decisions: Decisions
 
 
-def digest_interval(orders: int) -> int:
-    """Ticks from one digest of a recording to the next, where there are so many orders."""
-    return min(1 + orders // ORDERS_DIGESTED, LONGEST_DIGEST_INTERVAL)
+def digest_interval(world: World) -> int:
+    """Ticks from one digest of a recording to the next, by how many values one is made of."""
+    values = 0
+    for part, name, declared in DIGESTED_ARRAYS:
+        array = getattr(getattr(world, part), name)
+        values += len(array) if declared.by else array.size
+    return min(1 + values // VALUES_DIGESTED, LONGEST_DIGEST_INTERVAL)
 
 
 def build_world(
@@ -138,7 +148,6 @@ def _build_coarse(
     clock[CLOCK_UNPARKED] = n - int(robots.parked.sum())
     clock[CLOCK_FRESH_ALLOCATION] = n
     clock[CLOCK_ALLOCATION_REVISION] = NIL
-    clock[CLOCK_DIGEST_EVERY] = digest_interval(most)
     loaded_differ = len(floor.move) > len(types)
     rules = rules_for(scenario, seed, loaded_differ, in_convoy, resolved.allocation_of_types)
     on_floor = starts[0][starts[1] == NIL]
@@ -164,6 +173,7 @@ def _build_coarse(
         delays=build_delays(scenario.faults.delays, n),
         clock=clock,
     )
+    clock[CLOCK_DIGEST_EVERY] = digest_interval(world)
     return world, floor
 
 

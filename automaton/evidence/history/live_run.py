@@ -156,7 +156,6 @@ class LiveRun(Run):
         self.resolved = resolved
         with attribute_strategy_errors(resolved):
             self._front = self._front.continue_with(resolved)
-        self._front.world.clock[CLOCK_DIGEST_EVERY] = DIGEST_TICKS
         self.recorder.change(self._front, settings)
 
     def close(self) -> None:

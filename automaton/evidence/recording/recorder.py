@@ -134,6 +134,7 @@ class BaseRecorder:
         """The run goes on as `simulation`, in which something was changed after this tick."""
         self.flush()
         self._simulation = simulation
+        simulation.world.clock[CLOCK_DIGEST_EVERY] = self.header["digest_every"]
         self.write(FRAME_KIND_CONDITIONS, rules_of(simulation, settings))
 
     def flush(self) -> None:

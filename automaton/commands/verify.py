@@ -8,16 +8,19 @@ Exit code 0: what is there keeps the rules and comes out equal again, even if it
 from __future__ import annotations
 
 import argparse
+import contextlib
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from automaton.commands.arguments import add_json_argument, print_json
+from automaton.commands.arguments import add_json_argument, print_json, progress_bar
 from automaton.errors import InputError
 from automaton.evidence.recording.recording_reader import read_recording
 from automaton.units import count
 
 if TYPE_CHECKING:
-    from automaton.evidence.verification.verification import Verification
+    from automaton.evidence.verification.verification import Tell, Verification
 
 MAX_PRINTED_VIOLATIONS = 10  # violations in the text
 
@@ -48,7 +51,8 @@ def run(args: argparse.Namespace) -> int:
     from automaton.evidence.verification.verification import verify_recording
 
     try:
-        found = verify_recording(recording)
+        with progress(recording.ticks) as tell:
+            found = verify_recording(recording, tell)
     except InputError as error:
         raise error.at(args.file) from None
     if args.json:
@@ -56,6 +60,20 @@ def run(args: argparse.Namespace) -> int:
     else:
         print("\n".join(as_text(args.file, found)))
     return 0 if found.passed else 1
+
+
+@contextlib.contextmanager
+def progress(ticks: int) -> Iterator[Tell]:
+    """How many of the ticks are done, on a terminal's stderr; nothing in a pipe."""
+    if not sys.stderr.isatty():
+        yield lambda what, tick: None
+        return
+    from rich.progress import BarColumn, TextColumn
+
+    text = TextColumn("{task.description}, tick {task.completed:,} of {task.total:,}")
+    with progress_bar(text, BarColumn()) as bar:
+        task = bar.add_task("run again", total=ticks)
+        yield lambda what, tick: bar.update(task, description=what, completed=tick)
 
 
 def verify_against_problem(args: argparse.Namespace) -> int:

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import copy
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from automaton.build import world
-from automaton.build.resolve import resolve
+from automaton.build.resolve import branched, resolve
 from automaton.commands import main
 from automaton.engine.digest import DIGEST_NAMES
 from automaton.engine.record_codes import ENTERED_PARKING_BAY, EXECUTED_BLOCKED, EXECUTED_ILLEGAL
+from automaton.engine.state import CLOCK_DIGEST_EVERY
 from automaton.errors import InputError
 from automaton.evidence.recording import frames as stored
 from automaton.evidence.recording.frames import (
@@ -56,10 +58,10 @@ def test_a_good_recording_is_verified(good: Recording) -> None:
     assert found.report.ticks == 1000
 
 
-def test_long_lists_of_orders_have_digests_every_few_ticks(
+def test_large_worlds_have_digests_every_few_ticks(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(world, "ORDERS_DIGESTED", 20)
+    monkeypatch.setattr(world, "VALUES_DIGESTED", 200)
     resolved = resolve("tabletop-1", ["fleet.robots=3", "stop.max_duration=300"])
     memory = MemoryRecorder(resolved, 4)
     Simulation(resolved, 4, on_record=memory).run()
@@ -76,6 +78,28 @@ def test_long_lists_of_orders_have_digests_every_few_ticks(
     ticks[0].content["digests"][2 * every - 1, 0] ^= np.uint64(1)
     difference = verify_recording(recording).difference
     assert difference is not None and difference.tick == 2 * every
+
+
+@pytest.mark.parametrize(
+    ("name", "fewest", "most"),
+    [("tabletop-1", 1, 1), ("goods-mini", 1, 1), ("goods-60x40", 8, 12), ("sorting", 20, 30)],
+)
+def test_digests_are_as_far_apart_as_they_cost(name: str, fewest: int, most: int) -> None:
+    header = MemoryRecorder(resolve(name)).header
+    assert fewest <= header["digest_every"] <= most
+    assert header["digest_every"] == MemoryRecorder(resolve(name), 2).header["digest_every"]
+
+
+def test_digests_of_a_branch_come_as_often_as_before_it() -> None:
+    resolved = resolve("tabletop-1")
+    recorder = MemoryRecorder(resolved, 4)
+    simulation = Simulation(resolved, 4, on_record=recorder)
+    simulation.run(until=20)
+    branch = simulation.continue_with(branched(resolved, ("durations.pick=3",)))
+    branch.world.clock[CLOCK_DIGEST_EVERY] = 7
+    recorder.change(branch, ("durations.pick=3",))
+    branch.run(until=60)
+    assert verify_recording(recorder.recording()).passed
 
 
 def test_a_changed_digest_names_tick_and_array(good: Recording) -> None:
@@ -173,6 +197,34 @@ def test_verify_as_json(
     assert found["verified"] is False and found["valid"] is True and found["equal"] is False
     assert found["difference"]["tick"] == 12 and found["difference"]["array"] == "robots.busy"
     assert found["scenario"] == "tabletop-1" and found["seed"] == 4 and found["ticks"] == 1000
+
+
+@pytest.mark.parametrize("on_terminal", [True, False])
+def test_a_terminal_is_told_how_far_it_is(
+    on_terminal: bool,
+    good: Recording,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: on_terminal)
+    monkeypatch.setenv("TERM", "xterm-256color")
+    assert main(["verify", str(save(tmp_path / "run.rec", good))]) == 0
+    told = capsys.readouterr()
+    assert told.out.startswith(f"{tmp_path / 'run.rec'}: verified: tabletop-1")
+    assert ("rules, tick 1,000 of 1,000" in told.err) == on_terminal
+    assert on_terminal or not told.err
+
+
+def test_each_part_of_verification_tells_ticks_up_to_the_last(good: Recording) -> None:
+    told: list[tuple[str, int]] = []
+    verify_recording(good, lambda what, tick: told.append((what, tick)))
+    ends = [
+        frame.content["first"] + len(frame.content["executed"]) - 1
+        for frame in good.frames
+        if frame.kind == FRAME_KIND_TICKS
+    ]
+    assert told == [(what, end) for what in ("run again", "rules") for end in ends]
 
 
 def test_a_broken_rule_is_told(

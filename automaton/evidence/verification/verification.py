@@ -5,7 +5,8 @@ All of it is made again and compared, except for LABELS of the header.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -39,6 +40,7 @@ from automaton.evidence.recording.frames import (
     FRAME_KIND_KEYFRAME,
     FRAME_KIND_TICKS,
     Content,
+    Frame,
     Recording,
 )
 from automaton.evidence.recording.header import changed, header_of, resolved_of, rules_of, state_of
@@ -56,6 +58,7 @@ from automaton.strategy.entry import files_of
 # What of a header nothing follows from: it is not checked.
 LABELS: Final = ("text", "overrides", "sources", "versions", "files", "digest_every")
 
+Tell = Callable[[str, int], None]  # what is being done, and the tick up to which it is
 
 LONG_LIST: Final = 100  # values
 
@@ -92,13 +95,13 @@ def verify(path: str | Path) -> Verification:
     return verify_recording(read_recording(path))
 
 
-def verify_recording(recording: Recording) -> Verification:
-    """Verify a recording that is open or in memory."""
+def verify_recording(recording: Recording, tell: Tell = lambda what, tick: None) -> Verification:
+    """Verify a recording that is open or in memory; `tell` gets to know how far that is."""
     header = recording.header
     plugins = tuple(one["name"] for one in header["strategies"].values() if ":" in one["name"])
     files = changed_files(recording)
     try:
-        difference = first_difference(recording)
+        difference = first_difference(told(recording, "run again", tell))
     except InputError as error:
         if not files:
             raise
@@ -106,11 +109,23 @@ def verify_recording(recording: Recording) -> Verification:
         raise InputError(f"{names} changed after the run was recorded: {error}") from error
     return Verification(
         recording=recording,
-        report=validate_stored(recording),
+        report=validate_stored(told(recording, "rules", tell)),
         difference=difference,
         same_sources=header["sources"] == source_hash(plugins),
         changed_files=files,
     )
+
+
+def told(recording: Recording, what: str, tell: Tell) -> Recording:
+    """A recording that tells up to which tick it has been gone through."""
+
+    def frames() -> Iterator[Frame]:
+        for frame in recording.frames:
+            yield frame
+            if frame.kind == FRAME_KIND_TICKS:
+                tell(what, frame.content["first"] + len(frame.content["executed"]) - 1)
+
+    return replace(recording, frames=frames())
 
 
 def changed_files(recording: Recording) -> tuple[str, ...]:

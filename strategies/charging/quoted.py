@@ -9,9 +9,11 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
+from automaton.engine.jit.fields import field
 from automaton.engine.jit.structs import Struct
 from automaton.engine.robot_status import BATTERY_PERCENT
-from automaton.engine.state import Batch, Decisions, Memory, Workspace, World
+from automaton.engine.state import World
+from automaton.strategy.kernels import kernel
 from automaton.strategy.layer import Strategy
 from strategies.allocation.auction.charging_choice import choose_charging
 from strategies.allocation.auction.floor_market import FloorMarket, make_floor_market
@@ -29,13 +31,22 @@ from strategies.charging.charging_parameters import FillUp, Insertion, Opportuni
 class ChargingState(Struct):
     """It remembers nothing."""
 
+    idle_below: int = field("int64", "idle robots with less charge go to charge")
     market: FloorMarket  # room for the list of one robot
+
+
+@kernel
+def decide(view, batch, decisions, memory, workspace):
+    """Send robots to chargers."""
+    state = ChargingState.of(memory)
+    choose_charging(view, batch, decisions.charging, state.market, workspace, state.idle_below)
 
 
 class Quoted(Strategy):
     """A charging strategy with a policy of quotes; allocations read it, too."""
 
     layer: ClassVar[str] = "charging"
+    compiled: ClassVar[Any] = decide
     parameters: Any
     idle_below = 0  # idle robots with less go to charge
 
@@ -57,14 +68,7 @@ class Quoted(Strategy):
         """Make room for the list of one robot."""
         longest = view.robots.order_queue.shape[1] + 1
         market = make_floor_market(view, 1, longest, longest, self.policy(), self.queues)
-        return ChargingState(market=market)
-
-    def decide(
-        self, view: World, batch: Batch, decisions: Decisions, memory: Memory, workspace: Workspace
-    ) -> None:
-        """Send robots to chargers."""
-        market = ChargingState.of(memory).market
-        choose_charging(view, batch, decisions.charging, market, workspace, self.idle_below)
+        return ChargingState(idle_below=self.idle_below, market=market)
 
 
 class InsertCharging(Quoted):

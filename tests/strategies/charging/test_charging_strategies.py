@@ -14,6 +14,7 @@ from automaton.evidence.verification.validator import validate_stored
 from automaton.runs.headless import run_once
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
+from automaton.strategy.lookup import NO_STRATEGY, load, names
 
 # The charger is at the left end, stations in the middle and at the right end.
 ROAD = "c~~~~t~~~~t"
@@ -229,3 +230,8 @@ def test_who_charges_for_long_or_stands_in_line_does_not_just_wait() -> None:
     outcome = run_once(resolved)
     assert outcome.metrics["lost_queueing"] > 1000, "one charges, the other is next"
     assert not outcome.finished and "nothing but wait" not in outcome.diagnosis
+
+
+@pytest.mark.parametrize("name", sorted({*names("charging")} - {NO_STRATEGY}))
+def test_they_are_asked_within_the_compiled_loop(name: str) -> None:
+    assert load("charging", name).compiled is not None

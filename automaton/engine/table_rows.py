@@ -52,6 +52,15 @@ def row_to(tables, cost_set, goal, tick, keeps):
 
 
 @kernel
+def known_row(tables, cost_set, goal):
+    """The row of a table that is there, good until the next one is asked for; NIL: it is not."""
+    row = np.int64(tables.row_of[np.int64(cost_set) * tables.number.shape[0] + goal])
+    if row != NIL:
+        tables.used[row] = 1
+    return row
+
+
+@kernel
 def has_room_for(tables, more):
     """Whether so many more tables fit without one being replaced; True where all there can be do."""
     status, goals = tables.status, tables.entries.shape[0] * tables.drivable.shape[0]

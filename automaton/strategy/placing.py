@@ -10,18 +10,29 @@ But for the first, a cell in which a robot still is comes last.
 
 import numpy as np
 
+from automaton.engine.distance_tables import UNREACHABLE
 from automaton.engine.jit.fields import field
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import Struct
 from automaton.engine.motion import has_room
 from automaton.engine.random_numbers import STREAM_STORAGE, random_between
-from automaton.engine.search import begin_search, mark_goal, nearest_mark
-from automaton.engine.state import CLOCK_COARSE_TICK, CMD_DROP_AT, NIL, REASON_PICKED, REASON_SERVED
+from automaton.engine.search import begin_search, distance, mark_goal, nearest_mark
+from automaton.engine.state import (
+    ACTION_MOVE,
+    CLOCK_COARSE_TICK,
+    CMD_DROP_AT,
+    NIL,
+    REASON_PICKED,
+    REASON_SERVED,
+)
+from automaton.engine.table_rows import cost_in, has_room_for, known_row
 from automaton.strategy.access_cells import dropoff_cell, position
 
 POLICIES = ("fixed", "nearest", "class", "random")
 FIXED, NEAREST, CLASS, RANDOM = range(4)
 ANY_CLASS = -1
+SLOT_BITS = 32  # of a rank, below the ticks
+SLOT_MASK = (1 << SLOT_BITS) - 1
 
 
 class PlacingState(Struct):
@@ -129,22 +140,66 @@ def nearest_of_classes(view, out, workspace, i, own):
 
 
 @kernel
+def may_store(view, out, i, slot, wanted, left):
+    """Whether a slot is of a class, or any is wanted, and free for robot i; `left`: without a robot."""
+    if wanted != ANY_CLASS and view.pods.slot_class[slot] != wanted:
+        return False
+    return is_left(view, out, i, slot) if left else is_free(view, out, i, slot)
+
+
+@kernel
 def nearest_free(view, out, workspace, i, wanted, left):
     """The free slot of a class, or of any, that robot i gets to soonest with its load; NIL: none.
 
-    `left`: of those in which no robot is.
+    `left`: of those in which no robot is. Distance tables give the ticks. One of those that are not
+    there is computed, if there is room, where a slot might be nearer by the rows and columns to it;
+    if there are several such slots, the floor is searched.
     """
+    tables, robot_type, here = workspace.tables, np.int64(view.robots.type[i]), position(view, i)
+    heading, step = np.int64(view.robots.heading[i]), view.rules.duration[robot_type, ACTION_MOVE]
+    best = ranked(UNREACHABLE, 0)  # ticks and slot
+    first, second = best, best  # of slots whose tables are not there, the least that they may be
+    for slot in range(view.slots.first_spare):
+        if not may_store(view, out, i, slot, wanted, left):
+            continue
+        goal = dropoff_cell(view, robot_type, slot, here)
+        row = known_row(tables, robot_type, goal)
+        if row != NIL:
+            best = min(best, ranked(cost_in(tables, row, here, heading), slot))
+            continue
+        least = ranked(lines_between(view, here, goal) * step, slot)
+        first, second = min(first, least), min(second, max(first, least))
+    if first < best and has_room_for(tables, 1):
+        slot = first & SLOT_MASK
+        goal = dropoff_cell(view, robot_type, slot, here)
+        best = min(best, ranked(distance(view, workspace, robot_type, here, heading, goal), slot))
+        first = second
+    if first < best:
+        return searched_free(view, out, workspace, i, wanted, left)
+    return best & SLOT_MASK if best < ranked(UNREACHABLE, 0) else np.int64(NIL)
+
+
+@kernel(inline=True)
+def ranked(ticks, slot):
+    """A number that is less for fewer ticks; then for a lower slot."""
+    return (min(np.int64(ticks), UNREACHABLE) << SLOT_BITS) | np.int64(slot)
+
+
+@kernel(inline=True)
+def lines_between(view, cell, other):
+    """Rows and columns between two cells."""
+    width = view.grid.width
+    return abs(cell // width - other // width) + abs(cell % width - other % width)
+
+
+@kernel
+def searched_free(view, out, workspace, i, wanted, left):
+    """The same by a search of the floor that ends at the first one."""
     search = begin_search(workspace)
-    result = False
     robot_type, here = view.robots.type[i], position(view, i)
     for slot in range(view.slots.first_spare):
-        if wanted != ANY_CLASS and view.pods.slot_class[slot] != wanted:
-            continue
-        if is_left(view, out, i, slot) if left else is_free(view, out, i, slot):
+        if may_store(view, out, i, slot, wanted, left):
             mark_goal(workspace, search, dropoff_cell(view, robot_type, slot, here), slot)
-            result = True
-    if not result:
-        return np.int64(NIL)
     heading = np.int64(view.robots.heading[i])
     return np.int64(nearest_mark(view, workspace, search, robot_type, here, heading, False))
 

@@ -228,26 +228,23 @@ def used_features(world: World, mode: Array) -> Array:
     return np.array([bool(one.is_used(world, mode)) for one in FEATURES], np.uint8)
 
 
-class Absent(types.WrapperAddressProtocol):
+class Absent:
     """Stands for a function that is not called."""
 
     def __init__(self, signature: Any) -> None:
-        self._signature = signature
+        self._numba_type_ = types.FunctionType(signature)
 
     def __wrapper_address__(self) -> int:
         return -1
 
-    def signature(self) -> Any:
-        return self._signature
-
 
 @cache
-def absent(signature: Any) -> Absent:
+def absent(signature: Any) -> Any:
     """What the loop is given in the place of a function with this signature that it does not call."""
-    return Absent(signature)
+    return Absent(signature) if jit_is_on() else None
 
 
 @cache
-def absent_feature(number: int) -> Absent:
+def absent_feature(number: int) -> Any:
     """The same for a feature."""
-    return Absent(signature(FEATURES[number]))
+    return absent(signature(FEATURES[number]))

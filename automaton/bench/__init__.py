@@ -38,6 +38,11 @@ PARTS: Final[dict[str, Part]] = {
     "pods": Part(
         "automaton.bench.pod_speed", False, "a tick of 30 robots that carry pods to six stations"
     ),
+    "recording": Part(
+        "automaton.bench.recording_speed",
+        False,
+        "a run with pods recorded, and its recording verified, in times of the run",
+    ),
     "tables": Part("automaton.bench.table_speed", True, "distance tables: computed and looked up"),
     "plans": Part(
         "automaton.bench.warehouse_speed", True, "A* and traffic avoidance on three warehouses"

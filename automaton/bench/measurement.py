@@ -23,6 +23,7 @@ US_PER_TICK = "us per tick"
 MS_PER_RUN = "ms CPU per run"
 MS = "ms"
 SECONDS = "s"
+TIMES_THE_RUN = "times the run"
 EXPONENT = "exponent"  # of a size in the time that it takes
 
 

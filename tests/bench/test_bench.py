@@ -17,6 +17,7 @@ from automaton.bench import (
     crowd_speed,
     loop_speed,
     pod_speed,
+    recording_speed,
     route_speed,
     steering_speed,
     table_speed,
@@ -207,6 +208,11 @@ def test_every_sampler_returns_a_figure() -> None:
     assert isinstance(route_speed.prepare_observing(60, 10, 30, at_random=True)(), float)
     small = steering_speed.CASES[0]._replace(robots=8, floor=SMALL_FLOOR, started=2, ticks=3)
     assert steering_speed.prepare_fleet("pibt", small)() > 0
+
+
+def test_recordings_are_timed() -> None:
+    assert recording_speed.prepare_recorded("goods-mini", 60)() > 0
+    assert recording_speed.prepare_verified("goods-mini", 60)() > 0
 
 
 def test_pods_are_timed() -> None:

@@ -1,0 +1,58 @@
+"""What a recording costs, in runs that are not recorded: made as a file, and verified from it."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+from automaton.bench.measurement import TIMES_THE_RUN, Measurement, Sample, cpu_seconds
+from automaton.build.resolve import Resolved, resolve
+from automaton.evidence.recording.recorder import Recorder
+from automaton.evidence.verification.verification import verify
+from automaton.runs.simulation import Simulation
+
+SCENARIO: Final = "goods-60x40"  # robots carry pods to stations
+TICKS: Final = 5000
+FILE: Final = "run.rec"
+
+
+def measurements() -> list[Measurement]:
+    """The same ticks each time, set-up included."""
+    return [
+        Measurement(f"{SCENARIO}, {TICKS:,} ticks recorded", TIMES_THE_RUN, prepare_recorded),
+        Measurement(f"{SCENARIO}, {TICKS:,} ticks verified", TIMES_THE_RUN, prepare_verified),
+    ]
+
+
+def prepare_recorded(scenario: str = SCENARIO, ticks: int = TICKS) -> Sample:
+    """A sampler: CPU time of a run that is recorded, by that of the run alone."""
+    resolved = resolve(scenario, (f"stop.max_duration={ticks}",))
+    folder = tempfile.TemporaryDirectory(prefix="automaton-bench-")
+    return lambda: ratio(lambda: record(resolved, Path(folder.name) / FILE), resolved)
+
+
+def prepare_verified(scenario: str = SCENARIO, ticks: int = TICKS) -> Sample:
+    """A sampler: CPU time of the verification of a recording, by that of its run."""
+    resolved = resolve(scenario, (f"stop.max_duration={ticks}",))
+    folder = tempfile.TemporaryDirectory(prefix="automaton-bench-")
+    record(resolved, Path(folder.name) / FILE)
+    return lambda: ratio(lambda: check(Path(folder.name) / FILE), resolved)
+
+
+def ratio(work: Callable[[], object], resolved: Resolved) -> float:
+    """CPU time of some work, by that of a run right after it."""
+    return cpu_seconds(work) / cpu_seconds(lambda: Simulation(resolved).run())
+
+
+def record(resolved: Resolved, path: Path) -> None:
+    """Run a scenario and record it."""
+    with Recorder(path, resolved, resolved.scenario.seed) as recorder:
+        Simulation(resolved, on_record=recorder).run()
+
+
+def check(path: Path) -> None:
+    """Verify a recording."""
+    if not verify(path).passed:
+        raise AssertionError(f"{path.name} is not verified")

@@ -64,7 +64,7 @@ from automaton.scenario.schema import Scenario
 
 MAX_QUEUE_LENGTH = 64  # orders of a robot
 MAX_QUEUED_ORDERS = 4_000_000  # of all robots: bounds the memory of large fleets
-VALUES_DIGESTED = 8_000  # in a tick, on average: some 2 ns each
+VALUES_DIGESTED = 7_000  # in a tick, on average: some 2 ns each
 LONGEST_DIGEST_INTERVAL = 64  # ticks
 DIGESTED_ARRAYS = [
     (part, name, declared)

@@ -44,6 +44,7 @@ FRAME: Final = struct.Struct("<BIQI16s")  # kind, bytes of the payload, tick, CR
 CHECKED: Final = struct.Struct("<BIQ")  # the part of FRAME that the CRC covers
 
 DECODED: Final = 4  # FRAME_KIND_TICKS frames that stay decoded
+COMPRESSION: Final = 5  # of zlib: 6 takes 1.7 times as long for 3 % less
 
 
 class Stored(Protocol):
@@ -186,7 +187,7 @@ def payload_of(kind: int, content: Content) -> Payload:
         packed = _pack_ticks(content)
     elif kind in (FRAME_KIND_HEADER, FRAME_KIND_CONDITIONS):
         packed = pack_listed(content)
-    data = zlib.compress(msgspec.msgpack.encode(packed, enc_hook=array_out), 6)
+    data = zlib.compress(msgspec.msgpack.encode(packed, enc_hook=array_out), COMPRESSION)
     return Payload(kind, tick_of(kind, content), data)
 
 

@@ -20,7 +20,7 @@ from automaton.evidence.recording.recording_reader import read_recording
 from automaton.units import count
 
 if TYPE_CHECKING:
-    from automaton.evidence.verification.verification import Tell, Verification
+    from automaton.evidence.verification.verification import Show, Verification
 
 MAX_PRINTED_VIOLATIONS = 10  # violations in the text
 
@@ -51,8 +51,8 @@ def run(args: argparse.Namespace) -> int:
     from automaton.evidence.verification.verification import verify_recording
 
     try:
-        with progress(recording.ticks) as tell:
-            found = verify_recording(recording, tell)
+        with progress(recording.ticks) as show:
+            found = verify_recording(recording, show)
     except InputError as error:
         raise error.at(args.file) from None
     if args.json:
@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 @contextlib.contextmanager
-def progress(ticks: int) -> Iterator[Tell]:
+def progress(ticks: int) -> Iterator[Show]:
     """How many of the ticks are done, on a terminal's stderr; nothing in a pipe."""
     if not sys.stderr.isatty():
         yield lambda what, tick: None

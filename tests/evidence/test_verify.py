@@ -200,7 +200,7 @@ def test_verify_as_json(
 
 
 @pytest.mark.parametrize("on_terminal", [True, False])
-def test_a_terminal_is_told_how_far_it_is(
+def test_a_terminal_shows_how_far_it_is(
     on_terminal: bool,
     good: Recording,
     tmp_path: Path,
@@ -216,7 +216,7 @@ def test_a_terminal_is_told_how_far_it_is(
     assert on_terminal or not told.err
 
 
-def test_each_part_of_verification_tells_ticks_up_to_the_last(good: Recording) -> None:
+def test_each_part_of_verification_shows_its_ticks_up_to_the_last(good: Recording) -> None:
     told: list[tuple[str, int]] = []
     verify_recording(good, lambda what, tick: told.append((what, tick)))
     ends = [

@@ -58,7 +58,7 @@ from automaton.strategy.entry import files_of
 # What of a header nothing follows from: it is not checked.
 LABELS: Final = ("text", "overrides", "sources", "versions", "files", "digest_every")
 
-Tell = Callable[[str, int], None]  # what is being done, and the tick up to which it is
+Show = Callable[[str, int], None]  # what is being done, and the tick up to which it is
 
 LONG_LIST: Final = 100  # values
 
@@ -95,13 +95,13 @@ def verify(path: str | Path) -> Verification:
     return verify_recording(read_recording(path))
 
 
-def verify_recording(recording: Recording, tell: Tell = lambda what, tick: None) -> Verification:
-    """Verify a recording that is open or in memory; `tell` gets to know how far that is."""
+def verify_recording(recording: Recording, show: Show = lambda what, tick: None) -> Verification:
+    """Verify a recording that is open or in memory; `show` is called with how far that is."""
     header = recording.header
     plugins = tuple(one["name"] for one in header["strategies"].values() if ":" in one["name"])
     files = changed_files(recording)
     try:
-        difference = first_difference(told(recording, "run again", tell))
+        difference = first_difference(shown(recording, "run again", show))
     except InputError as error:
         if not files:
             raise
@@ -109,21 +109,21 @@ def verify_recording(recording: Recording, tell: Tell = lambda what, tick: None)
         raise InputError(f"{names} changed after the run was recorded: {error}") from error
     return Verification(
         recording=recording,
-        report=validate_stored(told(recording, "rules", tell)),
+        report=validate_stored(shown(recording, "rules", show)),
         difference=difference,
         same_sources=header["sources"] == source_hash(plugins),
         changed_files=files,
     )
 
 
-def told(recording: Recording, what: str, tell: Tell) -> Recording:
-    """A recording that tells up to which tick it has been gone through."""
+def shown(recording: Recording, what: str, show: Show) -> Recording:
+    """A recording that shows up to which tick it has been gone through."""
 
     def frames() -> Iterator[Frame]:
         for frame in recording.frames:
             yield frame
             if frame.kind == FRAME_KIND_TICKS:
-                tell(what, frame.content["first"] + len(frame.content["executed"]) - 1)
+                show(what, frame.content["first"] + len(frame.content["executed"]) - 1)
 
     return replace(recording, frames=frames())
 

@@ -96,19 +96,24 @@ def job_ticks(view, workspace, robot_type, order, slot, begin, heading):
 
 
 @kernel
-def score(view, workspace, state, i, order):
-    """The score of an order for robot i, in thousandths of ticks; WORST if it cannot do it."""
+def score(view, workspace, state, i, order, least):
+    """The score of an order for robot i, in thousandths of ticks; WORST if it cannot do it.
+
+    WORST too if the way to where it begins leaves no more than `least`.
+    """
     slot, robot_type = next_stop(view, order), view.robots.type[i]
     if not can_bring(view, robot_type, order, slot):
         return WORST
     here, heading = position(view, i), np.int64(view.robots.heading[i])
     begin = begin_cell(view, robot_type, order, here)
+    age = state.age * (view.clock[CLOCK_TICK] - view.orders.release_tick[order])
     job = distance(view, workspace, robot_type, here, heading, begin)
+    if age - state.job * job <= least:
+        return WORST
     job += job_ticks(view, workspace, robot_type, order, slot, begin, heading)
     if job >= UNREACHABLE:
         return WORST
-    age = view.clock[CLOCK_TICK] - view.orders.release_tick[order]
-    return state.age * age - state.job * job
+    return age - state.job * job
 
 
 @kernel
@@ -121,8 +126,9 @@ def best_order(view, out, state, workspace, i):
         if priority < first or not is_open(view, out, i, order):
             continue
         if is_mine(view, order, identity):
-            worth = score(view, workspace, state, i, order)
-            if worth > WORST and (priority > first or worth > highest):
+            least = WORST if priority > first else highest
+            worth = score(view, workspace, state, i, order, least)
+            if worth > least:
                 found, highest, first = order, worth, priority
     return found
 

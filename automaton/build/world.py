@@ -27,7 +27,6 @@ from automaton.engine.record_changes import MAX_CHANGES
 from automaton.engine.service_zones import ServiceZones
 from automaton.engine.state import (
     CLOCK_ALLOCATION_REVISION,
-    CLOCK_DIGEST_EVERY,
     CLOCK_FRESH_ALLOCATION,
     CLOCK_HALTED_UNTIL,
     CLOCK_KNOWN_ORDERS,
@@ -173,7 +172,6 @@ def _build_coarse(
         delays=build_delays(scenario.faults.delays, n),
         clock=clock,
     )
-    clock[CLOCK_DIGEST_EVERY] = digest_interval(world)
     return world, floor
 
 

@@ -16,6 +16,7 @@ from automaton.build.world import (
     build_record,
     build_sight,
     build_world,
+    digest_interval,
 )
 from automaton.drawings.floor_picture import FloorPicture
 from automaton.drawings.palette import Theme
@@ -38,6 +39,7 @@ from automaton.engine.slow_zones import MAX_MOVE_TICKS
 from automaton.engine.state import (
     CLOCK_CHANGE_ROWS,
     CLOCK_DECISION_WORDS,
+    CLOCK_DIGEST_EVERY,
     CLOCK_FINISHED,
     CLOCK_OBSERVING,
     CLOCK_RECORDED_TICKS,
@@ -121,6 +123,7 @@ class Simulation:
         self.on_record = on_record
         self.record = build_record(self.world, RECORD_TICKS if on_record else 0, len(DIGEST_NAMES))
         self.world.clock[CLOCK_RECORDING] = 1 if on_record else 0
+        self.world.clock[CLOCK_DIGEST_EVERY] = digest_interval(self.world) if on_record else 1
         self.on_observe = on_observe
         self.observation = build_observation(self.world, OBSERVED_TICKS if on_observe else 0)
         self.world.clock[CLOCK_OBSERVING] = 1 if on_observe else 0

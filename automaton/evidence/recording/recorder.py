@@ -18,7 +18,7 @@ import numpy as np
 
 from automaton.atomic_write import put_in_place
 from automaton.build.resolve import Resolved
-from automaton.build.world import build_world
+from automaton.build.world import build_world, digest_interval
 from automaton.engine.decision_stream import words_until
 from automaton.engine.digest import DIGEST_NAMES
 from automaton.engine.record_codes import KEYFRAME_TICKS
@@ -70,7 +70,7 @@ class BaseRecorder:
     def __init__(self, resolved: Resolved, seed: int) -> None:
         self._start, _ = build_world(resolved, seed)
         found = header_of(resolved, seed, self._start, DIGEST_NAMES)
-        every = self.digest_every or int(self._start.clock[CLOCK_DIGEST_EVERY])
+        every = self.digest_every or digest_interval(self._start)
         self.header = {**found, "digest_every": every}
         self.ended = False
         self._simulation: Simulation | None = None

@@ -29,7 +29,7 @@ def main() -> int:
 
         signal.signal(signal.SIGINT, usual)
         code = run_command_line()
-        gc.freeze()  # what is left goes with the process: nobody looks for garbage in it
+        gc.freeze()  # what is left ends with the process: it is not searched for garbage
         return code
     except KeyboardInterrupt:
         return _end_at_once()

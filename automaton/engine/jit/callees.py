@@ -84,10 +84,10 @@ class CalleeLibrary(JITCodeLibrary):  # type: ignore[misc]
 
     def linked(self) -> Any:
         """A module of it and of all that it calls."""
-        whole = self._final_module.clone()
+        module = self._final_module.clone()
         for library in callers_first(self._linking_libraries):
-            whole.link_in(library._get_module_for_linking(), preserve=True)
-        return whole
+            module.link_in(library._get_module_for_linking(), preserve=True)
+        return module
 
 
 class _CalleeCacheImpl(CompileResultCacheImpl):  # type: ignore[misc]
@@ -96,7 +96,7 @@ class _CalleeCacheImpl(CompileResultCacheImpl):  # type: ignore[misc]
     def reduce(self, result: Any) -> Any:
         module, description = result.library.linked(), result.fndesc
         description.typemap = description.calltypes = None
-        kept = {
+        fields = {
             "environment": result.environment,
             "fndesc": description,
             "signature": result.signature,
@@ -106,22 +106,22 @@ class _CalleeCacheImpl(CompileResultCacheImpl):  # type: ignore[misc]
             "reload_init": result.reload_init,
             "referenced_envs": tuple(environments(module)),
         }
-        return result.library.name, module.as_bitcode(), kept
+        return result.library.name, module.as_bitcode(), fields
 
     def rebuild(self, context: Any, payload: Any) -> Any:
-        name, bitcode, kept = payload
-        for function in kept["reload_init"]:
+        name, bitcode, fields = payload
+        for function in fields["reload_init"]:
             function()
         library = CalleeLibrary(context.codegen(), name)
         library._final_module = llvm.parse_bitcode(bitcode)
         library.finalize()
-        entry = context.get_executable(library, kept["fndesc"], kept["environment"])
+        entry = context.get_executable(library, fields["fndesc"], fields["environment"])
         return compile_result(
             typing_context=context.typing_context,
             target_context=context,
             library=library,
             entry_point=entry,
-            **kept,
+            **fields,
         )
 
 

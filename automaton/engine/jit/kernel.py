@@ -146,7 +146,7 @@ class Kernel:
 def first_class(function: Any, signature: Any) -> Any:
     """What is passed to compiled code that calls a kernel by this one signature; compiled, or loaded.
 
-    Numba looks a signature up twice whenever a function is passed, each time anew: here it is kept.
+    Numba looks a signature up twice whenever a function is passed; here that is done once.
     """
     dispatcher = getattr(function, "dispatcher", function)
     result = dispatcher.get_compile_result(signature)

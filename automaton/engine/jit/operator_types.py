@@ -1,4 +1,4 @@
-"""The types of operators, remembered: Numba infers that of each `a + b` in each kernel anew.
+"""The types of operators, remembered: for each `a + b` in each kernel Numba would infer it once more.
 
 For two numbers it tries dozens of templates, which look at all options of the compiler each time: a fifth
 of a first run.

@@ -14,31 +14,35 @@ from automaton.evidence.verification.verification import verify
 from automaton.runs.simulation import Simulation
 
 SCENARIO: Final = "goods-60x40"  # robots carry pods to stations
-TICKS: Final = 5000
-FILE: Final = "run.rec"
+RECORDED_TICKS: Final = 5000
+RECORDING_NAME: Final = "run.rec"
 
 
 def measurements() -> list[Measurement]:
     """The same ticks each time, set-up included."""
     return [
-        Measurement(f"{SCENARIO}, {TICKS:,} ticks recorded", TIMES_THE_RUN, prepare_recorded),
-        Measurement(f"{SCENARIO}, {TICKS:,} ticks verified", TIMES_THE_RUN, prepare_verified),
+        Measurement(
+            f"{SCENARIO}, {RECORDED_TICKS:,} ticks recorded", TIMES_THE_RUN, prepare_recorded
+        ),
+        Measurement(
+            f"{SCENARIO}, {RECORDED_TICKS:,} ticks verified", TIMES_THE_RUN, prepare_verified
+        ),
     ]
 
 
-def prepare_recorded(scenario: str = SCENARIO, ticks: int = TICKS) -> Sample:
+def prepare_recorded(scenario: str = SCENARIO, ticks: int = RECORDED_TICKS) -> Sample:
     """A sampler: CPU time of a run that is recorded, by that of the run alone."""
     resolved = resolve(scenario, (f"stop.max_duration={ticks}",))
     folder = tempfile.TemporaryDirectory(prefix="automaton-bench-")
-    return lambda: ratio(lambda: record(resolved, Path(folder.name) / FILE), resolved)
+    return lambda: ratio(lambda: record(resolved, Path(folder.name) / RECORDING_NAME), resolved)
 
 
-def prepare_verified(scenario: str = SCENARIO, ticks: int = TICKS) -> Sample:
+def prepare_verified(scenario: str = SCENARIO, ticks: int = RECORDED_TICKS) -> Sample:
     """A sampler: CPU time of the verification of a recording, by that of its run."""
     resolved = resolve(scenario, (f"stop.max_duration={ticks}",))
     folder = tempfile.TemporaryDirectory(prefix="automaton-bench-")
-    record(resolved, Path(folder.name) / FILE)
-    return lambda: ratio(lambda: check(Path(folder.name) / FILE), resolved)
+    record(resolved, Path(folder.name) / RECORDING_NAME)
+    return lambda: ratio(lambda: check(Path(folder.name) / RECORDING_NAME), resolved)
 
 
 def ratio(work: Callable[[], object], resolved: Resolved) -> float:

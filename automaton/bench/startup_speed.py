@@ -20,11 +20,11 @@ from automaton.bench.measurement import SECONDS, Measurement, Sample, wall_secon
 
 STRATEGY: Final = "strategies.allocation.cooperative"
 COMMANDS = (("--help",), ("check", "tabletop-1"), ("run", "tabletop-1"))
-PODS = ("run", "goods-60x40", "--until", "1000")
+GOODS = ("run", "goods-60x40", "--until", "1000")
 COLD = (  # one after the other, the first one with an empty cache
     ("first run", ("run", "tabletop-1")),
-    ("then goods-60x40", PODS),
-    ("then goods-60x40 with epibt", (*PODS, "--set", "strategy.right_of_way=epibt")),
+    ("then goods-60x40", GOODS),
+    ("then goods-60x40 with epibt", (*GOODS, "--set", "strategy.right_of_way=epibt")),
 )
 
 

@@ -7,16 +7,25 @@ from typing import Any
 import numpy as np
 
 from automaton.build.resolve import Resolved
+from automaton.engine.state import CLOCK_DIGEST_EVERY
 from automaton.evidence.history.playback import Playback
 from automaton.evidence.recording.frames import FRAME_KIND_TICKS, Recording
 from automaton.evidence.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
 
 
+class EachTick(MemoryRecorder):
+    """A recorder that has digests of every tick, however large the world is."""
+
+    digest_every = 1
+
+
 def recorded(resolved: Resolved, until: int | None = None, storage: Any = None) -> Recording:
-    memory = MemoryRecorder(resolved)
+    memory = EachTick(resolved)
     order = None if storage is None else np.array(storage, np.int32)
-    Simulation(resolved, storage=order, on_record=memory).run(until)
+    simulation = Simulation(resolved, storage=order, on_record=memory)
+    simulation.world.clock[CLOCK_DIGEST_EVERY] = 1
+    simulation.run(until)
     return memory.recording()
 
 

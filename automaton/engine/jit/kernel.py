@@ -42,7 +42,7 @@ if not LINKS_OTHERWISE:
     ROOTS = {"pipeline_class": RootCompiler}
     OF_KERNELS = NO_WRAPPERS | {"pipeline_class": CalleeCompiler}
 WORLD = "the world"
-FIRST_RUN_NOTICE = "first run of this version on this machine (about a minute): the world"
+FIRST_RUN_NOTICE = "first run of this version on this machine (half a minute): the world"
 FIRST_USE_NOTICE = "first use on this machine: "
 # Compiling makes millions of objects that live as long as it takes: the garbage collector, called after
 # each 700, would take a tenth of the time.

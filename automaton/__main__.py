@@ -9,22 +9,19 @@ import os
 import sys
 
 INTERRUPTED = 130
-START_THRESHOLD = (
-    300_000,
-    50,
-    1000,
-)  # more objects than a start makes, in which no garbage is looked for
 
 
 def main() -> int:
     """Run the command line of this process and return the exit code."""
-    gc.set_threshold(*START_THRESHOLD)
     try:
         import signal
 
         usual = signal.getsignal(signal.SIGINT)
         if usual is signal.default_int_handler:  # not where Ctrl-C is ignored
             signal.signal(signal.SIGINT, _end_at_once)
+        from automaton.garbage import suspend_while_starting
+
+        suspend_while_starting()
         from automaton.commands import main as run_command_line
 
         signal.signal(signal.SIGINT, usual)

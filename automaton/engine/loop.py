@@ -5,7 +5,7 @@
 
 A layer is asked when something concerns it: in one call about all the robots concerned, or, with
 limited sight, in one call for each of them. A compiled strategy is called right here; for a Python
-strategy the generator yields ASK and the layer, and goes on in mid-tick when it is resumed.
+strategy the generator yields its number, and goes on in mid-tick when it is resumed.
 """
 
 import numpy as np

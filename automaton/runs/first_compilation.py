@@ -11,15 +11,17 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib import import_module
 from multiprocessing import parent_process
 
+from automaton.build.resolve import Resolved
 from automaton.engine.features import compiled_feature
 from automaton.engine.jit.kernel import COMPILATIONS, jit_is_on, world_marker
 from automaton.engine.loop import decide_signature
 from automaton.runs.cores import cores
+from automaton.scenario.schema import Faults
 from automaton.strategy.decide_compilation import compiled_decide
 from automaton.strategy.layer import Strategy
 
@@ -53,6 +55,19 @@ def compiled_side_by_side(
     finally:
         other.kill()
         other.communicate()
+
+
+def compiled_parts(resolved: Resolved) -> Hashable:
+    """What decides which parts are compiled for a run: scenarios with the same need the same."""
+    scenario = resolved.scenario
+    return (
+        *(choice.name for _, choice in resolved.choices),
+        scenario.battery is None,
+        scenario.faults == Faults(),
+        scenario.faults.delays == Faults().delays,
+        repr((scenario.world, scenario.information, scenario.layout, scenario.floor)),
+        repr((scenario.durations, scenario.pods, scenario.orders.generator)),
+    )
 
 
 def _command(kinds: Sequence[type[Strategy]], features: Sequence[int]) -> str:

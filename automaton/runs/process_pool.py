@@ -11,7 +11,7 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from multiprocessing import connection, parent_process, resource_tracker
@@ -21,6 +21,7 @@ from typing import Any, Final, NamedTuple, TypeVar
 from automaton.build.resolve import Resolved
 from automaton.errors import WorkerDiedError
 from automaton.runs.cores import cores
+from automaton.runs.first_compilation import compiled_parts
 from automaton.runs.headless import attribute_strategy_errors, run_to_end
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
@@ -157,7 +158,7 @@ class PersistentPool:
         self._patience_s = POOL_START_DELAY_S if patience_s is None else patience_s
         self._spent_s = 0.0
         self._pool: Workers | None = None
-        self._warm: set[tuple[str, ...]] = set()  # strategies that workers find in the cache
+        self._warm: set[Hashable] = set()  # what workers find in the cache
 
     def __enter__(self) -> PersistentPool:
         return self
@@ -199,9 +200,9 @@ class PersistentPool:
     def _warm_up(self, chunks: Sequence[Chunk]) -> None:
         """Compile, or find in the cache, whatever the workers will load; once for all rounds."""
         for resolved, seed in (job for chunk in chunks for job in chunk.jobs):
-            names = tuple(choice.name for _, choice in resolved.choices)
-            if names not in self._warm:
-                self._warm.add(names)
+            parts = compiled_parts(resolved)
+            if parts not in self._warm:
+                self._warm.add(parts)
                 with attribute_strategy_errors(resolved):
                     Simulation(resolved, seed)
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from automaton import garbage
 from automaton.build.resolve import Resolved, StrategyChoice
 from automaton.build.world import (
     build_buffers,
@@ -500,5 +501,6 @@ def _compiled_loop(
         with first_compilation_announced(), compiled_side_by_side(kinds, features):
             _LOOPS["loop"] = loop_kernels.compile_loop()  # type: ignore[no-untyped-call]
         COMPILING.finish(loop_kernels.ticks)
+        garbage.resume()
     found: tuple[Any, Any] = _LOOPS["loop"]
     return found

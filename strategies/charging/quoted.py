@@ -29,7 +29,7 @@ from strategies.charging.charging_parameters import FillUp, Insertion, Opportuni
 
 
 class ChargingState(Struct):
-    """It remembers nothing."""
+    """A parameter, and room; it remembers nothing."""
 
     idle_below: int = field("int64", "idle robots with less charge go to charge")
     market: FloorMarket  # room for the list of one robot

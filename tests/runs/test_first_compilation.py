@@ -13,7 +13,7 @@ from automaton.build.resolve import resolve
 from automaton.engine.features import FAULTS, GATES, compiled_feature
 from automaton.engine.jit.kernel import jit_is_on
 from automaton.runs import first_compilation
-from automaton.runs.first_compilation import compiled_side_by_side
+from automaton.runs.first_compilation import compiled_parts, compiled_side_by_side
 from automaton.runs.simulation import Simulation
 from strategies.allocation.cooperative import Cooperative
 
@@ -94,3 +94,16 @@ def test_where_no_process_can_be_started_this_one_compiles_alone(
     monkeypatch.setattr(first_compilation.subprocess, "Popen", refused)
     with compiled_side_by_side([Cooperative], [FAULTS]):
         pass
+
+
+def test_scenarios_that_use_other_features_need_other_parts_compiled() -> None:
+    usual = compiled_parts(resolve("tabletop-mini"))
+    assert compiled_parts(resolve("tabletop-mini", ["fleet.robots=2"])) == usual
+    for setting in (
+        "faults.failure_probability=0.001",
+        "faults.delays={probability: 0.01, ticks: {from: 1, to: 2}}",
+        "information=orders",
+        "world.extra_tick_probability=0.1",
+        "strategy.right_of_way=pibt",
+    ):
+        assert compiled_parts(resolve("tabletop-mini", [setting])) != usual, setting

@@ -46,7 +46,7 @@ def environments(module: Any) -> Iterator[Any]:
     for variable in module.global_variables:
         if variable.name.startswith(ENVIRONMENT):
             environment = lookup_environment(variable.name)
-            if environment is not None and environment.can_cache():
+            if environment is not None:
                 yield environment
 
 
@@ -54,7 +54,10 @@ class RootLibrary(JITCodeLibrary):  # type: ignore[misc]
     """The code of a kernel and of all that it calls."""
 
     def finalize(self) -> None:
-        self._linking_libraries: list[Any] = callers_first(self._linking_libraries)
+        parts = callers_first(self._linking_libraries)
+        self._linking_libraries: list[Any] = [
+            Alone(one) if isinstance(one, CalleeLibrary) else one for one in parts
+        ]
         super().finalize()
 
     def _finalize_specific(self) -> None:
@@ -69,6 +72,9 @@ class CalleeLibrary(JITCodeLibrary):  # type: ignore[misc]
     def finalize(self) -> None:
         self._raise_if_finalized()
         self._finalize_dynamic_globals()
+        for library in callers_first(self._linking_libraries):
+            self._dynamic_globals += library._dynamic_globals
+            self._reload_init.update(library._reload_init)
         self._finalized = True
 
     def get_pointer_to_function(self, name: str) -> int:
@@ -86,8 +92,31 @@ class CalleeLibrary(JITCodeLibrary):  # type: ignore[misc]
         """A module of it and of all that it calls."""
         module = self._final_module.clone()
         for library in callers_first(self._linking_libraries):
-            module.link_in(library._get_module_for_linking(), preserve=True)
+            is_callee = isinstance(library, CalleeLibrary)
+            part = library.alone() if is_callee else library._get_module_for_linking()
+            module.link_in(part, preserve=True)
         return module
+
+    def alone(self) -> Any:
+        """Its own module, to be linked with those of what it calls."""
+        return super()._get_module_for_linking()
+
+    def _get_module_for_linking(self) -> Any:
+        """What a library of Numba's own links, such as that of a function with `@njit`: all of it."""
+        self._ensure_finalized()
+        module = self.linked()
+        for function in module.functions:
+            if not function.is_declaration and function.linkage == llvm.Linkage.external:
+                function.linkage = "linkonce_odr"
+        return module
+
+
+class Alone:
+    """A callee as a root links it: without what it calls, which the root links once."""
+
+    def __init__(self, library: CalleeLibrary) -> None:
+        self._get_module_for_linking = library.alone
+        self._reload_init = library._reload_init
 
 
 class _CalleeCacheImpl(CompileResultCacheImpl):  # type: ignore[misc]
@@ -104,7 +133,7 @@ class _CalleeCacheImpl(CompileResultCacheImpl):  # type: ignore[misc]
             "lifted": result.lifted,
             "type_annotation": str(result.type_annotation),
             "reload_init": result.reload_init,
-            "referenced_envs": tuple(environments(module)),
+            "referenced_envs": tuple(one for one in environments(module) if one.can_cache()),
         }
         return result.library.name, module.as_bitcode(), fields
 

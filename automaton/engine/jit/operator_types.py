@@ -12,7 +12,7 @@ from typing import Any
 from numba import types
 from numba.core.types.functions import BaseFunction
 
-OPERATORS = frozenset(getattr(operator, name) for name in operator.__all__)
+OPERATORS = frozenset(getattr(operator, name) for name in operator.__all__) - {operator.contains}
 KNOWN = types.Number, types.Boolean, types.Array, types.BaseTuple
 
 

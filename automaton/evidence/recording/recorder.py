@@ -65,7 +65,7 @@ Rows = tuple[Array, Array, Array, Array]  # did (T, n), decisions (Y,), changes 
 class BaseRecorder:
     """What all recorders do: give one to Simulation as `on_record`; subclasses `write` frames."""
 
-    digest_every: ClassVar[int | None] = None  # tick that has digests; None: as the world says
+    digest_every: ClassVar[int | None] = None  # tick that has digests; None: by its size
 
     def __init__(self, resolved: Resolved, seed: int) -> None:
         self._start, _ = build_world(resolved, seed)

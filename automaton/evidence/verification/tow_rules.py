@@ -20,7 +20,8 @@ class LoadedWays:
         self._stations = stations
         self._homes = list(motion.home)
         self._ends: dict[int, set[int]] = {}  # by robot: storage from which it gets everywhere
-        self._ends_of_type: dict[str, set[int]] = {}  # the same, by type and for loads alone
+        # The same for loads alone, by headings and by the cells that are closed.
+        self._ends_of_loads: dict[tuple[int, frozenset[int]], set[int]] = {}
 
     def ticks(
         self, r: int, start: int, headings: Iterable[int], loaded: bool = True
@@ -97,15 +98,15 @@ class LoadedWays:
         return self._ends[r]
 
     def _stored_by(self, r: int) -> set[int]:
-        """Where robots of the type of robot r put their loads, whatever their homes are."""
-        name = self.motion.types.name[r]
-        if name not in self._ends_of_type:
+        """Where robots that drive as robot r does put their loads, whatever their homes are."""
+        way = self.motion.headings[r], frozenset(self.motion.types.closed[r][True])
+        if way not in self._ends_of_loads:
             ends = {cell for cell, kind in enumerate(self.motion.kind) if kind == STORAGE}
             every = range(self.motion.headings[r])
             for station in self._stations:
                 ends &= self.ticks(r, station, every).keys() & self.starts(r, station)
-            self._ends_of_type[name] = ends
-        return self._ends_of_type[name]
+            self._ends_of_loads[way] = ends
+        return self._ends_of_loads[way]
 
     def nearest(self, r: int, free: dict[int, int]) -> int:
         """The free slot that robot r gets to soonest, ties the lowest; NIL: none. `free`: by cell."""

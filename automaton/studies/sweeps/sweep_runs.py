@@ -10,6 +10,7 @@ import pickle
 import signal
 import threading
 import time
+from collections.abc import Hashable
 from functools import cache, partial
 from typing import Any, NamedTuple
 
@@ -20,6 +21,7 @@ from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.printable import one_line
 from automaton.runs.asked_orders import asked_orders
+from automaton.runs.first_compilation import compiled_parts
 from automaton.runs.headless import (
     Marks,
     attribute_strategy_errors,
@@ -91,7 +93,7 @@ def _plugin(module: str) -> Sources:
 
 
 _SCENARIOS: dict[str, Resolved] = {}  # of the last points, by fingerprint
-_LOADED: set[tuple[str, ...]] = set()  # strategies of runs that this process has begun
+_LOADED: set[Hashable] = set()  # what runs needed that this process has begun
 MAX_SCENARIOS_KEPT = 16
 
 
@@ -105,9 +107,9 @@ def _scenario(fingerprint: str, pickled: bytes, patience: float | None = None) -
         for oldest in list(_SCENARIOS)[: 1 - MAX_SCENARIOS_KEPT]:
             _SCENARIOS.pop(oldest, None)
         resolved = _SCENARIOS[fingerprint] = pickle.loads(pickled)
-        names = tuple(choice.name for _, choice in resolved.choices)
-        if names not in _LOADED:  # loads what is compiled, so that no run's time counts it
-            _LOADED.add(names)
+        parts = compiled_parts(resolved)
+        if parts not in _LOADED:  # loads what is compiled, so that no run's time counts it
+            _LOADED.add(parts)
             try:
                 with attribute_strategy_errors(resolved):
                     Simulation(resolved, patience=patience)

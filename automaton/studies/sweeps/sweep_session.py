@@ -6,13 +6,14 @@ A study with a bound of replications goes on in rounds: all points have equally 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
 
 from automaton.errors import InputError
+from automaton.runs.first_compilation import compiled_parts
 from automaton.runs.headless import attribute_strategy_errors
 from automaton.runs.simulation import Simulation
 from automaton.studies.sweeps.coordinator import Coordinator, OnRows, SweepTally
@@ -240,8 +241,8 @@ def warm(plan: SweepPlan, patience: float | None = None) -> None:
 
 
 def points_to_warm(plan: SweepPlan) -> list[int]:
-    """The first point of each combination of strategies."""
-    first: dict[tuple[str, ...], int] = {}
+    """The first point of each combination of strategies and features."""
+    first: dict[Hashable, int] = {}
     for point, resolved in enumerate(plan.scenarios):
-        first.setdefault(tuple(choice.name for _, choice in resolved.choices), point)
+        first.setdefault(compiled_parts(resolved), point)
     return list(first.values())

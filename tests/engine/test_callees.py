@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from compiled_kernels import LISTENING
 from numba import types
 from numba.core.registry import cpu_target
 
@@ -64,17 +65,7 @@ from callees import doubled, never_halved, of_numba, quartered
 def {name}(n):
     return {body}
 """
-USED = """
-import json, sys
-from automaton.engine.jit.numba_parts import event
-compiled = []
-class Listener(event.Listener):
-    def on_start(self, event):
-        compiled.append(event.data["dispatcher"].py_func.__name__)
-    def on_end(self, event):
-        pass
-event.register("numba:compile", Listener())
-function = getattr(__import__(sys.argv[1]), sys.argv[1])
+USED = f"""{LISTENING}function = getattr(__import__(sys.argv[1]), sys.argv[1])
 results = [int(function(8))]
 try:
     results.append(int(function(6)))

@@ -13,6 +13,7 @@ from pathlib import Path
 from uuid import uuid4
 
 import pytest
+from compiled_kernels import LISTENING
 
 import strategies.allocation.first_come
 from automaton.build.resolve import resolve
@@ -374,17 +375,7 @@ SQUARES = (
 # Runs as root, too, which may write everywhere: a process without this capability may not (CAPBSET_DROP
 # of CAP_DAC_OVERRIDE; what it executes has not got it).
 DROPPED = "__import__('ctypes').CDLL(None).prctl(24, 1, 0, 0, 0)"
-USED = """
-import json, sys
-from automaton.engine.jit.numba_parts import event
-compiled = []
-class Listener(event.Listener):
-    def on_start(self, event):
-        compiled.append(event.data["dispatcher"].py_func.__name__)
-    def on_end(self, event):
-        pass
-event.register("numba:compile", Listener())
-for name in sys.argv[1:]:
+USED = f"""{LISTENING}for name in sys.argv[1:]:
     function = getattr(__import__(name), name)
     assert function(7) == 49 and function.is_compiled
 print(json.dumps(compiled))

@@ -77,10 +77,10 @@ def note_events(world, observation):
         if executed & LEFT_PARKING_BAY:
             event(world, observation, EVENT_LEFT_BAY, identity, NIL, NIL)
         visited = world.tally.visits[i] != observation.visits_before[i]
-        had = np.int64(world.tally.visited[i]) if visited and order == NIL else order
-        # It had only to come.
-        done = action == EXECUTED_DROP or (action == EXECUTED_PICK and robots.load[i] == NIL)
-        if had != before and before != NIL and not done:
+        came = action == EXECUTED_PICK and robots.load[i] == NIL  # all that it had to do
+        # An order that is done may have been taken in this tick, too.
+        had = np.int64(world.tally.visited[i]) if (visited or came) and order == NIL else order
+        if had != before and before != NIL and action != EXECUTED_DROP:
             event(world, observation, EVENT_ORDER_RETURNED, identity, before, NIL)
         if had != before and had != NIL:
             event(world, observation, EVENT_ORDER_TAKEN, identity, had, NIL)
@@ -149,7 +149,7 @@ def event(world, observation, code, robot, subject, value):
 def note_action(world, observation, i, identity, action):
     """The events of an operation that robot i began."""
     if action == EXECUTED_PICK and world.robots.load[i] == NIL:
-        visited = np.int64(observation.order_before[i])
+        visited = np.int64(world.tally.visited[i])
         event(
             world, observation, EVENT_DELIVERED, identity, visited, np.int64(world.robots.cell[i])
         )

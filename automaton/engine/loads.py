@@ -110,6 +110,7 @@ def pick_up(world, record, i, ticks):
     begin_leg(world, i)
     record_change(world.clock, record, CHANGE_PICKED, robots.identity[i], order)
     if slot == orders.target[order] and not has_trips(world):
+        world.tally.visited[i] = order
         visit(world, record, i, order, ticks)
         return
     empty_slot(world, slot)

@@ -73,6 +73,7 @@ from automaton.engine.record_codes import (
     EXECUTED_RETREAT,
     EXECUTED_WAIT,
     LEFT_PARKING_BAY,
+    PICKED_ON_ARRIVAL,
 )
 from automaton.engine.refinement import is_begin
 from automaton.engine.robot_status import STATUS_DEPLETED, STATUS_EXHAUSTED
@@ -94,7 +95,8 @@ from automaton.engine.state import (
 from automaton.engine.trips import has_break, has_trips
 
 MARKS = 8  # in a word
-EVENT_FLAGS = LEFT_PARKING_BAY | ENTERED_PARKING_BAY  # flags and actions that are events
+# Flags and actions that are events; a load that is dropped on arrival changes hands.
+EVENT_FLAGS = LEFT_PARKING_BAY | ENTERED_PARKING_BAY | PICKED_ON_ARRIVAL
 EVENT_ACTIONS = (
     (1 << EXECUTED_PICK)
     | (1 << EXECUTED_DROP)

@@ -535,7 +535,11 @@ class Tally(Struct, role=MEASURED):
     illegal: Array = field("(5,) int64", "illegal decisions by layer")
     batches: Array = field("(5,) int64", "batches that each layer was asked about")
     visits: Array = field("(n,) int64", "stops that it has done")
-    visited: Array = field("(n,) int32", "the order of the last of them, or NIL", default=NIL)
+    visited: Array = field(
+        "(n,) int32",
+        "the order of which it last did a stop, or to which it only had to come",
+        default=NIL,
+    )
     leg_moves: Array = field("(n,) int64", "its moves before the leg of an order that it is on")
     leg_driven: Array = field("(n,) int64", "its ticks of moves and turns before that leg")
     leg_queued: Array = field("(n,) int64", "its ticks in queues of stations before that leg")

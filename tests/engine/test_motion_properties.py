@@ -86,7 +86,7 @@ def cases(draw: Any) -> Case:
     crowd = [cell for cell in cells if floor_plan.capacity.flat[cell] == 0]
     cells += crowd[: draw(st.integers(0, 2))]
     n = len(cells)
-    seed, ticks = draw(st.integers(0, 2**40)), draw(st.sampled_from([6, 3, 2, 1]))
+    seed, ticks = draw(st.integers(0, 2**40)), draw(st.sampled_from([12, 6, 3]))
     return Case(
         floor_plan=floor_plan,
         cells=tuple(cells),
@@ -179,7 +179,7 @@ def test_the_kernel_finds_the_greatest_set_of_moves() -> None:
     reached: dict[bool, Counter[str]] = {True: Counter(), False: Counter()}
     met = 0
 
-    @settings(max_examples=2000)
+    @settings(max_examples=800)
     @given(cases())
     def check(case: Case) -> None:
         nonlocal met

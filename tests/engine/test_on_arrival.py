@@ -10,7 +10,7 @@ from handmade_recordings import E, played, rules
 from handmade_recordings import header as drawn
 
 from automaton.build.resolve import Resolved, resolve
-from automaton.engine.observation import EVENT_DELIVERED
+from automaton.engine.observation import EVENT_DELIVERED, EVENT_ORDER_TAKEN
 from automaton.engine.observation import EVENT_PICKED as PICKED
 from automaton.engine.record_codes import (
     CHANGE_DROPPED,
@@ -138,6 +138,15 @@ def test_metrics_and_events_agree() -> None:
     ]
     assert told == [(1, PICKED), (4, EVENT_DELIVERED)]
     assert not simulation.observation.lost.any()
+
+
+def test_an_order_to_come_may_be_taken_and_done_in_one_tick() -> None:
+    here = {"list": [{"from": [2, 0], "to": [2, 0]}]}
+    event_history = EventHistory()
+    resolved = scenario(1, "..t", orders=here, durations=AT_ONCE)
+    Simulation(resolved, on_observe=event_history).run()
+    told = [event[:4] for event in event_history.events.tolist()]
+    assert told == [[1, EVENT_ORDER_TAKEN, 0, 0], [1, EVENT_DELIVERED, 0, 0]]
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ from automaton.evidence.recording.recorder import MemoryRecorder
 from automaton.evidence.verification.validator import validate_stored
 from automaton.runs.simulation import Simulation
 
-EXAMPLES = 1000
+EXAMPLES = 400
 
 
 def judged(case: Case) -> Simulation:

@@ -1,7 +1,7 @@
 """Commands of the documentation, carried out in this process and in an empty folder.
 
 Runs are shared: a command that leaves no file behind is carried out once for all pages. Sweeps and
-sizes use no further processes, and studies have two replications.
+sizes use no further processes, studies have two replications, and sizes a small budget.
 """
 
 from __future__ import annotations
@@ -64,6 +64,7 @@ LEAVES: Final = (
 )
 UNFINISHED: Final = ("run", "branch", "watch", "replay", "size")
 REPLICATIONS: Final = "replications: 2"
+BUDGET: Final = ("--budget", "110")  # of a size whose output no page shows
 EXTRAS: Final = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"][
     "optional-dependencies"
 ]
@@ -147,6 +148,8 @@ def run_automaton(words: list[str], folder: Path, shown: bool) -> str:
         return ""
     if words[0] == "sweep" and words[1] in shipped_studies():
         words = [words[0], small_study(words[1], folder), *words[2:]]
+    if words[0] == "size" and not shown and BUDGET[0] not in words:
+        words = [*words, *BUDGET]
     key = " ".join(words)
     leaves_files = any(option in words for option in LEAVES)
     if key in OUTPUTS and not leaves_files and not any((folder / word).exists() for word in words):

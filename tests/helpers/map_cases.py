@@ -12,7 +12,7 @@ def pans(name: str, rows: int, columns: int) -> None:
 
     async def action(user: Watched) -> None:
         camera = user.session.pictures.camera
-        while camera.zoom is not camera.ladder[0]:
+        while camera.zoom != camera.ladder[0]:
             camera.zoom_in()
         user.session.pictures.resize = lambda rows, columns: None  # type: ignore[method-assign]
         camera.resize(3, 20)  # so that there is something beside what is seen
@@ -77,6 +77,7 @@ def zooms_time(name: str, before: int, after: int) -> None:
     async def action(user: Watched) -> None:
         await user.at(120)
         await user.until(lambda: user.display.timeline.past.head == 120)
+        user.display.timeline.zoom(0)
         user.display.timeline.zoom(before)
         ticks, column = (
             user.display.timeline.track.part.ticks,

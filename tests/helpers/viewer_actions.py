@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import map_cases  # its checks are entered into the table
 import numpy as np
+import pytest
 from action_cases import CHECKS, check, press, said
-from viewer_harness import Watched, compared, mini, viewing
+from viewer_harness import PATIENCE_S, Watched, compared, mini, viewing
 
 from automaton.engine.state import NIL
 from tui.registration import layers
 from tui.render import styles
 from tui.render.glyphs import GLYPH_BITS
 from tui.screens.help_screen import HelpScreen
+from tui.viewer.app import Viewer
 from tui.widgets.bindings import COMPARING
 
 __all__ = ["map_cases"]
@@ -373,8 +374,23 @@ async def quit(user: Watched) -> None:
     await user.until(lambda: user.app.return_code == 0)
 
 
-async def carry_out(name: str, folder: Path, met: Callable[[Watched], None] = id) -> None:
+async def carry_out(name: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Check an action that does nothing, which must be noticed, and then as it is."""
     opening = compared(folder) if name in COMPARING else mini()
+    does, called = Viewer.action_do, []
     async with viewing(opening) as user:
-        met(user)
+
+        async def do(app: Viewer, id: str) -> None:
+            if id != name:
+                await does(app, id)
+                return
+            called.append(id)
+            user.patience = 0.1  # nothing comes of it: do not wait for long
+
+        with monkeypatch.context() as patch:
+            patch.setattr(Viewer, "action_do", do)
+            with pytest.raises(AssertionError):
+                await CHECKS[name](user)
+        assert called, "the key did not even reach the action"
+        user.patience = PATIENCE_S
         await CHECKS[name](user)

@@ -8,12 +8,13 @@ from pathlib import Path
 import map_cases  # its checks are entered into the table
 import pytest
 from action_cases import CHECKS
+from docs_pages import page
 from viewer_actions import carry_out
 from viewer_harness import mini, viewing
 
 from tui.terminal.options import Options
 from tui.viewer.app import Viewer
-from tui.widgets.bindings import ACTIONS
+from tui.widgets.bindings import ACTIONS, TOPICS
 
 __all__ = ["map_cases"]
 
@@ -48,5 +49,21 @@ def test_every_action_has_a_check_and_no_check_is_without_action() -> None:
 
 
 @pytest.mark.parametrize("name", list(CHECKS))
-def test_action(name: str, folder: Path) -> None:
-    asyncio.run(carry_out(name, folder))
+def test_a_check_passes_with_its_action_and_fails_where_it_does_nothing(
+    name: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asyncio.run(carry_out(name, folder, monkeypatch))
+
+
+def test_the_page_on_watching_gives_every_layer_its_own_key() -> None:
+    text = page("docs/how-to/watch-a-fleet.md").text
+    row = next(line for line in text.splitlines() if line.startswith("| **Layers** |"))
+    (layers,) = [topic.actions for topic in TOPICS if topic.name == "Layers"]
+    for action in layers:
+        for key in action.keys.split(","):
+            written = key.upper() if key.startswith("f") else key
+            told = row.partition(f"`{written}`")[2].partition(", `")[0].lower()
+            what = {"layer_none": "none", "next_layer": "goes through"}.get(
+                action.id, action.id.removeprefix("layer_")
+            )
+            assert what in told, key

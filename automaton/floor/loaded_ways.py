@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from automaton.floor.cells import STORAGE
+from automaton.floor.cells import NIL, STORAGE
 from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.reachability import Mask, backward_exits, reached, reached_along
 
@@ -25,7 +25,7 @@ def to_and_from(floor_plan: FloorPlan, cell: int, rail: bool) -> Mask:
     """
     storage = floor_plan.kind == STORAGE
     if not storage.any():
-        return reached(floor_plan, [cell], rail) & reached(floor_plan, [cell], rail, backwards=True)
+        return _in_both_directions(floor_plan, cell, rail)
     flat = storage.reshape(-1)
     into = np.zeros_like(floor_plan.exits)  # exits that lead into storage
     for direction, offset in enumerate(floor_plan.offsets):
@@ -43,6 +43,26 @@ def to_and_from(floor_plan: FloorPlan, cell: int, rail: bool) -> Mask:
     mask: Mask = np.where(flat, leaves & enters, from_it.any(axis=0) & to_it.any(axis=0))
     mask.setflags(write=False)
     return mask
+
+
+def _in_both_directions(floor_plan: FloorPlan, cell: int, rail: bool) -> Mask:
+    """As `to_and_from`, on a floor without storage.
+
+    Off rails this is the same from each cell within it. So each part of a floor is searched once,
+    wherever the robots of a run begin.
+    """
+    part_of = np.full(floor_plan.kind.size, NIL) if rail else _part_of(floor_plan)
+    if part_of[cell] == NIL:
+        ways = (reached(floor_plan, [cell], rail, backwards) for backwards in (False, True))
+        part_of[np.logical_and(*ways)] = cell
+    mask: Mask = part_of == part_of[cell]
+    return mask
+
+
+@lru_cache(maxsize=64)
+def _part_of(floor_plan: FloorPlan) -> npt.NDArray[np.int64]:
+    """(cells,) from which cell the part of each was searched; NIL: not yet, which is noted here."""
+    return np.full(floor_plan.kind.size, NIL)
 
 
 def _aisles_beside(

@@ -210,6 +210,18 @@ def test_what_lies_behind_a_one_way_door_is_reached_but_not_left() -> None:
     assert [floor_plan.xy(c) for c in slots_beside(floor_plan, ~within)] == [(0, 1)]
 
 
+def test_each_cell_of_a_part_of_a_floor_has_the_same_ways_to_and_fro() -> None:
+    """What was found from one cell is remembered for the others."""
+    generator = np.random.default_rng(2)
+    for _ in range(30):
+        rows = generator.choice(list("..><v^#s"), (5, 6))
+        floor_plan = picture(*("".join(row) for row in rows))
+        for cell in generator.permutation(np.flatnonzero(floor_plan.drivable)).tolist():
+            there = reached(floor_plan, [cell], rail=False)
+            back = reached(floor_plan, [cell], rail=False, backwards=True)
+            assert (to_and_from(floor_plan, cell, rail=False) == there & back).all()
+
+
 def test_rails_turn_on_turntables_only() -> None:
     corner, table = picture("...", "##.", "##s"), picture("..+", "##.", "##s")
     start = corner.cell(0, 0)

@@ -6,6 +6,7 @@ import json
 import re
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,9 @@ from automaton.strategy import lookup
 HEAVY = ("numba", "textual", "rich")
 
 
+@cache
 def validator() -> jsonschema.Draft202012Validator:
+    """What judges scenarios by the schema, which is one itself."""
     schema = json_schema()
     jsonschema.Draft202012Validator.check_schema(schema)
     return jsonschema.Draft202012Validator(schema)

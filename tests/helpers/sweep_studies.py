@@ -76,11 +76,11 @@ def sweep_command(study: Path, out: Path, *options: str) -> list[str]:
 
 
 def hasty_command(study: Path, out: Path, *options: str) -> list[str]:
-    """The same, but rows are written as soon as a chunk of runs is done: there are some after less."""
+    """The same, but the row of each run is written as soon as it is done: there are some after less."""
     begin = (
-        "import sys; from automaton.studies.sweeps import result_writing as writing; "
+        "import sys; from automaton.studies.sweeps import coordinator, result_writing as writing; "
         "from automaton.commands import main; "
-        "writing.BATCH_S = 0.0; sys.exit(main(sys.argv[1:]))"
+        "coordinator.CHUNK_S = writing.BATCH_S = 0.0; sys.exit(main(sys.argv[1:]))"
     )
     return [sys.executable, "-c", begin, *sweep_command(study, out, *options)[3:]]
 
@@ -125,7 +125,7 @@ def wait_until(condition: Any, seconds: float = 60) -> None:
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, "it did not happen in time"
-        time.sleep(0.02)
+        time.sleep(0.05)
 
 
 def started_cluster(file: Path) -> list[subprocess.Popen[str]]:
@@ -198,7 +198,7 @@ class NeverAnswers(Raises):
 
     def decide(self, view, batch, decisions, memory, workspace):
         while len(view.robots.cell) == 2:
-            pass
+            time.sleep(0.01)  # which takes none of the time of others
         decisions.allocation.command[: batch.count[0]] = CMD_PARK
 
 

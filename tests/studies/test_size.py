@@ -5,12 +5,13 @@ from __future__ import annotations
 import io
 import json
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 import pytest
+from remembered_runs import remembered_runs
 from rich.console import Console
 from statistics_trials import synthetic
 
@@ -19,7 +20,6 @@ from automaton.build.resolve import resolve
 from automaton.commands import main
 from automaton.engine.state import ORDER_DELIVERED
 from automaton.errors import InputError
-from automaton.runs import process_pool
 from automaton.runs.process_pool import PersistentPool
 from automaton.runs.simulation import Simulation
 from automaton.runs.station_metrics import metrics_by_station
@@ -38,6 +38,12 @@ from automaton.studies.sizing.sizing_session import RunBudget, SizingSession
 from automaton.units import Unit
 
 ZERO = Target("makespan", True, 0.0)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def each_run_once() -> Iterator[None]:
+    with remembered_runs():
+        yield
 
 
 def searched(shares: list[float], budget: int = 100_000, **more: Any) -> Search:
@@ -98,10 +104,10 @@ def test_what_a_run_did_not_measure_is_missed(capsys: Any) -> None:
     short = ("--set", "measure={warm_up: 5}", "--set", "stop={when: never, max_duration: 10}")
     for options in ((), ("--mean", "--indifference", "1")):
         code, out, _ = size(
-            capsys, "tabletop-mini", "--target", "delay<=5", "--robots", "1..2", "--workers", "1",
+            capsys, "tabletop-mini", "--target", "delay<=5", "--robots", "1", "--workers", "1",
             *short, *options,
         )  # fmt: skip
-        assert code == 1 and "not reachable up to 2 robots" in out
+        assert code == 1 and "not reachable up to 1 robot" in out
         told = r"^1: \d+ runs without delay, since nothing ended; such runs miss the target$"
         assert re.search(told, out, re.M)
 
@@ -194,7 +200,10 @@ def test_runs_of_the_answer_that_did_not_finish_are_told_with_it() -> None:
 
 def test_orders_that_are_listed_are_the_same_demand_in_all_runs(capsys: Any) -> None:
     listed = "orders={list: [{from: [1, 1], to: [3, 1]}]}"
-    given = ("tabletop-mini", "--target", "makespan<=100000", "--robots", "1", "--workers", "1")
+    given = (
+        "tabletop-mini", "--target", "makespan<=100000", "--robots", "1", "--workers", "1",
+        "--success-share", "0.5", "--indifference", "0.3", "--budget", "20",
+    )  # fmt: skip
     same = "the demand is the same in all runs, since the orders are listed"
     assert same not in size(capsys, *given)[1]
     assert same in size(capsys, *given, "--set", listed)[1]
@@ -247,7 +256,9 @@ def test_a_fleet_that_is_decided_after_the_search_is_followed_up() -> None:
 
 def test_a_real_answer_is_the_same_for_any_number_of_workers(monkeypatch: Any) -> None:
     monkeypatch.setattr("automaton.runs.process_pool.POOL_START_DELAY_S", 0.0)
-    question = make_question(Target("makespan", True, 1700.0), (1, 4), budget=400)
+    question = make_question(
+        Target("makespan", True, 1700.0), (1, 4), budget=200, success_share=0.9, indifference=0.08
+    )
     found = []
     for workers in (1, 2):
         with PersistentPool(workers, run_and_measure_use) as rounds:
@@ -344,11 +355,13 @@ def test_the_command_answers_in_json_and_says_what_is_not_reachable(capsys: Any)
 
 def test_sizes_from_python_are_those_of_the_command(capsys: Any) -> None:
     found = experiments.size(
-        "tabletop-mini", "makespan<=1700", (1, 4), budget=700, workers=1, durations__turn=20
-    )
+        "tabletop-mini", "makespan<=1700", (1, 2), success_share=0.9, indifference=0.08,
+        budget=350, workers=1, durations__turn=20,
+    )  # fmt: skip
     code, out, _ = size(
-        capsys, "tabletop-mini", "--target", "makespan<=1700", "--robots", "1..4", "--json",
-        "--budget", "700", "--workers", "1", "--set", "durations.turn=20",
+        capsys, "tabletop-mini", "--target", "makespan<=1700", "--robots", "1..2", "--json",
+        "--success-share", "0.9", "--indifference", "0.08", "--budget", "350", "--workers", "1",
+        "--set", "durations.turn=20",
     )  # fmt: skip
     assert code == 0 and json.loads(out) == found.record
     assert (found.robots, found.strategy, found.settled) == (2, "", True)
@@ -453,23 +466,6 @@ def test_figures_of_a_steady_state_leave_the_start_up_out() -> None:
     assert figures["throughput"] == pytest.approx(3 * figures["throughput_per_robot"])
 
 
-@pytest.fixture
-def each_run_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Searches that ask for the same runs share them: of a scenario, its fleet and settings, by seed."""
-    done: dict[Any, Any] = {}
-    carry_out = process_pool.run_chunk
-
-    def run_chunk(chunk: Any) -> Any:
-        jobs = [(msgspec.json.encode(given.scenario), seed) for given, seed in chunk.jobs]
-        key = (chunk.first, chunk.conduct, *jobs)
-        if key not in done:
-            done[key] = carry_out(chunk)
-        return done[key]
-
-    monkeypatch.setattr(process_pool, "run_chunk", run_chunk)
-
-
-@pytest.mark.usefixtures("each_run_once")
 def test_a_steady_state_is_asked_for_its_mean_after_the_warm_up(capsys: Any) -> None:
     given = ("warehouse-100", "--robots", "3", "--budget", "200", "--workers", "1")
     settings = [text for setting in SMALL for text in ("--set", setting)]

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from remembered_runs import remembered_runs
 from statistics_trials import synthetic
 
 from automaton.commands import main
@@ -24,14 +25,15 @@ def test_fleets_that_cannot_be_run_are_not_examined(capsys: Any) -> None:
         "size", "tabletop-mini", "--target", "makespan<=1700", "--robots", "3", "--workers", "1",
         "--set", "fleet.start=[[0, 0], [1, 0], [2, 0]]", "--success-share", "0.8",
     ]  # fmt: skip
-    assert main(command) == 0
-    out = capsys.readouterr().out
+    with remembered_runs():
+        assert main(command) == 0
+        out = capsys.readouterr().out
+        assert main([*command, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
     why = "not examined, fleet.robots is 2 but fleet.start lists 3 cells"
     assert "Answer: 3 robots; " in out  # of which some runs do not finish
     assert f"The last robot (2 -> 3): {why}\n" in out
     assert out.count(f"; 2: {why}\n") == 2
-    assert main([*command, "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
     assert [one["refused"] is None for one in found["sensitivity"][0]["fleets"]] == [False, True]
 
 

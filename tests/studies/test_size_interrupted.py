@@ -34,10 +34,11 @@ def command_of(number: int) -> str:
 
 def computing(process: subprocess.Popen[str]) -> bool:
     """Whether both workers have taken more than a second of processor time: they do runs."""
-    return len(workers_of(process)) == 2 and all(
+    workers = workers_of(process)
+    return len(workers) == 2 and all(
         sum(map(int, Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()[11:13]))
         > os.sysconf("SC_CLK_TCK")
-        for number in workers_of(process)
+        for number in workers
     )
 
 
@@ -73,7 +74,7 @@ def test_a_worker_that_dies_ends_the_search_with_what_is_known() -> None:
 
 
 def test_a_worker_that_dies_ends_a_reproduction_with_one_sentence() -> None:
-    many = ["reproduce", "tabletop", "--seeds", "5000", "--workers", "2"]
+    many = ["reproduce", "tabletop", "--seeds", "100", "--workers", "2"]
     code, out, err = ended(many, kill_a_worker)
     assert (code, out) == (1, "") and err.endswith(DIED) and "Traceback" not in err
 

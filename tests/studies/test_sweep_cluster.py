@@ -34,7 +34,7 @@ from automaton.studies.sweeps.result_store import Store
 # Looked for, not imported: that takes a second, in each worker that collects this module.
 pytestmark = pytest.mark.skipif(not find_spec("distributed"), reason="it is not installed")
 
-REPLICATIONS = 100  # in 4 points: more than are done before the kill
+REPLICATIONS = 25  # in 4 points, each written by itself: more than are done before the kill
 
 
 @pytest.fixture
@@ -63,7 +63,7 @@ def test_a_cluster_gives_the_same_rows_and_survives_a_killed_worker(
     assert process.returncode == 0, err
     found = json.loads(told)
     assert found["done"] == 4 * REPLICATIONS and found["failed"] == 0
-    assert found["repeated"] <= REPLICATIONS  # only what was under way, not what was finished
+    assert found["repeated"] <= 3  # only what was under way, not what was finished
     assert plain(Store(out).rows()) == plain(swept_here(study))
     # From Python, by the address that the file holds; one worker is left.
     few, address = small_study(tmp_path, 2), json.loads(Path(scheduler).read_text())["address"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+from collections.abc import Callable
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -28,7 +29,7 @@ from automaton.studies.sweeps.sweep_plan import make_sweep_plan
 from automaton.studies.sweeps.sweep_runs import Row
 from automaton.studies.sweeps.sweep_session import sweep_into
 
-REPLICATIONS = 100  # in 4 points, of some ms each: more than are done before the kill
+REPLICATIONS = 25  # in 4 points, each written by itself: more than are done before the kill
 
 
 @pytest.fixture(scope="module")
@@ -49,11 +50,12 @@ def resumed(study: Path, out: Path) -> list[dict[str, Any]]:
 
 
 @pytest.mark.parametrize(
-    ("number", "code", "told"),
-    [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")],
+    ("number", "workers", "code", "told"),
+    [(signal.SIGINT, "1", 130, "interrupted"), (signal.SIGTERM, "2", 143, "terminated")],
 )
 def test_a_signal_keeps_what_is_done(
     number: int,
+    workers: str,
     code: int,
     told: str,
     study: Path,
@@ -61,7 +63,7 @@ def test_a_signal_keeps_what_is_done(
     tmp_path: Path,
 ) -> None:
     out = tmp_path / "out"
-    process = started(hasty_command(study, out, "--workers", "2"))
+    process = started(hasty_command(study, out, "--workers", workers))
     try:
         wait_until(lambda: row_files(out))
         os.killpg(process.pid, number)  # as a terminal or a scheduler does: to all processes
@@ -73,21 +75,27 @@ def test_a_signal_keeps_what_is_done(
     kept = len(Store(out).keys())
     assert 0 < kept < 4 * REPLICATIONS
     assert err == (
-        f"automaton: stopped; {kept} of 400 runs are kept in {out}; the same command goes on\n"
+        f"automaton: stopped; {kept} of 100 runs are kept in {out}; the same command goes on\n"
         f"automaton: {told}\n"
     )
     assert resumed(study, out) == expected
 
 
-@pytest.mark.parametrize("alone", [True, False], ids=["coordinator", "group"])
+@pytest.mark.parametrize(
+    ("kill", "workers"), [(os.kill, "2"), (os.killpg, "1")], ids=["coordinator", "group"]
+)
 def test_a_killed_sweep_goes_on_to_the_same_table(
-    alone: bool, study: Path, expected: list[dict[str, Any]], tmp_path: Path
+    kill: Callable[[int, int], None],
+    workers: str,
+    study: Path,
+    expected: list[dict[str, Any]],
+    tmp_path: Path,
 ) -> None:
     out = tmp_path / "out"
-    process = started(hasty_command(study, out, "--workers", "2"))
+    process = started(hasty_command(study, out, "--workers", workers))
     try:
         wait_until(lambda: row_files(out))
-        (os.kill if alone else os.killpg)(process.pid, signal.SIGKILL)
+        kill(process.pid, signal.SIGKILL)
         process.communicate(timeout=20)
         wait_until(lambda: not of_session(process.pid))
     finally:

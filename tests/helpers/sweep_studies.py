@@ -18,6 +18,7 @@ from signal_process import signal_process
 from automaton.engine.state import CMD_PARK
 from automaton.experiments import Study, sweep
 from automaton.strategy.layer import Strategy
+from automaton.studies.sweeps import pools
 
 TESTS = Path(__file__).parent
 TIMES = ("wall_s", "cpu_s")
@@ -69,6 +70,17 @@ def swept_here(study: Path | Study, out: Path | None = None, **options: Any) -> 
     """The rows of a study, its runs being done in this process."""
     with ThreadPoolExecutor(1) as executor:
         return sweep(study, out, executor, **options)
+
+
+class OwnThread(pools.ExternalExecutor):
+    """What does the runs of commands instead of a LocalPool, where it does not matter who does them."""
+
+    def __init__(self, workers: int | None = None) -> None:
+        super().__init__(ThreadPoolExecutor(1))
+
+    def close(self, now: bool) -> None:
+        super().close(now)
+        self.executor.shutdown()
 
 
 def sweep_command(study: Path, out: Path, *options: str) -> list[str]:

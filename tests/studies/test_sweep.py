@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from sweep_studies import environment, plain, row_files, small_study, swept_here
+from sweep_studies import OwnThread, environment, plain, row_files, small_study, swept_here
 
 from automaton.build.resolve import resolve
 from automaton.commands import main
@@ -20,7 +20,7 @@ from automaton.runs.report_document import Table
 from automaton.runs.simulation import Simulation
 from automaton.studies.reports.build_report import compose
 from automaton.studies.reports.study_results import read_results
-from automaton.studies.sweeps import run_keys, sweep_session
+from automaton.studies.sweeps import pools, run_keys, sweep_session
 from automaton.studies.sweeps.result_columns import RESULT_COLUMNS
 from automaton.studies.sweeps.result_store import Store
 from automaton.studies.sweeps.sweep_plan import make_sweep_plan
@@ -247,7 +247,7 @@ def design_tables(out: Path) -> list[Table]:
 
 
 def test_a_dry_run_tells_what_it_would_take_and_writes_nothing(
-    swept: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    swept: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     study, out = small_study(tmp_path), tmp_path / "out"
     assert main(["sweep", str(study), "--out", str(out), "--dry-run", "--workers", "3"]) == 0
@@ -256,14 +256,16 @@ def test_a_dry_run_tells_what_it_would_take_and_writes_nothing(
     assert "with 3 workers" in text and "by 4 pilot runs" in text and "disk: " in text
     assert " to start; " in text  # what starting and loading takes is part of the time
     assert not out.exists()
+    monkeypatch.setattr(pools, "LocalPool", OwnThread)
     assert main(["sweep", str(study), "--out", str(swept), "--dry-run", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert (found["runs"], found["done"], found["wall_s"], found["bytes"]) == (24, 24, 0, 0)
 
 
 def test_a_dry_run_counts_what_recompute_would_leave_as_it_is(
-    swept: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    swept: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(pools, "LocalPool", OwnThread)
     study = small_study(tmp_path)
     study.write_text(study.read_text().replace("[1, 2]", "[2, 3]"))
     command = ["sweep", str(study), "--out", str(swept), "--dry-run", "--json"]

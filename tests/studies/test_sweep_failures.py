@@ -6,6 +6,7 @@ import json
 import pickle
 import signal
 import sys
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from threading import Event
@@ -38,6 +39,28 @@ def swept_by_worker(study: Path, out: Path, *options: str) -> int:
     return main([*sweep_command(study, out, "--workers", "1")[3:], *options])
 
 
+class LastingPool(pools.LocalPool):
+    """A worker process that stays when a sweep is over."""
+
+    def close(self, now: bool) -> None:
+        if now:
+            super().close(now)
+
+
+@pytest.fixture(scope="module")
+def worker() -> Iterator[LastingPool]:
+    pool = LastingPool(1)
+    yield pool
+    pool.close(now=True)
+
+
+@pytest.fixture
+def lasting_worker(worker: LastingPool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One process for all sweeps in which no worker is to die."""
+    monkeypatch.setattr(pools, "LocalPool", lambda workers: worker)
+
+
+@pytest.mark.usefixtures("lasting_worker")
 def test_a_run_whose_strategy_raises_is_a_row_that_says_so(tmp_path: Path, capfd: Capture) -> None:
     assert swept_by_worker(troubled(tmp_path, "Raises"), tmp_path / "out") == 1
     out, err = capfd.readouterr()
@@ -55,6 +78,7 @@ def test_what_a_strategy_says_is_kept_though_it_is_no_text(tmp_path: Path) -> No
     assert all("no caf?.csv" in why for why in failed[3:])
 
 
+@pytest.mark.usefixtures("lasting_worker")
 def test_a_strategy_that_never_answers_is_named_in_the_row(tmp_path: Path, capfd: Capture) -> None:
     study, out = troubled(tmp_path, "NeverAnswers"), tmp_path / "out"
     assert swept_by_worker(study, out, "--strategy-timeout", "1") == 1
@@ -77,22 +101,24 @@ def test_runs_of_a_worker_that_dies_are_done_again(
     assert Store(tmp_path / "out").rows().num_rows == 6
 
 
-def test_runs_that_need_all_memory_are_done_one_after_the_other(tmp_path: Path) -> None:
+def test_runs_that_need_all_memory_are_done_one_after_the_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: Capture
+) -> None:
+    monkeypatch.setenv(TROUBLE, str(tmp_path))
     study, out = troubled(tmp_path, "NeedsAllMemory"), tmp_path / "out"
     text = study.read_text().replace("[1, 2]", "[1]")
-    study.write_text(text.replace("replications: 3", "replications: 6"))
-    process = started(sweep_command(study, out, "--workers", "2"), **{TROUBLE: str(tmp_path)})
-    _, err = process.communicate(timeout=60)
-    assert process.returncode == 0, err
-    assert Store(out).rows().column("error").to_pylist() == [None] * 6
+    study.write_text(text.replace("replications: 3", "replications: 4"))
+    assert swept_by_worker(study, out, "--workers", "2") == 0, capfd.readouterr().err
+    assert Store(out).rows().column("error").to_pylist() == [None] * 4
 
 
 def test_workers_that_cannot_start_are_told_and_no_run_has_failed(tmp_path: Path) -> None:
     script = tmp_path / "unguarded.py"
-    study, out = small_study(tmp_path), tmp_path / "out"
+    few = {"[independent, cooperative]": "[independent]"}
+    study, out = small_study(tmp_path, 1, **few), tmp_path / "out"
     script.write_text(
         "from automaton.experiments import sweep\n"
-        f"sweep({str(study)!r}, out={str(out)!r}, workers=2)\n"
+        f"sweep({str(study)!r}, out={str(out)!r}, workers=1)\n"
     )
     process = started([sys.executable, str(script)])
     _, err = process.communicate(timeout=120)
@@ -105,24 +131,26 @@ def test_a_run_that_kills_its_worker_twice_has_failed_until_it_is_tried_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: Capture
 ) -> None:
     study, out = troubled(tmp_path, "DiesUntilMended"), tmp_path / "out"
+    study.write_text(study.read_text().replace("replications: 3", "replications: 2"))
     monkeypatch.setenv(TROUBLE, str(tmp_path))
     assert swept_by_worker(study, out) == 1
     *_, last = capfd.readouterr().err.splitlines()
-    assert last.startswith("automaton: 3 runs failed;"), last
+    assert last.startswith("automaton: 2 runs failed;"), last
     failed = Store(out).rows().column("error").to_pylist()
-    assert failed[:3] == [None] * 3
-    assert all("the worker process died twice" in why for why in failed[3:])
+    assert failed[:2] == [None] * 2
+    assert all("the worker process died twice" in why for why in failed[2:])
     # Mended, but they are not done again by themselves: they might kill workers for ever.
     (tmp_path / "mended").touch()
     assert swept_by_worker(study, out) == 1
-    said = "3 runs failed; the column `error` says why, --retry-failed tries again\n"
+    said = "2 runs failed; the column `error` says why, --retry-failed tries again\n"
     assert capfd.readouterr().err == f"automaton: {said}"
-    assert [done_in(out, make_sweep_plan(study), retry) for retry in (False, True)] == [6, 3]
-    assert swept_here(study, out, retry_failed=True).column("error").to_pylist() == [None] * 6
+    assert [done_in(out, make_sweep_plan(study), retry) for retry in (False, True)] == [4, 2]
+    assert swept_here(study, out, retry_failed=True).column("error").to_pylist() == [None] * 4
     (file,) = row_files(out)
-    assert read_rows(file).num_rows == 6  # the rows of failures are gone
+    assert read_rows(file).num_rows == 4  # the rows of failures are gone
 
 
+@pytest.mark.usefixtures("lasting_worker")
 @pytest.mark.parametrize(
     ("strategy", "told"), [("Quits", "SystemExit: 0"), ("Interrupts", "raised KeyboardInterrupt (")]
 )

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from statistics_trials import round_coverage
-from sweep_studies import plain, swept_here
+from sweep_studies import OwnThread, plain, swept_here
 from synthetic_results import noise, study_of, synthetic_store
 
 from automaton.commands import main
@@ -21,6 +21,7 @@ from automaton.studies.reports.build_report import compose
 from automaton.studies.reports.design_section import fixed
 from automaton.studies.reports.precision import most_wanted, stopping_text
 from automaton.studies.reports.study_results import read_results
+from automaton.studies.sweeps import pools
 from automaton.studies.sweeps.pools import ExternalExecutor
 from automaton.studies.sweeps.result_store import Store
 from automaton.studies.sweeps.sweep_plan import make_sweep_plan
@@ -64,8 +65,9 @@ def test_the_next_round_is_what_the_variance_says_within_limits(
 
 
 def test_a_sweep_ends_when_its_intervals_are_as_narrow_as_declared(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(pools, "LocalPool", OwnThread)
     study, out = written(tmp_path), tmp_path / "out"
     assert main(["sweep", str(study), "--out", str(out), "--workers", "1"]) == 0
     told = capsys.readouterr()
@@ -86,8 +88,9 @@ def test_a_sweep_ends_when_its_intervals_are_as_narrow_as_declared(
 
 
 def test_the_bound_ends_it_and_says_what_it_would_have_taken(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(pools, "LocalPool", OwnThread)
     study, out = written(tmp_path, at_most=12, precision="0.01"), tmp_path / "out"
     assert main(["sweep", str(study), "--out", str(out), "--workers", "1"]) == 0
     told = capsys.readouterr().out

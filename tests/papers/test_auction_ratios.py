@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from functools import cache
 
 import pytest
 
+from automaton.papers.auctions import auction_trials
 from automaton.papers.auctions.auction_charging import charging_costs
 from automaton.papers.auctions.auction_trials import (
     MOST_TASKS,
@@ -39,6 +42,14 @@ MARGIN = {
     "GA each gene": (0.020,) * 4,
 }
 FEW_SEEDS = {"GA": 20, "GA each gene": 20}  # 180 task sets, as in the reference
+
+
+@pytest.fixture(scope="module", autouse=True)
+def instances_for_all_methods() -> Iterator[None]:
+    """Each task set is prepared once; `solve` empties the lists of the robots before each method."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(auction_trials, "instance", cache(auction_trials.instance))
+        yield
 
 
 def pooled(method: str, robots: int) -> float:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import product
 from typing import Any
 
 import numpy as np
 import pytest
+from remembered_runs import remembered_runs
 from shared_fixture import shared_fixture
 
 from automaton.build.resolve import resolve
@@ -47,6 +48,12 @@ from automaton.papers.zoning.zoning_runs import (
 from automaton.papers.zoning.zoning_study import CLAIMS, beside_reference, further
 from automaton.runs.process_pool import run_jobs
 from automaton.runs.simulation import Simulation
+
+
+@pytest.fixture(scope="module", autouse=True)
+def each_run_once() -> Iterator[None]:
+    with remembered_runs():
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -272,16 +279,7 @@ def test_further_texts_come_with_their_data(made: Reproduced) -> None:
 # The command.
 
 
-def test_a_table_with_intervals_and_ranks(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    kept: list[Reproduced] = []
-
-    def once(*how: Any, **more: Any) -> Reproduced:
-        kept[:] = kept or [reproduce(*how, **more)]
-        return kept[0]
-
-    monkeypatch.setattr("automaton.papers.reproduction_study.reproduce", once)
+def test_a_table_with_intervals_and_ranks(capsys: pytest.CaptureFixture[str]) -> None:
     command = ["reproduce", "zoning", "--seeds", "2", "--workers", "1", "--tables", "claim"]
     assert main(command) == 0
     text = capsys.readouterr().out

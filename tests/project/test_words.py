@@ -8,10 +8,8 @@ refuses to let a word spread.
 from __future__ import annotations
 
 import ast
-import io
 import re
 import sys
-import tokenize
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -46,25 +44,27 @@ PROSE: Final = {
 NAMES: Final = ("found", "given", "told", "made", "seen", "kept", "whole")
 
 
-def prose_of(path: Path) -> str:
+# The comments and strings of a module, as `tokenize` finds them in ten times as long.
+SAID: Final = re.compile(
+    r'#[^\n]*|"""(?:\\.|[^\\])*?"""|"(?:\\.|[^"\\\n])*"|' + r"'(?:\\.|[^'\\\n])*'", re.DOTALL
+)
+
+
+def prose_of(path: Path, text: str) -> str:
     """Return the comments and the strings with a blank of a module; all of another file."""
-    text = path.read_text(encoding="utf-8")
     if path.suffix != ".py":
         return text
-    tokens = tokenize.generate_tokens(io.StringIO(text).readline)
-    said = (
-        token.string
-        for token in tokens
-        if token.type == tokenize.COMMENT or (token.type == tokenize.STRING and " " in token.string)
-    )
-    return "\n".join(said)
+    return "\n".join(said for said in SAID.findall(text) if said[0] == "#" or " " in said)
 
 
-def names_of(path: Path) -> Iterator[str]:
+def names_of(path: Path, text: str) -> Iterator[str]:
     """Yield the names that a module assigns to, arguments included."""
     if path.suffix != ".py":
         return
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    code = SAID.sub("", text)
+    if not any(name in code for name in NAMES):
+        return
+    for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
             yield node.id
         elif isinstance(node, ast.arg):
@@ -84,10 +84,11 @@ def uses() -> Counter[tuple[str, str]]:
     """Count each forbidden word in each file: (file, word)."""
     counts: Counter[tuple[str, str]] = Counter()
     for path in sources():
-        name, prose = path.relative_to(ROOT).as_posix(), prose_of(path)
+        name, text = path.relative_to(ROOT).as_posix(), path.read_text(encoding="utf-8")
+        prose = prose_of(path, text)
         for expression in PROSE:
             counts[name, expression] += len(re.findall(expression, prose))
-        for variable in names_of(path):
+        for variable in names_of(path, text):
             if variable in NAMES:
                 counts[name, variable] += 1
     return +counts

@@ -30,10 +30,9 @@ def network(where: Warehouse, seed: int, tasks: Array) -> Array:
     """
     trained = network_for(where.grid, where.duration, shipped(SCENARIO))
     zones = where.grid.traffic_zone[tasks[:, 1:], 0].astype(np.int64)  # (trials, others, 3)
-    foreseen = np.zeros((len(tasks), where.grid.traffic_zone_count), np.int32)
-    for robot in range(zones.shape[1]):
-        start, pick, drop = zones[:, robot].T
-        foreseen += predicted_zones(trained, start, pick) | predicted_zones(trained, pick, drop)
+    start, pick, drop = zones.reshape(-1, 3).T  # of all robots, in one call of the network
+    used = predicted_zones(trained, start, pick) | predicted_zones(trained, pick, drop)
+    foreseen: Array = used.reshape(*zones.shape[:2], -1).sum(axis=1, dtype=np.int32)
     return foreseen
 
 

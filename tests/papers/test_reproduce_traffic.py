@@ -7,6 +7,7 @@ import json
 import math
 import subprocess
 import sys
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -35,9 +36,20 @@ NETWORK = ("static", "avoidance", "network")
 DYNAMIC = ("dynamic", "avoidance", "exact")
 
 
+class Remembered(Reproduced):
+    """Its rows are computed once."""
+
+    @cached_property
+    def all_rows(self) -> list[Row]:
+        return super().rows()
+
+    def rows(self) -> list[Row]:
+        return self.all_rows
+
+
 @pytest.fixture(scope="module")
 def ten_seeds() -> Reproduced:
-    return reproduce(REPRODUCTION, seeds=10)
+    return Remembered(**vars(reproduce(REPRODUCTION, seeds=10)))
 
 
 def row(reproduced: Reproduced, key: tuple[str, str, str], metric: str) -> Row:

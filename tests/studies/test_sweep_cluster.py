@@ -34,7 +34,7 @@ from automaton.studies.sweeps.result_store import Store
 # Looked for, not imported: that takes a second, in each worker that collects this module.
 pytestmark = pytest.mark.skipif(not find_spec("distributed"), reason="it is not installed")
 
-REPLICATIONS = 25  # in 4 points, each written by itself: more than are done before the kill
+REPLICATIONS = 10  # in 4 points, each written by itself: more than are done before the kill
 
 
 @pytest.fixture

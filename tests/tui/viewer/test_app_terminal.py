@@ -39,7 +39,6 @@ RESTORED = {
     "pasting is as before": b"\x1b[?2004l",
 }
 LOOKS = 20  # at the screen, each when it has been quiet for a while
-ENDS = {"q": 0, "\x03": 130, signal.SIGTERM: 143, signal.SIGINT: 130, signal.SIGHUP: 129}
 
 
 @contextmanager
@@ -52,63 +51,61 @@ def watching(
         yield session
 
 
-def test_each_way_to_leave_restores_the_terminal_and_keeps_the_recording(tmp_path: Path) -> None:
-    for way, code in ENDS.items():
-        folder = tmp_path / str(code) / str(way).strip()[-1].replace("\x03", "c")
-        with watching(folder, "--speed", "64") as session:
-            session.wait_for_tick(200)
-            if isinstance(way, signal.Signals):
-                session.host.process.send_signal(way)
-            else:
-                session.press(way)
-            assert session.host.wait_for_end() == code, way
-            output = session.host.output()
-        after = output[output.rindex(b"\x1b[?1003l") - 200 :]
-        for what, sequence in RESTORED.items():
-            assert sequence in after, (way, what)
-        assert b"Traceback" not in output
-        (recording,) = (folder / "automaton" / "recordings").iterdir()
-        assert recording.suffix == ".rec"
-        assert b"recorded in " + bytes(recording) in output.replace(b"\r\n", b"")
-        assert read_recording(recording).ticks > 100
+def check_left(session: Session, folder: Path, way: str | signal.Signals, code: int) -> None:
+    """While it plays, the viewer is left: the terminal is as before, and what was played is kept."""
+    if isinstance(way, signal.Signals):
+        session.host.process.send_signal(way)
+    else:
+        session.press(way)
+    assert session.host.wait_for_end() == code
+    output = session.host.output()
+    after = output[output.rindex(b"\x1b[?1003l") - 200 :]
+    for what, sequence in RESTORED.items():
+        assert sequence in after, what
+    assert b"Traceback" not in output
+    (recording,) = (folder / "automaton" / "recordings").iterdir()
+    assert recording.suffix == ".rec"
+    assert b"recorded in " + bytes(recording) in output.replace(b"\r\n", b"")
+    assert read_recording(recording).ticks > 200
 
 
-def test_messages_may_go_to_a_file_while_the_viewer_is_on_the_terminal(tmp_path: Path) -> None:
+def test_paused_it_sends_nothing_and_its_messages_may_go_to_a_file(tmp_path: Path) -> None:
     said = tmp_path / "said.txt"
-    program = f"exec {sys.executable} -m automaton watch tabletop-mini --paused 2> {said}"
+    program = f"exec {sys.executable} -m automaton watch tabletop-mini --at 120 2> {said}"
     kept = {name: os.environ[name] for name in KEPT if name in os.environ}
     variables = {**kept, **TRUECOLOR, "XDG_STATE_HOME": str(tmp_path)}
-    with TerminalHost(["sh", "-c", program], rows=24, columns=80, environ=variables) as host:
+    with TerminalHost(["sh", "-c", program], rows=60, columns=200, environ=variables) as host:
         session = Session(host)
-        session.wait_for_text("tick")
+        session.wait_for_text("tick 120")
+        host.wait_for_quiet(2.0)
+        before = len(host.output())
+        with pytest.raises(TimeoutError):
+            host.wait_for(lambda: False, "nothing", at_most=3.0)
+        assert len(host.output()) == before
         session.press("q")
         assert host.wait_for_end() == 0
         assert all(sequence in host.output() for sequence in RESTORED.values())
     assert "recorded in " in said.read_text()
 
 
-def test_a_lost_connection_leaves_a_recording_that_replays(tmp_path: Path) -> None:
-    with watching(tmp_path, "--speed", "64") as session:
+def test_what_a_lost_connection_and_a_killed_viewer_leave_replays(tmp_path: Path) -> None:
+    lost, killed = tmp_path / "lost", tmp_path / "killed"
+    with watching(lost, "--speed", "64") as session:
         session.wait_for_tick(200)
         session.host.hang_up()
         assert session.host.wait_for_end(10.0) == 129
-    (path,) = (tmp_path / "automaton" / "recordings").iterdir()
-    assert path.suffix == ".rec"
-    with automaton(tmp_path, "replay", str(path), "--paused") as session:
-        session.wait_for_text("tick 0")
-        session.press("q")
-        assert session.host.wait_for_end() == 0
-
-
-def test_a_killed_viewer_leaves_a_part_that_replays(tmp_path: Path) -> None:
-    with watching(tmp_path, "--speed", "64") as session:
+    with watching(killed, "--speed", "64") as session:
         session.wait_for_tick(1000)
         session.host.process.kill()
         session.host.wait_for_end()
-    (part,) = (tmp_path / "automaton" / "recordings").iterdir()
-    assert part.name.endswith(".rec.part")
-    with automaton(tmp_path, "replay", str(part), "--at", "200") as session:
+    (whole,) = (lost / "automaton" / "recordings").iterdir()
+    (part,) = (killed / "automaton" / "recordings").iterdir()
+    assert whole.suffix == ".rec" and part.name.endswith(".rec.part")
+    with automaton(tmp_path, "replay", str(whole), str(part), "--at", "200") as session:
         session.wait_for_text("tick 200")
+        session.wait_for_text("the runs are equal")
+        session.press("q")
+        assert session.host.wait_for_end() == 0
 
 
 def test_an_error_inside_restores_the_terminal(tmp_path: Path) -> None:
@@ -162,15 +159,6 @@ def test_a_broken_strategy_says_so_and_the_viewer_goes_on(tmp_path: Path) -> Non
     assert "nobody home" in after and "broken.py:4" in after
 
 
-def test_the_terminal_knows_its_size_whatever_a_shell_has_exported(tmp_path: Path) -> None:
-    with watching(tmp_path, "--paused", ready="tick 0", LINES="50", COLUMNS="100") as session:
-        for rows, columns in ((24, 80), (30, 90)):
-            session.host.resize(rows, columns)
-            session.host.wait_for(
-                lambda rows=rows: "tick 0" in session.replay.text().splitlines()[rows - 3], "status"
-            )
-
-
 def test_a_recording_that_was_altered_ends_with_a_sentence(tmp_path: Path) -> None:
     whole, other = record(tmp_path / "a.rec"), tmp_path / "b.rec"
     recording = read_recording(whole)
@@ -190,27 +178,29 @@ def test_a_recording_that_was_altered_ends_with_a_sentence(tmp_path: Path) -> No
         assert "Traceback" not in output.decode() and after.count("or altered") == 1
 
 
-def test_paused_it_sends_nothing(tmp_path: Path) -> None:
-    with watching(tmp_path, "--at", "120", rows=60, columns=200) as session:
-        session.wait_for_text("tick 120")
-        session.host.wait_for_quiet(2.0)
-        before = len(session.host.output())
-        with pytest.raises(TimeoutError):
-            session.host.wait_for(lambda: False, "nothing", at_most=5.0)
-        assert len(session.host.output()) == before
-
-
 def test_bad_input_is_said_before_the_terminal_is_touched(tmp_path: Path) -> None:
-    for arguments, sentence in (
-        (("watch", "tabletop-9"), b"tabletop-9"),
-        (("watch", "tabletop-1", "--speed", "1000"), b"allowed are 0.25 to 64"),
-        (("watch", "tabletop-1", "--record", str(tmp_path)), b"this is a folder"),
-        (("replay", str(tmp_path / "none.rec")), b"cannot read the recording"),
-    ):
-        with automaton(tmp_path, *arguments) as session:
-            assert session.host.wait_for_end() == 2
-            output = session.host.output()
-        assert sentence in output and output.count(b"\n") == 1 and b"\x1b" not in output
+    commands = {
+        ("watch", "tabletop-9"): "tabletop-9",
+        ("watch", "tabletop-1", "--speed", "1000"): "allowed are 0.25 to 64",
+        ("watch", "tabletop-1", "--record", str(tmp_path)): "this is a folder",
+        ("replay", str(tmp_path / "none.rec")): "cannot read the recording",
+    }
+    program = tmp_path / "several.py"
+    program.write_text(
+        "from automaton.commands import main\n"
+        f"for arguments in {[*map(list, commands)]}:\n"
+        "    print(main(arguments), flush=True)\n"
+    )
+    kept = {name: os.environ[name] for name in KEPT if name in os.environ}
+    environ = {**kept, **TRUECOLOR, "XDG_STATE_HOME": str(tmp_path)}
+    with TerminalHost([sys.executable, str(program)], environ=environ) as host:
+        assert host.wait_for_end() == 0
+        output = host.output().decode()
+    assert "\x1b" not in output
+    lines = output.splitlines()
+    assert lines[1::2] == ["2"] * len(commands) and len(lines) == 2 * len(commands)
+    for sentence, line in zip(commands.values(), lines[::2], strict=True):
+        assert sentence in line
 
 
 def intended(rows: int, columns: int, tick: int, glyphs: GlyphSet, steps: str = "") -> Codes:
@@ -244,21 +234,32 @@ def wrong(session: Session, codes: Codes, look: Look, glyphs: GlyphSet) -> int:
 
 
 @pytest.mark.parametrize(
-    ("environ", "options", "glyphs"),
+    ("environ", "options", "glyphs", "way", "code"),
     [
-        ({}, (), UNICODE),
-        ({"NO_COLOR": "1"}, (), SHADED),
-        ({}, ("--ascii", "--color", "16"), ASCII),
-        ({}, ("--theme", "light", "--renderer", "textual"), UNICODE),
+        ({"LINES": "50", "COLUMNS": "100"}, (), UNICODE, "q", 0),
+        ({"NO_COLOR": "1"}, (), SHADED, "\x03", 130),
+        ({}, ("--ascii", "--color", "16"), ASCII, signal.SIGTERM, 143),
+        ({}, ("--theme", "light", "--renderer", "textual"), UNICODE, signal.SIGINT, 130),
     ],
-    ids=["true colour", "NO_COLOR", "ASCII in 16 colours", "light, by the compositor"],
+    ids=[
+        "true colour, another size exported by a shell, left by q",
+        "NO_COLOR, left by ctrl+c",
+        "ASCII in 16 colours, terminated",
+        "light, by the compositor, interrupted",
+    ],
 )
-def test_the_screen_shows_the_intended_map_whatever_lay_over_it(
-    tmp_path: Path, environ: dict[str, str], options: tuple[str, ...], glyphs: GlyphSet
+def test_the_screen_shows_the_intended_map_whatever_lay_over_it_and_is_given_back(
+    tmp_path: Path,
+    environ: dict[str, str],
+    options: tuple[str, ...],
+    glyphs: GlyphSet,
+    way: str | signal.Signals,
+    code: int,
 ) -> None:
     depth = Depth.SIXTEEN if "16" in options else depth_of({**TRUECOLOR, **environ})
     look = Look(depth, "light" if "light" in options else "dark")
-    with watching(tmp_path, "--at", "120", *options, **environ) as session:  # type: ignore[arg-type]
+    at = ("--at", "120", "--speed", "64")
+    with watching(tmp_path, *at, *options, **environ) as session:  # type: ignore[arg-type]
         session.wait_for_text("tick 120")
 
         def check(rows: int, columns: int, steps: str = "", tick: int = 120) -> None:
@@ -292,11 +293,16 @@ def test_the_screen_shows_the_intended_map_whatever_lay_over_it(
         session.press("p")
         session.wait_for_text("throughput", present=False)
         check(26, 90, tick=125)
+        session.press(" ")
+        session.wait_for_tick(250)
+        check_left(session, tmp_path, way, code)
 
 
-def test_no_cell_is_wrong_after_playing_there(tmp_path: Path) -> None:
+def test_after_playing_no_cell_is_wrong_and_colours_asked_for_have_the_last_word(
+    tmp_path: Path,
+) -> None:
     look = Look(Depth.TRUE, "dark")
-    with watching(tmp_path, "--speed", "32") as session:
+    with watching(tmp_path, "--speed", "32", "--color", "true", NO_COLOR="1") as session:
         session.wait_for_tick(300)
         session.press("g")
         session.wait_for_text("Go to")
@@ -305,28 +311,43 @@ def test_no_cell_is_wrong_after_playing_there(tmp_path: Path) -> None:
         codes = intended(20, 80, 500, UNICODE)
         assert not wrong(session, codes, look, UNICODE)
         assert np.count_nonzero(codes) > 500
+        session.host.resize(40, 120)
+        session.wait_for_text("throughput")
+        before = len(session.host.output())
+        session.press("e")
+        session.wait_for_text("filter")
+        session.settle()
+        sent = re.findall(rb"[34]8;2;(\d+);(\d+);(\d+)", session.host.output()[before:])
+        assert any(len(set(colour)) > 1 for colour in sent)
+        session.press(" ")
+        session.wait_for_tick(550)
+        check_left(session, tmp_path, signal.SIGHUP, 129)
 
 
-@pytest.mark.parametrize("theme", ["dark", "light"])
 @pytest.mark.parametrize("color", ["none", "16", "256"])
-def test_nothing_on_the_screen_has_more_colours_than_were_asked_for(
-    tmp_path: Path, color: str, theme: str
+def test_nothing_on_the_screen_has_more_colours_than_were_asked_for_in_either_theme(
+    tmp_path: Path, color: str
 ) -> None:
-    options = ("--at", "200", "--color", color, "--theme", theme)
-    with watching(tmp_path, *options, rows=40, columns=120) as session:
+    with watching(tmp_path, "--at", "200", "--color", color, rows=40, columns=120) as session:
         session.wait_for_text("throughput")
         hidden = unreadable(session)
-        for key, text in (("e", "filter"), ("t", "doing"), ("K", "turntable"), ("w", "wait")):
-            session.press(key)
-            session.wait_for_text(text)
+        for _ in range(2):  # light, then dark again
+            before = papers(session)
+            session.press("T")
+            if color != "none":
+                session.host.wait_for(lambda old=before: papers(session) != old, "the other theme")
             hidden += unreadable(session)
-        dialogs = {"?": "Looking closer", "/": "Go there", "b": "Breakpoints:", "\x10": "Search"}
-        for key, text in dialogs.items():
-            session.press(key)
-            session.wait_for_text(text)
-            hidden += unreadable(session)
-            session.press("\x1b")
-            session.wait_for_text(text, present=False)
+            for key, text in (("e", "filter"), ("t", "doing"), ("K", "turntable"), ("w", "wait")):
+                session.press(key)
+                session.wait_for_text(text)
+                hidden += unreadable(session)
+            dialogs = {"?": "Looking closer", "/": "Go there", "b": "Breakpoints:"}
+            for key, text in {**dialogs, "\x10": "Search"}.items():
+                session.press(key)
+                session.wait_for_text(text)
+                hidden += unreadable(session)
+                session.press("\x1b")
+                session.wait_for_text(text, present=False)
         output = session.host.output()
     sent = set(re.findall(rb"\x1b\[([\d;]*)m", output))
     assert not [sgr for sgr in sent if re.search(rb"[34]8;2;", sgr)]
@@ -335,6 +356,12 @@ def test_nothing_on_the_screen_has_more_colours_than_were_asked_for(
     if color == "none":
         assert sent <= {b"", *(b";".join(some) for some in weights())}
     assert not hidden
+
+
+def papers(session: Session) -> set[str]:
+    """Colours that are behind anything on the screen."""
+    screen = session.replay.catch_up()
+    return {cell.bg for y in range(screen.lines) for cell in screen.buffer[y].values()}
 
 
 def weights() -> Iterator[tuple[bytes, ...]]:
@@ -358,13 +385,3 @@ def unreadable(session: Session) -> list[str]:
             )
         )
     ]
-
-
-def test_colours_that_are_asked_for_have_the_last_word(tmp_path: Path) -> None:
-    options = ("--at", "200", "--color", "true")
-    with watching(tmp_path, *options, rows=40, columns=120, NO_COLOR="1") as session:
-        session.press("e")
-        session.wait_for_text("filter")
-        session.settle()
-        found = re.findall(rb"[34]8;2;(\d+);(\d+);(\d+)", session.host.output())
-    assert any(len(set(colour)) > 1 for colour in found)

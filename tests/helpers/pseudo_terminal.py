@@ -8,6 +8,7 @@ import os
 import re
 import signal
 import sys
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -26,6 +27,7 @@ from tui.terminal.terminal_host import Link, Resized, TerminalHost
 UNKNOWN_TO_PYTE = re.compile(r"\x1b\[(?:[<>=?][\d;]*u|\?[\d;]*\$p)")
 UNFINISHED = re.compile(r"\x1b(?:\[[\d;?<>=$]*)?\Z")
 TRUECOLOR = {"TERM": "xterm-256color", "COLORTERM": "truecolor", "LANG": "C.UTF-8"}
+FPS = 60  # of the app, at most
 MAP_APP = Path(__file__).with_name("map_app.py")
 
 
@@ -128,6 +130,7 @@ class MovingMapSession:
 
     def wait_for_frames(self, frames: int) -> None:
         goal = self.figures()["frames"] + frames
+        time.sleep(frames / FPS)  # no sooner: what it counts it tells with the whole screen
         self.host.wait_for(lambda: self.figures()["frames"] >= goal, "more frames")
 
     def figures(self) -> Any:

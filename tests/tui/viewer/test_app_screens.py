@@ -7,7 +7,7 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 
 import pytest
-from viewer_harness import Watched, compared, mini, screen_text, viewing
+from viewer_harness import Watched, compared, laid_out, mini, screen_text, viewing
 
 from automaton.pytest_plugin import GridSnapshot
 from tui.playback.run_source import Opening
@@ -72,21 +72,25 @@ VISITS: dict[str, Visit] = {
 }
 
 
-async def seen(opening: Opening, visit: Visit, size: tuple[int, int]) -> str:
-    async with viewing(opening, size) as user:
+async def seen(opening: Opening, visit: Visit) -> dict[str, str]:
+    """The screen in each size, in a terminal that is made larger and larger."""
+    screens = {}
+    async with viewing(opening, SIZES[0]) as user:
         await user.at(TICK)
         await visit(user)
-        await user.shown()
-        return screen_text(user.app)
+        for width, height in SIZES:
+            await user.pilot.resize_terminal(width, height)
+            await user.until(lambda: laid_out(user.app))
+            await user.shown()
+            screens[f"{width}x{height}"] = screen_text(user.app)
+    return screens
 
 
-@pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size[0]}x{size[1]}")
 @pytest.mark.parametrize("name", list(VISITS))
-def test_screen(
-    name: str, size: tuple[int, int], tmp_path: Path, grid_snapshot: GridSnapshot
-) -> None:
+def test_screen(name: str, tmp_path: Path, grid_snapshot: GridSnapshot) -> None:
     opening = compared(tmp_path) if name == "compare" else mini()
-    grid_snapshot(asyncio.run(seen(opening, VISITS[name], size)))
+    for size, screen in asyncio.run(seen(opening, VISITS[name])).items():
+        grid_snapshot(screen, name=size)
 
 
 def test_a_terminal_that_is_too_small_says_so_and_recovers(grid_snapshot: GridSnapshot) -> None:

@@ -56,7 +56,7 @@ class Watched:
             assert time.monotonic() - begun < self.patience, (
                 what or "what was waited for did not come"
             )
-            await asyncio.sleep(0.005)
+            await asyncio.sleep(0.02)
 
     async def press(self, *keys: str) -> None:
         await self.pilot.press(*keys)

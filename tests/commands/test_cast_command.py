@@ -207,7 +207,7 @@ def test_a_followed_robot_stays_on_the_screen(crossing: Path, tmp_path: Path) ->
     tall = tmp_path / "tall.rec"
     resolved = resolve("tabletop-1", ["layout.positions=30"])
     with Recorder(tall, resolved, 1) as recorder:
-        Simulation(resolved, 1, on_record=recorder).run(until=600)
+        Simulation(resolved, 1, on_record=recorder).run(until=300)
     out = tmp_path / "film.cast"
     cast(tall, "--out", out, "--zoom", "3x1", "--size", "40x12", "--follow", 2)
     _, events = film_of(out)

@@ -67,7 +67,7 @@ LINES = {
     "replay": "replay a.rec",
     "explain": "explain a.rec --robot 0 --at 5",
     "branch": "branch a.rec --at 3 --out b.rec",
-    "cast": "cast a.rec --out a.gif --to 20",
+    "cast": "cast a.rec --out a.gif --to 4",
     "serve": "serve crossing --port 0 --no-token",
     "report": "report results",
     "size": "size crossing --target makespan<=5000 --robots 2 --budget 70 --workers 1",

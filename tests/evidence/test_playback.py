@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import sys
 from itertools import pairwise
 from pathlib import Path
@@ -61,7 +60,7 @@ def test_a_whole_run(way: str) -> None:
     assert playback.simulation.finished == (len(digests) < 3000)
 
 
-@settings(max_examples=examples(60))
+@settings(max_examples=examples(40))
 @given(cases())
 def test_random_decisions_legal_and_illegal(case: Case) -> None:
     check_everywhere(recorded(case.resolved, storage=case.storage))
@@ -107,7 +106,7 @@ def long() -> Recording:
     return recorded(resolve("tabletop-1", ["fleet.robots=4", "stop.max_duration=1500"]))
 
 
-@settings(max_examples=25)
+@settings(max_examples=examples(15))
 @given(
     wanted=st.lists(st.integers(0, 1500), min_size=1, max_size=8),
     spacing=st.sampled_from([1, 2, 7, 64, 255, 256, 257, 1000, 5000]),
@@ -136,21 +135,21 @@ def test_keyframes_at_every_tick_restore_every_tick() -> None:
 
 
 def test_keyframes_keep_within_their_budget() -> None:
-    recording = recorded(resolve("tabletop-mini", ["stop.max_duration=400"]))
+    recording = recorded(resolve("tabletop-mini", ["stop.max_duration=250"]))
     playback = playback_of(recording)
-    playback.go_to(400)
+    playback.go_to(250)
     playback.keyframes.keep(playback.simulation.world, playback.simulation.observation)
     playback.keyframes.budget = 40 * playback.keyframes._frames[-1].nbytes
     playback.go_to(0)
     while len(playback.keyframes.ticks) > 1:
         playback.keyframes._drop(1)
-    for tick in range(1, 401):
+    for tick in range(1, 251):
         playback.go_to(tick)
         playback.keyframes.keep(playback.simulation.world, playback.simulation.observation)
         assert playback.keyframes._bytes <= playback.keyframes.budget
     ticks = playback.keyframes.ticks
     assert ticks[0] == 0 and ticks == sorted(ticks) and len(ticks) > 4
-    check_at(playback, digests_of(recording), 399)
+    check_at(playback, digests_of(recording), 249)
 
 
 def test_what_was_observed_is_the_same_after_going_back(long: Recording) -> None:
@@ -227,7 +226,8 @@ def test_a_recording_cut_anywhere_plays_to_its_last_whole_frame(tmp_path: Path) 
 
 
 def altered(recording: Recording) -> tuple[Recording, list[dict[str, Any]]]:
-    frames = copy.deepcopy(list(recording.frames))
+    """One whose ticks and decisions may be changed, and what it says of them."""
+    frames = [frame._replace(content=dict(frame.content)) for frame in recording.frames]
     ticks = [frame.content for frame in frames if frame.kind == FRAME_KIND_TICKS]
     for content in ticks:
         content["decisions"] = content["decisions"].copy()
@@ -259,7 +259,7 @@ def test_a_missing_frame_is_told(long: Recording) -> None:
         run.show(1500, 99)
 
 
-@settings(max_examples=examples(100))
+@settings(max_examples=examples(60))
 @given(data=st.data())
 def test_no_altered_stream_crashes_or_goes_on_for_ever(data: Any, long: Recording) -> None:
     recording, ticks = altered(long)

@@ -56,7 +56,7 @@ def in_the_long_tick(routing: str, *more: str) -> subprocess.Popen[str]:
     while process.stdout.readline() != f"tick {LONG_TICK}\n":
         assert process.poll() is None, process.communicate()
     before = processor_s(process)
-    wait_until(lambda: processor_s(process) > before + 0.3)  # it is in compiled code
+    wait_until(lambda: processor_s(process) > before + 0.1)  # it is in compiled code
     return process
 
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
+import pyte
 import pytest
-from hypothesis import given
+from example_counts import examples
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from terminal_replay import cell_at, screen_of, wrong_cells
 
@@ -47,6 +49,7 @@ def all_foreign(columns: int, rows: int) -> str:
 
 @pytest.mark.parametrize("look", LOOKS, ids=lambda look: f"{look.depth.name}-{look.theme}")
 @pytest.mark.parametrize("glyphs", [UNICODE, ASCII], ids=lambda glyphs: glyphs.name)
+@settings(max_examples=examples(30))
 @given(
     pair=pictures(),
     top=st.integers(0, 3),
@@ -66,8 +69,9 @@ def test_a_repaint_and_a_difference_show_the_picture_and_leave_the_rest_alone(
     old, new = pair
     rows, columns = top + new.shape[0] + below, left + new.shape[1] + beside
     before = all_foreign(columns, rows) + encode(old, None, look, glyphs, top, left)
-    assert wrong_cells(screen_of(before, columns, rows), old, look, glyphs, top, left) == []
-    screen = screen_of(before + encode(new, old, look, glyphs, top, left), columns, rows)
+    screen = screen_of(before, columns, rows)
+    assert wrong_cells(screen, old, look, glyphs, top, left) == []
+    pyte.Stream(screen).feed(encode(new, old, look, glyphs, top, left))
     assert wrong_cells(screen, new, look, glyphs, top, left) == []
     foreign = cell_at(screen_of(FOREIGN + "x", 1, 1), 0, 0)
     ours = {(top + y, left + x) for y, x in np.ndindex(*new.shape)}

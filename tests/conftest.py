@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import gc
 import os
+from itertools import groupby
+from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -21,6 +23,19 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
 
 # Tests make objects by the million, and drop most of them at once.
 gc.set_threshold(50_000, 50, 1000)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Spread the tests of the viewer, which mostly wait, among those that compute.
+
+    So several workers on few cores keep these busy to the end. Tests of a file stay together.
+    """
+    files = {path: list(tests) for path, tests in groupby(items, lambda item: item.path)}
+    kinds: tuple[list[Path], list[Path]] = ([], [])
+    for path in files:
+        kinds["tui" in path.parts].append(path)
+    places = [((k + 0.5) / len(kind), path) for kind in kinds for k, path in enumerate(kind)]
+    items[:] = [item for _, path in sorted(places) for item in files[path]]
 
 
 def pytest_collection_finish() -> None:

@@ -179,7 +179,7 @@ def test_the_kernel_finds_the_greatest_set_of_moves() -> None:
     reached: dict[bool, Counter[str]] = {True: Counter(), False: Counter()}
     met = 0
 
-    @settings(max_examples=800)
+    @settings(max_examples=1100)
     @given(cases())
     def check(case: Case) -> None:
         nonlocal met

@@ -24,7 +24,6 @@ from automaton.studies.sweeps.study import Analysis, Point, Replications, Study,
 if TYPE_CHECKING:
     import pyarrow as pa
 
-    from automaton.build.resolve import Resolved
     from automaton.drawings.floor_picture import FloorPicture
     from automaton.runs.headless import Outcome
     from automaton.runs.simulation import Simulation
@@ -33,6 +32,7 @@ if TYPE_CHECKING:
     from automaton.studies.sizing.sizing_record import SizingResult
     from automaton.studies.sweeps.result_store import Store
     from automaton.tables.table_run import TableRun
+    from automaton.world.resolve import Resolved
 
 __all__ = ["Analysis", "Point", "Replications", "Study", "read_study", "simulate", "size", "sweep"]
 
@@ -57,7 +57,7 @@ def simulate(
     memory. A notebook shows the floor at the end; with `record`, a file, `film()` shows the run.
     Raises InputError for bad input and for a strategy that raises.
     """
-    from automaton.build.resolve import resolve
+    from automaton.world.resolve import resolve
 
     resolved = resolve(scenario, settings_of(overrides), seed)
     if not tables:

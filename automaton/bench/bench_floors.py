@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from automaton.build.resolve import Resolved, StrategyChoice
 from automaton.floor.cells import ALL_EXITS, FLOOR, UNLIMITED
 from automaton.floor.floor_plan import FloorPlan, bordered, make_floor_plan
 from automaton.scenario.schema import LAYER_NAMES, Durations, Fleet, Scenario, Stop, Strategies
 from automaton.strategy import lookup
+from automaton.world.resolve import Resolved, StrategyChoice
 
 NEVER_ENDS = Stop(when="never", max_duration=2_000_000_000)
 IDLE = "automaton.bench.idle_strategies:Idle"

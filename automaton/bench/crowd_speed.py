@@ -12,11 +12,11 @@ from functools import partial
 from automaton.bench.bench_floors import open_floor, scene
 from automaton.bench.measurement import NS_PER_ROBOT_AND_TICK, Measurement, Sample, cpu_seconds
 from automaton.bench.step_speed import Case, walking_fleet
-from automaton.build.resolve import StrategyChoice
 from automaton.engine.holders import enter_holders, remove_holders
 from automaton.engine.state import NIL
 from automaton.runs.simulation import Simulation
 from automaton.strategy import lookup
+from automaton.world.resolve import StrategyChoice
 
 SPARSE, ROUNDS = Case(100_000, 1000), 20
 CROWDS, TICKS = (1_000, 4_000), 50

@@ -13,9 +13,9 @@ from automaton.bench.measurement import (
     Sample,
     cpu_seconds,
 )
-from automaton.build.resolve import resolve
 from automaton.engine.state import LAYER_ZONING
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 
 TICKS, DIGESTS = 200_000, 2_000
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import partial
 
 from automaton.bench.measurement import NS_PER_ROBOT_AND_TICK, Measurement, Sample, cpu_seconds
-from automaton.build.resolve import resolve
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 
 SCENARIO = "goods-60x40"
 STARTED, TICKS = 500, 2000

@@ -12,10 +12,10 @@ from typing import Any, Final, NamedTuple
 import msgspec
 
 from automaton.bench.measurement import NS_PER_ROBOT_AND_TICK, Measurement, Sample, cpu_seconds
-from automaton.build.resolve import resolve
 from automaton.engine.search import table_of
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Fleet, Orders, Scenario, Stop, Strategies, WorldRules
+from automaton.world.resolve import resolve
 
 RIGHTS_OF_WAY: Final = ("retreat", "wait", "pibt", "epibt")
 

@@ -15,10 +15,10 @@ import numpy as np
 from automaton.bench.bench_floors import mixed_floor, open_floor, scene
 from automaton.bench.measurement import NS_PER_ROBOT_AND_TICK, Measurement, Sample, cpu_seconds
 from automaton.bench.random_walk import random_walk, random_walk_in_spans
-from automaton.build.starts import random_cells
-from automaton.build.world import build_world
 from automaton.engine.state import Array, World
 from automaton.floor.floor_plan import FloorPlan
+from automaton.world.building import build_world
+from automaton.world.starts import random_cells
 
 SEED = 1
 PRIORITIES = 8

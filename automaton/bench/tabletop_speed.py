@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from automaton.bench.measurement import MS_PER_RUN, Measurement, Sample, cpu_seconds
-from automaton.build.resolve import Resolved, resolve
 from automaton.papers.reproduction_study import ScenarioCase
 from automaton.papers.tabletop_study import STRATEGIES, cases, seeing_everything
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import Resolved, resolve
 
 SEEDS = (1, 2, 3)
 

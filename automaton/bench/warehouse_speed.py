@@ -20,11 +20,11 @@ import numpy as np
 
 from automaton.bench.leg_plans import plan_avoiding, plan_in_time, plan_legs
 from automaton.bench.measurement import NS_PER_ROBOT_AND_TICK, US, Measurement, Sample, cpu_seconds
-from automaton.build.resolve import resolve
 from automaton.engine.state import LAYER_ROUTING, Memory, Workspace, World
 from automaton.papers.traffic.traffic_network import SCENARIO
 from automaton.papers.traffic.traffic_trials import exact, tasks_of, warehouse
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 from strategies.routing.astar.frontier import FIFO, LARGER_G
 from strategies.routing.congestion.plan_forecast import forecast_all
 from strategies.routing.congestion.zone_forecast import forget_all

@@ -26,13 +26,13 @@ from automaton.bench.measurement import (
     cpu_seconds,
     slope,
 )
-from automaton.build.initial_service_zones import roads_of
-from automaton.build.resolve import resolve
 from automaton.engine.service_zones import Design, Roads, empty_design
 from automaton.floor.drawn_floors import draw_floor
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
 from automaton.units import unit
+from automaton.world.initial_service_zones import roads_of
+from automaton.world.resolve import resolve
 from strategies.zoning.annealing.annealing import MAX_REPAIRS, repair
 from strategies.zoning.design.zone_workspace import (
     ZoneRules,

@@ -10,13 +10,13 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from automaton.build.resolve import Resolved
-from automaton.build.scenario_warnings import scenario_warnings
 from automaton.errors import InputError
 from automaton.scenario.clock_times import is_clock_time
 from automaton.scenario.document import Override, parse
 from automaton.scenario.reading import read_text
 from automaton.scenario.schema import MAX_REFINEMENT
+from automaton.world.resolve import Resolved
+from automaton.world.scenario_warnings import scenario_warnings
 
 if TYPE_CHECKING:
     from rich.progress import Progress, ProgressColumn

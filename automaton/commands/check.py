@@ -14,12 +14,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from automaton.atomic_write import atomic_writer, cannot_write_error
-from automaton.build.conversion_table import conversion_lines
-from automaton.build.default_right_of_way import default_right_of_way
-from automaton.build.plain_numbers import plain_number_line
-from automaton.build.resolve import Resolved, document_of, resolve
-from automaton.build.scenario_warnings import scenario_warnings
-from automaton.build.visit_bounds import bounds_in_words
 from automaton.commands.arguments import (
     add_json_argument,
     add_refinement_arguments,
@@ -38,6 +32,12 @@ from automaton.strategy.entry import files_of
 from automaton.studies.sweeps.study import Point, Study, shipped_studies
 from automaton.studies.sweeps.sweep_plan import check_study, describe_point
 from automaton.units import count, shown_unit
+from automaton.world.conversion_table import conversion_lines
+from automaton.world.default_right_of_way import default_right_of_way
+from automaton.world.plain_numbers import plain_number_line
+from automaton.world.resolve import Resolved, document_of, resolve
+from automaton.world.scenario_warnings import scenario_warnings
+from automaton.world.visit_bounds import bounds_in_words
 
 if TYPE_CHECKING:
     from automaton.engine.state import Array, Grid
@@ -204,8 +204,8 @@ def check_zone_design(resolved: Resolved, document: Document) -> None:
     if resolved.zoning.design is None:
         return
     # Needs Numba, as most checks do not.
-    from automaton.build.initial_service_zones import ZoneDesignError
-    from automaton.build.world import build_world
+    from automaton.world.building import build_world
+    from automaton.world.initial_service_zones import ZoneDesignError
 
     try:
         build_world(resolved, resolved.scenario.seed)
@@ -215,8 +215,8 @@ def check_zone_design(resolved: Resolved, document: Document) -> None:
 
 def grid_and_durations(resolved: Resolved) -> tuple[Grid, Array]:
     """Return the grid that the robots drive on, and the (A,) ticks of each action of the first type."""
-    from automaton.build.prepared_floor import floor_for  # needs Numba, as most checks do not
-    from automaton.build.rules import rules_for
+    from automaton.world.prepared_floor import floor_for  # needs Numba, as most checks do not
+    from automaton.world.rules import rules_for
 
     scenario = resolved.scenario
     types = resolved.fleet.types

@@ -14,7 +14,6 @@ from dataclasses import replace
 
 import msgspec
 
-from automaton.build.resolve import Resolved, resolve
 from automaton.commands.check import names_study
 from automaton.errors import InputError
 from automaton.scenario.reading import shipped
@@ -22,6 +21,7 @@ from automaton.scenario.schema import LAYER_NAMES, Measure
 from automaton.strategy import lookup
 from automaton.studies.sweeps.sweep_plan import check_study
 from automaton.units import count
+from automaton.world.resolve import Resolved, resolve
 
 TICKS = 100  # of each run: enough to pick, to drop, and to be measured
 

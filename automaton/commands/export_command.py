@@ -16,8 +16,6 @@ from fractions import Fraction
 from pathlib import Path
 
 from automaton.atomic_write import atomic_writer, cannot_write_error
-from automaton.build.resolve import resolve
-from automaton.build.station_numbers import all_station_names
 from automaton.commands.arguments import add_settings_argument
 from automaton.commands.layout_arguments import measured
 from automaton.errors import InputError, alternatives, nearest
@@ -27,6 +25,8 @@ from automaton.exchange.lif_export import VERSIONS as LIF_VERSIONS
 from automaton.exchange.lif_export import lif_file
 from automaton.scenario.reading import find
 from automaton.units import count, exact_time
+from automaton.world.resolve import resolve
+from automaton.world.station_numbers import all_station_names
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -15,7 +15,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from automaton.build.resolve import Resolved, resolve
 from automaton.commands.arguments import (
     add_json_argument,
     add_refinement_arguments,
@@ -30,6 +29,7 @@ from automaton.commands.arguments import (
 from automaton.commands.run_tables import EventLines, add_table_arguments, written_tables
 from automaton.errors import InputError
 from automaton.units import ticks_and_time, unit
+from automaton.world.resolve import Resolved, resolve
 
 if TYPE_CHECKING:
     from automaton.runs.headless import Outcome

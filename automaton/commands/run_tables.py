@@ -8,9 +8,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from automaton.build.resolve import Resolved
 from automaton.errors import InputError
 from automaton.units import count
+from automaton.world.resolve import Resolved
 
 if TYPE_CHECKING:
     from automaton.runs.simulation import Simulation

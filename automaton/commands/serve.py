@@ -12,9 +12,9 @@ import socket
 import sys
 from typing import Any
 
-from automaton.build.resolve import resolve
 from automaton.commands.arguments import add_scenario_arguments, whole
 from automaton.errors import InputError
+from automaton.world.resolve import resolve
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

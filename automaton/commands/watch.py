@@ -11,9 +11,9 @@ import os
 from pathlib import Path
 from typing import Any
 
-from automaton.build.resolve import Resolved, resolve
 from automaton.commands.arguments import add_scenario_arguments, frame_rate, tick, whole
 from automaton.errors import InputError
+from automaton.world.resolve import Resolved, resolve
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from automaton.build.resolve import Resolved
 from automaton.drawings.moment import DrawnFloor, drawn_floor
 from automaton.engine.state import NIL
 from automaton.errors import InputError
@@ -14,6 +13,7 @@ from automaton.evidence.recording.header import resolved_of
 from automaton.evidence.recording.titles import title_of
 from automaton.films.film_columns import FilmColumns
 from automaton.units import Unit, number, unit
+from automaton.world.resolve import Resolved
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final, Literal, Protocol, TypeVar
 
-from automaton.build.resolve import Resolved, resolve
 from automaton.errors import InputError, alternatives, nearest
 from automaton.papers.claims import Claim, JudgedClaim, judge
 from automaton.runs.process_pool import OnDone, Result, RunFunction, run_all, run_and_measure
@@ -21,6 +20,7 @@ from automaton.scenario.document import Override, parse_setting
 from automaton.studies.inference.intervals import Interval
 from automaton.studies.inference.proportions import exact_share
 from automaton.studies.inference.t_distribution import student
+from automaton.world.resolve import Resolved, resolve
 
 T = TypeVar("T")
 Label = str | int

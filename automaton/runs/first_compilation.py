@@ -16,7 +16,6 @@ from contextlib import contextmanager, suppress
 from importlib import import_module
 from multiprocessing import parent_process
 
-from automaton.build.resolve import Resolved
 from automaton.engine.features import compiled_feature
 from automaton.engine.jit.kernel import COMPILATIONS, jit_is_on, world_marker
 from automaton.engine.loop import decide_signature
@@ -24,6 +23,7 @@ from automaton.runs.cores import cores
 from automaton.scenario.schema import Faults
 from automaton.strategy.decide_compilation import compiled_decide
 from automaton.strategy.layer import Strategy
+from automaton.world.resolve import Resolved
 
 
 @contextmanager

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from automaton.build.resolve import Resolved
 from automaton.drawings.floor_picture import FloorPicture
 from automaton.drawings.moment import drawn_floor, moment_of
 from automaton.drawings.palette import THEMES, Theme
@@ -12,6 +11,7 @@ from automaton.engine.state import NIL
 from automaton.errors import InputError, alternatives
 from automaton.runs.asked_orders import asked_count, done_count
 from automaton.units import count
+from automaton.world.resolve import Resolved
 
 
 def floor_picture(

@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from automaton.build.resolve import Resolved
 from automaton.drawings.floor_picture import FloorPicture
 from automaton.engine.jit.kernel import seconds_compiled
 from automaton.engine.state import (
@@ -50,6 +49,7 @@ from automaton.runs.strategy_failure import is_from_outside, strategy_failure
 from automaton.runs.task_metrics import summed, tasks_after
 from automaton.scenario.unavailable_metrics import warm_up_of
 from automaton.units import count
+from automaton.world.resolve import Resolved
 
 # Between two looks at the clock and at Ctrl-C. A multiple of the ticks that a recording buffers, so
 # that looking changes no recording; 5 robots drive them in 0.3 ms.

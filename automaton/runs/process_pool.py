@@ -18,13 +18,13 @@ from multiprocessing import connection, parent_process, resource_tracker
 from types import FrameType, TracebackType
 from typing import Any, Final, NamedTuple, TypeVar
 
-from automaton.build.resolve import Resolved
 from automaton.errors import WorkerDiedError
 from automaton.runs.cores import cores
 from automaton.runs.first_compilation import compiled_parts
 from automaton.runs.headless import attribute_strategy_errors, run_to_end
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import Resolved
 
 POOL_START_DELAY_S: Final = 2.0
 END_TIMEOUT_S: Final = 5.0  # for a process to end, once it was told

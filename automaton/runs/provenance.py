@@ -9,9 +9,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from automaton.build.resolve import Resolved
 from automaton.scenario.reading import content_hash
 from automaton.strategy.entry import files_of
+from automaton.world.resolve import Resolved
 
 PACKAGES = ("automaton", "strategies", "layouts")
 DECIDING = (".py", ".npz")  # files of these packages from which runs follow: code and networks

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from automaton.build.resolve import Resolved
 from automaton.runs.console_output import ConsoleBlock, console, print_blocks
 from automaton.runs.headless import Outcome
 from automaton.runs.metric_catalogue import PER_1000_TICKS, units_of
@@ -14,6 +13,7 @@ from automaton.runs.run_diagnosis import describe_jam, describe_wait_cycles
 from automaton.scenario.schema import Scenario
 from automaton.strategy.lookup import NO_STRATEGY
 from automaton.units import SECONDS_PER_UNIT, Unit, count, duration, number, percent, shown_unit
+from automaton.world.resolve import Resolved
 
 LOST_METRIC_PREFIX = "lost_"
 ROBOT_COLUMNS = {  # head: what of the robot's metrics

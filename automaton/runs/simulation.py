@@ -10,15 +10,6 @@ from typing import Any
 import numpy as np
 
 from automaton import garbage
-from automaton.build.resolve import Resolved, StrategyChoice
-from automaton.build.world import (
-    build_buffers,
-    build_observation,
-    build_record,
-    build_sight,
-    build_world,
-    digest_interval,
-)
 from automaton.drawings.floor_picture import FloorPicture
 from automaton.drawings.palette import Theme
 from automaton.engine import loop as loop_kernels
@@ -75,6 +66,15 @@ from automaton.strategy.contract import (
 from automaton.strategy.decide_compilation import compiled_decide
 from automaton.strategy.layer import NoState, Strategy
 from automaton.strategy.patience import Watchdog
+from automaton.world.building import (
+    build_buffers,
+    build_observation,
+    build_record,
+    build_sight,
+    build_world,
+    digest_interval,
+)
+from automaton.world.resolve import Resolved, StrategyChoice
 
 RECORD_TICKS = 256  # ticks in the buffers of a recording
 OBSERVED_TICKS = 1024  # and of an observation

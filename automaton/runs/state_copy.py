@@ -10,7 +10,6 @@ from typing import Final
 
 import numpy as np
 
-from automaton.build.starts import occupy_starts
 from automaton.engine.jit.fields import CARRIED
 from automaton.engine.jit.structs import Struct
 from automaton.engine.motion import room_bit
@@ -39,6 +38,7 @@ from automaton.engine.state import (
 from automaton.errors import InputError
 from automaton.floor.cells import EAST, WEST
 from automaton.floor.floor_plan import DRIVABLE
+from automaton.world.starts import occupy_starts
 
 OF_THE_BUFFERS: Final = (
     CLOCK_STOP_TICK,

@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from automaton.build.station_numbers import station_names
 from automaton.engine.state import CLOCK_TICK, NIL
 from automaton.runs.task_metrics import Measured
+from automaton.world.station_numbers import station_names
 
 
 class Station(NamedTuple):

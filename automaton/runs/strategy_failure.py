@@ -8,11 +8,11 @@ import traceback
 from types import FrameType
 from typing import Any
 
-from automaton.build.resolve import Resolved, StrategyChoice
 from automaton.errors import InputError
 from automaton.printable import one_line
 from automaton.runs import interruption
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import Resolved, StrategyChoice
 
 MAX_ERROR_LENGTH = 300  # characters of what was raised
 

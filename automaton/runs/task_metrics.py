@@ -15,7 +15,6 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from automaton.build.resolve import Resolved
 from automaton.engine.state import (
     ACTION_DROP,
     ACTION_PICK,
@@ -28,6 +27,7 @@ from automaton.engine.state import (
 from automaton.runs.interruption import interruptible
 from automaton.runs.task_lower_bounds import min_drive_ticks
 from automaton.scenario.unavailable_metrics import TASK_METRICS as TASK_METRICS
+from automaton.world.resolve import Resolved
 
 
 class Measured(Protocol):

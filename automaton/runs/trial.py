@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Any, Final, NamedTuple
 
-from automaton.build.bounds import bounds, least_ticks, most_throughput
-from automaton.build.resolve import Resolved
 from automaton.runs.headless import Outcome, run_once
 from automaton.runs.jam_watch import JamWatch
 from automaton.runs.progress import Jam, starved_ticks, stuck_robots
 from automaton.runs.run_diagnosis import describe_jam, describe_wait_cycles, robot_names
 from automaton.runs.simulation import Simulation
 from automaton.units import count
+from automaton.world.bounds import bounds, least_ticks, most_throughput
+from automaton.world.resolve import Resolved
 
 MIN_TICKS: Final = 500
 TRIAL_ROBOT_TICKS: Final = 2_000_000

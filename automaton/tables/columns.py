@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from automaton.units import exact_time
 
 if TYPE_CHECKING:
-    from automaton.build.resolve import Resolved
+    from automaton.world.resolve import Resolved
 
 Array = NDArray[Any]
 Rows = Mapping[str, Array]  # (k,) each, by column

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from automaton.build.station_numbers import station_names
 from automaton.engine.observation import LOST_EVER, Observation, visits_of
 from automaton.engine.state import CLOCK_TICK, NIL, World
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
@@ -25,6 +24,7 @@ from automaton.tables.columns import (
 )
 from automaton.tables.order_rows import Table
 from automaton.tables.places import columns_and_rows
+from automaton.world.station_numbers import station_names
 
 
 def robot_table(run: Measured) -> Table:

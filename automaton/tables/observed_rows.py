@@ -7,7 +7,6 @@ from typing import Final
 
 import numpy as np
 
-from automaton.build.resolve import Resolved
 from automaton.engine.observation import (
     CAUSE_NO_ORDER,
     CAUSE_NOT_WAITING,
@@ -27,6 +26,7 @@ from automaton.engine.state import ACTION_IDLE, ACTION_NAMES, NIL
 from automaton.runs.simulation import Simulation
 from automaton.tables.columns import NO_TEXT, Array, Form, Rows, form_of, texts_where, where
 from automaton.tables.places import columns_and_rows
+from automaton.world.resolve import Resolved
 
 EVENTS_IN_CELLS: Final = (
     *(EVENT_PICKED, EVENT_DROPPED, EVENT_DELIVERED, EVENT_VISITED),

@@ -11,8 +11,6 @@ from typing import Final
 
 import numpy as np
 
-from automaton.build.resolve import Resolved
-from automaton.build.station_numbers import station_names
 from automaton.engine.state import CLOCK_TICK, NEVER, NIL, ORDER_DELIVERED, World
 from automaton.runs.asked_orders import asked_count, asked_orders, has_lines
 from automaton.runs.interruption import interruptible
@@ -33,6 +31,8 @@ from automaton.tables.columns import (
     where,
 )
 from automaton.tables.places import cell_texts
+from automaton.world.resolve import Resolved
+from automaton.world.station_numbers import station_names
 
 Table = tuple[Form, Iterable[Rows]]
 

@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from automaton.build.resolve import Resolved
 from automaton.errors import InputError
 from automaton.runs.sampling import Sampling
 from automaton.runs.simulation import Simulation
@@ -25,6 +24,7 @@ from automaton.tables.observed_rows import EventTaker, event_form, state_form, s
 from automaton.tables.order_rows import Table, line_table, order_table, trip_table
 from automaton.tables.run_documents import metrics_document, scenario_lines
 from automaton.tables.table_files import PARQUET, Tables, sink_for
+from automaton.world.resolve import Resolved
 
 
 class TableOptions(NamedTuple):

@@ -7,10 +7,10 @@ import pytest
 
 from automaton.bench import PARTS, zoning_speed
 from automaton.bench.measurement import EXPONENT, slope
-from automaton.build.initial_service_zones import roads_of
-from automaton.build.resolve import resolve
 from automaton.floor.drawn_floors import draw_floor
 from automaton.runs.simulation import Simulation
+from automaton.world.initial_service_zones import roads_of
+from automaton.world.resolve import resolve
 
 
 @pytest.mark.parametrize("stations", [18, 50, 200])

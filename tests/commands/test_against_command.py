@@ -9,9 +9,9 @@ import pytest
 from action_cases import said
 from viewer_harness import viewing
 
-from automaton.build.resolve import resolve
 from automaton.commands import main
 from automaton.evidence.recording.recording_reader import read_recording
+from automaton.world.resolve import resolve
 from tui.playback.run_source import live_pair, recorded
 
 WAIT = "strategy.right_of_way=wait"

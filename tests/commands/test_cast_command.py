@@ -15,7 +15,6 @@ import pyte
 import pytest
 from terminal_replay import for_pyte, wrong_cells
 
-from automaton.build.resolve import Resolved, resolve
 from automaton.commands import Parser
 from automaton.commands import cast_command as command
 from automaton.engine.state import NIL
@@ -25,6 +24,7 @@ from automaton.evidence.history.snapshot import Snapshot, take_snapshot
 from automaton.evidence.recording.recorder import Recorder
 from automaton.runs.simulation import Simulation
 from automaton.units import unit
+from automaton.world.resolve import Resolved, resolve
 from tui.cast.asciicast import schedule
 from tui.cast.film_status import Status
 from tui.playback.laid_over import Overlays

@@ -14,7 +14,6 @@ import jsonschema
 import msgspec
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.commands import COMMANDS, main
 from automaton.scenario.document import override
 from automaton.scenario.floor_section import generators
@@ -22,6 +21,7 @@ from automaton.scenario.reading import read, shipped
 from automaton.scenario.scenario_schema import json_schema
 from automaton.scenario.schema import LAYER_NAMES, Scenario
 from automaton.strategy import lookup
+from automaton.world.resolve import resolve
 
 HEAVY = ("numba", "textual", "rich")
 

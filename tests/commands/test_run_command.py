@@ -12,14 +12,14 @@ from typing import Any
 import pytest
 from metrics_of_some_runs import OF_OTHER_RUNS
 
-from automaton.build.resolve import resolve
-from automaton.build.rules import tick_length
 from automaton.commands import main
 from automaton.runs.headless import WINDOW_TICKS, run_once
 from automaton.runs.metrics import METRIC_CATALOGUE
 from automaton.runs.simulation import RECORD_TICKS, Simulation
 from automaton.studies.sizing.question import read_target
 from automaton.units import Unit, listed, number, unit
+from automaton.world.resolve import resolve
+from automaton.world.rules import tick_length
 
 METRICS = [name for name in METRIC_CATALOGUE if name not in OF_OTHER_RUNS]
 STRATEGIES = '''

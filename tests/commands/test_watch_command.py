@@ -10,12 +10,12 @@ from pathlib import Path
 import pytest
 from viewer_harness import branch, record
 
-from automaton.build.resolve import resolve
 from automaton.commands import main
 from automaton.evidence.history.divergence import first_difference
 from automaton.evidence.recording.frames import FRAME, FRAME_KIND_TICKS, PREAMBLE
 from automaton.evidence.recording.recording_reader import read_recording
 from automaton.floor.cells import DESTINATION
+from automaton.world.resolve import resolve
 from tui.playback.recording_files import MAX_RECORDINGS_KEPT, give_up_unused, new_recording
 from tui.playback.run_source import recorded
 
@@ -216,7 +216,7 @@ def test_a_floor_is_known_without_numba(tmp_path: Path) -> None:
     program = (
         "import sys\n"
         "from pathlib import Path\n"
-        "from automaton.build.resolve import resolve\n"
+        "from automaton.world.resolve import resolve\n"
         "from tui.playback.run_source import live, recorded, floor_of\n"
         "import tui.viewer.app\n"
         f"recorded(Path({str(path)!r}))\n"

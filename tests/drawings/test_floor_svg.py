@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.drawings import floor_svg as module
 from automaton.drawings.floor_svg import floor_svg
 from automaton.drawings.moment import DrawnFloor, Moment, drawn_floor, moment_of
@@ -17,6 +16,7 @@ from automaton.drawings.palette import css, rgb
 from automaton.drawings.robot_looks import DRAW_WAITING
 from automaton.engine.state import NIL
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 
 SVG = "{http://www.w3.org/2000/svg}"
 

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.commands import main
 from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.runs.simulation import Simulation
 from automaton.strategy import paths
 from automaton.strategy.access_cells import dropoff_cell, pickup_cell
+from automaton.world.resolve import resolve
 
 ROOT = Path(__file__).parents[2]
 FLOOR = """

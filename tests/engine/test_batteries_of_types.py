@@ -7,8 +7,6 @@ from typing import Any
 import msgspec
 import pytest
 
-from automaton.build.bounds import bounds
-from automaton.build.resolve import Resolved, resolve
 from automaton.engine.robot_status import BATTERY_PERCENT
 from automaton.errors import InputError
 from automaton.evidence.recording.recorder import MemoryRecorder
@@ -17,6 +15,8 @@ from automaton.runs.simulation import Simulation
 from automaton.scenario.document import Document
 from automaton.scenario.schema import Scenario
 from automaton.scenario.validation import validated
+from automaton.world.bounds import bounds
+from automaton.world.resolve import Resolved, resolve
 
 PICTURE = """\
 c.......t

@@ -192,7 +192,7 @@ import automaton.commands
 from automaton.__main__ import main
 
 def run():
-    from automaton.build.resolve import resolve
+    from automaton.world.resolve import resolve
     from automaton.runs.simulation import Simulation
     print(gc.get_threshold()[0], gc.get_freeze_count())
     Simulation(resolve("tabletop-mini"))

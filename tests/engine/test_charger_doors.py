@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.engine.state import ORDER_DELIVERED
 from automaton.errors import InputError
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 
 SURROUNDED = """
 name: surrounded

@@ -10,8 +10,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from automaton.build.disturbances import delay_ticks, poisson_counts, repair_ticks
-from automaton.build.resolve import Resolved, resolve
 from automaton.engine.random_numbers import STREAM_DELAYS, random_bits
 from automaton.engine.record_codes import CHANGE_DELAYED
 from automaton.engine.state import Array
@@ -31,6 +29,8 @@ from automaton.scenario.energy_and_faults import Faults
 from automaton.scenario.handling import Distribution, Lognormal, Uniform
 from automaton.scenario.schema import Scenario
 from automaton.scenario.validation import validated
+from automaton.world.disturbances import delay_ticks, poisson_counts, repair_ticks
+from automaton.world.resolve import Resolved, resolve
 
 RARE = 0.02  # of a robot and tick
 

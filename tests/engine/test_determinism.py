@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from fresh_process import told, told_here
 
-from automaton.build.resolve import resolve
 from automaton.engine.digest import DIGEST_NAMES
 from automaton.engine.state import CLOCK_TICK
 from automaton.evidence.history.live_run import LiveRun
 from automaton.pytest_plugin import GridSnapshot
 from automaton.runs.process_pool import run_all
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 
 ALLOCATIONS = ("independent", "cooperative", "adaptive", "independent-python")
 SETTINGS = ("fleet.robots=4", "strategy.allocation=adaptive")

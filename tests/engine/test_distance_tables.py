@@ -15,7 +15,6 @@ from random_floors import pictures
 from reference_costs import CostSet
 from reference_paths import FAR, HEADINGS
 
-from automaton.build.prepared_floor import floor_for
 from automaton.engine.distance_tables import (
     JOINT,
     POSE16,
@@ -36,6 +35,7 @@ from automaton.engine.table_rows import cost_in, row_to
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.robot_types import RobotType, floor_by_type
+from automaton.world.prepared_floor import floor_for
 
 SYMBOLS = ".....++--||==~><v^##"
 LARGE = 1 << 20  # bytes: room for all tables of these floors

@@ -7,7 +7,6 @@ import pytest
 from battery_scenes import MOVES, BatteryScene
 from drawn_scenes import recorded_run, scene
 
-from automaton.build.rules import drain_table
 from automaton.engine.robot_status import BATTERY_FULL, STATUS_DEPLETED, STATUS_UP
 from automaton.engine.state import (
     ACTION_CHARGE,
@@ -19,6 +18,7 @@ from automaton.engine.state import (
 )
 from automaton.evidence.verification.validator import validate_stored
 from automaton.scenario.schema import Battery, Drain, Durations
+from automaton.world.rules import drain_table
 
 
 def test_a_drain_may_be_many_times_a_battery() -> None:

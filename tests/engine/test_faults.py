@@ -8,7 +8,6 @@ import pytest
 from battery_scenes import MOVES, BatteryScene
 from drawn_scenes import recorded_run, scene
 
-from automaton.build.resolve import resolve
 from automaton.engine.robot_status import (
     BATTERY_FULL,
     BATTERY_PERCENT,
@@ -33,6 +32,7 @@ from automaton.runs.metrics import metrics_of
 from automaton.runs.pictures import picture_of, world_from
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Durations, Fault, Faults
+from automaton.world.resolve import resolve
 
 
 def failing(at: int, **rules: Any) -> Faults:

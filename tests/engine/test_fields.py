@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.engine import digest
 from automaton.engine.digest import DIGEST_NAMES
 from automaton.engine.facilities import Stations
@@ -41,6 +40,7 @@ from automaton.evidence.history.snapshot import by_robot
 from automaton.runs.pictures.robot_lines import read_robot, robot_line
 from automaton.runs.simulation import Simulation
 from automaton.runs.state_copy import take_over
+from automaton.world.resolve import resolve
 
 
 class Load(Struct):

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from small_runs import SmallRun
 
-from automaton.build.resolve import Resolved, resolve
 from automaton.engine.state import ACTION_TURN
 from automaton.errors import InputError
 from automaton.evidence.recording.recorder import MemoryRecorder
@@ -21,6 +20,7 @@ from automaton.scenario.fleet import FleetType, Kinematics
 from automaton.scenario.schema import Scenario
 from automaton.tables.columns import NO_TEXT
 from automaton.tables.observed_rows import heading_texts, state_form
+from automaton.world.resolve import Resolved, resolve
 from tui.playback.run_source import floor_of
 from tui.render.robot_marks import robots_of
 from tui.render.scene import Scene

@@ -14,10 +14,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_strategies import Mood, RandomAllocation, RandomRightOfWay, RandomRouting
 
-from automaton.build.resolve import resolve
 from automaton.engine.state import FOLLOWING_CONVOY, NIL
 from automaton.runs.simulation import Simulation
 from automaton.strategy.layer import Strategy
+from automaton.world.resolve import resolve
 from strategies.right_of_way import retreat
 
 FLOORS = (
@@ -210,7 +210,7 @@ def test_who_does_not_say_that_it_looks_robots_up_sees_no_holders(tmp_path: Path
 COUNTED = """
 import sys
 import numpy as np
-from automaton.build.resolve import resolve
+from automaton.world.resolve import resolve
 from automaton.runs.simulation import Simulation
 
 class Counted(np.ndarray):

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from played_back import recorded
 
-from automaton.build.resolve import resolve
 from automaton.evidence.verification.validator import validate_stored
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 
 SCENARIO = """name: narrow
 layout:

@@ -9,11 +9,11 @@ import pytest
 from idle_waits import run_to_end
 from pod_scenes import pod_scene
 
-from automaton.build.resolve import resolve
-from automaton.build.starts import homes
 from automaton.engine.state import NIL
 from automaton.floor.cells import CHARGER, STATION
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
+from automaton.world.starts import homes
 
 ROUND = """\
 >>>>>>>>>>v

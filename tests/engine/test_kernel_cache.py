@@ -16,10 +16,10 @@ import pytest
 from compiled_kernels import LISTENING
 
 import strategies.allocation.first_come
-from automaton.build.resolve import resolve
 from automaton.engine.jit import kernel_sources
 from automaton.engine.jit.kernel import jit_is_on
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 
 ROOT = Path(__file__).parents[2]
 ENGINE = {"automaton.engine.loop", "automaton.engine.motion"}
@@ -51,7 +51,7 @@ def test_an_edit_in_a_strategy_concerns_nobody_else() -> None:
     assert made_of("strategies/routing/congestion/congestion.py") == {
         "strategies.routing.congestion.congestion"
     }
-    assert not made_of("automaton/build/resolve.py")
+    assert not made_of("automaton/world/resolve.py")
     assert not made_of("automaton/runs/simulation.py")
 
 
@@ -196,7 +196,7 @@ class Listener(event.Listener):
     def on_end(self, event):
         pass
 event.register("numba:compile", Listener())
-from automaton.build.resolve import resolve
+from automaton.world.resolve import resolve
 from automaton.runs.simulation import Simulation
 run = Simulation(resolve("tabletop-mini", ["fleet.robots=4", f"strategy.{sys.argv[1]}"]))
 run.run(400)

@@ -11,18 +11,18 @@ from typing import Any
 
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.engine.jit import kernel as jit
 from automaton.engine.jit.kernel import jit_is_on
 from automaton.engine.jit.numba_parts import TRIED
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 
 ROOT = Path(__file__).parents[2]
 
 LISTED = """
 import sys
 from automaton.engine.jit.kernel import Kernel
-from automaton.build.resolve import resolve
+from automaton.world.resolve import resolve
 from automaton.runs.simulation import Simulation
 from automaton.bench import warehouse_speed as plans
 from automaton.papers.traffic.traffic_trials import Setting, exact, run_seed
@@ -73,7 +73,7 @@ def test_every_kernel_is_compiled_for_one_signature() -> None:
 FEW = """
 import gc, sys
 from automaton.engine.jit.kernel import Kernel
-from automaton.build.resolve import resolve
+from automaton.world.resolve import resolve
 from automaton.runs.simulation import Simulation
 Simulation(resolve("tabletop-mini")).run()
 kernels = [one for one in gc.get_objects() if isinstance(one, Kernel)]

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from gate_scenes import gate_scene
 
-from automaton.build.resolve import resolve
 from automaton.engine.jit.kernel import jit_is_on
 from automaton.engine.state import ACTION_CHARGE, NIL
 from automaton.errors import InputError
 from automaton.runs.metrics import illegal_by_layer, metrics_of
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 
 
 def run(scenario: str = "tabletop-mini", *settings: str, until: int | None = None) -> Simulation:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.engine.record_codes import EXECUTED_ILLEGAL
 from automaton.engine.state import (
     CLOCK_TICK,
@@ -25,6 +24,7 @@ from automaton.runs.pictures import picture_of, world_from
 from automaton.runs.simulation import Simulation
 from automaton.strategy.kernels import dropoff_cell, pickup_cell
 from automaton.strategy.layer import Strategy
+from automaton.world.resolve import resolve
 
 FLOOR = """
 name: leaving

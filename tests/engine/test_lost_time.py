@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_cases import STRATEGIES, Case, cases, moods, scenarios
 
-from automaton.build.resolve import Resolved, StrategyChoice, resolve
 from automaton.engine.motion import MOVED
 from automaton.engine.observation import (
     CAUSE_DRIVING_AHEAD,
@@ -57,6 +56,7 @@ from automaton.floor.drawn_floors import draw_floor
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Fleet
 from automaton.strategy.entry import NoParameters
+from automaton.world.resolve import Resolved, StrategyChoice, resolve
 
 LIMIT = 24
 NAMES_BLOCKER = {code for code, cause in enumerate(CAUSES) if "{blocker}" in cause.text}

@@ -19,8 +19,6 @@ from hypothesis import strategies as st
 from random_floors import pictures
 from reference_motion import Floor, Robot, splitmix64, tie_break_hash
 
-from automaton.build import world as build
-from automaton.build.resolve import Resolved
 from automaton.engine import motion, random_numbers
 from automaton.engine.motion import (
     CLAIMS,
@@ -39,6 +37,8 @@ from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.floor_plan import DRIVABLE, FloorPlan
 from automaton.runs.pictures.stories import Following
 from automaton.scenario.schema import Durations, Fleet, Scenario, WorldRules
+from automaton.world import building as build
+from automaton.world.resolve import Resolved
 
 CROWDED, SPARSE = 10**9, 0  # values of build.CROWDED that choose the contest
 

@@ -6,7 +6,7 @@ from itertools import permutations
 
 import pytest
 
-import automaton.build.world
+import automaton.world.building
 from automaton.errors import InputError
 from automaton.runs.pictures import Story, moved
 
@@ -15,7 +15,7 @@ from automaton.runs.pictures import Story, moved
 def contest(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every story is told twice: contests are kept per cell on crowded floors, else in a table."""
     if request.param == "sparse":
-        monkeypatch.setattr(automaton.build.world, "CROWDED", 0)
+        monkeypatch.setattr(automaton.world.building, "CROWDED", 0)
 
 
 def rows(*lines: str) -> str:

@@ -8,7 +8,6 @@ import pytest
 from handmade_recordings import rules
 from pod_scenes import RING, pod_scene
 
-from automaton.build.resolve import Resolved
 from automaton.engine.observation import CAUSES
 from automaton.engine.state import CLOCK_NEEDING_ROUTE, NIL
 from automaton.errors import InputError
@@ -16,6 +15,7 @@ from automaton.evidence.history.event_history import EventHistory
 from automaton.evidence.recording.recorder import MemoryRecorder
 from automaton.evidence.verification.validator import validate_stored
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import Resolved
 
 SHORT_CUT = """\
 >>>>>>>v

@@ -9,7 +9,6 @@ import pytest
 from handmade_recordings import E, played, rules
 from handmade_recordings import header as drawn
 
-from automaton.build.resolve import Resolved, resolve
 from automaton.engine.observation import EVENT_DELIVERED, EVENT_ORDER_TAKEN
 from automaton.engine.observation import EVENT_PICKED as PICKED
 from automaton.engine.record_codes import (
@@ -39,6 +38,7 @@ from automaton.evidence.verification.verification import action_text, verify_rec
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
+from automaton.world.resolve import Resolved, resolve
 
 # The shelf is served from (1, 0), the destination from (4, 0).
 FLOOR = """\

@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from small_runs import STEPS, SmallRun
 
-from automaton.build.resolve import resolve
 from automaton.engine.state import (
     ACTION_MOVE,
     ACTION_TURN,
@@ -28,6 +27,7 @@ from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Durations
 from automaton.strategy import paths
 from automaton.strategy.layer import Strategy
+from automaton.world.resolve import resolve
 
 
 class Question(NamedTuple):

@@ -7,11 +7,11 @@ from collections.abc import Callable
 import pytest
 from physical_checks import PhysicalChecks
 
-from automaton.build.resolve import resolve
-from automaton.build.world import build_world
 from automaton.engine.robot_status import BATTERY_FULL, STATUS_FAILED
 from automaton.engine.state import NIL, ORDER_CARRIED, ORDER_DELIVERED, World
 from automaton.runs.pictures import Story
+from automaton.world.building import build_world
+from automaton.world.resolve import resolve
 
 BATTERY = ("battery={drain: {move: 1.0}, charge_rate: 1}",)
 

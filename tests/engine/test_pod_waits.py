@@ -6,11 +6,11 @@ from typing import Any
 
 from pod_scenes import pod_scene
 
-from automaton.build.resolve import Resolved, resolve
 from automaton.engine.observation import CAUSES
 from automaton.engine.state import CLOCK_NEEDING_ROUTE, NIL
 from automaton.evidence.history.event_history import EventHistory
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import Resolved, resolve
 
 BREAK = {"P1": {"at": [5, 3], "breaks": [{"from": 10, "for": 40}]}}
 

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from pod_scenes import line_ticks, played, pod_scene, trips
 
-from automaton.build.resolve import resolve
 from automaton.engine.state import ACTION_STATION_QUEUE, CLOCK_TICK, CMD_TAKE_ORDER, NIL
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.strategy.layer import Strategy
+from automaton.world.resolve import resolve
 
 TWO_STATIONS = """\
 >>>>>>>>>v

@@ -7,7 +7,6 @@ from typing import Any
 import msgspec
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.engine.robot_status import BATTERY_FULL, STATUS_FAILED, STATUS_UP
 from automaton.engine.state import NIL
 from automaton.evidence.history.event_history import EventHistory
@@ -18,6 +17,7 @@ from automaton.evidence.verification.validator import validate_stored
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
+from automaton.world.resolve import resolve
 
 PICTURE = """\
 s......d

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from docs_pages import page
 
-from automaton.build.resolve import resolve
 from automaton.engine.robot_states import Motion, Task, motions_of, tasks_of
 from automaton.engine.robot_status import STATUS_NAMES
 from automaton.engine.state import ACTION_NAMES, CLOCK_TICK, World
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 
 PAGE = page("docs/explanation/robot-states.md").text
 NAMES = {

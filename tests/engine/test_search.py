@@ -16,13 +16,13 @@ from hypothesis import strategies as st
 from random_floors import pictures
 from reference_paths import FAR, HEADINGS, Pose, Ways
 
-from automaton.build.resolve import Resolved
-from automaton.build.world import build_world
 from automaton.engine import search
 from automaton.engine.state import NIL, Workspace, World
 from automaton.floor.drawn_floors import draw_floor
 from automaton.scenario.fleet import FleetType
 from automaton.scenario.schema import Durations, Fleet, Scenario
+from automaton.world.building import build_world
+from automaton.world.resolve import Resolved
 
 SYMBOLS = ".....++--||==~><v^##"
 

@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 from drawn_scenes import recorded_run, scene
 
-from automaton.build.resolve import Resolved
 from automaton.engine.observation import EVENT_NAMES
 from automaton.engine.state import (
     ACTION_SERVE,
@@ -29,6 +28,7 @@ from automaton.runs.pictures.picture_writing import picture_of
 from automaton.runs.simulation import Simulation
 from automaton.strategy import lookup
 from automaton.strategy.layer import Strategy
+from automaton.world.resolve import Resolved
 
 STRATEGY = {"allocation": "first-come", "right_of_way": "wait"}
 CORRIDOR = "t......t"

@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 from random_floors import pictures
 from random_strategies import Mood
 
-from automaton.build.resolve import Resolved, StrategyChoice, resolve
 from automaton.engine.observation import CAUSE_REDUCED_SPEED
 from automaton.engine.record_codes import ACTION_MASK, LEFT_PARKING_BAY, MOVE_NORTH
 from automaton.engine.state import ACTION_MOVE, NIL
@@ -28,6 +27,7 @@ from automaton.runs.pictures import Story
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Durations, Fleet, Scenario, Stop, WorldRules
 from automaton.strategy.entry import NoParameters
+from automaton.world.resolve import Resolved, StrategyChoice, resolve
 
 
 def rows(*lines: str) -> str:

@@ -14,8 +14,6 @@ from random_floors import pictures
 from reference_costs import CostSet
 from reference_paths import FAR
 
-from automaton.build.bounds import bounds
-from automaton.build.resolve import Resolved, resolve
 from automaton.engine.record_codes import CHANGE_DURATION
 from automaton.errors import InputError
 from automaton.evidence.recording.recorder import MemoryRecorder
@@ -24,6 +22,8 @@ from automaton.floor.travel_ticks import NO_WAY, Driving, ticks_between
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
+from automaton.world.bounds import bounds
+from automaton.world.resolve import Resolved, resolve
 
 SPUR = """\
 ......

@@ -7,7 +7,6 @@ from typing import Any
 import pytest
 from small_runs import STEPS, SmallRun
 
-from automaton.build.resolve import resolve
 from automaton.engine.state import (
     ACTION_HELD_BACK,
     CLOCK_UNPARKED,
@@ -23,6 +22,7 @@ from automaton.engine.state import (
 )
 from automaton.runs.simulation import Simulation
 from automaton.strategy.layer import Strategy
+from automaton.world.resolve import resolve
 
 
 class Scripted(Strategy):

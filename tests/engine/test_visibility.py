@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import NIL, ORDER_DELIVERED
 from automaton.engine.visibility import is_visible, is_zone_visible, mask_world, zone_of_order
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 
 # What everybody knows: the floor and the rules, the calendar, the order list with the slots in it, how
 # the parts are made, and the types of robots.

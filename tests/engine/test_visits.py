@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 from drawn_scenes import recorded_run, scene
 
-from automaton.build.resolve import Resolved
 from automaton.engine.observation import EVENT_NAMES
 from automaton.engine.state import (
     CLOCK_TICK,
@@ -26,6 +25,7 @@ from automaton.evidence.verification.verification import verify_recording
 from automaton.runs.simulation import Simulation
 from automaton.strategy import lookup
 from automaton.strategy.layer import Strategy
+from automaton.world.resolve import Resolved
 
 CORRIDOR = "........"
 STRATEGY = {"allocation": "first-come", "right_of_way": "wait"}

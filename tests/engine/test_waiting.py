@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from small_runs import SmallRun
 
-from automaton.build.resolve import resolve
 from automaton.engine.observation import (
     CAUSE_NOT_WAITING,
     CAUSE_REDESIGN,
@@ -37,6 +36,7 @@ from automaton.runs.simulation import Simulation
 from automaton.scenario.fleet import FleetType
 from automaton.scenario.schema import Battery, Drain, Durations, Fault, Faults, WorldRules
 from automaton.strategy.layer import Strategy
+from automaton.world.resolve import resolve
 
 
 class Answers(Strategy):

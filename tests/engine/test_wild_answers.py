@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.engine.state import LAYER_NAMES, NIL
 from automaton.runs.simulation import Simulation
 from automaton.strategy.layer import Strategy
+from automaton.world.resolve import resolve
 
 TRIALS = Path(__file__).parents[1] / "helpers" / "answer_trials.py"
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from small_runs import SmallRun
 
-from automaton.build.resolve import resolve
 from automaton.engine.observation import (
     CAUSE_NO_ORDER,
     CAUSE_NOT_WAITING,
@@ -31,6 +30,7 @@ from automaton.evidence.history.breakpoints import (
 )
 from automaton.evidence.history.live_run import LiveRun
 from automaton.evidence.history.snapshot import Snapshot, take_snapshot
+from automaton.world.resolve import resolve
 
 ENERGY = ("battery", "charging", "queueing", "empty", "broken", "towed", "ahead")
 

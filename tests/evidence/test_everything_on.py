@@ -17,8 +17,6 @@ from everything_on import as_yaml, recorded, scenario_of, trials
 from shipped_recordings import rows
 from whole_floors import contents_of, resolved_whole
 
-from automaton.build import feasibility
-from automaton.build.resolve import resolve
 from automaton.engine.record_codes import (
     ACTION_MASK,
     CHANGE_DROPPED,
@@ -30,6 +28,8 @@ from automaton.evidence.recording.contents import FRAME_KIND_TICKS, Frame
 from automaton.evidence.recording.frames import Recording
 from automaton.evidence.verification.validator import validate_stored
 from automaton.runs.simulation import Simulation
+from automaton.world import feasibility
+from automaton.world.resolve import resolve
 
 SAMPLE, TICKS = range(8, 31), 200
 COUNTED = 28  # a scenario with pods, gates, faults and charging

@@ -8,11 +8,11 @@ import pytest
 from gate_scenes import gate_scene
 from pod_scenes import pod_scene
 
-from automaton.build.resolve import Resolved, resolve
 from automaton.errors import InputError
 from automaton.evidence.history.event_words import EVENT_GROUPS
 from automaton.evidence.history.live_run import LiveRun
 from automaton.evidence.history.narration import KINDS, Scope, kinds_named, narrate
+from automaton.world.resolve import Resolved, resolve
 
 AISLE = ".........."
 

@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from played_back import check_at, digests_of, playback_of, recorded
 from random_cases import Case, cases
 
-from automaton.build.resolve import resolve
 from automaton.engine.decision_stream import first_other_tick
 from automaton.engine.observation import EVENT_CHARGING
 from automaton.engine.robot_status import BATTERY_PERCENT
@@ -29,6 +28,7 @@ from automaton.evidence.recording.recorder import Recorder
 from automaton.evidence.recording.recording_reader import read_recording
 from automaton.evidence.verification.verification import verify
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 
 ALLOCATION = ("independent", "cooperative", "adaptive", "independent-python")
 SIGHT = ("everything", "orders", "{radius: 3}")

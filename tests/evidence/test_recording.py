@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 from recording_trials import put_together, taken_apart
 
-from automaton.build.resolve import Resolved, resolve
 from automaton.commands import main
 from automaton.engine.record_codes import CHANGE_DURATION, KEYFRAME_TICKS
 from automaton.engine.state import World
@@ -43,6 +42,7 @@ from automaton.evidence.recording.recorder import MemoryRecorder, Recorder
 from automaton.evidence.recording.recording_reader import read_recording
 from automaton.evidence.verification.validator import validate_stored
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import Resolved, resolve
 
 SETTINGS = ("stop.max_duration=600",)
 

@@ -13,7 +13,6 @@ from example_counts import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from automaton.build.resolve import resolve
 from automaton.engine.observation import DELIVERED_ORDERS, EVENT_DELIVERED
 from automaton.engine.state import NIL, REASON_PICKED
 from automaton.errors import InputError
@@ -27,6 +26,7 @@ from automaton.evidence.verification.verification import verify
 from automaton.runs.simulation import Simulation
 from automaton.strategy.layer import Strategy
 from automaton.strategy.per_robot import drop_at, park, per_robot, take
+from automaton.world.resolve import resolve
 
 FLEET = ("fleet.robots=4",)
 LIMITED = (*FLEET, "information={radius: 3}", "strategy.allocation=test_run_history:in_turn")

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pod_scenes import pod_scene
 
-from automaton.build.resolve import Resolved, resolve
 from automaton.evidence.history.event_history import EventHistory
 from automaton.evidence.history.explanation import explain
 from automaton.evidence.history.snapshot import Snapshot, take_snapshot
 from automaton.evidence.history.station_words import station_queue
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import Resolved, resolve
 
 FLEET = {"kinematics": "omni", "start": [[2, 1], [3, 1], [4, 1]], "robots": 3}
 

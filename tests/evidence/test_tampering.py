@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 from docs_pages import page
 
-from automaton.build.resolve import resolve
 from automaton.commands import main
 from automaton.engine.record_codes import (
     CHANGE_DURATION,
@@ -35,6 +34,7 @@ from automaton.evidence.recording.recorder import MemoryRecorder
 from automaton.evidence.recording.recording_reader import read_recording
 from automaton.evidence.verification.verification import LABELS
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 
 RUNS = {
     "tables": (

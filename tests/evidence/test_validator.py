@@ -550,7 +550,7 @@ def test_the_validator_shares_no_code_with_the_kernels() -> None:
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     )
     loaded = answer.stdout.split()
-    foreign = ("numba", "automaton.engine", "automaton.runs.simulation", "automaton.build.world")
+    foreign = ("numba", "automaton.engine", "automaton.runs.simulation", "automaton.world.building")
     shared = {"automaton.engine", "automaton.engine.record_codes"}  # numbers, no code
     # Which arrays a recording keeps follows from the declarations of the state: fields, no rules.
     shared |= {

@@ -9,7 +9,6 @@ import pytest
 from drawn_scenes import recorded_run
 from handmade_recordings import E, S, W, header, played, rules
 
-from automaton.build.resolve import resolve
 from automaton.engine.record_codes import (
     CHANGE_DROPPED,
     CHANGE_DURATION,
@@ -31,6 +30,7 @@ from automaton.engine.robot_status import (
 )
 from automaton.evidence.recording.frames import FRAME_KIND_KEYFRAME, FRAME_KIND_TICKS, Recording
 from automaton.evidence.verification.validator import Report, validate_stored
+from automaton.world.resolve import resolve
 
 FLOOR = """\
 c..t

@@ -10,8 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from automaton.build import world
-from automaton.build.resolve import branched, resolve
 from automaton.commands import main
 from automaton.engine.digest import DIGEST_NAMES
 from automaton.engine.record_codes import ENTERED_PARKING_BAY, EXECUTED_BLOCKED, EXECUTED_ILLEGAL
@@ -29,6 +27,8 @@ from automaton.evidence.recording.recorder import MemoryRecorder, Recorder
 from automaton.evidence.recording.recording_reader import read_recording
 from automaton.evidence.verification.verification import action_text, verify_recording
 from automaton.runs.simulation import Simulation
+from automaton.world import building
+from automaton.world.resolve import branched, resolve
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +61,7 @@ def test_a_good_recording_is_verified(good: Recording) -> None:
 def test_large_worlds_have_digests_every_few_ticks(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(world, "VALUES_DIGESTED", 200)
+    monkeypatch.setattr(building, "VALUES_DIGESTED", 200)
     resolved = resolve("tabletop-1", ["fleet.robots=3", "stop.max_duration=300"])
     memory = MemoryRecorder(resolved, 4)
     Simulation(resolved, 4, on_record=memory).run()

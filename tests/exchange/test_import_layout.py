@@ -10,10 +10,10 @@ import pytest
 import yaml
 from lif_layouts import LAYOUTS, imported, lif, write
 
-from automaton.build.resolve import resolve
 from automaton.commands import main
 from automaton.errors import InputError
 from automaton.exchange.imported_floor import check_values
+from automaton.world.resolve import resolve
 
 PICTURE = """\
 z###########

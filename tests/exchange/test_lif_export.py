@@ -17,8 +17,6 @@ import jsonschema
 import numpy as np
 import pytest
 
-from automaton.build.resolve import Resolved, resolve
-from automaton.build.station_numbers import all_station_names
 from automaton.commands import main
 from automaton.errors import InputError
 from automaton.exchange.graphs.floor_graph import floor_graph
@@ -29,6 +27,8 @@ from automaton.floor.cells import CHARGER, STATION
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.reading import shipped
+from automaton.world.resolve import Resolved, resolve
+from automaton.world.station_numbers import all_station_names
 
 SITE = """\
 name: site

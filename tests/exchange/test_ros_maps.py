@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.commands import main
 from automaton.errors import InputError
 from automaton.exchange.image_floor import read_image_floor
@@ -22,6 +21,7 @@ from automaton.exchange.imported_floor import ImportOptions
 from automaton.exchange.ros_map import classes, read_ros_map
 from automaton.floor.cells import EAST, NORTH, SOUTH, WEST
 from automaton.scenario.amounts import Fraction
+from automaton.world.resolve import resolve
 
 DATA = Path(__file__).parent / "layouts"
 HALL = """\

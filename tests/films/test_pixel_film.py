@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.commands import Parser, cast_command
 from automaton.drawings.palette import rgb
 from automaton.drawings.robot_looks import STATE_COLOURS
@@ -23,6 +22,7 @@ from automaton.films import pixel_film
 from automaton.films.film_layout import MARGIN, TITLE_HEIGHT, layout_of
 from automaton.films.recorded_stretch import play_stretch
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 
 Image = pytest.importorskip("PIL.Image")
 CELL = 40  # pixels of a cell of the scenario crossing

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.commands import main
 from automaton.errors import InputError
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.matrices import read_matrix, write_matrix
 from automaton.runs.pictures import floor_picture
+from automaton.world.resolve import resolve
 from layouts.racks import Racks
 
 SCENARIO = """

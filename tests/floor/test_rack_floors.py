@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 
-from automaton.build.resolve import resolve
-from automaton.build.world import build_world
 from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.floor.cells import DOCK, FLOOR, RACK
@@ -13,6 +11,8 @@ from automaton.floor.reachability import reached
 from automaton.floor.traffic_zones import traffic_zones_of
 from automaton.runs.pictures import floor_picture
 from automaton.scenario.schema import Fleet, Orders, Scenario
+from automaton.world.building import build_world
+from automaton.world.resolve import resolve
 from layouts.racks import Racks
 
 # Figure 2 of the paper: the upper left corner; -1 wall, 0 free, 50 intersection, 100 rack, 200 dock.
@@ -73,7 +73,7 @@ def test_every_slot_but_27_of_e2_has_one_cell_to_stand_on(e1):
 
 def world_on(floor_plan):
     """A world with one robot and one order on this floor."""
-    from automaton.build.resolve import Resolved
+    from automaton.world.resolve import Resolved
 
     scenario = Scenario(
         name="racks",

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from zoning_scenes import DISTANCES, drawn, factory
 
-from automaton.build.initial_service_zones import roads_of
 from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.floor.cells import DIRECTION_VECTORS
 from automaton.floor.floor_plan import FloorPlan
+from automaton.world.initial_service_zones import roads_of
 from layouts.factory import FEET, SEGMENTS, Factory
 from layouts.racks import Racks
 from strategies.zoning.design.zone_workspace import typical_distance

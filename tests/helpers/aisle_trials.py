@@ -22,10 +22,10 @@ from typing import Any, Final, NamedTuple
 import msgspec
 import numpy as np
 
-from automaton.build.resolve import resolve
 from automaton.engine.state import ACTION_DROP, ACTION_PICK, Array
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
+from automaton.world.resolve import resolve
 
 COLUMNS: Final = 33
 CORRIDOR: Final = ["." * COLUMNS] * 2

@@ -18,11 +18,11 @@ from typing import Any, NamedTuple
 
 from wild_answers import ANSWERS
 
-from automaton.build.resolve import resolve
 from automaton.engine.state import LAYER_NAMES
 from automaton.evidence.recording.recorder import MemoryRecorder
 from automaton.evidence.verification.validator import validate_stored
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 
 FLOORS = {  # settings, and ticks to run
     "tabletop-mini": ((), 200),

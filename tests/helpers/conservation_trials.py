@@ -20,7 +20,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from pod_floors import TICKS, drawn_pods
 
-from automaton.build.resolve import Resolved
 from automaton.engine.record_codes import (
     ACTION_MASK,
     CHANGE_DROPPED,
@@ -39,6 +38,7 @@ from automaton.evidence.recording.recorder import MemoryRecorder
 from automaton.evidence.verification.pod_rules import Trips
 from automaton.evidence.verification.validator import Validator
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import Resolved
 
 FLOORS = 10_000
 AT_ONCE = 250  # floors between two lines of figures

@@ -7,11 +7,11 @@ from typing import Any
 
 import msgspec
 
-from automaton.build.resolve import Resolved, resolve
 from automaton.evidence.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
 from automaton.strategy.layer import Strategy
+from automaton.world.resolve import Resolved, resolve
 
 
 def scene(

@@ -12,11 +12,11 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from automaton.build.resolve import Resolved, resolve
 from automaton.floor.dead_ends import dead_ends_of
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.schema import Scenario
+from automaton.world.resolve import Resolved, resolve
 
 RULES = ("none", "handover", "convoy")
 SHARE = {"none": 0.6, "handover": 0.6, "convoy": 0.95}  # of the places outside dead ends

@@ -6,13 +6,13 @@ import os
 import subprocess
 import sys
 
-from automaton.build.resolve import resolve
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 
 SEED = 7
 TOLD = f"""
 import sys
-from automaton.build.resolve import resolve
+from automaton.world.resolve import resolve
 from automaton.runs.simulation import Simulation
 run = Simulation(resolve(sys.argv[1], sys.argv[3:]), seed={SEED})
 run.run(until=int(sys.argv[2]))

@@ -7,12 +7,12 @@ from typing import Any
 
 import msgspec
 
-from automaton.build.resolve import Resolved, resolve
 from automaton.engine.observation import CAUSES
 from automaton.engine.state import NIL
 from automaton.evidence.history.event_history import EventHistory
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
+from automaton.world.resolve import Resolved, resolve
 
 AISLE = "........"
 

@@ -18,13 +18,13 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from automaton.build.resolve import Resolved, resolve
 from automaton.engine.state import ACTION_GATE
 from automaton.errors import InputError
 from automaton.evidence.recording.recorder import MemoryRecorder
 from automaton.evidence.verification.validator import validate_stored
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
+from automaton.world.resolve import Resolved, resolve
 
 TICKS = 150
 RIGHTS_OF_WAY = ("wait", "retreat", "pibt", "epibt")

@@ -7,13 +7,13 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from automaton.build.resolve import resolve
 from automaton.engine.record_codes import MOVE_EAST, MOVE_NORTH, MOVE_SOUTH, MOVE_WEST
 from automaton.evidence.recording.frames import FRAME_KIND_END, FRAME_KIND_TICKS, Frame, Recording
 from automaton.evidence.recording.recorder import MemoryRecorder
 from automaton.evidence.verification.validator import Report, validate_recording
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
+from automaton.world.resolve import resolve
 
 E, S, W, N = MOVE_EAST, MOVE_SOUTH, MOVE_WEST, MOVE_NORTH
 

@@ -8,8 +8,6 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from reference_motion import Floor, Robot
 
-from automaton.build.resolve import Resolved
-from automaton.build.world import build_world
 from automaton.engine.delayed_robots import hand_delays_on
 from automaton.engine.motion import ENTERED, LIVE, MOVED, move_all
 from automaton.engine.state import ACTION_FOLLOWING, CLOCK_TICK, FOLLOWING_CONVOY, NIL
@@ -18,6 +16,8 @@ from automaton.floor.floor_plan import FloorPlan
 from automaton.runs.pictures.stories import Following
 from automaton.scenario.energy_and_faults import Delays, DelayTicks
 from automaton.scenario.schema import Durations, Faults, Fleet, Scenario, WorldRules
+from automaton.world.building import build_world
+from automaton.world.resolve import Resolved
 
 
 class Want(NamedTuple):

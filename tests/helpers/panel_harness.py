@@ -14,9 +14,9 @@ from textual.message import Message
 from textual.pilot import Pilot
 from textual.widget import Widget
 
-from automaton.build.resolve import resolve
 from automaton.engine.state import NIL
 from automaton.evidence.history.live_run import LiveRun
+from automaton.world.resolve import resolve
 from tui.playback.panel_view import CellChosen, RobotChosen, TickChosen, View
 from tui.playback.player import Player
 

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from automaton.build.resolve import Resolved
 from automaton.engine.state import CLOCK_DIGEST_EVERY
 from automaton.evidence.history.playback import Playback
 from automaton.evidence.recording.frames import FRAME_KIND_TICKS, Recording
 from automaton.evidence.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import Resolved
 
 
 class EachTick(MemoryRecorder):

@@ -7,8 +7,8 @@ from typing import Any
 
 import msgspec
 
-from automaton.build.resolve import Resolved, resolve
 from automaton.scenario.schema import Scenario
+from automaton.world.resolve import Resolved, resolve
 
 TICKS = 300  # of a run
 WAYS = {"omni": ("..", "==", "><", "<>"), "differential": ("..", "==", "><"), "rail": ("++",)}

@@ -7,10 +7,10 @@ from typing import Any
 
 import msgspec
 
-from automaton.build.resolve import Resolved, resolve
 from automaton.engine.state import NIL
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
+from automaton.world.resolve import Resolved, resolve
 
 RING = """\
 >>>>>>>>>v

@@ -7,10 +7,10 @@ from typing import Any
 
 import msgspec
 
-from automaton.build.resolve import resolve
 from automaton.engine.state import CLOCK_TICK, NIL, ORDER_WAITING
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
+from automaton.world.resolve import resolve
 from strategies.zoning.queues.reassignment import reassign_orders
 from strategies.zoning.queues.zone_queues import share
 

@@ -11,8 +11,6 @@ from hypothesis import strategies as st
 from random_floors import pictures
 from random_strategies import Mood
 
-from automaton.build.resolve import Resolved, StrategyChoice
-from automaton.build.world import build_world
 from automaton.errors import InputError
 from automaton.floor.cells import STATION
 from automaton.floor.drawn_floors import draw_floor
@@ -38,6 +36,8 @@ from automaton.scenario.schema import (
     WorldRules,
 )
 from automaton.strategy.entry import NoParameters
+from automaton.world.building import build_world
+from automaton.world.resolve import Resolved, StrategyChoice
 from strategies.right_of_way.right_of_way_parameters import PibtParameters
 
 TICKS = 24  # of a run

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from random_floors import pictures
 from reference_paths import HEADINGS, Pose, Ways
 
-from automaton.build.prepared_floor import Floor, floor_for
 from automaton.engine.state import ACTION_COUNT, ACTION_MOVE, ACTION_TURN, Array
 from automaton.floor.drawn_floors import draw_floor
 from automaton.scenario.robot_types import RobotType
 from automaton.scenario.schema import Durations
+from automaton.world.prepared_floor import Floor, floor_for
 from strategies.routing.astar.route_workspace import RouteSpace, route_space
 
 SYMBOLS = ".......++--||==~><v^##"

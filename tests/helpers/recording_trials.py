@@ -73,10 +73,10 @@ Chance = random.Random
 @functools.cache
 def recorded(name: str) -> bytes:
     """A small recording of a shipped scenario; what verifies and plays it is compiled."""
-    from automaton.build.resolve import resolve
     from automaton.evidence.recording.frames import encoded
     from automaton.evidence.recording.recorder import MemoryRecorder
     from automaton.runs.simulation import Simulation
+    from automaton.world.resolve import resolve
 
     resolved = resolve(name, CASES[name])
     memory = MemoryRecorder(resolved)

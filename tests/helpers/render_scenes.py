@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from automaton.build.gates import NOTHING
-from automaton.build.resolve import resolve
 from automaton.engine.gates import Gates
 from automaton.engine.robot_status import BATTERY_FULL
 from automaton.engine.state import NIL
 from automaton.floor.cells import DESTINATION, FLOOR
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.floor_plan import FloorPlan, make_floor_plan
+from automaton.world.gates import NOTHING
+from automaton.world.resolve import resolve
 from tui.render import styles
 from tui.render.camera import Camera
 from tui.render.compose import compose

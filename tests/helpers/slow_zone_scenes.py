@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from automaton.build.resolve import Resolved, StrategyChoice
 from automaton.engine.state import (
     CLOCK_NEEDING_ROUTE,
     GOAL_CHARGE,
@@ -22,6 +21,7 @@ from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Durations, Fleet, Orders, Scenario, Stop, WorldRules
 from automaton.strategy.entry import NoParameters
 from automaton.strategy.layer import Strategy
+from automaton.world.resolve import Resolved, StrategyChoice
 from strategies.routing.congestion.congestion_parameters import SharedPlans
 from strategies.routing.congestion.zone_forecast import CongestionState, congestion_state
 

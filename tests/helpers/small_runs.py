@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from automaton.build.resolve import Resolved, StrategyChoice
 from automaton.engine.observation import CAUSES
 from automaton.engine.state import GOAL_PARK, LAYER_NAMES, NIL
 from automaton.evidence.history.event_history import Event, EventHistory
@@ -28,6 +27,7 @@ from automaton.scenario.schema import (
 )
 from automaton.strategy.entry import NoParameters
 from automaton.strategy.layer import Strategy
+from automaton.world.resolve import Resolved, StrategyChoice
 
 STEPS = "ESWN"
 

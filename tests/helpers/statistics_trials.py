@@ -65,8 +65,8 @@ def shipped_runs(
     scenario: str, settings: tuple[str, ...], metric: str, number: int, workers: int | None = None
 ) -> Values:
     """(number,) a metric of replications of one seed; kept between calls."""
-    from automaton.build.resolve import resolve
     from automaton.runs.process_pool import run_jobs
+    from automaton.world.resolve import resolve
 
     name = "-".join([scenario, *settings, metric, str(number)]).replace("=", "")
     path = Path(tempfile.gettempdir()) / f"automaton-trials-{name}.npy"

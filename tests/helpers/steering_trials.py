@@ -22,7 +22,6 @@ import msgspec
 import numpy as np
 from idle_waits import run_to_end
 
-from automaton.build.resolve import Resolved, resolve
 from automaton.engine.state import LAYER_NAMES, NIL
 from automaton.errors import InputError
 from automaton.evidence.recording.recorder import MemoryRecorder
@@ -31,6 +30,7 @@ from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.loaded_ways import to_and_from
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
+from automaton.world.resolve import Resolved, resolve
 
 STRATEGIES = ("pibt", "epibt")
 ROBOT_TICKS = 1_000_000

@@ -30,7 +30,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from automaton.build.resolve import Resolved, resolve
 from automaton.engine.observation import DEADLOCK_TICKS
 from automaton.engine.robot_status import STATUS_DEPLETED
 from automaton.engine.state import ORDER_DELIVERED
@@ -42,6 +41,7 @@ from automaton.runs.simulation import Simulation
 from automaton.scenario.reading import shipped
 from automaton.scenario.schema import LAYER_NAMES
 from automaton.strategy.lookup import names
+from automaton.world.resolve import Resolved, resolve
 
 TICKS = 8000
 MAX_ROBOTS = 40  # scenarios with more robots are tried with so many: some strategies are in Python

@@ -13,9 +13,9 @@ import numpy as np
 from zoning_scenes import FEET_PER_MINUTE, scratch
 from zoning_trials import ANNEALED
 
-from automaton.build.initial_service_zones import roads_of
 from automaton.engine.service_zones import Roads
 from automaton.floor.drawn_floors import draw_floor
+from automaton.world.initial_service_zones import roads_of
 from strategies.zoning.annealing import annealing
 from strategies.zoning.design.design_files import design_arrays
 from strategies.zoning.design.first_designs import first_design, random_design

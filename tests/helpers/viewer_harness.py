@@ -11,12 +11,12 @@ from typing import Any
 
 from textual.pilot import Pilot
 
-from automaton.build.resolve import resolve
 from automaton.evidence.history.live_run import branch_of
 from automaton.evidence.history.watched_run import RecordedRun
 from automaton.evidence.recording.recorder import Recorder
 from automaton.evidence.recording.recording_reader import read_recording
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 from tui.playback.run_source import Opening, live, recorded
 from tui.session.display import Display
 from tui.session.session import Session

@@ -16,8 +16,8 @@ import numpy as np
 import pod_floors
 from pod_floors import Place, cells
 
-from automaton.build.resolve import Resolved, resolve
 from automaton.scenario.schema import Scenario
+from automaton.world.resolve import Resolved, resolve
 
 TICKS = 400  # of a run
 RULES = flow_floors.RULES

@@ -6,8 +6,8 @@ import numpy as np
 from render_scenes import make_scene
 from zoning_scenes import drawn
 
-from automaton.build.initial_service_zones import service_zones_of
 from automaton.engine.state import NIL
+from automaton.world.initial_service_zones import service_zones_of
 from strategies.zoning.design.design_files import read_design
 from tui.render.scene import Scene
 

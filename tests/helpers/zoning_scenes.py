@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import yaml
 
-from automaton.build.initial_service_zones import roads_of
 from automaton.engine.service_zones import Design, Roads
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.reading import SHIPPED_FOLDER
+from automaton.world.initial_service_zones import roads_of
 from layouts.factory import Factory
 from strategies.zoning.design.design_files import read_design
 from strategies.zoning.design.zone_workspace import (

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.engine.state import ACTION_CHARGE, ORDER_DELIVERED
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 from layouts.depots import PLACES
 
 FIRST = (7, 8, 13, 5, 4, 9)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.papers.zoning.zoning_runs import completed
 from automaton.runs.simulation import Simulation
 from automaton.units import unit
+from automaton.world.resolve import resolve
 
 MINUTES = (6, 4, 3, 5, 6, 3, 4, 3, 4, 5, 1, 1, 1, 1, 6, 1, 5, 5)  # Table 4
 FIXED = (

@@ -6,7 +6,6 @@ import json
 
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.commands import main
 from automaton.errors import InputError
 from automaton.papers.auctions.living_auctions import (
@@ -27,6 +26,7 @@ from automaton.papers.reproduction_study import Reproduced, reproduce
 from automaton.runs.metrics import metrics_of
 from automaton.runs.process_pool import run_jobs
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 
 
 @pytest.fixture(scope="module")

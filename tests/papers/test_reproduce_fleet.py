@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.papers.published_tables import find
 from automaton.papers.reproduction_study import ScenarioCase, scenario_runs
 from automaton.papers.traffic.traffic_fleet import (
@@ -24,6 +23,7 @@ from automaton.papers.traffic.traffic_fleet import (
     fleets,
 )
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 
 Figures = dict[tuple[str, int | str], dict[str, float]]  # (policy, robots or chance) -> metrics
 

@@ -16,7 +16,6 @@ from typing import Any
 import pytest
 from remembered_runs import remembered_runs
 
-from automaton.build.resolve import resolve
 from automaton.commands import main
 from automaton.errors import InputError
 from automaton.papers.claim_report import evidence
@@ -32,6 +31,7 @@ from automaton.papers.tabletop_study import (
 )
 from automaton.runs.process_pool import run_all
 from automaton.studies.inference.t_distribution import student
+from automaton.world.resolve import resolve
 
 SIXTH = ("T_total", "T_R", "least_picks", "sixth_idle")
 METRICS = ("T_total", "T_R", "T_Rtotal", "E_U_moves", "E_U_operations", "E_U_cycles")

@@ -14,7 +14,6 @@ import pytest
 from remembered_runs import remembered_runs
 from shared_fixture import shared_fixture
 
-from automaton.build.resolve import resolve
 from automaton.commands import main
 from automaton.papers.claims import Claim, JudgedClaim, judge
 from automaton.papers.published_tables import find
@@ -48,6 +47,7 @@ from automaton.papers.zoning.zoning_runs import (
 from automaton.papers.zoning.zoning_study import CLAIMS, beside_reference, further
 from automaton.runs.process_pool import run_jobs
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -5,7 +5,6 @@ from itertools import product
 import numpy as np
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.papers.claim_report import evidence
 from automaton.papers.claims import judge
 from automaton.papers.published_tables import find
@@ -20,6 +19,7 @@ from automaton.papers.training.leg_samples import legs_of, site_of
 from automaton.papers.training.prediction_metrics import measured
 from automaton.papers.training.training_settings import LOSSES, Settings
 from automaton.papers.training.training_tables import COLUMNS, PRINTED, from_json
+from automaton.world.resolve import resolve
 from strategies.routing.traffic_avoidance.network_files import (
     floor_fingerprint,
     load_network,

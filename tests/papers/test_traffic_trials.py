@@ -7,8 +7,6 @@ import json
 import numpy as np
 import pytest
 
-from automaton.build.prepared_floor import floor_for
-from automaton.build.resolve import resolve
 from automaton.engine.state import Array
 from automaton.floor.cells import RACK
 from automaton.floor.floor_plan import FloorPlan
@@ -23,6 +21,8 @@ from automaton.papers.traffic.traffic_trials import (
 )
 from automaton.runs.simulation import Simulation
 from automaton.scenario.robot_types import RobotType
+from automaton.world.prepared_floor import floor_for
+from automaton.world.resolve import resolve
 from layouts.racks import Racks
 from strategies.routing.astar.frontier import LARGER_G
 from strategies.routing.traffic_avoidance import monte_carlo

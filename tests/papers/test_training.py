@@ -8,7 +8,6 @@ from itertools import product
 import numpy as np
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.commands import main
 from automaton.papers.training.depths import HIDDEN, constant_loss
 from automaton.papers.training.depths import LOSSES as DEPTHS
@@ -16,6 +15,7 @@ from automaton.papers.training.leg_samples import Data, Legs, site_of, unseen
 from automaton.papers.training.prediction_metrics import measured
 from automaton.papers.training.training_settings import LOSSES, Settings, first_bias
 from automaton.papers.training.training_tables import PRINTED, from_json
+from automaton.world.resolve import resolve
 from strategies.routing.traffic_avoidance.network_files import (
     ZoneNetwork,
     floor_fingerprint,

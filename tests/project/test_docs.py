@@ -21,12 +21,12 @@ from doc_commands import (
 )
 from docs_pages import ROOT, Page, page, pages
 
-from automaton.build.resolve import resolve
 from automaton.commands import COMMANDS
 from automaton.engine import loop
 from automaton.runs.simulation import Simulation
 from automaton.strategy.lookup import names, parameters_type
 from automaton.studies.sweeps.sweep_plan import check_study
+from automaton.world.resolve import resolve
 
 LANGUAGES = {"sh", "console", "yaml", "csv", "python", "text", "mermaid"}
 WITH_COMMANDS = [

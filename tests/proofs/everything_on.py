@@ -34,10 +34,6 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 from counted_recordings import flaws_of
 from whole_floors import contents_of, drawn_whole, resolved_whole
 
-from automaton.build.conversion_table import conversion_lines
-from automaton.build.resolve import Resolved, document_of
-from automaton.build.scenario_warnings import scenario_warnings
-from automaton.build.visit_bounds import bounds_in_words
 from automaton.commands import main as command_line
 from automaton.commands.check import check_files, described
 from automaton.commands.run import as_json
@@ -56,6 +52,10 @@ from automaton.runs.headless import run_once
 from automaton.runs.jam_watch import JamWatch
 from automaton.runs.run_report import print_report
 from automaton.runs.simulation import Simulation
+from automaton.world.conversion_table import conversion_lines
+from automaton.world.resolve import Resolved, document_of
+from automaton.world.scenario_warnings import scenario_warnings
+from automaton.world.visit_bounds import bounds_in_words
 
 LENGTHS = (200, 400, 400, 1000, 2000)  # ticks of runs
 AS_FILE = 25  # every so many-th scenario goes through the command line

@@ -14,8 +14,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from automaton.build.resolve import resolve
 from automaton.runs.headless import run_once
+from automaton.world.resolve import resolve
 
 RING = """
 name: ring

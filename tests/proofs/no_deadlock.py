@@ -23,7 +23,6 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 
 from flow_floors import RULES, drawn_fleet
 
-from automaton.build.resolve import Resolved
 from automaton.engine.robot_status import STATUS_EXHAUSTED
 from automaton.engine.state import ACTION_BLOCKED, FOLLOWING_CONVOY, NIL
 from automaton.errors import InputError
@@ -31,6 +30,7 @@ from automaton.evidence.recording.recorder import MemoryRecorder
 from automaton.evidence.verification.validator import validate_stored
 from automaton.runs.progress import starved_robots, starved_ticks
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import Resolved
 
 TICKS = 4000  # of a run
 LOOK = 50  # ticks between two looks

@@ -24,7 +24,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from automaton.build.resolve import resolve
 from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.runs.asked_orders import asked_orders
@@ -33,6 +32,7 @@ from automaton.runs.simulation import Simulation
 from automaton.scenario.reading import shipped
 from automaton.studies.inference.intervals import mean_interval
 from automaton.studies.sweeps.run_keys import seed_of
+from automaton.world.resolve import resolve
 
 RIGHTS_OF_WAY = ("pibt", "epibt")
 REFINEMENTS = (2, 3, 5)

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.errors import InputError
 from automaton.experiments import simulate
 from automaton.recordings import read
 from automaton.runs.headless import Outcome
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 
 
 @pytest.fixture(scope="module")

@@ -9,12 +9,12 @@ from typing import Any
 
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.engine.features import FAULTS, GATES, compiled_feature
 from automaton.engine.jit.kernel import jit_is_on
 from automaton.runs import first_compilation
 from automaton.runs.first_compilation import compiled_parts, compiled_side_by_side
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 from strategies.allocation.cooperative import Cooperative
 
 pytestmark = pytest.mark.skipif(not jit_is_on(), reason="compilation is off")

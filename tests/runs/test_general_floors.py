@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from automaton.build.resolve import Resolved, resolve
 from automaton.errors import InputError
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import Resolved, resolve
 
 ALLOCATIONS = ["independent", "cooperative", "adaptive"]
 

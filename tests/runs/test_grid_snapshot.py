@@ -163,7 +163,7 @@ def test_worlds_and_floors_are_drawn(project: pytest.Pytester) -> None:
         """
         from automaton.runs.pictures import Story
         from automaton.floor.drawn_floors import draw_floor
-        from automaton.build.resolve import resolve
+        from automaton.world.resolve import resolve
         from automaton.runs.simulation import Simulation
 
         def test_subjects(grid_snapshot):

@@ -19,7 +19,6 @@ import pytest
 from llvmlite.binding.executionengine import ExecutionEngine
 from sweep_studies import end_all, started, wait_until
 
-from automaton.build.resolve import resolve
 from automaton.commands import main
 from automaton.engine.search import (
     UNREACHABLE,
@@ -38,6 +37,7 @@ from automaton.runs.interruption import (
     signals_raise,
 )
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 from strategies.routing.astar.astar import search
 from strategies.routing.astar.frontier import FIFO
 from strategies.routing.astar.route_workspace import route_space

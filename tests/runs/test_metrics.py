@@ -7,7 +7,6 @@ import pytest
 from gate_scenes import gate_scene
 from metrics_of_some_runs import OF_OTHER_RUNS
 
-from automaton.build.resolve import resolve
 from automaton.engine.state import (
     ACTION_BAY_BLOCKED,
     ACTION_PICK,
@@ -25,6 +24,7 @@ from automaton.runs.metrics import (
     metrics_of,
 )
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 
 RUNS = [
     ("tabletop-1", 1, "independent"),

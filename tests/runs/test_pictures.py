@@ -13,7 +13,6 @@ from example_counts import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from automaton.build.resolve import Resolved, resolve
 from automaton.engine.state import CLOCK_SIZE, GOAL_CHARGE, ORDER_DELIVERED
 from automaton.errors import InputError
 from automaton.floor.drawn_floors import draw_floor, symbol_of
@@ -31,6 +30,7 @@ from automaton.runs.pictures.phrases import read_route, write_route
 from automaton.runs.pictures.picture_writing import CROWD_LEGEND
 from automaton.runs.simulation import Simulation
 from automaton.runs.state_copy import OF_THE_BUFFERS
+from automaton.world.resolve import Resolved, resolve
 from layouts.tabletop import Tabletop
 
 SHIPPED = ("tabletop-mini", "tabletop-1", "crossing")

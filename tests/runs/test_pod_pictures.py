@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.errors import InputError
 from automaton.runs.pictures import picture_of, world_from
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 
 
 def goods(tick: int) -> Simulation:

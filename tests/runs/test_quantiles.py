@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from sweep_studies import swept_here
 
-from automaton.build.resolve import resolve
 from automaton.commands import main
 from automaton.engine.state import ORDER_DELIVERED
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 
 STREAM = [
     "orders.count=60",

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from played_back import recorded
 
-from automaton.build.resolve import Resolved, resolve
 from automaton.commands import main
 from automaton.engine.state import NEVER, World
 from automaton.evidence.verification.validator import validate_stored
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import Resolved, resolve
 
 RING = """name: ring
 layout:

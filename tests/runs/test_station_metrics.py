@@ -7,9 +7,9 @@ import json
 import pytest
 from pod_scenes import played, pod_scene
 
-from automaton.build.resolve import resolve
 from automaton.commands import main
 from automaton.runs.station_metrics import metrics_by_station
+from automaton.world.resolve import resolve
 
 
 def test_goods_mini_by_hand() -> None:

@@ -10,7 +10,6 @@ import pytest
 from reference_costs import CostSet
 from reference_paths import FAR
 
-from automaton.build.resolve import resolve
 from automaton.engine.distance_tables import TABLES_ROWS
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import NIL
@@ -21,6 +20,7 @@ from automaton.strategy.kernels import cost_at, cost_in, table_of, weighted_tabl
 from automaton.strategy.layer import Strategy
 from automaton.strategy.weighted_tables import DistanceTables, weighted_tables
 from automaton.units import bytes_of, memory
+from automaton.world.resolve import resolve
 
 
 def test_a_run_with_room_for_few_tables_is_the_same_run() -> None:
@@ -69,7 +69,7 @@ def test_more_memory_than_the_machine_has_is_refused(monkeypatch: pytest.MonkeyP
     def build_tables(*_: Any) -> None:
         raise MemoryError
 
-    monkeypatch.setattr("automaton.build.prepared_floor.build_tables", build_tables)
+    monkeypatch.setattr("automaton.world.prepared_floor.build_tables", build_tables)
     with pytest.raises(InputError, match="is 3 TiB, more than this machine can give; set it lower"):
         Simulation(resolve("tabletop-mini", ["world.distance_tables=3 TiB"]))
 

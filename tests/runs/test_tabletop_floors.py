@@ -19,7 +19,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from reference_paths import Pose, Ways
 
-from automaton.build.resolve import Resolved, resolve
 from automaton.engine.state import (
     ACTION_BLOCKED,
     ACTION_MOVE,
@@ -34,6 +33,7 @@ from automaton.errors import InputError
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Durations, Fleet, Scenario, Strategies
+from automaton.world.resolve import Resolved, resolve
 
 ALLOCATIONS = ("independent", "cooperative", "adaptive")
 CYCLES = Durations(move=1, turn=22, pick=9, drop=9, try_drop=4)

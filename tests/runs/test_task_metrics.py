@@ -9,10 +9,6 @@ import numpy as np
 import pytest
 from metrics_of_some_runs import OF_OTHER_RUNS
 
-from automaton.build.demand import build_orders
-from automaton.build.prepared_floor import floor_for
-from automaton.build.resolve import resolve
-from automaton.build.starts import random_stands
 from automaton.commands import main
 from automaton.engine.state import (
     ACTION_TURN,
@@ -34,6 +30,10 @@ from automaton.runs.simulation import Simulation
 from automaton.runs.task_metrics import TASK_METRICS, quantile
 from automaton.strategy.kernels import deliver, take_order
 from automaton.strategy.layer import Strategy
+from automaton.world.demand import build_orders
+from automaton.world.prepared_floor import floor_for
+from automaton.world.resolve import resolve
+from automaton.world.starts import random_stands
 from layouts.racks import Racks
 
 SMALL = """

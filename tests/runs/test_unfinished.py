@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.runs.process_pool import run_all
+from automaton.world.resolve import resolve
 
 SEEDS = range(1001, 1026)  # not those of the reproduction
 LONGEST = 3.5  # times the mean of all seeds: a run that crawls is not a run that ends

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from drawn_scenes import scene
 
-from automaton.build.resolve import resolve
-from automaton.build.scenario_warnings import scenario_warnings
 from automaton.commands import main
 from automaton.errors import InputError
+from automaton.world.resolve import resolve
+from automaton.world.scenario_warnings import scenario_warnings
 
 GOOD = """name: good
 layout: {generator: depots, chargers: [2, 3]}

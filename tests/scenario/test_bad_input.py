@@ -12,9 +12,9 @@ from example_counts import examples
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from automaton.build.resolve import resolve
 from automaton.commands import main
 from automaton.errors import InputError
+from automaton.world.resolve import resolve
 
 GOOD = """name: good
 layout: {generator: tabletop, tables: 2, positions: 3}

@@ -8,12 +8,12 @@ from typing import Any
 import msgspec
 import pytest
 
-from automaton.build.resolve import Resolved, resolve
-from automaton.build.scenario_warnings import scenario_warnings
 from automaton.commands import main
 from automaton.errors import InputError
 from automaton.scenario.clock_times import clock_text, read_moment
 from automaton.scenario.schema import Scenario
+from automaton.world.resolve import Resolved, resolve
+from automaton.world.scenario_warnings import scenario_warnings
 
 UNITS = 'units: {tick: 0.5 s, clock: "2026-03-02 06:00"}'
 SCENARIO = """name: due

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.errors import InputError
 from automaton.scenario.handling import Distribution
+from automaton.world.resolve import resolve
 
 SCENARIO = """\
 name: measured

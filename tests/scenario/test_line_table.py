@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from automaton.build.lines import line_columns
-from automaton.build.resolve import Resolved, resolve
 from automaton.scenario.field_types import DueAt
 from automaton.scenario.line_table import LineTable, line_column, plain_data
 from automaton.scenario.orders import listed_lines
 from automaton.scenario.pods import Line
+from automaton.world.lines import line_columns
+from automaton.world.resolve import Resolved, resolve
 
 SCENARIO = """\
 name: shift

@@ -9,11 +9,11 @@ import jsonschema
 import pytest
 import yaml
 
-from automaton.build.resolve import resolve
 from automaton.errors import InputError
 from automaton.scenario.document import Document
 from automaton.scenario.locations import names_of_cells, read_locations
 from automaton.scenario.scenario_schema import json_schema
+from automaton.world.resolve import resolve
 
 SCENARIO = """name: named
 layout:

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from automaton.build.resolve import Resolved, resolve
 from automaton.commands import main
 from automaton.errors import InputError
 from automaton.evidence.verification.verification import verify
 from automaton.runs.simulation import Simulation
 from automaton.studies.sweeps.run_keys import fingerprint
+from automaton.world.resolve import Resolved, resolve
 
 SCENARIO = """name: from-file
 layout:

@@ -9,12 +9,12 @@ from typing import Any
 import openpyxl
 import pytest
 
-from automaton.build.resolve import Resolved, resolve
 from automaton.errors import InputError
 from automaton.evidence.history.event_history import EventHistory
 from automaton.evidence.history.explanation import explain
 from automaton.evidence.history.snapshot import take_snapshot
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import Resolved, resolve
 
 SCENARIO = """\
 name: shift

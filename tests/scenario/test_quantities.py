@@ -11,7 +11,6 @@ import msgspec
 import pytest
 import yaml
 
-from automaton.build.resolve import Resolved, resolve
 from automaton.errors import InputError
 from automaton.scenario.conversions import Bounds, Place, convert, with_numbers
 from automaton.scenario.document import Document
@@ -31,6 +30,7 @@ from automaton.scenario.quantities import (
     quantity,
 )
 from automaton.scenario.scenario_schema import json_schema
+from automaton.world.resolve import Resolved, resolve
 
 HALF_SECONDS = Scale(tick="0.5 s", cell="0.8 m")
 WIDE = Bounds(is_whole=False)

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from automaton.build.resolve import Resolved, resolve
 from automaton.commands import main
+from automaton.world.resolve import Resolved, resolve
 
 YARD = """name: yard
 layout:

@@ -9,10 +9,10 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.errors import InputError
 from automaton.scenario.reading import read, shipped
 from automaton.scenario.schema import LAYER_NAMES, Durations, Radius, Scenario
+from automaton.world.resolve import resolve
 
 SMALL = """
 name: small
@@ -180,7 +180,7 @@ def test_the_scenario_is_a_valid_type_by_itself() -> None:
 
 def test_resolving_needs_no_numba() -> None:
     code = (
-        "import sys; from automaton.build.resolve import resolve; resolve('tabletop-1');"
+        "import sys; from automaton.world.resolve import resolve; resolve('tabletop-1');"
         "sys.exit('numba' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -11,7 +11,6 @@ from typing import Any
 import openpyxl
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.errors import InputError
 from automaton.scenario.order_columns import read_columns
 from automaton.scenario.order_fields import (
@@ -23,6 +22,7 @@ from automaton.scenario.order_fields import (
     TextField,
 )
 from automaton.scenario.schema import Units
+from automaton.world.resolve import resolve
 
 UNITS = Units(tick="0.5 s", clock="2026-03-02 06:00")
 HEAD = ["ORDER", "CREATED", "CUTOFF", "NOTE"]

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from automaton.build.resolve import resolve
-from automaton.build.world import build_world
 from automaton.commands import main
 from automaton.errors import InputError
 from automaton.floor.cells import DIRECTIONS
+from automaton.world.building import build_world
+from automaton.world.resolve import resolve
 
 FLOOR = """name: facing
 layout:

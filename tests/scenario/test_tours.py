@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.errors import InputError
+from automaton.world.resolve import resolve
 
 SCENARIO = """\
 name: tours

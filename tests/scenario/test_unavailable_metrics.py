@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.scenario.reading import shipped
 from automaton.scenario.unavailable_metrics import not_measured
+from automaton.world.resolve import resolve
 
 COUNTED_BY_STRATEGIES = {
     "alternative_routes",

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from automaton.build.plain_numbers import plain_number_line
-from automaton.build.resolve import Resolved, document_of, resolve
-from automaton.build.scenario_warnings import scenario_warnings
 from automaton.commands import main
 from automaton.errors import InputError
+from automaton.world.plain_numbers import plain_number_line
+from automaton.world.resolve import Resolved, document_of, resolve
+from automaton.world.scenario_warnings import scenario_warnings
 
 SCENARIO = """\
 name: shift

@@ -9,11 +9,11 @@ import pytest
 import strategy_pairs
 from strategy_pairs import OWN, Trial, Verdict, judged, resolved, sample, verdict
 
-from automaton.build.resolve import resolve
 from automaton.runs.headless import run_to_end
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import LAYER_NAMES
 from automaton.strategy.lookup import names
+from automaton.world.resolve import resolve
 
 SAMPLE = sample()
 NEWEST = {"allocation": "first-come", "right_of_way": "epibt"}  # taken for such

@@ -16,7 +16,6 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.commands import main
 from automaton.engine.jit.fields import field
 from automaton.engine.jit.kernel import jit_is_on
@@ -28,6 +27,7 @@ from automaton.runs.simulation import ALWAYS_CHECKED, CHECKED_EVERY, Simulation
 from automaton.strategy import lookup, paths
 from automaton.strategy.kernels import kernel
 from automaton.strategy.layer import NoState, Strategy
+from automaton.world.resolve import resolve
 from strategies.allocation.independent import Independent
 from strategies.right_of_way.retreat import RetreatState
 

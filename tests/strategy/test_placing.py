@@ -9,12 +9,12 @@ import pytest
 from example_counts import examples
 from pod_floors import CLASSES, drawn_pods
 
-from automaton.build.resolve import resolve
 from automaton.engine.state import NIL
 from automaton.engine.table_rows import forget
 from automaton.errors import InputError
 from automaton.runs.simulation import Simulation
 from automaton.strategy.placing import ANY_CLASS, nearest_free, searched_free
+from automaton.world.resolve import resolve
 
 FLOORS = examples(60)
 GOODS = "goods-60x40"

@@ -8,7 +8,6 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.engine.jit.fields import CONSTANT, SCRATCH, STOP, field
 from automaton.engine.jit.struct_types import StructClassType
 from automaton.engine.jit.structs import Struct
@@ -16,6 +15,7 @@ from automaton.engine.state import LAYER_RIGHT_OF_WAY, LAYER_ROUTING, Array
 from automaton.runs.simulation import Simulation
 from automaton.strategy.kernels import kernel
 from automaton.strategy.layer import Strategy
+from automaton.world.resolve import resolve
 
 
 class Totals(Struct):

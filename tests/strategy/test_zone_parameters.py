@@ -5,11 +5,11 @@ from __future__ import annotations
 import msgspec
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.errors import InputError
 from automaton.strategy.entry import AsRecorded, NoParameters
 from automaton.strategy.layer import Strategy
 from automaton.strategy.zone_parameters import ZoningParameters, zoning_parameters_of
+from automaton.world.resolve import resolve
 
 
 class Grouped(ZoningParameters, forbid_unknown_fields=True, frozen=True, kw_only=True):

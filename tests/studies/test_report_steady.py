@@ -12,7 +12,6 @@ import pytest
 from report_helpers import report, tables
 from synthetic_results import noise, synthetic_store
 
-from automaton.build.resolve import resolve
 from automaton.engine.state import ORDER_DELIVERED
 from automaton.experiments import sweep
 from automaton.runs.metrics import metrics_of
@@ -27,6 +26,7 @@ from automaton.studies.reports.text_output import as_text
 from automaton.studies.reports.warm_up_cut import cut_of
 from automaton.studies.sweeps.result_store import Store
 from automaton.studies.sweeps.study import Analysis, Point, Study
+from automaton.world.resolve import resolve
 
 
 def test_a_steady_state_is_given_or_refused_with_its_reason() -> None:

@@ -8,7 +8,6 @@ import pytest
 from report_helpers import tables
 from synthetic_results import study_of, synthetic_store
 
-from automaton.build.resolve import resolve
 from automaton.runs.report_document import NumberText
 from automaton.studies.reports.comparison_tables import comparison_section
 from automaton.studies.reports.curves import curves
@@ -16,6 +15,7 @@ from automaton.studies.reports.metric_tables import metric_section
 from automaton.studies.reports.reader_units import Units, units_of_points
 from automaton.studies.reports.study_results import Results
 from automaton.units import Unit
+from automaton.world.resolve import resolve
 
 HALF_SECOND = Units(Unit(0.5, "s"), Unit(1.2, "m"))
 

@@ -7,13 +7,13 @@ import json
 import numpy as np
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.commands import main
 from automaton.engine.state import NIL
 from automaton.runs.metric_sums import metric
 from automaton.runs.metrics import METRIC_CATALOGUE, busy_ticks, metrics_by_robot, metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.units import Unit, duration, unit
+from automaton.world.resolve import resolve
 
 FEW = (
     "orders.parts=[{route: [4, 2, 1, 3, 14], count: 3}, {route: [5, 6, 7], count: 2}]",

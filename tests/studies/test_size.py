@@ -16,7 +16,6 @@ from rich.console import Console
 from statistics_trials import synthetic
 
 from automaton import experiments
-from automaton.build.resolve import resolve
 from automaton.commands import main
 from automaton.engine.state import ORDER_DELIVERED
 from automaton.errors import InputError
@@ -36,6 +35,7 @@ from automaton.studies.sizing.question import Target, make_question, read_target
 from automaton.studies.sizing.sizing_report import changed, picture, print_answer, with_half
 from automaton.studies.sizing.sizing_session import RunBudget, SizingSession
 from automaton.units import Unit
+from automaton.world.resolve import resolve
 
 ZERO = Target("makespan", True, 0.0)
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from automaton.build.resolve import Resolved, resolve
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.studies.sweeps.sweep_plan import check_study
+from automaton.world.resolve import Resolved, resolve
 
 TURN = 4
 ROBOTS = 200

@@ -11,7 +11,6 @@ import pytest
 from report_helpers import report
 from sweep_studies import swept_here
 
-from automaton.build.resolve import resolve
 from automaton.engine.state import NIL, ORDER_DELIVERED
 from automaton.errors import InputError
 from automaton.runs.headless import run_marked, sums_by_stretch
@@ -28,6 +27,7 @@ from automaton.studies.reports.text_output import as_text
 from automaton.studies.sweeps.result_columns import SUMS_COLUMN, metric_names
 from automaton.studies.sweeps.result_store import Store, arrow
 from automaton.studies.sweeps.sweep_plan import check_study
+from automaton.world.resolve import resolve
 
 pytest.importorskip("pyarrow")
 

@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 from sweep_studies import OwnThread, environment, plain, row_files, small_study, swept_here
 
-from automaton.build.resolve import resolve
 from automaton.commands import main
 from automaton.errors import InputError
 from automaton.experiments import Study, simulate, sweep
@@ -24,6 +23,7 @@ from automaton.studies.sweeps import pools, run_keys, sweep_session
 from automaton.studies.sweeps.result_columns import RESULT_COLUMNS
 from automaton.studies.sweeps.result_store import Store
 from automaton.studies.sweeps.sweep_plan import make_sweep_plan
+from automaton.world.resolve import resolve
 
 
 @pytest.fixture(scope="module")

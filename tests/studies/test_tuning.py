@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.commands import main
 from automaton.studies.tuning.candidates import candidates_of, in_words
 from automaton.studies.tuning.elimination import make_plan
+from automaton.world.resolve import resolve
 
 CROWD = """name: crowd
 layout: {generator: random, columns: 10, rows: 10, obstacles: 0.1}

@@ -14,7 +14,6 @@ import pyarrow.csv
 import pyarrow.parquet
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.commands import main
 from automaton.errors import InputError
 from automaton.experiments import settings_of, simulate
@@ -23,6 +22,7 @@ from automaton.runs.simulation import Simulation
 from automaton.tables import arrow_groups, table_files
 from automaton.tables.columns import TABLES
 from automaton.tables.table_run import TableOptions, period_of, table_run
+from automaton.world.resolve import resolve
 
 RUN = ["run", "tabletop-mini", "--set", "orders.mean_interarrival_time=40"]
 STATES = ["--states", "50", "--events"]

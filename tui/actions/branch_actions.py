@@ -24,8 +24,8 @@ from tui.widgets.signs import signs_of
 from tui.widgets.timeline import Mark
 
 if TYPE_CHECKING:
-    from automaton.build.resolve import Resolved
     from automaton.evidence.history.watched_run import Run
+    from automaton.world.resolve import Resolved
     from tui.playback.player import Player
     from tui.screens.breakpoint_dialog import Stop
 

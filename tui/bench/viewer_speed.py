@@ -18,12 +18,12 @@ from typing import Any, Final
 import numpy as np
 
 from automaton.bench.measurement import MS, SECONDS, Measurement, NotMeasuredError, wall_seconds
-from automaton.build.resolve import resolve
 from automaton.evidence.history.live_run import LiveRun
 from automaton.evidence.history.snapshot import take_snapshot
 from automaton.evidence.history.watched_run import RecordedRun, Run
 from automaton.evidence.recording.recording_reader import read_recording
 from automaton.floor.cells import TURNTABLE
+from automaton.world.resolve import resolve
 from tui.bench import planning_speed
 from tui.bench.viewer_measurement import Together, measured
 from tui.bench.viewer_session import Session, quantile

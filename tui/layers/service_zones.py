@@ -31,7 +31,7 @@ from tui.render.styles import style
 from tui.render.tints import TINT_CODES, TINTS, TRANSFER_COLOUR
 
 if TYPE_CHECKING:
-    from automaton.build.resolve import Resolved
+    from automaton.world.resolve import Resolved
 
 NO_ZONES_TEXT: Final = "zones: robots have none here, or none yet"
 SHARED_TINTS_TEXT: Final = "zones may share a tint; touching ones differ"

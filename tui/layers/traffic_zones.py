@@ -24,7 +24,7 @@ from tui.render.styles import style
 from tui.render.tints import TINT_COLOURS, TINT_LETTERS
 
 if TYPE_CHECKING:
-    from automaton.build.resolve import Resolved
+    from automaton.world.resolve import Resolved
 
 
 class TrafficZoneLayer(Layer):

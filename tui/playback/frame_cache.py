@@ -21,7 +21,7 @@ from tui.render.scene import NO_CELLS, Scene
 from tui.render.styles import style
 
 if TYPE_CHECKING:
-    from automaton.build.resolve import Resolved
+    from automaton.world.resolve import Resolved
     from tui.playback.playback_state import PlaybackState
 
 MINIMAP_SHARE: Final = 3  # at most a third of the map's rows and columns

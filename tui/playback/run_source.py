@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from automaton.build.resolve import Resolved
 from automaton.errors import InputError
 from automaton.evidence.recording.frames import Recording
 from automaton.evidence.recording.header import resolved_of
 from automaton.evidence.recording.recording_reader import read_recording
 from automaton.evidence.recording.titles import Head, heads_of, live_heads, title_of
 from automaton.floor.traffic_zones import traffic_zones_of
+from automaton.world.resolve import Resolved
 from tui.playback.recording_files import against
 from tui.render.scene import Floor
 

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from tui.render.field import levels_of
 
 if TYPE_CHECKING:  # it needs Numba, pictures do not
-    from automaton.build.resolve import Resolved
     from automaton.runs.simulation import Simulation
+    from automaton.world.resolve import Resolved
     from tui.render.canvas import Canvas
     from tui.render.choice import Choice
     from tui.render.glyphs import Entries, GlyphSet

@@ -8,10 +8,10 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.widgets import Static
 
-from automaton.build.resolve import CHANGEABLE, branched
 from automaton.errors import InputError
 from automaton.scenario.line_table import plain_data
 from automaton.scenario.schema import Scenario
+from automaton.world.resolve import CHANGEABLE, branched
 from tui.playback.panel_view import View
 from tui.screens.dialog import Dialog
 from tui.widgets.rows import Rows

@@ -7,7 +7,6 @@ from typing import Final
 
 import numpy as np
 
-from automaton.build.resolve import Resolved
 from automaton.engine.state import NIL
 from automaton.evidence.history.divergence import LiveDivergence, first_difference
 from automaton.evidence.history.fleet_summary import summary_of
@@ -22,6 +21,7 @@ from automaton.runs.progress import largest_jam
 from automaton.runs.run_diagnosis import describe_unfinished_run, find_wait_cycles, stalled_robots
 from automaton.runs.run_report import print_report
 from automaton.runs.station_metrics import metrics_by_station
+from automaton.world.resolve import Resolved
 from tui.playback.run_source import Opening
 
 PROGRESS_SLICE_S: Final = 0.5

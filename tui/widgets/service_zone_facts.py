@@ -7,12 +7,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.build.rules import duration_table, tick_length
 from automaton.engine.service_zones import ServiceZones
 from automaton.engine.state import NIL, ORDER_CARRIED, ORDER_WAITING
 from automaton.errors import InputError
 from automaton.scenario.robot_types import RobotType
 from automaton.units import count
+from automaton.world.rules import duration_table, tick_length
 from strategies.zoning.design.zone_work import minutes_of_zones
 from tui.layers.service_zones import transfer_pairs
 from tui.playback.panel_view import View

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Final, overload
 
-from automaton.build.resolve import Resolved
 from automaton.errors import InputError
 from automaton.evidence.recording.frames import (
     FRAME,
@@ -24,6 +23,7 @@ from automaton.evidence.recording.frames import (
     payload_of,
 )
 from automaton.evidence.recording.recorder import BaseRecorder, RecordingFile
+from automaton.world.resolve import Resolved
 
 # bytes of frames in memory: millions of ticks of a small fleet
 FRAME_STORE_BYTES: Final = 128 * 1024 * 1024

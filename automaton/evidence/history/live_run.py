@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from automaton.build.resolve import Resolved, branched
 from automaton.engine.digest import DIGEST_NAMES
 from automaton.engine.state import CLOCK_DIGEST_EVERY, CLOCK_TICK, NIL
 from automaton.errors import InputError
@@ -18,6 +17,7 @@ from automaton.evidence.recording.frames import Content, StoredFrames
 from automaton.evidence.recording.header import changed, resolved_of
 from automaton.runs.headless import attribute_strategy_errors
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import Resolved, branched
 
 ZONES = "service_zones."  # arrays of the state that change with the rules
 

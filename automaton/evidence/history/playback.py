@@ -9,7 +9,6 @@ from typing import ClassVar
 import msgspec
 import numpy as np
 
-from automaton.build.resolve import Resolved
 from automaton.engine.decision_stream import ReplayState, repeat
 from automaton.engine.digest import DIGEST_NAMES
 from automaton.engine.state import LAYER_NAMES, Array, World
@@ -20,6 +19,7 @@ from automaton.evidence.recording.header import changed, resolved_of
 from automaton.runs.simulation import Simulation
 from automaton.strategy.layer import Strategy, WaitRanges
 from automaton.strategy.lookup import NO_STRATEGY
+from automaton.world.resolve import Resolved
 
 FIRST_WORDS = 4096
 

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Final, TypeVar
 
 import numpy as np
 
-from automaton.build.station_numbers import station_names
 from automaton.engine.facilities import Slots, Stations
 from automaton.engine.gates import Gates
 from automaton.engine.jit.fields import CARRIED
@@ -18,6 +17,7 @@ from automaton.engine.service_zones import ServiceZones
 from automaton.engine.state import CLOCK_TICK, NIL, Array, Orders, Robots
 from automaton.engine.stops import Stops
 from automaton.runs.simulation import Simulation
+from automaton.world.station_numbers import station_names
 
 S = TypeVar("S", bound=Struct)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from automaton.build.resolve import Resolved
 from automaton.evidence.history.event_history import EventHistory
 from automaton.evidence.history.keyframes import Keyframes
 from automaton.evidence.history.playback import Playback
@@ -14,6 +13,7 @@ from automaton.evidence.recording.header import changed, resolved_of
 from automaton.floor.floor_plan import FloorPlan
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import Resolved
 
 COMPUTE_SLICE_S = 0.005  # of computing between two looks at the clock
 KEYFRAME_S = 0.03  # of computing between two keyframes: what going back may cost,

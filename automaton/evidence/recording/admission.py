@@ -9,10 +9,6 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from automaton.build.feasibility import check_energy, check_feasible
-from automaton.build.resolve import CHANGEABLE, choose_strategies, choose_strategy
-from automaton.build.speed_limits import check_speed_limits
-from automaton.build.task_lists import order_count
 from automaton.errors import InputError
 from automaton.evidence.recording.contents import (
     CONDITIONS_ARRAYS,
@@ -43,6 +39,10 @@ from automaton.scenario.pods import LineDemand
 from automaton.scenario.schema import LAYER_NAMES, Scenario
 from automaton.scenario.validation import validated
 from automaton.strategy import lookup
+from automaton.world.feasibility import check_energy, check_feasible
+from automaton.world.resolve import CHANGEABLE, choose_strategies, choose_strategy
+from automaton.world.speed_limits import check_speed_limits
+from automaton.world.task_lists import order_count
 
 MAX_CELLS = 200_000_000
 MAX_DIGEST_INTERVAL = 64  # ticks

@@ -11,8 +11,6 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from automaton.build.resolve import Resolved, StrategyChoice, in_fine_ticks
-from automaton.build.speed_limits import with_speed_limits
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import NEVER, NIL
 from automaton.errors import InputError
@@ -23,6 +21,8 @@ from automaton.scenario.line_table import plain_data
 from automaton.scenario.schema import LAYER_NAMES, Scenario
 from automaton.strategy import lookup
 from automaton.strategy.entry import AsRecorded
+from automaton.world.resolve import Resolved, StrategyChoice, in_fine_ticks
+from automaton.world.speed_limits import with_speed_limits
 
 FLOOR_ARRAYS = ("kind", "exits", "capacity", "bays", "loads", "opens")
 

@@ -17,8 +17,6 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from automaton.atomic_write import put_in_place
-from automaton.build.resolve import Resolved
-from automaton.build.world import build_world, digest_interval
 from automaton.engine.decision_stream import words_until
 from automaton.engine.digest import DIGEST_NAMES
 from automaton.engine.record_codes import KEYFRAME_TICKS
@@ -54,6 +52,8 @@ from automaton.evidence.recording.frames import (
 from automaton.evidence.recording.header import header_of, rules_of, state_of
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
+from automaton.world.building import build_world, digest_interval
+from automaton.world.resolve import Resolved
 
 FRAME_SECONDS = 1.0  # what a killed process may lose
 # Of decisions and changes: what a frame holds of those of several calls at most.

@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
-from automaton.build.resolve import Resolved
 from automaton.evidence.recording.frames import Content, Recording, StoredFrames
 from automaton.scenario.line_table import plain_data
+from automaton.world.resolve import Resolved
 
 MAX_TITLE_LENGTH: Final = 24  # characters of a value; pictures of floors are values too
 

@@ -13,9 +13,6 @@ from typing import Any, Final, NamedTuple
 import msgspec
 import numpy as np
 
-from automaton.build.charger_places import with_shared_chargers
-from automaton.build.resolve import Resolved, branched
-from automaton.build.speed_limits import with_speed_limits
 from automaton.engine.decision_stream import first_other_tick
 from automaton.engine.digest import DIGEST_NAMES
 from automaton.engine.record_codes import (
@@ -54,6 +51,9 @@ from automaton.scenario.floor_section import floor_of, is_shipped
 from automaton.scenario.reading import content_hash
 from automaton.scenario.schema import Scenario
 from automaton.strategy.entry import files_of
+from automaton.world.charger_places import with_shared_chargers
+from automaton.world.resolve import Resolved, branched
+from automaton.world.speed_limits import with_speed_limits
 
 # What of a header nothing follows from: it is not checked.
 LABELS: Final = ("text", "overrides", "sources", "versions", "files", "digest_every")

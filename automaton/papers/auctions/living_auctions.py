@@ -14,7 +14,6 @@ from typing import Any, Final
 import msgspec
 import numpy as np
 
-from automaton.build.resolve import Resolved
 from automaton.engine.random_numbers import STREAM_BREAKDOWNS, random_between
 from automaton.engine.robot_status import FAILURE_DEPLETED
 from automaton.engine.state import ACTION_CHARGE, ACTION_QUEUE, ORDER_DELIVERED, World
@@ -31,6 +30,7 @@ from automaton.runs.metrics import metrics_of
 from automaton.runs.process_pool import OnDone, Result, run_and_measure
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Fault
+from automaton.world.resolve import Resolved
 
 SATURATED: Final = "orders={generator: stations, count: 100}"  # all known at the start
 COMING: Final = "orders={generator: stations, count: 100, mean_interarrival_time: 45}"

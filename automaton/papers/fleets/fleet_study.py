@@ -14,7 +14,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
-from automaton.build.resolve import Resolved, resolve
 from automaton.errors import InputError
 from automaton.exchange.bare_maps import random_problem
 from automaton.exchange.imported_scenario import imported_files
@@ -36,6 +35,7 @@ from automaton.papers.reproduction_study import (
 from automaton.runs.process_pool import OnDone, Result, run_all
 from automaton.scenario.reading import read_text
 from automaton.strategy import lookup
+from automaton.world.resolve import Resolved, resolve
 from layouts.random_floor import RandomFloor
 
 EPIBT: Final = "epibt"

@@ -14,7 +14,6 @@ from typing import Final
 
 import numpy as np
 
-from automaton.build.resolve import resolve
 from automaton.engine.state import Array, World
 from automaton.papers.claims import Claim, Figure, claim, mean_of
 from automaton.papers.reproduction_study import (
@@ -28,6 +27,7 @@ from automaton.papers.reproduction_study import (
 )
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
+from automaton.world.resolve import resolve
 
 LINES: Final = 20_000
 INTERARRIVAL: Final = 65  # mean ticks between two lines

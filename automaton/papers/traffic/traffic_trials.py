@@ -13,11 +13,11 @@ from typing import Final, Literal, NamedTuple
 
 import numpy as np
 
-from automaton.build.prepared_floor import Floor, floor_for
 from automaton.engine.state import ACTION_COUNT, NIL, Array, Grid
 from automaton.floor.cells import DOCK, EAST, RACK
 from automaton.scenario.floor_section import generator_type
 from automaton.scenario.robot_types import RobotType
+from automaton.world.prepared_floor import Floor, floor_for
 from strategies.routing.astar.frontier import LARGER_G
 from strategies.routing.astar.route_workspace import RouteSpace, route_space
 from strategies.routing.traffic_avoidance import monte_carlo

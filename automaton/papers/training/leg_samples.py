@@ -13,15 +13,15 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from automaton.build.prepared_floor import Floor, floor_for, frozen
-from automaton.build.resolve import Resolved
-from automaton.build.rules import duration_table
-from automaton.build.starts import first_headings
 from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.floor.cells import DOCK, RACK
 from automaton.papers.training.prediction_metrics import measured
 from automaton.scenario.robot_types import RobotType, types_of
+from automaton.world.prepared_floor import Floor, floor_for, frozen
+from automaton.world.resolve import Resolved
+from automaton.world.rules import duration_table
+from automaton.world.starts import first_headings
 from strategies.routing.astar.frontier import FIFO
 from strategies.routing.astar.route_workspace import route_space
 from strategies.routing.traffic_avoidance import training_legs

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from automaton.atomic_write import atomic_writer
-from automaton.build.resolve import resolve
 from automaton.papers.training.leg_samples import Data, Site, data_of, judged, network_of, site_of
 from automaton.papers.training.prediction_metrics import Counts, precision, recall
 from automaton.papers.training.training_settings import LOSSES, Settings
+from automaton.world.resolve import resolve
 from strategies.routing.traffic_avoidance.network_files import floor_fingerprint, save_network
 
 ProgressCallback = Callable[[str], None]

@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from automaton.build.resolve import Resolved
 from automaton.engine.faults import open_slot
 from automaton.engine.random_numbers import splitmix64
 from automaton.engine.robot_status import STATUS_REMOVED, STATUS_UP
@@ -54,6 +53,7 @@ from automaton.runs.pictures.picture_writing import picture_of
 from automaton.runs.pictures.robot_lines import NEEDS, RobotLine, name_of, numbers_of, read_robot
 from automaton.runs.simulation import Simulation
 from automaton.runs.state_copy import hold_cells
+from automaton.world.resolve import Resolved
 
 PLACE = "the picture"
 HEAD = re.compile(

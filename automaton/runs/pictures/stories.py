@@ -14,8 +14,6 @@ from typing import Literal
 
 import numpy as np
 
-from automaton.build.resolve import Resolved
-from automaton.build.world import build_world
 from automaton.engine.motion import LIVE, REFUSED, move_all
 from automaton.engine.slow_zones import count_robots, set_move_ticks
 from automaton.engine.state import ACTION_MOVE, CLOCK_TICK
@@ -25,6 +23,8 @@ from automaton.floor.drawn_floors import Legend, draw_floor
 from automaton.runs.pictures.picture_writing import map_rows
 from automaton.runs.pictures.robot_lines import identity_of, name_of
 from automaton.scenario.schema import Durations, Fleet, Orders, Scenario, WorldRules
+from automaton.world.building import build_world
+from automaton.world.resolve import Resolved
 
 Following = Literal["convoy", "handover", "none"]
 

@@ -6,13 +6,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from automaton.build.resolve import Resolved
 from automaton.engine.observation import LOST_EVER, visits_of
 from automaton.engine.state import NIL, Array
 from automaton.floor.floor_plan import DRIVABLE
 from automaton.runs.headless import attribute_strategy_errors
 from automaton.runs.report_document import HeatMap
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import Resolved
 
 
 def floor_maps(

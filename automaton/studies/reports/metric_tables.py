@@ -6,8 +6,6 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from automaton.build.bounds import bounds, least_ticks
-from automaton.build.resolve import Resolved
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
 from automaton.runs.report_document import (
     Block,
@@ -36,6 +34,8 @@ from automaton.studies.reports.study_results import Counts, Results
 from automaton.studies.sweeps.result_columns import RUN_METRICS
 from automaton.studies.sweeps.study import Point
 from automaton.units import count, number, percent
+from automaton.world.bounds import bounds, least_ticks
+from automaton.world.resolve import Resolved
 
 Scenarios = Mapping[int, Resolved]  # by number of the point; none where a file is not found
 RUN_HEADS = ("runs", "unfinished", "failed")

@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Final, NamedTuple
 
-from automaton.build.resolve import Resolved
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE, PER_1000_TICKS, units_of
 from automaton.studies.inference.intervals import Interval
 from automaton.studies.sweeps.result_columns import RUN_METRICS
 from automaton.units import SECONDS_PER_UNIT, Unit, duration
+from automaton.world.resolve import Resolved
 
 TICK: Final = Unit(1.0, "tick")
 PER_HOUR: Final = "orders/h"

@@ -16,9 +16,6 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from automaton.build.bounds import bounds, least_ticks, most_throughput
-from automaton.build.charger_places import places_of_chargers
-from automaton.build.resolve import Resolved, resolve
 from automaton.engine.state import ACTION_CHARGE, ACTION_DROP, ACTION_PICK, ACTION_TRY_DROP
 from automaton.errors import InputError
 from automaton.floor.cells import STATION
@@ -42,6 +39,9 @@ from automaton.studies.sizing.question import Question, Target
 from automaton.studies.sizing.sizing_session import MOVES_LATE, PERCENTS_OFF, SizingSession
 from automaton.studies.sweeps.run_keys import seed_of
 from automaton.units import Unit, count, ticks_and_time, unit
+from automaton.world.bounds import bounds, least_ticks, most_throughput
+from automaton.world.charger_places import places_of_chargers
+from automaton.world.resolve import Resolved, resolve
 
 ORDER_METRICS = (*OF_TIMES, "legs_per_order")  # once an order is delivered
 STATION_USE = "station_use"  # share of the time of all stations in which a robot is served there

@@ -16,13 +16,13 @@ from typing import Any, Final, NamedTuple
 
 import msgspec
 
-from automaton.build.resolve import Resolved
 from automaton.errors import InputError
 from automaton.runs.provenance import DECIDING, PACKAGES, file_hashes
 from automaton.scenario.line_table import plain_data
 from automaton.scenario.unavailable_metrics import warm_up_of
 from automaton.strategy import lookup
 from automaton.studies.sweeps.study import Levels, Study
+from automaton.world.resolve import Resolved
 
 DATA_SUFFIXES: Final = (".yaml", ".json")  # of automaton's packages: what their code may read
 MANIFEST: Final = "sweep.json"

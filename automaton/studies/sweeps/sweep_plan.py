@@ -18,7 +18,6 @@ from typing import Any, Final, NamedTuple
 import msgspec
 import yaml
 
-from automaton.build.resolve import Resolved, resolve
 from automaton.errors import InputError, nearest
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
 from automaton.runs.provenance import versions
@@ -42,6 +41,7 @@ from automaton.studies.sweeps.run_keys import (
     manifest_of,
 )
 from automaton.studies.sweeps.study import MAX_WINDOW, Point, Study, checked_study, study_document
+from automaton.world.resolve import Resolved, resolve
 
 DEFAULT_WINDOWS = 200  # of a run, if a study does not say how long they are
 MSER = "mser-5"  # as a warm-up

@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from automaton.build.resolve import Resolved
 from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.printable import one_line
@@ -43,6 +42,7 @@ from automaton.studies.sweeps.run_keys import (
     package_sources,
     plugin_sources,
 )
+from automaton.world.resolve import Resolved
 
 Row = dict[str, Any]  # columns of a run; its metrics under "metrics"
 MAX_REASON_LENGTH = 500  # characters

@@ -15,10 +15,10 @@ from typing import Any, Final, NamedTuple
 
 import msgspec
 
-from automaton.build.resolve import Resolved, resolve
 from automaton.errors import InputError
 from automaton.scenario.document import Override
 from automaton.strategy import lookup
+from automaton.world.resolve import Resolved, resolve
 
 TUNED_LAYERS: Final = ("right_of_way", "allocation")
 Choice = dict[str, Any]  # a strategy as scenarios write it: {name: NAME, ...parameters}

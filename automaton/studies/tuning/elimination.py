@@ -15,7 +15,6 @@ from typing import Final, NamedTuple
 
 import msgspec
 
-from automaton.build.resolve import Resolved
 from automaton.errors import InputError, nearest
 from automaton.runs.headless import run_marked
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
@@ -28,6 +27,7 @@ from automaton.studies.inference.intervals import Interval, mean_interval
 from automaton.studies.reports.directions import direction_of
 from automaton.studies.sizing.fleet_runs import replication_seeds
 from automaton.studies.tuning.candidates import TunedScenarios
+from automaton.world.resolve import Resolved
 
 ELIMINATION_FACTOR: Final = 3  # of so many candidates one goes on to the next round
 FULL_ROUNDS: Final = 2  # the last ones; each before them has runs of half the length,

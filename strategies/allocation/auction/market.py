@@ -4,7 +4,7 @@ A *place* is anything that a robot drives to or from: where a robot is, a stop, 
 begins at one place and ends at another (pick-up and delivery; a robot holds one load, so nothing comes
 between), or begins and ends at the same one (a visit). A list is an open path: no way back.
 
-Times are whole ticks. Energy is counted in units: FULL = 1,000,000 units are 100 %.
+Times are whole ticks. Energy is counted in units: BATTERY_FULL units are 100 %.
 """
 
 from __future__ import annotations

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.commands import Parser, cast_command
 from automaton.engine.state import NIL
 from automaton.errors import InputError
@@ -30,6 +29,7 @@ from automaton.films import film_columns
 from automaton.films.web_film.film_page import page_of
 from automaton.floor.cells import CELL_KINDS, SHELF
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 
 BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
 LAST = 205  # tick of the scenario crossing

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 
 SEEDS = range(1, 21)
 

@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 from drawn_scenes import scene
 
-from automaton.build.resolve import resolve
 from automaton.engine.robot_status import BATTERY_FULL
 from automaton.engine.state import CLOCK_TICK, LAYER_ALLOCATION, NIL, ORDER_DELIVERED
 from automaton.errors import InputError
@@ -16,6 +15,7 @@ from automaton.evidence.recording.recorder import MemoryRecorder
 from automaton.evidence.verification.validator import validate_stored
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 from strategies.allocation.auction.genetic_auction import genetic
 from strategies.allocation.auction.market import INF_COST
 from strategies.allocation.auction.sequential import objective

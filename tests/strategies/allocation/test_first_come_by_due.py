@@ -10,11 +10,11 @@ from drawn_scenes import recorded_run, scene
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from automaton.build.resolve import Resolved
 from automaton.engine.state import LAYER_ALLOCATION, NEVER, NIL, ORDER_WAITING
 from automaton.errors import InputError
 from automaton.evidence.verification.verification import verify_recording
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import Resolved
 from strategies.allocation.due_queue import DueQueue, drop_first, enter_order
 
 CORRIDOR = "t.......t"

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from drawn_scenes import recorded_run, scene
 
-from automaton.build.resolve import Resolved
 from automaton.engine.facilities import MAY_TURN
 from automaton.engine.state import (
     ACTION_MOVE,
@@ -24,6 +23,7 @@ from automaton.engine.state import (
 )
 from automaton.evidence.verification.verification import verify_recording
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import Resolved
 
 FLOOR = "..........\n.##.##.##.\n..........\n.##.##.##.\n.........."
 ONE_WAY = ">>>>>>v\n^#####v\n^#####v\n^<<<<<<"

@@ -13,7 +13,6 @@ from drawn_scenes import recorded_run
 from panel_harness import moment, of_robot, shown
 from played_back import check_at, digests_of, playback_of, recorded
 
-from automaton.build.resolve import MAX_ALLOCATIONS, Resolved, branched, resolve
 from automaton.commands.check import described
 from automaton.engine.record_codes import CHANGE_DROPPED
 from automaton.engine.state import LAYER_ALLOCATION, LAYER_NAMES, NIL, STRATEGIES
@@ -27,6 +26,7 @@ from automaton.runs.headless import run_once
 from automaton.runs.run_report import heading
 from automaton.runs.simulation import Simulation
 from automaton.units import unit
+from automaton.world.resolve import MAX_ALLOCATIONS, Resolved, branched, resolve
 from tui.widgets.inspector import Inspector
 
 BRIGADE, CARRIERS = (0, 1), (2, 3)

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 from drawn_scenes import recorded_run, scene
 
-from automaton.build.resolve import Resolved
 from automaton.errors import InputError
 from automaton.evidence.verification.verification import verify_recording
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import Resolved
 
 CORRIDOR = "t.......t"
 ALLOCATIONS = ("first-come", "independent", "independent-python", "shortest-job", "greedy")
@@ -85,7 +85,7 @@ def test_allocations_that_know_no_priorities_say_so(allocation: str) -> None:
 
 
 def test_a_file_of_orders_has_a_column_for_them(tmp_path: Any) -> None:
-    from automaton.build.resolve import resolve
+    from automaton.world.resolve import resolve
 
     (tmp_path / "orders.csv").write_text(
         "released,from_x,from_y,to_x,to_y,priority\n0,0,0,8,0,0\n0,8,0,0,0,7\n"

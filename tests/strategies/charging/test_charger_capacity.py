@@ -9,13 +9,13 @@ import pytest
 from drawn_scenes import recorded_run
 from played_back import playback_of
 
-from automaton.build.charger_places import places_of_chargers
-from automaton.build.resolve import Resolved, resolve
 from automaton.engine.robot_status import BATTERY_PERCENT
 from automaton.engine.state import GOAL_CHARGE
 from automaton.evidence.verification.verification import verify_recording
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
+from automaton.world.charger_places import places_of_chargers
+from automaton.world.resolve import Resolved, resolve
 
 FLOOR = """\
 t.......t

@@ -7,7 +7,6 @@ from typing import Any
 import pytest
 from drawn_scenes import recorded_run, scene
 
-from automaton.build.resolve import resolve
 from automaton.engine.robot_status import BATTERY_FULL, BATTERY_PERCENT, FAILURE_DEPLETED
 from automaton.engine.state import ACTION_CHARGE, GOAL_CHARGE, GOAL_PICK, NIL
 from automaton.evidence.verification.validator import validate_stored
@@ -15,6 +14,7 @@ from automaton.runs.headless import run_once
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.strategy.lookup import NO_STRATEGY, load, names
+from automaton.world.resolve import resolve
 
 # The charger is at the left end, stations in the middle and at the right end.
 ROAD = "c~~~~t~~~~t"

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import pytest
 from drawn_scenes import recorded_run, scene
 
-from automaton.build.resolve import resolve
 from automaton.engine.state import ACTION_MOVE
 from automaton.errors import InputError
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 
 DETOUR = """
 .......

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from played_back import recorded
 from random_floors import pictures
 
-from automaton.build.resolve import Resolved, resolve
 from automaton.engine.state import (
     ACTION_BLOCKED,
     ACTION_HELD_BACK,
@@ -22,6 +21,7 @@ from automaton.engine.state import (
 from automaton.errors import InputError
 from automaton.evidence.verification.validator import validate_stored
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import Resolved, resolve
 from strategies.right_of_way.epibt.operations import FORWARD, LEFT, RIGHT, WAIT, operations_of
 from strategies.right_of_way.epibt.paths import path_of
 

@@ -8,11 +8,11 @@ from flow_floors import RULES, drawn_fleet
 from no_deadlock import trials
 from small_runs import SmallRun
 
-from automaton.build.resolve import resolve
 from automaton.engine.state import ACTION_BLOCKED, ACTION_MOVE, GOAL_CHARGE, LAYER_RIGHT_OF_WAY
 from automaton.runs.simulation import Simulation
 from automaton.scenario.fleet import FleetType
 from automaton.scenario.schema import Durations
+from automaton.world.resolve import resolve
 from strategies.right_of_way.epibt.epibt import Epibt
 from strategies.right_of_way.epibt.epibt_parameters import EpibtParameters
 from strategies.right_of_way.pibt.pibt import Pibt, dead_ends_that_hold

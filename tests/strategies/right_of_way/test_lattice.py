@@ -6,12 +6,12 @@ from collections.abc import Iterator
 
 import pytest
 
-from automaton.build.prepared_floor import floor_for
-from automaton.build.resolve import resolve
 from automaton.engine.state import ORDER_DELIVERED
 from automaton.floor.drawn_floors import draw_floor
 from automaton.runs.simulation import Simulation
 from automaton.strategy.kernels import cost_in, weighted_table_of
+from automaton.world.prepared_floor import floor_for
+from automaton.world.resolve import resolve
 from strategies.right_of_way.lattice import AGAINST_STREET, lattice_tables, moves_against_streets
 
 FLOOR = draw_floor("....\n....\n....\n....")

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from small_runs import SmallRun
 
-from automaton.build.resolve import resolve
 from automaton.engine.distance_tables import UNREACHABLE
 from automaton.engine.state import (
     ACTION_DROP,
@@ -25,6 +24,7 @@ from automaton.engine.table_rows import cost_in
 from automaton.errors import InputError
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Durations, Fault, Faults
+from automaton.world.resolve import resolve
 from strategies.right_of_way.pibt.pibt import Pibt
 
 GOAL = GOAL_CHARGE  # where there is no charger, a robot simply stays there

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from steering_trials import STRATEGIES, scenario_of, trials
 
-from automaton.build.resolve import resolve
+from automaton.world.resolve import resolve
 
 
 @pytest.mark.parametrize("strategy", STRATEGIES)

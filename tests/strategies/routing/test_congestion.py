@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from slow_zone_scenes import Traffic, is_empty
 
-from automaton.build.resolve import resolve
 from automaton.commands import main
 from automaton.engine.state import LAYER_ROUTING
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 from strategies.routing.congestion.congestion import Congestion
 from strategies.routing.congestion.congestion_parameters import SharedPlans
 

@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 from random_networks import random_network
 
-from automaton.build.resolve import branched, resolve
-from automaton.build.world import build_world
 from automaton.commands import main
 from automaton.engine.state import LAYER_NAMES, NIL
 from automaton.errors import InputError
@@ -16,6 +14,8 @@ from automaton.papers.training.leg_samples import members
 from automaton.runs import provenance
 from automaton.runs.simulation import Simulation
 from automaton.scenario.reading import SHIPPED_FOLDER
+from automaton.world.building import build_world
+from automaton.world.resolve import branched, resolve
 from strategies.routing.traffic_avoidance.network_files import (
     floor_fingerprint,
     load_network,

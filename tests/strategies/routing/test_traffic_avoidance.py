@@ -14,7 +14,6 @@ from random_legs import Case, cases
 from reference_astar import path
 from reference_paths import FAR, Ways
 
-from automaton.build.resolve import Resolved, resolve
 from automaton.commands import main
 from automaton.engine.state import LAYER_ROUTING, NIL, Array
 from automaton.floor.drawn_floors import draw_floor
@@ -25,6 +24,7 @@ from automaton.runs.simulation import Simulation
 from automaton.scenario.reading import read, shipped
 from automaton.scenario.schema import ROUTE_FOLLOWERS
 from automaton.scenario.unavailable_metrics import name_of
+from automaton.world.resolve import Resolved, resolve
 from strategies.routing.astar.frontier import LARGER_G
 from strategies.routing.traffic_avoidance import (
     avoidance,

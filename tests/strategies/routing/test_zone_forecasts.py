@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from random_floors import pictures
 from slow_zone_scenes import ONE_WAY, Traffic, is_empty
 
-from automaton.build.resolve import resolve
 from automaton.engine.state import ACTION_DROP, ACTION_PICK, NIL, Array
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.traffic_zones import MODES
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 from strategies.routing.astar.route_workspace import RouteSpace
 from strategies.routing.congestion.congestion_parameters import SharedPlans
 from strategies.routing.congestion.plan_forecast import forecast_all, forecast_one

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from random_networks import random_network
 
-from automaton.build.resolve import resolve
-from automaton.build.world import build_world
 from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.papers.training.leg_samples import legs_of, members, site_of, unseen
 from automaton.papers.training.prediction_metrics import measured
+from automaton.world.building import build_world
+from automaton.world.resolve import resolve
 from strategies.routing.traffic_avoidance import network_files as networks
 from strategies.routing.traffic_avoidance.network_files import (
     check_floor,

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from automaton.build.resolve import Resolved, resolve
 from automaton.errors import InputError
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import Resolved, resolve
 from strategies.zoning.central import monitored
 from strategies.zoning.queues import initial_zones
 

@@ -18,10 +18,10 @@ from zoning_scenes import (
 )
 from zoning_trials import ANNEALED, south, turn
 
-from automaton.build.resolve import resolve
 from automaton.engine.service_zones import Design, Roads
 from automaton.engine.state import NIL
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 from strategies.zoning.annealing import annealing
 from strategies.zoning.design.design_files import design_arrays
 from strategies.zoning.design.exchange import give

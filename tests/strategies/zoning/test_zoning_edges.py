@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from zoning_scenes import ddz_rules, drawn, everyone, scratch
 
-from automaton.build.resolve import resolve
 from automaton.commands import main
 from automaton.engine.service_zones import empty_design
 from automaton.engine.state import ORDER_DELIVERED
 from automaton.errors import InputError
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 from strategies.zoning.annealing.annealing import repair
 from strategies.zoning.design.design_files import design_arrays
 from strategies.zoning.genetic.genetic_zones import evolve

@@ -25,10 +25,10 @@ from zoning_scenes import (
 )
 from zoning_trials import ANNEALED, BRED, evolved, repaired, south, turn
 
-from automaton.build.resolve import resolve
 from automaton.engine.jit.kernel import jit_is_on
 from automaton.engine.service_zones import Design
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 from strategies.zoning.annealing import annealing
 from strategies.zoning.decentralized import negotiation
 from strategies.zoning.design.design_files import design_arrays, read_design

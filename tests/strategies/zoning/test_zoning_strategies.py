@@ -11,7 +11,6 @@ import pytest
 from drawn_scenes import scene
 from played_back import check_at, digests_of, playback_of, recorded
 
-from automaton.build.resolve import document_of, resolve
 from automaton.engine.observation import CAUSE_REDESIGN as HALTED
 from automaton.engine.robot_status import STATUS_UP
 from automaton.engine.state import (
@@ -29,6 +28,7 @@ from automaton.evidence.verification.verification import verify_recording
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.strategy.layer import Strategy
+from automaton.world.resolve import document_of, resolve
 from strategies.zoning.central.redesigned_zones import AnnealedZones
 from strategies.zoning.decentralized.negotiation_messages import DEGREES, REDESIGN
 

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.engine.state import CLOCK_TICK, CLOCK_ZONES_REDESIGNED
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 from strategies.zoning.central import monitored, redesigned_zones
 
 GOOD, BAD = 0.1, 0.5

@@ -15,13 +15,13 @@ from zoning_scenes import (
 )
 from zoning_trials import ANNEALED, BRED
 
-from automaton.build.resolve import resolve
 from automaton.engine.service_zones import Design
 from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.evidence.recording.recorder import MemoryRecorder
 from automaton.evidence.verification.validator import validate_stored
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 from strategies.zoning.annealing import annealing
 from strategies.zoning.decentralized.negotiation import lead, parts_for
 from strategies.zoning.design.design_files import design_arrays

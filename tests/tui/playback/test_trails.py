@@ -7,9 +7,9 @@ from collections import deque
 import numpy as np
 import pytest
 
-from automaton.build.resolve import resolve
 from automaton.engine.state import NIL
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 from tui.playback.trails import TRAIL_CELLS, Trails
 
 

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from render_scenes import open_floor
 
-from automaton.build.resolve import resolve
 from automaton.floor.drawn_floors import draw_floor
+from automaton.world.resolve import resolve
 from tui.render.camera import Camera, Rectangle, shown_rectangle
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from automaton.build.resolve import resolve
 from automaton.drawings import cell_looks as drawings
 from automaton.drawings.moment import drawn_floor, moment_of
 from automaton.drawings.palette import COLOURS
 from automaton.evidence.history.snapshot import take_snapshot
 from automaton.floor.cells import CELL_KINDS
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 from tui.playback.run_source import floor_of
 from tui.render import cell_looks as viewer
 from tui.render.robot_marks import robots_of

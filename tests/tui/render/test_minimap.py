@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from render_scenes import body, make_scene, open_floor, signs
 
-from automaton.build.resolve import resolve
+from automaton.world.resolve import resolve
 from tui.playback.frame_cache import Pictures
 from tui.playback.run_source import live
 from tui.render import styles

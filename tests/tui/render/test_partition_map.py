@@ -9,8 +9,8 @@ from render_scenes import bg, camera_at, composed, fg, make_scene, text
 from zone_pictures import two_zones
 from zoning_scenes import drawn
 
-from automaton.build.initial_service_zones import roads_of, service_zones_of
 from automaton.floor.drawn_floors import draw_floor
+from automaton.world.initial_service_zones import roads_of, service_zones_of
 from strategies.zoning.design.design_files import read_design
 from strategies.zoning.design.zone_cells import ways_of
 from tui.layers.service_zone_tints import service_zone_tints, sparest_first

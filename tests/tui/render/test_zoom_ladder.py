@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from render_scenes import open_floor
 
-from automaton.build.resolve import resolve
+from automaton.world.resolve import resolve
 from tui.render.camera import Camera
 from tui.render.zoom_ladder import (
     ENOUGH,

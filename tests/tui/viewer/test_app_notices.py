@@ -14,9 +14,9 @@ from action_cases import said
 from viewer_harness import Watched, compared, mini, record, screen_text, viewing
 
 from automaton import atomic_write
-from automaton.build.resolve import resolve
 from automaton.evidence.history.watched_run import Run
 from automaton.evidence.recording.recording_reader import read_recording
+from automaton.world.resolve import resolve
 from tui.playback.frame_cache import Pictures
 from tui.playback.run_source import Opening, live, recorded
 from tui.render.glyphs import UNICODE

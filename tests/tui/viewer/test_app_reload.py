@@ -10,8 +10,8 @@ import pytest
 from action_cases import said
 from viewer_harness import Watched, screen_text, viewing
 
-from automaton.build.resolve import resolve
 from automaton.commands import main
+from automaton.world.resolve import resolve
 from tui.playback.run_source import reloading
 from tui.screens.reload_error import ReloadErrorScreen
 

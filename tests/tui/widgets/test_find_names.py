@@ -9,11 +9,11 @@ import pytest
 from gate_scenes import gate_scene
 from pod_scenes import pod_scene
 
-from automaton.build.resolve import Resolved
 from automaton.errors import InputError
 from automaton.evidence.history.event_history import EventHistory
 from automaton.evidence.history.snapshot import take_snapshot
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import Resolved
 from tui.screens.find_query import find
 
 CELLS = [[2, 1], [3, 1], [4, 1], [5, 1]]

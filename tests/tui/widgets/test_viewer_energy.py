@@ -24,7 +24,6 @@ from panel_harness import (
 )
 from textual.pilot import Pilot
 
-from automaton.build.resolve import resolve
 from automaton.engine.observation import CAUSES
 from automaton.engine.robot_status import BATTERY_PERCENT, STATUS_FAILED, STATUS_TOWED
 from automaton.engine.state import NIL
@@ -37,6 +36,7 @@ from automaton.evidence.history.charging_words import (
 from automaton.evidence.history.explanation import explain
 from automaton.evidence.history.live_run import LiveRun
 from automaton.evidence.history.snapshot import Snapshot, take_snapshot
+from automaton.world.resolve import resolve
 from tui.playback.panel_view import View
 from tui.screens.find_query import find
 from tui.widgets.inspector import Inspector

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from panel_harness import moment, of_cell, of_robot, shown
 
-from automaton.build.resolve import resolve
 from automaton.commands import main
 from automaton.engine.observation import (
     CAUSE_REDESIGN,
@@ -27,6 +26,7 @@ from automaton.evidence.history.explanation import explain
 from automaton.evidence.history.live_run import LiveRun
 from automaton.evidence.history.snapshot import take_snapshot
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 from strategies.zoning.design.service_zone_lines import coloured, partition_picture
 from strategies.zoning.design.zone_load import load_of
 from strategies.zoning.design.zone_workspace import space_for, zone_rules

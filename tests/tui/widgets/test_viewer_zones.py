@@ -13,13 +13,13 @@ from panel_harness import moment, of_cell, of_robot, shown
 from render_scenes import camera_at, drawn, make_scene, open_floor, shipped, text
 from viewer_harness import mini, record, viewing
 
-from automaton.build.resolve import resolve
 from automaton.engine.observation import CAUSE_REDUCED_SPEED
 from automaton.engine.state import GOAL_PICK, NIL
 from automaton.errors import InputError
 from automaton.evidence.history.snapshot import take_snapshot
 from automaton.floor.traffic_zones import MODES, traffic_zones_of
 from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
 from strategies.routing.astar.frontier import FIFO, LARGER_G, TIES
 from tui.cast.film_making import make_picture
 from tui.cast.film_request import Request

@@ -1,0 +1,323 @@
+"""What a fleet cannot do better, whatever its strategies: bounds that need no run.
+
+work       each order is taken, carried over the cheapest way with the turns that it needs, and set
+           down: N robots need work / N ticks. A load may be dropped on the way and taken up from
+           another side (a bucket brigade): that is a way through a slot, at the cost of handling it
+stations   a station holds one robot: picks and drops at stations, shared evenly among them
+parts      a station works on one part at a time: all its works, but for those that end a route,
+           since a run may end when the last load is delivered; and one part goes through its whole
+           route: its works but the last, and the ways between
+chargers   energy that orders take beyond what batteries hold at the start comes from chargers, or
+           from repairs
+
+Orders that are drawn count as the cheapest that could be drawn, work that is drawn as one tick, and
+parts that come at drawn ticks as if they all came with the first, so the bounds hold for every seed.
+Every robot counts as one that is as fast in each of its operations as the fastest type in that, and
+goes everywhere; with its loads it drives as robots with a load do. Loads are assumed to be moved by
+robots alone: not by one that goes down and leaves its load to the other side.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import math
+from typing import Final, Literal, NamedTuple
+
+import numpy as np
+
+from automaton.engine.state import NIL, Array
+from automaton.floor.cells import STATION
+from automaton.floor.floor_plan import may_turn
+from automaton.floor.reachability import backward_exits, slot_access
+from automaton.scenario.carried_pods import transports_of
+from automaton.scenario.orders import DRAWN, ENDS, Orders, Parts
+from automaton.scenario.robot_types import RobotType
+from automaton.scenario.schema import Battery, ChargeRange
+from automaton.world.charger_places import places_of_chargers
+from automaton.world.resolve import Resolved
+
+MOST_TARGETS: Final = 200  # of a list, each with a search of its own; beyond: the nearest of all
+LEAST_DRAWN: Final = 1  # ticks of work
+LOADLESS: Final = ("visits", "tours")  # generators of orders that drive no load
+
+
+class Bounds(NamedTuple):
+    """What all orders of a scenario take at least."""
+
+    orders: int
+    work: float  # robot ticks of all orders
+    least_order: float  # robot ticks of the shortest
+    longest_order: float  # robot ticks of the longest
+    station_ticks: float  # of each station with picks and drops, if they share them evenly
+    busiest: float  # ticks of work on parts of the station that has most
+    longest_part: float  # ticks of the part that takes longest
+    energy: float  # percent of a battery, all orders
+    held: float  # the same, in each battery at the start
+    given: float  # the same, by all chargers in a tick
+    mended: float  # the same, by each robot and tick, if it is towed and comes back full
+
+
+class Price(NamedTuple):
+    """What operations with a load cost, in ticks or in energy."""
+
+    move: float
+    turn: float
+    handling: float  # a pick and a drop
+
+
+def bounds(resolved: Resolved) -> Bounds:
+    """The bounds of a scenario; they do not depend on the number of robots."""
+    scenario = resolved.scenario
+    fleet, battery = resolved.fleet, scenario.battery
+    turn = fleet.least_loaded_turn
+    handling = fleet.least_pick + fleet.least_drop
+    drives, picks, drops = min_drive_cost(resolved, Price(fleet.least_loaded_move, turn, handling))
+    ticks = handling + drives
+    if scenario.orders.generator in LOADLESS or _visits(resolved):
+        ticks = np.zeros(len(drives))  # a visit may take no operation at all
+    stations = int(np.count_nonzero(resolved.floor_plan.kind == STATION))
+    busy = picks * fleet.least_pick + drops * fleet.least_drop
+    parts = part_bounds(scenario.orders, ticks)
+    energy = 0.0
+    if battery is not None:
+        turns = 0.0 if turn == 0 else min(drained(one, "turn") for one in fleet.types)
+        price = Price(min(drained(one, "move") for one in fleet.types), turns, 0.0)
+        energy = float(min_drive_cost(resolved, price)[0].sum())
+    return Bounds(
+        orders=len(drives),
+        work=float(ticks.sum()),
+        least_order=float(ticks.min(initial=math.inf)),
+        longest_order=float(ticks.max(initial=0)),
+        station_ticks=busy / stations if stations else 0.0,
+        busiest=parts.busiest,
+        longest_part=parts.longest,
+        energy=energy,
+        held=max(_held(one.battery) for one in fleet.types),
+        given=_given(resolved),
+        mended=_mended(resolved),
+    )
+
+
+def least_ticks(found: Bounds, robots: int) -> tuple[float, str]:
+    """Ticks in which so many robots cannot do all orders faster, and why."""
+    lacking = found.energy - robots * found.held
+    income = found.given + robots * found.mended
+    charging = (lacking / income if income else math.inf) if lacking > 0 else 0.0
+    return max(
+        (found.work / robots, f"work of {found.work:,.0f} robot ticks shared by {robots}"),
+        (found.longest_order, "the longest order alone"),
+        (found.station_ticks, "stations hold one robot each"),
+        (found.busiest, "the busiest station works on one part at a time"),
+        (found.longest_part, "one part on its whole route"),
+        (charging, "chargers give no more energy"),
+    )
+
+
+def most_throughput(found: Bounds, robots: int, ticks: float = math.inf) -> tuple[float, str]:
+    """Orders by 1000 ticks that so many robots cannot exceed, and why.
+
+    `ticks`: of a stretch of a run; the first order that a robot delivers there may have begun before.
+    """
+    if not 0 < found.least_order < math.inf:
+        return math.inf, ""
+    return (
+        1000 * robots * (1 / found.least_order + 1 / ticks),
+        f"the shortest order takes a robot {found.least_order:,.0f} ticks",
+    )
+
+
+def min_drive_cost(resolved: Resolved, price: Price) -> tuple[Array, int, int]:
+    """(m,) what each order costs to drive with its load; picks at stations, and drops there."""
+    scenario, floor_plan = resolved.scenario, resolved.floor_plan
+    orders, kinds = scenario.orders, floor_plan.kind.reshape(-1)
+    if orders.listed is not None:
+        pairs = [
+            (floor_plan.cell(*line.ends[0]), floor_plan.cell(*line.ends[1]))
+            for _, line in transports_of(scenario, floor_plan)
+        ]
+        if len(pairs) < len(orders.listed):  # what is between stops counts as nothing
+            return np.zeros(len(orders.listed)), 0, 0
+        picks, drops = (sum(kinds[pair[end]] == STATION for pair in pairs) for end in (0, 1))
+        return _listed_drives(resolved, pairs, price), int(picks), int(drops)
+    if orders.parts is not None:
+        cells = floor_plan.stations.tolist()
+        pairs = [(cells[here - 1], cells[then - 1]) for here, then in ways(orders)]
+        return _listed_drives(resolved, pairs, price), len(pairs), len(pairs)
+    if orders.tasks is not None:
+        return np.zeros(len(orders.tasks)), 0, 0
+    if orders.generator not in ENDS or orders.generator in LOADLESS:
+        return np.zeros(orders.count or 0), 0, 0
+    begin, end = ENDS[orders.generator]
+    slots = floor_plan.slots
+    source, target = slots[kinds[slots] == begin], slots[kinds[slots] == end]
+    if orders.generator == "picture-loads":
+        source = source[floor_plan.loads.reshape(-1)[source] == 1]
+    if orders.generator in DRAWN:
+        count = orders.count or 0
+        if begin == end:  # from a station to another one
+            return np.full(count, float(price.move)), count, count
+        return np.full(count, cheapest(resolved, source, target, price).min()), 0, 0
+    return cheapest(resolved, source, target, price), 0, 0
+
+
+def _listed_drives(resolved: Resolved, pairs: list[tuple[int, int]], price: Price) -> Array:
+    targets = sorted({target for _, target in pairs})
+    if len(targets) > MOST_TARGETS:
+        return cheapest(resolved, np.array([a for a, _ in pairs]), np.array(targets), price)
+    drive: dict[tuple[int, int], float] = {}
+    for cell in targets:
+        sources = sorted({source for source, target in pairs if target == cell})
+        found = cheapest(resolved, np.array(sources), np.array([cell]), price)
+        drive |= {(source, cell): one for source, one in zip(sources, found.tolist(), strict=True)}
+    return np.array([drive[pair] for pair in pairs])
+
+
+def cheapest(resolved: Resolved, source: Array, target: Array, price: Price) -> Array:
+    """(m,) what the drive from each slot to the cheapest of the targets costs; 0 without a way."""
+    floor_plan = resolved.floor_plan
+    index = {cell: row for row, cell in enumerate(floor_plan.slots.tolist())}
+    access = slot_access(floor_plan).tolist()
+    goals = {cell for slot in target.tolist() for cell in access[index[slot]] if cell != NIL}
+    cost = _costs(resolved, goals, access, price)
+    found = [
+        min((cost[axis][c] for c in access[index[slot]] if c != NIL for axis in (0, 1)), default=0)
+        for slot in source.tolist()
+    ]
+    return np.array([one if math.isfinite(one) else 0.0 for one in found])
+
+
+def _costs(
+    resolved: Resolved, goals: set[int], access: list[list[int]], price: Price
+) -> list[list[float]]:
+    """By axis of travel and flat cell: what the way to the cheapest goal costs (Dijkstra)."""
+    floor_plan = resolved.floor_plan
+    back, offsets = backward_exits(floor_plan).tolist(), floor_plan.offsets
+    kind = floor_plan.kind.reshape(-1)
+    turns = may_turn(kind, resolved.fleet.rail).tolist()
+    beside: dict[int, list[int]] = {}  # cell: slots that are served from it
+    for slot, cells in enumerate(access):
+        for cell in cells:
+            beside.setdefault(cell, []).append(slot)
+    limits = floor_plan.min_move_ticks.tolist() if len(floor_plan.min_move_ticks) else None
+    least = resolved.fleet.least_loaded_move
+    cost = [[math.inf] * kind.size for _ in (0, 1)]
+    front = [(0.0, cell, axis) for cell in goals for axis in (0, 1)]
+    through: set[int] = set()
+    while front:
+        so_far, cell, axis = heapq.heappop(front)
+        if so_far >= cost[axis][cell]:
+            continue
+        cost[axis][cell] = so_far
+        for direction in (axis, axis + 2):
+            if back[cell] >> direction & 1:
+                before = cell + offsets[direction]
+                slower = 0.0 if limits is None else slowness(limits[before][direction ^ 2], least)
+                heapq.heappush(front, (so_far + price.move * (1 + slower), before, axis))
+        if turns[cell]:
+            heapq.heappush(front, (so_far + price.turn, cell, 1 - axis))
+        for slot in beside.get(cell, ()):
+            if slot not in through:  # drop there, taken up from any side
+                through.add(slot)
+                for other in access[slot]:
+                    if other != NIL:
+                        both = ((so_far + price.handling, other, one) for one in (0, 1))
+                        for state in both:
+                            heapq.heappush(front, state)
+    return cost
+
+
+def slowness(limit: int, ticks: int) -> float:
+    """By how many times more than these ticks a move takes under a limit."""
+    return max(limit / ticks - 1, 0.0)
+
+
+def _visits(resolved: Resolved) -> bool:
+    listed = resolved.scenario.orders.listed
+    return listed is not None and any(line.source == line.target for line in listed)  # or has stops
+
+
+def drained(robot_type: RobotType, operation: Literal["move", "turn"]) -> float:
+    """Percent of its battery that a move or a turn with a load takes a robot of a type."""
+    assert robot_type.battery is not None
+    drain = robot_type.battery.drain
+    if operation == "move":
+        return drain.loaded_factor * drain.move * robot_type.moves.loaded
+    return drain.loaded_factor * drain.turn * robot_type.turns.loaded
+
+
+def _held(battery: Battery | None) -> float:
+    start = 0.0 if battery is None else battery.initial_charge
+    if isinstance(start, ChargeRange):
+        return start.most
+    return max(start) if isinstance(start, tuple) else start
+
+
+def _given(resolved: Resolved) -> float:
+    if resolved.scenario.battery is None:
+        return 0.0
+    charges = [one.battery.charge_rate for one in resolved.fleet.types if one.battery is not None]
+    rate = max(
+        max(step[1] for step in charge) if isinstance(charge, tuple) else charge
+        for charge in charges
+    )
+    return float(rate * sum(places_of_chargers(resolved.scenario, resolved.floor_plan).values()))
+
+
+def _mended(resolved: Resolved) -> float:
+    faults = resolved.scenario.faults
+    if resolved.scenario.battery is None or faults.tow_after is None or faults.repair_time is None:
+        return 0.0
+    reserves = [one.battery.reserve for one in resolved.fleet.types if one.battery is not None]
+    added = max(reserves) if faults.charge == "kept" else faults.charge
+    return added / max(1, faults.tow_after + faults.repair_time)
+
+
+class PartBounds(NamedTuple):
+    """Ticks in which the parts of a scenario cannot be done faster."""
+
+    busiest: float  # the work of the station that has most
+    longest: float  # the route that takes longest, when its last part has come
+
+
+def ways(orders: Orders) -> list[tuple[int, int]]:
+    """The stations, from 1, between which each order of the parts leads; order by order."""
+    return [
+        way
+        for kind in orders.parts or ()
+        for way in list(itertools.pairwise(kind.route)) * kind.count
+    ]
+
+
+def part_bounds(orders: Orders, ticks: Array) -> PartBounds:
+    """The bounds of parts, of which each order takes a robot at least so many ticks."""
+    busiest: dict[int, float] = {}
+    longest, first = 0.0, 0
+    for kind in orders.parts or ():
+        worked = kind.route[:-1]
+        for number in worked:
+            busiest[number] = busiest.get(number, 0.0) + kind.count * least_work(orders, number)
+        on_its_way = float(ticks[first : first + len(worked)].sum())
+        own_work = sum(least_work(orders, number) for number in worked)
+        longest = max(longest, last_comes(kind) + own_work + on_its_way)
+        first += kind.count * len(worked)
+    return PartBounds(max(busiest.values(), default=0.0), longest)
+
+
+def least_work(orders: Orders, number: int) -> int:
+    """Ticks that a station, by number from 1, needs at least for a part."""
+    time = (
+        orders.processing_time[number - 1]
+        if isinstance(orders.processing_time, tuple)
+        else orders.processing_time
+    )
+    return time if isinstance(time, int) else LEAST_DRAWN
+
+
+def last_comes(kind: Parts) -> int:
+    """The earliest tick in which the last part of a type can come."""
+    return (
+        kind.first_release + (kind.count - 1) * kind.interarrival_time
+        if isinstance(kind.interarrival_time, int)
+        else kind.first_release
+    )

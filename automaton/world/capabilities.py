@@ -1,0 +1,290 @@
+"""What the robots of a scenario can do on its floor: where they begin, what they reach and serve.
+
+Each fact is found once for each type of robots. Of each order it is known where it begins and ends and
+how heavy it is; a type does it if it carries the weight and gets to both ends, and back. Orders that
+are drawn count as all that could be drawn.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from functools import cached_property, lru_cache
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from automaton.engine.state import NIL
+from automaton.floor.cells import STORAGE
+from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.loaded_ways import to_and_from
+from automaton.floor.reachability import rack_stands, slot_access
+from automaton.scenario.carried_pods import transports_of
+from automaton.scenario.document import Keys
+from automaton.scenario.orders import ENDS
+from automaton.scenario.robot_types import (
+    Mask,
+    RobotType,
+    floor_by_type,
+    rows_of,
+    type_of_each,
+    types_of,
+)
+from automaton.scenario.schema import Scenario
+from automaton.world.gate_feasibility import cells_to_start
+from automaton.world.loaded_reach import (
+    LoadEnds,
+    has_closed_ways,
+    parted_ends,
+    reached_with_load,
+    served_with_load,
+    stands,
+)
+
+NO_ZONING = "none"
+# Flat cells of robots 0, 1, ...
+Start = Literal["parking-bays", "random", "racks"] | tuple[int, ...]
+
+
+class Service(NamedTuple):
+    """From where slots are served, and by whom; shared by all runs with the same starts."""
+
+    reachable: npt.NDArray[np.uint8]  # (K, C) 1 = type k gets there from where it begins, and back
+    access: npt.NDArray[np.int32]  # (s, 4) the neighbours of a slot that any type gets to, or NIL
+    accessible: npt.NDArray[np.uint8]  # (K, s) 1 = robots of type k get to one of them
+
+
+@lru_cache(maxsize=64)
+def service_for(
+    floor_plan: FloorPlan,
+    types: tuple[RobotType, ...],
+    homes: tuple[int, ...],
+) -> Service:
+    """Who serves what; `homes`: (K,) where a robot of each type begins."""
+    plans = floor_by_type(floor_plan, rows_of(types, False)).floor_plans
+    each = zip(plans, homes, types, strict=True)
+    within = np.stack([to_and_from(floor, home, one.rail) for floor, home, one in each])
+    beside = slot_access(floor_plan)
+    access = np.where(np.logical_or.reduce(within)[beside], beside, NIL).astype(np.int32)
+    serves = ((access != NIL) & within[:, access]).any(axis=2)
+    service = Service(within.astype(np.uint8), access, serves.astype(np.uint8))
+    for array in service:
+        array.setflags(write=False)
+    return service
+
+
+class FleetOnFloor:
+    """The robots of a scenario on its floor."""
+
+    def __init__(self, scenario: Scenario, floor_plan: FloorPlan, start: Start) -> None:
+        self.scenario = scenario
+        self.floor_plan = floor_plan
+        self.start = start
+        self.types = types_of(scenario)
+        self.type_of = type_of_each(scenario.fleet)  # (n,) by identity
+        self.counts = np.bincount(self.type_of, minlength=len(self.types)).tolist()
+        self.rail = all(one.rail for one in self.types)  # all turn on turntables alone
+        self.drives_under = scenario.pods.under == "empty"  # pods that others are to lift
+        # (K, C) where robots of a type may not begin: nor in storage, where they would bar a pod.
+        self.closed = floor_by_type(floor_plan, rows_of(self.types, False)).closed
+        if not self.drives_under:
+            self.closed = self.closed | (floor_plan.kind.reshape(-1) == STORAGE)
+        self.payload = max(robot_type.payload for robot_type in self.types)
+        # Ticks that they take the fastest robots, without a load or with one.
+        self.least_move = min(move for one in self.types for move in one.moves)
+        self.least_loaded_move = min(one.moves.loaded for one in self.types)
+        self.least_loaded_turn = min(one.turns.loaded for one in self.types)
+        self.least_pick = min(one.durations.pick for one in self.types)
+        self.least_drop = min(one.durations.drop for one in self.types)
+
+    @cached_property
+    def starts(self) -> list[npt.NDArray[np.int64]]:
+        """For each type the cells where its robots may begin."""
+        if isinstance(self.start, tuple):
+            cells = np.array(self.start, np.int64)
+            return [cells[self.type_of == number] for number in range(len(self.types))]
+        if self.start == "parking-bays":
+            homes = self.floor_plan.bays[:, 1].astype(np.int64)
+            return [homes[numbers] for numbers in self.first_open(homes)]
+        if self.start == "racks":
+            cells = np.unique(rack_stands(self.floor_plan)).astype(np.int64)
+        else:
+            cells = np.flatnonzero(self.floor_plan.drivable)
+            cells = cells_to_start(self.scenario, self.floor_plan, cells)
+        return [cells[~closed[cells]] for closed in self.closed]
+
+    def first_open(self, cells: npt.NDArray[Any]) -> list[npt.NDArray[np.intp]]:
+        """For each type the numbers of the first cells that are open to it, one for each of its robots.
+
+        One type after another takes its cells; fewer where they do not suffice.
+        """
+        free = np.ones(len(cells), np.bool_)
+        chosen = []
+        for closed, count in zip(self.closed, self.counts, strict=True):
+            chosen.append(np.flatnonzero(free & ~closed[cells])[:count])
+            free[chosen[-1]] = False
+        return chosen
+
+    @cached_property
+    def service(self) -> Service:
+        """Who serves what, from the first cells where robots may begin."""
+        homes = tuple(int(cells[0]) for cells in self.starts)
+        return service_for(self.floor_plan, self.types, homes)
+
+    @cached_property
+    def within(self) -> Mask:
+        """(K, C) the cells that robots of each type get to from where they begin, and back."""
+        return self.service.reachable.astype(np.bool_)
+
+    @cached_property
+    def served(self) -> Mask:
+        """(K, s) the slots that robots of each type get to from where they begin, and back.
+
+        If need be also with their loads: from where loads lie to where they go.
+        """
+        return served_with_load(self.service.access, self.loaded)
+
+    @cached_property
+    def loaded(self) -> Mask:
+        """(K, C) the cells that robots of each type get to with a load, and on from there."""
+        return self.with_load(self.service)
+
+    def with_load(self, service: Service) -> Mask:
+        """The same for robots that begin in other places."""
+        within = service.reachable.astype(np.bool_)
+        if not has_closed_ways(self.floor_plan, self.types):
+            return within
+        return reached_with_load(self.floor_plan, self.types, within, self.load_ends)
+
+    @cached_property
+    def load_ends(self) -> LoadEnds:
+        """Between which cells loads are carried; where robots hand them over, between all slots."""
+        slots, listed = self.floor_plan.slots.astype(np.int64), self.scenario.orders.listed or ()
+        stops = [
+            self.floor_plan.cell(*xy) for line in listed if line.has_load for xy in line.stop_cells
+        ]
+        at = np.array(stops, np.int64)
+        if self.hands_over:
+            return LoadEnds(slots, slots, at)
+        ways = list(self.orders())
+        ends = [np.concatenate([slots[:0], *(way[k] for way in ways)]) for k in (2, 3)]
+        return LoadEnds(np.unique(ends[0]), np.unique(ends[1]), at)
+
+    @property
+    def hands_over(self) -> bool:
+        """Whether robots may pass loads on."""
+        zoning = self.scenario.strategy.zoning
+        return (zoning if isinstance(zoning, str) else zoning.get("name")) != NO_ZONING
+
+    def parted(self) -> tuple[str, int, int] | None:
+        """A type with a load and two cells: where it picks one up, and where it does not get with it."""
+        if all(one.closed_empty == one.closed_loaded for one in self.types):
+            return None
+        plans = floor_by_type(self.floor_plan, rows_of(self.types, True)).floor_plans
+        every = self.load_ends
+        ways = {(tuple(way.source.tolist()), tuple(way.target.tolist())) for way in self.orders()}
+        if self.hands_over:
+            ways = {(tuple(every.sources.tolist()), tuple(every.targets.tolist()))}
+        for kind, robot_type in enumerate(self.types):
+            known: dict[int, Mask] = {}
+            for way in sorted(ways):
+                begin, end = (
+                    stands(self.floor_plan, np.array(cells), every.stops, self.loaded[kind])
+                    for cells in way
+                )
+                pair = parted_ends(
+                    plans[len(self.types) + kind], begin, end, robot_type.rail, known
+                )
+                if pair != (NIL, NIL):
+                    return robot_type.name, *pair
+        return None
+
+    @cached_property
+    def slot_of(self) -> dict[int, int]:
+        """The number of the slot in a flat cell."""
+        return {cell: slot for slot, cell in enumerate(self.floor_plan.slots.tolist())}
+
+    def orders(self, by_ends: bool = False) -> Iterator[Way]:
+        """All orders of the scenario that have a load; of listed ones that are alike, the first.
+
+        `by_ends`: those of which each end is as in some order before them are left out, too.
+        """
+        orders, floor_plan = self.scenario.orders, self.floor_plan
+        known: set[tuple[Any, ...]] = set()
+        for index, line in transports_of(self.scenario, floor_plan):
+            weight, (begin, end) = line.weight, line.ends
+            apart = ((begin, None, weight), (None, end, weight))
+            facts = apart if by_ends else ((begin, end, weight),)
+            if known.issuperset(facts):
+                continue
+            known.update(facts)
+            source, target = (np.array([floor_plan.cell(*end)]) for end in line.ends)
+            yield Way(("orders", "list", index), f"order {index}", source, target, line.weight)
+        stations = floor_plan.stations.astype(np.int64)
+        for row, parts in enumerate(orders.parts or ()):
+            name = parts.name or f"parts {row + 1}"
+            for here, then in itertools.pairwise(parts.route):
+                what = f"the way of {name} from station {here} to {then}"
+                source, target = stations[[here - 1]], stations[[then - 1]]
+                yield Way(("orders", "parts", row), what, source, target, parts.weight)
+        if orders.generator in ENDS:
+            slots = floor_plan.slots.astype(np.int64)
+            kinds = floor_plan.kind.reshape(-1)[slots]
+            served = self.service.accessible.any(axis=0)
+            begin, end = (slots[(kinds == kind) & served] for kind in ENDS[orders.generator])
+            if orders.generator == "picture-loads":
+                begin = begin[floor_plan.loads.reshape(-1)[begin] == 1]
+            weight = orders.weight if isinstance(orders.weight, int) else orders.weight.most
+            keys: Keys = ("orders", "generator")
+            yield Way(keys, "an order", begin, end, weight, orders.generator == "visits")
+
+    def abilities(self, way: Way) -> list[Mask]:
+        """(2, K, most ends) whether a type can begin an order at each source, and end it."""
+        carries = np.array([robot_type.payload >= way.weight for robot_type in self.types])
+        return [
+            self.served[:, [self.slot_of[cell] for cell in cells.tolist()]] & carries[:, None]
+            for cells in (way.source, way.target)
+        ]
+
+    def impossible(self) -> tuple[Way, str, int] | None:
+        """The first order that no robot can do: "begins" or "ends" in the cell; "", NIL: too heavy."""
+        for way in self.orders(by_ends=True):
+            if way.weight > self.payload:
+                return way, "", NIL
+            ends = zip(
+                ("begins", "ends"), (way.source, way.target), self.abilities(way), strict=True
+            )
+            for verb, cells, able in ends:
+                lost = np.flatnonzero(~able.any(axis=0))
+                if lost.size:
+                    return way, verb, int(cells[lost[0]])
+        return None
+
+    def handed_over(self) -> str:
+        """A sentence on the first order that no type carries all the way; "" if there is none."""
+        if len(self.types) == 1:
+            return ""
+        for way in self.orders():
+            begins, ends = self.abilities(way)
+            together = begins.astype(int).T @ ends.astype(int)
+            lost = np.argwhere(together == 0)
+            if lost.size and not way.stays:
+                source, target = way.source[lost[0][0]], way.target[lost[0][1]]
+                (x, y), (u, v) = self.floor_plan.xy(source), self.floor_plan.xy(target)
+                return (
+                    f"{way.what} from [{x}, {y}] to [{u}, {v}] is carried all the way by no type of "
+                    "robot; only zoning hands orders over from one type to another"
+                )
+        return ""
+
+
+class Way(NamedTuple):
+    """Orders that lead from some slots to some slots."""
+
+    keys: Keys
+    what: str  # as errors call them
+    source: npt.NDArray[np.int64]  # flat cells
+    target: npt.NDArray[np.int64]
+    weight: int  # of the heaviest
+    stays: bool = False  # each ends where it begins: a visit

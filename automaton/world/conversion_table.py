@@ -1,0 +1,137 @@
+"""What is lost where times, speeds and rates become whole numbers, and which tick would lose less.
+
+    durations.move 1.5 m/s: 1.6 ticks -> 2, 25 % slower
+
+Times and lengths become whole ticks and cells, rates of batteries whole units of charge.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import Final, NamedTuple
+
+from automaton.engine.robot_status import BATTERY_PERCENT
+from automaton.scenario.amounts import Dimension
+from automaton.scenario.conversions import Conversion, rounded
+from automaton.units import Unit, duration, number
+from automaton.world.resolve import Resolved
+
+TOLERANCE: Final = Fraction(2, 100)
+TICKS_TO_CHOOSE_FROM: Final = tuple(
+    Fraction(text) for text in ("1", "0.5", "0.25", "0.2", "0.1", "0.05", "0.02", "0.01")
+)  # seconds
+MOST_SHOWN: Final = 20
+
+
+class Rounding(NamedTuple):
+    """A conversion as the world counts it."""
+
+    conversion: Conversion
+    exact: Fraction
+    value: int
+    counted: str  # for one: "tick"
+
+    @property
+    def error(self) -> Fraction:
+        """How much too large the value is, as a share of what is wanted."""
+        return self.value / self.exact - 1 if self.exact else Fraction(0)
+
+    def line(self, tick: Unit) -> str:
+        """What was written, what it is exactly and in the world, and by how much that differs."""
+        written = f"{self.conversion.key} {self.conversion.text}"
+        counted = f"{shown(self.exact)} {self.counted}{'' if self.exact == 1 else 's'}"
+        return f"{written}: {counted} -> {self.value:,}, {self.difference(tick)}"
+
+    def difference(self, tick: Unit) -> str:
+        """How far it is off: "25 % slower"; of points in time: "0.2 s later"."""
+        off = self.value - self.exact
+        if self.conversion.is_moment:
+            value, name = duration(abs(float(off)), tick)
+            return f"{number(value)} {name} {'later' if off > 0 else 'earlier'}"
+        more, less = ("longer", "shorter")
+        if self.conversion.is_over_time:
+            more, less = ("slower", "faster")
+        elif self.conversion.dimension == Dimension.PERCENT_RATE:
+            more, less = ("more", "less")
+        return f"{in_percent(abs(self.error))} {more if off > 0 else less}"
+
+    def error_with(self, tick: Fraction, former: Fraction) -> Fraction:
+        """The share that it would be off, were a tick so many seconds and not as many as it is."""
+        per_tick = self.conversion.dimension == Dimension.PERCENT_RATE
+        exact = self.exact * (tick / former if per_tick else former / tick)
+        if not exact:
+            return exact
+        bounds = self.conversion.bounds
+        value = rounded(exact)
+        if bounds.is_whole and not bounds.hold(value):
+            return Fraction(1)
+        return abs(value / exact - 1)
+
+
+def roundings(resolved: Resolved) -> list[Rounding]:
+    """All texts of a scenario that became whole numbers of its world."""
+    conversions = list(resolved.conversions)
+    for _, choice in resolved.choices:
+        conversions += choice.conversions
+    return [one for one in map(_rounding, conversions) if one is not None]
+
+
+def _rounding(conversion: Conversion) -> Rounding | None:
+    if conversion.dimension == Dimension.PERCENT_RATE:
+        from automaton.world.rules import charge_units  # needs Numba, as most checks do not
+
+        exact, value = conversion.exact * BATTERY_PERCENT, charge_units(conversion.value)
+        return Rounding(conversion, exact, value, "unit")
+    if not conversion.bounds.is_whole:
+        return None
+    return Rounding(conversion, conversion.exact, int(conversion.value), conversion.counted)
+
+
+def conversion_lines(resolved: Resolved) -> list[str]:
+    """A line for each conversion that is not exact, in the sequence of the keys; of many, the worst."""
+    tick = resolved.scenario.units.scale.unit
+    inexact = [one for one in roundings(resolved) if one.exact != one.value]
+    inexact_lines = [one.line(tick) for one in inexact[:MOST_SHOWN]]
+    if len(inexact) > MOST_SHOWN:
+        inexact.sort(key=lambda one: -abs(one.error))
+        inexact_lines = [one.line(tick) for one in inexact[:MOST_SHOWN]]
+        inexact_lines.append(f"... and {len(inexact) - MOST_SHOWN:,} more that are off by less")
+    return inexact_lines
+
+
+def coarse_conversions(resolved: Resolved) -> list[str]:
+    """Warn about conversions that are far off, and name the largest tick with which none is."""
+    durations = [one for one in roundings(resolved) if not one.conversion.is_moment]
+    groups = (
+        [one for one in durations if one.counted != "cell"],
+        [one for one in durations if one.counted == "cell"],
+    )
+    scale, sentences = resolved.scenario.units.scale, []
+    for group in groups:
+        worst = max(group, key=lambda one: abs(one.error), default=None)
+        if worst is not None and abs(worst.error) > TOLERANCE:
+            hint = "only another units.cell changes that"
+            if worst.counted != "cell":
+                hint = _fitting_tick(group, scale.tick_seconds)
+            sentences.append(f"{worst.line(scale.unit)}; {hint}")
+    return sentences
+
+
+def _fitting_tick(group: list[Rounding], former: Fraction) -> str:
+    within = f"within {in_percent(TOLERANCE)}"
+    for tick in TICKS_TO_CHOOSE_FROM:
+        if all(one.error_with(tick, former) <= TOLERANCE for one in group):
+            return f"with units.tick: {shown(tick)} s all times are {within}"
+    first, last = TICKS_TO_CHOOSE_FROM[0], TICKS_TO_CHOOSE_FROM[-1]
+    return f"no tick from {shown(first)} to {shown(last)} s keeps all times {within}"
+
+
+def shown(value: Fraction) -> str:
+    """A number with up to six digits."""
+    return f"{float(value):,.6g}"
+
+
+def in_percent(share: Fraction) -> str:
+    """A share as percent, with two digits below 10: "0.36 %", "25 %"."""
+    percent = 100 * float(share)
+    return f"{percent:.2g} %" if percent < 10 else f"{percent:,.0f} %"

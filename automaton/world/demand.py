@@ -1,0 +1,351 @@
+"""The orders of a run at tick 0: the slots between which they are carried, and when they are released.
+
+They are released at once, one by one, in bursts, in a closed loop, or as listed; those of parts when
+the job before them is done. Draws are addressed by the seed and the number of an order or a burst
+alone, so that all fleets and strategies face the same demand; of a closed loop only the sequence is
+drawn, and its ticks follow from the deliveries.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from automaton.engine import random_numbers
+from automaton.engine.facilities import Slots, Stations
+from automaton.engine.releases import draw_releases
+from automaton.engine.state import NEVER, NIL, ORDER_UNRELEASED, ORDER_WAITING, Array, Orders
+from automaton.engine.stops import Stops
+from automaton.floor.cells import DESTINATION, DOCK, RACK, STATION
+from automaton.scenario.orders import DRAWN, Bursts, Mean, MeanTime, OrderLine
+from automaton.scenario.orders import Orders as OrdersGiven
+from automaton.scenario.schema import Scenario
+from automaton.world.capabilities import FleetOnFloor, Service, service_for
+from automaton.world.geometric_draws import geometric
+from automaton.world.loaded_reach import served_with_load
+from automaton.world.prepared_floor import Floor
+from automaton.world.resolve import Resolved
+from automaton.world.rules import may_fail
+from automaton.world.task_lists import assign_in_turn, order_count
+from automaton.world.tours import build_stops
+
+DRAW_RELEASE_SEQUENCE, DRAW_WEIGHT = 2, 3  # what is drawn of an order, beside its two ends
+SIZES, GAPS, PARTS = 1, 2, 3  # what is drawn of a burst; PARTS + k: gaps between parts of type k
+
+
+def build_orders(
+    resolved: Resolved, floor: Floor, seed: int, homes: Array
+) -> tuple[Orders, Slots, Stops]:
+    """Orders by slot (table order), as listed, or as drawn, the slots, and the stops of orders.
+
+    Slots are served from the cells that robots can reach, and come back from. `homes`: (n,) where
+    each robot begins, by identity.
+    """
+    fleet = resolved.fleet
+    first = np.cumsum([0, *fleet.counts[:-1]])  # robots of each type begin in one part of the floor
+    service = service_for(resolved.floor_plan, fleet.types, tuple(homes[first].tolist()))
+    if resolved.scenario.orders.parts is not None:
+        source, target, released = part_orders(resolved, floor.grid.slot)
+        coming = np.full(len(source), NIL)
+    else:
+        source, target = sources_and_targets(resolved, floor, service.access, seed)
+        released, coming = releases(resolved.scenario, len(source), seed)
+    weight = weights(resolved.scenario.orders, len(source), seed)
+    slots = slots_of(resolved, floor, service, source)
+    first_stop, stops = build_stops(resolved, service, len(source), seed)
+    orders = orders_of(source, target, released, coming, weight, first_stop)
+    if resolved.scenario.orders.listed is not None:
+        orders.priority[:] = [line.priority for line in resolved.scenario.orders.listed]
+        orders.due[:] = due_ticks(resolved.scenario.orders.listed)
+    if resolved.scenario.orders.assign == "round-robin":
+        assign_in_turn(orders, stops, homes, resolved.scenario.orders.skip_reached)
+    return orders, slots, stops
+
+
+def weights(orders: OrdersGiven, count: int, seed: int) -> Array:
+    """(count,) int32: how heavy each order is."""
+    if orders.listed is not None:
+        return np.array([line.weight for line in orders.listed], np.int32)
+    if orders.parts is not None:
+        ways = [kind.count * (len(kind.route) - 1) for kind in orders.parts]
+        return np.repeat(np.array([kind.weight for kind in orders.parts], np.int32), ways)
+    if isinstance(orders.weight, int):
+        return np.full(count, orders.weight, np.int32)
+    least, most = orders.weight.least, orders.weight.most
+    above = np.zeros(count, np.int32)
+    with np.errstate(over="ignore"):
+        random_numbers.random_integers(
+            above, most - least + 1, np.uint64(seed), random_numbers.STREAM_ORDERS, DRAW_WEIGHT
+        )
+    heavy: Array = least + above
+    return heavy
+
+
+def due_ticks(listed: Iterable[OrderLine]) -> list[int]:
+    """Until when each order is to be done: as far off as an array holds, NEVER if it has no due time."""
+    ticks = (line.due_tick for line in listed)
+    return [NEVER if tick is None else min(tick, NEVER - 1) for tick in ticks]
+
+
+def orders_of(
+    source: Array,
+    target: Array,
+    released: Array,
+    coming: Array,
+    weight: Array,
+    first_stop: Array,
+) -> Orders:
+    """Orders of which nothing is done yet; from, to, known from, in which sequence, how heavy.
+
+    All of them are (m,), and (m + 1,) where their stops begin.
+    """
+    return Orders.sized(
+        state=np.where(released > 0, ORDER_UNRELEASED, ORDER_WAITING).astype(np.uint8),
+        current_slot=source.astype(np.int32).copy(),
+        source=source.astype(np.int32),
+        target=target.astype(np.int32),
+        release_tick=released.astype(np.int32),
+        weight=weight.astype(np.int32),
+        release_sequence=coming.astype(np.int32),
+        first_stop=first_stop,
+    )
+
+
+def slots_of(resolved: Resolved, floor: Floor, service: Service, source: Array) -> Slots:
+    """The slots of the floor with the loads of orders that begin at `source`, and spare ones."""
+    spare = len(floor.slot_cell)
+    more = resolved.scenario.fleet.robots if may_fail(resolved.scenario) else 0
+    content = np.full(spare + more, NIL, np.int32)
+    with_load = np.flatnonzero(source != NIL)
+    on_shelf = with_load[floor.slot_endless[source[with_load]] == 0]
+    content[source[on_shelf]] = on_shelf
+    reachable, accessible = service.reachable, service.accessible
+    if len(floor.move) > len(reachable):
+        reachable, accessible = with_loaded_types(resolved.fleet, service)
+    nobody = np.zeros((len(reachable), more), np.uint8)
+    cell = np.concatenate([floor.slot_cell, np.full(more, NIL, np.int32)])
+    return Slots.sized(
+        cell=cell,
+        unbounded=np.concatenate([floor.slot_endless, np.ones(more, np.uint8)]),
+        content=content,
+        access=np.concatenate([service.access, np.full((more, 4), NIL, np.int32)]),
+        accessible=np.concatenate([accessible, nobody], axis=1),
+        first_spare=spare,
+        reachable=reachable,
+    )
+
+
+def with_loaded_types(fleet: FleetOnFloor, service: Service) -> tuple[Array, Array]:
+    """(2 K, C) and (2 K, s): what is reachable and accessible to each type, and to it with a load."""
+    loaded = fleet.with_load(service)
+    serves = served_with_load(service.access, loaded)
+    return (
+        np.concatenate([service.reachable, loaded]).astype(np.uint8),
+        np.concatenate([serves, serves]).astype(np.uint8),
+    )
+
+
+def sources_and_targets(
+    resolved: Resolved, floor: Floor, access: Array, seed: int
+) -> tuple[Array, Array]:
+    """(m,) slots where the orders begin and end; NIL for those without a load."""
+    orders = resolved.scenario.orders
+    kinds = floor.grid.kind[floor.slot_cell]
+    if orders.listed is not None:
+        cell, slot_of = resolved.floor_plan.cell, floor.grid.slot
+        ends = [
+            [NIL if end is None else slot_of[cell(*end)] for end in (line.source, line.target)]
+            for line in orders.listed
+        ]
+        source, target = np.array(ends, np.int32).T
+        return source, target
+    if orders.lines is not None:  # trips are known in the run
+        return np.zeros(0, np.int32), np.zeros(0, np.int32)
+    if orders.generator == "tours" or orders.tasks is not None:
+        count = order_count(resolved.scenario, resolved.floor_plan)
+        return np.full(count, NIL, np.int32), np.full(count, NIL, np.int32)
+    if orders.generator in DRAWN:
+        served = (access != NIL).any(axis=1)
+        count = orders.count or 0
+        if orders.generator == "dock-to-rack":
+            docks, racks = (np.flatnonzero((kinds == kind) & served) for kind in (DOCK, RACK))
+            return drawn(docks, count, seed, 0), drawn(racks, count, seed, 1)
+        return among_stations(np.flatnonzero((kinds == STATION) & served), orders, seed)
+    loaded = floor.slot_endless == 0
+    if orders.generator == "picture-loads":
+        loaded &= resolved.floor_plan.loads.reshape(-1)[floor.slot_cell] == 1
+    source = np.flatnonzero(loaded).astype(np.int32)
+    return source, drawn(np.flatnonzero(kinds == DESTINATION), len(source), seed, 0)
+
+
+def among_stations(stations: Array, orders: Any, seed: int) -> tuple[Array, Array]:
+    """(m,) slots of visits, or of transports between two different stations."""
+    source = drawn(stations, orders.count, seed, 0)
+    if orders.generator == "visits":
+        return source, source.copy()
+    others = drawn(np.arange(len(stations) - 1), orders.count, seed, 1)
+    at = np.searchsorted(stations, source)
+    target: Array = stations[(at + 1 + others) % len(stations)].astype(np.int32)
+    return source, target
+
+
+def drawn(slots: Array, count: int, seed: int, what: int) -> Array:
+    """(count,) int32: slots drawn uniformly, with replacement; `what` tells the draws apart."""
+    choice = np.zeros(count, np.int32)
+    with np.errstate(over="ignore"):
+        random_numbers.random_integers(
+            choice, len(slots), np.uint64(seed), random_numbers.STREAM_ORDERS, what
+        )
+    chosen: Array = slots[choice].astype(np.int32)
+    return chosen
+
+
+def routes(orders: OrdersGiven) -> list[tuple[int, ...]]:
+    """The stations of each part: parts as listed, one after another."""
+    return [kind.route for kind in orders.parts or () for _ in range(kind.count)]
+
+
+def part_ticks(orders: OrdersGiven, seed: int) -> list[int]:
+    """The tick in which each part comes."""
+    ticks: list[int] = []
+    for row, kind in enumerate(orders.parts or ()):
+        between = gaps(kind.interarrival_time, kind.count, seed, PARTS + row)
+        after = np.concatenate([[0], np.cumsum(between[:-1])])
+        ticks += np.minimum(kind.first_release + after, NEVER - 1).tolist()
+    return ticks
+
+
+def work_ticks(orders: OrdersGiven, station: Array, part: Array, place: Array, seed: int) -> Array:
+    """(j,) int64: ticks of works, by station from 0; what is drawn, by part and place in its route."""
+    ticks = np.zeros(len(station), np.int64)
+    times = (
+        orders.processing_time
+        if isinstance(orders.processing_time, tuple)
+        else (orders.processing_time,)
+    )
+    for number, time in enumerate(times):
+        here = np.flatnonzero(station == number) if len(times) > 1 else np.arange(len(ticks))
+        if isinstance(time, int):
+            ticks[here] = time
+        else:
+            ticks[here] = geometric(
+                time.mean, seed, random_numbers.STREAM_PROCESSING_TIMES, part[here], place[here]
+            )
+    return ticks
+
+
+def part_orders(resolved: Resolved, slot_of: Array) -> tuple[Array, Array, Array]:
+    """(m,) each: slots where the orders of all parts begin and end, and when they are released."""
+    slots = slot_of[resolved.floor_plan.stations]
+    ways = [
+        (slots[here - 1], slots[then - 1])
+        for route in routes(resolved.scenario.orders)
+        for here, then in itertools.pairwise(route)
+    ]
+    source, target = np.array(ways, np.int32).reshape(-1, 2).T
+    return source, target, np.full(len(ways), NEVER, np.int64)
+
+
+def build_stations(
+    resolved: Resolved, slot_of: Array, slots: int, orders: int, seed: int
+) -> Stations:
+    """The stations of the floor, by number, and the works of all parts; `slots` counts spare ones."""
+    scenario = resolved.scenario.orders
+    cells = resolved.floor_plan.stations
+    at = np.full(slots, NIL, np.int32)
+    at[slot_of[cells]] = np.arange(len(cells), dtype=np.int32)
+    works: list[tuple[int, int, int, int, int]] = []  # station, place, part, frees, came
+    arrives = np.full(orders, NIL, np.int32)
+    order = 0
+    coming = part_ticks(scenario, seed)
+    for part, route in enumerate(routes(scenario)):
+        for place, number in enumerate(route):
+            last = place == len(route) - 1
+            if place:
+                arrives[order - 1] = len(works)
+            came = NIL if place else coming[part]
+            works.append((number - 1, place, part, NIL if last else order, came))
+            order += not last
+    table = np.array(works, np.int32).reshape(-1, 5).T
+    station, place_of, part_of, frees, comes = (column.copy() for column in table)
+    entering = np.flatnonzero(comes != NIL).astype(np.int32)
+    entering = entering[np.argsort(comes[entering], kind="stable")]
+    return Stations.sized(
+        at=at,
+        slot=slot_of[cells].astype(np.int32),
+        part_arrivals=entering,
+        station=station,
+        processing_time=work_ticks(scenario, station, part_of, place_of, seed).astype(np.int32),
+        part=part_of,
+        releases_order=frees,
+        arrival_tick=comes,
+        job_of_order=arrives,
+    )
+
+
+def releases(scenario: Scenario, count: int, seed: int) -> tuple[Array, Array]:
+    """(count,) int64 each: the ticks from which orders are known, and their sequence."""
+    orders = scenario.orders
+    if orders.listed is not None:
+        released = np.array([line.release for line in orders.listed], np.int64)
+        return released, np.argsort(released, kind="stable")
+    last, in_system = scenario.stop.max_duration + 1, orders.in_system(scenario.fleet.robots)
+    ticks = np.minimum(ticks_by_rank(orders, count, seed, last, in_system), NEVER)
+    sequence = np.arange(count)
+    if (
+        orders.generator not in (*DRAWN, None) and ticks.any()
+    ):  # not one row of shelves after the other
+        sequence = drawn_sequence(count, seed)
+    released = np.zeros(count, np.int64)
+    released[sequence] = ticks
+    return released, sequence if in_system else np.argsort(released, kind="stable")
+
+
+def ticks_by_rank(
+    orders: OrdersGiven, count: int, seed: int, last: int, in_system: int = 0
+) -> Array:
+    """(count,) int64: the tick of the first order, of the second, ...; those after `last` at it.
+
+    With a mean_interarrival_time, the first at once and then one in each tick with probability
+    1/mean_interarrival_time.
+    """
+    ticks = np.zeros(count, np.int64)
+    arrivals = orders.arrivals
+    if orders.mean_interarrival_time:
+        with np.errstate(over="ignore"):
+            chance = round(2**32 / orders.mean_interarrival_time)
+            draw_releases(ticks, chance, np.uint64(seed), last)
+    elif arrivals is not None and arrivals.bursts is not None:
+        ticks = np.minimum(burst_ticks(arrivals.bursts, count, seed), last)
+    elif in_system:
+        ticks[in_system:] = NEVER
+    return ticks
+
+
+def burst_ticks(bursts: Bursts, count: int, seed: int) -> Array:
+    """(count,) int64: the tick of the burst to which each order belongs; the first one is at 0."""
+    sizes = gaps(bursts.size, count, seed, SIZES)  # no burst is empty
+    ticks = np.concatenate([[0], np.cumsum(gaps(bursts.every, count, seed, GAPS)[:-1])])
+    by_order: Array = np.repeat(ticks, np.minimum(sizes, count))[:count]
+    return by_order
+
+
+def gaps(value: int | Mean | MeanTime, count: int, seed: int, what: int) -> Array:
+    """(count,) int64: a number given, or drawn for each."""
+    if isinstance(value, int):
+        return np.full(count, value, np.int64)
+    return geometric(value.mean, seed, random_numbers.STREAM_RELEASES, np.arange(count), what)
+
+
+def drawn_sequence(count: int, seed: int) -> Array:
+    """(count,) int64: all orders in a random sequence."""
+    keys = np.zeros(count, np.uint64)
+    numbers, what = np.arange(count), np.full(count, DRAW_RELEASE_SEQUENCE)
+    with np.errstate(over="ignore"):
+        random_numbers.random_bits_of_each(
+            keys, np.uint64(seed), random_numbers.STREAM_ORDERS, what, numbers
+        )
+    return np.argsort(keys, kind="stable")

@@ -1,0 +1,257 @@
+"""The pods of a floor at tick 0, the stations to which they are carried, and the lines to be done."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from automaton.engine.facilities import Slots
+from automaton.engine.pods import Lines, Pods, PodStations, Trips
+from automaton.engine.state import NEVER, NIL, ORDER_UNRELEASED, Array, Orders
+from automaton.engine.stops import Stops
+from automaton.floor.cells import STORAGE
+from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.travel_ticks import ticks_between
+from automaton.scenario.carried_pods import carries_pods
+from automaton.scenario.pod_file import pod_cells, skus_of
+from automaton.scenario.schema import Handling, Scenario
+from automaton.world.handling_times import handling_of_lines, whole_micro
+from automaton.world.lines import LineColumns, class_ends, classes_given, line_columns
+from automaton.world.prepared_floor import Floor
+from automaton.world.queues import queue_path
+from automaton.world.resolve import Resolved
+from automaton.world.station_numbers import station_numbers
+from automaton.world.visit_bounds import loaded_driving
+
+
+class PodWorld(NamedTuple):
+    """What a world has of pods; without lines all of it is empty, and other orders rule."""
+
+    pods: Pods
+    lines: Lines
+    trips: Trips
+    stations: PodStations
+    orders: Orders | None = None
+    stops: Stops | None = None
+
+
+def build_pods(
+    resolved: Resolved, floor: Floor, slots: Slots, listed: Orders, seed: int
+) -> PodWorld:
+    """Pods where they are listed or drawn, the stations, and lines with room for their trips.
+
+    Enters the pods into `slots.content`; `listed`: the orders of a list, none of which is known yet
+    where some carry pods.
+    """
+    scenario, floor_plan = resolved.scenario, resolved.floor_plan
+    if not carries_pods(scenario, floor_plan):
+        return PodWorld(
+            Pods.sized(NOTHING),
+            Lines.sized(NOTHING),
+            Trips.sized(NOTHING),
+            PodStations.sized(NOTHING),
+        )
+    cells = pod_cells(scenario, floor_plan)
+    home = floor.grid.slot[cells].astype(np.int32)
+    slots.content[home] = np.arange(len(home), dtype=np.int32)
+    if scenario.orders.lines is None:
+        return of_listed_orders(resolved, home, floor.grid.slot, listed)
+    numbers = station_numbers(scenario, floor_plan)
+    columns = line_columns(scenario, len(home), numbers, seed)
+    rules = handling_rules(scenario, floor_plan)
+    count, stops = len(columns.order), scenario.pods.max_stops
+    lines = lines_of(columns, list(dict.fromkeys(rules)), seed)
+    away = ticks_from_slots(resolved, floor.grid.slot) if (columns.sku != NIL).any() else None
+    sizes = {"l": count, "w": count * stops, "r": scenario.fleet.robots, "listed": 0}
+    demand = np.bincount(columns.pod[columns.pod != NIL], minlength=len(home))
+    return PodWorld(
+        pods=pods_of(resolved, demand, columns.pod_class, home, floor.grid.slot),
+        lines=lines,
+        trips=Trips.sized(sizes),
+        stations=stations_of(scenario, floor_plan, rules, away),
+        orders=trip_orders(count, stops),
+        stops=Stops.sized({"v": count * stops}, cell=np.full(count * stops, NIL, np.int32)),
+    )
+
+
+def of_listed_orders(resolved: Resolved, home: Array, slot_of: Array, listed: Orders) -> PodWorld:
+    """The pods that orders of a list carry; which of them each order is about."""
+    scenario, floor_plan = resolved.scenario, resolved.floor_plan
+    pod_in = np.full(len(floor_plan.slots) + 1, NIL, np.int32)  # the last one: no slot
+    pod_in[home] = np.arange(len(home), dtype=np.int32)
+    pod = pod_in[listed.source]
+    carries = pod != NIL
+    pods = pods_of(
+        resolved,
+        np.bincount(pod[carries], minlength=len(home)),
+        np.array(classes_given(scenario), np.int64),
+        home,
+        slot_of,
+    )
+    listed.state[:] = ORDER_UNRELEASED
+    listed.weight[carries] = np.maximum(listed.weight[carries], pods.weight[pod[carries]])
+    sizes = {"w": int(listed.first_stop[-1]), "r": scenario.fleet.robots, "listed": len(pod)}
+    return PodWorld(
+        pods=pods,
+        lines=Lines.sized(NOTHING),
+        trips=Trips.sized(sizes, pod=pod),
+        stations=stations_of(scenario, floor_plan, handling_rules(scenario, floor_plan), None),
+    )
+
+
+NOTHING = dict.fromkeys((*"plqhswrkcbd", "skus", "held", "listed"), 0)
+
+
+def handling_rules(scenario: Scenario, floor_plan: FloorPlan) -> list[Handling]:
+    """How long a visit takes, by station."""
+    usual = scenario.durations.handling
+    rules = [usual] * len(floor_plan.stations)
+    numbers = station_numbers(scenario, floor_plan)
+    for name, station in scenario.stations.items():
+        rules[numbers[name]] = station.handling or usual
+    return rules
+
+
+def pods_of(
+    resolved: Resolved, demand: Array, as_listed: Array, home: Array, slot_of: Array
+) -> Pods:
+    """The pods in their slots, and the classes of pods and of storage cells.
+
+    `demand`: (p,) how often each is wanted; `as_listed`: (p,) its class, or nothing: by demand.
+    """
+    floor_plan, classes = resolved.floor_plan, resolved.scenario.pods.classes
+    slots = len(floor_plan.slots)
+    pod_class, slot_class = np.zeros(len(home), np.int16), np.full(slots, NIL, np.int16)
+    cells = np.flatnonzero(floor_plan.kind.reshape(-1) == STORAGE)
+    slot_class[slot_of[cells]] = 0
+    if classes is not None:
+        shares = list(classes.values())
+        pod_class = as_listed.astype(np.int16) if len(as_listed) else ranked(-demand, shares)
+        slot_class[slot_of[cells]] = ranked(ticks_to_stations(resolved)[cells], shares)
+    first, holders = pods_by_sku(resolved.scenario)
+    listed = resolved.scenario.pods.listed
+    weight = [1] * len(home) if listed is None else [pod.weight for pod in listed]
+    return Pods.sized(
+        {"p": len(home), "s": slots},
+        slot=home,
+        home=home.copy(),
+        pod_class=pod_class,
+        slot_class=slot_class,
+        weight=np.array(weight, np.int32),
+        sku_first=first,
+        sku_pod=holders,
+    )
+
+
+def pods_by_sku(scenario: Scenario) -> tuple[Array, Array]:
+    """(skus + 1,) and (held,) int32: where the pods of each SKU begin among the pods by SKU."""
+    numbers = skus_of(scenario)
+    listed = scenario.pods.listed or ()
+    pairs = {(numbers[sku], pod) for pod, one in enumerate(listed) for sku in one.skus}
+    held = np.array(sorted(pairs), np.int32).reshape(-1, 2)
+    first = np.searchsorted(held[:, 0], np.arange(len(numbers) + 1)).astype(np.int32)
+    return first, held[:, 1].copy()
+
+
+def ranked(values: Array, shares: list[float]) -> Array:
+    """(n,) int16: the class of each by its rank, the least value first, ties the lower number."""
+    result = np.zeros(len(values), np.int16)
+    ranks = np.arange(len(values))
+    result[np.argsort(values, kind="stable")] = np.searchsorted(
+        class_ends(shares, len(values)), ranks, side="right"
+    )
+    return result
+
+
+def ticks_to_stations(resolved: Resolved) -> Array:
+    """(cells,) least ticks with a load from a cell, in its best heading, to the nearest station."""
+    nearest: Array = np.min(ticks_to_each_station(resolved), axis=0)
+    return nearest
+
+
+def ticks_to_each_station(resolved: Resolved) -> list[Array]:
+    """Of each station the least ticks with a load from each cell, in its best heading: (cells,)."""
+    floor_plan, driving = resolved.floor_plan, loaded_driving(resolved.fleet.types[0])
+    return [
+        ticks_between(floor_plan, driving, int(cell), backwards=True).min(axis=1)
+        for cell in floor_plan.stations
+    ]
+
+
+def ticks_from_slots(resolved: Resolved, slot_of: Array) -> Array:
+    """(stations, slots) int32: the same from each slot."""
+    cells = np.flatnonzero(slot_of != NIL)
+    away = np.zeros((len(resolved.floor_plan.stations), len(cells)), np.int32)
+    for row, ticks in zip(away, ticks_to_each_station(resolved), strict=True):
+        row[slot_of[cells]] = np.minimum(ticks[cells], NEVER)
+    return away
+
+
+def lines_of(columns: LineColumns, rules: list[Handling], seed: int) -> Lines:
+    count = len(columns.order)
+    orders = int(columns.order.max()) + 1
+    handling = np.stack([handling_of_lines(rule, columns.units, seed) for rule in rules])
+    return Lines.sized(
+        {"l": count, "q": orders},
+        order=columns.order.astype(np.int32),
+        pod=columns.pod.astype(np.int32),
+        sku=columns.sku.astype(np.int32),
+        station=columns.station.astype(np.int32),
+        release_tick=columns.release.astype(np.int32),
+        due=columns.due.astype(np.int32),
+        priority=columns.priority.astype(np.int16),
+        sequence=np.argsort(columns.release, kind="stable").astype(np.int32),
+        handling=handling,
+        left=np.bincount(columns.order, minlength=orders).astype(np.int32),
+    )
+
+
+def stations_of(
+    scenario: Scenario, floor_plan: FloorPlan, rules: list[Handling], ticks_from: Array | None
+) -> PodStations:
+    cells = floor_plan.stations
+    distinct = list(dict.fromkeys(rules))
+    numbers = station_numbers(scenario, floor_plan)
+    places = np.ones(len(cells), np.int32)
+    at, queue_at = (np.full(floor_plan.kind.size, NIL, np.int32) for _ in range(2))
+    at[cells] = np.arange(len(cells), dtype=np.int32)
+    way = np.zeros(floor_plan.kind.size, np.uint8)
+    breaks = []
+    for name, station in scenario.stations.items():
+        number = numbers[name]
+        path = queue_path(floor_plan, station.at, station.queue)
+        for before, cell in zip([int(cells[number]), *path], path, strict=False):
+            queue_at[cell] = number
+            way[cell] = floor_plan.offsets.index(before - cell)  # checked: a path
+        most = station.max_trips
+        places[number] = len(path) + 1 if most == "queue" else NIL if most is None else most
+        breaks += [(number, one.begin, one.begin + one.ticks) for one in station.breaks]
+    visit = whole_micro(np.array([rule.visit for rule in rules]))
+    return PodStations.sized(
+        {"k": len(cells)},
+        cell=cells.copy(),
+        places=places,
+        rule=np.array([distinct.index(rule) for rule in rules], np.int32),
+        visit=visit,
+        station_at=at,
+        queue_at=queue_at,
+        queue_way=way,
+        ticks_from=np.zeros((0, 0), np.int32) if ticks_from is None else ticks_from,
+        breaks=np.array(sorted(breaks, key=lambda row: row[1]), np.int64).reshape(-1, 3),
+    )
+
+
+def trip_orders(count: int, stops: int) -> Orders:
+    """Room for so many trips, none of which is known yet."""
+    nowhere, never = np.full(count, NIL, np.int32), np.full(count, NEVER, np.int32)
+    return Orders.sized(
+        state=np.full(count, ORDER_UNRELEASED, np.uint8),
+        current_slot=nowhere,
+        source=nowhere.copy(),
+        target=nowhere.copy(),
+        release_tick=never,
+        weight=np.ones(count, np.int32),
+        release_sequence=nowhere.copy(),
+        first_stop=np.arange(0, (count + 1) * stops, stops, dtype=np.int32),
+    )

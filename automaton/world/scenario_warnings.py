@@ -1,0 +1,245 @@
+"""Warn about scenario settings that are legal but probably mistakes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from automaton.errors import alternatives
+from automaton.floor.cells import CHARGER, STATION, UNLIMITED
+from automaton.floor.reachability import steps_from
+from automaton.scenario.carried_pods import transports_of
+from automaton.units import SECONDS_PER_UNIT, count, unit
+from automaton.world.charger_places import places_of_chargers
+from automaton.world.conversion_table import coarse_conversions
+from automaton.world.due_warnings import due_warnings
+from automaton.world.fleet_warnings import fleet_warnings
+from automaton.world.gate_warnings import gate_warnings
+from automaton.world.late_releases import late_releases
+from automaton.world.pod_warnings import pod_warnings
+from automaton.world.queues import service_cells
+from automaton.world.resolve import Resolved
+from automaton.world.standstill_warnings import standstill_warnings
+
+AVOIDS_TRAFFIC = ("traffic-avoidance", "congestion")  # routing strategies
+
+
+NO_STRATEGY = "none"
+KEEPS_WAY_BACK = ("insertion", "fill-up", "opportunity")  # charging strategies
+KEEPS_PLACE = ("wait", "retreat")  # strategies of right of way under which idle robots may stay
+MOST_STATIONS = 100  # between which all ways are measured
+
+
+def scenario_warnings(resolved: Resolved) -> list[str]:
+    """Return a sentence for each warning."""
+    found = (
+        nothing_to_avoid(resolved),
+        parks_on_charger(resolved),
+        out_of_range(resolved),
+        never_charges(resolved),
+        stays_on_station(resolved),
+        resolved.fleet.handed_over(),
+        counts_as_seconds(resolved),
+        short_rows(resolved),
+        nothing_to_carry(resolved),
+    )
+    sentences = [sentence for sentence in found if sentence]
+    return [
+        *sentences,
+        *resolved.file_warnings,
+        *due_warnings(resolved),
+        *late_releases(resolved),
+        *coarse_conversions(resolved),
+        *fleet_warnings(resolved),
+        *standstill_warnings(resolved),
+        *pod_warnings(resolved),
+        *gate_warnings(resolved),
+    ]
+
+
+def nothing_to_avoid(resolved: Resolved) -> str:
+    """Warn about avoiding traffic where no robot slows another."""
+    world, routing = resolved.scenario.world, resolved.strategies["routing"].name
+    floor_plan = resolved.floor_plan
+    crowds = bool((floor_plan.capacity[floor_plan.drivable] == UNLIMITED).all())
+    if routing in AVOIDS_TRAFFIC and crowds and world.slowdown == "none":
+        return (
+            f"routing {routing} finds no traffic to avoid: every cell holds any number of robots "
+            "and world.slowdown is none, so no robot slows another; set world.slowdown: zones"
+        )
+    return ""
+
+
+def short_rows(resolved: Resolved) -> str:
+    """Warn about rows of a picture that end on a cell that robots drive on, before others do."""
+    rows = str(resolved.scenario.layout.get("picture", "")).rstrip().split("\n")
+    width = max(map(len, rows))
+    for number, row in enumerate(rows, 1):
+        if row and len(row) < width and row[-1] not in "# ":
+            return (
+                f"row {number} of the picture ends with {row[-1]!r} after "
+                f"{count(len(row), 'character')}, and others have {width:,}: the rest "
+                "of the row is wall; write # there if that is meant"
+            )
+    return ""
+
+
+def nothing_to_carry(resolved: Resolved) -> str:
+    """Warn about a picture that holds no loads where its loads are the orders."""
+    orders, floor_plan = resolved.scenario.orders, resolved.floor_plan
+    if orders.generator == "picture-loads" and not (floor_plan.loads == 1).any():
+        return "there is nothing to carry: orders are the loads of the picture, and it shows none"
+    return ""
+
+
+def parks_on_charger(resolved: Resolved) -> str:
+    """Warn about robots that begin, and so park, on a charger that other robots need."""
+    scenario, floor_plan, start = resolved.scenario, resolved.floor_plan, resolved.start
+    robots, places = scenario.fleet.robots, sum(places_of_chargers(scenario, floor_plan).values())
+    if resolved.strategies["charging"].name == NO_STRATEGY or not isinstance(start, tuple):
+        return ""
+    if scenario.fleet.when_idle != "park" or places >= robots:
+        return ""
+    for robot, cell in enumerate(start):
+        if floor_plan.kind.flat[cell] == CHARGER:
+            x, y = floor_plan.xy(cell)
+            return (
+                f"robot {robot} begins at [{x}, {y}], and so parks there, on a charger that others "
+                f"need: {robots} robots share {places}; start it next to the charger"
+            )
+    return ""
+
+
+def out_of_range(resolved: Resolved) -> str:
+    """Warn about an order that needs more than a full battery, from a charger and back to one.
+
+    Counted above the reserve and by the moves alone: with turns and handling it takes more.
+    """
+    scenario, floor_plan, choice = (
+        resolved.scenario,
+        resolved.floor_plan,
+        resolved.strategies["charging"],
+    )
+    battery = scenario.battery
+    if battery is None or choice.name not in KEEPS_WAY_BACK:
+        return ""
+    pairs = station_pairs(resolved)
+    if not pairs or not getattr(choice.parameters, "never_strand", True):
+        return ""
+    chargers = np.flatnonzero(floor_plan.kind == CHARGER).tolist()
+    there, back = steps_from(floor_plan, chargers), steps_from(floor_plan, chargers, backwards=True)
+    batteries = [one.battery for one in resolved.fleet.types if one.battery is not None]
+    move = min(one.drain.move for one in batteries) * resolved.fleet.least_move
+    dearest, way = 0.0, pairs[0]
+    for source in dict.fromkeys(source for source, _ in pairs):
+        ahead = steps_from(floor_plan, [source])
+        for target in (target for begin, target in pairs if begin == source):
+            empty, loaded = int(there[source] + back[target]), int(ahead[target])
+            cost = move * (empty + min(one.drain.loaded_factor for one in batteries) * loaded)
+            if cost > dearest:
+                dearest, way = cost, (source, target)
+    least = 100 - min(one.reserve for one in batteries)
+    if dearest <= least:
+        return ""
+    (x, y), (to_x, to_y) = (floor_plan.xy(cell) for cell in way)
+    return (
+        f"an order from [{x}, {y}] to [{to_x}, {to_y}] takes {dearest:g} % of a battery, from a charger "
+        f"and back to one, and above the reserve there are {least:g} %: a robot that comes from "
+        "a charger "
+        "will never take it"
+    )
+
+
+def never_charges(resolved: Resolved) -> str:
+    """Warn about batteries and chargers without a charging strategy."""
+    chargers = int(np.count_nonzero(resolved.floor_plan.kind == CHARGER))
+    none = resolved.strategies["charging"].name == NO_STRATEGY
+    if resolved.scenario.battery is None or not chargers or not none:
+        return ""
+    return (
+        f"robots have batteries and the floor has {count(chargers, 'charger')}, but strategy.charging "
+        "is none, so no robot will charge; set strategy.charging to insertion, fill-up, "
+        "threshold or opportunity"
+    )
+
+
+def stays_on_station(resolved: Resolved) -> str:
+    """Warn about idle robots that stand for ever on a station that other robots must reach."""
+    scenario, floor_plan, start = resolved.scenario, resolved.floor_plan, resolved.start
+    right_of_way = resolved.strategies["right_of_way"]
+    settled = right_of_way.name in KEEPS_PLACE and not getattr(
+        right_of_way.parameters, "idle_give_way", False
+    )
+    used = {cell for cell in served_stations(resolved) if floor_plan.capacity.flat[cell] == 1}
+    if not settled or not used or scenario.fleet.robots < 2:
+        return ""
+    if resolved.may_stay:
+        who = "robots without an order stay where they dropped the last one (idle: stay)"
+    elif scenario.fleet.when_idle != "park" or start in ("parking-bays", "racks"):
+        return ""
+    elif start == "random":
+        drivable = floor_plan.drivable.reshape(-1)
+        free = int((drivable & ~service_cells(scenario, floor_plan)).sum())
+        if scenario.fleet.robots <= free:
+            return ""
+        who = f"only {free:,} cells are not stations, so robots begin and park on stations too"
+    else:
+        begun = [robot for robot, cell in enumerate(start) if cell in used]
+        if not begun:
+            return ""
+        who = f"robot {begun[0]} begins on a station, and so parks there"
+    return (
+        f"{who}, and a station holds one robot: others that must reach it may wait for ever; set "
+        "right_of_way: {name: retreat, idle_give_way: true}, or give robots places of their own "
+        "with fleet.start or parking bays"
+    )
+
+
+def counts_as_seconds(resolved: Resolved) -> str:
+    """Warn about zoning, whose parameters are times, where units.tick is not a time."""
+    text = resolved.scenario.units.tick
+    tick = unit(text)
+    if resolved.strategies["zoning"].name == NO_STRATEGY or tick.seconds is not None:
+        return ""
+    if tick.name in ("tick", "ticks"):
+        return ""
+    return (
+        f"units.tick is {text!r}, which is not a time: for the seconds and minutes of zoning a "
+        "tick counts "
+        f"as a second; use {alternatives(SECONDS_PER_UNIT)}"
+    )
+
+
+def served_stations(resolved: Resolved) -> set[int]:
+    """Flat cells of stations where orders begin or end."""
+    orders, floor_plan = resolved.scenario.orders, resolved.floor_plan
+    stations = floor_plan.stations.tolist()
+    if orders.parts is not None:
+        return {stations[number - 1] for kind in orders.parts for number in kind.route}
+    if orders.listed is not None:
+        ends = {
+            floor_plan.cell(*cell)
+            for line in orders.listed
+            for cell in (*line.stop_cells, line.source, line.target)
+            if cell is not None
+        }
+        return ends & set(stations)
+    return set(stations) if orders.generator in ("stations", "visits") else set()
+
+
+def station_pairs(resolved: Resolved) -> list[tuple[int, int]]:
+    """Flat cells of stations between which orders may lead."""
+    orders, floor_plan = resolved.scenario.orders, resolved.floor_plan
+    stations = np.flatnonzero(floor_plan.kind == STATION).tolist()
+    if orders.listed is not None:
+        ends = [
+            (floor_plan.cell(*line.ends[0]), floor_plan.cell(*line.ends[1]))
+            for _, line in transports_of(resolved.scenario, floor_plan)
+        ]
+        return [pair for pair in ends[:MOST_STATIONS] if set(pair) <= set(stations)]
+    if len(stations) > MOST_STATIONS:
+        return []
+    if orders.generator == "visits":
+        return [(cell, cell) for cell in stations]
+    if orders.generator == "stations":
+        return [(a, b) for a in stations for b in stations if a != b]
+    return []

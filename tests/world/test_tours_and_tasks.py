@@ -1,0 +1,153 @@
+"""The stops of orders without a load, and how many orders a list of tasks becomes."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+from drawn_scenes import recorded_run, scene
+
+from automaton.engine.state import NIL, ORDER_DELIVERED, ORDER_WAITING
+from automaton.evidence.verification.verification import verify_recording
+from automaton.runs.simulation import Simulation
+from automaton.world import task_lists
+from automaton.world.task_lists import _moves as moves
+from automaton.world.task_lists import order_count
+
+FLOOR = ".....\n.#.#.\n.....#.\n.....#."
+GREEDY = {"allocation": "greedy", "right_of_way": "retreat"}
+
+
+def stops_of(run: Simulation) -> list[list[tuple[int, int]]]:
+    """The stops of each order, as (x, y)."""
+    first, cell = run.world.orders.first_stop, run.world.stops.cell
+    xy = run.resolved.floor_plan.xy
+    return [[xy(int(c)) for c in cell[first[k] : first[k + 1]]] for k in range(len(first) - 1)]
+
+
+def built(orders: Any, start: Sequence[tuple[int, int]] = ((0, 0),), **parts: Any) -> Simulation:
+    return Simulation(scene(FLOOR, start, orders=orders, strategy=GREEDY, **parts), seed=4)
+
+
+def test_tours_are_drawn_from_the_cells_that_robots_reach() -> None:
+    run = built({"generator": "tours", "count": 4000, "stops": {"from": 1, "to": 3}})
+    found = stops_of(run)
+    used = [cell for stops in found for cell in stops]
+    reached = np.flatnonzero(run.world.slots.reachable[0]).tolist()
+    assert {run.resolved.floor_plan.xy(cell) for cell in reached} == set(used)
+    assert (6, 2) not in used, "nobody gets there"
+    counts = np.bincount([len(stops) for stops in found])
+    assert counts[0] == 0 and abs(counts[1:] - 4000 / 3).max() < 4 * np.sqrt(4000 * 2 / 9)
+    share = np.unique(used, axis=0, return_counts=True)[1] / len(used)
+    assert abs(share - 1 / len(reached)).max() < 0.02
+    assert all(a != b for stops in found for a, b in itertools.pairwise(stops))
+
+
+def test_a_tour_depends_on_the_seed_and_its_number_alone() -> None:
+    few = stops_of(built({"generator": "tours", "count": 5, "stops": {"from": 1, "to": 3}}))
+    many = stops_of(built({"generator": "tours", "count": 50, "stops": {"from": 1, "to": 3}}))
+    assert many[:5] == few
+
+
+def test_an_order_has_a_load_or_stops() -> None:
+    floor = "......\ns..d.."
+    listed = {"list": [{"from": [0, 1], "to": [3, 1]}, {"stops": [[5, 0], [0, 0]], "release": 3}]}
+    resolved = scene(floor, [(2, 0), (4, 0)], orders=listed, strategy=GREEDY)
+    run, recorder = recorded_run(resolved)
+    orders = run.world.orders
+    assert (orders.source == NIL).tolist() == (orders.target == NIL).tolist() == [False, True]
+    assert orders.first_stop.tolist() == [0, 0, 2]
+    assert run.finished and verify_recording(recorder.recording()).passed
+
+
+TASKS = [[[0, 0], [4, 0]], [[2, 1]], [[4, 2], [0, 2], [2, 2]]]
+
+
+def test_task_k_is_line_k_modulo_the_lines() -> None:
+    orders = {"tasks": TASKS, "repeat": True, "revealed": 2.5}
+    run = built(orders, stop={"when": "never", "max_duration": 100})
+    found = stops_of(run)
+    assert len(found) > 9
+    for k, stops in enumerate(found):
+        assert stops == [tuple(cell) for cell in TASKS[k % 3]]
+
+
+def test_so_many_tasks_are_open_at_once_in_the_sequence_of_the_list() -> None:
+    orders = {"tasks": TASKS, "repeat": True, "revealed": 1.5}
+    start = [(0, 0), (4, 0), (4, 3)]
+    run = built(orders, start, stop={"when": "never", "max_duration": 120})
+    for tick in range(1, 121):
+        done = int(np.count_nonzero(run.world.orders.state == ORDER_DELIVERED))
+        run.run(until=tick)
+        known = run.world.orders.release_tick <= tick
+        assert known.tolist() == [True] * (4 + done) + [False] * (len(known) - 4 - done)
+    assert done > 15
+
+
+@pytest.mark.parametrize("assign", ["pool", "round-robin"])
+@pytest.mark.parametrize("tasks", [TASKS, [[[0, 0]], [[1, 0]]], [[[0, 0]]]])
+def test_a_list_that_repeats_is_never_used_up(assign: str, tasks: Any) -> None:
+    orders = {"tasks": tasks, "repeat": True, "assign": assign}
+    orders |= {"revealed": 2.0} if assign == "pool" else {"skip_reached": len(tasks) > 1}
+    start = [(0, 0), (4, 0), (4, 3)]
+    parts = {"picture": FLOOR.replace(".", "~")}
+    resolved = scene(
+        parts["picture"],
+        start,
+        orders=orders,
+        strategy=GREEDY,
+        stop={"when": "never", "max_duration": 200},
+    )
+    run, recorder = recorded_run(resolved)
+    state = run.world.orders.state
+    assert np.count_nonzero(state == ORDER_DELIVERED) > 20
+    assert (state[-3:] != ORDER_DELIVERED).all() and len(state) == order_count(
+        resolved.scenario, resolved.floor_plan
+    )
+    assert verify_recording(recorder.recording()).passed
+
+
+@pytest.mark.parametrize("skip_reached", [False, True])
+def test_rounds_that_are_alike_are_not_counted_one_by_one(
+    skip_reached: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From one end of the row to the other takes 4 ticks each time, the first task none at best."""
+    orders = {"tasks": [[[0, 0]], [[4, 0]]], "repeat": True, "assign": "round-robin"}
+    orders["skip_reached"] = skip_reached
+    stop = {"when": "never", "max_duration": 8_000_000}
+    long = scene(FLOOR, [(0, 0)], orders=orders, strategy=GREEDY, stop=stop)
+    looked = []
+    monkeypatch.setattr(task_lists, "_moves", lambda *some: looked.append(1) or moves(*some))
+    assert abs(order_count(long.scenario, long.floor_plan) - 2_000_000) < 4
+    assert len(looked) < 30
+
+
+def test_dealt_out_each_robot_does_its_own_tasks_one_after_another() -> None:
+    orders = {"tasks": [*TASKS[:2], [[1, 2]], [[3, 2]]], "repeat": True, "assign": "round-robin"}
+    start = [(0, 0), (4, 3), (4, 0)]
+    run = built(orders, start, stop={"when": "never", "max_duration": 150})
+    found = stops_of(run)
+    for tick in range(1, 151):
+        run.run(until=tick)
+        state, mine = run.world.orders.state, run.world.robots.order
+        for robot in range(3):
+            assert mine[robot] in (NIL, *range(robot, len(found), 3))
+            done = state[robot::3] == ORDER_DELIVERED
+            assert done.tolist() == sorted(done.tolist(), reverse=True)
+            assert np.count_nonzero(state[robot::3] == ORDER_WAITING) <= 1
+    assert np.count_nonzero(run.world.orders.state == ORDER_DELIVERED) > 15
+
+
+def test_a_robot_passes_over_a_task_in_whose_first_cell_it_stands() -> None:
+    """Tasks of A: (0, 0), where it begins, then (2, 1), then (0, 0) again, then (2, 1)."""
+    orders = {"tasks": [[[0, 0]], [[2, 1]], [[2, 1]]], "repeat": True, "assign": "round-robin"}
+    stop = {"when": "never", "max_duration": 30}
+    plain = built(orders, stop=stop)
+    skips = built({**orders, "skip_reached": True}, stop=stop)
+    for run in (plain, skips):
+        run.run(until=30)
+    assert plain.world.orders.delivered[:6].tolist() == [1, 4, 5, 8, 11, 12]
+    assert skips.world.orders.delivered[:7].tolist() == [NIL, 3, NIL, 6, 9, NIL, 12]

@@ -190,7 +190,7 @@ def surroundings() -> str:
     from automaton.engine.jit.numba_parts import LINKS_OTHERWISE
     from automaton.runs.cores import cores
 
-    way = "as intermediate code, once in what Python calls"
+    way = "in the fast way: what only kernels call is compiled once, inside its callers"
     if LINKS_OTHERWISE:
         way = f"one by one, which takes longer: in this Numba, {LINKS_OTHERWISE}"
     return (

@@ -140,7 +140,7 @@ def test_with_a_numba_that_links_otherwise_each_kernel_has_code_of_its_own(modul
             OTHER,
             "one by one, which takes longer: in this Numba, Compiler.compile_extra takes other",
         ),
-        ("", "as intermediate code, once in what Python calls"),
+        ("", "in the fast way: what only kernels call is compiled once"),
     ):
         done = subprocess.run(
             [sys.executable, "-c", before + said], cwd=ROOT, capture_output=True, text=True

@@ -102,6 +102,13 @@ def follows(run: Simulation, i: int) -> bool:
     return cause == CAUSE_DRIVING_AHEAD and bool(moves)
 
 
+def orders_at(run: Simulation, i: int) -> Any:
+    """(m,) bool: which orders robot i has only to come for, and stands where it has to."""
+    orders, slots = run.world.orders, run.world.slots
+    here = (slots.access[orders.source] == run.world.robots.cell[i]).any(axis=1)
+    return (orders.source == orders.target) & here
+
+
 def circles(run: Simulation) -> set[int]:
     """Storage indices of the robots of wait cycles, found by walking on from each of them."""
     at_index, blocker = run.world.robots.at_index, run.observation.blocker
@@ -189,7 +196,7 @@ def follow(run: Simulation, ticks: int, event_history: EventHistory) -> None:
                     (EVENT_DELIVERED if c == EVENT_PICKED else c, robot) for c, robot in events
                 ]
                 done = int(run.world.tally.visited[i])
-                assert run.world.orders.delivered[done] == run.tick
+                assert orders_at(run, i)[done] and run.world.orders.delivered[done] == run.tick
                 told[run.tick, EVENT_ORDER_TAKEN, who] += orders[who] != done  # in the same tick
                 told[run.tick, EVENT_ORDER_RETURNED, who] += orders[who] not in (NIL, done)
                 orders[who] = NIL

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import html
+import pathlib
 from dataclasses import dataclass
 from functools import cached_property
-from html import escape
-from pathlib import Path
 
 from automaton.atomic_write import atomic_writer
 from automaton.drawings.floor_svg import floor_svg
@@ -29,11 +29,11 @@ class FloorPicture:
         """The drawing as SVG, which loads nothing."""
         return floor_svg(self.floor, self.moment, self.theme, self.selected, self.caption)
 
-    def save(self, path: str | Path) -> None:
+    def save(self, path: str | pathlib.Path) -> None:
         """Write the SVG to a file. Raises InputError."""
-        with atomic_writer(Path(path)) as file:
+        with atomic_writer(pathlib.Path(path)) as file:
             file.write(self.svg.encode())
 
     def _repr_html_(self) -> str:
         """Show it in a notebook."""
-        return f"<div>{self.svg}<p>{escape(self.caption)}</p></div>"
+        return f"<div>{self.svg}<p>{html.escape(self.caption)}</p></div>"

@@ -26,9 +26,9 @@ DESCRIPTOR: Final = 10  # bytes before the pixels of an image, behind 0x2C
 def gif(patches: Iterable[Patch], colours: Sequence[Colour]) -> Iterator[bytes]:
     """The parts of the file; the first patch is the whole picture."""
     table = bytes(channel for colour in colours for channel in colour).ljust(768, b"\0")
-    for count, (x, y, pixels, hundredths) in enumerate(patches):
+    for number, (x, y, pixels, hundredths) in enumerate(patches):
         rows, columns = pixels.shape
-        if not count:
+        if not number:
             yield b"GIF89a" + struct.pack("<HHBBB", columns, rows, TABLE_OF_256, 0, 0)
             yield table + REPEAT_FOREVER
         yield struct.pack("<BBBBHBB", 0x21, 0xF9, 4, KEEP_WITH_CLEAR, hundredths, UNCHANGED, 0)

@@ -15,12 +15,10 @@ from numpy.typing import NDArray
 from automaton.errors import InputError
 from automaton.floor.cells import DIRECTION_VECTORS, NIL
 from automaton.floor.floor_plan import FloorPlan
-from automaton.floor.traffic_zones import links
+from automaton.floor.traffic_zones import Numbers, links
 
 MAX_POINTS: Final = 3000  # hop and distances take 8 bytes for each pair of points
 NO_ROAD: Final = 1 << 29
-
-Numbers = NDArray[np.int32]
 
 
 class RoadNetwork(NamedTuple):

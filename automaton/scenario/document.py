@@ -137,14 +137,14 @@ def _refuse_unreadable(text: str, file: str | None) -> None:
 def _refuse_unbounded(text: str, file: str | None) -> None:
     # Reading events one by one stays linear and shallow, whatever the text holds.
     depth = 0
-    for count, event in enumerate(yaml.parse(text, Loader=LOADER)):
+    for number, event in enumerate(yaml.parse(text, Loader=LOADER)):
         depth += isinstance(event, yaml.CollectionStartEvent)
         depth -= isinstance(event, yaml.CollectionEndEvent)
         mark: Any = event.start_mark
         line = mark.line + 1
         if depth > MAX_DEPTH:
             raise InputError(DEEP, file, line)
-        if count > MAX_NODES:
+        if number > MAX_NODES:
             raise InputError(f"holds more than {MAX_NODES:,} values", file, line)
 
 

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from msgspec.structs import replace
+from msgspec import structs
 
 from automaton.errors import InputError, nearest
 from automaton.scenario.conversions import Bounds, Place, convert
@@ -47,22 +47,24 @@ def with_durations_of_files(
     stations = {
         name: station
         if station.handling is None
-        else replace(station, handling=filler.of_handling(("stations", name), station.handling))
+        else structs.replace(
+            station, handling=filler.of_handling(("stations", name), station.handling)
+        )
         for name, station in scenario.stations.items()
     }
     repair = filler.filled(("faults", "repair_in_place"), faults.repair_in_place)
     closed = tuple(
-        replace(closing, ticks=filler.filled(("floor", "closed", k, "for"), closing.ticks))
+        structs.replace(closing, ticks=filler.filled(("floor", "closed", k, "for"), closing.ticks))
         for k, closing in enumerate(floor.closed)
     )
     if not filler.files:
         return scenario, filler.files
-    filled = replace(
+    filled = structs.replace(
         scenario,
-        durations=replace(durations, handling=usual),
+        durations=structs.replace(durations, handling=usual),
         stations=stations,
-        faults=replace(faults, repair_in_place=repair),
-        floor=replace(floor, closed=closed),
+        faults=structs.replace(faults, repair_in_place=repair),
+        floor=structs.replace(floor, closed=closed),
     )
     return filled, filler.files
 
@@ -76,7 +78,9 @@ class _Filler:
 
     def of_handling(self, keys: Keys, handling: Handling) -> Handling:
         """What a visit takes, its lines by what stands in their file."""
-        return replace(handling, line=self.filled((*keys, "handling", "line"), handling.line))
+        return structs.replace(
+            handling, line=self.filled((*keys, "handling", "line"), handling.line)
+        )
 
     def filled(self, keys: Keys, drawn: Any) -> Any:
         """A distribution with the values of its file, if it names one; anything else as it is."""
@@ -88,7 +92,7 @@ class _Filler:
             raise self.document.error((*keys, "empirical"), text)
         values = tuple(durations_of(path, drawn.column or "", self.scale))
         self.files.append(DurationFile(str(path.resolve()), content_hash(path)))
-        return replace(drawn, empirical=values, column=None)
+        return structs.replace(drawn, empirical=values, column=None)
 
 
 def durations_of(path: Path, column: str, scale: Scale) -> Iterator[float]:

@@ -20,13 +20,13 @@ from automaton.errors import InputError, nearest
 from automaton.scenario.document import Document, ListFile
 from automaton.scenario.field_types import Direction
 from automaton.scenario.fleet import StartFile
+from automaton.scenario.locations import FARTHEST
 from automaton.scenario.order_columns import read_columns
 from automaton.scenario.order_fields import NameField, NumberField, OrderFile
 from automaton.scenario.quantities import Scale
 from automaton.scenario.schema import Scenario
 
 HEADINGS: Final[tuple[Direction, ...]] = get_args(Direction)
-FARTHEST: Final = 1_000_000
 FIELDS: Final = (
     NumberField("x", 0, FARTHEST),
     NumberField("y", 0, FARTHEST),

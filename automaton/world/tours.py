@@ -12,7 +12,8 @@ import numpy as np
 from automaton.engine import random_numbers
 from automaton.engine.state import Array
 from automaton.engine.stops import Stops
-from automaton.scenario.orders import Orders, StopRange
+from automaton.scenario.orders import Orders as OrdersGiven
+from automaton.scenario.orders import StopRange
 from automaton.world.capabilities import Service
 from automaton.world.resolve import Resolved
 from automaton.world.task_lists import cells_of_tasks
@@ -62,7 +63,7 @@ def cells_of_all(service: Service) -> Array:
     return cells
 
 
-def stop_counts(orders: Orders, count: int, seed: int) -> Array:
+def stop_counts(orders: OrdersGiven, count: int, seed: int) -> Array:
     """(count,) int64: how many stops each order has."""
     if not isinstance(orders.stops, StopRange):
         return np.full(count, orders.stops, np.int64)

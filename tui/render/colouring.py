@@ -32,7 +32,7 @@ COLOURINGS: Final = {  # by name, and what it is called in the palette and in me
 WAITED: Final = (1, 10, 50, 200)  # ticks from which on levels 1 to 4 of a wait begin
 CLASS_COUNT: Final = len(styles.CLASSES)
 LEVEL_COUNT: Final = len(styles.LEVELS)
-# Rows of tui.render.robot_marks.STATE_COLOURS behind those of the states.
+# Rows of tui.render.robot_marks.BODY_COLOURS behind those of the states.
 DRAW_CLASS: Final = len(STATE_COLOURS)
 DRAW_LEVEL: Final = DRAW_CLASS + CLASS_COUNT
 DRAW_ALARM: Final = DRAW_LEVEL + LEVEL_COUNT  # in a wait cycle, or down

@@ -114,8 +114,8 @@ def _changes_of_style(styles: NDArray[np.uint32], look: Look) -> tuple[list[int]
     starts: list[int] = []
     sgrs = [""]
     firsts = [0, *(np.flatnonzero(styles[1:] != styles[:-1]) + 1).tolist()]
-    for first, style in zip(firsts, styles[firsts].tolist(), strict=True):
-        sgr = look.sgr(style)
+    for first, code in zip(firsts, styles[firsts].tolist(), strict=True):
+        sgr = look.sgr(code)
         if sgr != sgrs[-1]:
             starts.append(first)
             sgrs.append(sgr)

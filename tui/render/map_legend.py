@@ -54,7 +54,7 @@ def _without_colours(entries: list[Entry], near: bool) -> list[Entry]:
 
     From afar there are no shapes; only robots in wait cycles or down keep their colour.
     """
-    bodies = {style(styles.COLOUR_FLOOR, int(colour)): colour for colour in fleet.STATE_COLOURS}
+    bodies = {style(styles.COLOUR_FLOOR, int(colour)): colour for colour in fleet.BODY_COLOURS}
     plain = style(styles.COLOUR_FLOOR, styles.COLOUR_TEXT)
     shown = []
     for signs, meaning in entries:
@@ -81,7 +81,7 @@ def _robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
 
     def signs(state: int, shape: int, directions: tuple[int, ...]) -> tuple[int, ...]:
         loaded = zoom.is_drawn and state == looks.DRAW_LOADED
-        body = int(fleet.STATE_COLOURS[looks.DRAW_EMPTY if loaded else state])
+        body = int(fleet.BODY_COLOURS[looks.DRAW_EMPTY if loaded else state])
         written = style(styles.COLOUR_FLOOR, body)
         drawn = tuple(int(code(written, shapes[shape, d])) for d in directions)
         cargo = style(styles.COLOUR_FLOOR, styles.COLOUR_LOADED)
@@ -142,7 +142,7 @@ def _far_robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
     entries = []
     for state in names:
         if state not in (looks.DRAW_CHARGING, looks.DRAW_LOW_BATTERY) or scene.floor.battery:
-            shown = _far_sign(scene, zoom, glyphs, int(fleet.STATE_COLOURS[state]))
+            shown = _far_sign(scene, zoom, glyphs, int(fleet.BODY_COLOURS[state]))
             entries.append(Entry((shown,), names[state]))
     return entries
 

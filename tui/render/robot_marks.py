@@ -23,7 +23,7 @@ from tui.render.scene import Scene
 from tui.render.styles import style
 
 # By state, the worse the higher: the worst one gives a shared character its colour.
-STATE_COLOURS: Final = np.array(
+BODY_COLOURS: Final = np.array(
     [
         *(
             styles.COLOUR_PARKED,
@@ -51,7 +51,7 @@ class Robots(NamedTuple):
 
 def colours_of(scene: Scene, state: NDArray[np.uint8]) -> NDArray[np.uint32]:
     """(n,) the colour of each robot of the scene: that of its state, or of what colours robots."""
-    return STATE_COLOURS[coloured(scene, state, DRAW_PARKED, DRAW_FAULT)]
+    return BODY_COLOURS[coloured(scene, state, DRAW_PARKED, DRAW_FAULT)]
 
 
 def body_colours(scene: Scene, robots: Robots) -> NDArray[np.uint32]:

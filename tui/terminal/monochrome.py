@@ -6,7 +6,7 @@ from functools import lru_cache
 
 from rich.segment import Segment
 from rich.style import Style
-from textual.color import Color
+from textual.color import Color as TextualColor
 from textual.filter import LineFilter
 
 from tui.render.styles import Theme
@@ -24,7 +24,7 @@ class Colourless(LineFilter):
         super().__init__()
         self._dark = theme == "dark"
 
-    def apply(self, segments: list[Segment], background: Color) -> list[Segment]:
+    def apply(self, segments: list[Segment], background: TextualColor) -> list[Segment]:
         return [
             Segment(text, None if style is None else _plain(style, self._dark), control)
             for text, style, control in segments
@@ -37,6 +37,6 @@ def _plain(style: Style, dark: bool) -> Style:
     bg = style.bgcolor
     if bg is None or bg.is_default:
         return plain
-    bright = Color.from_rich_color(bg).brightness
+    bright = TextualColor.from_rich_color(bg).brightness
     stands_out = bright > MIDDLE if dark else bright < 1 - MIDDLE
     return plain + Style(reverse=True) if stands_out else plain

@@ -30,7 +30,7 @@ class TooSmall(Static):
 def size_classes(columns: int, rows: int) -> dict[str, bool]:
     """Which of the classes a screen of this size bears."""
     bears: dict[str, bool] = {}
-    for length, table in ((columns, ACROSS), (rows, DOWN)):
-        own = max(step for step in table if step[0] <= length)
+    for cells, table in ((columns, ACROSS), (rows, DOWN)):
+        own = max(step for step in table if step[0] <= cells)
         bears |= {step[1]: step == own for step in table}
     return bears

@@ -8,7 +8,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
-from automaton.evidence.recording.frames import Content, Recording, StoredFrames
+from automaton.evidence.recording.contents import Content
+from automaton.evidence.recording.frames import Recording, StoredFrames
 from automaton.scenario.line_table import plain_data
 from automaton.world.resolve import Resolved
 

@@ -7,11 +7,10 @@ queue is worked on from the same tick on.
 from __future__ import annotations
 
 from collections import deque
-from typing import Any, Final
+from typing import Any
 
+from automaton.evidence.verification.type_rules import NIL
 from automaton.floor.cells import STATION
-
-NIL: Final = -1
 
 
 class Work:

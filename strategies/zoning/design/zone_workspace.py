@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,11 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from automaton.engine.jit.fields import CONSTANT, SCRATCH, field
 from automaton.engine.jit.structs import Struct
 from automaton.engine.service_zones import Design, Roads, empty_design
-from strategies.linear_sum_assignment import Assignment, assignment_for
+from strategies.linear_sum_assignment import INF_COST, Assignment, assignment_for
 
 Array = NDArray[Any]
-
-INF_COST: Final = 1 << 60  # a distance that stands for "no way", or a limit for "none"
 
 
 class ZoneRules(Struct):

@@ -100,7 +100,7 @@ def _colours(looks: list[int], theme: Theme) -> dict[str, Any]:
 
 def page_of(title: str, film: dict[str, Any]) -> str:
     """The page; nothing in it is fetched from elsewhere, and its policy forbids it."""
-    here = files("automaton.films.web_film")
+    here = files("automaton.films") / "web_film"
     text = json.dumps(film, separators=(",", ":"), ensure_ascii=True).replace("<", "\\u003c")
     page = (here / "page.html").read_text(encoding="utf-8")
     parts = {

@@ -193,4 +193,4 @@ def predicted_zones(network: ZoneNetwork, start: Whole, end: Whole) -> npt.NDArr
 
 def shipped(scenario: str) -> Path:
     """The network that is installed for the floor of a shipped scenario, if there is one."""
-    return Path(str(resources.files("strategies.routing.traffic_avoidance") / f"{scenario}.npz"))
+    return Path(str(resources.files("strategies.routing") / "networks" / f"{scenario}.npz"))

@@ -19,21 +19,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from automaton.commands import COMMANDS
-from automaton.engine import (
-    delays,
-    facilities,
-    gates,
-    pods,
-    robot_status,
-    service_zones,
-    state,
-    stops,
-    visibility,
-)
-from automaton.engine.jit import fields
+from automaton.engine import facilities, robot_states, state, visibility
+from automaton.engine.jit import structs
 from automaton.engine.jit.field_kernels import hidden_fields
-from automaton.engine.jit.fields import SCRATCH
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import SCRATCH, Struct
 from automaton.engine.observation import CAUSES, DEADLOCK_TICKS, EVENT_NAMES
 from automaton.engine.record_codes import KEYFRAME_TICKS
 from automaton.evidence.history.breakpoints import FIELDS
@@ -451,22 +440,22 @@ def _strategy_section(layer: str, name: str, definitions: Schema) -> str:
 SEEN: Final = {
     "robots": state.Robots,
     "orders": state.Orders,
-    "stops": stops.Stops,
+    "stops": facilities.Stops,
     "slots": facilities.Slots,
     "grid": facilities.Grid,
     "rules": state.Rules,
     "traffic": state.Traffic,
     "chargers": facilities.Chargers,
     "stations": facilities.Stations,
-    "pods": pods.Pods,
-    "lines": pods.Lines,
-    "trips": pods.Trips,
-    "pod_stations": pods.PodStations,
-    "gates": gates.Gates,
-    "delays": delays.Delays,
-    "service_zones": service_zones.ServiceZones,
-    "service_zones.roads": service_zones.Roads,
-    "service_zones.design": service_zones.Design,
+    "pods": facilities.Pods,
+    "lines": facilities.Lines,
+    "trips": facilities.Trips,
+    "pod_stations": facilities.PodStations,
+    "gates": facilities.Gates,
+    "delays": facilities.Delays,
+    "service_zones": facilities.ServiceZones,
+    "service_zones.roads": facilities.Roads,
+    "service_zones.design": facilities.Design,
 }
 DECIDED: Final = {
     "zoning": state.ZoningDecisions,
@@ -480,8 +469,8 @@ HIDDEN_EXTENTS: Final = {  # along which limited sight hides rows (automaton.eng
     state.Robots: ("n",),
     state.Orders: ("m",),
     facilities.Stations: ("k", "j"),
-    service_zones.ServiceZones: ("n", "m", "Z"),
-    service_zones.Design: ("S", "Z", "M"),
+    facilities.ServiceZones: ("n", "m", "Z"),
+    facilities.Design: ("S", "Z", "M"),
 }
 COMMAND_MEANINGS: Final = {
     "CMD_TAKE_ORDER": "allocation: reserve an order and drive to where it begins: where its load is "
@@ -517,7 +506,7 @@ ENUMERATIONS: Final = {
     "robots.action, rules.duration": (state, "ACTION_"),
     "robots.retry_state": (state, "RETRY_"),
     "robots.need": (state, "NEED_"),
-    "robots.status": (robot_status, "STATUS_"),
+    "robots.status": (robot_states, "STATUS_"),
 }
 NO_VALUES: Final = "ORDER_LIST", "ACTION_COUNT"  # of an enumeration
 
@@ -550,7 +539,7 @@ def contract_page() -> str:
             (row for row in _constants("CLOCK_") if row[0].strip("`") in PUBLIC_CLOCK),
         ),
         "### Values\n",
-        "The constants of `robots.status` are in `automaton.engine.robot_status`.\n",
+        "The constants of `robots.status` are in `automaton.engine.robot_states`.\n",
         table(
             ("field", "its values"),
             (
@@ -568,7 +557,7 @@ def contract_page() -> str:
         ),
         "## What it remembers\n",
         "A state is declared as the world is: `field(kind, meaning, role=CONSTANT)`. The roles are in "
-        "`automaton.engine.jit.fields`; a strategy needs CONSTANT, SCRATCH and STOP. A field without a "
+        "`automaton.engine.jit.structs`; a strategy needs CONSTANT, SCRATCH and STOP. A field without a "
         "role is kept from tick to tick and goes on in a branch, as STATE does, but is not in the "
         "digest, which has fields of the world alone. Under a radius a robot sees its own row of fields "
         "whose first extent is `n`, and zeros in others, unless these are CONSTANT.\n",
@@ -625,7 +614,7 @@ def _seen_section(struct: type[Struct]) -> str:
         for extent in HIDDEN_EXTENTS.get(struct, ())
         for name, one in hidden_fields(struct, extent).items()
     }
-    if struct is service_zones.Design:
+    if struct is facilities.Design:
         hidden["held"] = visibility.HIDDEN
     return f"{_summary(struct)}\n\n" + _fields_table(struct, "out of sight", hidden)
 
@@ -650,9 +639,9 @@ def _constants(prefix: str) -> Iterator[tuple[str, str]]:
 
 def _roles() -> Iterator[tuple[str, str]]:
     """Yield the roles of fields, each with the comment behind it."""
-    for name, value in vars(fields).items():
+    for name, value in vars(structs).items():
         if name.isupper() and not name.startswith("_") and isinstance(value, str):
-            yield code(name), _comment(fields, name)
+            yield code(name), _comment(structs, name)
 
 
 def _comment(module: Any, name: str) -> str:

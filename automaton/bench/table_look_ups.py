@@ -3,8 +3,8 @@
 import numpy as np
 
 from automaton.engine.distance_tables import Array, DistanceTables
-from automaton.engine.jit.fields import NIL
 from automaton.engine.jit.kernel import kernel
+from automaton.engine.jit.structs import NIL
 from automaton.engine.table_rows import cost_in, forget, row_to
 
 

@@ -26,7 +26,7 @@ from automaton.bench.measurement import (
     cpu_seconds,
     slope,
 )
-from automaton.engine.service_zones import Design, Roads, empty_design
+from automaton.engine.facilities import Design, Roads, empty_design
 from automaton.floor.drawn_floors import draw_floor
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario

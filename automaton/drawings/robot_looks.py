@@ -8,12 +8,12 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.engine.robot_states import is_charging
-from automaton.engine.robot_status import (
+from automaton.engine.robot_states import (
     BATTERY_PERCENT,
     STATUS_DEPLETED,
     STATUS_FAILED,
     STATUS_TOWED,
+    is_charging,
 )
 from automaton.engine.state import NIL
 

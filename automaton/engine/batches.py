@@ -4,9 +4,9 @@ import numpy as np
 
 from automaton.engine.jit.field_kernels import clearing
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.refinement import is_due
-from automaton.engine.requests import clear_route_request, first_cell
-from automaton.engine.robot_status import STATUS_EXHAUSTED, STATUS_UP
+from automaton.engine.operations import clear_route_request, first_cell
+from automaton.engine.random_numbers import is_due
+from automaton.engine.robot_states import STATUS_EXHAUSTED, STATUS_UP
 from automaton.engine.state import (
     CLOCK_ALLOCATION_REVISION,
     CLOCK_FRESH_ALLOCATION,

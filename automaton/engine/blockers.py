@@ -6,7 +6,7 @@ on what the blocker does; the lost ticks by cause and by cell.
 
 import numpy as np
 
-from automaton.engine.gate_queries import has_gates
+from automaton.engine.gates import has_gates
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import (
     CAPACITY_SHIFT,
@@ -44,7 +44,7 @@ from automaton.engine.observation import (
     WAITERS,
 )
 from automaton.engine.prefetch import prefetch
-from automaton.engine.refinement import is_begin
+from automaton.engine.random_numbers import is_begin
 from automaton.engine.state import ACTION_MOVE, CLOCK_TICK, FOLLOWING_CONVOY, GOAL_NONE, NIL
 
 REQUESTED = -2  # value of scratch.holder: a robot waits for it
@@ -270,3 +270,24 @@ def count_wait(world, observation, i):
         lost_ticks_by_cell[LOST_LATELY] = (
             np.int64(lost_ticks_by_cell[LOST_LATELY]) >> halvings
         ) + ticks
+
+
+# Find wait cycles: robots of which each waits for the next one, and the last for the first.
+#
+# Each robot has one blocker at most, so every walk along blockers ends, or comes to one cycle.
+
+
+@kernel
+def walk_to_cycle(blocker, at_index, color, start):
+    """Walk along blockers from robot `start`; a robot of the cycle that the walk closes, or NIL.
+
+    blocker: (n,) identity of the robot that each robot waits for, or NIL. at_index: (n,) where each
+    identity is stored. color: (n,) 0 = no walk has come there yet; modified: start + 1 on this walk.
+    """
+    i = start
+    while blocker[U(i)] != NIL and color[U(i)] == 0:
+        color[U(i)] = start + 1
+        i = np.int64(at_index[U(blocker[U(i)])])
+    if blocker[U(i)] != NIL and color[U(i)] == start + 1:
+        return i
+    return np.int64(NIL)

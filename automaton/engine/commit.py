@@ -3,48 +3,82 @@
 import numpy as np
 
 from automaton.engine.batches import allocation_of
-from automaton.engine.energy import end_charging
+from automaton.engine.drive import replan
+from automaton.engine.energy import end_charging, offer_charger
 from automaton.engine.facilities import MAY_TURN
-from automaton.engine.headings import heading_towards
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.loads import begin_leg, reserve_order, reserve_slot
-from automaton.engine.next_stop import has_load, next_stop, next_stop_cell
-from automaton.engine.operations import refuse, with_load
-from automaton.engine.random_numbers import splitmix64
-from automaton.engine.requests import (
+from automaton.engine.operations import (
+    begin,
     clear_allocation_request,
+    clear_right_of_way,
     clear_route_request,
+    count_lost_tick,
+    drop_route,
     first_cell,
+    has_load,
+    heading_towards,
+    is_facing,
+    next_stop,
+    next_stop_cell,
+    record_change,
+    refuse,
+    request_allocation,
     request_charging,
+    request_right_of_way,
     request_route,
     set_goal,
+    with_load,
 )
-from automaton.engine.robot_status import STATUS_EXHAUSTED
+from automaton.engine.random_numbers import splitmix64
+from automaton.engine.record_codes import (
+    CHANGE_DURATION,
+    EXECUTED_BLOCKED,
+    EXECUTED_RETREAT,
+    EXECUTED_WAIT,
+)
+from automaton.engine.robot_states import BATTERY_FULL, STATUS_EXHAUSTED
 from automaton.engine.state import (
+    ACTION_BLOCKED,
+    ACTION_RETREAT,
+    ACTION_WAIT,
     CLOCK_FRESH_ALLOCATION,
     CLOCK_REVISION,
     CLOCK_TICK,
     CLOCK_UNPARKED,
     CMD_DROP_AT,
+    CMD_GO,
+    CMD_HOLD,
     CMD_PARK,
+    CMD_RETREAT,
+    CMD_STEP,
     CMD_TAKE_ORDER,
+    CMD_WAIT,
     GOAL_CHARGE,
     GOAL_DROP,
     GOAL_NONE,
     GOAL_PARK,
     GOAL_PICK,
     GOAL_STOP,
+    HOLD,
     KEEP,
     LAYER_ALLOCATION,
+    LAYER_CHARGING,
+    LAYER_RIGHT_OF_WAY,
     LAYER_ROUTING,
     NEED_ALLOCATION,
     NEED_ROUTE,
     NIL,
+    NO_STEP,
     ORDER_WAITING,
     REASON_AROUND_ROBOTS,
+    REASON_IDLE,
     REASON_NO_ORDER,
     REASON_ORDER_RETURNED,
     REASON_ORDER_TAKEN,
+    REASON_REPLAN,
+    RETRY_EXHAUSTED,
+    RETRY_NONE,
 )
 from automaton.engine.trips import (
     give_place_back,
@@ -54,7 +88,7 @@ from automaton.engine.trips import (
     take_place,
     withdraw_offer,
 )
-from automaton.engine.visits import has_started, is_assigned, lose_order
+from automaton.engine.visits import has_started, is_assigned, lose_order, return_order
 
 GIVEN = 255  # in out.order_taken: a robot got the order in this batch
 
@@ -334,4 +368,223 @@ def is_drivable(world, i, steps, route_length):
                 return False
             heading = towards
         cell += grid.offset[direction]
+    return True
+
+
+# How the decisions of a charging strategy enter the world.
+
+
+@kernel
+def commit_charging(world, record, batch, decisions):
+    """A robot that has neither a load nor begun an order may be sent to a charger, or away from it."""
+    robots, out = world.robots, decisions.charging
+    for k in range(batch.count[0]):
+        goal_cell, charge_target = np.int64(out.goal_cell[k]), np.int64(out.charge_target[k])
+        i = np.int64(batch.robot[k])
+        if goal_cell == KEEP:
+            continue
+        if goal_cell == NIL and robots.goal_type[i] == GOAL_CHARGE:
+            end_charging(world, i)
+            drop_route(robots, i)
+            clear_route_request(world, i)
+            request_allocation(world, i, REASON_IDLE)
+        elif (
+            is_charger(world, i, goal_cell)
+            and robots.load[i] == NIL
+            and not has_started(world, i)
+            and 0 < charge_target <= BATTERY_FULL
+        ):
+            send_to_charger(
+                world, record, i, goal_cell, charge_target, out.charging_interruptible[k]
+            )
+        else:
+            refuse(world, LAYER_CHARGING, i)
+
+
+@kernel
+def is_charger(world, i, goal_cell):
+    """Whether `goal_cell` is a charger that robot i gets to."""
+    inside = 0 <= goal_cell < world.grid.cell_flags.shape[0]
+    if not inside or world.rules.battery == 0 or world.chargers.charger_at[goal_cell] == NIL:
+        return False
+    return world.slots.reachable[world.robots.type[i], goal_cell] != 0
+
+
+@kernel
+def send_to_charger(world, record, i, goal_cell, charge_target, charging_interruptible):
+    """Robot i gives back what it has not begun, and goes to charge up to a level."""
+    robots = world.robots
+    if robots.order[i] != NIL:
+        return_order(world, record, i)
+    robots.charge_target[i] = charge_target
+    robots.charging_interruptible[i] = 1 if charging_interruptible else 0
+    if charging_interruptible:
+        request_allocation(world, i, REASON_REPLAN)  # it may have an order while it charges
+    else:
+        clear_allocation_request(world, i)
+    if robots.goal_type[i] != GOAL_CHARGE or robots.goal_cell[i] != goal_cell:
+        if robots.goal_type[i] == GOAL_CHARGE:
+            offer_charger(world, i)
+        robots.ticket[i] = 0
+        set_goal(world, i, GOAL_CHARGE, goal_cell)
+
+
+# How decisions of right of way enter the world: steps, waits, retreats, and where robots are steered.
+
+
+MAX_COMMAND_TICKS = 10_000  # of one wait or retreat
+
+
+@kernel
+def commit_right_of_way(world, record, batch, decisions):
+    robots = world.robots
+    out = decisions.right_of_way
+    for k in range(batch.count[0]):
+        i = np.int64(batch.robot[k])
+        command, value = out.command[k], np.int64(out.value[k])
+        if world.rules.steered[0]:
+            robots.step[i] = NO_STEP
+        if out.priority[k] != KEEP:
+            if -32768 <= out.priority[k] <= 32767:
+                robots.priority[i] = out.priority[k]
+            else:
+                world.tally.illegal[LAYER_RIGHT_OF_WAY] += 1
+        if command == KEEP:
+            if robots.retry_state[i] == RETRY_EXHAUSTED:
+                robots.retry_state[i] = RETRY_NONE
+                clear_right_of_way(world, i)
+        elif world.rules.steered[0]:
+            commit_steering(world, record, i, command, value)
+        elif robots.parked[i] and command != CMD_STEP:
+            refuse(world, LAYER_RIGHT_OF_WAY, i)
+        elif command == CMD_STEP and robots.cell[i] != NIL:
+            step(world, i, value)
+        elif command == CMD_WAIT and 1 <= value <= MAX_COMMAND_TICKS:
+            pause(world, record, i, value)
+        elif command == CMD_RETREAT and value == 0:
+            plan_again(world, record, i, out.return_order[k])
+        elif command == CMD_RETREAT and 1 <= value <= MAX_COMMAND_TICKS:
+            retreat(world, record, i, value, out.return_order[k])
+        else:
+            refuse(world, LAYER_RIGHT_OF_WAY, i)
+
+
+@kernel
+def commit_steering(world, record, i, command, value):
+    """What a right of way that steers may ask of robot i, in its parking bay or on the floor."""
+    robots = world.robots
+    in_bay = robots.cell[i] == NIL
+    waits_in_bay = in_bay and robots.goal_type[i] != GOAL_NONE and robots.goal_type[i] != GOAL_PARK
+    if command == CMD_GO and waits_in_bay and 0 <= value < 4:
+        robots.step[i] = value  # out of its parking bay, wherever it goes then
+    elif command == CMD_GO and may_step(world, i, value):
+        robots.step[i] = value
+        if robots.parked[i]:
+            robots.parked[i] = 0
+            world.clock[CLOCK_UNPARKED] += 1
+            if robots.goal_type[i] == GOAL_NONE:  # pushed from its place: it comes back by itself
+                set_goal(world, i, GOAL_PARK, np.int64(robots.home[i]))
+    elif command == CMD_HOLD and -1 <= value < 4:
+        if robots.parked[i] and in_bay == 0 and robots.goal_type[i] != GOAL_NONE:
+            robots.parked[i] = 0  # it has work: what it loses counts from now on
+            world.clock[CLOCK_UNPARKED] += 1
+        if waits_in_bay or robots.parked[i] == 0:
+            robots.step[i] = HOLD | (NO_STEP if value == NIL else value)
+    elif command == CMD_WAIT and 1 <= value <= MAX_COMMAND_TICKS and robots.parked[i] == 0:
+        pause(world, record, i, value)
+    else:
+        refuse(world, LAYER_RIGHT_OF_WAY, i)
+
+
+@kernel
+def may_step(world, i, direction):
+    """Whether robot i, on the floor, may move in a direction, or turn towards it."""
+    robots = world.robots
+    if robots.cell[i] == NIL or direction < 0 or direction > 3:
+        return False
+    flags = np.int64(world.grid.type_cell_flags[robots.type[i], robots.cell[i]])
+    may_turn = flags & MAY_TURN != 0
+    return (flags >> direction) & 1 == 1 and (may_turn or is_facing(world, i, direction))
+
+
+@kernel
+def step(world, i, direction):
+    """One move, or the turn before it, now; outside a retreat the route is planned again after it.
+
+    A robot that is parked on the floor leaves its place.
+    """
+    robots = world.robots
+    if not may_step(world, i, direction):
+        refuse(world, LAYER_RIGHT_OF_WAY, i)
+        return
+    if robots.retreat_moves[i] == 0:
+        drop_route(robots, i)
+        robots.retry_state[i] = RETRY_NONE
+        clear_right_of_way(world, i)
+    if robots.parked[i]:
+        robots.parked[i] = 0
+        world.clock[CLOCK_UNPARKED] += 1
+    robots.step[i] = direction
+
+
+@kernel
+def pause(world, record, i, ticks):
+    """Wait; during a retreat this gives it up, and the plan is made again around the robots."""
+    robots = world.robots
+    begin(world, i, ACTION_WAIT, ticks)
+    robots.executed[i] = EXECUTED_WAIT
+    record_change(world.clock, record, CHANGE_DURATION, robots.identity[i], ticks)
+    clear_right_of_way(world, i)
+    robots.retry_state[i] = RETRY_NONE
+    if robots.retreat_moves[i]:
+        robots.retreat_moves[i] = 0
+        replan(world, i)
+
+
+@kernel
+def retreat(world, record, i, moves, returns):
+    """Begin a retreat; the tick of the decision executes nothing."""
+    robots = world.robots
+    count_lost_tick(world, i, ACTION_RETREAT)
+    robots.busy[i] = 1
+    robots.executed[i] = EXECUTED_RETREAT
+    robots.retreat_moves[i] = moves
+    robots.failed_retries[i] = 0
+    robots.retry_state[i] = RETRY_NONE
+    drop_route(robots, i)
+    request_right_of_way(world, i)
+    if returns:
+        choose_again(world, record, i)
+
+
+@kernel
+def plan_again(world, record, i, returns):
+    """A retreat of no moves: the plan is made again where robot i stands; this tick executes nothing.
+
+    Its failed retries still count: the next one may lead to a retreat.
+    """
+    robots = world.robots
+    count_lost_tick(world, i, ACTION_BLOCKED)
+    robots.busy[i] = 1
+    robots.executed[i] = EXECUTED_BLOCKED
+    robots.retreat_moves[i] = 0
+    robots.retry_state[i] = RETRY_NONE
+    clear_right_of_way(world, i)
+    drop_route(robots, i)
+    if not (returns and choose_again(world, record, i)):
+        replan(world, i)
+
+
+@kernel
+def choose_again(world, record, i):
+    """Robot i gives back an order that it has not begun, and is asked for another; or returns False."""
+    robots = world.robots
+    if robots.load[i] != NIL or has_started(world, i) or robots.goal_type[i] == GOAL_CHARGE:
+        return False
+    if robots.order[i] != NIL:
+        return_order(world, record, i)
+    robots.goal_type[i] = GOAL_NONE
+    robots.goal_cell[i] = NIL
+    clear_route_request(world, i)
+    request_allocation(world, i, REASON_ORDER_RETURNED)
     return True

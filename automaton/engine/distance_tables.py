@@ -19,8 +19,7 @@ from typing import Any, Final
 
 from numpy.typing import NDArray
 
-from automaton.engine.jit.fields import CONSTANT, NIL, SCRATCH, STATIC, STOP, field
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import CONSTANT, NIL, SCRATCH, STATIC, STOP, Struct, field
 
 Array = NDArray[Any]
 
@@ -93,7 +92,7 @@ class DistanceTables(Struct, role=SCRATCH):
     least: Array = field("(C,) int32", "of a search: the cost of the best heading")
     turns: Array = field("(C,) uint16", "of a search: what each heading costs more, 3 bits each")
     costs: Array = field("(P,) int32", "of a search: the cost of each pose, where not narrow")
-    queue: Array = field("(Q, L) int64", "of a search: automaton.engine.cost_search")
+    queue: Array = field("(Q, L) int64", "of a search: automaton.engine.table_rows")
     head: Array = field("(Q,) int64", "of a search: the next entry of each queue")
     end: Array = field("(Q,) int64", "of a search: entries of each queue so far")
     stop: Array = field("(1,) int64", "not 0 = the run is given up, searches end", role=STOP)

@@ -8,9 +8,13 @@ way has set.
 import numpy as np
 
 from automaton.engine.energy import charge_up, has_energy_for
-from automaton.engine.gate_pass import ask_gates_of_bays, enter_from_bay, note_closing
-from automaton.engine.gate_queries import has_gates, is_cabin_move
-from automaton.engine.headings import entry_heading, headings_of, is_facing
+from automaton.engine.gates import (
+    ask_gates_of_bays,
+    enter_from_bay,
+    has_gates,
+    is_cabin_move,
+    note_closing,
+)
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.loads import pick_up, set_down
 from automaton.engine.motion import (
@@ -30,13 +34,29 @@ from automaton.engine.motion import (
 )
 from automaton.engine.operations import (
     begin,
+    clear_right_of_way,
+    clear_route_request,
     consume_energy,
     count_following,
     count_lost_tick,
+    drop_route,
     energy_cost,
+    entry_heading,
+    headings_of,
+    is_facing,
+    limited_ticks,
+    record_change,
+    request_allocation,
+    request_right_of_way,
+    request_route,
 )
-from automaton.engine.random_numbers import STREAM_HANDLING, STREAM_WAITS
-from automaton.engine.record_changes import record_change
+from automaton.engine.random_numbers import (
+    STREAM_EXTRA_TICKS,
+    STREAM_HANDLING,
+    STREAM_WAITS,
+    random_bits,
+    random_ticks,
+)
 from automaton.engine.record_codes import (
     CHANGE_DURATION,
     DROPPED_ON_ARRIVAL,
@@ -53,16 +73,7 @@ from automaton.engine.record_codes import (
     TURN_LEFT,
     TURN_RIGHT,
 )
-from automaton.engine.refinement import random_ticks
-from automaton.engine.requests import (
-    clear_right_of_way,
-    clear_route_request,
-    drop_route,
-    request_allocation,
-    request_right_of_way,
-    request_route,
-)
-from automaton.engine.robot_status import STATUS_EXHAUSTED
+from automaton.engine.robot_states import STATUS_EXHAUSTED
 from automaton.engine.state import (
     ACTION_BAY_BLOCKED,
     ACTION_BLOCKED,
@@ -75,6 +86,7 @@ from automaton.engine.state import (
     ACTION_TRY_DROP,
     ACTION_TURN,
     ACTION_WAIT,
+    CLOCK_COARSE_TICK,
     CLOCK_HALTED_UNTIL,
     CLOCK_TICK,
     CLOCK_UNPARKED,
@@ -100,9 +112,8 @@ from automaton.engine.state import (
     RETRY_NONE,
     RETRY_WAITED,
 )
-from automaton.engine.station_queues import is_in_own_queue, is_queueing_at_station
 from automaton.engine.trips import has_trips
-from automaton.engine.visits import serve
+from automaton.engine.visits import is_in_own_queue, is_queueing_at_station, serve
 
 
 @kernel
@@ -516,3 +527,66 @@ def refused(world, record, i):
         robots.retry_state[i] = RETRY_WAITED
         robots.executed[i] = np.int64(robots.executed[i]) | EXECUTED_WAIT
         record_change(world.clock, record, CHANGE_DURATION, identity, ticks)
+
+
+# How long a move takes where zones or speed limits slow robots down, or where chance does.
+#
+# A MOVE that starts in a zone with m robots takes m times as long (Bhattathiri, Li & Kuhl). m is what
+# the zone held when the tick began, each robot counted in the cell that it stands in or leaves, the
+# mover always included. Cells in no zone slow no robot down. A speed limit holds before zones
+# multiply; a tick more, by a draw, comes on top.
+
+
+MAX_MOVE_TICKS = 65_535  # what robots.busy and traffic.move_ticks can hold
+
+
+@kernel
+def count_robots(grid, robots, zone_occupancy):
+    """crowd[zone] = robots in it; call before anything moves or leaves its parking bay."""
+    zone_occupancy[:] = 0
+    for i in range(robots.cell.shape[0]):
+        cell = np.int64(robots.cell[U(i)])
+        if cell != NIL:
+            traffic_zone = np.int64(
+                grid.traffic_zone[U(cell), U(np.int64(robots.travel[U(i)]) >> 1)]
+            )
+            if traffic_zone != NIL:
+                zone_occupancy[U(traffic_zone)] += 1
+
+
+@kernel
+def set_move_ticks(world):
+    """Set traffic.move_ticks of every move that is wanted in this tick."""
+    traffic = world.traffic
+    for i in range(world.robots.cell.shape[0]):
+        intent = np.int64(traffic.intent[U(i)])
+        if intent & LIVE:
+            traffic.move_ticks[U(i)] = min(ticks_of_move(world, i, intent), MAX_MOVE_TICKS)
+
+
+@kernel
+def ticks_of_move(world, i, intent):
+    """What a move of robot i takes if it starts now."""
+    rules = world.rules
+    usual = np.int64(rules.duration[U(world.robots.type[U(i)]), U(ACTION_MOVE)])
+    ticks = limited_ticks(world.grid, usual, np.int64(world.robots.cell[U(i)]), intent & 3)
+    if rules.slowdown:
+        ticks *= robots_in_zone(world, i, intent)
+    if rules.extra_tick:
+        identity = world.robots.identity[U(i)]
+        tick = world.clock[CLOCK_COARSE_TICK]
+        bits = random_bits(rules.seed, STREAM_EXTRA_TICKS, tick, identity)
+        ticks += rules.refinement if np.int64(bits >> np.uint64(32)) < rules.extra_tick else 0
+    return ticks
+
+
+@kernel
+def robots_in_zone(world, i, intent):
+    """Robots that slow a move of robot i out of its cell, itself included; 1 where there is no zone."""
+    cell = np.int64(world.robots.cell[U(i)])
+    traffic_zone = np.int64(world.grid.traffic_zone[U(cell), U((intent & 3) >> 1)])
+    if traffic_zone == NIL:
+        return 1
+    came = np.int64(world.grid.traffic_zone[U(cell), U(np.int64(world.robots.travel[U(i)]) >> 1)])
+    counted = came == traffic_zone and intent & ENTERED == 0
+    return np.int64(world.traffic.zone_occupancy[U(traffic_zone)]) + (0 if counted else 1)

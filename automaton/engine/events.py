@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from automaton.engine.blocker_cycles import walk_to_cycle
+from automaton.engine.blockers import walk_to_cycle
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import U
 from automaton.engine.observation import (
@@ -43,7 +43,7 @@ from automaton.engine.record_codes import (
     LEFT_PARKING_BAY,
     PICKED_ON_ARRIVAL,
 )
-from automaton.engine.robot_status import (
+from automaton.engine.robot_states import (
     STATUS_DEPLETED,
     STATUS_FAILED,
     STATUS_REMOVED,

@@ -9,9 +9,18 @@ from typing import Any, Final
 
 from numpy.typing import NDArray
 
-from automaton.engine.jit.fields import CONSTANT, DERIVED, SCRATCH, STATIC, field
-from automaton.engine.jit.fields import NIL as NIL
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import (
+    CONSTANT,
+    DERIVED,
+    MEASURED,
+    NIL,
+    SCRATCH,
+    STATE,
+    STATIC,
+    Struct,
+    field,
+    nested,
+)
 
 Array = NDArray[Any]
 
@@ -136,3 +145,396 @@ class Stations(Struct, role=STATIC):
     job_of_order: Array = field(
         "(m,) int32", "the job that begins when an order is delivered, or NIL"
     )
+
+
+# The stops of orders: cells in which a robot has to stand, one after another.
+
+
+class Stops(Struct, role=STATIC):
+    """The stops of all orders, one order after another; v of them.
+
+    Those of order k are `orders.first_stop[k]` to `orders.first_stop[k + 1]`, without the end; of a trip
+    up to the first without a cell.
+    """
+
+    cell: Array = field(
+        "(v,) int32", "where a robot has to stand, NIL: none yet", role=DERIVED, header=True
+    )
+    ticks: Array = field(
+        "(v,) int32",
+        "for how long; 0: it is enough that it stands there",
+        role=DERIVED,
+        header=True,
+    )
+    done: Array = field(
+        "(v,) int32",
+        "tick at whose end a robot stood there for its order, or NIL",
+        default=NIL,
+        digest=60,
+    )
+    arrived: Array = field(
+        "(v,) int32",
+        "tick at whose end the robot that last came for it stood there, or NIL",
+        default=NIL,
+        role=MEASURED,
+    )
+
+
+# Gates: what lets robots into some cells at some times only. Closings, doors, blocks and lifts.
+#
+# A gate has cells, and a cell may have several gates. All of them are numbered together, in the order
+# of their kinds. NIL (-1) means none.
+
+
+GATE_CLOSING: Final = 0  # no robot may enter for some time
+GATE_DOOR: Final = 1  # it opens to a robot that asks, and shuts
+GATE_BLOCK: Final = 2  # it holds so many robots, or robots of one direction
+GATE_LIFT: Final = 3  # a block of one robot, whose cabin comes when it is called
+GATE_KINDS: Final = ("closed", "door", "block", "lift")
+
+
+class Gates(Struct, role=STATIC):
+    """g gates of cells; without gates all sizes are 0.
+
+    What they are stays; what has a digest number changes from tick to tick.
+    """
+
+    kind: Array = field("(g,) uint8", "GATE_*")
+    cell_first: Array = field(
+        "(c + 1,) int32", "cell_gate[cell_first[k]: cell_first[k + 1]] are the gates of cell k"
+    )
+    cell_gate: Array = field("(e,) int32", "gates by cell, each cell's in ascending order")
+    cell_index: Array = field(
+        "(e,) int32", "the last mouth of its lift up to the cell, by path; else NIL", default=NIL
+    )
+    first_closing: Array = field(
+        "(g + 1,) int32",
+        "closings[first_closing[k]: first_closing[k + 1]] are those of gate k",
+        header=True,
+    )
+    closings: Array = field(
+        "(x, 2) int64",
+        "first tick of a closing, tick after the last; by gate and tick",
+        header=True,
+    )
+    known: Array = field("(g,) uint8", "1 = routing may know how long a closing lasts")
+    replan_after: Array = field(
+        "(a,) int64", "lost ticks after which a robot is planned around a closing; empty: never"
+    )
+    max_robots: Array = field("(g,) int32", "that a block holds")
+    same_way: Array = field("(g,) uint8", "1 = robots enter a block after each other over one cell")
+    opening_ticks: Array = field("(g,) int64", "that a door takes to open, or the doors of a lift")
+    hold_ticks: Array = field("(g,) int64", "without use after which a door shuts")
+    travel_ticks: Array = field("(g,) int64", "of a cabin from one mouth to the next")
+    cabin_ticks: Array = field(
+        "(c, 4) int32", "ticks of a move in a lift, by direction E S W N; 0: the usual ones"
+    )
+    closing: Array = field(
+        "(g,) int32", "which closing of a gate comes or lasts, from 0", digest=75
+    )
+    open_from: Array = field(
+        "(g,) int64", "tick from which a door, or a lift at its mouth, lets robots in", digest=76
+    )
+    used: Array = field("(g,) int64", "tick in which a door was last used or asked for", digest=77)
+    mouth: Array = field(
+        "(g,) int32", "a block: the cell last entered; a lift: where its cabin is", digest=78
+    )
+    caller: Array = field(
+        "(g,) int32", "identity of the robot that called a lift, or NIL", default=NIL, digest=79
+    )
+    waited: Array = field(
+        "(r,) int64", "ticks that a robot has lost before one closing, by identity", digest=80
+    )
+    waited_for: Array = field(
+        "(r,) int32", "that row of closings, by identity, or NIL", default=NIL, digest=81
+    )
+    robots: Array = field("(g,) int32", "in it when the tick began", role=SCRATCH)
+    held: Array = field(
+        "(n,) int32", "the gate that kept a robot in this tick, or NIL", default=NIL, role=SCRATCH
+    )
+    first_entrant: Array = field(
+        "(g,) int32", "entry of those that want into it", default=NIL, role=SCRATCH
+    )
+    entrant: Array = field("(y,) int32", "storage index of a robot", role=SCRATCH)
+    entrant_cell: Array = field("(y,) int32", "the cell that it would enter", role=SCRATCH)
+    next_entrant: Array = field("(y,) int32", "the next one of the same gate", role=SCRATCH)
+
+
+# Pods, the lines of orders that they are carried to stations for, and the trips that follow.
+#
+# p pods, k stations, l lines of q orders. A *trip* is one pod lifted, carried to some stations and
+# stored again: an order of the world, which is known from the tick in which a line asks for it. There
+# are as many numbers of trips as lines, w = l times the stops that a trip may have. Orders of a list
+# may carry pods without lines: then the arrays of trips go by order and stop of the list, those of
+# lines are empty. NIL (-1) means none.
+
+
+class Pods(Struct, role=STATIC):
+    """Pods. One is in a slot or on a robot, never elsewhere."""
+
+    slot: Array = field(
+        "(p,) int32", "where it stands, NIL: on a robot", default=NIL, digest=61, header=True
+    )
+    home: Array = field("(p,) int32", "the slot in which it stood first")
+    pod_class: Array = field("(p,) int16", "its class, from 0")
+    trip: Array = field("(p,) int32", "its trip that is not over, or NIL", default=NIL, digest=62)
+    first_line: Array = field(
+        "(p,) int32",
+        "the first line, or order of a list, that waits for its next trip, or NIL",
+        default=NIL,
+        digest=63,
+    )
+    last_line: Array = field("(p,) int32", "the last of them", default=NIL, role=DERIVED)
+    stored: Array = field(
+        "(p,) int32", "those stored in this tick that lines wait for", role=DERIVED
+    )
+    slot_class: Array = field("(s,) int16", "the class of a storage cell, from 0; other slots: NIL")
+    weight: Array = field(
+        "(p,) int32", "what a robot must be able to carry", default=1, header=True
+    )
+    open_lines: Array = field(
+        "(p,) int32", "lines for it that are known and not done", role=DERIVED
+    )
+    sku_first: Array = field(
+        "(skus + 1,) int32",
+        "sku_pod[sku_first[u]: sku_first[u + 1]] are the pods with SKU u",
+        header=True,
+    )
+    sku_pod: Array = field("(held,) int32", "pods, by SKU and number", header=True)
+
+
+class Lines(Struct, role=STATIC):
+    """What orders want of pods at stations."""
+
+    order: Array = field("(l,) int32", "the order that it belongs to", header=True)
+    pod: Array = field(
+        "(l,) int32", "the pod that it asks for; NIL: any with its SKU", default=NIL, header=True
+    )
+    sku: Array = field(
+        "(l,) int32", "the SKU that is wanted of any pod, or NIL", default=NIL, header=True
+    )
+    taken_from: Array = field(
+        "(l,) int32", "the pod that has it, NIL: not known yet", default=NIL, role=DERIVED
+    )
+    station: Array = field(
+        "(l,) int32", "the station that it asks for; NIL: any", default=NIL, header=True
+    )
+    release_tick: Array = field("(l,) int32", "tick from which it is known", header=True)
+    due: Array = field("(l,) int32", "tick in which it is due, or NEVER", header=True)
+    priority: Array = field("(l,) int16", "the larger one comes first", header=True)
+    sequence: Array = field("(l,) int32", "the lines, in the sequence in which they are known")
+    handling: Array = field(
+        "(h, l) int64", "millionths of a tick that it takes, by rule of handling", header=True
+    )
+    served_at: Array = field(
+        "(l,) int32", "the station where it is done, NIL: not known yet", default=NIL, digest=64
+    )
+    following: Array = field(
+        "(l,) int32",
+        "the next line of the same stop, or that waits for the same pod, or NIL",
+        default=NIL,
+        role=DERIVED,
+    )
+    trip: Array = field("(l,) int32", "its trip, NIL: none yet", default=NIL, digest=65)
+    done: Array = field("(l,) int32", "tick in which it was done, or NIL", default=NIL, digest=66)
+    left: Array = field("(q,) int32", "lines of an order that are not done", role=DERIVED)
+    order_station: Array = field(
+        "(q,) int32", "the station of an order's latest line, or NIL", default=NIL, role=DERIVED
+    )
+    order_done: Array = field(
+        "(q,) int32", "tick in which the last line was done, or NIL", default=NIL, role=DERIVED
+    )
+
+
+class Trips(Struct, role=DERIVED):
+    """Trips, beside what is kept of every order; and what robots hold for them, by identity."""
+
+    pod: Array = field("(l,) int32", "its pod, NIL: not known yet", default=NIL)
+    following: Array = field(
+        "(listed,) int32",
+        "of an order of a list: the next one that waits for the same pod, or NIL",
+        default=NIL,
+    )
+    begun: Array = field("(l,) int32", "how many of its stops were begun", digest=67)
+    station: Array = field("(w,) int32", "the station of a stop, or NIL", default=NIL, digest=68)
+    handling: Array = field("(w,) int64", "millionths of a tick that its lines take")
+    first_line: Array = field("(w,) int32", "the first line of a stop, or NIL", default=NIL)
+    last_line: Array = field("(w,) int32", "the last of them", default=NIL)
+    place: Array = field(
+        "(r,) int32", "the station at which a robot has a place, or NIL", default=NIL, digest=69
+    )
+    leaving: Array = field(
+        "(r,) int32",
+        "a station at which it has another one until it has left the cell, or NIL",
+        default=NIL,
+        digest=70,
+    )
+    offered: Array = field(
+        "(r,) int32",
+        "the trip of the pod above it, which is reserved for it, or NIL",
+        default=NIL,
+        digest=71,
+    )
+
+
+class PodStations(Struct, role=STATIC):
+    """The stations to which pods are carried, in the sequence of their numbers."""
+
+    cell: Array = field("(k,) int32", "where it is", header=True)
+    places: Array = field("(k,) int32", "trips that it lets come, NIL: any number", header=True)
+    taken: Array = field("(k,) int32", "how many have a place", digest=72)
+    open_lines: Array = field("(k,) int32", "lines that are known and not done", digest=73)
+    rule: Array = field("(k,) int32", "its rule of handling: a row of lines.handling", header=True)
+    visit: Array = field("(k,) int64", "millionths of a tick that a visit takes", header=True)
+    station_at: Array = field("(c,) int32", "the station in a cell, or NIL")
+    queue_at: Array = field("(c,) int32", "the station whose queue a cell belongs to, or NIL")
+    queue_way: Array = field("(c,) uint8", "direction from a cell of a queue to the next one")
+    held_back: Array = field(
+        "(c,) uint8", "1 = its holder queues there, or is at the station", role=SCRATCH
+    )
+    ticks_from: Array = field(
+        "(d, s) int32",
+        "least ticks with a load from a slot to each station; no rows where no line has a SKU",
+        header=True,
+    )
+    breaks: Array = field("(b, 3) int64", "station, first tick, tick after the last; by tick")
+    served_ticks: Array = field("(k,) int64", "ticks in which it served a robot", role=MEASURED)
+    starved_ticks: Array = field(
+        "(k,) int64",
+        "ticks with lines open for it, no break, and no robot in its cell or queue",
+        role=MEASURED,
+    )
+    visited_at: Array = field(
+        "(k,) int64", "the last tick in which a robot was in its cell or queue", role=MEASURED
+    )
+
+
+# Zones that robots serve: the roads between stations, a zone design, and who does what in it.
+#
+# P critical points, S stations, Z zones, M segments (at most one for each station), s slots, m
+# orders, n robots. A station is a slot of its own, or a group of slots (shelves, racks) that are
+# served from near the same point. NIL (-1) means none. Without a zoning strategy all arrays are
+# empty. Source of the terms: Keith & La, "Dynamic Zoning of Industrial Environments with Autonomous
+# Mobile Robots", after Ho & Liao.
+
+
+MESSAGE_WORDS: Final = 8  # numbers in the message that a robot sends to those in range
+
+
+class Roads(Struct, role=STATIC):
+    """Critical points (stations, crossings, corners, dead ends) and the straight ways between them."""
+
+    cell: Array = field("(P,) int32", "flat cell")
+    next: Array = field("(P, 4) int32", "the point that driving E, S, W, N leads to, or NIL")
+    step: Array = field("(P, 4) int32", "cells to it")
+    station: Array = field("(P,) int32", "the station at the point, or NIL")
+    point: Array = field("(S,) int32", "the point of each station")
+    hop: Array = field("(P, P) int32", "the next point on the shortest way to another one, or NIL")
+    between: Array = field("(S, S) int32", "cells of the shortest way, whatever the zones are")
+
+
+class Design(Struct, role=STATE):
+    """A zone design; a segment is a path of points from one station of its zone to another."""
+
+    zone: Array = field("(S,) int32", "the zone of each station", default=NIL)
+    segments: Array = field("(1,) int64", "how many are in use; the first ones")
+    owner: Array = field("(M,) int32", "zone of a segment", default=NIL)
+    ends: Array = field("(M, 2) int32", "the stations that it joins", default=NIL)
+    points: Array = field("(M,) int32", "how many points it has, both ends included")
+    path: Array = field("(M, P) int32", "its points", default=NIL)
+    held: Array = field(
+        "(P,) int32", "the zone whose stations or segments a point belongs to, or NIL", default=NIL
+    )
+    transfer: Array = field(
+        "(Z, Z, S) uint8", "1 = a transfer station between two zones; symmetric"
+    )
+
+
+class ServiceZones(Struct):
+    """The service zones of a world."""
+
+    roads: Roads
+    design: Design = nested(digest=50, by="hash_of_design")
+    station_of: Array = field("(s,) int32", "the station of a slot, or NIL", role=DERIVED)
+    accessible: Array = field(
+        "(Z, S) uint8",
+        "1 = the robot with the number of the zone gets to the station",
+        default=1,
+        role=STATIC,
+    )
+    has_priority: Array = field("(Z, S) uint8", "1 = its type has priority there", role=STATIC)
+    server: Array = field(
+        "(Z,) int32", "identity of the robot that serves a zone", hidden=NIL, digest=55
+    )
+    queue: Array = field(
+        "(m,) int32",
+        "the zone in whose queue an order is; NIL: none yet; "
+        "-2 - zone: none any more, since a robot of that zone dropped it on its way",
+        default=NIL,
+        digest=51,
+    )
+    next_slot: Array = field(
+        "(m,) int32", "the slot where it is dropped next, or NIL", default=NIL, digest=52
+    )
+    skips_transfer: Array = field(
+        "(m,) uint8", "1 = past the transfer stations, by load sharing", digest=53
+    )
+    picked_from: Array = field(
+        "(m,) int32",
+        "the slot from which it was picked up last, or NIL",
+        default=NIL,
+        digest=54,
+        recorded=False,
+    )
+    halt: Array = field(
+        "(n,) int64", "a robot stands still up to this tick", default=NIL, digest=56
+    )
+    wake: Array = field(
+        "(n,) int64",
+        "zoning is asked about a robot from this tick on, or NIL",
+        default=NIL,
+        digest=57,
+        recorded=False,
+    )
+    messages: Array = field(
+        f"(n, {MESSAGE_WORDS}) int64",
+        "what each robot sends to those in range",
+        digest=58,
+        recorded=False,
+    )
+
+
+def empty_design(points: int, stations: int, zones: int) -> Design:
+    """A design in which no station has a zone."""
+    return Design.sized({"P": points, "S": stations, "Z": zones, "M": stations})
+
+
+def design_for(roads: Roads, zones: int) -> Design:
+    """An empty design for these roads."""
+    return empty_design(len(roads.cell), len(roads.point), zones)
+
+
+# Delays of robots: how often they begin, how long they last, and who is delayed.
+#
+# d robots where a scenario has delays, else 0.
+
+
+class Delays(Struct, role=STATIC):
+    """A delayed robot begins nothing; a move or a turn under way may take longer by its delay."""
+
+    probability: int = field("int64", "of 2**32 robots, how many begin a delay in a tick")
+    poisson: int = field(
+        "int64", "1: a Poisson number of robots begin one, those with the least hashes"
+    )
+    ticks: Array = field("(t,) int32", "how long delays last: all entries are alike probable")
+    counts: Array = field(
+        "(c,) int64", "of 2**32 robots, how many make at most 0, 1, ... robots begin one"
+    )
+    lengthens: Array = field(
+        "(A,) uint8", "1 = such an operation takes longer by a delay that begins in it"
+    )
+    until: Array = field(
+        "(d,) int64", "by identity: the last tick of its delay, or 0", digest=74, recorded=False
+    )
+    lasted: Array = field("(d,) int64", "by identity: ticks in which it was delayed", role=MEASURED)
+    hash: Array = field("(h,) uint64", "of those that may begin one", role=SCRATCH)

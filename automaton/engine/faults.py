@@ -10,30 +10,38 @@ repair is over.
 import numpy as np
 
 from automaton.engine.energy import end_charging
-from automaton.engine.headings import entry_heading
+from automaton.engine.holders import lane_of, mark_claim
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.loads import end_leg, leave_queue, reserve_order, reserve_slot
-from automaton.engine.motion import vacate
-from automaton.engine.next_stop import drive_on_with_load
-from automaton.engine.operations import put_off, with_load
-from automaton.engine.random_numbers import (
-    STREAM_BREAKDOWNS,
-    STREAM_REPAIRS,
-    random_between,
-    random_bits,
-)
-from automaton.engine.record_changes import record_change
-from automaton.engine.record_codes import CHANGE_LOAD_LEFT, CHANGE_STATUS
-from automaton.engine.refinement import chance_decides
-from automaton.engine.requests import (
+from automaton.engine.loads import complete_order, end_leg, leave_queue, reserve_order, reserve_slot
+from automaton.engine.motion import U, direction_between, own_resource, put_pod_into, vacate
+from automaton.engine.operations import (
+    begin,
     clear_allocation_request,
     clear_right_of_way,
     clear_route_request,
+    count_following,
+    drive_on_with_load,
     drop_route,
+    entry_heading,
+    next_stop,
+    put_off,
+    record_change,
     request_allocation,
     request_zoning,
+    with_load,
 )
-from automaton.engine.robot_status import (
+from automaton.engine.random_numbers import (
+    STREAM_BREAKDOWNS,
+    STREAM_DELAY_COUNTS,
+    STREAM_DELAY_TICKS,
+    STREAM_DELAYS,
+    STREAM_REPAIRS,
+    chance_decides,
+    random_between,
+    random_bits,
+)
+from automaton.engine.record_codes import CHANGE_DELAYED, CHANGE_LOAD_LEFT, CHANGE_STATUS
+from automaton.engine.robot_states import (
     FAILURE_DEPLETED,
     FAILURE_FAULT,
     FAILURE_TOWED,
@@ -45,7 +53,9 @@ from automaton.engine.robot_status import (
     STATUS_TOWED,
     STATUS_UP,
 )
+from automaton.engine.search import begin_search, mark_goal, nearest_mark
 from automaton.engine.state import (
+    ACTION_DELAYED,
     ACTION_DOWN,
     ACTION_IDLE,
     CLOCK_COARSE_TICK,
@@ -55,6 +65,7 @@ from automaton.engine.state import (
     CLOCK_ROBOTS_DOWN,
     CLOCK_TICK,
     CLOCK_UNPARKED,
+    FOLLOWING_CONVOY,
     NEED_CHARGING,
     NIL,
     NO_STEP,
@@ -63,8 +74,7 @@ from automaton.engine.state import (
     REASON_PICKED,
     RETRY_NONE,
 )
-from automaton.engine.towing import put_pod_aside
-from automaton.engine.trips import has_trips
+from automaton.engine.trips import give_place_back, has_trips, offer, store_pod
 from automaton.engine.visits import return_order
 
 
@@ -349,3 +359,249 @@ def come_back(world, record, i):
         request_allocation(world, i, REASON_IDLE)
     else:
         drive_on_with_load(world, i, REASON_PICKED)
+
+
+# What becomes of the pod of a robot that is towed: it is put into the nearest free storage cell.
+#
+# Its order waits there with the stops that are left, for any robot; one with none left is over,
+# unless it names another cell.
+
+
+@kernel
+def put_pod_aside(world, record, workspace, i):
+    """The pod of robot i, which is about to be towed, stands in storage; False: no cell is free."""
+    robots, orders, trips = world.robots, world.orders, world.trips
+    slot = nearest_storage(world, workspace, i)
+    if slot == NIL:
+        return False
+    order, identity = np.int64(robots.load[i]), np.int64(robots.identity[i])
+    cell = np.int64(world.slots.cell[slot])
+    end_leg(world, i, order)
+    put_off(world, i)
+    robots.order[i] = NIL
+    record_change(world.clock, record, CHANGE_LOAD_LEFT, identity, slot)
+    put_pod_into(world.traffic.occupancy, cell)
+    give_place_back(world, identity)
+    orders.current_slot[order] = slot
+    trips.begun[order] = orders.stops_done[order]  # a visit that was cut short begins again
+    stays = orders.target[order] == NIL or orders.target[order] == slot
+    if stays and next_stop(world, order) == NIL:
+        complete_order(world, order)
+        store_pod(world, order, slot, True)
+        reserve_order(world, record, order, NIL)
+        return True
+    orders.state[order] = ORDER_WAITING
+    store_pod(world, order, slot, False)
+    reserve_order(world, record, order, NIL)
+    offer(world, record, order, cell)
+    return True
+
+
+@kernel
+def nearest_storage(world, workspace, i):
+    """The slot that robot i, with its pod, gets to soonest of those that are free; NIL: none is.
+
+    Ties go to the lowest number, which also decides where it gets to none of them.
+    """
+    robots, slots = world.robots, world.slots
+    robot_type = np.int64(robots.type[i])
+    search = begin_search(workspace)
+    for slot in range(slots.first_spare):
+        if world.pods.slot_class[slot] == NIL or slots.content[slot] != NIL:
+            continue
+        if slots.reserved_by[slot] == NIL and slots.reachable[robot_type, slots.cell[slot]]:
+            mark_goal(workspace, search, np.int64(slots.cell[slot]), slot)
+    leave_out_held(world, workspace, i)
+    cell, heading = np.int64(robots.cell[i]), np.int64(robots.heading[i])
+    nearest = np.int64(nearest_mark(world, workspace, search, robot_type, cell, heading, False))
+    slot = np.int64(0)
+    while nearest == NIL and slot < slots.first_spare:
+        if workspace.mark_stamp[slots.cell[slot]] == search:
+            nearest = slot
+        slot += 1
+    return nearest
+
+
+@kernel
+def leave_out_held(world, workspace, i):
+    """No goals are the cells of robots with a load but i; where none drives under pods, of any robot.
+
+    That is the cell in which one stands, and the one that it enters.
+    """
+    robots = world.robots
+    for j in range(robots.cell.shape[0]):
+        if j == i or robots.cell[j] == NIL or (robots.load[j] == NIL and world.rules.under):
+            continue
+        workspace.mark_stamp[robots.cell[j]] = NIL
+        if robots.claim[j] != NIL:
+            workspace.mark_stamp[robots.claim[j]] = NIL
+
+
+# Robots that are delayed: for some ticks they begin nothing, and what they drive takes longer.
+#
+# As in the League of Robot Runners 2026. In the faults phase each robot on the floor that is in order
+# and not delayed begins a delay with a probability; or a Poisson number of them do, those with the
+# least hashes. A sum of Poisson numbers is one: each robot adds one with the probability as its mean.
+#
+# Under convoy no move ends before the one ahead of it, so a delay in mid-move is handed on to those
+# behind.
+
+
+MAX_BUSY = 65_535  # ticks that robots.busy can hold
+
+
+@kernel
+def delay_robots(world, record):
+    """Begin delays, and let delayed robots stand; call after robots have gone down and come back."""
+    robots, delays, tick = world.robots, world.delays, world.clock[CLOCK_TICK]
+    draws = chance_decides(world)
+    last_hash = find_last_hash(world) if delays.poisson and draws else np.uint64(0)
+    lengthened = 0
+    for identity in range(robots.cell.shape[0]):
+        i = np.int64(robots.at_index[U(identity)])
+        if robots.cell[U(i)] == NIL or robots.status[U(i)] > STATUS_EXHAUSTED:
+            delays.until[U(identity)] = 0
+            continue
+        if draws and delays.until[U(identity)] < tick:
+            if begins_delay(world, identity, last_hash):
+                lengthened += begin_delay(world, record, i)
+        if delays.until[U(identity)] >= tick:
+            delays.lasted[U(identity)] += world.rules.stride
+            if robots.busy[U(i)] == 0:
+                begin(world, i, ACTION_DELAYED, delays.until[U(identity)] - tick + 1)
+    if lengthened and world.rules.following == FOLLOWING_CONVOY:
+        hand_delays_on(world)
+
+
+@kernel
+def begins_delay(world, identity, last_hash):
+    """Whether a robot that may begin a delay does."""
+    bits = random_bits(world.rules.seed, STREAM_DELAYS, world.clock[CLOCK_COARSE_TICK], identity)
+    if world.delays.poisson:
+        return bits <= last_hash
+    return np.int64(bits >> np.uint64(32)) < world.delays.probability
+
+
+@kernel
+def begin_delay(world, record, i):
+    """Robot i is delayed from this tick on; returns 1 if what it drives takes longer, else 0."""
+    robots, delays, tick = world.robots, world.delays, world.clock[CLOCK_TICK]
+    identity, last = np.int64(robots.identity[i]), delays.ticks.shape[0] - 1
+    drawn_in = world.clock[CLOCK_COARSE_TICK]
+    entry = random_between(0, last, world.rules.seed, STREAM_DELAY_TICKS, drawn_in, identity)
+    busy = np.int64(robots.busy[i])
+    ticks = min(np.int64(delays.ticks[entry]), MAX_BUSY - busy)
+    delays.until[identity] = tick + ticks - 1
+    record_change(world.clock, record, CHANGE_DELAYED, identity, ticks)
+    if busy == 0 or delays.lengthens[robots.action[i]] == 0:
+        return 0
+    robots.busy[i] = busy + ticks
+    world.traffic.own_ticks[i] = min(np.int64(world.traffic.own_ticks[i]) + ticks, MAX_BUSY)
+    world.tally.ticks[i, robots.action[i], 1 if robots.load[i] != NIL else 0] += ticks
+    return 1
+
+
+@kernel
+def hand_delays_on(world):
+    """Put off the ends of moves behind robots that were delayed, in files and rings of any length."""
+    robots, until = world.robots, world.delays.until
+    mark_claims(world, 1)
+    for identity in range(robots.cell.shape[0]):
+        i = np.int64(robots.at_index[U(identity)])
+        if is_between_cells(robots, i) and until[U(identity)] >= world.clock[CLOCK_TICK]:
+            put_off_end(world, i, 0)
+            hand_on(world, i)
+    mark_claims(world, 0)
+
+
+@kernel
+def mark_claims(world, value):
+    """Enter the robots that come into cells (1), or remove them (0)."""
+    robots = world.robots
+    for i in range(robots.cell.shape[0]):
+        if is_between_cells(robots, i):
+            mark_claim(world, i, robots.identity[U(i)] if value else NIL)
+
+
+@kernel
+def is_between_cells(robots, i):
+    """Whether robot i is in a move of several ticks; a turn in a cell for two claims its own cell."""
+    cell, claim = robots.cell[U(i)], robots.claim[U(i)]
+    return cell != NIL and claim != NIL and claim != cell
+
+
+@kernel
+def hand_on(world, i):
+    """Let the moves behind robot i end no sooner than its own."""
+    robots = world.robots
+    while True:
+        cell, travel = np.int64(robots.cell[U(i)]), np.int64(robots.travel[U(i)])
+        lane = lane_of(np.int64(world.grid.cell_flags[U(cell)]), travel)
+        if lane == NIL or world.traffic.holder[U(cell), U(lane)] == NIL:
+            return
+        behind = np.int64(robots.at_index[U(world.traffic.holder[U(cell), U(lane)])])
+        ticks = np.int64(robots.busy[U(i)]) - np.int64(robots.busy[U(behind)])
+        if ticks <= 0:
+            return
+        put_off_end(world, behind, ticks)
+        i = behind
+
+
+@kernel
+def put_off_end(world, i, ticks):
+    """The move of robot i ends so many ticks later, which it loses to following."""
+    robots, traffic = world.robots, world.traffic
+    robots.busy[U(i)] += np.uint16(ticks)
+    if ticks:
+        count_following(world, i, ticks)
+    last = world.clock[CLOCK_TICK] + np.int64(robots.busy[U(i)]) - 1
+    way = direction_between(world.grid, np.int64(robots.cell[U(i)]), np.int64(robots.claim[U(i)]))
+    traffic.leaving[U(own_resource(robots, traffic, i))] = (last << 2) | way
+
+
+@kernel
+def find_last_hash(world):
+    """The hash up to which robots begin delays in this tick, 0: none does."""
+    robots, delays, rules = world.robots, world.delays, world.rules
+    drawn_in, count, able = world.clock[CLOCK_COARSE_TICK], 0, 0
+    for identity in range(robots.cell.shape[0]):
+        i = np.int64(robots.at_index[U(identity)])
+        if robots.cell[U(i)] == NIL or robots.status[U(i)] > STATUS_EXHAUSTED:
+            continue
+        if delays.until[U(identity)] >= world.clock[CLOCK_TICK]:
+            continue
+        delays.hash[U(able)] = random_bits(rules.seed, STREAM_DELAYS, drawn_in, identity)
+        able += 1
+        bits = random_bits(rules.seed, STREAM_DELAY_COUNTS, drawn_in, identity) >> np.uint64(32)
+        for k in range(delays.counts.shape[0]):
+            count += np.int64(np.int64(bits) >= delays.counts[U(k)])
+    return least_hash(delays.hash, able, min(count, able))
+
+
+@kernel
+def least_hash(hashes, able, count):
+    """The least number that is not less than `count` of the first `able` hashes; 0 for none."""
+    result = np.uint64(0)
+    if count == 0:
+        return result
+    for k in range(64):
+        bit = np.uint64(1) << np.uint64(63 - k)
+        below = result | (bit - np.uint64(1))
+        within = 0
+        for entry in range(able):
+            within += np.int64(hashes[U(entry)] <= below)
+        if within < count:
+            result |= bit
+    return result
+
+
+@kernel
+def is_held_up(world, i):
+    """Whether robot i stands because it is delayed, between two operations or in one."""
+    delays, robots = world.delays, world.robots
+    if delays.until.shape[0] == 0 or robots.parked[U(i)]:
+        return False
+    if delays.until[U(robots.identity[U(i)])] < world.clock[CLOCK_TICK]:
+        return False
+    action = np.int64(robots.action[U(i)])
+    return action == ACTION_DELAYED or delays.lengthens[U(action)] != 0

@@ -14,22 +14,19 @@ import numpy as np
 from numba import types
 
 from automaton.engine.batches import batch_all_robots, batch_charging
-from automaton.engine.charging_commit import commit_charging
+from automaton.engine.commit import commit_charging
 from automaton.engine.decision_stream import keep_decisions
-from automaton.engine.delayed_robots import delay_robots
 from automaton.engine.digest import digest_world
+from automaton.engine.drive import count_robots, set_move_ticks
 from automaton.engine.energy import cancel_infeasible_moves
 from automaton.engine.events import find_cycles, note_events
-from automaton.engine.faults import break_down_and_repair
-from automaton.engine.gate_pass import hold_at_gates, update_gates
-from automaton.engine.gate_queries import set_cabin_ticks
-from automaton.engine.jit.compile_progress import COMPILING
-from automaton.engine.jit.kernel import first_class, jit_is_on, kernel
+from automaton.engine.faults import break_down_and_repair, delay_robots
+from automaton.engine.gates import hold_at_gates, set_cabin_ticks, update_gates
+from automaton.engine.jit.kernel import COMPILING, first_class, jit_is_on, kernel
 from automaton.engine.jit.struct_types import declared_type
-from automaton.engine.listed_pods import take_turns
+from automaton.engine.loads import work_at_stations
 from automaton.engine.observation import Observation
 from automaton.engine.observe import observe
-from automaton.engine.slow_zones import count_robots, set_move_ticks
 from automaton.engine.state import (
     CLOCK_DIGEST_EVERY,
     CLOCK_OBSERVING,
@@ -46,12 +43,10 @@ from automaton.engine.state import (
     Workspace,
     World,
 )
-from automaton.engine.station_queues import clear_queues, count_starved, mark_queues
-from automaton.engine.stations import work_at_stations
-from automaton.engine.trips import has_lines, leave_stations_and_pods, plan_trips
+from automaton.engine.trips import has_lines, leave_stations_and_pods, plan_trips, take_turns
 from automaton.engine.visibility import mask_world
-from automaton.engine.visits import complete_visits
-from automaton.engine.zoning_commit import commit_zoning, judge_zoning
+from automaton.engine.visits import clear_queues, complete_visits, count_starved, mark_queues
+from automaton.engine.zoning import commit_zoning, judge_zoning
 
 # Moments of a tick in which a part is called that is called more than once.
 TICK_BEGINS = 0  # before anything is decided

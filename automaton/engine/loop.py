@@ -18,8 +18,8 @@ from automaton.engine.batches import (
     clear_decisions,
     strategy_of_call,
 )
-from automaton.engine.commit import commit_allocation, commit_routing
-from automaton.engine.decision_stream import max_words
+from automaton.engine.commit import commit_allocation, commit_right_of_way, commit_routing
+from automaton.engine.decision_stream import max_words, max_zoning_words
 from automaton.engine.drive import apply_move_outcomes, drive, halt_robots, leave_parking_bays
 from automaton.engine.events import max_events
 from automaton.engine.features import (
@@ -47,16 +47,15 @@ from automaton.engine.features import (
     VISITS,
     signature,
 )
-from automaton.engine.holders import enter_holders, remove_holders
+from automaton.engine.holders import enter_holders, keep_rows, remove_holders, show_rows
 from automaton.engine.jit.kernel import jit_is_on, kernel
 from automaton.engine.jit.struct_types import declared_type
 from automaton.engine.motion import move_all
 from automaton.engine.observation import COUNT_CURVE_ROWS, COUNT_EVENTS, Observation
-from automaton.engine.record_changes import MAX_CHANGES
+from automaton.engine.operations import MAX_CHANGES
+from automaton.engine.random_numbers import is_begin, is_due, is_end, next_tick
 from automaton.engine.record_codes import EXECUTED_NOTHING
-from automaton.engine.refinement import is_begin, is_due, is_end, next_tick
 from automaton.engine.releases import release_orders
-from automaton.engine.right_of_way_commit import commit_right_of_way
 from automaton.engine.state import (
     CLOCK_CHANGE_ROWS,
     CLOCK_DECISION_WORDS,
@@ -89,9 +88,7 @@ from automaton.engine.state import (
     Workspace,
     World,
 )
-from automaton.engine.state_rows import keep_rows, show_rows
 from automaton.engine.visibility import call_count, name_robots
-from automaton.engine.zoning_decision_stream import max_zoning_words
 
 # What the generator yields: the number of a strategy in Python that has to decide, or
 LOOP_PAUSED = STRATEGIES

@@ -11,8 +11,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from automaton.engine.jit.fields import MEASURED, NIL, SCRATCH, field
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import MEASURED, NIL, SCRATCH, Struct, field
 from automaton.engine.state import Array
 
 

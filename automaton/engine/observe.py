@@ -9,10 +9,10 @@ the blocker does; cycles of robots that wait for each other. Nothing here writes
 import numpy as np
 
 from automaton.engine.blockers import find_blockers
-from automaton.engine.delayed_robots import is_held_up
+from automaton.engine.drive import robots_in_zone
 from automaton.engine.facilities import MAY_TURN
-from automaton.engine.gate_queries import has_gates, is_cabin_move
-from automaton.engine.headings import is_facing
+from automaton.engine.faults import is_held_up
+from automaton.engine.gates import has_gates, is_cabin_move
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import (
     AHEAD,
@@ -60,7 +60,9 @@ from automaton.engine.observation import (
     WAITING_ROBOTS,
     WORKING_ROBOTS,
 )
+from automaton.engine.operations import is_facing
 from automaton.engine.prefetch import prefetch
+from automaton.engine.random_numbers import is_begin
 from automaton.engine.record_codes import (
     ACTION_MASK,
     ENTERED_PARKING_BAY,
@@ -75,9 +77,7 @@ from automaton.engine.record_codes import (
     LEFT_PARKING_BAY,
     PICKED_ON_ARRIVAL,
 )
-from automaton.engine.refinement import is_begin
-from automaton.engine.robot_status import STATUS_DEPLETED, STATUS_EXHAUSTED
-from automaton.engine.slow_zones import robots_in_zone
+from automaton.engine.robot_states import STATUS_DEPLETED, STATUS_EXHAUSTED
 from automaton.engine.state import (
     ACTION_MOVE,
     ACTION_QUEUE,

@@ -4,8 +4,28 @@ import numpy as np
 
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.record_codes import EXECUTED_ILLEGAL
-from automaton.engine.robot_status import STATUS_EXHAUSTED, STATUS_UP
-from automaton.engine.state import ACTION_FOLLOWING, ACTION_ILLEGAL, CLOCK_ROBOTS_DOWN, NIL
+from automaton.engine.robot_states import STATUS_EXHAUSTED, STATUS_UP
+from automaton.engine.state import (
+    ACTION_FOLLOWING,
+    ACTION_ILLEGAL,
+    CLOCK_CHANGE_ROWS,
+    CLOCK_FRESH_ALLOCATION,
+    CLOCK_NEEDING_CHARGING,
+    CLOCK_NEEDING_RIGHT_OF_WAY,
+    CLOCK_NEEDING_ROUTE,
+    CLOCK_RECORDING,
+    CLOCK_ROBOTS_DOWN,
+    CLOCK_TICK,
+    CLOCK_UNQUEUED_ORDERS,
+    GOAL_STOP,
+    NEED_ALLOCATION,
+    NEED_CHARGING,
+    NEED_RIGHT_OF_WAY,
+    NEED_ROUTE,
+    NIL,
+    REASON_IDLE,
+    REASON_NEW_GOAL,
+)
 
 
 @kernel
@@ -114,3 +134,226 @@ def refuse(world, layer, i):
         count_lost_tick(world, i, ACTION_ILLEGAL)
         world.robots.busy[i] = 1  # motion takes it away again in this tick
         world.robots.executed[i] = EXECUTED_ILLEGAL
+
+
+# What is to be decided: the layers that are asked about a robot, and why.
+
+
+@kernel
+def request_zoning(world):
+    """Something happened: zoning is asked in this tick, or in the next one."""
+    if world.service_zones.wake.shape[0]:
+        world.clock[CLOCK_UNQUEUED_ORDERS] += 1
+
+
+@kernel
+def request_allocation(world, i, reason):
+    robots, clock = world.robots, world.clock
+    if robots.need[i] & NEED_ALLOCATION == 0 or robots.seen_revision[i] >= 0:
+        clock[CLOCK_FRESH_ALLOCATION] += 1
+    robots.need[i] |= np.uint8(NEED_ALLOCATION)
+    robots.reason[i] = reason
+    robots.seen_revision[i] = NIL
+    if reason == REASON_IDLE:
+        request_charging(world, i, REASON_IDLE)
+
+
+@kernel
+def clear_allocation_request(world, i):
+    robots = world.robots
+    if robots.need[i] & NEED_ALLOCATION:
+        if robots.seen_revision[i] == NIL:
+            world.clock[CLOCK_FRESH_ALLOCATION] -= 1
+        else:
+            world.tally.progress[i] = world.clock[CLOCK_TICK]  # it had nothing to do up to now
+        robots.need[i] &= np.uint8(255 - NEED_ALLOCATION)
+    robots.seen_revision[i] = NIL
+
+
+@kernel
+def request_charging(world, i, reason):
+    """Charging is to be asked about robot i, which has a battery."""
+    robots = world.robots
+    if world.rules.battery == 0:
+        return
+    if robots.need[i] & NEED_CHARGING == 0:
+        world.clock[CLOCK_NEEDING_CHARGING] += 1
+    robots.need[i] |= np.uint8(NEED_CHARGING)
+    robots.charging_reason[i] = reason
+
+
+@kernel
+def request_route(world, i, reason):
+    """Routing is to be asked about robot i; where right of way steers, there is none to ask."""
+    robots = world.robots
+    drop_route(robots, i)
+    if world.rules.steered[0]:
+        return
+    if robots.need[i] & NEED_ROUTE == 0:
+        world.clock[CLOCK_NEEDING_ROUTE] += 1
+    robots.need[i] |= np.uint8(NEED_ROUTE)
+    robots.route_reason[i] = reason
+
+
+@kernel
+def request_right_of_way(world, i):
+    if world.robots.need[i] & NEED_RIGHT_OF_WAY == 0:
+        world.clock[CLOCK_NEEDING_RIGHT_OF_WAY] += 1
+    world.robots.need[i] |= np.uint8(NEED_RIGHT_OF_WAY)
+
+
+@kernel
+def clear_route_request(world, i):
+    if world.robots.need[i] & NEED_ROUTE:
+        world.clock[CLOCK_NEEDING_ROUTE] -= 1
+        world.robots.need[i] &= np.uint8(255 - NEED_ROUTE)
+
+
+@kernel
+def clear_right_of_way(world, i):
+    if world.robots.need[i] & NEED_RIGHT_OF_WAY:
+        world.clock[CLOCK_NEEDING_RIGHT_OF_WAY] -= 1
+        world.robots.need[i] &= np.uint8(255 - NEED_RIGHT_OF_WAY)
+
+
+@kernel
+def drop_route(robots, i):
+    """Forget the route: a stale plan must never be resumed."""
+    robots.route_length[i] = 0
+    robots.route_index[i] = 0
+    robots.route_hash[i] = 0
+
+
+@kernel
+def first_cell(robots, i):
+    """Where a new route of robot i begins: the cell that it enters, stands in, or leaves its
+    parking bay by."""
+    if robots.claim[i] != NIL:
+        return np.int64(robots.claim[i])
+    return np.int64(robots.home[i] if robots.cell[i] == NIL else robots.cell[i])
+
+
+@kernel
+def set_goal(world, i, goal, goal_cell):
+    world.robots.goal_type[i] = goal
+    world.robots.goal_cell[i] = goal_cell
+    request_route(world, i, REASON_NEW_GOAL)
+
+
+# Which way robots face: each type distinguishes its own number of headings.
+#
+# omni 1: always heading 0; it moves in any direction at once rail 2: its axis, 0 east and west, 1
+# south and north; it reverses freely differential 4: the direction in which it moves, E S W N
+#
+# A robot moves in a direction if that is, modulo its headings, the heading in which it stands. On a
+# floor with several kinematics a pose is numbered by the headings of the finest: cell * grid.headings
+# + heading.
+
+
+U = np.uint64  # unsigned where it indexes: saves the test for a negative index
+
+
+@kernel
+def headings_of(grid, robot_type):
+    """How many headings robots of a type distinguish."""
+    return np.int64(grid.type_headings[U(robot_type)])
+
+
+@kernel
+def heading_towards(grid, robot_type, direction):
+    """The heading in which a robot of a type moves in a direction."""
+    return direction & (np.int64(grid.type_headings[U(robot_type)]) - 1)
+
+
+@kernel
+def is_facing(view, i, direction):
+    """Whether robot i moves in a direction without a turn."""
+    robots = view.robots
+    return heading_towards(view.grid, robots.type[U(i)], direction) == robots.heading[U(i)]
+
+
+@kernel
+def entry_heading(grid, robot_type, cell):
+    """Heading of a robot placed on the floor: vertical if the cell leads north or south."""
+    cell_flags = np.int64(grid.cell_flags[cell])
+    for direction in (1, 3, 0, 2):
+        if (cell_flags >> direction) & 1:
+            return heading_towards(grid, robot_type, direction)
+    return np.int64(0)
+
+
+# How many ticks a move takes where the floor limits the speed of all robots.
+
+
+@kernel(inline=True)
+def limited_ticks(grid, usual, cell, direction):
+    """Ticks of a move out of a cell in a direction that takes `usual` ticks without a limit."""
+    limits = grid.min_move_ticks
+    if limits.shape[0] == 0:
+        return np.int64(usual)
+    return max(np.int64(usual), np.int64(limits[np.uint64(4 * cell + direction)]))
+
+
+# How far an order has come: its load, if it has one, and the stops that are left.
+
+
+@kernel
+def has_load(orders, order):
+    """Whether an order has a load, which is picked up before its stops and dropped after them."""
+    return orders.source[order] != NIL
+
+
+@kernel
+def next_stop(world, order):
+    """The next stop of an order among all stops, NIL if none is left."""
+    stop = np.int64(world.orders.first_stop[order]) + np.int64(world.orders.stops_done[order])
+    if stop == world.orders.first_stop[order + 1] or world.stops.cell[stop] == NIL:
+        return np.int64(NIL)
+    return stop
+
+
+@kernel
+def end_of_stops(world, order):
+    """The first stop that is not one of an order any more."""
+    end = np.int64(world.orders.first_stop[order + 1])
+    if world.trips.pod.shape[0]:
+        stop = np.int64(world.orders.first_stop[order])
+        while stop < end and world.stops.cell[stop] != NIL:
+            stop += 1
+        return stop
+    return end
+
+
+@kernel
+def next_stop_cell(world, order):
+    """The cell of the next stop of an order, NIL if none is left."""
+    stop = next_stop(world, order)
+    return np.int64(NIL) if stop == NIL else np.int64(world.stops.cell[stop])
+
+
+@kernel
+def drive_on_with_load(world, i, reason):
+    """Robot i has a load: it drives to the next stop; after the last one allocation says where to."""
+    cell = next_stop_cell(world, np.int64(world.robots.load[i]))
+    if cell == NIL:
+        request_allocation(world, i, reason)
+    else:
+        set_goal(world, i, GOAL_STOP, cell)
+
+
+# The rows of changes that a recorded run keeps.
+
+
+MAX_CHANGES = 13  # rows that a robot may add in a tick
+
+
+@kernel
+def record_change(clock, record, code, subject, value):
+    """Append a row of changes if the run is recorded."""
+    if clock[CLOCK_RECORDING]:
+        row = clock[CLOCK_CHANGE_ROWS]
+        record.changes[row, 0] = clock[CLOCK_TICK]
+        record.changes[row, 1] = code
+        record.changes[row, 2] = subject
+        record.changes[row, 3] = value
+        clock[CLOCK_CHANGE_ROWS] = row + 1

@@ -3,8 +3,8 @@
 import numpy as np
 
 from automaton.engine.jit.kernel import kernel
+from automaton.engine.operations import request_zoning
 from automaton.engine.random_numbers import STREAM_RELEASES, random_bits
-from automaton.engine.requests import request_zoning
 from automaton.engine.state import (
     CLOCK_KNOWN_ORDERS,
     CLOCK_NEXT_RELEASE,

@@ -12,12 +12,24 @@ from typing import Any, Final
 
 from numpy.typing import NDArray
 
-from automaton.engine.delays import Delays
 from automaton.engine.distance_tables import DistanceTables
-from automaton.engine.facilities import Chargers, Slots, Stations
+from automaton.engine.facilities import (
+    MESSAGE_WORDS,
+    Chargers,
+    Delays,
+    Design,
+    Gates,
+    Lines,
+    Pods,
+    PodStations,
+    ServiceZones,
+    Slots,
+    Stations,
+    Stops,
+    Trips,
+)
 from automaton.engine.facilities import Grid as Grid
-from automaton.engine.gates import Gates
-from automaton.engine.jit.fields import (
+from automaton.engine.jit.structs import (
     BY_ENTRY,
     CALL,
     CONSTANT,
@@ -26,13 +38,10 @@ from automaton.engine.jit.fields import (
     MEASURED,
     SCRATCH,
     STATIC,
+    Struct,
     field,
 )
-from automaton.engine.jit.fields import NIL as NIL
-from automaton.engine.jit.structs import Struct
-from automaton.engine.pods import Lines, Pods, PodStations, Trips
-from automaton.engine.service_zones import MESSAGE_WORDS, Design, ServiceZones
-from automaton.engine.stops import Stops
+from automaton.engine.jit.structs import NIL as NIL
 
 Array = NDArray[Any]
 
@@ -679,7 +688,7 @@ class Memory(Struct):
     address: int = field("int64", "of the state, as the strategy sees it")
     rows: Array = field(
         "(f, 3) int64",
-        "of a state that robots see their own rows of (automaton.engine.state_rows)",
+        "of a state that robots see their own rows of (automaton.engine.holders)",
         role=CONSTANT,
     )
 

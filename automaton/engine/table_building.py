@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from automaton.engine.cost_search import DELTA_BITS, ENTRIES_PER_CELL, MAX_QUEUES
 from automaton.engine.distance_tables import (
     BYTES_PER_WORD,
     JOINT,
@@ -22,7 +21,8 @@ from automaton.engine.distance_tables import (
     is_narrow_for,
 )
 from automaton.engine.facilities import MAY_TURN, NO_WAY_THROUGH, Grid
-from automaton.engine.jit.fields import NIL
+from automaton.engine.jit.structs import NIL
+from automaton.engine.table_rows import DELTA_BITS, ENTRIES_PER_CELL, MAX_QUEUES
 
 COORDINATE_BITS = 31
 

@@ -1,25 +1,12 @@
-"""What a robot sees: with limited sight a strategy is asked robot by robot, with masked copies.
-
-rules.radius   NIL          everything: one call for the whole batch
-               ORDER_LIST   the order list, and the neighbouring cells (the robot's bumper)
-               r >= 1       the order list, and the robots within r cells (Chebyshev distance, or
-                            Euclidean with rules.circle)
-
-With rules.own_zones a strategy knows no other orders, works and stations than those of the zones of
-the robots that its robot sees, and of no order what is only measured.
-
-Hidden robots look like robots in no cell, with nothing to do; their cells look empty. Under a radius
-a strategy gets its robot's own rows of its state only (state_rows).
-"""
+"""Copy segments of a zone design, as the world does when zones change or are out of sight."""
 
 import numpy as np
 
 from automaton.engine.batches import allocation_of, append
-from automaton.engine.facilities import Stations
+from automaton.engine.facilities import ServiceZones, Stations
 from automaton.engine.jit.field_kernels import hiding, showing
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import CLAIMS, FLAGS_SHIFT, U
-from automaton.engine.service_zones import ServiceZones
 from automaton.engine.state import (
     LAYER_ALLOCATION,
     LAYER_RIGHT_OF_WAY,
@@ -29,7 +16,31 @@ from automaton.engine.state import (
     Robots,
     Tally,
 )
-from automaton.engine.zone_segments import copy_segment
+
+
+@kernel
+def copy_segment(source, m, design, to):
+    """Copy a segment; source and design may be the same."""
+    design.owner[to] = source.owner[m]
+    design.ends[to, 0] = source.ends[m, 0]
+    design.ends[to, 1] = source.ends[m, 1]
+    design.points[to] = source.points[m]
+    for k in range(source.points[m]):
+        design.path[to, k] = source.path[m, k]
+
+
+# What a robot sees: with limited sight a strategy is asked robot by robot, with masked copies.
+#
+# rules.radius NIL everything: one call for the whole batch ORDER_LIST the order list, and the
+# neighbouring cells (the robot's bumper) r >= 1 the order list, and the robots within r cells
+# (Chebyshev distance, or Euclidean with rules.circle)
+#
+# With rules.own_zones a strategy knows no other orders, works and stations than those of the zones of
+# the robots that its robot sees, and of no order what is only measured.
+#
+# Hidden robots look like robots in no cell, with nothing to do; their cells look empty. Under a
+# radius a strategy gets its robot's own rows of its state only (state_rows).
+
 
 HIDDEN = -2  # design.held: the point belongs to a robot out of sight
 

@@ -21,11 +21,11 @@ from typing import Any, BinaryIO, Final, NamedTuple
 import msgspec
 import numpy as np
 
-from automaton.engine.robot_states import is_charging
-from automaton.engine.robot_status import (
+from automaton.engine.robot_states import (
     BATTERY_PERCENT,
     STATUS_DEPLETED,
     STATUS_NAMES,
+    is_charging,
 )
 from automaton.engine.state import (
     ACTION_DROP,

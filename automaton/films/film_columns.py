@@ -20,7 +20,7 @@ from automaton.drawings.moment import (
 )
 from automaton.drawings.robot_looks import RobotLooks, cell_of
 from automaton.engine.observation import CAUSES, waited_ticks
-from automaton.engine.robot_status import BATTERY_PERCENT
+from automaton.engine.robot_states import BATTERY_PERCENT
 from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.evidence.history.fleet_summary import summary_of

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from automaton.engine.pods import Lines
+from automaton.engine.facilities import Lines
 from automaton.engine.state import (
     CLOCK_TICK,
     NEVER,

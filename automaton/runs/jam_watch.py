@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable
 from typing import Final
 
-from automaton.engine.robot_status import STATUS_DEPLETED
+from automaton.engine.robot_states import STATUS_DEPLETED
 from automaton.engine.state import NIL
 from automaton.runs.progress import Jam, jams, starved_ticks, stuck_robots
 from automaton.runs.run_diagnosis import describe_jam

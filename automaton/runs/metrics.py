@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from automaton.engine.robot_status import (
+from automaton.engine.robot_states import (
     BATTERY_FULL,
     FAILURE_DEPLETED,
     FAILURE_FAULT,

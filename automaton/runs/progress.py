@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from automaton.engine.robot_status import STATUS_UP
+from automaton.engine.robot_states import STATUS_UP
 from automaton.engine.state import (
     ACTION_DROP,
     ACTION_MOVE,

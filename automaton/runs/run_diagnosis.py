@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from automaton.engine.blocker_cycles import walk_to_cycle
+from automaton.engine.blockers import walk_to_cycle
 from automaton.engine.observation import DEADLOCK_TICKS
-from automaton.engine.robot_status import STATUS_DEPLETED, STATUS_FAILED, STATUS_REMOVED
+from automaton.engine.robot_states import STATUS_DEPLETED, STATUS_FAILED, STATUS_REMOVED
 from automaton.engine.state import GOAL_NONE, NIL, Array, World
 from automaton.runs.asked_orders import asked_orders
 from automaton.runs.metrics import illegal_by_layer

@@ -15,6 +15,7 @@ from automaton.drawings.palette import Theme
 from automaton.engine import loop as loop_kernels
 from automaton.engine.digest import DIGEST_NAMES, combine, digest_world
 from automaton.engine.distance_tables import STOP_NO_ROOM
+from automaton.engine.drive import MAX_MOVE_TICKS
 from automaton.engine.features import (
     FEATURES,
     absent,
@@ -22,12 +23,11 @@ from automaton.engine.features import (
     compiled_feature,
     used_features,
 )
-from automaton.engine.jit.compile_progress import COMPILING
-from automaton.engine.jit.kernel import first_compilation_announced, jit_is_on
+from automaton.engine.holders import NO_ROWS, state_rows
+from automaton.engine.jit.kernel import COMPILING, first_compilation_announced, jit_is_on
 from automaton.engine.jit.structs import Struct, lent_address, window
 from automaton.engine.observation import COUNT_CURVE_ROWS, COUNT_EVENTS
 from automaton.engine.record_codes import KEYFRAME_TICKS
-from automaton.engine.slow_zones import MAX_MOVE_TICKS
 from automaton.engine.state import (
     CLOCK_CHANGE_ROWS,
     CLOCK_DECISION_WORDS,
@@ -47,7 +47,6 @@ from automaton.engine.state import (
     Memory,
     World,
 )
-from automaton.engine.state_rows import NO_ROWS, state_rows
 from automaton.errors import InputError
 from automaton.runs.first_compilation import compiled_side_by_side
 from automaton.runs.floor_pictures import floor_picture

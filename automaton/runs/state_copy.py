@@ -10,8 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from automaton.engine.jit.fields import CARRIED
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import CARRIED, Struct
 from automaton.engine.motion import room_bit
 from automaton.engine.observation import Observation
 from automaton.engine.state import (

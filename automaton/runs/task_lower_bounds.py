@@ -4,9 +4,8 @@ import numpy as np
 
 from automaton.engine.distance_tables import UNREACHABLE
 from automaton.engine.facilities import MAY_TURN
-from automaton.engine.headings import headings_of
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.next_stop import end_of_stops, has_load
+from automaton.engine.operations import end_of_stops, has_load, headings_of, limited_ticks
 from automaton.engine.search import (
     STARTED,
     TURNED_AHEAD,
@@ -16,7 +15,6 @@ from automaton.engine.search import (
     pop,
     reach,
 )
-from automaton.engine.speed_limits import limited_ticks
 from automaton.engine.state import ACTION_MOVE, ACTION_TURN, NIL
 from automaton.strategy.access_cells import dropoff_cell, pickup_cell
 

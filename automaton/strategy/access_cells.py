@@ -10,9 +10,13 @@ nearest           The cell with the least rows and columns to the cell from whic
 import numpy as np
 
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.next_stop import end_of_stops, has_load, next_stop_cell
-from automaton.engine.operations import with_load
-from automaton.engine.requests import first_cell
+from automaton.engine.operations import (
+    end_of_stops,
+    first_cell,
+    has_load,
+    next_stop_cell,
+    with_load,
+)
 from automaton.engine.state import NIL
 from automaton.engine.visits import is_assigned
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import Any
 
+from automaton.engine.holders import PER_ROBOT
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import World
-from automaton.engine.state_rows import PER_ROBOT
 from automaton.errors import InputError, nearest
 from automaton.strategy.layer import Strategy
 

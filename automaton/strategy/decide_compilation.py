@@ -6,8 +6,7 @@ import inspect
 from collections.abc import Callable
 from typing import Any
 
-from automaton.engine.jit.compile_progress import COMPILING
-from automaton.engine.jit.kernel import first_class, jit_is_on
+from automaton.engine.jit.kernel import COMPILING, first_class, jit_is_on
 from automaton.errors import InputError
 
 ARGUMENTS = ("view", "batch", "decisions", "memory", "workspace")

@@ -6,34 +6,45 @@ Strategies import compiled code from here and nowhere else (an import contract h
 from __future__ import annotations
 
 from automaton.engine.batches import allocation_of
-from automaton.engine.blocker_cycles import walk_to_cycle
-from automaton.engine.charging_curve import CURVE_RATE, charging_ticks, level_after
+from automaton.engine.blockers import walk_to_cycle
 from automaton.engine.distance_tables import UNREACHABLE
-from automaton.engine.gate_queries import (
+from automaton.engine.energy import CURVE_RATE, charging_ticks, level_after
+from automaton.engine.gates import (
     closed_until,
     gate_before,
     has_gates,
     is_in_full_gate,
     opens_soon,
 )
-from automaton.engine.headings import heading_towards, headings_of, is_facing
 from automaton.engine.holders import lane_of
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import direction_between, has_room, is_empty
-from automaton.engine.next_stop import end_of_stops, has_load, next_stop_cell
-from automaton.engine.operations import energy_cost, types_of_robots, with_load, without_load
+from automaton.engine.operations import (
+    end_of_stops,
+    energy_cost,
+    first_cell,
+    has_load,
+    heading_towards,
+    headings_of,
+    is_facing,
+    limited_ticks,
+    next_stop_cell,
+    types_of_robots,
+    with_load,
+    without_load,
+)
 from automaton.engine.prefetch import prefetch
 from automaton.engine.random_numbers import (
     STREAM_ABORTS,
     STREAM_RETREATS,
     STREAM_STORAGE,
     STREAM_STRATEGY,
+    is_due,
     random_between,
     random_bits,
+    random_ticks,
     splitmix64,
 )
-from automaton.engine.refinement import is_due, random_ticks
-from automaton.engine.requests import first_cell
 from automaton.engine.search import (
     AROUND_CLOSED,
     AROUND_KNOWN,
@@ -46,6 +57,7 @@ from automaton.engine.search import (
     distance,
     fetch_cost,
     find_path,
+    find_step_costs,
     follow_gradient,
     how_turned,
     is_closed,
@@ -59,12 +71,10 @@ from automaton.engine.search import (
     weighted_table_of,
     write_path,
 )
-from automaton.engine.speed_limits import limited_ticks
-from automaton.engine.station_queues import is_in_own_queue
-from automaton.engine.step_costs import find_step_costs
 from automaton.engine.table_rows import cost_in, has_room_for
 from automaton.engine.trips import has_place
-from automaton.engine.zone_segments import copy_segment
+from automaton.engine.visibility import copy_segment
+from automaton.engine.visits import is_in_own_queue
 from automaton.strategy.access_cells import (
     begin_cell,
     can_bring,

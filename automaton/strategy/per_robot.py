@@ -19,8 +19,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from automaton.engine import state
-from automaton.engine.jit.fields import field
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import Struct, field
 from automaton.engine.state import NIL, Array, Workspace, World
 from automaton.strategy import orders, paths
 from automaton.strategy.layer import Strategy

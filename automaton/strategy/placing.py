@@ -11,9 +11,8 @@ But for the first, a cell in which a robot still is comes last.
 import numpy as np
 
 from automaton.engine.distance_tables import UNREACHABLE
-from automaton.engine.jit.fields import field
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import Struct, field
 from automaton.engine.motion import has_room
 from automaton.engine.random_numbers import STREAM_STORAGE, random_between
 from automaton.engine.search import begin_search, distance, mark_goal, nearest_mark

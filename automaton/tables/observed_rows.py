@@ -21,7 +21,7 @@ from automaton.engine.observation import (
     EVENT_PICKED,
     EVENT_VISITED,
 )
-from automaton.engine.robot_status import BATTERY_FULL
+from automaton.engine.robot_states import BATTERY_FULL
 from automaton.engine.state import ACTION_IDLE, ACTION_NAMES, NIL
 from automaton.runs.simulation import Simulation
 from automaton.tables.columns import NO_TEXT, Array, Form, Rows, form_of, texts_where, where

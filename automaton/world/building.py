@@ -6,14 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from automaton.engine.decision_stream import max_words
+from automaton.engine.decision_stream import max_words, max_zoning_words
 from automaton.engine.events import max_events
-from automaton.engine.facilities import Chargers
+from automaton.engine.facilities import Chargers, ServiceZones
 from automaton.engine.jit.field_kernels import digested_fields
 from automaton.engine.motion import POD
 from automaton.engine.observation import Observation, Scratch
-from automaton.engine.record_changes import MAX_CHANGES
-from automaton.engine.service_zones import ServiceZones
+from automaton.engine.operations import MAX_CHANGES
 from automaton.engine.state import (
     CLOCK_ALLOCATION_REVISION,
     CLOCK_FRESH_ALLOCATION,
@@ -46,7 +45,6 @@ from automaton.engine.state import (
     ZoningDecisions,
 )
 from automaton.engine.visibility import hide_all
-from automaton.engine.zoning_decision_stream import max_zoning_words
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.schema import Scenario
 from automaton.world.charger_places import places_of_chargers

@@ -10,7 +10,7 @@ from __future__ import annotations
 from fractions import Fraction
 from typing import Final, NamedTuple
 
-from automaton.engine.robot_status import BATTERY_PERCENT
+from automaton.engine.robot_states import BATTERY_PERCENT
 from automaton.scenario.amounts import Dimension
 from automaton.scenario.conversions import Conversion, rounded
 from automaton.units import Unit, duration, number

@@ -15,10 +15,9 @@ from typing import Any
 import numpy as np
 
 from automaton.engine import random_numbers
-from automaton.engine.facilities import Slots, Stations
+from automaton.engine.facilities import Slots, Stations, Stops
 from automaton.engine.releases import draw_releases
 from automaton.engine.state import NEVER, NIL, ORDER_UNRELEASED, ORDER_WAITING, Array, Orders
-from automaton.engine.stops import Stops
 from automaton.floor.cells import DESTINATION, DOCK, RACK, STATION
 from automaton.scenario.orders import DRAWN, Bursts, Mean, MeanTime, OrderLine
 from automaton.scenario.orders import Orders as OrdersGiven

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from automaton.engine.delays import Delays
+from automaton.engine.facilities import Delays
 from automaton.engine.state import ACTION_COUNT, ACTION_NAMES, Array
 from automaton.scenario.energy_and_faults import Delays as DelayRules
 from automaton.scenario.energy_and_faults import Faults

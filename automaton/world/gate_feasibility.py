@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from automaton.engine.gates import GATE_BLOCK, GATE_LIFT
+from automaton.engine.facilities import GATE_BLOCK, GATE_LIFT
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.changing_floor import Block, Lift

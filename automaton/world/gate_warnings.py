@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from automaton.engine.gates import GATE_CLOSING
+from automaton.engine.facilities import GATE_CLOSING
 from automaton.floor.cells import CHARGER
 from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.reachability import Mask, reached

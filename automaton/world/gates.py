@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from automaton.engine.gates import GATE_DOOR, GATE_LIFT, Gates
+from automaton.engine.facilities import GATE_DOOR, GATE_LIFT, Gates
 from automaton.engine.state import NEVER, NIL, Array
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from automaton.engine.facilities import Slots, Stations
-from automaton.engine.service_zones import Roads, ServiceZones, design_for
+from automaton.engine.facilities import Roads, ServiceZones, Slots, Stations, design_for
 from automaton.engine.state import NIL, Array
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan

@@ -6,10 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from automaton.engine.facilities import Slots
-from automaton.engine.pods import Lines, Pods, PodStations, Trips
+from automaton.engine.facilities import Lines, Pods, PodStations, Slots, Stops, Trips
 from automaton.engine.state import NEVER, NIL, ORDER_UNRELEASED, Array, Orders
-from automaton.engine.stops import Stops
 from automaton.floor.cells import STORAGE
 from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.travel_ticks import ticks_between

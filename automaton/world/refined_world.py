@@ -1,7 +1,7 @@
 """A world in finer ticks, from the one in the ticks of its scenario.
 
 What is drawn for a run is drawn in coarse ticks and multiplied, so that all refinements have the same
-day: demand, handling times, closings. What the engine draws meanwhile (automaton.engine.refinement)
+day: demand, handling times, closings. What the engine draws meanwhile (automaton.engine.random_numbers)
 keeps its chances, and the tables that it draws from are multiplied here.
 """
 

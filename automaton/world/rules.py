@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from automaton.engine.robot_status import BATTERY_FULL, BATTERY_PERCENT
+from automaton.engine.robot_states import BATTERY_FULL, BATTERY_PERCENT
 from automaton.engine.state import (
     ACTION_COUNT,
     ACTION_DROP,

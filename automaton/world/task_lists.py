@@ -12,9 +12,9 @@ from typing import Final
 
 import numpy as np
 
+from automaton.engine.facilities import Stops
 from automaton.engine.state import NEVER, NIL, ORDER_UNRELEASED, ORDER_WAITING, Array
 from automaton.engine.state import Orders as OrderArrays
-from automaton.engine.stops import Stops
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.orders import Orders
 from automaton.scenario.robot_types import types_of

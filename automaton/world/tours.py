@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 
 from automaton.engine import random_numbers
+from automaton.engine.facilities import Stops
 from automaton.engine.state import Array
-from automaton.engine.stops import Stops
 from automaton.scenario.orders import Orders as OrdersGiven
 from automaton.scenario.orders import StopRange
 from automaton.world.capabilities import Service

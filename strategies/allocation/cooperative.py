@@ -8,8 +8,7 @@ in the strategy's state; everything else is read off the order list.
 
 import numpy as np
 
-from automaton.engine.jit.fields import SCRATCH, field
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import SCRATCH, Struct, field
 from automaton.engine.state import (
     CMD_PARK,
     NIL,

@@ -9,8 +9,7 @@ and moved by log2 of those that wait.
 
 import numpy as np
 
-from automaton.engine.jit.fields import field
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import Struct, field
 from automaton.engine.state import CLOCK_NEXT_RELEASE, NIL, Array
 from automaton.strategy.kernels import (
     can_do,

@@ -9,8 +9,7 @@ With `by: due` a queue (`due_queue`) holds what was released, and what was given
 
 import numpy as np
 
-from automaton.engine.jit.fields import field
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import Struct, field
 from automaton.engine.state import (
     CLOCK_FIRST_OPEN,
     CLOCK_KNOWN_ORDERS,

@@ -9,9 +9,8 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from automaton.engine.jit.fields import field
-from automaton.engine.jit.structs import Struct
-from automaton.engine.robot_status import BATTERY_PERCENT
+from automaton.engine.jit.structs import Struct, field
+from automaton.engine.robot_states import BATTERY_PERCENT
 from automaton.engine.state import World
 from automaton.strategy.kernels import kernel
 from automaton.strategy.layer import Strategy

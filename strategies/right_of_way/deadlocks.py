@@ -12,8 +12,7 @@ goals in turn. That is a stall: the strategies then try other orders of turns, o
 
 import numpy as np
 
-from automaton.engine.jit.fields import SCRATCH, STATIC, field
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import SCRATCH, STATIC, Struct, field
 from automaton.engine.state import (
     ACTION_COUNT,
     CLOCK_COARSE_TICK,

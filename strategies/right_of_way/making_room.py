@@ -8,9 +8,8 @@ holds as many robots as it may, as soon as another robot faces it. Elsewhere the
 
 import numpy as np
 
-from automaton.engine.gates import GATE_BLOCK
-from automaton.engine.jit.fields import CONSTANT, SCRATCH, field
-from automaton.engine.jit.structs import Struct
+from automaton.engine.facilities import GATE_BLOCK
+from automaton.engine.jit.structs import CONSTANT, SCRATCH, Struct, field
 from automaton.engine.state import GOAL_NONE, GOAL_PARK, NIL, Array
 from automaton.floor.cells import CHARGER, STATION
 from automaton.strategy.kernels import has_gates, is_facing, kernel

@@ -13,8 +13,7 @@ Robots are looked up by cell: in `traffic.holder`, or in lists of those in each 
 import numpy as np
 
 from automaton.engine.facilities import MAY_TURN, NO_WAY_THROUGH
-from automaton.engine.jit.fields import CONSTANT, SCRATCH, field
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import CONSTANT, SCRATCH, Struct, field
 from automaton.engine.state import (
     CLOCK_COARSE_TICK,
     CMD_RETREAT,

@@ -86,7 +86,7 @@ class Zones(ZoningParameters, forbid_unknown_fields=True, frozen=True, kw_only=T
         if self.design is None:
             return None
         # Only a design needs Numba.
-        from automaton.engine.service_zones import Roads
+        from automaton.engine.facilities import Roads
         from strategies.zoning.design.design_files import read_design
 
         cells = (

@@ -7,8 +7,14 @@ from typing import Any
 
 import pytest
 
-from automaton.engine.jit.compile_progress import CLEAR_LINE, Compiling, Progress, kernels_of
-from automaton.engine.jit.kernel import jit_is_on, kernel
+from automaton.engine.jit.kernel import (
+    CLEAR_LINE,
+    Compiling,
+    Progress,
+    jit_is_on,
+    kernel,
+    kernels_of,
+)
 
 pytestmark = pytest.mark.skipif(not jit_is_on(), reason="compilation is off")
 

@@ -7,7 +7,7 @@ import pytest
 from battery_scenes import MOVES, BatteryScene
 from drawn_scenes import recorded_run, scene
 
-from automaton.engine.robot_status import BATTERY_FULL, STATUS_DEPLETED, STATUS_UP
+from automaton.engine.robot_states import BATTERY_FULL, STATUS_DEPLETED, STATUS_UP
 from automaton.engine.state import (
     ACTION_CHARGE,
     ACTION_DOWN,

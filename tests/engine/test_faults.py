@@ -8,7 +8,7 @@ import pytest
 from battery_scenes import MOVES, BatteryScene
 from drawn_scenes import recorded_run, scene
 
-from automaton.engine.robot_status import (
+from automaton.engine.robot_states import (
     BATTERY_FULL,
     BATTERY_PERCENT,
     STATUS_FAILED,

@@ -12,7 +12,7 @@ import pytest
 
 from automaton.engine import digest
 from automaton.engine.digest import DIGEST_NAMES
-from automaton.engine.facilities import Stations
+from automaton.engine.facilities import ServiceZones, Stations
 from automaton.engine.jit.field_kernels import (
     digest_names,
     digested_fields,
@@ -20,7 +20,7 @@ from automaton.engine.jit.field_kernels import (
     hiding,
     showing,
 )
-from automaton.engine.jit.fields import (
+from automaton.engine.jit.structs import (
     BY_ENTRY,
     CARRIED,
     CONSTANT,
@@ -29,11 +29,10 @@ from automaton.engine.jit.fields import (
     STATIC,
     VISIBLE,
     Field,
+    Struct,
     field,
 )
-from automaton.engine.jit.structs import Struct
 from automaton.engine.observation import Observation
-from automaton.engine.service_zones import ServiceZones
 from automaton.engine.state import Array, Orders, Robots, Tally, World
 from automaton.evidence.history.keyframes import Keyframes
 from automaton.evidence.history.snapshot import by_robot

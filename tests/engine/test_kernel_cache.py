@@ -16,7 +16,7 @@ import pytest
 from compiled_kernels import LISTENING
 
 import strategies.allocation.first_come
-from automaton.engine.jit import kernel_sources
+from automaton.engine.jit import kernel_cache
 from automaton.engine.jit.kernel import jit_is_on
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
@@ -40,9 +40,7 @@ def made_of(edited: str) -> set[str]:
     path = ROOT / edited
     assert path.is_file()
     return {
-        name
-        for name, file in kernel_modules().items()
-        if path in kernel_sources.sources(name, file)
+        name for name, file in kernel_modules().items() if path in kernel_cache.sources(name, file)
     }
 
 
@@ -67,8 +65,8 @@ def test_the_world_and_all_that_calls_it_are_made_of_its_kernels() -> None:
 
 
 def test_the_world_is_made_of_no_source_of_a_method() -> None:
-    world = kernel_sources.sources("automaton.engine.loop", ROOT / "automaton/engine/loop.py")
-    assert ROOT / "automaton/engine/service_zones.py" in world
+    world = kernel_cache.sources("automaton.engine.loop", ROOT / "automaton/engine/loop.py")
+    assert ROOT / "automaton/engine/facilities.py" in world
     methods = (
         *("strategies", "strategies/allocation/auction", "strategies/zoning", "strategies/routing"),
         *(
@@ -80,7 +78,7 @@ def test_the_world_is_made_of_no_source_of_a_method() -> None:
         assert (ROOT / method).exists()
         assert not [path for path in world if path.is_relative_to(ROOT / method)], method
     # What strategies may call is of the world, too.
-    public = kernel_sources.sources(
+    public = kernel_cache.sources(
         "automaton.strategy.kernels", ROOT / "automaton/strategy/kernels.py"
     )
     for method in methods:
@@ -106,8 +104,7 @@ def test_all_ways_to_import_are_found(tmp_path: Path, monkeypatch: pytest.Monkey
     )
     (tmp_path / "owner" / "two.py").write_text("from .start import later\n")  # a cycle
     found = {
-        path.relative_to(tmp_path).as_posix()
-        for path in kernel_sources.sources("owner.start", start)
+        path.relative_to(tmp_path).as_posix() for path in kernel_cache.sources("owner.start", start)
     }
     expected = {"__init__", "start", "deep/five", *numbers} - {"never"}
     assert found == {f"owner/{name}.py" for name in expected}
@@ -146,7 +143,7 @@ def test_imports_are_found_as_a_parser_finds_them() -> None:
     with_kernels = set(kernel_modules().values())
     for path in files:
         source = path.read_text()
-        found = set(kernel_sources._imported_names(source, "automaton"))
+        found = set(kernel_cache._imported_names(source, "automaton"))
         wanted = set(parsed(ast.parse(source).body))
         assert found >= wanted, path
         # An example in a docstring may look like an import, which only costs a compilation more.
@@ -154,7 +151,7 @@ def test_imports_are_found_as_a_parser_finds_them() -> None:
 
 
 def test_what_has_no_file_is_made_of_all_that_a_strategy_may_call() -> None:
-    cell = kernel_sources.sources("__main__", Path("<a cell of a notebook>"))
+    cell = kernel_cache.sources("__main__", Path("<a cell of a notebook>"))
     assert {ROOT / "automaton/engine/motion.py", ROOT / "automaton/strategy/kernels.py"} <= cell
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 from physical_checks import PhysicalChecks
 
-from automaton.engine.robot_status import BATTERY_FULL, STATUS_FAILED
+from automaton.engine.robot_states import BATTERY_FULL, STATUS_FAILED
 from automaton.engine.state import NIL, ORDER_CARRIED, ORDER_DELIVERED, World
 from automaton.runs.pictures import Story
 from automaton.world.building import build_world

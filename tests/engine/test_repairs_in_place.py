@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from automaton.engine.robot_status import BATTERY_FULL, STATUS_FAILED, STATUS_UP
+from automaton.engine.robot_states import BATTERY_FULL, STATUS_FAILED, STATUS_UP
 from automaton.engine.state import NIL
 from automaton.evidence.history.event_history import EventHistory
 from automaton.evidence.history.explanation import explain

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from docs_pages import page
 
-from automaton.engine.robot_states import Motion, Task, motions_of, tasks_of
-from automaton.engine.robot_status import STATUS_NAMES
+from automaton.engine.robot_states import STATUS_NAMES, Motion, Task, motions_of, tasks_of
 from automaton.engine.state import ACTION_NAMES, CLOCK_TICK, World
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve

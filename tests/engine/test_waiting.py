@@ -21,7 +21,7 @@ from automaton.engine.observation import (
     MEMORY_TICKS,
     congestion_of,
 )
-from automaton.engine.robot_status import BATTERY_FULL
+from automaton.engine.robot_states import BATTERY_FULL
 from automaton.engine.state import (
     CLOCK_HALTED_UNTIL,
     CMD_HOLD,

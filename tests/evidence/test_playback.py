@@ -17,7 +17,7 @@ from random_cases import Case, cases
 
 from automaton.engine.decision_stream import first_other_tick
 from automaton.engine.observation import EVENT_CHARGING
-from automaton.engine.robot_status import BATTERY_PERCENT
+from automaton.engine.robot_states import BATTERY_PERCENT
 from automaton.errors import InputError
 from automaton.evidence.history.keyframes import Keyframes
 from automaton.evidence.history.playback import Playback

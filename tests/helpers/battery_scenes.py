@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from small_runs import SmallRun
 
-from automaton.engine.robot_status import BATTERY_PERCENT
+from automaton.engine.robot_states import BATTERY_PERCENT
 from automaton.engine.state import GOAL_CHARGE
 from automaton.scenario.schema import Battery, Drain
 

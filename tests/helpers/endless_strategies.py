@@ -1,8 +1,7 @@
 """Strategies whose decision in one tick never ends, in compiled code."""
 
-from automaton.engine.jit.fields import field
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import Struct, field
 from automaton.engine.state import CLOCK_TICK, NIL, Array
 from automaton.strategy.kernels import find_path, position
 from strategies.allocation.independent_python import IndependentPython

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from automaton.engine.jit.fields import field
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.jit.structs import Struct
-from automaton.engine.robot_status import BATTERY_FULL
+from automaton.engine.jit.structs import Struct, field
+from automaton.engine.robot_states import BATTERY_FULL
 from automaton.engine.state import (
     CLOCK_TICK,
     CMD_DROP_AT,

@@ -8,7 +8,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from reference_motion import Floor, Robot
 
-from automaton.engine.delayed_robots import hand_delays_on
+from automaton.engine.faults import hand_delays_on
 from automaton.engine.motion import ENTERED, LIVE, MOVED, move_all
 from automaton.engine.state import ACTION_FOLLOWING, CLOCK_TICK, FOLLOWING_CONVOY, NIL
 from automaton.floor.drawn_floors import draw_floor

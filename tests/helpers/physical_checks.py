@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from dataclasses import dataclass
 
-from automaton.engine.robot_status import (
+from automaton.engine.robot_states import (
     BATTERY_FULL,
     STATUS_DEPLETED,
     STATUS_FAILED,

@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 from reference_motion import splitmix64
 
-from automaton.engine.robot_status import BATTERY_FULL
+from automaton.engine.robot_states import BATTERY_FULL
 from automaton.engine.state import (
     CLOCK_TICK,
     CMD_DROP_AT,

@@ -16,7 +16,7 @@ import numpy as np
 from reference_load_sharing import share
 from zoning_scenes import FEET_PER_MINUTE, factory
 
-from automaton.engine.service_zones import Design
+from automaton.engine.facilities import Design
 from strategies.zoning.design.part_routing import route
 from strategies.zoning.design.zone_workspace import space_for
 

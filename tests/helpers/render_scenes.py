@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from automaton.engine.gates import Gates
-from automaton.engine.robot_status import BATTERY_FULL
+from automaton.engine.facilities import Gates
+from automaton.engine.robot_states import BATTERY_FULL
 from automaton.engine.state import NIL
 from automaton.floor.cells import DESTINATION, FLOOR
 from automaton.floor.drawn_floors import draw_floor

@@ -31,7 +31,7 @@ from typing import NamedTuple
 import numpy as np
 
 from automaton.engine.observation import DEADLOCK_TICKS
-from automaton.engine.robot_status import STATUS_DEPLETED
+from automaton.engine.robot_states import STATUS_DEPLETED
 from automaton.engine.state import ORDER_DELIVERED
 from automaton.errors import InputError
 from automaton.runs.headless import run_to_end

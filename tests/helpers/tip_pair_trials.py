@@ -13,7 +13,7 @@ import numpy as np
 from zoning_scenes import FEET_PER_MINUTE, scratch
 from zoning_trials import ANNEALED
 
-from automaton.engine.service_zones import Roads
+from automaton.engine.facilities import Roads
 from automaton.floor.drawn_floors import draw_floor
 from automaton.world.initial_service_zones import roads_of
 from strategies.zoning.annealing import annealing

@@ -16,7 +16,7 @@ from automaton.engine.record_codes import (
     LEFT_PARKING_BAY,
     PICKED_ON_ARRIVAL,
 )
-from automaton.engine.robot_status import (
+from automaton.engine.robot_states import (
     STATUS_DEPLETED,
     STATUS_FAILED,
     STATUS_REMOVED,

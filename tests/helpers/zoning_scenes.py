@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from automaton.engine.service_zones import Design, Roads
+from automaton.engine.facilities import Design, Roads
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.reading import SHIPPED_FOLDER

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from zoning_scenes import ddz_rules, everyone, factory, factory_rules, scratch, shipped
 
-from automaton.engine.service_zones import Design
+from automaton.engine.facilities import Design
 from strategies.zoning.annealing import annealing
 from strategies.zoning.decentralized import negotiation
 from strategies.zoning.decentralized.negotiation import NegotiatedParts, lead, parts_for

@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 
 from flow_floors import RULES, drawn_fleet
 
-from automaton.engine.robot_status import STATUS_EXHAUSTED
+from automaton.engine.robot_states import STATUS_EXHAUSTED
 from automaton.engine.state import ACTION_BLOCKED, FOLLOWING_CONVOY, NIL
 from automaton.errors import InputError
 from automaton.evidence.recording.recorder import MemoryRecorder

@@ -20,14 +20,8 @@ from llvmlite.binding.executionengine import ExecutionEngine
 from sweep_studies import end_all, started, wait_until
 
 from automaton.commands import main
-from automaton.engine.search import (
-    UNREACHABLE,
-    begin_search,
-    distance,
-    find_path,
-    follow_gradient,
-    nearest_mark,
-)
+from automaton.engine.distance_tables import UNREACHABLE
+from automaton.engine.search import begin_search, distance, find_path, follow_gradient, nearest_mark
 from automaton.engine.state import NIL
 from automaton.runs import interruption
 from automaton.runs.interruption import (

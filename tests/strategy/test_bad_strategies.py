@@ -17,9 +17,8 @@ import numpy as np
 import pytest
 
 from automaton.commands import main
-from automaton.engine.jit.fields import field
 from automaton.engine.jit.kernel import jit_is_on
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import Struct, field
 from automaton.engine.state import Array
 from automaton.errors import InputError
 from automaton.runs.headless import run_once

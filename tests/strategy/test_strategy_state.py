@@ -8,9 +8,8 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from automaton.engine.jit.fields import CONSTANT, SCRATCH, STOP, field
 from automaton.engine.jit.struct_types import StructClassType
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import CONSTANT, SCRATCH, STOP, Struct, field
 from automaton.engine.state import LAYER_RIGHT_OF_WAY, LAYER_ROUTING, Array
 from automaton.runs.simulation import Simulation
 from automaton.strategy.kernels import kernel

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from automaton.engine.requests import first_cell
+from automaton.engine.operations import first_cell
 from automaton.engine.state import NIL, Array, World
 from automaton.scenario.schema import Scenario
 from strategies.routing.astar.astar import astar

@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.engine.service_zones import ServiceZones
+from automaton.engine.facilities import ServiceZones
 from automaton.engine.state import NIL
 from automaton.floor.floor_plan import FloorPlan
 from strategies.zoning.design.zone_cells import stations_of, ways_of

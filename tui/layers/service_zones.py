@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.engine.service_zones import ServiceZones
+from automaton.engine.facilities import ServiceZones
 from automaton.engine.state import NIL
 from automaton.strategy.lookup import NO_STRATEGY
 from strategies.zoning.design.zone_cells import stations_of, ways_of

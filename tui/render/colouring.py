@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from automaton.drawings.robot_looks import STATE_COLOURS
 from automaton.engine.observation import is_waiting, waited_ticks
-from automaton.engine.robot_status import BATTERY_FULL
+from automaton.engine.robot_states import BATTERY_FULL
 from automaton.engine.state import NIL
 from tui.render import styles
 from tui.render.glyphs import Entries, code

@@ -11,7 +11,7 @@ import numpy as np
 
 from automaton.drawings.cell_looks import DETAIL_ONE_WAY, DETAIL_SHIFT, KIND_MASK
 from automaton.engine.observation import CAUSES
-from automaton.engine.robot_status import BATTERY_PERCENT, STATUS_TOWED
+from automaton.engine.robot_states import BATTERY_PERCENT, STATUS_TOWED
 from automaton.engine.state import ACTION_IDLE, ACTION_NAMES, NIL, ORDER_DELIVERED, ORDER_WAITING
 from automaton.evidence.history.gate_words import gates_in, words_of
 from automaton.evidence.history.station_words import (

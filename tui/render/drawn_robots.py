@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from automaton.drawings import robot_looks as looks
-from automaton.engine.robot_status import BATTERY_FULL
+from automaton.engine.robot_states import BATTERY_FULL
 from automaton.engine.state import NIL
 from tui.render import robot_marks as fleet
 from tui.render import styles

@@ -8,8 +8,8 @@ import numpy as np
 
 from automaton.drawings import robot_looks as looks
 from automaton.drawings.cell_looks import DETAIL_OUTSIDE, DETAIL_SHIFT, KIND_MASK
-from automaton.engine.gates import GATE_CLOSING, GATE_DOOR
-from automaton.engine.robot_status import BATTERY_PERCENT
+from automaton.engine.facilities import GATE_CLOSING, GATE_DOOR
+from automaton.engine.robot_states import BATTERY_PERCENT
 from automaton.floor.cells import CELL_KINDS, FLOOR, SHELF, STORAGE, TRACK, WALL
 from tui.render import robot_marks as fleet
 from tui.render import styles

@@ -19,7 +19,7 @@ from tui.registration import layer_named, layers
 from tui.render.field import Scale, scale_for
 
 if TYPE_CHECKING:  # it needs Numba, pictures do not
-    from automaton.engine.service_zones import ServiceZones
+    from automaton.engine.facilities import ServiceZones
     from automaton.evidence.history.snapshot import Snapshot
 
 # Details of cells that drawings do not tell apart, see automaton.drawings.cell_looks.

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from textual.app import App
 
-from automaton.engine.jit.compile_progress import COMPILING
+from automaton.engine.jit.kernel import COMPILING
 from automaton.engine.state import NIL
 from automaton.units import unit
 from tui.registration import failure, layer_named

@@ -7,8 +7,7 @@ from typing import Final
 import numpy as np
 
 from automaton.drawings.robot_looks import LOW_CHARGE
-from automaton.engine.robot_states import is_charging
-from automaton.engine.robot_status import BATTERY_FULL, STATUS_DEPLETED, STATUS_FAILING
+from automaton.engine.robot_states import BATTERY_FULL, STATUS_DEPLETED, STATUS_FAILING, is_charging
 from automaton.engine.state import GOAL_CHARGE, NIL
 from automaton.evidence.history.charging_words import (
     charger_queue,

@@ -10,8 +10,14 @@ import numpy as np
 
 from automaton.drawings.robot_looks import LOW_CHARGE
 from automaton.engine.observation import CAUSE_NO_ORDER, CAUSE_NOT_WAITING, CAUSES, is_waiting
-from automaton.engine.robot_states import is_charging, is_queueing
-from automaton.engine.robot_status import BATTERY_FULL, STATUS_DEPLETED, STATUS_FAILED, STATUS_TOWED
+from automaton.engine.robot_states import (
+    BATTERY_FULL,
+    STATUS_DEPLETED,
+    STATUS_FAILED,
+    STATUS_TOWED,
+    is_charging,
+    is_queueing,
+)
 from automaton.engine.state import ORDER_DELIVERED
 from automaton.evidence.history.event_history import Curve
 from automaton.evidence.history.fleet_summary import FleetSummary, summarize

@@ -8,13 +8,13 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from automaton.engine.observation import CAUSE_REDUCED_SPEED, CAUSES, is_waiting, waited_ticks
-from automaton.engine.robot_states import is_queueing
-from automaton.engine.robot_status import (
+from automaton.engine.robot_states import (
     BATTERY_FULL,
     STATUS_DEPLETED,
     STATUS_FAILED,
     STATUS_REMOVED,
     STATUS_TOWED,
+    is_queueing,
 )
 from automaton.engine.state import ACTION_NAMES, ACTION_SERVE, NIL, Array
 from automaton.evidence.history.snapshot import Fleet

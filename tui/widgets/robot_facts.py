@@ -13,7 +13,7 @@ from automaton.engine.observation import (
     is_waiting,
     waited_ticks,
 )
-from automaton.engine.robot_status import STATUS_DEPLETED, STATUS_FAILED, STATUS_TOWED
+from automaton.engine.robot_states import STATUS_DEPLETED, STATUS_FAILED, STATUS_TOWED
 from automaton.engine.state import (
     GOAL_CHARGE,
     GOAL_DROP,

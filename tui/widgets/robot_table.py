@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 from textual.binding import Binding, BindingType
 
-from automaton.engine.robot_status import STATUS_DEPLETED, STATUS_FAILED
+from automaton.engine.robot_states import STATUS_DEPLETED, STATUS_FAILED
 from automaton.engine.state import Array
 from tui.playback.panel_view import RobotChosen, View
 from tui.widgets.panel import PanelWidget

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.engine.service_zones import ServiceZones
+from automaton.engine.facilities import ServiceZones
 from automaton.engine.state import NIL, ORDER_CARRIED, ORDER_WAITING
 from automaton.errors import InputError
 from automaton.scenario.robot_types import RobotType

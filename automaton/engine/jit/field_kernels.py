@@ -15,9 +15,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from automaton.engine.jit.fields import CALL, DECISION, MEASURED, VISIBLE, Field
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import CALL, DECISION, MEASURED, VISIBLE, Field, Struct
 
 # No negative index: for such, Numba looks at the length of each array (`bench`, limited view: + 25 %).
 UNSIGNED: Final = "    u = np.uint64(i)"

@@ -1,39 +1,281 @@
-"""Structs of arrays that cross into compiled code as one pointer.
+"""Declarations of the fields of a struct: each is described once, in the body of its class.
 
-A subclass of Struct declares its fields (module fields): arrays (of 1 to 3 dimensions, C-contiguous),
-numbers of 64 bits, or, by annotation alone, other structs. In Python, and with the JIT off, it is a
-plain object with these attributes. Compiled code gets the address of a table with one row per field,
+    cell: Array = field("(n,) int32", "where it stands; NIL: off the floor", hidden=NIL, digest=0)
+    width: int = field("int64", "cells in a row, border included")
 
-    array:    data pointer, shape (3)        number: value        struct: its table
+The kind of an array is its shape and dtype. An extent is a number, or a name that stands for the same
+number wherever a struct uses it; "4n" and "n + 1" follow from n, any other text is a name as it stands.
+Arrays are checked against their declarations when a struct is made.
 
-and reads a field from there when it is used. A NamedTuple of arrays would be passed by value, seven
-words for each array, at every call: the same kernels then compiled in 122 s instead of 34 s
-(measured with Numba 0.68), so the world is passed by reference.
-
-Types follow from the declarations. Arrays of constants and of read-only structs are read-only in them,
-and kernels that write to these do not compile.
-
-The state of a strategy is a struct of its own. The loop, which is compiled once for all strategies,
-passes its address alone; `State.of(memory)` is the struct at that address, typed.
-
-Strategies in Python get their structs as faces: other objects over the same memory, whose arrays can
-be neither resized nor opened for writing, since the arrays that own the memory cannot be reached from
-there. Only somebody who writes to bare addresses (ctypes) can still do harm.
+default    its value where none is given (`Struct.sized`)
+role       what it is to a run (below); what has a number in the digest is state
+hidden     its value where a strategy may not see it, the default unless said; VISIBLE: never hidden
+digest     the number of the array in the digest: given by hand, never reused (`by` names a kernel
+           (struct, i) that gives the value instead)
+used       the field that says how much of each row is in use
+recorded   False: left out of the keyframes of a recording, which hold the other arrays of the state
+header     True: the header of a recording has it
 """
 
 from __future__ import annotations
 
+import re
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from ctypes import addressof, c_char
+from functools import cache
+from math import prod
 from operator import index
 from typing import TYPE_CHECKING, Any, ClassVar, Final, NoReturn, Self
 from weakref import WeakKeyDictionary, WeakValueDictionary
 
 import numpy as np
 
-from automaton.engine.jit.fields import CONSTANT, SCRATCH, STOP, Field, Sizes, nested
-from automaton.engine.jit.struct_layout import NO_SHAPE, NOWHERE, WORDS, Layout
+NIL: Final = -1  # none
+VISIBLE: Final = None
+
+# Roles. Arguments, outputs and scratch of kernels have none.
+STATE: Final = "state"  # what a tick goes on from: in the digest
+DERIVED: Final = "derived"  # follows from the state, and is kept with it
+MEASURED: Final = "measured"  # for metrics and viewers; decides nothing
+STATIC: Final = "static"  # stays as it was built
+CONSTANT: Final = "constant"  # the same, and read-only in kernels
+SCRATCH: Final = "scratch"  # decides nothing in another tick
+STOP: Final = "stop"  # of its run: not 0 once that is given up (Struct.stopped_by)
+BY_ENTRY: Final = "by entry"  # some of its entries are state
+DECISION: Final = "decision"  # begins as its default for each robot that is asked
+CALL: Final = "call"  # begins as its default in each call of a layer
+CARRIED: Final = (STATE, DERIVED, MEASURED)  # to a branch, and in keyframes in memory
+
+_EXTENT: Final = re.compile(r"(\d*)([A-Za-z]\w*)(?: \+ (\d+))?")
+_UNSAID: Final = object()
+
+
+@cache
+def _parsed(kind: str) -> tuple[tuple[str, ...], Any]:
+    """Extents and dtype."""
+    shape, _, dtype = kind.rpartition(" ")
+    extents = tuple(part.strip() for part in shape[1:-1].split(",") if part.strip())
+    return extents, np.dtype(dtype) if kind else None
+
+
+@cache
+def _rule(extent: str) -> tuple[int, str, int] | None:
+    """Factor, name and summand of an extent that follows from another one."""
+    match = _EXTENT.fullmatch(extent)
+    if match is None or match[2] == extent:
+        return None
+    return int(match[1] or 1), match[2], int(match[3] or 0)
+
+
+class Field:
+    """A declared field; a struct in a struct has no kind."""
+
+    def __init__(
+        self,
+        kind: str,
+        meaning: str = "",
+        default: int = 0,
+        hidden: Any = _UNSAID,
+        role: str = "",
+        digest: int | None = None,
+        by: str = "",
+        used: str = "",
+        recorded: bool = True,
+        header: bool = False,
+    ) -> None:
+        self.kind = kind
+        self.meaning = meaning
+        self.extents, self.dtype = _parsed(kind)
+        self.is_array = bool(self.extents)
+        self.default = default
+        self.role = role or ("" if digest is None else STATE)
+        self._hidden = hidden
+        self.digest = digest
+        self.by = by
+        self.used = used
+        self.in_header = header
+        self._recorded = recorded
+
+    @property
+    def hidden(self) -> Any:
+        """What strategies see of it where they may not see it, or VISIBLE."""
+        if self._hidden is not _UNSAID:
+            return self._hidden
+        return VISIBLE if self.role in (STATIC, CONSTANT) else self.default
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether a strategy that declares it goes on from it."""
+        return self.role in ("", STATE)
+
+    @property
+    def in_keyframe(self) -> bool:
+        """Whether the keyframes of a recording have it."""
+        is_row_of_its_own = self.is_array and not self.used
+        return (
+            self._recorded and self.role == STATE and self.digest is not None and is_row_of_its_own
+        )
+
+    def is_scratch(self, in_scratch: bool) -> bool:
+        """Whether it is scratch, in a struct that is: what does not change is not, even there."""
+        return self.role == SCRATCH or (in_scratch and self.role not in (CONSTANT, STATIC, DERIVED))
+
+    def word(self, number: Any) -> int:
+        """The 64 bits of a number of this kind."""
+        is_float = self.dtype == np.float64
+        return int(np.float64(number).view(np.uint64)) if is_float else int(number) % 2**64
+
+    def value(self, shape: tuple[int, ...]) -> Any:
+        """The default: a number, or a new array of this shape."""
+        if not self.default:
+            # Pages of zeros that are not used cost nothing.
+            return np.zeros(shape, self.dtype) if self.is_array else 0
+        if not self.is_array:
+            return self.default
+        array = np.empty(shape, self.dtype)
+        array.fill(self.default)
+        return array
+
+
+def field(kind: str, meaning: str = "", **options: Any) -> Any:
+    """Declare a field of a struct: an array, "(n, 4) int32", or a number, "int64" or "float64"."""
+    return Field(kind, meaning, **options)
+
+
+def nested(digest: int | None = None, by: str = "") -> Any:
+    """Declare a struct in a struct; one without options needs no more than its annotation."""
+    return Field("", digest=digest, by=by)
+
+
+class Sizes:
+    """The extents that the fields of a struct have, by the texts of their declarations."""
+
+    def __init__(self, fields: Iterable[Field]) -> None:
+        extents = {extent for one in fields for extent in one.extents}
+        self.fixed = {extent: int(extent) for extent in extents if extent.isdecimal()}
+        rules = {extent: _rule(extent) for extent in extents}
+        self._derived = {extent: rule for extent, rule in rules.items() if rule is not None}
+
+    def complete(self, sizes: Mapping[str, int]) -> dict[str, int]:
+        """These sizes, and those that follow from them."""
+        known = {**self.fixed, **sizes}
+        for extent, (factor, name, more) in self._derived.items():
+            if name in known:
+                known.setdefault(extent, factor * known[name] + more)
+        return known
+
+    def contradiction(self, sizes: Mapping[str, int]) -> str:
+        """Say which size does not follow from another as declared, or nothing."""
+        for extent, (factor, name, more) in self._derived.items():
+            wanted = factor * sizes.get(name, 0) + more
+            if name in sizes and sizes[extent] != wanted:
+                return f"{extent} is {sizes[extent]}, where {name} is {sizes[name]}"
+        return ""
+
+
+# The memory of a new struct: one block for all arrays that it is made with, and its table.
+#
+# A block that is small is a copy of one in which all arrays have their defaults.
+
+
+WORDS: Final = 4  # of a row of the table
+NO_SHAPE: Final = (0, 0, 0)
+NOWHERE: Final = 64  # the address of an empty array
+CACHE_LINE: Final = 64  # bytes; arrays begin at multiples of it
+SMALL: Final = 1 << 16  # bytes that are copied in less time than arrays in them are filled
+
+
+class Layout:
+    """Where the arrays lie that a struct `owner` is made with, for these sizes.
+
+    `values`: the fields that are not made, but come with a value. Raises TypeError for sizes that are
+    missing or contradict each other.
+    """
+
+    def __init__(
+        self,
+        owner: str,
+        fields: Mapping[str, Field],
+        extents: Sizes,
+        sizes: Mapping[str, int],
+        values: Iterable[str],
+    ) -> None:
+        self.sizes = extents.complete(sizes)
+        rows = {name: row for row, name in enumerate(fields)}
+        self.rows_of_values = [rows[name] for name in values]
+        self.places: dict[str, tuple[tuple[int, ...], Any, int]] = {}  # shape, dtype, offset
+        self.numbers: dict[str, int] = {}
+        self.table = np.zeros((max(1, len(fields)), WORDS), np.uint64)
+        self.is_in_block = np.zeros(len(self.table), np.uint64)
+        self._filled: list[tuple[str, int]] = []
+        self._size = 0
+        for row, (name, declared) in enumerate(fields.items()):
+            if row in self.rows_of_values:
+                continue
+            if not declared.kind:
+                raise TypeError(f"{owner} takes the struct {name}")
+            if declared.is_array:
+                try:
+                    shape = tuple([self.sizes[extent] for extent in declared.extents])
+                except KeyError as error:
+                    raise TypeError(f"{owner}.{name} needs {error.args[0]}") from None
+                self._place(row, name, declared, shape)
+            else:
+                self.numbers[name] = declared.value(())
+                self.table[row, 0] = declared.word(self.numbers[name])
+        wrong = extents.contradiction(self.sizes)
+        if wrong:
+            raise TypeError(f"{owner}: {wrong}")
+        self._template = self._made() if self._size <= SMALL else None
+
+    def _place(self, row: int, name: str, declared: Field, shape: tuple[int, ...]) -> None:
+        bytes_needed = prod(shape) * declared.dtype.itemsize
+        self.places[name] = shape, declared.dtype, self._size
+        self.table[row] = (self._size, *shape, *NO_SHAPE[len(shape) :])
+        self.is_in_block[row] = bytes_needed > 0
+        if not bytes_needed:
+            self.table[row, 0] = NOWHERE
+        elif declared.default:
+            self._filled.append((name, declared.default))
+        self._size += -(-bytes_needed // CACHE_LINE) * CACHE_LINE
+
+    def block(self) -> Any:
+        """Memory for the arrays, which have their defaults there."""
+        return self._made() if self._template is None else self._template.copy()
+
+    def _made(self) -> Any:
+        # Pages of zeros that are not used cost nothing.
+        block = np.zeros(max(1, self._size), np.uint8)
+        for name, default in self._filled:
+            shape, dtype, offset = self.places[name]
+            np.ndarray(shape, dtype, block, offset).fill(default)
+        return block
+
+
+# Structs of arrays that cross into compiled code as one pointer.
+#
+# A subclass of Struct declares its fields (module fields): arrays (of 1 to 3 dimensions,
+# C-contiguous), numbers of 64 bits, or, by annotation alone, other structs. In Python, and with the
+# JIT off, it is a plain object with these attributes. Compiled code gets the address of a table with
+# one row per field,
+#
+# array: data pointer, shape (3) number: value struct: its table
+#
+# and reads a field from there when it is used. A NamedTuple of arrays would be passed by value, seven
+# words for each array, at every call: the same kernels then compiled in 122 s instead of 34 s
+# (measured with Numba 0.68), so the world is passed by reference.
+#
+# Types follow from the declarations. Arrays of constants and of read-only structs are read-only in
+# them, and kernels that write to these do not compile.
+#
+# The state of a strategy is a struct of its own. The loop, which is compiled once for all strategies,
+# passes its address alone; `State.of(memory)` is the struct at that address, typed.
+#
+# Strategies in Python get their structs as faces: other objects over the same memory, whose arrays
+# can be neither resized nor opened for writing, since the arrays that own the memory cannot be
+# reached from there. Only somebody who writes to bare addresses (ctypes) can still do harm.
+
 
 NO_SIZES: Final[Mapping[str, int]] = {}
 LAYOUTS_KEPT: Final = 64  # of a class

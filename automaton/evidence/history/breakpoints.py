@@ -26,12 +26,13 @@ from automaton.engine.observation import (
     is_waiting,
     waited_ticks,
 )
-from automaton.engine.robot_states import is_charging, is_queueing
-from automaton.engine.robot_status import (
+from automaton.engine.robot_states import (
     BATTERY_PERCENT,
     STATUS_DEPLETED,
     STATUS_FAILED,
     STATUS_TOWED,
+    is_charging,
+    is_queueing,
 )
 from automaton.engine.state import ACTION_NAMES, CLOCK_TICK, NIL, Array, Robots
 from automaton.errors import InputError, nearest

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from automaton.engine.robot_states import is_charging, is_queueing
-from automaton.engine.robot_status import BATTERY_FULL
+from automaton.engine.robot_states import BATTERY_FULL, is_charging, is_queueing
 from automaton.engine.state import GOAL_CHARGE, NIL, Array
 from automaton.units import count, percent
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from automaton.engine import observation as codes
-from automaton.engine.robot_status import BATTERY_PERCENT
+from automaton.engine.robot_states import BATTERY_PERCENT
 from automaton.evidence.history.event_history import Event
 
 EVENT_GROUPS: Final = {  # what can be picked in the list of events: name and codes

@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from automaton.engine.blocker_cycles import walk_to_cycle
+from automaton.engine.blockers import walk_to_cycle
 from automaton.engine.observation import (
     CAUSE_CHARGER_QUEUE,
     CAUSE_DELAYED,
@@ -20,13 +20,13 @@ from automaton.engine.observation import (
     CAUSES,
     waited_ticks,
 )
-from automaton.engine.robot_states import is_charging
-from automaton.engine.robot_status import (
+from automaton.engine.robot_states import (
     BATTERY_FULL,
     STATUS_DEPLETED,
     STATUS_FAILED,
     STATUS_REMOVED,
     STATUS_TOWED,
+    is_charging,
 )
 from automaton.engine.state import ACTION_NAMES, NIL
 from automaton.evidence.history.charging_words import queueing_words, up_to

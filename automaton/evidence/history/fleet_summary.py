@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from automaton.engine.facilities import Lines
 from automaton.engine.observation import CAUSE_NOT_WAITING, is_waiting
-from automaton.engine.pods import Lines
 from automaton.engine.state import NIL, Array, Orders
 from automaton.runs.asked_orders import done_count
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from automaton.engine.gates import GATE_BLOCK, GATE_CLOSING, GATE_DOOR, GATE_LIFT
+from automaton.engine.facilities import GATE_BLOCK, GATE_CLOSING, GATE_DOOR, GATE_LIFT
 from automaton.engine.observation import CAUSE_CLOSED, CAUSE_LIFT
 from automaton.engine.state import CLOCK_TICK, NEVER, NIL, Array, World
 from automaton.units import count

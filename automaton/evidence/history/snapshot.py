@@ -7,15 +7,20 @@ from typing import TYPE_CHECKING, Final, TypeVar
 
 import numpy as np
 
-from automaton.engine.facilities import Slots, Stations
-from automaton.engine.gates import Gates
-from automaton.engine.jit.fields import CARRIED
-from automaton.engine.jit.structs import Struct
+from automaton.engine.facilities import (
+    Gates,
+    Lines,
+    Pods,
+    PodStations,
+    ServiceZones,
+    Slots,
+    Stations,
+    Stops,
+    Trips,
+)
+from automaton.engine.jit.structs import CARRIED, Struct
 from automaton.engine.observation import Observation
-from automaton.engine.pods import Lines, Pods, PodStations, Trips
-from automaton.engine.service_zones import ServiceZones
 from automaton.engine.state import CLOCK_TICK, NIL, Array, Orders, Robots
-from automaton.engine.stops import Stops
 from automaton.runs.simulation import Simulation
 from automaton.world.station_numbers import station_names
 

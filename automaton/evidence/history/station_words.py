@@ -11,7 +11,7 @@ from automaton.engine.state import ACTION_SERVE, GOAL_STOP, NIL, ORDER_WAITING, 
 from automaton.units import count
 
 if TYPE_CHECKING:  # it needs Numba, pictures do not
-    from automaton.engine.pods import PodStations
+    from automaton.engine.facilities import PodStations
     from automaton.evidence.history.snapshot import Snapshot
 
 ORDINALS: Final = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth")

@@ -15,9 +15,7 @@ import numpy as np
 from msgspec import UNSET, Meta, UnsetType, defstruct
 from numpy.typing import NDArray
 
-from automaton.engine.facilities import Slots, Stations
-from automaton.engine.gates import Gates
-from automaton.engine.pods import Lines, Pods, PodStations
+from automaton.engine.facilities import Gates, Lines, Pods, PodStations, Slots, Stations, Stops
 from automaton.engine.record_codes import (
     ACTION_MASK,
     CHANGE_DELAYED,
@@ -34,7 +32,6 @@ from automaton.engine.record_codes import (
     EXECUTED_VALUES,
 )
 from automaton.engine.state import STRATEGIES, Orders, Robots, World
-from automaton.engine.stops import Stops
 from automaton.errors import InputError
 from automaton.floor.cells import ALL_EXITS, CELL_KINDS
 from automaton.printable import cleaned

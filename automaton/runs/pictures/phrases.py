@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-from automaton.engine.robot_status import BATTERY_PERCENT
+from automaton.engine.robot_states import BATTERY_PERCENT
 from automaton.errors import InputError
 
 Pair = tuple[int, int]

@@ -14,7 +14,7 @@ import numpy as np
 
 from automaton.engine.faults import open_slot
 from automaton.engine.random_numbers import splitmix64
-from automaton.engine.robot_status import STATUS_REMOVED, STATUS_UP
+from automaton.engine.robot_states import STATUS_REMOVED, STATUS_UP
 from automaton.engine.state import (
     CLOCK_ALLOCATION_REVISION,
     CLOCK_COARSE_TICK,

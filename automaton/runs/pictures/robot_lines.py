@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
-from automaton.engine.robot_status import BATTERY_FULL, STATUS_NAMES
+from automaton.engine.robot_states import BATTERY_FULL, STATUS_NAMES
 from automaton.engine.state import (
     ACTION_NAMES,
     GOAL_CHARGE,

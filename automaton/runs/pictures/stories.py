@@ -14,8 +14,8 @@ from typing import Literal
 
 import numpy as np
 
+from automaton.engine.drive import count_robots, set_move_ticks
 from automaton.engine.motion import LIVE, REFUSED, move_all
-from automaton.engine.slow_zones import count_robots, set_move_ticks
 from automaton.engine.state import ACTION_MOVE, CLOCK_TICK
 from automaton.errors import InputError, alternatives
 from automaton.floor.cells import DIRECTIONS

@@ -7,7 +7,7 @@ lists; what an earlier session of the same tick has put there counts.
 import numpy as np
 
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.robot_status import STATUS_UP
+from automaton.engine.robot_states import STATUS_UP
 from automaton.engine.state import CLOCK_NEXT_RELEASE, CLOCK_TICK, KEEP, NIL, ORDER_WAITING
 from automaton.strategy.kernels import allocation_of, can_do, types_of_robots
 from strategies.allocation.auction.floor_market import (

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from automaton.engine.jit.fields import SCRATCH, field
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import SCRATCH, Struct, field
 from automaton.engine.state import Array, World
 from automaton.strategy.layer import Strategy
 from strategies.allocation.auction.auction_parameters import MAX_LISTED_ORDERS, Auctions

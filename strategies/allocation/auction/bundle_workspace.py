@@ -6,8 +6,7 @@ from typing import Any, Final
 
 from numpy.typing import NDArray
 
-from automaton.engine.jit.fields import SCRATCH, field
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import SCRATCH, Struct, field
 from automaton.errors import InputError
 
 Array = NDArray[Any]

@@ -7,7 +7,7 @@ cannot be done, its end is left out until the rest can.
 import numpy as np
 
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.robot_status import BATTERY_FULL
+from automaton.engine.robot_states import BATTERY_FULL
 from automaton.engine.state import (
     ACTION_WAIT,
     GOAL_CHARGE,

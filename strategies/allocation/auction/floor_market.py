@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.engine.jit.fields import DERIVED, SCRATCH, field
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.jit.structs import Struct
-from automaton.engine.robot_status import STATUS_UP
+from automaton.engine.jit.structs import DERIVED, SCRATCH, Struct, field
+from automaton.engine.robot_states import STATUS_UP
 from automaton.engine.state import (
     ACTION_DROP,
     ACTION_MOVE,

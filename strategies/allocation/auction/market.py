@@ -13,9 +13,8 @@ from typing import Any, Final
 
 from numpy.typing import NDArray
 
-from automaton.engine.jit.fields import CONSTANT, SCRATCH, field
-from automaton.engine.jit.structs import Struct
-from automaton.engine.robot_status import BATTERY_FULL as BATTERY_FULL
+from automaton.engine.jit.structs import CONSTANT, SCRATCH, Struct, field
+from automaton.engine.robot_states import BATTERY_FULL as BATTERY_FULL
 
 Array = NDArray[Any]
 

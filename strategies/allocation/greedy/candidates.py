@@ -5,8 +5,7 @@ An order is called by its place in the list of open orders, which is in the sequ
 
 import numpy as np
 
-from automaton.engine.jit.fields import SCRATCH, field
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import SCRATCH, Struct, field
 from automaton.engine.state import (
     CLOCK_NEXT_RELEASE,
     GOAL_CHARGE,

@@ -8,8 +8,7 @@ a cheaper pair parts them. A load that was picked up goes to its own target, a p
 
 import numpy as np
 
-from automaton.engine.jit.fields import SCRATCH, field
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import SCRATCH, Struct, field
 from automaton.engine.state import (
     ACTION_MOVE,
     ACTION_TURN,

@@ -11,8 +11,7 @@ costs, as if all robots x orders had been sorted.
 
 import numpy as np
 
-from automaton.engine.jit.fields import SCRATCH, field
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import SCRATCH, Struct, field
 from automaton.engine.state import NIL, Array
 from automaton.strategy.kernels import kernel
 from strategies.allocation.greedy.candidates import enter_poses

@@ -12,8 +12,7 @@ one already, the odd one above it for another, so that of equal ones the robot k
 import numpy as np
 
 from automaton.engine.facilities import MAY_TURN
-from automaton.engine.jit.fields import SCRATCH, field
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import SCRATCH, Struct, field
 from automaton.engine.state import ACTION_MOVE, ACTION_TURN, NIL, Array
 from automaton.strategy.kernels import (
     can_do,

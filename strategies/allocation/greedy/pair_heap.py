@@ -1,7 +1,6 @@
 """A binary heap of pairs (key, tag): the least key first, of equal keys the least tag."""
 
-from automaton.engine.jit.fields import SCRATCH, field
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import SCRATCH, Struct, field
 from automaton.engine.state import Array
 from automaton.strategy.kernels import kernel
 

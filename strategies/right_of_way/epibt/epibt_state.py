@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from automaton.engine.facilities import NO_WAY_THROUGH
-from automaton.engine.jit.fields import CONSTANT, SCRATCH, field
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import CONSTANT, SCRATCH, Struct, field
 from automaton.engine.state import (
     ACTION_MOVE,
     ACTION_TURN,

@@ -7,7 +7,7 @@ but where a move takes longer than planned, in a slow zone: then who comes later
 
 import numpy as np
 
-from automaton.engine.robot_status import STATUS_UP
+from automaton.engine.robot_states import STATUS_UP
 from automaton.engine.state import CLOCK_TICK, GOAL_NONE, GOAL_PARK, NIL
 from automaton.strategy.kernels import gate_before, has_gates, is_empty, is_in_own_queue, kernel
 from strategies.right_of_way.arrivals import is_at_goal

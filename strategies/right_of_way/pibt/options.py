@@ -3,7 +3,7 @@
 import numpy as np
 
 from automaton.engine.facilities import MAY_TURN
-from automaton.engine.robot_status import STATUS_EXHAUSTED
+from automaton.engine.robot_states import STATUS_EXHAUSTED
 from automaton.engine.state import (
     ACTION_DROP,
     ACTION_MOVE,

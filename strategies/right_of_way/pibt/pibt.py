@@ -19,7 +19,7 @@ from typing import ClassVar
 import numpy as np
 
 from automaton.engine.facilities import NO_WAY_THROUGH
-from automaton.engine.robot_status import STATUS_UP
+from automaton.engine.robot_states import STATUS_UP
 from automaton.engine.state import (
     ACTION_GATE,
     ACTION_TURN,

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from automaton.engine.jit.fields import CONSTANT, SCRATCH, STATIC, field
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import CONSTANT, SCRATCH, STATIC, Struct, field
 from automaton.engine.state import NIL, Array
 from automaton.strategy.weighted_tables import DistanceTables
 from strategies.right_of_way.deadlocks import Deadlocks

@@ -5,8 +5,7 @@ Of several shortest paths the tie rule picks one; where robots slow each other d
 
 import numpy as np
 
-from automaton.engine.jit.fields import field
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import Struct, field
 from automaton.engine.state import NIL
 from automaton.strategy.kernels import find_path, kernel, position
 from automaton.strategy.layer import Strategy

@@ -6,8 +6,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from automaton.engine.jit.fields import SCRATCH, STOP, field
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import SCRATCH, STOP, Struct, field
 from automaton.engine.state import Grid
 
 Array = NDArray[Any]

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from automaton.engine.jit.fields import DERIVED, SCRATCH, field
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import DERIVED, SCRATCH, Struct, field
 from automaton.engine.state import NIL, Array, World
 from strategies.routing.astar.route_workspace import RouteSpace, route_space
 

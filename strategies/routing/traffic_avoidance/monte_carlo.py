@@ -10,9 +10,8 @@ Two readings of a slow zone with others in it:
 
 import numpy as np
 
-from automaton.engine.jit.fields import field
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import Struct, field
 from automaton.engine.state import ACTION_MOVE, NIL, Array
 from automaton.strategy.kernels import random_between
 from strategies.routing.astar.astar import search, write_steps

@@ -16,8 +16,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from automaton.engine.jit.fields import field
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import Struct, field
 from automaton.engine.state import CLOCK_TICK, NIL, Array
 from automaton.strategy.kernels import kernel, position
 from automaton.strategy.layer import Strategy

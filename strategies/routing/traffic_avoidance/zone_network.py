@@ -10,9 +10,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from automaton.engine.jit.fields import CONSTANT, SCRATCH, field
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import CONSTANT, SCRATCH, Struct, field
 from automaton.engine.state import NIL, Array
 from strategies.routing.traffic_avoidance.network_files import whole_layers
 from strategies.routing.traffic_avoidance.path_zones import WORD

@@ -12,8 +12,7 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 
-from automaton.engine.jit.fields import SCRATCH, field
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import SCRATCH, Struct, field
 from automaton.engine.state import (
     CLOCK_TICK,
     NIL,

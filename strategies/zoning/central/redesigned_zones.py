@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from automaton.engine.jit.fields import CONSTANT, field
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import CONSTANT, Struct, field
 from automaton.engine.state import CLOCK_TICK, NIL, Array, World
 from automaton.errors import InputError
 from automaton.units import SECONDS_PER_UNIT, count

@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.engine.jit.fields import SCRATCH, field
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import SCRATCH, Struct, field
 from automaton.engine.state import NIL
 from strategies.zoning.annealing.annealing import facing_tips, forget_tips, give_random_tip
 from strategies.zoning.decentralized.consensus import sigma_about

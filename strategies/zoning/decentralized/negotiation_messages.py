@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from automaton.engine.jit.fields import field
-from automaton.engine.jit.structs import Struct
-from automaton.engine.service_zones import MESSAGE_WORDS
+from automaton.engine.facilities import MESSAGE_WORDS
+from automaton.engine.jit.structs import Struct, field
 from automaton.engine.state import NIL, Array
 from automaton.strategy.kernels import kernel, position
 from strategies.zoning.decentralized.negotiation import NegotiatedParts

@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from automaton.engine.service_zones import Design, Roads, design_for
+from automaton.engine.facilities import Design, Roads, design_for
 from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan

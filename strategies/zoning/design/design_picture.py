@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Final
 
-from automaton.engine.service_zones import Design, Roads
+from automaton.engine.facilities import Design, Roads
 from automaton.floor.floor_plan import FloorPlan
 
 # The first six as in the viewer, where a to c are signs.

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.engine.service_zones import Design, Roads
+from automaton.engine.facilities import Design, Roads
 
 Cells = NDArray[Any]
 

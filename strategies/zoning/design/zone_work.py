@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from automaton.engine.service_zones import ServiceZones
+from automaton.engine.facilities import ServiceZones
 from automaton.engine.state import (
     ACTION_DROP,
     ACTION_MOVE,

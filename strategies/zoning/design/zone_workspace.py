@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from automaton.engine.jit.fields import CONSTANT, SCRATCH, field
-from automaton.engine.jit.structs import Struct
-from automaton.engine.service_zones import Design, Roads, empty_design
+from automaton.engine.facilities import Design, Roads, empty_design
+from automaton.engine.jit.structs import CONSTANT, SCRATCH, Struct, field
 from strategies.linear_sum_assignment import INF_COST, Assignment, assignment_for
 
 Array = NDArray[Any]

@@ -6,10 +6,9 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from automaton.engine.jit.fields import SCRATCH, field
+from automaton.engine.facilities import Roads
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.jit.structs import Struct
-from automaton.engine.service_zones import Roads
+from automaton.engine.jit.structs import SCRATCH, Struct, field
 
 Array = NDArray[Any]
 

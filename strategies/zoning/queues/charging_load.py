@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from automaton.engine.robot_status import BATTERY_FULL
+from automaton.engine.robot_states import BATTERY_FULL
 from automaton.engine.state import ACTION_MOVE, NIL
 from automaton.strategy.kernels import charging_ticks, kernel
 

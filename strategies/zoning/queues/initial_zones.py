@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from automaton.engine.service_zones import design_for
+from automaton.engine.facilities import design_for
 from automaton.engine.state import World
 from automaton.errors import InputError
 from automaton.units import count

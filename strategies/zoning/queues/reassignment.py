@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from automaton.engine.robot_status import STATUS_EXHAUSTED
+from automaton.engine.robot_states import STATUS_EXHAUSTED
 from automaton.engine.state import ACTION_MOVE, KEEP, NIL, ORDER_WAITING
 from automaton.strategy.kernels import can_bring, kernel, types_of_robots, with_load
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from drawn_scenes import scene
 
-from automaton.engine.robot_status import BATTERY_FULL
+from automaton.engine.robot_states import BATTERY_FULL
 from automaton.engine.state import CLOCK_TICK, LAYER_ALLOCATION, NIL, ORDER_DELIVERED
 from automaton.errors import InputError
 from automaton.evidence.recording.recorder import MemoryRecorder

@@ -11,7 +11,7 @@ import pytest
 from auction_scenes import TAPER, between_with, market_of, random_situation, stops_of
 from reference_charging import Situation, best_single, best_ticks, charging_time, ticks_of
 
-from automaton.engine.charging_curve import charging_ticks, level_after
+from automaton.engine.energy import charging_ticks, level_after
 from layouts.depots import OPTIONAL
 from strategies.allocation.auction import quotes
 from strategies.allocation.auction.market import (

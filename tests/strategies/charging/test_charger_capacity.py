@@ -9,7 +9,7 @@ import pytest
 from drawn_scenes import recorded_run
 from played_back import playback_of
 
-from automaton.engine.robot_status import BATTERY_PERCENT
+from automaton.engine.robot_states import BATTERY_PERCENT
 from automaton.engine.state import GOAL_CHARGE
 from automaton.evidence.verification.verification import verify_recording
 from automaton.runs.simulation import Simulation

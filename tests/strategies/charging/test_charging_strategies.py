@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from drawn_scenes import recorded_run, scene
 
-from automaton.engine.robot_status import BATTERY_FULL, BATTERY_PERCENT, FAILURE_DEPLETED
+from automaton.engine.robot_states import BATTERY_FULL, BATTERY_PERCENT, FAILURE_DEPLETED
 from automaton.engine.state import ACTION_CHARGE, GOAL_CHARGE, GOAL_PICK, NIL
 from automaton.evidence.verification.validator import validate_stored
 from automaton.runs.headless import run_once

@@ -18,7 +18,7 @@ from zoning_scenes import (
 )
 from zoning_trials import ANNEALED, south, turn
 
-from automaton.engine.service_zones import Design, Roads
+from automaton.engine.facilities import Design, Roads
 from automaton.engine.state import NIL
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve

@@ -9,7 +9,7 @@ import pytest
 from zoning_scenes import ddz_rules, drawn, everyone, scratch
 
 from automaton.commands import main
-from automaton.engine.service_zones import empty_design
+from automaton.engine.facilities import empty_design
 from automaton.engine.state import ORDER_DELIVERED
 from automaton.errors import InputError
 from automaton.runs.simulation import Simulation

@@ -18,7 +18,7 @@ from zoning_scenes import (
     transfers,
 )
 
-from automaton.engine.service_zones import Design
+from automaton.engine.facilities import Design
 from strategies.zoning.design.design_files import design_arrays, read_design
 from strategies.zoning.design.exchange import give, remove
 from strategies.zoning.design.first_designs import random_design

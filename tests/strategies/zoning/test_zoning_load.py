@@ -17,7 +17,7 @@ from zoning_scenes import (
     transfers,
 )
 
-from automaton.engine.service_zones import Design
+from automaton.engine.facilities import Design
 from strategies.zoning.design.design_files import design_arrays, read_design
 from strategies.zoning.design.transfer_stations import connected, find_transfers
 from strategies.zoning.design.zone_load import UNDEFINED, balance, find_loads

@@ -25,8 +25,8 @@ from zoning_scenes import (
 )
 from zoning_trials import ANNEALED, BRED, evolved, repaired, south, turn
 
+from automaton.engine.facilities import Design
 from automaton.engine.jit.kernel import jit_is_on
-from automaton.engine.service_zones import Design
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
 from strategies.zoning.annealing import annealing

@@ -19,7 +19,7 @@ from zoning_scenes import (
     training_flow,
 )
 
-from automaton.engine.service_zones import Design
+from automaton.engine.facilities import Design
 from strategies.zoning.design.part_routing import ROUTING_CENTRAL, ROUTING_NEIGHBOURS
 from strategies.zoning.design.transfer_stations import find_transfers
 from strategies.zoning.design.zone_load import find_loads

@@ -12,7 +12,7 @@ from drawn_scenes import scene
 from played_back import check_at, digests_of, playback_of, recorded
 
 from automaton.engine.observation import CAUSE_REDESIGN as HALTED
-from automaton.engine.robot_status import STATUS_UP
+from automaton.engine.robot_states import STATUS_UP
 from automaton.engine.state import (
     ACTION_WAIT,
     LAYER_NAMES,

@@ -15,7 +15,7 @@ from zoning_scenes import (
 )
 from zoning_trials import ANNEALED, BRED
 
-from automaton.engine.service_zones import Design
+from automaton.engine.facilities import Design
 from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.evidence.recording.recorder import MemoryRecorder

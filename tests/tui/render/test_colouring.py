@@ -9,7 +9,7 @@ from zone_pictures import two_zones
 
 from automaton.drawings.robot_looks import DRAW_FAULT
 from automaton.engine.observation import CAUSE_NO_ORDER
-from automaton.engine.robot_status import BATTERY_FULL
+from automaton.engine.robot_states import BATTERY_FULL
 from tui.render import styles
 from tui.render.colouring import COLOURINGS, DRAW_CLASS, DRAW_LEVEL, is_possible
 from tui.render.glyphs import UNICODE

@@ -14,7 +14,7 @@ import pytest
 from render_scenes import ALL, DRAWN, composed, drawn, make_scene
 from zone_pictures import two_zones
 
-from automaton.engine.robot_status import BATTERY_FULL, STATUS_FAILED
+from automaton.engine.robot_states import BATTERY_FULL, STATUS_FAILED
 from automaton.engine.state import ACTION_CHARGE, GOAL_CHARGE
 from automaton.floor.traffic_zones import traffic_zones_of
 from tui.render import styles

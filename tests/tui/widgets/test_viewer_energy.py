@@ -25,7 +25,7 @@ from panel_harness import (
 from textual.pilot import Pilot
 
 from automaton.engine.observation import CAUSES
-from automaton.engine.robot_status import BATTERY_PERCENT, STATUS_FAILED, STATUS_TOWED
+from automaton.engine.robot_states import BATTERY_PERCENT, STATUS_FAILED, STATUS_TOWED
 from automaton.engine.state import NIL
 from automaton.evidence.history.charging_words import (
     charger_queue,

@@ -8,7 +8,7 @@ limited sight a robot may change only what it can see.
 import numpy as np
 
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.record_changes import record_change
+from automaton.engine.operations import record_change
 from automaton.engine.record_codes import CHANGE_ZONE
 from automaton.engine.state import (
     CLOCK_HALTED_UNTIL,
@@ -21,8 +21,7 @@ from automaton.engine.state import (
     NIL,
     ORDER_WAITING,
 )
-from automaton.engine.visibility import is_visible, is_zone_visible
-from automaton.engine.zone_segments import copy_segment
+from automaton.engine.visibility import copy_segment, is_visible, is_zone_visible
 
 MAX_HALT_TICKS = 60_000  # ticks
 

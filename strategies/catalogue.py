@@ -14,47 +14,48 @@ from automaton.strategy.entry import (
     Entry,
     NoParameters,
 )
-from strategies.allocation.alley_parameters import Alleys
-from strategies.allocation.auction.auction_parameters import Auctions
-from strategies.allocation.greedy.greedy_parameters import GreedyParameters
-from strategies.allocation.load_parameters import FirstComeParameters, IndependentParameters
-from strategies.allocation.shortest_job_parameters import ShortestJobParameters
+from strategies.allocation.allocation_parameters import (
+    Alleys,
+    Auctions,
+    FirstComeParameters,
+    GreedyParameters,
+    IndependentParameters,
+    ShortestJobParameters,
+)
 from strategies.charging.charging_parameters import FillUp, Insertion, Opportunity, Threshold
-from strategies.right_of_way.epibt.epibt_parameters import EpibtParameters
 from strategies.right_of_way.right_of_way_parameters import (
+    EpibtParameters,
     PibtParameters,
     RetreatParameters,
     Waits,
 )
-from strategies.routing.astar.astar_parameters import TieBreaking
-from strategies.routing.congestion.congestion_parameters import SharedPlans
-from strategies.routing.traffic_avoidance.avoidance_parameters import Avoidance
+from strategies.routing.routing_parameters import Avoidance, SharedPlans, TieBreaking
 from strategies.zoning.zoning_parameters import Annealing, Decentralized, Genetic, Monitoring
 
 # What reads zone designs: (floor plan, roads, data, names of points) -> Design.
-ZONE_DESIGNS = "strategies.zoning.design.design_files:read_design"
+ZONE_DESIGNS = "strategies.zoning.design_files:read_design"
 
 CATALOGUE: dict[str, dict[str, Entry]] = {
     "zoning": {
         "static": Entry(
-            "strategies.zoning.central.redesigned_zones:StaticZones",
+            "strategies.zoning.monitored:StaticZones",
             Monitoring,
             "zones that stay; out of balance, robots share orders",
         ),
         "annealing": Entry(
-            "strategies.zoning.central.redesigned_zones:AnnealedZones",
+            "strategies.zoning.monitored:AnnealedZones",
             Annealing,
             "zones redesigned by simulated annealing (Ho & Liao; Keith & La)",
             (DYNAMIC, MANUFACTURING),
         ),
         "genetic": Entry(
-            "strategies.zoning.central.redesigned_zones:GeneticZones",
+            "strategies.zoning.monitored:GeneticZones",
             Genetic,
             "zones redesigned by a genetic algorithm (Keith & La)",
             (MULTIPLE, DYNAMIC, MANUFACTURING, WAREHOUSE),
         ),
         "decentralized": Entry(
-            "strategies.zoning.decentralized.decentralized:DecentralizedZones",
+            "strategies.zoning.decentralized:DecentralizedZones",
             Decentralized,
             "robots in range of each other negotiate their zones (DDZ; Keith & La)",
             PROPERTIES,
@@ -94,7 +95,7 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
             "bucket brigade: loads are passed from table to table (Grzejszczak & Nocon, alg. 2)",
         ),
         "adaptive": Entry(
-            "strategies.allocation.adaptive:Adaptive",
+            "strategies.allocation.cooperative:Adaptive",
             Alleys,
             "each robot carries or passes a load, whichever costs less by its own experience",
         ),
@@ -119,7 +120,7 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
             "auctions with charging in the bids: sequential, parallel, combinatorial, ... (De Ryck)",
         ),
         "independent-python": Entry(
-            "strategies.allocation.independent_python:IndependentPython",
+            "strategies.allocation.independent:IndependentPython",
             NoParameters,
             "the tutorial: 'independent' in plain Python, equal digests",
         ),
@@ -131,17 +132,17 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
             "the path of least ticks, turns included",
         ),
         "astar": Entry(
-            "strategies.routing.astar.astar_routing:AStar",
+            "strategies.routing.astar:AStar",
             TieBreaking,
             "A*: a path of fewest ticks, one of several by a tie-breaking rule",
         ),
         "traffic-avoidance": Entry(
-            "strategies.routing.traffic_avoidance.traffic_avoidance:TrafficAvoidance",
+            "strategies.routing.traffic_avoidance:TrafficAvoidance",
             Avoidance,
             "A* around zones where many robots are predicted (Shaji Bhattathiri, Li & Kuhl)",
         ),
         "congestion": Entry(
-            "strategies.routing.congestion.congestion:Congestion",
+            "strategies.routing.congestion:Congestion",
             SharedPlans,
             "around the traffic predicted from all robots' plans, zone by zone and tick by tick",
         ),
@@ -166,7 +167,7 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
             default_for=ROUTED,
         ),
         "wait": Entry(
-            "strategies.right_of_way.wait:Wait",
+            "strategies.right_of_way.retreat:Wait",
             Waits,
             "wait and retry for ever: shows which deadlocks a floor has",
         ),

@@ -12,19 +12,17 @@ from typing import Final
 import numpy as np
 
 from automaton.bench.measurement import EXPONENT, MS, US, Measurement, Sample, cpu_seconds, slope
+from automaton.engine.robot_states import BATTERY_FULL
 from automaton.papers.auctions.auction_floor import empty
 from automaton.papers.auctions.auction_trials import AGAIN, METHODS, Instance, Method
-from strategies.allocation.auction import exact, genetic_auction, quotes
-from strategies.allocation.auction.bundle_workspace import bundles_for, generations, population_for
+from strategies.allocation.auction import bundles, metaheuristics, quotes
+from strategies.allocation.auction.bundles import bundles_for, generations, population_for
 from strategies.allocation.auction.market import (
-    BATTERY_FULL,
     POLICY_FILL_UP,
     POLICY_HIERARCHICAL,
     POLICY_JOINT,
     POLICY_NO_CHARGING,
     POLICY_THRESHOLD_REACHABLE,
-)
-from strategies.allocation.auction.market_preparation import (
     battery_of,
     fleet_of,
     scratch_for,
@@ -143,7 +141,7 @@ def prepare_optimum(robots: int) -> Sample:
     workspace = bundles_for(robots, 10)
 
     def work(one: Instance) -> None:
-        exact.exact(*one.market, workspace, one.items, one.tasks, one.epsilon)
+        bundles.exact(*one.market, workspace, one.items, one.tasks, one.epsilon)
 
     return timed((robots, 10), POLICY_NO_CHARGING, work, 5)
 
@@ -154,7 +152,7 @@ def prepare_genetic() -> Sample:
 
     def work(one: Instance) -> None:
         arguments = (one.items, 10, 0, generations(2, 10), 0, np.uint64(1), 0)
-        genetic_auction.genetic(*one.market, population, *arguments)
+        metaheuristics.genetic(*one.market, population, *arguments)
 
     return timed((2, 10), POLICY_NO_CHARGING, work, 1)
 

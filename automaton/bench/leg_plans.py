@@ -4,13 +4,10 @@ import numpy as np
 
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import NIL, Array, Grid, Workspace, World
-from strategies.routing.astar.astar import astar, search, write_steps
-from strategies.routing.astar.frontier import LARGER_G
-from strategies.routing.astar.route_workspace import RouteSpace
-from strategies.routing.congestion.plan_forecast import forecast_one
-from strategies.routing.congestion.time_dependent import time_dependent_path
-from strategies.routing.congestion.zone_forecast import CongestionState, forget
-from strategies.routing.traffic_avoidance.avoidance import (
+from strategies.routing.astar import LARGER_G, RouteSpace, astar, search, write_steps
+from strategies.routing.congestion import time_dependent_path
+from strategies.routing.forecasts import CongestionState, forecast_one, forget
+from strategies.routing.traffic_avoidance import (
     LEAST_TIME,
     PLAIN,
     choose_threshold,

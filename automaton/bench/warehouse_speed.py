@@ -25,14 +25,13 @@ from automaton.papers.traffic.traffic_network import SCENARIO
 from automaton.papers.traffic.traffic_trials import exact, tasks_of, warehouse
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
-from strategies.routing.astar.frontier import FIFO, LARGER_G
-from strategies.routing.congestion.plan_forecast import forecast_all
-from strategies.routing.congestion.zone_forecast import forget_all
-from strategies.routing.traffic_avoidance.network_files import (
+from strategies.routing.astar import FIFO, LARGER_G
+from strategies.routing.forecasts import forecast_all, forget_all
+from strategies.routing.predicted_paths import kernel_network, predict_legs
+from strategies.routing.routing_parameters import (
     network_for,
     shipped,
 )
-from strategies.routing.traffic_avoidance.zone_network import kernel_network, predict_legs
 
 PLANS = {100: 1000, 300: 200, 1000: 40}  # of a sample, by the side of the floor
 SEED = 1

@@ -33,16 +33,15 @@ from automaton.scenario.schema import Scenario
 from automaton.units import unit
 from automaton.world.initial_service_zones import roads_of
 from automaton.world.resolve import resolve
-from strategies.zoning.annealing.annealing import MAX_REPAIRS, repair
-from strategies.zoning.design.zone_workspace import (
+from strategies.zoning.annealing import MAX_REPAIRS, repair
+from strategies.zoning.genetic import evolve, population_for
+from strategies.zoning.zone_workspace import (
     ZoneRules,
     ZoneSpace,
     space_for,
     typical_distance,
     zone_rules,
 )
-from strategies.zoning.genetic.genetic_zones import evolve
-from strategies.zoning.genetic.population import population_for
 from strategies.zoning.zoning_parameters import Annealing, Genetic
 
 Array = NDArray[Any]

@@ -124,7 +124,7 @@ class Drawn(NamedTuple):
 def draw(simulation: Simulation) -> Drawn:
     """Draw the state that a run has come to."""
     from automaton.runs.pictures import picture_of
-    from strategies.zoning.design.service_zone_lines import partition_picture
+    from strategies.zoning.service_zone_lines import partition_picture
 
     zones = partition_picture(simulation.world, simulation.resolved.floor_plan)
     return Drawn(picture_of(simulation, brief=True), zones)
@@ -133,7 +133,7 @@ def draw(simulation: Simulation) -> Drawn:
 def print_pictures(drawn: Drawn) -> None:
     """Print the grid; below it zones and stations, zones with colours on a terminal."""
     from automaton.runs.console_output import console
-    from strategies.zoning.design.service_zone_lines import coloured
+    from strategies.zoning.service_zone_lines import coloured
 
     out = console()
     print(drawn.picture)

@@ -38,7 +38,7 @@ from automaton.strategy.kernels import (
     takes_load,
 )
 from automaton.strategy.layer import Strategy
-from strategies.allocation.shortest_job_parameters import ShortestJobParameters
+from strategies.allocation.allocation_parameters import ShortestJobParameters
 
 WORST = -(1 << 62)
 

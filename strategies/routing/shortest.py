@@ -1,14 +1,89 @@
-"""Shortest path with turn costs: ignores robots at first, plans around them after a retreat.
-
-It does not avoid closed cells until a robot has long waited before one.
-"""
+"""Routes around closed cells: where the detour takes less than waiting until they are open."""
 
 import numpy as np
 
-from automaton.engine.state import NIL
-from automaton.strategy.kernels import find_path, follow_gradient, kernel, position
+from automaton.engine.state import (
+    ACTION_MOVE,
+    ACTION_TURN,
+    CLOCK_TICK,
+    NIL,
+    REASON_AROUND_CLOSED,
+    REASON_AROUND_ROBOTS,
+)
+from automaton.strategy.kernels import (
+    AROUND_CLOSED,
+    AROUND_KNOWN,
+    AROUND_ROBOTS,
+    closed_until,
+    find_path,
+    follow_gradient,
+    has_gates,
+    headings_of,
+    kernel,
+    position,
+)
 from automaton.strategy.layer import Strategy
-from strategies.routing.closed_cells import around_what
+
+
+@kernel
+def around_what(reason):
+    """What a route that is asked for this reason goes around, 0: nothing."""
+    if reason == REASON_AROUND_ROBOTS:
+        return AROUND_ROBOTS
+    return AROUND_CLOSED if reason == REASON_AROUND_CLOSED else 0
+
+
+@kernel
+def ticks_of_route(view, i, steps, length, waits):
+    """The ticks that a route takes robot i alone; with the waits for cells that reopen, if asked for."""
+    grid, duration = view.grid, view.rules.duration[view.robots.type[i]]
+    cell, heading = position(view, i), np.int64(view.robots.heading[i])
+    headings = headings_of(grid, view.robots.type[i])
+    ticks, now = np.int64(0), view.clock[CLOCK_TICK]
+    for k in range(length):
+        direction = np.int64(steps[k])
+        toward = direction & (headings - 1)
+        if toward != heading:
+            difference = (toward - heading) & (headings - 1)
+            ticks += duration[ACTION_TURN] * (1 if difference == 3 else difference)
+            heading = toward
+        cell += grid.offset[direction]
+        if waits:
+            ticks = max(ticks, closed_until(view, cell, True) - now)
+        ticks += duration[ACTION_MOVE]
+    return ticks
+
+
+@kernel
+def around_closed(view, workspace, i, steps, length):
+    """The length of a route, which is replaced if one around closed cells takes robot i less."""
+    if length == NIL or not has_gates(view):
+        return length
+    waiting = ticks_of_route(view, i, steps, length, True)
+    if waiting == ticks_of_route(view, i, steps, length, False):
+        return length
+    goal_cell, heading = np.int64(view.robots.goal_cell[i]), np.int64(view.robots.heading[i])
+    other = workspace.steps
+    detour = find_path(
+        view,
+        workspace,
+        view.robots.type[i],
+        position(view, i),
+        heading,
+        goal_cell,
+        AROUND_KNOWN,
+        other,
+    )
+    if detour == NIL or ticks_of_route(view, i, other, detour, True) >= waiting:
+        return length
+    for k in range(detour):
+        steps[k] = other[k]
+    return detour
+
+
+# Shortest path with turn costs: ignores robots at first, plans around them after a retreat.
+#
+# It does not avoid closed cells until a robot has long waited before one.
 
 
 @kernel

@@ -24,7 +24,7 @@ from automaton.scenario.quantities import LENGTH, MINUTES, SECONDS, quantity
 from automaton.scenario.schema import Scenario
 from automaton.strategy.zone_parameters import ZoningParameters
 from automaton.units import count
-from strategies.allocation.load_parameters import refusal_of_tours
+from strategies.allocation.allocation_parameters import refusal_of_tours
 
 SHIPPED = Path(__file__).parent.parent.parent / "layouts" / "zones"
 
@@ -87,7 +87,7 @@ class Zones(ZoningParameters, forbid_unknown_fields=True, frozen=True, kw_only=T
             return None
         # Only a design needs Numba.
         from automaton.engine.facilities import Roads
-        from strategies.zoning.design.design_files import read_design
+        from strategies.zoning.design_files import read_design
 
         cells = (
             floor_plan.stations if len(floor_plan.stations) else grouped(floor_plan, self.groups)[0]

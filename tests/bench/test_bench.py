@@ -33,7 +33,7 @@ from automaton.commands import bench_command, main
 from automaton.commands.bench_command import chosen, measurements
 from automaton.engine.state import LAYER_ALLOCATION, LAYER_ZONING, NIL, World
 from automaton.floor.cells import UNLIMITED
-from strategies.routing.astar.frontier import LARGER_G
+from strategies.routing.astar import LARGER_G
 from tui.bench import viewer_measurement
 
 CROWDED = Case(200, 20)

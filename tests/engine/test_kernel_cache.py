@@ -46,9 +46,7 @@ def made_of(edited: str) -> set[str]:
 
 def test_an_edit_in_a_strategy_concerns_nobody_else() -> None:
     assert made_of("strategies/right_of_way/retreat.py") == {"strategies.right_of_way.retreat"}
-    assert made_of("strategies/routing/congestion/congestion.py") == {
-        "strategies.routing.congestion.congestion"
-    }
+    assert made_of("strategies/routing/congestion.py") == {"strategies.routing.congestion"}
     assert not made_of("automaton/world/resolve.py")
     assert not made_of("automaton/runs/simulation.py")
 
@@ -70,8 +68,8 @@ def test_the_world_is_made_of_no_source_of_a_method() -> None:
     methods = (
         *("strategies", "strategies/allocation/auction", "strategies/zoning", "strategies/routing"),
         *(
-            "strategies/routing/traffic_avoidance/zone_network.py",
-            "strategies/routing/astar/route_workspace.py",
+            "strategies/routing/predicted_paths.py",
+            "strategies/routing/astar.py",
         ),
     )
     for method in methods:

@@ -15,7 +15,7 @@ from automaton.floor.floor_plan import FloorPlan
 from automaton.world.initial_service_zones import roads_of
 from layouts.factory import FEET, SEGMENTS, Factory
 from layouts.racks import Racks
-from strategies.zoning.design.zone_workspace import typical_distance
+from strategies.zoning.zone_workspace import typical_distance
 
 
 def test_all_station_distances_are_those_of_the_authors() -> None:

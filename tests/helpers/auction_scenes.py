@@ -8,19 +8,17 @@ from typing import Any
 import numpy as np
 from reference_charging import Situation
 
+from automaton.engine.robot_states import BATTERY_FULL
 from automaton.papers.auctions.auction_floor import seconds
 from layouts.depots import NEEDED, OPTIONAL, metres
 from strategies.allocation.auction import quotes
 from strategies.allocation.auction.market import (
-    BATTERY_FULL,
     POLICY_HIERARCHICAL,
     Array,
     Battery,
     Fleet,
     Scratch,
     TaskCosts,
-)
-from strategies.allocation.auction.market_preparation import (
     battery_of,
     fleet_of,
     scratch_for,

@@ -4,7 +4,7 @@ from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import Struct, field
 from automaton.engine.state import CLOCK_TICK, NIL, Array
 from automaton.strategy.kernels import find_path, position
-from strategies.allocation.independent_python import IndependentPython
+from strategies.allocation.independent import IndependentPython
 from strategies.routing import shortest
 
 LONG_TICK = 5

@@ -11,8 +11,7 @@ from automaton.engine.state import CLOCK_TICK, NIL, ORDER_WAITING
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
 from automaton.world.resolve import resolve
-from strategies.zoning.queues.reassignment import reassign_orders
-from strategies.zoning.queues.zone_queues import share
+from strategies.zoning.zone_queues import reassign_orders, share
 
 PAIRS = ((1, 2), (3, 4))
 SINGLES = ((1,), (2,), (3,), (4,))

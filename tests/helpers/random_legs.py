@@ -14,7 +14,7 @@ from automaton.floor.drawn_floors import draw_floor
 from automaton.scenario.robot_types import RobotType
 from automaton.scenario.schema import Durations
 from automaton.world.prepared_floor import Floor, floor_for
-from strategies.routing.astar.route_workspace import RouteSpace, route_space
+from strategies.routing.astar import RouteSpace, route_space
 
 SYMBOLS = ".......++--||==~><v^##"
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from strategies.routing.traffic_avoidance.network_files import ZoneNetwork
+from strategies.routing.routing_parameters import ZoneNetwork
 
 
 def random_network(seed, zones=70, widths=(9, 6, 11), scale=1.0, floor="none"):

@@ -17,8 +17,8 @@ from reference_load_sharing import share
 from zoning_scenes import FEET_PER_MINUTE, factory
 
 from automaton.engine.facilities import Design
-from strategies.zoning.design.part_routing import route
-from strategies.zoning.design.zone_workspace import space_for
+from strategies.zoning.transfer_stations import route
+from strategies.zoning.zone_workspace import space_for
 
 MINUTES = (6, 4, 3, 5, 6, 3, 4, 3, 4, 5, 1, 1, 1, 1, 6, 1, 5, 5)  # processing at WS1 to WS18
 ROUTES = (  # the paper's Table 3

@@ -22,8 +22,8 @@ from automaton.scenario.schema import Durations, Fleet, Orders, Scenario, Stop, 
 from automaton.strategy.entry import NoParameters
 from automaton.strategy.layer import Strategy
 from automaton.world.resolve import Resolved, StrategyChoice
-from strategies.routing.congestion.congestion_parameters import SharedPlans
-from strategies.routing.congestion.zone_forecast import CongestionState, congestion_state
+from strategies.routing.forecasts import CongestionState, congestion_state
+from strategies.routing.routing_parameters import SharedPlans
 
 STEPS = "ESWN"
 ONE_WAY = {  # symbols of cells for any number of robots, left in one direction

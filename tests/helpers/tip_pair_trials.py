@@ -16,10 +16,10 @@ from zoning_trials import ANNEALED
 from automaton.engine.facilities import Roads
 from automaton.floor.drawn_floors import draw_floor
 from automaton.world.initial_service_zones import roads_of
-from strategies.zoning.annealing import annealing
-from strategies.zoning.design.design_files import design_arrays
-from strategies.zoning.design.first_designs import first_design, random_design
-from strategies.zoning.design.zone_workspace import typical_distance, zone_rules
+from strategies.zoning import annealing
+from strategies.zoning.design_files import design_arrays
+from strategies.zoning.designs import first_design, random_design
+from strategies.zoning.zone_workspace import typical_distance, zone_rules
 
 WIDTH, HEIGHT, STATIONS, ZONES, SEEDS = 13, 9, 16, 3, 12
 ROUTES, LENGTH, QUANTITIES = 5, 5, (10, 15, 20, 25, 30)

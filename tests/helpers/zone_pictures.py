@@ -8,7 +8,7 @@ from zoning_scenes import drawn
 
 from automaton.engine.state import NIL
 from automaton.world.initial_service_zones import service_zones_of
-from strategies.zoning.design.design_files import read_design
+from strategies.zoning.design_files import read_design
 from tui.render.scene import Scene
 
 FLOOR = """

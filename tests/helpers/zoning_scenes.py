@@ -15,8 +15,8 @@ from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.reading import SHIPPED_FOLDER
 from automaton.world.initial_service_zones import roads_of
 from layouts.factory import Factory
-from strategies.zoning.design.design_files import read_design
-from strategies.zoning.design.zone_workspace import (
+from strategies.zoning.design_files import read_design
+from strategies.zoning.zone_workspace import (
     ZoneSpace,
     space_for,
     typical_distance,

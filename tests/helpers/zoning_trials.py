@@ -8,13 +8,11 @@ import numpy as np
 from zoning_scenes import ddz_rules, everyone, factory, factory_rules, scratch, shipped
 
 from automaton.engine.facilities import Design
-from strategies.zoning.annealing import annealing
-from strategies.zoning.decentralized import negotiation
-from strategies.zoning.decentralized.negotiation import NegotiatedParts, lead, parts_for
-from strategies.zoning.design.design_files import design_arrays
-from strategies.zoning.design.transfer_stations import connected, find_transfers
-from strategies.zoning.genetic import genetic_zones
-from strategies.zoning.genetic.population import population_for
+from strategies.zoning import annealing, genetic, negotiation
+from strategies.zoning.design_files import design_arrays
+from strategies.zoning.genetic import population_for
+from strategies.zoning.negotiation import NegotiatedParts, lead, parts_for
+from strategies.zoning.transfer_stations import connected, find_transfers
 from strategies.zoning.zoning_parameters import Annealing, Decentralized, Genetic
 
 # What methods take of their parameters, as published.
@@ -41,7 +39,7 @@ def evolved(flow: Any, seed: int, generations: int = 12, individuals: int = 30) 
         population_for(roads, individuals),
     )
     rules, reach = factory_rules(roads), everyone(3)
-    assert genetic_zones.evolve(
+    assert genetic.evolve(
         roads, rules, flow, generations, *BRED, herd, design, workspace, reach, np.uint64(seed), 0
     )
     assert connected(design, workspace)

@@ -20,7 +20,7 @@ from automaton.papers.training.prediction_metrics import measured
 from automaton.papers.training.training_settings import LOSSES, Settings
 from automaton.papers.training.training_tables import COLUMNS, PRINTED, from_json
 from automaton.world.resolve import resolve
-from strategies.routing.traffic_avoidance.network_files import (
+from strategies.routing.routing_parameters import (
     floor_fingerprint,
     load_network,
     shipped,

@@ -24,8 +24,8 @@ from automaton.scenario.robot_types import RobotType
 from automaton.world.prepared_floor import floor_for
 from automaton.world.resolve import resolve
 from layouts.racks import Racks
-from strategies.routing.astar.frontier import LARGER_G
-from strategies.routing.traffic_avoidance import monte_carlo
+from strategies.routing import monte_carlo
+from strategies.routing.astar import LARGER_G
 
 SEED = 1
 

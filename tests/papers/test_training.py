@@ -16,7 +16,7 @@ from automaton.papers.training.prediction_metrics import measured
 from automaton.papers.training.training_settings import LOSSES, Settings, first_bias
 from automaton.papers.training.training_tables import PRINTED, from_json
 from automaton.world.resolve import resolve
-from strategies.routing.traffic_avoidance.network_files import (
+from strategies.routing.routing_parameters import (
     ZoneNetwork,
     floor_fingerprint,
     load_network,

@@ -32,9 +32,7 @@ from automaton.runs.interruption import (
 )
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
-from strategies.routing.astar.astar import search
-from strategies.routing.astar.frontier import FIFO
-from strategies.routing.astar.route_workspace import route_space
+from strategies.routing.astar import FIFO, route_space, search
 
 LONG_TICK = endless_strategies.LONG_TICK
 TOLD = ("--set", "strategy.allocation=endless_strategies:Told")

@@ -90,7 +90,7 @@ CHANGES = [  # what is typed instead of what, line, words of the answer
     ("cooperative", "json:loads", 7, ["'json:loads': loads is not a strategy"]),
     (
         "cooperative",
-        "strategies.right_of_way.wait:Wait",
+        "strategies.right_of_way.retreat:Wait",
         7,
         ["a strategy for layer 'right_of_way'"],
     ),

@@ -530,7 +530,7 @@ def test_a_strategy_that_closes_standard_output_is_a_sentence(
 ) -> None:
     setting = "strategy.allocation=closes:Does"
     (tmp_path / "closes.py").write_text(
-        "import sys\nfrom strategies.allocation.independent_python import IndependentPython\n"
+        "import sys\nfrom strategies.allocation.independent import IndependentPython\n"
         "class Does(IndependentPython):\n"
         "    def decide(self, *given):\n"
         f"        sys.{stream}.close()\n"

@@ -139,7 +139,7 @@ def test_heavy_orders_go_to_who_can_carry_them() -> None:
     "allocation",
     [
         *("independent", "cooperative", "adaptive", "first-come", "shortest-job", "auction"),
-        "strategies.allocation.independent_python:IndependentPython",
+        "strategies.allocation.independent:IndependentPython",
         {"name": "auction", "mechanism": "combinatorial"},
         {"name": "auction", "mechanism": "exact"},
         {"name": "auction", "mechanism": "genetic"},

@@ -16,10 +16,8 @@ import numpy as np
 from automaton.engine.operations import first_cell
 from automaton.engine.state import NIL, Array, World
 from automaton.scenario.schema import Scenario
-from strategies.routing.astar.astar import astar
-from strategies.routing.astar.frontier import LARGER_G, OPEN_STAMP, TIES
-from strategies.routing.astar.route_workspace import route_space
-from strategies.routing.traffic_avoidance.predicted_paths import count_predicted
+from strategies.routing.astar import LARGER_G, OPEN_STAMP, TIES, astar, route_space
+from strategies.routing.predicted_paths import count_predicted
 
 
 class Paths:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from automaton.engine.facilities import ServiceZones
 from automaton.engine.state import NIL
 from automaton.floor.floor_plan import FloorPlan
-from strategies.zoning.design.zone_cells import stations_of, ways_of
+from strategies.zoning.service_zone_lines import stations_of, ways_of
 from tui.render.tints import TINTS
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from automaton.engine.facilities import ServiceZones
 from automaton.engine.state import NIL
 from automaton.strategy.lookup import NO_STRATEGY
-from strategies.zoning.design.zone_cells import stations_of, ways_of
+from strategies.zoning.service_zone_lines import stations_of, ways_of
 from tui.layers.service_zone_tints import (
     design_tints,
     service_zone_tints,

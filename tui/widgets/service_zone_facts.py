@@ -13,7 +13,7 @@ from automaton.errors import InputError
 from automaton.scenario.robot_types import RobotType
 from automaton.units import count
 from automaton.world.rules import duration_table, tick_length
-from strategies.zoning.design.zone_work import minutes_of_zones
+from strategies.zoning.zone_load import minutes_of_zones
 from tui.layers.service_zones import transfer_pairs
 from tui.playback.panel_view import View
 from tui.widgets.styled_lines import (

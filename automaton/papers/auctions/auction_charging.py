@@ -13,6 +13,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from automaton.engine.random_numbers import STREAM_STARTS, random_between
+from automaton.engine.robot_states import BATTERY_FULL
 from automaton.papers.auctions.auction_floor import (
     NO_BATTERY,
     PERCENT,
@@ -26,9 +27,7 @@ from automaton.papers.auctions.auction_floor import (
 )
 from automaton.papers.auctions.auction_trials import task_set
 from strategies.allocation.auction import quotes, sequential
-from strategies.allocation.auction.bids import BID_MIXED
 from strategies.allocation.auction.market import (
-    BATTERY_FULL,
     INF_COST,
     POLICY_FILL_UP,
     POLICY_HIERARCHICAL,
@@ -37,9 +36,10 @@ from strategies.allocation.auction.market import (
     Battery,
     Scratch,
     TaskCosts,
+    scratch_for,
 )
-from strategies.allocation.auction.market_preparation import scratch_for
-from strategies.allocation.auction.winners import WINNER_LOWEST_BID as LOWEST_BID
+from strategies.allocation.auction.sequential import BID_MIXED
+from strategies.allocation.auction.sequential import WINNER_LOWEST_BID as LOWEST_BID
 
 DRAIN: Final = 3 * PERCENT // 10  # a second
 RATE: Final = PERCENT  # a second

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
+from automaton.engine.robot_states import BATTERY_FULL
 from automaton.papers.auctions.auction_floor import (
     PERCENT,
     fleet_at,
@@ -19,10 +20,8 @@ from automaton.papers.auctions.auction_floor import (
     seconds,
     work_of,
 )
-from strategies.allocation.auction import bids
-from strategies.allocation.auction.bids import BID_MIXED
+from strategies.allocation.auction import sequential
 from strategies.allocation.auction.market import (
-    BATTERY_FULL,
     BID_SCALE,
     INF_COST,
     POLICY_HIERARCHICAL,
@@ -31,6 +30,7 @@ from strategies.allocation.auction.market import (
     Scratch,
 )
 from strategies.allocation.auction.quotes import settle_all
+from strategies.allocation.auction.sequential import BID_MIXED
 
 STARTS: Final = (3, 1)
 CHARGES: Final = (BATTERY_FULL, 45 * PERCENT)
@@ -83,7 +83,7 @@ def bids_for(setting: str) -> list[Bid]:
     found = []
     for r in range(2):
         offers = [
-            bids.bid(*market, r, len(tasks) - 1, BID_MIXED, epsilon)
+            sequential.bid(*market, r, len(tasks) - 1, BID_MIXED, epsilon)
             for epsilon in (0, BID_SCALE, HALF)
         ]
         cost, added, mixed = (None if offer >= INF_COST else offer / BID_SCALE for offer in offers)
@@ -91,7 +91,7 @@ def bids_for(setting: str) -> list[Bid]:
         if cost is None:
             found.append(Bid(before, None, None, None, (), None, 0, 0))
             continue
-        bids.award(*market, r, len(tasks) - 1)
+        sequential.award(*market, r, len(tasks) - 1)
         plan = scratch.plan
         order = [tasks[task] for task in fleet.order[r, : fleet.length[r]]]
         for position, charger in reversed(stops_of(scratch)):

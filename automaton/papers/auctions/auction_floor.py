@@ -11,17 +11,15 @@ from typing import Any, Final
 
 import numpy as np
 
+from automaton.engine.robot_states import BATTERY_FULL
 from automaton.scenario.floor_section import generator_type
 from strategies.allocation.auction.market import (
-    BATTERY_FULL,
     POLICY_NO_CHARGING,
     Array,
     Battery,
     Fleet,
     Scratch,
     TaskCosts,
-)
-from strategies.allocation.auction.market_preparation import (
     battery_of,
     fleet_of,
     scratch_for,

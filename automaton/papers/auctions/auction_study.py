@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Final
 
+from automaton.engine.robot_states import BATTERY_FULL
 from automaton.papers.auctions.auction_charging import (
     POLICIES,
     charging_costs,
@@ -40,7 +41,6 @@ from automaton.papers.reproduction_study import (
     each_seed,
     fixed,
 )
-from strategies.allocation.auction.market import BATTERY_FULL
 
 Figures = Mapping[str, float]
 COMPARED: Final = tuple(method for method in METHODS if method not in (OPTIMUM, AGAIN))

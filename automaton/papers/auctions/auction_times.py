@@ -13,6 +13,7 @@ from typing import Final
 
 import numpy as np
 
+from automaton.engine.robot_states import BATTERY_FULL
 from automaton.papers.auctions.auction_charging import (
     DRAIN,
     battery,
@@ -25,7 +26,6 @@ from automaton.papers.auctions.auction_trials import METHODS, OPTIMUM, instance,
 from automaton.papers.claims import Claim, Figure, Quantity, above, claim, exponent, mean_of
 from automaton.papers.reproduction_study import Case, Table, crossed, each_seed
 from strategies.allocation.auction import quotes
-from strategies.allocation.auction.market import BATTERY_FULL
 
 FIGURE_5: Final = "Figure 5"
 FIGURE_6C: Final = "Figure 6c"

@@ -27,9 +27,8 @@ from automaton.papers.auctions.auction_floor import (
     seconds,
     work_of,
 )
-from strategies.allocation.auction import bundles, exact, genetic_auction, local_search, sequential
-from strategies.allocation.auction.bids import BID_MIXED
-from strategies.allocation.auction.bundle_workspace import bundles_for, generations, population_for
+from strategies.allocation.auction import bundles, metaheuristics, sequential
+from strategies.allocation.auction.bundles import bundles_for, generations, population_for
 from strategies.allocation.auction.market import (
     Array,
     Battery,
@@ -38,7 +37,8 @@ from strategies.allocation.auction.market import (
     TaskCosts,
 )
 from strategies.allocation.auction.quotes import clear_counts
-from strategies.allocation.auction.winners import (
+from strategies.allocation.auction.sequential import (
+    BID_MIXED,
     WINNER_DIFFERENCE,
     WINNER_FEWEST_BIDDERS,
     WINNER_LOWEST_BID,
@@ -107,13 +107,13 @@ def auction(one: Instance, winner: int, everybody: int = 0) -> None:
 def auction_and_search(one: Instance) -> None:
     """The sequential auction by lowest bids, then local search."""
     auction(one, WINNER_LOWEST_BID)
-    local_search.improve(*one.market, one.epsilon)
+    metaheuristics.improve(*one.market, one.epsilon)
 
 
 def optimum(one: Instance) -> None:
     """The best lists of all."""
     workspace = bundles_for(one.robots, one.tasks)
-    exact.exact(*one.market, workspace, one.items, one.tasks, one.epsilon)
+    bundles.exact(*one.market, workspace, one.items, one.tasks, one.epsilon)
 
 
 def best_allotment(one: Instance) -> None:
@@ -129,7 +129,7 @@ def evolve(one: Instance, each_gene: int) -> None:
     address = np.uint64(one.seed), one.tasks  # a seed has a task set for each number of tasks
     arguments = (one.items, one.tasks, one.epsilon, rounds, each_gene, *address)
     with np.errstate(over="ignore"):
-        genetic_auction.genetic(*one.market, population, *arguments)
+        metaheuristics.genetic(*one.market, population, *arguments)
 
 
 Method = Callable[[Instance], None]

@@ -16,7 +16,7 @@ from automaton.engine.state import Array
 from automaton.papers.reproduction_study import Case, Key, Table, read_once
 from automaton.papers.traffic.traffic_trials import Warehouse
 from automaton.papers.training.training_tables import COLUMNS, PRINTED, Row, from_json
-from strategies.routing.traffic_avoidance.network_files import network_for, predicted_zones, shipped
+from strategies.routing.routing_parameters import network_for, predicted_zones, shipped
 
 SCENARIO: Final = "warehouse-100"
 COMMAND: Final = "automaton train traffic --tables --out FILE"

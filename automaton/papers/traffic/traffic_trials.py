@@ -18,11 +18,10 @@ from automaton.floor.cells import DOCK, EAST, RACK
 from automaton.scenario.floor_section import generator_type
 from automaton.scenario.robot_types import RobotType
 from automaton.world.prepared_floor import Floor, floor_for
-from strategies.routing.astar.frontier import LARGER_G
-from strategies.routing.astar.route_workspace import RouteSpace, route_space
-from strategies.routing.traffic_avoidance import monte_carlo
-from strategies.routing.traffic_avoidance.avoidance import LEAST_TIME, MOST_CAUTIOUS
-from strategies.routing.traffic_avoidance.prediction_noise import CERTAIN, USED_SHARE, false_alarms
+from strategies.routing import monte_carlo
+from strategies.routing.astar import LARGER_G, RouteSpace, route_space
+from strategies.routing.predicted_paths import CERTAIN, USED_SHARE, false_alarms
+from strategies.routing.traffic_avoidance import LEAST_TIME, MOST_CAUTIOUS
 
 SIDE: Final = 100  # cells
 ROBOTS: Final = 6  # five are active, one is dispatched

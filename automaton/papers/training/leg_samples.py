@@ -22,15 +22,14 @@ from automaton.world.prepared_floor import Floor, floor_for, frozen
 from automaton.world.resolve import Resolved
 from automaton.world.rules import duration_table
 from automaton.world.starts import first_headings
-from strategies.routing.astar.frontier import FIFO
-from strategies.routing.astar.route_workspace import route_space
-from strategies.routing.traffic_avoidance import training_legs
-from strategies.routing.traffic_avoidance.network_files import (
+from strategies.routing import predicted_paths
+from strategies.routing.astar import FIFO, route_space
+from strategies.routing.predicted_paths import words
+from strategies.routing.routing_parameters import (
     ZoneNetwork,
     floor_fingerprint,
     predicted_zones,
 )
-from strategies.routing.traffic_avoidance.path_zones import words
 
 Cells = npt.NDArray[np.int32]
 
@@ -104,9 +103,9 @@ def legs_of(site: Site, count: int, seed: int) -> Legs:
     used = np.zeros((count, words(grid.traffic_zone_count)), np.int64)
     workspace = route_space(grid)
     with np.errstate(over="ignore"):
-        training_legs.draw_legs(site.racks, site.docks, np.uint64(seed), start, end)
+        predicted_paths.draw_legs(site.racks, site.docks, np.uint64(seed), start, end)
         poses = start.astype(np.int64) * grid.headings + first_headings(grid, start)
-        driven = training_legs.trace_legs(grid, site.duration, workspace, FIFO, poses, end, used)
+        driven = predicted_paths.trace_legs(grid, site.duration, workspace, FIFO, poses, end, used)
     if driven < count:
         raise InputError("robots cannot drive from everywhere to everywhere on this floor")
     zone = grid.traffic_zone[:, 0].astype(np.int64)

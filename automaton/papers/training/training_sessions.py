@@ -13,7 +13,7 @@ from automaton.papers.training.leg_samples import Data, Site, data_of, judged, n
 from automaton.papers.training.prediction_metrics import Counts, precision, recall
 from automaton.papers.training.training_settings import LOSSES, Settings
 from automaton.world.resolve import resolve
-from strategies.routing.traffic_avoidance.network_files import floor_fingerprint, save_network
+from strategies.routing.routing_parameters import floor_fingerprint, save_network
 
 ProgressCallback = Callable[[str], None]
 RESULTS: Final = "automaton traffic tables 1"  # format of a file of results

@@ -14,7 +14,7 @@ from typing import Any, Final, NamedTuple
 from automaton.papers.training.leg_samples import Data, Site, network_of
 from automaton.papers.training.prediction_metrics import measured
 from automaton.papers.training.training_settings import Settings
-from strategies.routing.traffic_avoidance.network_files import predicted_zones
+from strategies.routing.routing_parameters import predicted_zones
 
 Keep = tuple[str, ...]
 Figures = tuple[float, float, float]  # accuracy, precision, recall

@@ -15,10 +15,9 @@ import numpy as np
 from automaton.engine.state import NIL
 from automaton.runs.simulation import Simulation
 from automaton.units import SECONDS_PER_UNIT
-from strategies.zoning.design.zone_load import find_loads
-from strategies.zoning.queues.initial_zones import space_of
-from strategies.zoning.queues.zone_queues import record_flow
-from strategies.zoning.queues.zone_units import rules_of_zones, ticks
+from strategies.zoning.monitored import space_of
+from strategies.zoning.zone_load import find_loads
+from strategies.zoning.zone_queues import record_flow, rules_of_zones, ticks
 
 LOOK_S: Final = 60.0
 WINDOW_MIN: Final = 20.0

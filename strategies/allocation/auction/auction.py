@@ -1,11 +1,4 @@
-"""Auctions (De Ryck et al.): orders are sold to the robots that do them at the least cost.
-
-A robot bids what its list of orders costs with one more, charging included, as the scenario's
-charging strategy quotes it. Whoever is free takes the first order of its list. There is an auction
-when an order is for sale - it came in, was given back, or its robot failed - and a robot has
-nothing ahead of it, or orders have come since the last one. The loop leaves compiled code for it;
-all that is done for each bid is compiled.
-"""
+"""What auctions remember of a run, and the room that they work in."""
 
 from __future__ import annotations
 
@@ -13,10 +6,13 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 
+from automaton.engine.jit.structs import SCRATCH, Struct, field
+from automaton.engine.robot_states import BATTERY_FULL
 from automaton.engine.state import (
     CLOCK_TICK,
     GOAL_CHARGE,
     NIL,
+    Array,
     Batch,
     Decisions,
     Memory,
@@ -25,33 +21,110 @@ from automaton.engine.state import (
 )
 from automaton.strategy.kernels import POLICIES
 from automaton.strategy.layer import Strategy
-from strategies.allocation.auction.assignment import assign_once
-from strategies.allocation.auction.auction_parameters import Auctions, EpsilonSchedule
+from strategies.allocation.allocation_parameters import MAX_LISTED_ORDERS, Auctions, EpsilonSchedule
 from strategies.allocation.auction.auction_round import (
     ORDER_PLANNED,
     announce_items,
+    drop_lost_orders,
     enter_plans,
     find_items,
+    has_empty_list,
     mark_planned,
     open_auction,
+    serve,
 )
-from strategies.allocation.auction.auction_state import MAX_SOLD, AuctionState, auction_state
-from strategies.allocation.auction.bids import BID_AVERAGE, BID_AVERAGE_ADDED, BID_MIXED
-from strategies.allocation.auction.bundle_workspace import generations
-from strategies.allocation.auction.bundles import combinatorial
-from strategies.allocation.auction.exact import exact
-from strategies.allocation.auction.genetic_auction import genetic
-from strategies.allocation.auction.local_search import improve
-from strategies.allocation.auction.market import INF_COST
+from strategies.allocation.auction.bundles import (
+    Bundles,
+    Population,
+    bundles_for,
+    combinatorial,
+    exact,
+    generations,
+    population_for,
+)
+from strategies.allocation.auction.floor_market import FloorMarket, make_floor_market
+from strategies.allocation.auction.market import INF_COST, POLICY_NO_CHARGING
+from strategies.allocation.auction.metaheuristics import genetic, improve
 from strategies.allocation.auction.quotes import settle_all
-from strategies.allocation.auction.sequential import by_arrival, parallel, sequential
-from strategies.allocation.auction.winners import (
+from strategies.allocation.auction.sequential import (
+    BID_AVERAGE,
+    BID_AVERAGE_ADDED,
+    BID_MIXED,
     WINNER_DIFFERENCE,
     WINNER_FEWEST_BIDDERS,
     WINNER_LOWEST_BID,
     WINNER_REGRET,
+    assign_once,
+    by_arrival,
+    parallel,
+    sequential,
 )
-from strategies.allocation.order_queues import drop_lost_orders, has_empty_list, serve
+from strategies.linear_sum_assignment import Assignment, assignment_for
+
+MAX_BUNDLED: Final = 10  # items of a combinatorial auction, or of an exact allotment
+MAX_BRED: Final = 12  # and of a genetic one
+MAX_SOLD: Final = {"combinatorial": MAX_BUNDLED, "exact": MAX_BUNDLED, "genetic": MAX_BRED}
+
+
+class AuctionState(Struct):
+    """Counts, when lists are due, and who sells; n robots, an auction of at most S orders."""
+
+    # Counted in the row of a robot that was asked when the auctions were held:
+    auctions: Array = field("(n,) int64")
+    bids: Array = field("(n,) int64")
+    messages: Array = field("(n,) int64")
+    due: Array = field("(n,) int64", "tick at which a robot's list was to be done, or 0")
+    delivered: Array = field("(1,) int64", "orders.release_sequence is delivered before this entry")
+    unsold: Array = field("(1,) int64", "orders that the last auction left")
+    auctioneer: Array = field("(1,) int64", "the robot that sells now")
+    rounds: Array = field("(1,) int64", "auctions so far")
+    limit: int = field("int64", "orders in a robot's list")
+    sellable: Array = field("(S,) int32", "the orders for sale", role=SCRATCH)
+    market: FloorMarket
+    # What the mechanism works in besides the market; others have no room.
+    bundles: Bundles
+    population: Population
+    assignment: Assignment
+
+
+def auction_state(view: World, parameters: Auctions, charging: Strategy | None) -> AuctionState:
+    """Room for a market of all robots, their lists, and the orders of an auction."""
+    robots, most = view.robots.order_queue.shape
+    limit = min(parameters.max_orders_per_robot, most, max(1, MAX_LISTED_ORDERS // robots))
+    # A branch brings the plans of another strategy.
+    planned, items, mechanism = (
+        view.robots.order_queue_length,
+        parameters.max_items,
+        parameters.mechanism,
+    )
+    tasks = max(robots * limit, int(planned.sum())) + items
+    longest = max(limit, int(planned.max())) + items
+    policy = {"policy": POLICY_NO_CHARGING, "end_reach": 0, "threshold": 0, "target": BATTERY_FULL}
+    queues = True
+    quoted: Any = getattr(charging, "policy", None)
+    if view.rules.battery and quoted is not None:
+        policy, queues = quoted(), bool(getattr(charging, "queues", True))
+    by_bundles, is_bred = mechanism in ("combinatorial", "exact"), mechanism == "genetic"
+    return AuctionState.sized(
+        {"n": robots, "S": items},
+        limit=limit,
+        market=make_floor_market(view, robots, tasks, longest, policy, queues),
+        bundles=bundles_for(robots, min(items, MAX_BUNDLED)) if by_bundles else bundles_for(0, 0),
+        population=population_for(robots, min(items, MAX_BRED), longest)
+        if is_bred
+        else population_for(0, 0, 0),
+        assignment=assignment_for(max(robots, items) if mechanism == "assignment" else 0),
+    )
+
+
+# Auctions (De Ryck et al.): orders are sold to the robots that do them at the least cost.
+#
+# A robot bids what its list of orders costs with one more, charging included, as the scenario's
+# charging strategy quotes it. Whoever is free takes the first order of its list. There is an auction
+# when an order is for sale - it came in, was given back, or its robot failed - and a robot has
+# nothing ahead of it, or orders have come since the last one. The loop leaves compiled code for it;
+# all that is done for each bid is compiled.
+
 
 BID_RULES: Final = {"mixed": BID_MIXED, "average": BID_AVERAGE_ADDED, "average-paper": BID_AVERAGE}
 WINNER_RULES: Final = {

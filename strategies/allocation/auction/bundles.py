@@ -1,19 +1,78 @@
-"""Combinatorial auctions: every robot bids for every bundle, and the bundles are split at the best.
+"""Scratch of the methods that look at whole allotments: bundles of tasks, and populations."""
 
-Bids for bundles come from insertion in the order of items (the best of all m^n allotments then) or
-from Held & Karp's shortest paths (the optimum over all sequences then). Splitting takes O(m 3^n).
-"""
+from __future__ import annotations
+
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from automaton.engine.jit.kernel import kernel
+from automaton.engine.jit.structs import SCRATCH, Struct, field
 from automaton.engine.state import NIL
-from strategies.allocation.auction.insertion import cheapest_insertion, insert
-from strategies.allocation.auction.market import (
-    BID_SCALE,
-    INF_COST,
-)
+from automaton.errors import InputError
+from strategies.allocation.auction.market import BID_SCALE, INF_COST, cheapest_insertion, insert
 from strategies.allocation.auction.quotes import clear_counts, quote_list, settle
+
+Array = NDArray[Any]
+
+MAX_BUNDLE_TASKS: Final = 12  # 2^12 bundles for each robot, 3^12 ways to split them between two
+MAX_BUNDLE_ROBOTS: Final = 16
+MAX_GENERATIONS: Final = 1000
+
+
+class Bundles(Struct, role=SCRATCH):
+    """Every subset S of n tasks, as a number with bit k for item k, and every one of R robots."""
+
+    cost: Array = field("(R, 2^n) int64", "ticks of the bundle; INF: not feasible")
+    best: Array = field("(R, 2^n) int64", "the best that robots 0..r make of S, by the objective")
+    part: Array = field("(R, 2^n) int32", "what robot r takes of S then")
+    ends: Array = field(
+        "(2^n, n) int32", "ticks of the shortest way through S that ends with item k"
+    )
+    chosen: Array = field("(R,) int32", "the bundle that each robot gets")
+    trying: Array = field("(R,) int32", "scratch of the search")
+    rest: Array = field("(R + 1,) int32", "scratch")
+    total: Array = field("(R + 1,) int64", "scratch")
+    most: Array = field("(R + 1,) int64", "scratch")
+
+
+class Population(Struct, role=SCRATCH):
+    """N individuals: which of R robots does each of n items; and the lists to begin with."""
+
+    genes: Array = field("(N, n) int32")
+    children: Array = field("(N, n) int32")
+    fitness: Array = field("(N,) int64", "the objective; smaller is better")
+    rank: Array = field("(N,) int32", "individuals from the best to the worst")
+    order: Array = field("(R, L) int32", "the robots' lists before the auction")
+    length: Array = field("(R,) int32")
+
+
+def bundles_for(robots: int, tasks: int) -> Bundles:
+    """Raises InputError for sizes that cannot be done."""
+    if tasks > MAX_BUNDLE_TASKS or robots > MAX_BUNDLE_ROBOTS:
+        raise InputError(
+            f"bundles of {tasks} tasks for {robots} robots are too many: "
+            f"at most {MAX_BUNDLE_TASKS} tasks and {MAX_BUNDLE_ROBOTS} robots can be done exactly"
+        )
+    return Bundles.sized({"R": robots, "n": tasks, "2^n": 1 << tasks})
+
+
+def population_for(robots: int, tasks: int, longest: int) -> Population:
+    """Ten individuals for each robot."""
+    return Population.sized({"N": 10 * robots, "n": tasks, "R": robots, "L": longest})
+
+
+def generations(robots: int, tasks: int) -> int:
+    """Ten times the number of allotments, at most 1,000 (De Ryck et al.)."""
+    allotments: int = robots**tasks
+    return min(MAX_GENERATIONS, 10 * allotments)
+
+
+# Combinatorial auctions: every robot bids for every bundle, and the bundles are split at the best.
+#
+# Bids for bundles come from insertion in the order of items (the best of all m^n allotments then) or
+# from Held & Karp's shortest paths (the optimum over all sequences then). Splitting takes O(m 3^n).
 
 
 @kernel
@@ -166,3 +225,106 @@ def record_sales(bundles, scratch, robots, count):
         for r in range(robots):
             if (bundles.chosen[r] >> k) & 1 == 1:
                 scratch.sold[k] = r
+
+
+# The optimum without charging: Held & Karp's shortest path for each bundle, then the best split.
+#
+# A path starts where the robot is and ends at any of its tasks; robots begin with empty lists.
+
+
+INFEASIBLE = (1 << 31) - 1
+
+
+@kernel
+def shortest_paths(costs, bundles, place, items, count):
+    """bundles.ends[S, k] = ticks of the shortest path from `place` through S that ends with item k."""
+    for k in range(count):
+        task = np.int64(items[k])
+        for subset in range(1 << count):
+            bundles.ends[subset, k] = INFEASIBLE
+        bundles.ends[1 << k, k] = (
+            costs.ticks[costs.robot_type[0], place, costs.begin[task]]
+            + costs.inside[costs.robot_type[0], task]
+        )
+    for subset in range(1, 1 << count):
+        for k in range(count):
+            ticks = np.int64(bundles.ends[subset, k])
+            if ticks == INFEASIBLE:
+                continue
+            here = np.int64(costs.end[items[k]])
+            for j in range(count):
+                if (subset >> j) & 1 == 1:
+                    continue
+                task = np.int64(items[j])
+                then = (
+                    ticks
+                    + costs.ticks[costs.robot_type[0], here, costs.begin[task]]
+                    + costs.inside[costs.robot_type[0], task]
+                )
+                if then < bundles.ends[subset | (1 << j), j]:
+                    bundles.ends[subset | (1 << j), j] = then
+
+
+@kernel
+def bid_by_shortest_paths(costs, fleet, bundles, items, count):
+    """bundles.cost of every robot and subset, by the best sequence."""
+    for r in range(fleet.place.shape[0]):
+        costs.robot_type[0] = fleet.robot_type[r]
+        shortest_paths(costs, bundles, np.int64(fleet.place[r]), items, count)
+        bundles.cost[r, 0] = fleet.ready[r]
+        for subset in range(1, 1 << count):
+            least = np.int64(INFEASIBLE)
+            size = 0
+            for k in range(count):
+                least = min(least, np.int64(bundles.ends[subset, k]))
+                if (subset >> k) & 1 == 1:
+                    size += 1
+                    if fleet.may_bid[r, items[k]] == 0:
+                        size = fleet.capacity[r] + 1
+            too_many = size > fleet.capacity[r]
+            bundles.cost[r, subset] = INF_COST if too_many else fleet.ready[r] + least
+
+
+@kernel
+def write_path(costs, bundles, items, count, subset, order):
+    """order = the tasks of the subset by its shortest path; returns how many."""
+    length = np.int64(0)
+    left = np.int64(subset)
+    while left != 0:
+        length += 1
+        left &= left - 1
+    left = np.int64(subset)
+    after = np.int64(NIL)
+    for at in range(length - 1, -1, -1):
+        best, item = np.int64(1) << 60, np.int64(NIL)
+        for k in range(count):
+            ticks = np.int64(bundles.ends[left, k])
+            if (left >> k) & 1 == 0:
+                continue
+            if after != NIL:
+                ticks += costs.ticks[costs.robot_type[0], costs.end[items[k]], costs.begin[after]]
+            if ticks < best:
+                best, item = ticks, np.int64(k)
+        after = np.int64(items[item])
+        order[at] = after
+        left ^= np.int64(1) << item
+    return length
+
+
+@kernel
+def exact(costs, battery, fleet, scratch, bundles, items, count, epsilon):
+    """Give every robot the list of the optimum, from empty lists; returns the objective, or INF_COST."""
+    robots = fleet.place.shape[0]
+    clear_counts(scratch)
+    bid_by_shortest_paths(costs, fleet, bundles, items, count)
+    value = determine_winners(bundles, robots, count, epsilon)
+    if value >= INF_COST:
+        return value
+    for r in range(robots):
+        costs.robot_type[0] = fleet.robot_type[r]
+        shortest_paths(costs, bundles, np.int64(fleet.place[r]), items, count)
+        chosen = np.int64(bundles.chosen[r])
+        fleet.length[r] = write_path(costs, bundles, items, count, chosen, fleet.order[r])
+        settle(costs, battery, fleet, scratch, r)
+    record_sales(bundles, scratch, robots, count)
+    return value

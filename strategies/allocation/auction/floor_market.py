@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import DERIVED, SCRATCH, Struct, field
-from automaton.engine.robot_states import STATUS_UP
+from automaton.engine.robot_states import BATTERY_FULL, STATUS_UP
 from automaton.engine.state import (
     ACTION_DROP,
     ACTION_MOVE,
@@ -37,14 +37,11 @@ from automaton.strategy.kernels import (
     without_load,
 )
 from strategies.allocation.auction.market import (
-    BATTERY_FULL,
     INF_COST,
     Battery,
     Fleet,
     Scratch,
     TaskCosts,
-)
-from strategies.allocation.auction.market_preparation import (
     battery_of,
     deliveries,
     fleet_of,

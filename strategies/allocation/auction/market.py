@@ -11,10 +11,13 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from numpy.typing import NDArray
+import numpy as np
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
+from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import CONSTANT, SCRATCH, Struct, field
-from automaton.engine.robot_states import BATTERY_FULL as BATTERY_FULL
+from automaton.engine.robot_states import BATTERY_FULL
+from automaton.engine.state import NIL
 
 Array = NDArray[Any]
 
@@ -107,7 +110,7 @@ class ChargingPlan(Struct, role=SCRATCH):
 
 
 class PathSearch(Struct, role=SCRATCH):
-    """A search for the stops of a list (strategies.allocation.auction.charge_path)."""
+    """A search for the stops of a list (strategies.allocation.auction.charging)."""
 
     ready: Array = field("(1,) int64", "ticks until the robot sets out: set by the quote")
     nodes: Array = field("(1,) int64", "stops to go on from: Scratch.node[:nodes]")
@@ -159,3 +162,190 @@ class Scratch(Struct, role=SCRATCH):
     sold: Array = field("(T,) int32", "who won the item, or NIL")
     count: Counts
     plan: ChargingPlan
+
+
+# Markets made ready for the kernels: arrays of the right shapes, from what a caller knows.
+
+
+def visits(ticks: ArrayLike, energy: ArrayLike, places: ArrayLike) -> TaskCosts:
+    """Tasks that are done by being at these places."""
+    at = np.asarray(places, np.int32)
+    nothing = np.zeros(len(at), np.int32)
+    return deliveries(ticks, energy, at, at, nothing, nothing)
+
+
+def deliveries(
+    ticks: ArrayLike,
+    energy: ArrayLike,
+    begin: ArrayLike,
+    end: ArrayLike,
+    inside: ArrayLike,
+    use: ArrayLike,
+) -> TaskCosts:
+    """Tasks that begin and end at different places; ticks, energy: (P, P), or (K, P, P) by type."""
+
+    def numbers(values: ArrayLike, by_type: int = 0, dtype: DTypeLike = np.int32) -> Array:
+        found = np.array(values, dtype)
+        return found if found.ndim >= by_type else found[None]
+
+    return TaskCosts.sized(
+        ticks=numbers(ticks, 3),
+        energy=numbers(energy, 3, np.int64),
+        begin=numbers(begin),
+        end=numbers(end),
+        inside=numbers(inside, 2),
+        use=numbers(use, 2, np.int64),
+    )
+
+
+def battery_of(
+    energy: ArrayLike,
+    chargers: ArrayLike = (),
+    curve: ArrayLike = ((0, 1),),
+    reserve: ArrayLike = 0,
+    end_reach: bool = False,
+    policy: int = POLICY_NO_CHARGING,
+    threshold: int = 0,
+    target: int = BATTERY_FULL,
+) -> Battery:
+    """energy: (P, P) units, or (K, P, P); chargers: their places; curve: (from units, units per tick).
+
+    `curve`: (pieces, 2), or (K, pieces, 2); `reserve`: one number, or (K,).
+    """
+    between = np.asarray(energy, np.int64)
+    between = between if between.ndim == 3 else between[None]
+    at, pieces = np.asarray(chargers, np.int32), np.asarray(curve, np.int32)
+    to = between[:, :, at]
+    none, shape = at.size == 0, between.shape[:2]
+    return Battery.sized(
+        charger=at,
+        nearest=np.full(shape, -1, np.int32) if none else to.argmin(2).astype(np.int32),
+        reach=np.full(shape, INF_COST, np.int64) if none else to.min(2),
+        curve=np.broadcast_to(pieces, (len(between), *pieces.shape[-2:])).copy(),
+        reserve=np.broadcast_to(np.asarray(reserve, np.int64), len(between)).copy(),
+        end_reach=int(end_reach),
+        policy=policy,
+        threshold=threshold,
+        target=target,
+    )
+
+
+def fleet_of(
+    places: ArrayLike, tasks: int, charge: ArrayLike = BATTERY_FULL, longest: int | None = None
+) -> Fleet:
+    """Robots at these places with empty lists, at most `longest` tasks in each."""
+    at = np.asarray(places, np.int32).copy()
+    robots = len(at)
+    most = tasks if longest is None else longest
+    return Fleet.sized(
+        {"L": most},
+        place=at,
+        charge=np.full(robots, charge, np.int32),
+        capacity=np.full(robots, most, np.int32),
+        may_bid=np.ones((robots, tasks), np.uint8),
+    )
+
+
+def scratch_for(robots: int, tasks: int, longest: int, chargers: int) -> Scratch:
+    """Room for auctions of so many tasks among so many robots with lists of at most `longest`."""
+    stops = (longest + 1) * max(chargers, 1) + longest + 2
+    sizes = {"R": robots, "T": tasks, "L": longest, "C": chargers, "S": stops}
+    return Scratch.sized(
+        sizes, path=PathSearch.sized(), count=Counts.sized(), plan=ChargingPlan.sized(sizes)
+    )
+
+
+# Cheapest insertion into an open path: where a task adds the fewest ticks to a list.
+#
+# A task is inserted as a whole: one that is picked up and delivered takes its inner way along, and
+# the pair stays together, because a robot carries one load.
+
+
+@kernel
+def place_before(costs, place, order, i):
+    """The place from which a robot that starts at `place` drives to task i of its list."""
+    if i == 0:
+        return np.int64(place)
+    return np.int64(costs.end[order[i - 1]])
+
+
+@kernel
+def cheapest_insertion(costs, place, order, length, task, first):
+    """(position, ticks added) of `task` in order[:length]; ties: the latest position.
+
+    Positions below `first` stay as they are (1: the robot is on its way to its first task).
+    """
+    ticks = costs.ticks[costs.robot_type[0]]
+    enter, leave = np.int64(costs.begin[task]), np.int64(costs.end[task])
+    before = np.int64(place)
+    at, least = NIL, INF_COST
+    for i in range(length):
+        after = np.int64(costs.begin[order[i]])
+        added = ticks[before, enter] + ticks[leave, after] - ticks[before, after]
+        if i >= first and added <= least:
+            at, least = i, added
+        before = np.int64(costs.end[order[i]])
+    added = np.int64(ticks[before, enter])
+    if added <= least:
+        at, least = length, added
+    return at, least + costs.inside[costs.robot_type[0], task]
+
+
+@kernel
+def energy_added(costs, place, order, length, task, position):
+    """Units that `task` adds to the list at this position."""
+    energy, robot_type = costs.energy[costs.robot_type[0]], costs.robot_type[0]
+    before = place_before(costs, place, order, position)
+    added = np.int64(energy[before, costs.begin[task]]) + costs.use[robot_type, task]
+    if position < length:
+        after = costs.begin[order[position]]
+        added += energy[costs.end[task], after] - energy[before, after]
+    return added
+
+
+@kernel
+def copy_inserted(order, length, task, position, out):
+    """out[:length + 1] = the list with the task at this position."""
+    for i in range(position):
+        out[i] = order[i]
+    out[position] = task
+    for i in range(position, length):
+        out[i + 1] = order[i]
+
+
+@kernel
+def insert(order, length, task, position):
+    """The same in place; order has room."""
+    for i in range(length, position, -1):
+        order[i] = order[i - 1]
+    order[position] = task
+
+
+@kernel
+def remove(order, length, position):
+    """Take the task at this position out of order[:length]."""
+    for i in range(position, length - 1):
+        order[i] = order[i + 1]
+
+
+@kernel
+def measure(costs, scratch, place, order, length):
+    """Ticks and energy along the list, without charging, into done_* and begun_* of the scratch."""
+    robot_type = costs.robot_type[0]
+    ticks_to, energy_to = costs.ticks[robot_type], costs.energy[robot_type]
+    inside, use = costs.inside[robot_type], costs.use[robot_type]
+    ticks, energy = np.int64(0), np.int64(0)
+    before = np.int64(place)
+    for i in range(length):
+        task = np.int64(order[i])
+        scratch.done_ticks[i] = ticks
+        scratch.done_energy[i] = energy
+        ticks += ticks_to[before, costs.begin[task]]
+        energy += energy_to[before, costs.begin[task]]
+        scratch.begun_ticks[i] = ticks
+        scratch.begun_energy[i] = energy
+        ticks += inside[task]
+        energy += use[task]
+        before = np.int64(costs.end[task])
+    scratch.done_ticks[length] = ticks
+    scratch.done_energy[length] = energy

@@ -1,26 +1,231 @@
-"""Auctions of single items: sequential (SSI), by order of arrival, and parallel.
+"""Bids of one robot for one task, in thousandths of a tick; c1, c2: its costs without and with it.
 
-Items are tasks: items[:count] by arrival. Robots keep the lists that they have; settle_all first.
-Who won an item is in scratch.sold, by number of the item; NIL: no robot can do it.
+MiniSum      c2 - c1                  the ticks that the fleet drives in all
+MiniMax      c2                       until the last robot is done
+mixed        epsilon x MiniSum + (1 - epsilon) x MiniMax
+MiniAve      the sum of arrival times with the task less that without (Lagoudakis et al. 2005), or,
+             as De Ryck et al. word it, the mean arrival time with it
 
-Messages are counted as the architecture would send them: an announcement for each robot that hears
-of an item, each bid once, and an award for each item sold.
+A robot that has no feasible plan bids nothing (INF_COST), before anything is mixed.
 """
 
 import numpy as np
 
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import NIL
-from strategies.allocation.auction.bids import award, bid
-from strategies.allocation.auction.market import INF_COST
-from strategies.allocation.auction.quotes import clear_counts
-from strategies.allocation.auction.winners import (
-    WINNER_LOWEST_BID,
-    lowest,
-    most_urgent,
-    note_best,
-    note_bid,
-)
+from strategies.allocation.auction.market import BID_SCALE, INF_COST, copy_inserted, insert
+from strategies.allocation.auction.quotes import clear_counts, insertion_quote, quote_list, settle
+from strategies.linear_sum_assignment import linear_sum_assignment
+
+BID_MIXED = 0  # rules of bidding
+BID_AVERAGE_ADDED = 1
+BID_AVERAGE = 2
+
+
+@kernel
+def bid(costs, battery, fleet, scratch, r, task, rule, epsilon):
+    """The bid of robot r; INF_COST where it cannot or may not do the task."""
+    if fleet.may_bid[r, task] == 0:
+        return np.int64(INF_COST)
+    scratch.count.bids[0] += 1
+    position, cost = insertion_quote(costs, battery, fleet, scratch, r, task)
+    if cost >= INF_COST or fleet.cost[r] >= INF_COST:
+        return np.int64(INF_COST)
+    if rule == BID_MIXED:
+        return BID_SCALE * cost - epsilon * fleet.cost[r]
+    length = np.int64(fleet.length[r])
+    without = np.int64(0)
+    if rule == BID_AVERAGE_ADDED:
+        without = sum_of_arrivals(costs, battery, fleet, scratch, r, fleet.order[r], length)
+    copy_inserted(fleet.order[r], length, task, position, scratch.order)
+    with_it = sum_of_arrivals(costs, battery, fleet, scratch, r, scratch.order, length + 1)
+    if rule == BID_AVERAGE_ADDED:
+        return BID_SCALE * (with_it - without)
+    return BID_SCALE * with_it // (length + 1)
+
+
+@kernel
+def sum_of_arrivals(costs, battery, fleet, scratch, r, order, length):
+    """Ticks until each task of a feasible list is done, added up."""
+    quote_list(costs, battery, fleet, scratch, r, order, length)
+    plan = scratch.plan
+    now, total = np.int64(fleet.ready[r]), np.int64(0)
+    here = np.int64(fleet.place[r])
+    k = 0
+    for i in range(length):
+        task = np.int64(order[i])
+        while k < plan.stops[0] and plan.position[k] == i:
+            at = np.int64(battery.charger[plan.charger[k]])
+            now += costs.ticks[costs.robot_type[0], here, at] + plan.duration[k] + plan.waited[k]
+            here = at
+            k += 1
+        now += (
+            costs.ticks[costs.robot_type[0], here, costs.begin[task]]
+            + costs.inside[costs.robot_type[0], task]
+        )
+        total += now
+        here = np.int64(costs.end[task])
+    return total
+
+
+@kernel
+def award(costs, battery, fleet, scratch, r, task):
+    """Insert the task into robot r's list as its bid predicted; returns the position, NIL: not at all."""
+    position, cost = insertion_quote(costs, battery, fleet, scratch, r, task)
+    if cost >= INF_COST:
+        return np.int64(NIL)
+    insert(fleet.order[r], fleet.length[r], task, position)
+    fleet.length[r] += 1
+    settle(costs, battery, fleet, scratch, r)
+    return position
+
+
+# One-shot assignment: at most one task for each robot, least sum of bids.
+
+
+@kernel
+def assign_once(costs, battery, fleet, scratch, workspace, items, count, rule, epsilon):
+    """Give each robot at most one of the items, with the least sum of bids; returns how many.
+
+    workspace: for at least max(robots, count) rows and columns.
+    """
+    robots = fleet.place.shape[0]
+    clear_counts(scratch)
+    turned = robots > count
+    for k in range(count):
+        scratch.sold[k] = NIL
+        for r in range(robots):
+            offer = bid(costs, battery, fleet, scratch, r, np.int64(items[k]), rule, epsilon)
+            scratch.count.messages[0] += fleet.may_bid[r, items[k]]
+            if turned:
+                workspace.cost[k, r] = offer
+            else:
+                workspace.cost[r, k] = offer
+    linear_sum_assignment(workspace.cost, min(robots, count), max(robots, count), workspace)
+    given = np.int64(0)
+    for j in range(max(robots, count)):
+        i = np.int64(workspace.row_of[j])
+        if i == NIL:
+            continue
+        k, r = (i, np.int64(j)) if turned else (np.int64(j), i)
+        award(costs, battery, fleet, scratch, r, np.int64(items[k]))
+        scratch.sold[k] = r
+        given += 1
+    scratch.count.messages[0] += scratch.count.bids[0] + given
+    return given
+
+
+# Which item is sold next, and to whom, from all bids: a row for each robot, INF_COST for no bid.
+#
+# WINNER_LOWEST_BID LB: the lowest bid of all WINNER_DIFFERENCE BD: the item whose highest and lowest
+# finite bid lie farthest apart WINNER_FEWEST_BIDDERS FB: the item with the fewest finite bids
+# WINNER_REGRET regret-2: the item whose second lowest and lowest bid lie farthest apart
+#
+# Ties: the lower bid, then the earlier item, then the robot of lower number. An item that only one of
+# several robots can do differs without bound.
+
+
+WINNER_LOWEST_BID = 0
+WINNER_DIFFERENCE = 1
+WINNER_FEWEST_BIDDERS = 2
+WINNER_REGRET = 3
+
+
+@kernel
+def note_best(scratch, r, open_items):
+    """scratch.best[r] = the open item for which robot r bids lowest; NIL if it bids for none."""
+    best, least = np.int64(NIL), np.int64(INF_COST)
+    for i in range(open_items):
+        k = scratch.left[i]
+        if scratch.bid[r, k] < least:
+            best, least = np.int64(k), scratch.bid[r, k]
+    scratch.best[r] = best
+
+
+@kernel
+def lowest(scratch, robots):
+    """(item, robot) of the lowest bid, from each robot's best; (NIL, NIL) if there is none."""
+    item, robot, least = np.int64(NIL), np.int64(NIL), np.int64(INF_COST)
+    for r in range(robots):
+        k = np.int64(scratch.best[r])
+        if k != NIL:
+            bid = scratch.bid[r, k]
+            if bid < least or (bid == least and k < item):
+                item, robot, least = k, np.int64(r), bid
+    return item, robot
+
+
+@kernel
+def note_bid(scratch, r, k, bid):
+    """Enter robot r's bid for item k; the item is surveyed again only if that can matter."""
+    old = scratch.bid[r, k]
+    scratch.bid[r, k] = bid
+    among = min(old, bid) <= scratch.second[k] or scratch.lowest_bidder[k] == r
+    beyond = max(old, bid) >= scratch.high[k]
+    if among or beyond:
+        scratch.needs_update[k] = 1
+
+
+@kernel
+def summarize_bids(scratch, robots, k):
+    """Set lowest, second and highest finite bid, the bidders and the lowest bidder of an item."""
+    low, second, high = np.int64(INF_COST), np.int64(INF_COST), np.int64(-INF_COST)
+    bidders, lowest_bidder = 0, np.int64(NIL)
+    for r in range(robots):
+        bid = scratch.bid[r, k]
+        if bid >= INF_COST:
+            continue
+        bidders += 1
+        high = max(high, bid)
+        if bid < low:
+            low, second, lowest_bidder = bid, low, np.int64(r)
+        elif bid < second:
+            second = bid
+    scratch.low[k], scratch.second[k], scratch.high[k] = low, second, high
+    scratch.bidders[k] = bidders
+    scratch.lowest_bidder[k] = lowest_bidder
+    scratch.needs_update[k] = 0
+
+
+@kernel
+def urgency(scratch, robots, k, winner):
+    """How much a surveyed item is to be preferred, by the rule; larger is sooner."""
+    if winner == WINNER_FEWEST_BIDDERS:
+        return np.int64(-scratch.bidders[k])
+    if scratch.bidders[k] == 1:
+        return np.int64(INF_COST) if robots > 1 else np.int64(0)
+    if winner == WINNER_DIFFERENCE:
+        return scratch.high[k] - scratch.low[k]
+    return scratch.second[k] - scratch.low[k]
+
+
+@kernel
+def most_urgent(scratch, robots, open_items, winner):
+    """(item, robot) by WINNER_DIFFERENCE, WINNER_FEWEST_BIDDERS or WINNER_REGRET; (NIL, NIL) if no
+    robot bids.
+    """
+    item, most = np.int64(NIL), np.int64(-INF_COST)
+    for i in range(open_items):
+        k = np.int64(scratch.left[i])
+        if scratch.needs_update[k] == 1:
+            summarize_bids(scratch, robots, k)
+        if scratch.bidders[k] == 0:
+            continue
+        value = urgency(scratch, robots, k, winner)
+        lower = item != NIL and value == most and scratch.low[k] < scratch.low[item]
+        if item == NIL or value > most or lower:
+            item, most = k, value
+    robot = np.int64(NIL) if item == NIL else np.int64(scratch.lowest_bidder[item])
+    return item, robot
+
+
+# Auctions of single items: sequential (SSI), by order of arrival, and parallel.
+#
+# Items are tasks: items[:count] by arrival. Robots keep the lists that they have; settle_all first.
+# Who won an item is in scratch.sold, by number of the item; NIL: no robot can do it.
+#
+# Messages are counted as the architecture would send them: an announcement for each robot that hears
+# of an item, each bid once, and an award for each item sold.
 
 
 @kernel

@@ -26,6 +26,7 @@ from automaton.strategy.kernels import (
     take_order,
 )
 from automaton.strategy.layer import Strategy
+from strategies.allocation.allocation_parameters import GreedyParameters
 from strategies.allocation.greedy.candidates import (
     Marks,
     OpenOrders,
@@ -36,10 +37,7 @@ from strategies.allocation.greedy.candidates import (
     update_open_orders,
     weigh_rest,
 )
-from strategies.allocation.greedy.greedy_parameters import GreedyParameters
-from strategies.allocation.greedy.matching import Pairs, match
-from strategies.allocation.greedy.nearest import Search
-from strategies.allocation.greedy.pair_heap import PairHeap
+from strategies.allocation.greedy.nearest import PairHeap, Pairs, Search, match
 
 
 class GreedyState(Struct):

@@ -50,21 +50,23 @@ from automaton.strategy.kernels import (
 )
 from automaton.strategy.layer import Strategy
 from automaton.strategy.weighted_tables import no_tables
-from strategies.right_of_way.arrivals import comes_to_charge, is_at_goal
 from strategies.right_of_way.deadlocks import (
     COUNTERS,
     Deadlocks,
     break_deadlocks,
+    comes_to_charge,
+    count_callers,
     has_stood_long,
+    is_at_goal,
     is_given_up,
     is_time_to_look,
+    lattice_tables,
+    moves_against_streets,
     note_progress,
     round_of_stall,
+    service_areas_of,
+    way_to_make_room,
 )
-from strategies.right_of_way.lattice import lattice_tables, moves_against_streets
-from strategies.right_of_way.making_room import count_callers, service_areas_of, way_to_make_room
-from strategies.right_of_way.pibt.alleys import count_in_dead_ends, empty_dead_ends, has_to_leave
-from strategies.right_of_way.pibt.departures import NOT_ASKED, departs, direction_of, holds_back
 from strategies.right_of_way.pibt.options import option_of, rank_all_options
 from strategies.right_of_way.pibt.pibt_state import (
     DECIDED,
@@ -74,9 +76,9 @@ from strategies.right_of_way.pibt.pibt_state import (
     UNDECIDED,
     PibtState,
     U,
-)
-from strategies.right_of_way.pibt.pushes import fetch_cells, push
-from strategies.right_of_way.pibt.reservations import (
+    count_in_dead_ends,
+    empty_dead_ends,
+    has_to_leave,
     holder_of,
     is_for_two,
     is_lane_free,
@@ -85,6 +87,14 @@ from strategies.right_of_way.pibt.reservations import (
     reserve_other_lane,
     reserver_of,
     resource_in,
+)
+from strategies.right_of_way.pibt.pushes import (
+    NOT_ASKED,
+    departs,
+    direction_of,
+    fetch_cells,
+    holds_back,
+    push,
 )
 from strategies.right_of_way.right_of_way_parameters import PibtParameters
 

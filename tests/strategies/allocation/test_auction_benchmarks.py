@@ -12,16 +12,8 @@ from auction_scenes import lists_of, random_auction
 
 from automaton.engine.state import NIL
 from automaton.errors import InputError
-from strategies.allocation.auction import (
-    assignment,
-    bundles,
-    exact,
-    genetic_auction,
-    local_search,
-    sequential,
-)
-from strategies.allocation.auction.bids import BID_MIXED, award
-from strategies.allocation.auction.bundle_workspace import (
+from strategies.allocation.auction import bundles, metaheuristics, sequential
+from strategies.allocation.auction.bundles import (
     bundles_for,
     generations,
     population_for,
@@ -35,11 +27,13 @@ from strategies.allocation.auction.market import (
     Scratch,
     TaskCosts,
 )
-from strategies.allocation.auction.winners import (
+from strategies.allocation.auction.sequential import (
+    BID_MIXED,
     WINNER_DIFFERENCE,
     WINNER_FEWEST_BIDDERS,
     WINNER_LOWEST_BID,
     WINNER_REGRET,
+    award,
 )
 from strategies.linear_sum_assignment import assignment_for, linear_sum_assignment
 
@@ -101,7 +95,7 @@ METHODS: dict[str, Callable[[Market, Array, int, int], object]] = {
     },
     "local search": lambda market, items, n, epsilon: (
         sequential.sequential(*market, items, n, BID_MIXED, epsilon, WINNER_LOWEST_BID, 0),
-        local_search.improve(*market, epsilon),
+        metaheuristics.improve(*market, epsilon),
     ),
     "arrival": lambda market, items, n, epsilon: sequential.by_arrival(
         *market, items, n, BID_MIXED, epsilon
@@ -112,7 +106,7 @@ METHODS: dict[str, Callable[[Market, Array, int, int], object]] = {
     "combinatorial": lambda market, items, n, epsilon: bundles.combinatorial(
         *market, bundles_for(len(market[2].place), n), items, n, epsilon
     ),
-    "genetic": lambda market, items, n, epsilon: genetic_auction.genetic(
+    "genetic": lambda market, items, n, epsilon: metaheuristics.genetic(
         *market,
         population_for(len(market[2].place), n, n),
         items,
@@ -128,7 +122,7 @@ METHODS: dict[str, Callable[[Market, Array, int, int], object]] = {
 
 def optimum(market: Market, items: Array, tasks: int, epsilon: int) -> int:
     workspace = bundles_for(len(market[2].place), tasks)
-    return int(exact.exact(*market, workspace, items, tasks, epsilon))
+    return int(bundles.exact(*market, workspace, items, tasks, epsilon))
 
 
 @pytest.mark.parametrize("epsilon", [0, 500, 1000])
@@ -194,7 +188,7 @@ def test_local_search_never_makes_lists_worse_and_keeps_all_tasks(epsilon: int) 
             sorted(itertools.chain(*lists_of(fleet))),
         )
         first = [row[0] for row, frozen in zip(lists_of(fleet), fleet.first, strict=True) if frozen]
-        moves = local_search.improve(*market, epsilon)
+        moves = metaheuristics.improve(*market, epsilon)
         after = sequential.objective(fleet, epsilon)
         assert after <= before
         assert sorted(itertools.chain(*lists_of(fleet))) == tasks
@@ -214,7 +208,7 @@ def test_a_genetic_run_repeats_itself_and_seeds_differ() -> None:
     for seed in (1, 1, 2):
         market, items = scene(3, 3, 7)
         population = population_for(3, 7, 7)
-        genetic_auction.genetic(*market, population, items, 7, 0, 20, 0, np.uint64(seed), 0)
+        metaheuristics.genetic(*market, population, items, 7, 0, 20, 0, np.uint64(seed), 0)
         found.append(population.genes.tolist())
     assert found[0] == found[1] != found[2]
 
@@ -225,7 +219,7 @@ def test_both_mutations_search_and_the_one_for_each_gene_searches_more() -> None
     for each_gene in (0, 1):
         market, items = scene(4, 4, 8)
         population = population_for(4, 8, 8)
-        genetic_auction.genetic(*market, population, items, 8, 0, 200, each_gene, np.uint64(1), 0)
+        metaheuristics.genetic(*market, population, items, 8, 0, 200, each_gene, np.uint64(1), 0)
         distinct.append(len({tuple(row) for row in population.genes.tolist()}))
     assert distinct[0] < distinct[1]
 
@@ -277,7 +271,7 @@ def test_one_shot_gives_each_robot_one_task_at_most(robots: int, tasks: int) -> 
         market[2].may_bid[:] = 1
         before = market[2].length.copy()
         workspace = assignment_for(max(robots, tasks))
-        given = assignment.assign_once(*market, workspace, items, tasks, BID_MIXED, 0)
+        given = sequential.assign_once(*market, workspace, items, tasks, BID_MIXED, 0)
         assert given == min(robots, tasks)
         added = market[2].length - before
         assert added.max() == 1

@@ -16,8 +16,8 @@ from automaton.evidence.verification.validator import validate_stored
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
-from strategies.allocation.auction.genetic_auction import genetic
 from strategies.allocation.auction.market import INF_COST
+from strategies.allocation.auction.metaheuristics import genetic
 from strategies.allocation.auction.sequential import objective
 
 EIGHT = "orders={generator: stations, count: 8}"

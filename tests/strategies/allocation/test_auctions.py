@@ -10,9 +10,7 @@ import pytest
 from auction_scenes import lists_of, random_auction
 
 from automaton.engine.state import NIL
-from strategies.allocation.auction import bids, sequential
-from strategies.allocation.auction.bids import BID_AVERAGE, BID_AVERAGE_ADDED, BID_MIXED
-from strategies.allocation.auction.insertion import cheapest_insertion
+from strategies.allocation.auction import sequential
 from strategies.allocation.auction.market import (
     INF_COST,
     POLICY_FILL_UP,
@@ -26,15 +24,17 @@ from strategies.allocation.auction.market import (
     Fleet,
     Scratch,
     TaskCosts,
-)
-from strategies.allocation.auction.market_preparation import (
     battery_of,
+    cheapest_insertion,
     fleet_of,
     scratch_for,
     visits,
 )
 from strategies.allocation.auction.quotes import settle_all
-from strategies.allocation.auction.winners import (
+from strategies.allocation.auction.sequential import (
+    BID_AVERAGE,
+    BID_AVERAGE_ADDED,
+    BID_MIXED,
     WINNER_DIFFERENCE,
     WINNER_FEWEST_BIDDERS,
     WINNER_LOWEST_BID,
@@ -74,7 +74,7 @@ def plain_auction(market: Market, items: Array, rule: int, epsilon: int, winner:
     left = list(range(len(items)))
     while left:
         table = {
-            k: [int(bids.bid(*market, r, int(items[k]), rule, epsilon)) for r in robots]
+            k: [int(sequential.bid(*market, r, int(items[k]), rule, epsilon)) for r in robots]
             for k in left
         }
         ranked = [(rank, k) for k in left if (rank := preference(table[k], winner)) is not None]
@@ -82,7 +82,7 @@ def plain_auction(market: Market, items: Array, rule: int, epsilon: int, winner:
             break
         item = min(ranked)[1]
         robot = min(robots, key=lambda r: table[item][r])
-        bids.award(*market, robot, int(items[item]))
+        sequential.award(*market, robot, int(items[item]))
         sold[item] = robot
         left.remove(item)
     return sold
@@ -157,17 +157,19 @@ def test_arrival_order_gives_each_task_to_the_lowest_bid_of_its_turn() -> None:
         sold, lists = market[3].sold[:tasks].tolist(), lists_of(market[2])
         *market, items = random_auction(random.Random(seed), robots, tasks, POLICY_HIERARCHICAL)
         for k in range(tasks):
-            offers = [int(bids.bid(*market, r, k, BID_MIXED, 0)) for r in range(robots)]
+            offers = [int(sequential.bid(*market, r, k, BID_MIXED, 0)) for r in range(robots)]
             assert sold[k] == (NIL if min(offers) >= INF_COST else offers.index(min(offers)))
             if sold[k] != NIL:
-                bids.award(*market, sold[k], k)
+                sequential.award(*market, sold[k], k)
         assert lists_of(market[2]) == lists
 
 
 def test_parallel_bids_know_nothing_of_the_other_tasks() -> None:
     for seed in range(40):
         *market, items = random_auction(random.Random(seed), 3, 6)
-        offers = [[int(bids.bid(*market, r, k, BID_MIXED, 0)) for r in range(3)] for k in range(6)]
+        offers = [
+            [int(sequential.bid(*market, r, k, BID_MIXED, 0)) for r in range(3)] for k in range(6)
+        ]
         sequential.parallel(*market, items, 6, BID_MIXED, 0)
         for k, row in enumerate(offers):
             expected = NIL if min(row) >= INF_COST else row.index(min(row))
@@ -238,10 +240,10 @@ def test_average_bids_are_about_arrival_times() -> None:
     task_costs, battery = visits(ticks, ticks, (1, 2)), battery_of(ticks)
     fleet, scratch = fleet_of([0], 2), scratch_for(1, 2, 2, 0)
     settle_all(task_costs, battery, fleet, scratch)
-    assert bids.bid(task_costs, battery, fleet, scratch, 0, 0, BID_AVERAGE_ADDED, 0) == 4000
-    bids.award(task_costs, battery, fleet, scratch, 0, 0)
-    assert bids.bid(task_costs, battery, fleet, scratch, 0, 1, BID_AVERAGE_ADDED, 0) == 2000
-    assert bids.bid(task_costs, battery, fleet, scratch, 0, 1, BID_AVERAGE, 0) == 3000
+    assert sequential.bid(task_costs, battery, fleet, scratch, 0, 0, BID_AVERAGE_ADDED, 0) == 4000
+    sequential.award(task_costs, battery, fleet, scratch, 0, 0)
+    assert sequential.bid(task_costs, battery, fleet, scratch, 0, 1, BID_AVERAGE_ADDED, 0) == 2000
+    assert sequential.bid(task_costs, battery, fleet, scratch, 0, 1, BID_AVERAGE, 0) == 3000
 
 
 def test_an_infeasible_robot_bids_nothing_whatever_epsilon_is() -> None:
@@ -250,4 +252,4 @@ def test_an_infeasible_robot_bids_nothing_whatever_epsilon_is() -> None:
             random.Random(1), 2, 3, POLICY_HIERARCHICAL, reserve=990_000_000
         )
         market[2].charge[:] = 300_000_000
-        assert bids.bid(*market, 0, 0, BID_MIXED, epsilon) == INF_COST
+        assert sequential.bid(*market, 0, 0, BID_MIXED, epsilon) == INF_COST

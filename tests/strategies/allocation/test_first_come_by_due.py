@@ -15,7 +15,7 @@ from automaton.errors import InputError
 from automaton.evidence.verification.verification import verify_recording
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import Resolved
-from strategies.allocation.due_queue import DueQueue, drop_first, enter_order
+from strategies.allocation.first_come import DueQueue, drop_first, enter_order
 
 CORRIDOR = "t.......t"
 BY_DUE = {"name": "first-come", "by": "due"}

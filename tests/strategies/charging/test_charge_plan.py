@@ -12,10 +12,10 @@ from auction_scenes import TAPER, between_with, market_of, random_situation, sto
 from reference_charging import Situation, best_single, best_ticks, charging_time, ticks_of
 
 from automaton.engine.energy import charging_ticks, level_after
+from automaton.engine.robot_states import BATTERY_FULL
 from layouts.depots import OPTIONAL
 from strategies.allocation.auction import quotes
 from strategies.allocation.auction.market import (
-    BATTERY_FULL,
     INF_COST,
     POLICY_FILL_UP,
     POLICY_HIERARCHICAL,

@@ -22,8 +22,14 @@ from automaton.errors import InputError
 from automaton.evidence.verification.validator import validate_stored
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import Resolved, resolve
-from strategies.right_of_way.epibt.operations import FORWARD, LEFT, RIGHT, WAIT, operations_of
-from strategies.right_of_way.epibt.paths import path_of
+from strategies.right_of_way.epibt.epibt_state import (
+    FORWARD,
+    LEFT,
+    RIGHT,
+    WAIT,
+    operations_of,
+    path_of,
+)
 
 FLOOR = """
 tttttttt

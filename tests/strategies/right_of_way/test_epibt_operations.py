@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import reference_epibt
 
-from strategies.right_of_way.epibt.operations import (
+from strategies.right_of_way.epibt.epibt_state import (
     FULL_WAIT,
     ends_in_turn,
     operations_of,

@@ -13,8 +13,8 @@ from automaton.engine.state import LAYER_ROUTING
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
-from strategies.routing.congestion.congestion import Congestion
-from strategies.routing.congestion.congestion_parameters import SharedPlans
+from strategies.routing.congestion import Congestion
+from strategies.routing.routing_parameters import SharedPlans
 
 
 def routing(**parameters: float) -> Congestion:

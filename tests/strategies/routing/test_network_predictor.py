@@ -16,14 +16,14 @@ from automaton.runs.simulation import Simulation
 from automaton.scenario.reading import SHIPPED_FOLDER
 from automaton.world.building import build_world
 from automaton.world.resolve import branched, resolve
-from strategies.routing.traffic_avoidance.network_files import (
+from strategies.routing.routing_parameters import (
     floor_fingerprint,
     load_network,
     predicted_zones,
     save_network,
     shipped,
 )
-from strategies.routing.traffic_avoidance.traffic_avoidance import NEXT, STAND
+from strategies.routing.traffic_avoidance import NEXT, STAND
 
 FLEET = ["fleet.robots=6", "stop.max_duration=400", "measure.warm_up=0"]
 

@@ -18,9 +18,7 @@ from reference_paths import FAR, Ways
 
 from automaton.engine.state import NIL
 from automaton.floor.drawn_floors import draw_floor
-from strategies.routing.astar.astar import astar
-from strategies.routing.astar.frontier import OPEN_COST, OPEN_EXPANDED, OPEN_STAMP, TIES
-from strategies.routing.astar.route_workspace import RouteSpace
+from strategies.routing.astar import OPEN_COST, OPEN_EXPANDED, OPEN_STAMP, TIES, RouteSpace, astar
 
 PLAIN_RULES = ("fifo", "larger_g")  # those that need no draw
 

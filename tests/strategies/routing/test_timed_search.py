@@ -18,9 +18,8 @@ from slow_zone_scenes import ONE_WAY, STEPS, Traffic
 from automaton.engine.state import NIL, Array
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.traffic_zones import MODES
-from strategies.routing.congestion.plan_forecast import forecast_all
-from strategies.routing.congestion.time_dependent import time_dependent_path
-from strategies.routing.congestion.zone_forecast import add, forget
+from strategies.routing.congestion import time_dependent_path
+from strategies.routing.forecasts import add, forecast_all, forget
 
 HORIZON = 160  # later than any of these robots arrives
 Others = Callable[[int, int, int], int]  # (cell, direction, tick) -> robots in that zone

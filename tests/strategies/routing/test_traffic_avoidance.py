@@ -25,13 +25,8 @@ from automaton.scenario.reading import read, shipped
 from automaton.scenario.schema import ROUTE_FOLLOWERS
 from automaton.scenario.unavailable_metrics import name_of
 from automaton.world.resolve import Resolved, resolve
-from strategies.routing.astar.frontier import LARGER_G
-from strategies.routing.traffic_avoidance import (
-    avoidance,
-    monte_carlo,
-    path_zones,
-    prediction_noise,
-)
+from strategies.routing import monte_carlo, predicted_paths, traffic_avoidance
+from strategies.routing.astar import LARGER_G
 
 MOST = 4
 
@@ -91,20 +86,20 @@ def test_the_plan_of_least_foreseen_time_is_chosen(
     workspace.count[:] = count
     own = touching(case, case.start[0]) | touching(case, case.target)
     own |= set() if pick == NIL else touching(case, pick)
-    times = {avoidance.PLAIN: foreseen(case, pick, count, set())}
+    times = {traffic_avoidance.PLAIN: foreseen(case, pick, count, set())}
     for threshold in range(1, MOST + 1):
         busy = {zone for zone, others in enumerate(count) if others >= threshold + more_than}
         times[threshold] = foreseen(case, pick, count, busy - own)
     arguments = (floor.grid.read_only(), 0, duration, workspace, LARGER_G, np.uint64(1))
     choices = (*arguments, case.start_pose(), pick, case.target, MOST, 1 + more_than)
     with np.errstate(over="ignore"):
-        chosen = avoidance.choose_threshold(*choices, avoidance.LEAST_TIME)
-        cautious = avoidance.choose_threshold(*choices, avoidance.MOST_CAUTIOUS)
+        chosen = traffic_avoidance.choose_threshold(*choices, traffic_avoidance.LEAST_TIME)
+        cautious = traffic_avoidance.choose_threshold(*choices, traffic_avoidance.MOST_CAUTIOUS)
     assert times[chosen] == min(times.values())
-    assert chosen == avoidance.PLAIN or times[chosen] < times[avoidance.PLAIN]
+    assert chosen == traffic_avoidance.PLAIN or times[chosen] < times[traffic_avoidance.PLAIN]
     busiest = max(count, default=0) - more_than
     open_to = [one for one in range(1, 1 + min(MOST, busiest)) if times[one] < FAR]
-    assert cautious == (open_to[0] if open_to else avoidance.PLAIN)
+    assert cautious == (open_to[0] if open_to else traffic_avoidance.PLAIN)
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -115,7 +110,9 @@ def test_a_robot_may_leave_the_intersection_where_it_stands(mode: str) -> None:
     case = Case(Ways(floor_plan, "omni", 1, 1), (middle, 0), middle, mode)
     floor, _, workspace = case.built()
     workspace.count[:] = 9
-    avoidance.close_zones(floor.grid.read_only(), workspace, 1, case.start_pose(), NIL, middle)
+    traffic_avoidance.close_zones(
+        floor.grid.read_only(), workspace, 1, case.start_pose(), NIL, middle
+    )
 
     def is_open(x: int, y: int) -> bool:
         return not workspace.closed[floor.grid.traffic_zone[floor_plan.cell(x, y)][0]]
@@ -130,7 +127,7 @@ def size_of(used: Array) -> int:
 
 
 def sets_of_the_warehouse(
-    precision: float, recall: float, share: float = prediction_noise.USED_SHARE
+    precision: float, recall: float, share: float = predicted_paths.USED_SHARE
 ) -> tuple[int, int, int]:
     """Zones used, of those predicted, and predicted in all, summed over the tasks of a seed.
 
@@ -144,12 +141,12 @@ def sets_of_the_warehouse(
                 arguments = (where.grid, where.duration, where.workspace, where.trial, LARGER_G)
                 monte_carlo.use_zones(*arguments, np.uint64(1), task)
                 truth, seen = where.trial.used.copy(), where.trial.used.copy()
-                chance = prediction_noise.false_alarms(precision, recall, share)
+                chance = predicted_paths.false_alarms(precision, recall, share)
                 keep, add = (
-                    round(recall * prediction_noise.CERTAIN),
-                    round(chance * prediction_noise.CERTAIN),
+                    round(recall * predicted_paths.CERTAIN),
+                    round(chance * predicted_paths.CERTAIN),
                 )
-                prediction_noise.blur(
+                predicted_paths.blur(
                     seen, where.grid.traffic_zone_count, keep, add, np.uint64(1), number, r
                 )
                 used += size_of(truth)
@@ -165,7 +162,7 @@ def test_noise_has_the_precision_and_recall_that_were_asked_for(
     where = warehouse()
     tasks = len(tasks_of(where, 1)) * ROBOTS
     share = sets_of_the_warehouse(1, 1)[0] / (tasks * where.grid.traffic_zone_count)
-    assert share == pytest.approx(prediction_noise.USED_SHARE, rel=0.08), (
+    assert share == pytest.approx(predicted_paths.USED_SHARE, rel=0.08), (
         "that one is of random ties"
     )
     used, right, found = sets_of_the_warehouse(precision, recall, share)
@@ -267,7 +264,7 @@ def test_the_noise_is_that_of_the_trials() -> None:
         resolved = resolve("warehouse-100", [f"strategy.routing={noisy % more}"])
         state = Simulation(resolved).states[LAYER_ROUTING]
         noise = np.array([state.keep_chance, state.add_chance])
-        chances.append(noise / prediction_noise.CERTAIN)
+        chances.append(noise / predicted_paths.CERTAIN)
     share = 27.5 / 522
     assert chances[0] == pytest.approx([0.84, 0.84 * share * 0.6 / (0.4 * (1 - share))])
     assert chances[1] == pytest.approx([0.84, 0.84 * 0.25 * 0.6 / (0.4 * 0.75)])
@@ -327,7 +324,9 @@ def test_what_is_foreseen_of_a_robot_is_what_it_drives() -> None:
         cells.append(int(world.robots.cell[0]))
         simulation.run(simulation.tick + 1)
     foreseen = {
-        zone for zone in range(world.grid.traffic_zone_count) if path_zones.has_zone(used, zone)
+        zone
+        for zone in range(world.grid.traffic_zone_count)
+        if predicted_paths.has_zone(used, zone)
     }
     assert len(cells) > 50
     assert foreseen == {int(world.grid.traffic_zone[cell, 0]) for cell in cells} - {NIL}

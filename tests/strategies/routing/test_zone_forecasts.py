@@ -17,20 +17,22 @@ from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.traffic_zones import MODES
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
-from strategies.routing.astar.route_workspace import RouteSpace
-from strategies.routing.congestion.congestion_parameters import SharedPlans
-from strategies.routing.congestion.plan_forecast import forecast_all, forecast_one
-from strategies.routing.congestion.task_forecast import add_task_forecasts, remove_task_forecast
-from strategies.routing.congestion.zone_forecast import (
+from strategies.routing.astar import RouteSpace
+from strategies.routing.forecasts import (
     CongestionState,
     add,
+    add_task_forecasts,
     congestion_state,
     empty_state,
+    forecast_all,
+    forecast_one,
     forget,
     forget_all,
     occupancy,
     present,
+    remove_task_forecast,
 )
+from strategies.routing.routing_parameters import SharedPlans
 
 HORIZON = 40
 

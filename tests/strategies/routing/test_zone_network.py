@@ -13,16 +13,15 @@ from automaton.papers.training.leg_samples import legs_of, members, site_of, uns
 from automaton.papers.training.prediction_metrics import measured
 from automaton.world.building import build_world
 from automaton.world.resolve import resolve
-from strategies.routing.traffic_avoidance import network_files as networks
-from strategies.routing.traffic_avoidance.network_files import (
+from strategies.routing import routing_parameters as networks
+from strategies.routing.predicted_paths import kernel_network, predict_legs, words
+from strategies.routing.routing_parameters import (
     check_floor,
     floor_fingerprint,
     load_network,
     predicted_zones,
     save_network,
 )
-from strategies.routing.traffic_avoidance.path_zones import words
-from strategies.routing.traffic_avoidance.zone_network import kernel_network, predict_legs
 
 SHIPPED = networks.shipped("warehouse-100")
 

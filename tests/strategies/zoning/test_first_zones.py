@@ -10,8 +10,7 @@ import pytest
 from automaton.errors import InputError
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import Resolved, resolve
-from strategies.zoning.central import monitored
-from strategies.zoning.queues import initial_zones
+from strategies.zoning import monitored
 
 NEGOTIATED = "strategy.zoning={name: decentralized, adjacency: 300}"
 LIMITED = "information={radius: 131, shape: circle, orders: zones}"
@@ -28,13 +27,13 @@ def test_zones_are_looked_for_beforehand_as_robots_will(
 ) -> None:
     """Robots that negotiate could not say that there are none."""
     tried: list[Any] = []
-    find = initial_zones.first_zones
+    find = monitored.first_zones
 
     def noted(*arguments: Any) -> int:
         tried.append(arguments[6])
         return int(find(*arguments))
 
-    monkeypatch.setattr(initial_zones, "first_zones", noted)
+    monkeypatch.setattr(monitored, "first_zones", noted)
     run = Simulation(factory(*settings))
     run.run(until=1)
     (design,) = tried
@@ -43,7 +42,7 @@ def test_zones_are_looked_for_beforehand_as_robots_will(
 
 
 def test_where_there_are_none_a_run_does_not_begin(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(initial_zones, "first_zones", lambda *_: 0)
+    monkeypatch.setattr(monitored, "first_zones", lambda *_: 0)
     with pytest.raises(InputError, match=NONE_FOUND):
         Simulation(factory(NEGOTIATED))
     monkeypatch.setattr(monitored, "first_zones", lambda *_: 0)
@@ -52,7 +51,7 @@ def test_where_there_are_none_a_run_does_not_begin(monkeypatch: pytest.MonkeyPat
 
 
 def test_zones_that_are_given_are_not_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(initial_zones, "first_zones", lambda *_: 0)
+    monkeypatch.setattr(monitored, "first_zones", lambda *_: 0)
     run = Simulation(resolve("factory-ddz", []))
     given = run.world.service_zones.design.zone.copy()
     run.run(until=1)

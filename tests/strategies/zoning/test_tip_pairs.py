@@ -22,13 +22,18 @@ from automaton.engine.facilities import Design, Roads
 from automaton.engine.state import NIL
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
-from strategies.zoning.annealing import annealing
-from strategies.zoning.design.design_files import design_arrays
-from strategies.zoning.design.exchange import give
-from strategies.zoning.design.first_designs import first_design, random_design
-from strategies.zoning.design.tip_stations import find_tips
-from strategies.zoning.design.zone_paths import block_others, copy_design, spread, whole_cells
-from strategies.zoning.design.zone_workspace import typical_distance, zone_rules
+from strategies.zoning import annealing
+from strategies.zoning.design_files import design_arrays
+from strategies.zoning.designs import first_design, give, random_design
+from strategies.zoning.transfer_stations import find_tips
+from strategies.zoning.zone_workspace import (
+    block_others,
+    copy_design,
+    spread,
+    typical_distance,
+    whole_cells,
+    zone_rules,
+)
 
 # Floors on which the last tip in reach cannot be joined to, and another one can.
 HOOK = """

@@ -8,8 +8,8 @@ import pytest
 from zoning_scenes import check_partition, drawn, factory, segments, shipped, stations
 
 from automaton.errors import InputError
-from strategies.zoning.design.design_files import read_design
-from strategies.zoning.design.design_picture import design_picture
+from strategies.zoning.design_files import read_design
+from strategies.zoning.service_zone_lines import design_picture
 
 FLOOR = """
     1...2...3

@@ -14,10 +14,9 @@ from automaton.engine.state import ORDER_DELIVERED
 from automaton.errors import InputError
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
-from strategies.zoning.annealing.annealing import repair
-from strategies.zoning.design.design_files import design_arrays
-from strategies.zoning.genetic.genetic_zones import evolve
-from strategies.zoning.genetic.population import population_for
+from strategies.zoning.annealing import repair
+from strategies.zoning.design_files import design_arrays
+from strategies.zoning.genetic import evolve, population_for
 
 SCENARIO = """name: edge
 layout:

@@ -19,13 +19,10 @@ from zoning_scenes import (
 )
 
 from automaton.engine.facilities import Design
-from strategies.zoning.design.design_files import design_arrays, read_design
-from strategies.zoning.design.exchange import give, remove
-from strategies.zoning.design.first_designs import random_design
-from strategies.zoning.design.tip_stations import find_tips
-from strategies.zoning.design.transfer_stations import find_transfers
-from strategies.zoning.design.zone_paths import copy_design
-from strategies.zoning.design.zone_workspace import zone_rules
+from strategies.zoning.design_files import design_arrays, read_design
+from strategies.zoning.designs import give, random_design, remove
+from strategies.zoning.transfer_stations import find_tips, find_transfers
+from strategies.zoning.zone_workspace import copy_design, zone_rules
 
 # Figure 2: zone 1 has WS2 at H, WS4 at O and WS5 at R (here 1, 2, 3); zone 2 has WS6 (here 4).
 FIGURE_2 = """

@@ -18,10 +18,10 @@ from zoning_scenes import (
 )
 
 from automaton.engine.facilities import Design
-from strategies.zoning.design.design_files import design_arrays, read_design
-from strategies.zoning.design.transfer_stations import connected, find_transfers
-from strategies.zoning.design.zone_load import UNDEFINED, balance, find_loads
-from strategies.zoning.design.zone_workspace import zone_rules
+from strategies.zoning.design_files import design_arrays, read_design
+from strategies.zoning.transfer_stations import connected, find_transfers
+from strategies.zoning.zone_load import UNDEFINED, balance, find_loads
+from strategies.zoning.zone_workspace import zone_rules
 
 SVP = 0.02140921364780887
 LOADS = [96.25346013022276, 96.44791452906311, 90.38721052754236]

@@ -29,17 +29,20 @@ from automaton.engine.facilities import Design
 from automaton.engine.jit.kernel import jit_is_on
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
-from strategies.zoning.annealing import annealing
-from strategies.zoning.decentralized import negotiation
-from strategies.zoning.design.design_files import design_arrays, read_design
-from strategies.zoning.design.first_designs import first_design, random_design
-from strategies.zoning.design.portable_math import exponential, logarithm, temperature
-from strategies.zoning.design.transfer_stations import connected
-from strategies.zoning.design.zone_load import find_loads
-from strategies.zoning.design.zone_workspace import typical_distance, zone_rules
-from strategies.zoning.design.zoning_draws import DRAWS_GENETIC
-from strategies.zoning.genetic import genetic_zones
-from strategies.zoning.genetic.population import population_for
+from strategies.zoning import annealing, genetic, negotiation
+from strategies.zoning.design_files import design_arrays, read_design
+from strategies.zoning.designs import first_design, random_design
+from strategies.zoning.genetic import population_for
+from strategies.zoning.transfer_stations import connected
+from strategies.zoning.zone_load import find_loads
+from strategies.zoning.zone_workspace import (
+    DRAWS_GENETIC,
+    exponential,
+    logarithm,
+    temperature,
+    typical_distance,
+    zone_rules,
+)
 
 
 def test_phase_1_gives_every_station_a_zone() -> None:
@@ -148,7 +151,7 @@ def test_breeding_ends_where_no_zone_has_a_station_to_give() -> None:
     design, workspace, herd = design_arrays(roads, 8), scratch(roads, 8), population_for(roads, 12)
     limits = (20, *BRED)
     flow = 1.0 - np.eye(8)
-    genetic_zones.evolve(
+    genetic.evolve(
         roads, rules, flow, *limits, herd, design, workspace, everyone(8), np.uint64(1), 0
     )
     assert workspace.drawn[0] - DRAWS_GENETIC < 4_000_000, (
@@ -163,7 +166,7 @@ def test_a_dozen_generations_find_a_balanced_design(seed: int) -> None:
     design, rules = design_arrays(roads, 3), factory_rules(roads)
     limits = (12, *BRED)
     flow = training_flow()
-    assert genetic_zones.evolve(
+    assert genetic.evolve(
         roads, rules, flow, *limits, herd, design, workspace, everyone(3), np.uint64(seed), 0
     )
     assert herd.now.value[-1] < 0.05  # with what drives past tips
@@ -279,5 +282,5 @@ def test_seeds_reach_kernels_from_python_as_they_do_from_kernels() -> None:
     bred = "strategy.zoning={name: genetic, design: factory-logged, generations: 2}"
     for settings in ((), (bred,)):
         Simulation(resolve("factory", settings)).run(until=9000)
-    for kernel in (annealing.repair, genetic_zones.evolve):
+    for kernel in (annealing.repair, genetic.evolve):
         assert {str(arguments[-2]) for arguments in kernel.signatures} == {"uint64"}

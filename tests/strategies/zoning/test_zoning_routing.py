@@ -10,10 +10,14 @@ import numpy as np
 import pytest
 from zoning_scenes import drawn, everyone, factory, factory_rules, scratch, shipped, training_flow
 
-from strategies.zoning.design.design_files import design_arrays
-from strategies.zoning.design.part_routing import ROUTING_CENTRAL, ROUTING_NEIGHBOURS, route
-from strategies.zoning.design.transfer_stations import find_transfers
-from strategies.zoning.design.zone_load import find_loads
+from strategies.zoning.design_files import design_arrays
+from strategies.zoning.transfer_stations import (
+    ROUTING_CENTRAL,
+    ROUTING_NEIGHBOURS,
+    find_transfers,
+    route,
+)
+from strategies.zoning.zone_load import find_loads
 
 DELIVERED = 1
 HANDED_ON = 0

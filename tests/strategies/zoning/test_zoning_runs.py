@@ -20,9 +20,8 @@ from zoning_scenes import (
 )
 
 from automaton.engine.facilities import Design
-from strategies.zoning.design.part_routing import ROUTING_CENTRAL, ROUTING_NEIGHBOURS
-from strategies.zoning.design.transfer_stations import find_transfers
-from strategies.zoning.design.zone_load import find_loads
+from strategies.zoning.transfer_stations import ROUTING_CENTRAL, ROUTING_NEIGHBOURS, find_transfers
+from strategies.zoning.zone_load import find_loads
 
 
 def with_transfers(name: str, rule: int) -> Design:

@@ -29,8 +29,8 @@ from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.strategy.layer import Strategy
 from automaton.world.resolve import document_of, resolve
-from strategies.zoning.central.redesigned_zones import AnnealedZones
-from strategies.zoning.decentralized.negotiation_messages import DEGREES, REDESIGN
+from strategies.zoning.monitored import AnnealedZones
+from strategies.zoning.negotiation import DEGREES, REDESIGN
 
 ADJACENT = "adjacency: 243.6437908496732"
 LOGGED = f"design: factory-logged, {ADJACENT}"

@@ -10,7 +10,7 @@ import pytest
 from automaton.engine.state import CLOCK_TICK, CLOCK_ZONES_REDESIGNED
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
-from strategies.zoning.central import monitored, redesigned_zones
+from strategies.zoning import monitored
 
 GOOD, BAD = 0.1, 0.5
 FIRST = 31  # zoning is begun in tick 1, and looks 30 s later
@@ -49,11 +49,11 @@ def watched(
         log.flows.append(tick)
         return usual_flow(view, window, tick, found)
 
-    usual_look, usual_flow = monitored.MonitoredZones._check_balance, redesigned_zones.record_flow
+    usual_look, usual_flow = monitored.MonitoredZones._check_balance, monitored.record_flow
     monkeypatch.setattr(monitored.MonitoredZones, "_check_balance", look)
     monkeypatch.setattr(monitored, "share", share)
     monkeypatch.setattr(monitored, "balance", lambda _: value(now))
-    monkeypatch.setattr(redesigned_zones, "record_flow", flow)
+    monkeypatch.setattr(monitored, "record_flow", flow)
     run = Simulation(
         resolve("factory", [f"{ZONING}{more}}}", SECONDS, "orders.processing_time=10"])
     )

@@ -22,15 +22,13 @@ from automaton.evidence.recording.recorder import MemoryRecorder
 from automaton.evidence.verification.validator import validate_stored
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
-from strategies.zoning.annealing import annealing
-from strategies.zoning.decentralized.negotiation import lead, parts_for
-from strategies.zoning.design.design_files import design_arrays
-from strategies.zoning.design.transfer_stations import find_transfers
-from strategies.zoning.design.zone_capabilities import match
-from strategies.zoning.design.zone_load import find_loads
-from strategies.zoning.design.zone_workspace import ZoneSpace
-from strategies.zoning.genetic import genetic_zones
-from strategies.zoning.genetic.population import population_for
+from strategies.zoning import annealing, genetic
+from strategies.zoning.design_files import design_arrays
+from strategies.zoning.genetic import population_for
+from strategies.zoning.negotiation import lead, parts_for
+from strategies.zoning.transfer_stations import find_transfers
+from strategies.zoning.zone_load import find_loads
+from strategies.zoning.zone_workspace import ZoneSpace, match
 
 NORTH = [0, 1, 2, 3]  # stations 1 to 4, closed to the robot of zone 0
 METHODS = {
@@ -72,7 +70,7 @@ def made(method: str, seed: int) -> tuple[Design, ZoneSpace]:
     else:
         limits = (8, *BRED)
         herd = population_for(roads, 20)
-        assert genetic_zones.evolve(
+        assert genetic.evolve(
             roads, rules, flow, *limits, herd, design, workspace, everyone(3), np.uint64(seed), 0
         )
     return design, workspace

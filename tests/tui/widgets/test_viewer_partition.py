@@ -27,9 +27,9 @@ from automaton.evidence.history.live_run import LiveRun
 from automaton.evidence.history.snapshot import take_snapshot
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
-from strategies.zoning.design.service_zone_lines import coloured, partition_picture
-from strategies.zoning.design.zone_load import load_of
-from strategies.zoning.design.zone_workspace import space_for, zone_rules
+from strategies.zoning.service_zone_lines import coloured, partition_picture
+from strategies.zoning.zone_load import load_of
+from strategies.zoning.zone_workspace import space_for, zone_rules
 from tui.cast.film_making import make_picture
 from tui.cast.film_request import Request
 from tui.playback.panel_view import View

@@ -20,7 +20,7 @@ from automaton.evidence.history.snapshot import take_snapshot
 from automaton.floor.traffic_zones import MODES, traffic_zones_of
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
-from strategies.routing.astar.frontier import FIFO, LARGER_G, TIES
+from strategies.routing.astar import FIFO, LARGER_G, TIES
 from tui.cast.film_making import make_picture
 from tui.cast.film_request import Request
 from tui.layers.astar_paths import Paths, driven, explored, ties_of

@@ -1,0 +1,347 @@
+"""The parameters of allocations that do not know all kinds of orders. Imports no Numba."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import msgspec
+from msgspec import Meta
+
+from automaton.floor.cells import ANY, CELL_KINDS
+from automaton.floor.floor_plan import FloorPlan
+from automaton.scenario.carried_pods import carries_pods
+from automaton.scenario.orders import has_tours, kinds_of_sources, priorities_of
+from automaton.scenario.quantities import CELLS, MOMENT, TIME, quantity
+from automaton.scenario.schema import Scenario
+
+
+def refusal_of_pods(scenario: Scenario, floor_plan: FloorPlan) -> str | None:
+    """Return why a strategy that brings each load to a target does not fit, None if it does."""
+    if not carries_pods(scenario, floor_plan):
+        return None
+    return (
+        "it does not know pods, which go to stations and back into storage; shortest-job, first-come, "
+        "independent and greedy do"
+    )
+
+
+def refusal_of_tours(scenario: Scenario, floor_plan: FloorPlan) -> str | None:
+    """Return why an allocation that prices loads alone does not fit, None if it does."""
+    if carries_pods(scenario, floor_plan):
+        return refusal_of_pods(scenario, floor_plan)
+    if not has_tours(scenario.orders):
+        return None
+    return "it knows only orders with a load, and some have stops; greedy and first-come do those"
+
+
+def refusal_of_own_orders(scenario: Scenario) -> str | None:
+    """Return why an allocation that gives any order to any robot does not fit, None if it does."""
+    if scenario.orders.assign != "round-robin":
+        return None
+    return "it gives any order to any robot, and orders.assign is round-robin; greedy does that"
+
+
+def refusal_of_priorities(scenario: Scenario) -> str | None:
+    """Return why an allocation that does not look at priorities does not fit, None if it does."""
+    if len(priorities_of(scenario.orders)) == 1:
+        return None
+    return "it knows no priorities, and orders have some; greedy and first-come do those"
+
+
+Storage = Annotated[
+    Literal["fixed", "nearest", "class", "random"],
+    Meta(
+        description="where a pod is stored after its trip: where it stood at the start, in the nearest "
+        "free cell, in the nearest one of its class (pods.classes), or in any"
+    ),
+]
+
+
+def tuned_storage(scenario: Scenario, floor_plan: FloorPlan) -> dict[str, tuple[Any, ...]]:
+    """Return the policies of storage that are worth trying: none where no pod is stored."""
+    return {"storage": ("fixed", "nearest")} if carries_pods(scenario, floor_plan) else {}
+
+
+class Storing(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """Where pods are stored."""
+
+    storage: Storage = "fixed"
+
+
+class IndependentParameters(Storing, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """No further parameters."""
+
+    def tuned_values(self, scenario: Scenario, floor_plan: FloorPlan) -> dict[str, tuple[Any, ...]]:
+        """What is worth trying of each parameter."""
+        return tuned_storage(scenario, floor_plan)
+
+
+class FirstComeParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """Which order comes first; but robots must not have orders of their own."""
+
+    by: Annotated[
+        Literal["arrival", "due"],
+        Meta(
+            description="the order that was released first, or the one that is due first: those without "
+            "a due time last, ties by release"
+        ),
+    ] = "arrival"
+    storage: Storage = "fixed"
+
+    def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
+        """One cursor goes over the orders for all robots of a type."""
+        return refusal_of_own_orders(scenario)
+
+    def tuned_values(self, scenario: Scenario, floor_plan: FloorPlan) -> dict[str, tuple[Any, ...]]:
+        """What is worth trying of each parameter."""
+        return tuned_storage(scenario, floor_plan)
+
+
+# The parameters of methods that pass loads along alleys. Imports no Numba.
+
+
+class Alleys(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """No parameters; but loads are looked for on shelves alone."""
+
+    def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
+        """Loads at docks and stations belong to no alley: no robot would ever fetch them.
+
+        An alley is the column from which its loads are picked up.
+        """
+        if scenario.world.access_cell != "fixed":
+            return "its alleys are where loads are picked up; it needs world.access_cell: fixed"
+        if refusal := refusal_of_tours(scenario, floor_plan) or refusal_of_priorities(scenario):
+            return refusal
+        begun = kinds_of_sources(scenario.orders, floor_plan)
+        names = [f"{kind.name}s" for kind in CELL_KINDS if kind.holds == ANY and kind.code in begun]
+        if not names:
+            return None
+        places = " and ".join(names)
+        return (
+            f"it finds loads on shelves alone, and orders begin at {places}; first-come takes those"
+        )
+
+    def tuned_values(self, scenario: Scenario, floor_plan: FloorPlan) -> dict[str, tuple[Any, ...]]:
+        """What is worth trying of each parameter."""
+        return {}
+
+
+# The parameters of shortest job first. Imports no Numba.
+
+
+class ShortestJobParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """The weights of a score: age * (how long it waited) - job * (how long it takes)."""
+
+    age: Annotated[float, Meta(ge=0, le=1000, description="C_A: weight of the waiting")] = 0.5
+    job: Annotated[float, Meta(ge=0, le=1000, description="C_D: weight of the driving")] = 10.0
+    idle: Annotated[
+        Literal["park", "stay"], Meta(description="what robots without an order do")
+    ] = "park"
+    storage: Storage = "fixed"
+
+    def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
+        """The score of an order is the same rule for all robots."""
+        return refusal_of_own_orders(scenario)
+
+    def tuned_values(self, scenario: Scenario, floor_plan: FloorPlan) -> dict[str, tuple[Any, ...]]:
+        """What is worth trying of each parameter."""
+        return tuned_storage(scenario, floor_plan)
+
+
+# The parameters of greedy allocation. Imports no Numba.
+
+
+Ticks = Annotated[int, quantity(TIME, ge=1, le=1_000_000)]
+
+
+class GreedyParameters(Storing, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """Which pairs of robots and orders are cheap, and which may be parted again."""
+
+    rest: Annotated[
+        float,
+        Meta(
+            ge=0,
+            le=100,
+            description="weight of the ticks from an order's first stop to its last one, against "
+            "those to its first stop; above 0 short orders come first",
+        ),
+    ] = 0.0
+    reassign: Annotated[
+        Ticks | None,
+        Meta(
+            description="ticks after which robots and orders without a load that are not begun are "
+            "matched again; null: a robot keeps what it has taken"
+        ),
+    ] = None
+    active: Annotated[
+        Annotated[int, Meta(ge=1)] | None,
+        Meta(description="so many robots have an order at once at most; null: all may"),
+    ] = None
+    idle: Annotated[
+        Literal["park", "stay"],
+        Meta(
+            description="what robots without an order do; those that `active` keeps from an open one "
+            "stay"
+        ),
+    ] = "park"
+
+    def tuned_values(self, scenario: Scenario, floor_plan: FloorPlan) -> dict[str, tuple[Any, ...]]:
+        """What is worth trying of each parameter."""
+        return {"rest": (0.0, 1.0), **tuned_storage(scenario, floor_plan)}
+
+
+# The parameters of auctions. Imports no Numba.
+
+
+Tick = Annotated[int, quantity(MOMENT, ge=1, le=2_000_000_000)]
+Fraction = Annotated[float, Meta(ge=0, le=1)]
+
+
+class EpsilonSchedule(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """An epsilon that goes evenly from one value to another."""
+
+    first: Annotated[Fraction, Meta(description="at the start")] = msgspec.field(name="from")
+    last: Annotated[Fraction, Meta(description="from tick `until` on")] = msgspec.field(name="to")
+    until: Annotated[Tick, Meta(description="tick from which it stays")]
+
+
+DEFAULT_LIST_LENGTH = 8  # orders in a robot's list, unless the fleet is too large for so many
+MAX_LISTED_ORDERS = 1000  # orders in all lists together: bounds the memory of a market
+
+
+class Auctions(Storing, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """How orders are auctioned among the robots, and by which auctioneers."""
+
+    mechanism: Annotated[
+        Literal[
+            "sequential", "arrival", "parallel", "combinatorial", "genetic", "exact", "assignment"
+        ],
+        Meta(
+            description="sequential: one by one, the winner bids again; arrival: each order to the "
+            "lowest bid, in arrival order; parallel: all at once; combinatorial: bundles, small "
+            "cases; "
+            "genetic, exact: the benchmarks of the paper, exact without batteries and with the "
+            "ten oldest orders; assignment: one order for each robot."
+        ),
+    ] = "sequential"
+    bid_rule: Annotated[
+        Literal["mixed", "average", "average-paper"],
+        Meta(
+            description="mixed: epsilon x MiniSum + (1 - epsilon) x MiniMax; average: what an order "
+            "adds to the sum of arrival times; average-paper: the mean arrival time."
+        ),
+    ] = "mixed"
+    epsilon: Annotated[
+        Fraction | EpsilonSchedule | Literal["load"],
+        Meta(
+            description="1 is MiniSum, 0 MiniMax; {from, to, until} changes it with time; load: the "
+            "more orders wait for each robot, the nearer to 1."
+        ),
+    ] = 0.5
+    winner_rule: Annotated[
+        Literal["lowest", "difference", "fewest", "regret"],
+        Meta(
+            description="sequential: which order is sold next: that of the lowest bid (LB), of the "
+            "biggest difference (BD), with the fewest bidders (FB), or of the largest regret."
+        ),
+    ] = "lowest"
+    local_search: Annotated[
+        bool, Meta(description="local search over all lists after each auction")
+    ] = False
+    max_orders_per_robot: Annotated[
+        int, Meta(ge=1, le=64, description="orders in a robot's list")
+    ] = DEFAULT_LIST_LENGTH
+    max_items: Annotated[int, Meta(ge=1, le=1000, description="orders in an auction")] = 100
+    auctioneer: Annotated[
+        Literal["central", "fixed", "time", "token"],
+        Meta(
+            description="central: one for all robots; fixed: `auctioneers` robots, each sells the "
+            "orders nearest to it; time, token: one robot at a time, passed on after "
+            "`auctioneer_term` ticks, "
+            "or after each auction."
+        ),
+    ] = "central"
+    auctioneers: Annotated[int, Meta(ge=1, le=1000, description="fixed: how many")] = 2
+    auctioneer_term: Annotated[
+        int, quantity(TIME, ge=1, le=1_000_000, description="time: ticks")
+    ] = 100
+    region: Annotated[
+        Literal["auctioneer", "order"],
+        Meta(
+            description="which robots may bid: those around the auctioneer, or those around the "
+            "order"
+        ),
+    ] = "auctioneer"
+    announcement_radius: Annotated[
+        Annotated[int, quantity(CELLS, ge=1, le=100_000)] | None,
+        Meta(description="in cells; doubled while no robot bids; null: announced to all robots"),
+    ] = None
+    reauction_after: Annotated[
+        Annotated[int, quantity(TIME, ge=0, le=1_000_000)] | None,
+        Meta(description="a robot this many ticks late returns its list; null: never"),
+    ] = None
+    while_charging: Annotated[
+        Literal["release", "keep"],
+        Meta(
+            description="release: a robot that is to charge, queues or charges returns its list "
+            "as soon as another robot has no order left; keep: it keeps its list."
+        ),
+    ] = "release"
+
+    def __post_init__(self) -> None:
+        asked_for = {
+            "auctioneers is for auctioneer: fixed": self.auctioneers != 2
+            and self.auctioneer != "fixed",
+            "auctioneer_term is for auctioneer: time": self.auctioneer_term != 100
+            and self.auctioneer != "time",
+            "winner_rule is for mechanism: sequential": self.winner_rule != "lowest"
+            and self.mechanism != "sequential",
+            "region: order needs an announcement_radius": self.region == "order"
+            and self.announcement_radius is None,
+            "announcement_radius needs region: order, or another auctioneer": self.announcement_radius
+            is not None
+            and self.region == "auctioneer"
+            and self.auctioneer == "central",
+        }
+        for sentence, wrong in asked_for.items():
+            if wrong:
+                raise ValueError(sentence)
+
+    def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
+        """The optimum is known for small fleets alone, and without charging."""
+        refusal = (
+            None if scenario.orders.lines is not None else refusal_of_tours(scenario, floor_plan)
+        )
+        if refusal := refusal or refusal_of_priorities(scenario):
+            return refusal
+        robots = scenario.fleet.robots
+        if scenario.information != "everything":
+            return (
+                "an auction needs information: everything; its own announcement_radius and "
+                "region limit which robots "
+                "may bid"
+            )
+        if robots > MAX_LISTED_ORDERS or (
+            robots * self.max_orders_per_robot > MAX_LISTED_ORDERS
+            and self.max_orders_per_robot > DEFAULT_LIST_LENGTH
+        ):
+            return (
+                f"{robots:,} lists of {self.max_orders_per_robot} orders are too many for one "
+                "market: robots x max_orders_per_robot "
+                f"may be {MAX_LISTED_ORDERS:,}"
+            )
+        if self.auctioneer == "fixed" and self.auctioneers > robots:
+            return f"auctioneers is {self.auctioneers}, and fleet.robots is {robots}"
+        if self.mechanism == "exact" and scenario.battery is not None:
+            return (
+                "the mechanism exact ignores charging; use combinatorial, or leave out the battery"
+            )
+        if self.mechanism in ("exact", "combinatorial") and robots > MAX_BUNDLING_ROBOTS:
+            return (
+                f"the mechanism {self.mechanism} tries all ways to split orders among at most "
+                f"{MAX_BUNDLING_ROBOTS} robots, and fleet.robots is {robots}"
+            )
+        return None
+
+
+MAX_BUNDLING_ROBOTS = 16  # robots whose bundles are all tried

@@ -1,0 +1,325 @@
+"""Improvement of lists after an auction: relocate a task, swap two, reverse a stretch (2-opt).
+
+A move is taken as soon as it makes the objective smaller, or leaves it equal and makes the sum of
+all costs smaller; the search ends when no move does.
+"""
+
+import numpy as np
+
+from automaton.engine.jit.kernel import kernel
+from automaton.strategy.kernels import random_between
+from strategies.allocation.auction.market import (
+    BID_SCALE,
+    INF_COST,
+    cheapest_insertion,
+    insert,
+    remove,
+)
+from strategies.allocation.auction.quotes import clear_counts, quote_list, settle
+from strategies.allocation.auction.sequential import objective
+
+
+@kernel
+def improve(costs, battery, fleet, scratch, epsilon):
+    """Improve settled, feasible lists until no move helps; returns the number of moves taken."""
+    robots = fleet.place.shape[0]
+    moves = np.int64(0)
+    found = True
+    while found:
+        found = False
+        for r in range(robots):
+            while two_opt(costs, battery, fleet, scratch, epsilon, r):
+                found = True
+                moves += 1
+            for s in range(robots):
+                while relocate(costs, battery, fleet, scratch, epsilon, r, s):
+                    found = True
+                    moves += 1
+                while s > r and swap(costs, battery, fleet, scratch, epsilon, r, s):
+                    found = True
+                    moves += 1
+    return moves
+
+
+@kernel
+def better(fleet, epsilon, r, cost_r, s, cost_s):
+    """Whether costs cost_r, cost_s of robots r and s are an improvement; r == s: cost_r alone."""
+    if cost_r >= INF_COST or cost_s >= INF_COST:
+        return False
+    rest, most = np.int64(0), np.int64(0)
+    for other in range(fleet.cost.shape[0]):
+        if other != r and other != s:
+            rest += fleet.cost[other]
+            most = max(most, fleet.cost[other])
+    now_sum, now_most = rest + fleet.cost[r], max(most, fleet.cost[r])
+    new_sum, new_most = rest + cost_r, max(most, cost_r)
+    if s != r:
+        now_sum, now_most = now_sum + fleet.cost[s], max(now_most, fleet.cost[s])
+        new_sum, new_most = new_sum + cost_s, max(new_most, cost_s)
+    now = epsilon * now_sum + (BID_SCALE - epsilon) * now_most
+    new = epsilon * new_sum + (BID_SCALE - epsilon) * new_most
+    return new < now or (new == now and new_sum < now_sum)
+
+
+@kernel
+def two_opt(costs, battery, fleet, scratch, epsilon, r):
+    """Reverse one stretch of robot r's list, if that is better."""
+    length = np.int64(fleet.length[r])
+    order = fleet.order[r]
+    for i in range(min(np.int64(fleet.first[r]), length), length):
+        for j in range(i + 1, length):
+            for k in range(length):
+                scratch.order[k] = order[i + j - k] if i <= k <= j else order[k]
+            cost = quote_list(costs, battery, fleet, scratch, r, scratch.order, length)
+            if better(fleet, epsilon, r, cost, r, cost):
+                for k in range(length):
+                    order[k] = scratch.order[k]
+                settle(costs, battery, fleet, scratch, r)
+                return True
+    return False
+
+
+@kernel
+def cost_without(costs, battery, fleet, scratch, r, position):
+    """The quote of robot r's list without the task at this position; the list is in scratch.order."""
+    length = np.int64(fleet.length[r])
+    for k in range(length):
+        scratch.order[k] = fleet.order[r, k]
+    remove(scratch.order, length, position)
+    return quote_list(costs, battery, fleet, scratch, r, scratch.order, length - 1)
+
+
+@kernel
+def cost_inserted(costs, battery, fleet, scratch, r, length, task):
+    """(position, quote) of scratch.order[:length] with the task inserted; the list is left there."""
+    first = min(np.int64(fleet.first[r]), length)
+    place = np.int64(fleet.place[r])
+    costs.robot_type[0] = fleet.robot_type[r]
+    position, _ = cheapest_insertion(costs, place, scratch.order, length, task, first)
+    insert(scratch.order, length, task, position)
+    return position, quote_list(costs, battery, fleet, scratch, r, scratch.order, length + 1)
+
+
+@kernel
+def relocate(costs, battery, fleet, scratch, epsilon, r, s):
+    """Move one task of robot r to where it is cheapest in robot s's list, if that is better."""
+    if s != r and fleet.length[s] >= fleet.capacity[s]:
+        return False
+    length = np.int64(fleet.length[r])
+    for i in range(min(np.int64(fleet.first[r]), length), length):
+        task = np.int64(fleet.order[r, i])
+        if fleet.may_bid[s, task] == 0:
+            continue
+        cost_r = cost_without(costs, battery, fleet, scratch, r, i)
+        target = length - 1
+        if s != r:
+            target = np.int64(fleet.length[s])
+            for k in range(target):
+                scratch.order[k] = fleet.order[s, k]
+        position, cost_s = cost_inserted(costs, battery, fleet, scratch, s, target, task)
+        if s == r:
+            cost_r = cost_s
+        if better(fleet, epsilon, r, cost_r, s, cost_s):
+            move(fleet, r, i, s, position)
+            settle(costs, battery, fleet, scratch, r)
+            settle(costs, battery, fleet, scratch, s)
+            return True
+    return False
+
+
+@kernel
+def move(fleet, r, i, s, position):
+    """Take the task at i from robot r and insert it at `position` of robot s's list."""
+    task = np.int64(fleet.order[r, i])
+    remove(fleet.order[r], fleet.length[r], i)
+    fleet.length[r] -= 1
+    insert(fleet.order[s], fleet.length[s], task, position)
+    fleet.length[s] += 1
+
+
+@kernel
+def swap(costs, battery, fleet, scratch, epsilon, r, s):
+    """Exchange a task of robot r for one of robot s, each inserted where it is cheapest."""
+    for i in range(min(fleet.first[r], fleet.length[r]), fleet.length[r]):
+        given = np.int64(fleet.order[r, i])
+        if fleet.may_bid[s, given] == 0:
+            continue
+        for j in range(min(fleet.first[s], fleet.length[s]), fleet.length[s]):
+            taken = np.int64(fleet.order[s, j])
+            if fleet.may_bid[r, taken] == 0:
+                continue
+            at_r, cost_r = exchanged(costs, battery, fleet, scratch, r, i, taken)
+            at_s, cost_s = exchanged(costs, battery, fleet, scratch, s, j, given)
+            if better(fleet, epsilon, r, cost_r, s, cost_s):
+                replace(fleet, r, i, taken, at_r)
+                replace(fleet, s, j, given, at_s)
+                settle(costs, battery, fleet, scratch, r)
+                settle(costs, battery, fleet, scratch, s)
+                return True
+    return False
+
+
+@kernel
+def exchanged(costs, battery, fleet, scratch, r, i, task):
+    """(position, quote) of robot r's list with the task at i taken out and another inserted."""
+    length = np.int64(fleet.length[r])
+    for k in range(length):
+        scratch.order[k] = fleet.order[r, k]
+    remove(scratch.order, length, i)
+    return cost_inserted(costs, battery, fleet, scratch, r, length - 1, task)
+
+
+@kernel
+def replace(fleet, r, i, task, position):
+    """Take the task at i out of robot r's list and insert another at `position`."""
+    remove(fleet.order[r], fleet.length[r], i)
+    insert(fleet.order[r], fleet.length[r] - 1, task, position)
+
+
+# The genetic algorithm that De Ryck et al. compare with: a gene for each item names its robot.
+#
+# Population of ten for each robot, as many elite as robots, roulette by rank, one-point crossover,
+# and mutation with probability 1/2: of one gene of a child, or (`each_gene`) of each gene. A robot's
+# list is made by inserting its items in the order of arrival. Draws are addressed by the seed, the
+# number of the auction with the generation, and the child.
+
+
+STREAM_GENES = 15  # of random draws; each stream has a number of its own
+
+CHILD_ADDRESSES = 8  # addresses of a child besides those of its genes
+# addresses of an auction: one for each generation, of which there are fewer
+AUCTION_ADDRESSES = 1 << 20
+
+
+@kernel
+def genetic(
+    costs, battery, fleet, scratch, population, items, count, epsilon, generations, each_gene, seed,
+    auction,
+):  # fmt: skip
+    """Leave the best individual's lists in the fleet; returns its objective, or INF_COST.
+
+    population: for this fleet and `count` items; each_gene: 1 = a coin for each gene; auction: the
+    number by which the draws of this seed are told from those of its other auctions.
+    """
+    clear_counts(scratch)
+    turn = np.int64(auction) * AUCTION_ADDRESSES
+    robots = fleet.place.shape[0]
+    size = population.fitness.shape[0]
+    keep_lists(fleet, population)
+    for i in range(size):
+        for k in range(count):
+            population.genes[i, k] = random_between(
+                0, robots - 1, seed, STREAM_GENES, turn, i * count + k
+            )
+    for generation in range(1, generations + 1):
+        judge(costs, battery, fleet, scratch, population, items, count, epsilon)
+        breed(population, robots, count, each_gene, seed, turn + generation)
+    judge(costs, battery, fleet, scratch, population, items, count, epsilon)
+    best = np.int64(population.rank[0])
+    decode(costs, battery, fleet, scratch, population, items, count, best)
+    for k in range(count):
+        scratch.sold[k] = population.genes[best, k]
+    return population.fitness[best]
+
+
+@kernel
+def keep_lists(fleet, population):
+    """Remember the lists that every individual begins with."""
+    for r in range(fleet.place.shape[0]):
+        population.length[r] = fleet.length[r]
+        for i in range(fleet.length[r]):
+            population.order[r, i] = fleet.order[r, i]
+
+
+@kernel
+def decode(costs, battery, fleet, scratch, population, items, count, individual):
+    """Make the lists of an individual; where a list cannot take an item, the cost is INF_COST."""
+    for r in range(fleet.place.shape[0]):
+        fleet.length[r] = population.length[r]
+        for i in range(population.length[r]):
+            fleet.order[r, i] = population.order[r, i]
+    refused = np.int64(-1)
+    for k in range(count):
+        r = np.int64(population.genes[individual, k])
+        task = np.int64(items[k])
+        length = np.int64(fleet.length[r])
+        if length >= fleet.capacity[r] or fleet.may_bid[r, task] == 0:
+            refused = r
+            continue
+        first = min(np.int64(fleet.first[r]), length)
+        place = np.int64(fleet.place[r])
+        costs.robot_type[0] = fleet.robot_type[r]
+        position, _ = cheapest_insertion(costs, place, fleet.order[r], length, task, first)
+        scratch.count.positions[0] += length + 1 - first
+        insert(fleet.order[r], length, task, position)
+        fleet.length[r] += 1
+    for r in range(fleet.place.shape[0]):
+        settle(costs, battery, fleet, scratch, r)
+    if refused >= 0:
+        fleet.cost[refused] = INF_COST
+
+
+@kernel
+def judge(costs, battery, fleet, scratch, population, items, count, epsilon):
+    """fitness of all individuals, and their rank; ties: the lower number."""
+    size = population.fitness.shape[0]
+    for i in range(size):
+        decode(costs, battery, fleet, scratch, population, items, count, i)
+        population.fitness[i] = objective(fleet, epsilon)
+        at = i
+        while at > 0 and population.fitness[population.rank[at - 1]] > population.fitness[i]:
+            population.rank[at] = population.rank[at - 1]
+            at -= 1
+        population.rank[at] = i
+
+
+@kernel
+def breed(population, robots, count, each_gene, seed, turn):
+    """The next generation: the elite, and children of two parents each."""
+    size = population.fitness.shape[0]
+    stride = count + CHILD_ADDRESSES
+    for i in range(size):
+        child = population.children[i]
+        if i < robots:
+            elite = np.int64(population.rank[i])
+            for k in range(count):
+                child[k] = population.genes[elite, k]
+            continue
+        address = i * stride
+        mother = spin(population, size, seed, turn, address)
+        father = spin(population, size, seed, turn, address + 1)
+        cut = np.int64(0)
+        if count > 1:
+            cut = random_between(1, count - 1, seed, STREAM_GENES, turn, address + 2)
+        for k in range(count):
+            child[k] = population.genes[mother if k < cut else father, k]
+        mutate(child, robots, count, each_gene, seed, turn, address + 3)
+    for i in range(size):
+        for k in range(count):
+            population.genes[i, k] = population.children[i, k]
+
+
+@kernel
+def spin(population, size, seed, turn, address):
+    """An individual by roulette: the best of N has N shares, the worst one."""
+    shares = size * (size + 1) // 2
+    left = random_between(0, shares - 1, seed, STREAM_GENES, turn, address)
+    place = np.int64(0)
+    while left >= size - place:
+        left -= size - place
+        place += 1
+    return np.int64(population.rank[place])
+
+
+@kernel
+def mutate(child, robots, count, each_gene, seed, turn, address):
+    """Reset one gene with probability 1/2; or each gene with probability 1/2."""
+    if each_gene == 1:
+        for k in range(count):
+            coin = random_between(0, 2 * robots - 1, seed, STREAM_GENES, turn, address + k)
+            if coin < robots:
+                child[k] = coin
+        return
+    if random_between(0, 1, seed, STREAM_GENES, turn, address) == 1:
+        gene = random_between(0, count - 1, seed, STREAM_GENES, turn, address + 1)
+        child[gene] = random_between(0, robots - 1, seed, STREAM_GENES, turn, address + 2)

@@ -1,1 +1,0 @@
-"""A* over poses, its ties settled by a rule."""

@@ -1,0 +1,604 @@
+"""Who will be where: predicted robots in each zone, tick by tick, from now to a horizon.
+
+Counts of the zones are four ticks to a word. What a robot adds to them are its visits to zones. A
+count goes up to 65,535; one that would go beyond stays there until all are forgotten.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.jit.structs import DERIVED, SCRATCH, Struct, field
+from automaton.engine.state import (
+    ACTION_DROP,
+    ACTION_MOVE,
+    ACTION_PICK,
+    ACTION_TURN,
+    CLOCK_TICK,
+    GOAL_DROP,
+    GOAL_NONE,
+    GOAL_PICK,
+    NIL,
+    Array,
+    World,
+)
+from automaton.strategy.kernels import (
+    dropoff_cell,
+    first_cell,
+    heading_towards,
+    headings_of,
+    limited_ticks,
+    next_stop_cell,
+    pickup_cell,
+    with_load,
+    without_load,
+)
+from strategies.routing.astar import LARGER_G, RouteSpace, astar, route_space
+
+if TYPE_CHECKING:
+    from strategies.routing.routing_parameters import SharedPlans
+
+
+LANES = 4  # counts in a word
+LANE = 16  # bits of a count
+MASK = (1 << LANE) - 1
+EVERY_LANE = 0x0001000100010001
+WHOLE = 1_000_000  # a robot that is in a zone all the time, where shares are predicted
+
+
+class CongestionState(Struct):
+    """Parameters, detours, and what a call predicts of n robots in Z zones for h ticks from now."""
+
+    beta: int = field("int64", "what another robot in its zone costs, in thousandths of a move")
+    horizon: int = field("int64", "h, at most 65,535")
+    tasks_alone: int = field("int64", "1: nothing is known of the others but their tasks")
+    shares: int = field("int64", "1: predicted is a share of all ticks, the same for each of them")
+    detour: Array = field("(n,) int64", "1 + the goal cell to which a detour leads, or 0")
+    # Plans of whole tasks stay until the task is over.
+    task: Array = field("(n,) int64", "dispatched << 32 | 1 + the order that the plan is of, or 0")
+    step_count: Array = field("(n,) int64", "steps of the plan")
+    steps: Array = field("(n, h + 2) uint8", "one for each tick, and for work that takes none")
+    # The replay of a plan:
+    step: Array = field("(n,) int64", "steps begun", role=SCRATCH)
+    place: Array = field("(n,) int64", "the cell in which the next step begins", role=SCRATCH)
+    travel: Array = field("(n,) int64", "direction in which it comes there", role=SCRATCH)
+    heading: Array = field("(n,) int64", role=SCRATCH)
+    free: Array = field("(n,) int64", "tick in which the next step begins", role=SCRATCH)
+    robot_type: Array = field("(n,) int64", "its type then, with a load or not", role=SCRATCH)
+    in_bay: Array = field(
+        "(n,) int64",
+        "1: its first step begins in a parking bay; k > 1: it has left it, its step ends in k ticks",
+        role=SCRATCH,
+    )
+    zone: Array = field("(n,) int64", "where it is counted, or NIL", role=SCRATCH)
+    since: Array = field("(n,) int64", "the tick in which it came there", role=SCRATCH)
+    visit_count: Array = field("(n,) int64", "visits that are counted", role=SCRATCH)
+    visit_zone: Array = field("(n, h + 2) int32", role=SCRATCH)
+    visit_begin: Array = field("(n, h + 2) uint16", "the first tick", role=SCRATCH)
+    visit_end: Array = field("(n, h + 2) uint16", "the tick in which it is over", role=SCRATCH)
+    # Of all robots; these are zero between two calls:
+    counts: Array = field("(Z, words) int64", "robots in a zone, tick by tick", role=DERIVED)
+    overflowed: Array = field("(1,) int64", "1: a count has overflowed", role=DERIVED)
+    zone_share: Array = field("(Z,) int64", "shares of a zone, in 1 / WHOLE", role=DERIVED)
+    crowd: Array = field("(Z,) int64", "robots in a zone at the tick of a replay", role=DERIVED)
+    calendar: Array = field("(h,) int64", "1 + a robot whose step begins in a tick", role=DERIVED)
+    link: Array = field("(n,) int64", "1 + the robot after it in the same tick", role=SCRATCH)
+    # Of searches:
+    arrival: Array = field("(P,) int32", "tick in which a pose is reached", role=SCRATCH)
+    routes: RouteSpace
+
+
+def congestion_state(view: World, parameters: SharedPlans) -> CongestionState:
+    """That of a run's beginning."""
+    zones = view.grid.traffic_zone_count
+    return empty_state(len(view.robots.cell), zones, parameters, route_space(view.grid))
+
+
+def empty_state(
+    robots: int, zones: int, parameters: SharedPlans, routes: RouteSpace
+) -> CongestionState:
+    """The state for so many robots and zones, of which nothing is predicted."""
+    horizon, poses = parameters.horizon, len(routes.came)
+    return CongestionState.sized(
+        {"n": robots, "Z": zones, "h": horizon, "words": -(-horizon // LANES), "P": poses},
+        routes=routes,
+        beta=round(1000 * parameters.beta),
+        horizon=horizon,
+        tasks_alone=int(parameters.forecast != "plans"),
+        shares=int(parameters.forecast == "task-averages"),
+    )
+
+
+@kernel
+def present(state, zone, tick):
+    """Robots predicted in a zone at a tick; none where there is no zone, and beyond the horizon."""
+    if zone == NIL or tick >= state.horizon:
+        return 0
+    return (state.counts[zone, tick // LANES] >> (tick % LANES * LANE)) & MASK
+
+
+@kernel
+def occupancy(state, zone, tick):
+    """Thousandths of robots that are expected in a zone at a tick."""
+    if zone != NIL and state.shares:
+        return state.zone_share[zone] // (WHOLE // 1000)
+    return 1000 * present(state, zone, tick)
+
+
+@kernel
+def add(state, zone, begin, end, sign):
+    """Add `sign` to the counts of a zone from tick `begin` to before tick `end`."""
+    counts = state.counts[zone]
+    if state.zone.shape[0] > MASK:
+        add_within_bounds(state, counts, begin, end, sign)
+        return
+    tick = begin
+    while tick < end:
+        if tick % LANES == 0 and tick + LANES <= end:
+            counts[tick // LANES] += sign * EVERY_LANE
+            tick += LANES
+        else:
+            counts[tick // LANES] += sign << (tick % LANES * LANE)
+            tick += 1
+
+
+@kernel
+def add_within_bounds(state, counts, begin, end, sign):
+    """The same with more robots than a count can hold: it must not carry into its neighbour."""
+    for tick in range(begin, end):
+        word, shift = tick // LANES, tick % LANES * LANE
+        count = (counts[word] >> shift) & MASK
+        if count == MASK or count + sign > MASK:
+            counts[word] |= MASK << shift
+            state.overflowed[0] = 1
+        else:
+            counts[word] += sign << shift
+
+
+@kernel
+def enter_zone(state, i, zone, tick):
+    """Robot i is in `zone` from `tick` on: its visit to the zone before is over, and counted."""
+    before, since = state.zone[i], state.since[i]
+    if zone == before:
+        return
+    if before != NIL and tick > since:
+        visit = state.visit_count[i]
+        state.visit_zone[i, visit] = before
+        state.visit_begin[i, visit] = since
+        state.visit_end[i, visit] = tick
+        state.visit_count[i] += 1
+        add(state, before, since, tick, 1)
+    state.zone[i] = zone
+    state.since[i] = tick
+
+
+@kernel
+def forget(state, i):
+    """Take robot i out of the counts."""
+    for visit in range(state.visit_count[i]):
+        begin, end = np.int64(state.visit_begin[i, visit]), np.int64(state.visit_end[i, visit])
+        add(state, np.int64(state.visit_zone[i, visit]), begin, end, -1)
+    state.visit_count[i] = 0
+
+
+@kernel
+def forget_all(state):
+    """Leave the counts as they are found: all zero."""
+    for i in range(state.zone.shape[0]):
+        forget(state, i)
+    if state.overflowed[0]:
+        state.counts[:] = 0
+        state.overflowed[0] = 0
+    if state.shares:
+        state.zone_share[:] = 0
+
+
+# What each robot is going to do, as far as it is known: its route, then the rest of its task.
+#
+# A plan begins where the robot is free for its next step. It consists of directions, of the work at
+# the goal cell, and of the way with the load to the order's target, for which the path of plain A*
+# stands. Of a trip of a pod the way to its next stop is known, not how long its visit takes: there
+# the plan ends.
+
+
+PICKS = 4  # steps besides the four directions
+DROPS = 5
+
+
+@kernel
+def zone_of(grid, cell, direction):
+    """The zone of a robot in a cell that came or leaves in a direction."""
+    return np.int64(grid.traffic_zone[cell, direction >> 1])
+
+
+@kernel
+def begin_plan(view, state, i):
+    """Robot i has no plan; until it is free it counts where it stands, or whence it is coming."""
+    robots = view.robots
+    cell, claim = np.int64(robots.cell[i]), np.int64(robots.claim[i])
+    travel, heading = np.int64(robots.travel[i]), np.int64(robots.heading[i])
+    state.zone[i] = NIL if cell == NIL else zone_of(view.grid, cell, travel)
+    if cell == NIL:
+        travel = heading  # as if it had come along its heading
+    if claim != NIL and claim != cell:
+        for direction in range(4):
+            if cell + view.grid.offset[direction] == claim:
+                travel = np.int64(direction)
+    state.place[i] = first_cell(robots, i)
+    state.travel[i] = travel
+    state.heading[i] = heading
+    state.free[i] = np.int64(robots.busy[i])
+    state.since[i] = 0
+    state.step[i] = 0
+    state.step_count[i] = 0
+    state.visit_count[i] = 0
+    state.in_bay[i] = cell == NIL
+    state.robot_type[i] = robots.type[i]
+
+
+@kernel
+def append(state, i, step):
+    """Add a step to the plan of robot i; what does not fit lies beyond the horizon."""
+    count = state.step_count[i]
+    if count < state.steps.shape[1]:
+        state.steps[i, count] = step
+        state.step_count[i] = count + 1
+
+
+@kernel
+def append_rest(view, workspace, state, i, heading):
+    """Add what follows when robot i is at its goal cell with a heading: the rest of its task."""
+    robots = view.robots
+    if robots.goal_type[i] == GOAL_DROP:
+        append(state, i, DROPS)
+    elif robots.goal_type[i] == GOAL_PICK and robots.order[i] != NIL:
+        append(state, i, PICKS)
+        order, pick = np.int64(robots.order[i]), np.int64(robots.goal_cell[i])
+        carries_pods = view.trips.pod.shape[0] > 0
+        if carries_pods:
+            end = next_stop_cell(view, order)
+        else:
+            end = dropoff_cell(view, robots.type[i], np.int64(view.orders.target[order]), pick)
+        if end != NIL:
+            pose = pick * view.grid.headings + heading
+            robot_type = with_load(view, np.int64(robots.type[i]))
+            append_path(view, workspace, state, i, robot_type, pose, end)
+            if not carries_pods:
+                append(state, i, DROPS)
+
+
+@kernel
+def append_path(view, workspace, state, i, robot_type, pose, target):
+    """Add the path of plain A* of a type from a pose to a cell to the plan of robot i."""
+    rules = view.rules
+    length = astar(
+        view.grid,
+        robot_type,
+        rules.duration[robot_type],
+        state.routes,
+        LARGER_G,
+        rules.seed,
+        pose,
+        target,
+        False,
+        workspace.steps,
+    )
+    for s in range(length):
+        append(state, i, np.int64(workspace.steps[s]))
+
+
+@kernel
+def plan_on(view, workspace, state, i, steps, first, end):
+    """Give robot i the plan to drive steps[first:end], and then to go on with its task."""
+    begin_plan(view, state, i)
+    cell, heading = state.place[i], state.heading[i]
+    for s in range(first, end):
+        step = np.int64(steps[s])
+        append(state, i, step)
+        cell += view.grid.offset[step]
+        heading = heading_towards(view.grid, view.robots.type[i], step)
+    if cell == view.robots.goal_cell[i]:
+        append_rest(view, workspace, state, i, heading)
+
+
+@kernel
+def has_task(robots, i):
+    """Whether robot i is on its way to somewhere, with a route or about to get one."""
+    return (
+        robots.goal_type[i] != GOAL_NONE
+        and robots.goal_cell[i] != NIL
+        and robots.retreat_moves[i] == 0
+    )
+
+
+@kernel
+def plan_all(view, workspace, state):
+    """Give every robot the plan that it has: its route."""
+    robots = view.robots
+    for i in range(robots.cell.shape[0]):
+        if has_task(robots, i):
+            plan_on(
+                view,
+                workspace,
+                state,
+                i,
+                robots.route[i],
+                robots.route_index[i],
+                robots.route_length[i],
+            )
+        else:
+            begin_plan(view, state, i)
+
+
+# Plans replayed ahead of time: the world's rule of slow zones, without anything else.
+#
+# Each robot takes its steps as soon as it is free. A move takes as many times longer as its zone has
+# robots when it begins; no robot waits for a cell. Who leaves a parking bay is counted from the next
+# tick on. A robot whose plan has ended is counted for one more tick, then its next task is unknown;
+# one that has nothing to do stays.
+
+
+@kernel
+def forecast_all(view, workspace, state):
+    """Count all robots with the routes that they have, from now to the horizon."""
+    plan_all(view, workspace, state)
+    robots = view.robots.cell.shape[0]
+    for i in range(robots):
+        if state.zone[i] != NIL:
+            state.crowd[state.zone[i]] += 1
+        if state.free[i] or has_task(view.robots, i):
+            schedule(state, i, state.free[i])
+    for tick in range(state.horizon):
+        go_on(view, state, tick)
+    for i in range(robots):
+        enter_zone(state, i, NIL, state.horizon)
+    state.crowd[:] = 0
+
+
+@kernel
+def schedule(state, i, tick):
+    """Robot i begins its next step in a tick, unless that is beyond the horizon."""
+    if tick < state.horizon:
+        state.link[i] = state.calendar[tick]
+        state.calendar[tick] = i + 1
+
+
+@kernel
+def go_on(view, state, tick):
+    """A tick of the replay: first all arrive, then all begin what comes next."""
+    i = state.calendar[tick] - 1
+    while i >= 0:
+        arrive(view, state, i, tick)
+        i = state.link[i] - 1
+    i = state.calendar[tick] - 1
+    state.calendar[tick] = 0
+    while i >= 0:
+        following = state.link[i] - 1
+        depart(view, state, i, tick)
+        i = following
+
+
+@kernel
+def arrive(view, state, i, tick):
+    """Robot i is where its last step took it; one that has gone past its last step is nowhere."""
+    before, zone = state.zone[i], NIL
+    if state.step[i] <= state.step_count[i] and state.in_bay[i] != 1:
+        zone = zone_of(view.grid, state.place[i], state.travel[i])
+    if zone != before:
+        if before != NIL:
+            state.crowd[before] -= 1
+        if zone != NIL:
+            state.crowd[zone] += 1
+        enter_zone(state, i, zone, tick)
+
+
+@kernel
+def depart(view, state, i, tick):
+    """Robot i begins its next step, or goes past its last one."""
+    while state.step[i] < state.step_count[i]:
+        ticks = state.in_bay[i] - 1
+        if ticks <= 0:
+            zone = zone_left(view, state, i)
+            others = 0 if zone == NIL else state.crowd[zone] - (1 if zone == state.zone[i] else 0)
+            ticks = ticks_of_step(view, state, i, others)
+            if state.in_bay[i] and ticks > 1:
+                state.in_bay[i] = ticks
+                schedule(state, i, tick + 1)
+                return
+        if ticks:
+            state.in_bay[i] = 0
+        begin_step(view, state, i)
+        if ticks:
+            schedule(state, i, tick + ticks)
+            return
+    if state.step[i] == state.step_count[i]:
+        state.step[i] += 1
+        schedule(state, i, tick + 1)
+
+
+@kernel
+def next_step(state, i):
+    """What robot i does next: a direction, PICKS or DROPS."""
+    return np.int64(state.steps[i, state.step[i]])
+
+
+@kernel
+def zone_left(view, state, i):
+    """The zone of the move that comes next, NIL if it is not a move."""
+    step = next_step(state, i)
+    return zone_of(view.grid, state.place[i], step) if step < PICKS else NIL
+
+
+@kernel
+def ticks_of_step(view, state, i, others):
+    """The ticks that the next step of robot i takes, beside `others` in its zone."""
+    duration = view.rules.duration[state.robot_type[i]]
+    step = next_step(state, i)
+    if step >= PICKS:
+        return np.int64(duration[ACTION_DROP if step == DROPS else ACTION_PICK])
+    if heading_towards(view.grid, state.robot_type[i], step) != state.heading[i]:
+        return np.int64(duration[ACTION_TURN])
+    own = limited_ticks(view.grid, np.int64(duration[ACTION_MOVE]), state.place[i], step)
+    return ticks_of_move(view, own, others)
+
+
+@kernel
+def begin_step(view, state, i):
+    """Begin the next step; before a move in another heading it is a turn."""
+    headings = headings_of(view.grid, state.robot_type[i])
+    step, before = next_step(state, i), state.heading[i]
+    heading = step & (headings - 1)
+    if step < PICKS and heading != before:
+        left = headings == 4 and (heading - before) & 3 == 3
+        state.heading[i] = (before + (3 if left else 1)) & (headings - 1)
+        return
+    state.step[i] += 1
+    if step < PICKS:
+        state.place[i] += view.grid.offset[step]
+        state.travel[i] = step
+    elif step == PICKS:
+        state.robot_type[i] = with_load(view, state.robot_type[i])
+    else:
+        state.robot_type[i] = without_load(view, state.robot_type[i])
+
+
+@kernel
+def ticks_of_move(view, own, others):
+    """What a move takes beside so many others, which takes `own` ticks alone."""
+    return own * (1 + (others if view.rules.slowdown else 0))
+
+
+@kernel
+def forecast_one(view, workspace, state, i, steps, length):
+    """Count robot i with a new route, slowed down by all who are counted; they keep their times."""
+    plan_on(view, workspace, state, i, steps, 0, length)
+    tick, horizon = state.free[i], state.horizon
+    while state.step[i] < state.step_count[i] and tick < horizon:
+        zone = zone_of(view.grid, state.place[i], state.travel[i])
+        enter_zone(state, i, zone, tick + state.in_bay[i])
+        ticks = ticks_of_step(view, state, i, present(state, zone_left(view, state, i), tick))
+        if ticks:
+            state.in_bay[i] = 0
+        begin_step(view, state, i)
+        tick += ticks
+    if tick < horizon:
+        enter_zone(state, i, zone_of(view.grid, state.place[i], state.travel[i]), tick)
+    enter_zone(state, i, NIL, min(tick + 1, horizon))
+
+
+# What is expected of others by who knows their tasks and not their plans (Bhattathiri, Li & Kuhl).
+#
+# Of each robot it is known where and when its task began, where it picks up and where it drops. It is
+# predicted on the paths of plain A*, as if no robot delayed it: at the ticks that follow from that,
+# or, where shares are predicted, at any time with the probability ticks in a zone / ticks of the
+# task.
+
+
+@kernel
+def add_task_forecasts(view, workspace, state):
+    """Count all robots with the tasks that they have."""
+    for i in range(view.robots.cell.shape[0]):
+        state.visit_count[i] = 0
+        add_task_forecast(view, workspace, state, i)
+
+
+@kernel
+def add_task_forecast(view, workspace, state, i):
+    """Count robot i."""
+    if view.robots.order[i] == NIL:
+        state.task[i] = 0
+        return
+    plan_task(view, workspace, state, i)
+    if state.shares:
+        share_zones(view, state, i, 1)
+    else:
+        replay_task(view, state, i)
+
+
+@kernel
+def remove_task_forecast(view, state, i):
+    """Take robot i out of what is expected."""
+    if state.shares == 0:
+        forget(state, i)
+    elif state.task[i] != 0:
+        share_zones(view, state, i, -1)
+
+
+@kernel
+def plan_task(view, workspace, state, i):
+    """Plan the way of robot i's whole task; the plan stays until the task is over."""
+    orders, headings, order = view.orders, view.grid.headings, np.int64(view.robots.order[i])
+    task = (np.int64(orders.dispatched[order]) << 32) | (order + 1)
+    if state.task[i] == task:
+        return
+    state.task[i] = task
+    state.step_count[i] = 0
+    if orders.source[order] == NIL:
+        return  # without a load: its stops are planned one by one
+    robot_type = without_load(view, np.int64(view.robots.type[i]))
+    origin = np.int64(orders.dispatched_from[order])
+    access_cell = pickup_cell(view, robot_type, np.int64(orders.source[order]), origin)
+    end = dropoff_cell(view, robot_type, np.int64(orders.target[order]), access_cell)
+    if access_cell == NIL or end == NIL:
+        return  # another type does a part of the way
+    heading = np.int64(orders.dispatched_heading[order])
+    append_path(view, workspace, state, i, robot_type, origin * headings + heading, access_cell)
+    if state.step_count[i] > 0:
+        step = np.int64(state.steps[i, state.step_count[i] - 1])
+        heading = heading_towards(view.grid, robot_type, step)
+    append(state, i, PICKS)
+    loaded = with_load(view, robot_type)
+    append_path(view, workspace, state, i, loaded, access_cell * headings + heading, end)
+    append(state, i, DROPS)
+
+
+@kernel
+def begin_task(view, state, i):
+    """Put robot i back to where its task began."""
+    order = np.int64(view.robots.order[i])
+    state.place[i] = view.orders.dispatched_from[order]
+    state.heading[i] = view.orders.dispatched_heading[order]
+    state.travel[i] = state.heading[i]
+    state.step[i] = 0
+    state.in_bay[i] = 0
+    state.robot_type[i] = without_load(view, np.int64(view.robots.type[i]))
+
+
+@kernel
+def replay_task(view, state, i):
+    """Enter robot i's visits from now on, as if no robot had delayed it or will."""
+    begin_task(view, state, i)
+    state.zone[i] = NIL
+    state.since[i] = 0
+    tick = np.int64(view.orders.dispatched[view.robots.order[i]]) - view.clock[CLOCK_TICK]
+    while state.step[i] < state.step_count[i] and tick < state.horizon:
+        zone = zone_of(view.grid, state.place[i], state.travel[i])
+        enter_zone(state, i, zone, max(tick, 0))
+        tick += ticks_of_step(view, state, i, 0)
+        begin_step(view, state, i)
+    enter_zone(state, i, NIL, min(max(tick, 0), state.horizon))
+
+
+@kernel
+def share_zones(view, state, i, sign):
+    """Add robot i's shares of its zones to those of all, or take them away (sign -1).
+
+    A task that takes no time, such as a pick and a drop of 0 ticks where the robot is, has none.
+    """
+    begin_task(view, state, i)
+    ticks = 0
+    while state.step[i] < state.step_count[i]:
+        ticks += ticks_of_step(view, state, i, 0)
+        begin_step(view, state, i)
+    if ticks == 0:
+        return
+    begin_task(view, state, i)
+    while state.step[i] < state.step_count[i]:
+        zone = zone_of(view.grid, state.place[i], state.travel[i])
+        began = ticks_of_step(view, state, i, 0)
+        if zone != NIL:
+            state.zone_share[zone] += sign * (began * WHOLE // ticks)
+        begin_step(view, state, i)

@@ -1,0 +1,362 @@
+"""The parameters of A*. Imports no Numba."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import zipfile
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+from msgspec import Meta
+
+from automaton.atomic_write import atomic_writer
+from automaton.engine.state import ACTION_MOVE, ACTION_TURN, NIL, Array, Grid
+from automaton.errors import InputError
+from automaton.floor.floor_plan import FloorPlan
+from automaton.scenario.carried_pods import carries_pods
+from automaton.scenario.quantities import TIME, quantity
+from automaton.scenario.schema import Scenario
+
+
+class TieBreaking(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """Which of several paths of equal cost A* returns."""
+
+    tie_break: Annotated[
+        Literal["fifo", "larger_g", "random"],
+        Meta(
+            description="Of cells with the same estimate it expands first the one found first "
+            "(fifo), the one "
+            "farthest from the start (larger_g), or a random one, by seed and leg (random)."
+        ),
+    ] = "larger_g"
+
+
+# The parameters of congestion-aware routes. Imports no Numba.
+
+
+NO_TASKS_OF_PODS = (
+    "forecast {} knows the whole way of a load, and none of a pod to stations and back; use forecast "
+    "plans"
+)
+MOST_PLANNED = 100_000_000  # robots x ticks of the plans that `congestion` keeps: 0.9 GB
+
+
+class SharedPlans(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """How far routes go around the traffic that is predicted from the plans of all robots."""
+
+    beta: Annotated[
+        float,
+        Meta(
+            ge=0,
+            le=100,
+            description="moves of detour that are worth meeting one robot less in a zone",
+        ),
+    ] = 2.0
+    replan_period: Annotated[
+        int,
+        quantity(
+            TIME, ge=0, le=1_000_000, description="ticks after which all robots plan again; 0 never"
+        ),
+    ] = 20
+    horizon: Annotated[
+        int, quantity(TIME, ge=1, le=10_000, description="ticks for which traffic is predicted")
+    ] = 500
+
+    forecast: Annotated[
+        Literal["plans", "tasks", "task-averages"],
+        Meta(
+            description="plans: where the plans of all lead, and when, slow zones included; tasks: "
+            "where A* would lead all on their tasks, undelayed; task-averages: as tasks, "
+            "averaged over time."
+        ),
+    ] = "plans"
+
+    def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
+        """Tasks are those of loads. The plans are kept in memory, 9 bytes for each robot and tick."""
+        if self.forecast != "plans" and carries_pods(scenario, floor_plan):
+            return NO_TASKS_OF_PODS.format(self.forecast)
+        robots = scenario.fleet.robots
+        if robots * self.horizon <= MOST_PLANNED:
+            return None
+        return (
+            f"{robots:,} plans of {self.horizon:,} ticks do not fit into memory: robots x horizon may "
+            f"be {MOST_PLANNED:,}, so with this fleet horizon at most {MOST_PLANNED // robots}"
+        )
+
+
+# Networks that predict which zones a leg touches: their files, and their answers in NumPy.
+#
+# start zone, end zone (one-hot) -> hidden layers of rectifiers -> a logit for each zone
+#
+# A file is a plain .npz: float16 arrays, and a text that says what it was trained for. Inference is
+# in whole numbers (value * 2^bits), so that NumPy and the compiled form agree in every bit.
+
+
+Weights = npt.NDArray[np.float16]
+Whole = npt.NDArray[np.int64]
+
+NETWORK_LAYERS: Final = 4  # three hidden ones and the output
+MOST_BITS, FEWEST_BITS = 16, 8  # after the binary point
+ZIP_ERRORS: Final = (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError)
+EXACT = 2**53  # float64 adds whole numbers below this without rounding, in any order
+NETWORK_FORMAT = "automaton zone network 1"
+
+
+@dataclass(frozen=True, eq=False)
+class ZoneNetwork:
+    """A trained network: weights (inputs, outputs) and biases of its layers, and its origin.
+
+    The first layer has 2 x zones inputs: the start zone, then the end zone.
+    """
+
+    layers: tuple[tuple[Weights, Weights], ...]
+    about: Mapping[str, Any]  # floor (fingerprint), scenario, mode, and how it was trained
+
+    @property
+    def zones(self) -> int:
+        return int(self.layers[-1][1].size)
+
+
+def floor_fingerprint(grid: Grid, duration: Array) -> str:
+    """32 hex digits of all that A* paths and their zones follow from: ways, turns, zones.
+
+    `duration`: (A,) ticks of each action of a robot of the first type. Where types turn differently,
+    the headings of all count: their paths are not those of the first type alone.
+    """
+    costs = [int(duration[action]) for action in (ACTION_MOVE, ACTION_TURN)]
+    headings = int(grid.type_headings[0])
+    text = f"{grid.width} {headings} {costs if headings > 1 else []}"
+    kinds = np.unique(grid.type_headings).tolist()
+    if len(kinds) > 1:
+        text += f" {kinds}"
+    digest = hashlib.blake2b(text.encode(), digest_size=16)
+    digest.update((grid.cell_flags & np.uint8(31)).tobytes())
+    digest.update(np.ascontiguousarray(grid.traffic_zone, np.int32).tobytes())
+    digest.update(grid.min_move_ticks.tobytes())
+    return digest.hexdigest()
+
+
+def save_network(path: Path, network: ZoneNetwork) -> None:
+    """Write a network; the file takes its name only when it is whole. Raises InputError."""
+    arrays: dict[str, Any] = {
+        "about": np.array(json.dumps({"format": NETWORK_FORMAT, **network.about}))
+    }
+    for k, (weights, bias) in enumerate(network.layers):
+        arrays[f"weights{k}"], arrays[f"bias{k}"] = weights, bias
+    with atomic_writer(path) as file:
+        np.savez_compressed(file, **arrays)
+
+
+def load_network(path: Path) -> ZoneNetwork:
+    """Read a network. Raises InputError for a file that is none."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            about = json.loads(str(file["about"]))
+            layers = tuple((file[f"weights{k}"], file[f"bias{k}"]) for k in range(NETWORK_LAYERS))
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}") from error
+    except (KeyError, ValueError, EOFError, TypeError, MemoryError, *ZIP_ERRORS) as error:
+        raise InputError(f"{path} is not a file of a zone network") from error
+    network = ZoneNetwork(layers, about)
+    if not isinstance(about, dict) or about.get("format") != NETWORK_FORMAT or not _fits(network):
+        raise InputError(f"{path} is not a file of a zone network")
+    return network
+
+
+def _fits(network: ZoneNetwork) -> bool:
+    """Whether the layers fit one another."""
+    width = 2 * network.zones
+    for weights, bias in network.layers:
+        if weights.dtype != np.float16 or bias.dtype != np.float16 or bias.ndim != 1:
+            return False
+        if weights.shape != (width, bias.size) or not np.isfinite(weights).all():
+            return False
+        if not np.isfinite(bias).all():
+            return False
+        width = bias.size
+    return True
+
+
+def check_floor(network: ZoneNetwork, grid: Grid, duration: Array, file: Path) -> None:
+    """Raises InputError when a network was trained for other ways or zones."""
+    if network.about.get("floor") == floor_fingerprint(grid, duration):
+        return
+    about = network.about
+    raise InputError(
+        f"{file.name} was trained for the floor of {about.get('scenario')} with "
+        f"{network.zones:,} zones ({about.get('mode')}), which is not this floor with "
+        f"{grid.traffic_zone_count:,}; train one for it by `automaton train traffic --scenario NAME "
+        "--out FILE` and name it as {network: FILE}"
+    )
+
+
+def network_for(grid: Grid, duration: Array, file: Path) -> ZoneNetwork:
+    """The network of a file, which was trained for this floor. Raises InputError."""
+    try:
+        network = _loaded(file, file.stat().st_mtime_ns)
+    except OSError as error:
+        raise InputError(f"cannot read {file}: {error.strerror or error}") from error
+    check_floor(network, grid, duration, file)
+    return network
+
+
+@lru_cache(maxsize=4)
+def _loaded(file: Path, changed: int) -> ZoneNetwork:
+    return load_network(file)
+
+
+@lru_cache(maxsize=4)
+def whole_layers(network: ZoneNetwork) -> tuple[int, list[tuple[Whole, Whole]]]:
+    """(bits, layers as whole numbers value * 2^bits): as many bits as keep every sum exact.
+
+    Raises InputError for weights so large that fewer than 8 bits are left.
+    """
+    for bits in range(MOST_BITS, FEWEST_BITS - 1, -1):
+        layers = [(_whole(weights, bits), _whole(bias, bits)) for weights, bias in network.layers]
+        widest = max(int(np.abs(part).max()) for layer in layers for part in layer)
+        if widest < 2**31 and largest_sum(layers, bits) < EXACT:
+            return bits, layers
+    raise InputError("the weights of the network are too large: it was not trained well")
+
+
+def _whole(values: Weights, bits: int) -> Whole:
+    return np.rint(values.astype(np.float64) * 2.0**bits).astype(np.int64)
+
+
+def largest_sum(layers: list[tuple[Whole, Whole]], bits: int) -> int:
+    """A bound on the absolute value of every partial sum, whatever the input."""
+    weights, bias = layers[0]
+    bound = 2 * int(np.abs(weights).max()) + int(np.abs(bias).max())
+    highest = bound
+    for k, (weights, bias) in enumerate(layers[1:]):
+        largest = bound if k == 0 else bound >> bits
+        heaviest = int(np.abs(weights).sum(axis=0).max())
+        bound = largest * heaviest + (int(np.abs(bias).max()) << bits)
+        highest = max(highest, bound)
+    return highest
+
+
+def predicted_zones(network: ZoneNetwork, start: Whole, end: Whole) -> npt.NDArray[np.bool_]:
+    """(n, zones) bool: the zones that n legs are predicted to touch; `start`, `end` zones or NIL.
+
+    Equal to the compiled form in every bit: all numbers are whole and below 2^53, which float64
+    adds exactly whatever the order.
+    """
+    bits, layers = whole_layers(network)
+    weights, bias = (part.astype(np.float64) for part in layers[0])
+    weights = np.vstack([weights, np.zeros((1, weights.shape[1]))])  # the row of no zone
+    none = len(weights) - 1
+    sums = weights[np.where(start == NIL, none, start)] + bias
+    sums += weights[np.where(end == NIL, none, end + network.zones)]
+    for k, (whole_weights, whole_bias) in enumerate(layers[1:]):
+        active = np.maximum(sums, 0.0)
+        if k > 0:
+            active = np.floor(active / 2.0**bits)
+        sums = active @ whole_weights.astype(np.float64) + whole_bias * 2.0**bits
+    answer: npt.NDArray[np.bool_] = sums > 0
+    return answer
+
+
+def shipped(scenario: str) -> Path:
+    """The network that is installed for the floor of a shipped scenario, if there is one."""
+    return Path(str(resources.files("strategies.routing") / "networks" / f"{scenario}.npz"))
+
+
+# The parameters of traffic avoidance. Imports no Numba.
+
+
+Share = Annotated[float, Meta(gt=0, le=1)]
+
+
+class NetworkFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """A network of one's own."""
+
+    network: Annotated[
+        str,
+        Meta(
+            min_length=1,
+            description="A file written by `automaton train traffic`, found from the scenario's folder.",
+        ),
+    ]
+
+
+class Avoidance(TieBreaking, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """What is predicted of other robots, and how many of them in a zone are too many."""
+
+    predictor: Annotated[
+        Literal["exact", "noisy", "network"] | NetworkFile,
+        Meta(
+            description="exact: the zones on the others' A* paths; noisy: some of them missed and "
+            "others added, by precision and recall; network: what a trained network says, the "
+            "shipped one, for warehouse-100, or that of a file."
+        ),
+    ] = "exact"
+    precision: Annotated[
+        Share | None, Meta(description="noisy: the share of the predicted zones that are right.")
+    ] = None
+    recall: Annotated[
+        Share | None, Meta(description="noisy: the share of the used zones that are predicted.")
+    ] = None
+    prevalence: Annotated[
+        Annotated[float, Meta(gt=0, lt=1)] | None,
+        Meta(
+            description="noisy: the share of all zones that a task uses on average; on it depends "
+            "how many others are predicted. Left out: as in warehouse-100, 27.5 of 522."
+        ),
+    ] = None
+    max_threshold: Annotated[
+        int, Meta(ge=1, le=1000, description="Zones with A others are closed, A = 1 to this.")
+    ] = 6
+    closed_from: Annotated[
+        Literal["A", "more than A"],
+        Meta(
+            description="How many others close a zone: A or more of them, or more than A, as Shaji "
+            "Bhattathiri, Li and Kuhl print it (then one other never closes a zone)."
+        ),
+    ] = "A"
+
+    @property
+    def least_count(self) -> int:
+        """The fewest others for which a zone is closed, where A = 1."""
+        return 1 if self.closed_from == "A" else 2
+
+    def __post_init__(self) -> None:
+        given = [value is not None for value in (self.precision, self.recall)]
+        if self.predictor == "noisy" and not all(given):
+            raise ValueError("predictor: noisy needs precision and recall")
+        if self.predictor != "noisy" and (any(given) or self.prevalence is not None):
+            raise ValueError("precision, recall and prevalence are for predictor: noisy only")
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The file of a network of one's own."""
+        return (Path(self.predictor.network),) if isinstance(self.predictor, NetworkFile) else ()
+
+    @property
+    def network(self) -> Path:
+        """The file of the network that is installed, or of one's own."""
+
+        return shipped("warehouse-100") if self.predictor == "network" else self.files[0]
+
+    def check_files(self, driving: Callable[[], tuple[Grid, Array]]) -> None:
+        """Raises InputError for a network that cannot be read, or is one of another floor."""
+
+        if self.predictor not in ("exact", "noisy"):
+            whole_layers(network_for(*driving(), self.network))
+
+    def resolve_paths(self, folder: Path) -> Avoidance:
+        """The same with that file found from a folder."""
+        for file in self.files:
+            found = os.path.abspath(folder / file)
+            return msgspec.structs.replace(self, predictor=NetworkFile(network=found))
+        return self

@@ -1,0 +1,371 @@
+"""Traffic avoidance (Bhattathiri, Li & Kuhl): A* around the zones in which many others are
+predicted.
+
+For A = 1, 2, ... the zones with A or more others are closed (or with more than A), save those that
+touch the robot's own start, pick-up or drop-off; each A that still leaves a way gives a candidate, and
+so does plain A*.
+"""
+
+from typing import ClassVar
+
+import numpy as np
+
+from automaton.engine.jit.structs import Struct, field
+from automaton.engine.state import CLOCK_TICK, NIL, Array
+from automaton.strategy.kernels import UNREACHABLE, kernel, position
+from automaton.strategy.layer import Strategy
+from strategies.routing.astar import (
+    OPEN_COST,
+    TIES,
+    RouteSpace,
+    around_robots,
+    astar,
+    route_space,
+    search,
+    start_pose,
+)
+from strategies.routing.predicted_paths import (
+    CERTAIN,
+    USED_SHARE,
+    KernelNetwork,
+    add_predicted,
+    add_zones,
+    blur,
+    count_zones,
+    delay_of,
+    false_alarms,
+    has_zone,
+    kernel_network,
+    next_goal_cell,
+    no_network,
+    words,
+)
+from strategies.routing.routing_parameters import network_for
+
+PLAIN = 0  # in place of A: nothing is closed
+
+# Which candidate is taken: of least predicted time, ties to plain A*, then to least A.
+LEAST_TIME = 0
+MOST_CAUTIOUS = 1  # the one of least A
+
+
+@kernel
+def choose_threshold(
+    grid, robot_type, duration, workspace, ties, seed, start, pick, drop, most, least_count, rule
+):
+    """The A = 1..most of the candidate that is taken, or PLAIN.
+
+    `least_count`: of A = 1, the fewest others for which a zone is closed: 1, or 2 for "more than A".
+
+    Reads the others in each zone from workspace.count; `start` is a pose, `pick` and `drop` are
+    cells,
+    `pick` may be NIL. Leaves workspace.closed for any A: close_zones sets it again.
+    """
+    chosen = PLAIN
+    offset = least_count - 1
+    least = foreseen_time(
+        grid, robot_type, duration, workspace, ties, seed, start, pick, drop, PLAIN
+    )
+    for threshold in range(1, most + 1):
+        if close_zones(grid, workspace, threshold + offset, start, pick, drop) == 0:
+            break  # a larger A closes nothing either
+        ticks = foreseen_time(
+            grid, robot_type, duration, workspace, ties, seed, start, pick, drop, threshold
+        )
+        if rule == MOST_CAUTIOUS and ticks < UNREACHABLE:
+            return np.int64(threshold)
+        if ticks < least:
+            least = ticks
+            chosen = threshold
+    return np.int64(chosen)
+
+
+@kernel
+def foreseen_time(grid, robot_type, duration, workspace, ties, seed, start, pick, drop, threshold):
+    """Ticks of both legs with the others of workspace.count in their zones, or UNREACHABLE."""
+    ticks = 0
+    pose = np.int64(start)
+    for leg in range(2):
+        target = drop if leg else pick
+        if target == NIL:
+            continue
+        pose = search(
+            grid, robot_type, duration, workspace, ties, seed, pose, target, threshold != PLAIN
+        )
+        if pose == NIL:
+            return UNREACHABLE
+        ticks += workspace.state[OPEN_COST] + delay_of(
+            grid, duration, workspace, pose, workspace.count
+        )
+    return ticks
+
+
+@kernel
+def close_zones(grid, workspace, threshold, start, pick, drop):
+    """Close the zones with that many others, save the robot's own; how many there are before that."""
+    busy = 0
+    for zone in range(workspace.closed.shape[0]):
+        workspace.closed[zone] = workspace.count[zone] >= threshold
+        busy += workspace.closed[zone]
+    open_zones(grid, workspace, start >> (grid.headings >> 1))
+    open_zones(grid, workspace, drop)
+    if pick != NIL:
+        open_zones(grid, workspace, pick)
+    return busy
+
+
+@kernel
+def open_zones(grid, workspace, cell):
+    """Open the zones that touch a cell: those that it is in, and those of the cells beside it.
+
+    So whoever stands on an intersection may leave it, be that a zone of its own or none.
+    """
+    open_cell(grid, workspace, cell)
+    for way in range(4):
+        open_cell(grid, workspace, cell + grid.offset[way])
+
+
+@kernel
+def open_cell(grid, workspace, cell):
+    for column in range(2):
+        if grid.traffic_zone[cell, column] != NIL:
+            workspace.closed[grid.traffic_zone[cell, column]] = 0
+
+
+# Traffic avoidance (Bhattathiri, Li & Kuhl): A* around zones in which many others are predicted.
+#
+# A robot that gets a task predicts which zones the others use. All it knows of them is where their
+# tasks began, pick up and drop: it predicts the zones on the A* paths of the whole task, as if no
+# robot delayed them, or a noisy version of those, or what a network says that has learnt such paths.
+# It plans both legs of its own task at once, with the zones of A or more others closed for A = 1, 2,
+# ... (or of more than A: `closed_from`), and keeps the plan that takes the least time so.
+#
+# The noisy version is that of the trials of Table 5 (prediction_noise). In a fleet of many nearly
+# every zone has A or more others predicted for each A up to max_threshold; then no way is left open,
+# and plain A* is all there is. How often another plan was taken is counted: `alternative_routes`.
+
+
+STAND = 0  # columns of AvoidanceState.leg_end
+NEXT = 1
+
+
+class AvoidanceState(Struct):
+    """Parameters, what is predicted of each robot, and what it has planned."""
+
+    tie_rule: int = field("int64", "an index of TIES")
+    max_threshold: int = field("int64", "the largest A")
+    least_count: int = field("int64", "others for which a zone is closed, where A = 1")
+    keep_chance: int = field("int64", "of the noise, in 1 / CERTAIN: a zone used is predicted,")
+    add_chance: int = field("int64", "and another one")
+    network: KernelNetwork
+    predicted: Array = field("(n, words) int64", "zones of a robot's task, a bit for each")
+    leg_end: Array = field("(n, 2) int64", "the cells to which these lead it, one after the other")
+    planned_from: Array = field("(n,) int64", "the leg that was planned before its time")
+    planned_to: Array = field("(n,) int64")
+    closed: Array = field("(n, words) int64", "the zones closed to that leg, a bit for each")
+    taken: Array = field("(n,) int64", "1 + the order whose first leg the network was asked about")
+    taken_at: Array = field("(n,) int64", "the cell from which that leg began")
+    alternatives: Array = field("(n,) int64", "plans that were not plain A*'s")
+    routes: RouteSpace
+
+
+@kernel
+def foresee_task(view, state, i):
+    """Replay robot i's task from where it is now, and remember the zones that it uses."""
+    if state.network.zones:
+        predict(view, state, i)
+        return
+    used, leg_end = state.predicted[i], state.leg_end
+    used[:] = 0
+    leg_end[i, STAND] = view.robots.goal_cell[i]
+    leg_end[i, NEXT] = next_goal_cell(view, i)
+    pose, robot_type = start_pose(view, i), view.robots.type[i]
+    for leg in (STAND, NEXT):
+        if leg_end[i, leg] != NIL and pose != NIL:
+            pose = search(
+                view.grid,
+                robot_type,
+                view.rules.duration[robot_type],
+                state.routes,
+                state.tie_rule,
+                view.rules.seed,
+                pose,
+                leg_end[i, leg],
+                False,
+            )
+            if pose != NIL:
+                add_zones(view.grid, state.routes, pose, used)
+    keep, add = state.keep_chance, state.add_chance
+    if keep < CERTAIN or add > 0:
+        traffic_zone_count, tick = view.grid.traffic_zone_count, view.clock[CLOCK_TICK]
+        who = np.int64(view.robots.identity[i])
+        blur(used, traffic_zone_count, keep, add, view.rules.seed, tick, who)
+
+
+@kernel
+def is_on_second_leg(view, state, i):
+    """Whether robot i has its load and brings it where it was predicted to."""
+    return view.robots.load[i] != NIL and state.leg_end[i, NEXT] == view.robots.goal_cell[i]
+
+
+@kernel
+def is_foreseen(view, state, i):
+    """Whether the zones predicted of robot i are those of its present task."""
+    goal_cell, leg_end = view.robots.goal_cell[i], state.leg_end
+    same = leg_end[i, STAND] == goal_cell and leg_end[i, NEXT] == next_goal_cell(view, i)
+    return same or is_on_second_leg(view, state, i)
+
+
+@kernel
+def predict(view, state, i):
+    """Have the network say which zones robot i's task uses, and remember them.
+
+    It has learnt whole legs, so it is asked about them: the first one begins where the robot stood
+    when it was first seen with its order, or where it stands now if there is none to pick up.
+    """
+    leg_end, traffic_zone = state.leg_end, view.grid.traffic_zone
+    leg_end[i, STAND] = view.robots.goal_cell[i]
+    leg_end[i, NEXT] = next_goal_cell(view, i)
+    used, cell = state.predicted[i], position(view, i)
+    used[:] = 0
+    if leg_end[i, NEXT] != NIL:
+        taken = np.int64(view.robots.order[i]) + 1  # the state begins with zeros: no order
+        if state.taken[i] != taken:
+            state.taken[i] = taken
+            state.taken_at[i] = cell
+        cell = state.taken_at[i]
+    for leg in (STAND, NEXT):
+        if leg_end[i, leg] != NIL:
+            start = np.int64(traffic_zone[cell, 0])
+            end = np.int64(traffic_zone[leg_end[i, leg], 0])
+            add_predicted(state.network, start, end, used)
+            cell = leg_end[i, leg]
+
+
+@kernel
+def count_others(view, state, i):
+    """state.routes.count = how many others are predicted in each zone.
+
+    Each is predicted once for a task. With limited sight nothing is remembered about others.
+    """
+    count = state.routes.count
+    count[:] = 0
+    for j in range(view.robots.cell.shape[0]):
+        if j == i or view.robots.goal_cell[j] == NIL:
+            continue
+        if not is_foreseen(view, state, j) or view.rules.radius > 0:
+            foresee_task(view, state, j)
+        count_zones(state.predicted[j], count)
+
+
+@kernel
+def choose(view, state, i, start):
+    """Close zones as the chosen plan has it; whether any is. Keeps those of a second leg."""
+    routes = state.routes
+    goal_cell, then = np.int64(view.robots.goal_cell[i]), next_goal_cell(view, i)
+    pick, drop = (goal_cell, then) if then != NIL else (then, goal_cell)
+    count_others(view, state, i)
+    robot_type = view.robots.type[i]
+    threshold = choose_threshold(
+        view.grid,
+        robot_type,
+        view.rules.duration[robot_type],
+        routes,
+        state.tie_rule,
+        view.rules.seed,
+        start,
+        pick,
+        drop,
+        state.max_threshold,
+        state.least_count,
+        LEAST_TIME,
+    )
+    if threshold == PLAIN:
+        routes.closed[:] = 0
+    else:
+        close_zones(view.grid, routes, threshold + state.least_count - 1, start, pick, drop)
+        state.alternatives[i] += 1
+    closed = state.closed[i]
+    closed[:] = 0
+    for zone in range(view.grid.traffic_zone_count):
+        closed[zone >> 6] |= np.int64(routes.closed[zone]) << (zone & 63)
+    state.planned_from[i] = goal_cell
+    state.planned_to[i] = then
+
+
+@kernel
+def has_plan(view, state, i, start):
+    """Whether this leg was planned together with the one before it."""
+    cell = start // view.grid.headings
+    return state.planned_from[i] == cell and state.planned_to[i] == view.robots.goal_cell[i]
+
+
+@kernel
+def plan(view, state, i, steps):
+    """Write the route of robot i into steps; its length, or NIL."""
+    routes, start = state.routes, start_pose(view, i)
+    if has_plan(view, state, i, start):
+        closed = state.closed[i]
+        for zone in range(view.grid.traffic_zone_count):
+            routes.closed[zone] = has_zone(closed, zone)
+        state.planned_from[i] = NIL
+    else:
+        choose(view, state, i, start)
+    robot_type = view.robots.type[i]
+    return astar(
+        view.grid,
+        robot_type,
+        view.rules.duration[robot_type],
+        routes,
+        state.tie_rule,
+        view.rules.seed,
+        start,
+        np.int64(view.robots.goal_cell[i]),
+        True,
+        steps,
+    )
+
+
+@kernel
+def decide(view, batch, decisions, memory, workspace):
+    state = AvoidanceState.of(memory)
+    for k in range(batch.count[0]):  # first: tasks that begin now, all from where they begin
+        i = np.int64(batch.robot[k])
+        if not is_on_second_leg(view, state, i):
+            foresee_task(view, state, i)
+    for k in range(batch.count[0]):
+        i = np.int64(batch.robot[k])
+        steps = decisions.routing.steps[k]
+        length = around_robots(view, workspace, i, batch.reason[k], steps)
+        if length == NIL:
+            length = plan(view, state, i, steps)
+        if length != NIL:
+            decisions.routing.route_length[k] = length
+
+
+class TrafficAvoidance(Strategy):
+    """A* around the zones in which many others are predicted."""
+
+    layer = "routing"
+    compiled = decide
+    counters: ClassVar = {"alternative_routes": "alternatives"}
+
+    def reset(self, view):
+        p = self.parameters
+        keep, add = 1.0, 0.0
+        if p.predictor == "noisy":
+            keep = p.recall
+            add = false_alarms(p.precision, p.recall, p.prevalence or USED_SHARE)
+        network = no_network()
+        if p.predictor not in ("exact", "noisy"):
+            network = kernel_network(network_for(view.grid, view.rules.duration[0], p.network))
+        return AvoidanceState.sized(
+            {"n": len(view.robots.cell), "words": words(view.grid.traffic_zone_count)},
+            tie_rule=TIES.index(p.tie_break),
+            max_threshold=p.max_threshold,
+            least_count=p.least_count,
+            keep_chance=round(keep * CERTAIN),
+            add_chance=round(add * CERTAIN),
+            network=network,
+            routes=route_space(view.grid),
+        )

@@ -1,1 +1,0 @@
-"""Traffic avoidance (Bhattathiri, Li & Kuhl): its search, its predictors and their network."""

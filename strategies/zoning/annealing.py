@@ -1,0 +1,233 @@
+"""Zone repair by simulated annealing (Ho & Liao, modified): phases 1, 2 and 3.
+
+Phase 2 gives random tips from busier to idler zones, takes worse designs with probability
+exp(-worsening / T), and remembers the best. With SVp within [0, 1] and T from 4.5 to 0.35 most
+moves pass: it is a random walk with a memory.
+"""
+
+import numpy as np
+
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.state import NIL
+from strategies.zoning.designs import first_design, give, random_design
+from strategies.zoning.transfer_stations import (
+    connect_cut_off,
+    connected,
+    find_tips,
+    find_transfers,
+)
+from strategies.zoning.zone_load import UNDEFINED, find_loads
+from strategies.zoning.zone_workspace import (
+    DRAWS_ANNEALING,
+    below,
+    block_others,
+    chance,
+    copy_design,
+    exponential,
+    may_take,
+    spread,
+    temperature,
+    whole_cells,
+)
+
+MAX_REPAIRS = 3  # designs made until one has no isolated zone
+MIN_ZONE_STATIONS = 2  # stations that a zone keeps
+MAX_TRIES_PER_MOVE = 6  # tries, in multiples of the moves
+FIRST_TRIES = 20  # repairs, until the first zones of a run are found
+
+
+@kernel
+def first_zones(roads, rules, hot, cold, steps, begin, design, workspace, reach, seed, tick):
+    """Zones before there is any flow: those of a load between any two stations; 0 if none are found.
+
+    Each try has draws of its own; returns the number of the one that found them, from 1. The first
+    `begin` tries are left out. reach: (Z,) ones. `design` is spoiled on failure.
+    """
+    legs = workspace.legs
+    for a in range(legs.shape[0]):
+        for b in range(legs.shape[0]):
+            legs[a, b] = 0.0 if a == b else 1.0
+    for again in range(begin, FIRST_TRIES):
+        found = repair(
+            roads, rules, legs, hot, cold, steps, MAX_REPAIRS, design, workspace, reach, seed,
+            tick + (again << 32),
+        )  # fmt: skip
+        if found == 1:
+            return again + 1
+    return 0
+
+
+@kernel
+def repair(roads, rules, flow, hot, cold, steps, repairs, design, workspace, reach, seed, tick):
+    """A new design by phases 1 to 3 from one flow, made until no zone is cut off.
+
+    In the last one of these, zones that are cut off are joined however far apart they are.
+    reach: (Z,) ones. Returns 0 if that cannot be either; `design` is spoiled then.
+    """
+    workspace.drawn[0] = DRAWS_ANNEALING
+    for _ in range(repairs):
+        found = first_design(roads, flow, design, workspace)
+        if found == 0:
+            found = random_design(roads, rules, design, workspace, seed, tick)
+        if found == 0:
+            return 0
+        improve(roads, rules, flow, hot, cold, steps, design, workspace, seed, tick)
+        find_loads(roads, rules, flow, 0, design, workspace)
+        find_transfers(roads, rules, design, workspace, reach)
+        if connected(design, workspace) == 1:
+            return 1
+    return connect_cut_off(roads, design, workspace)
+
+
+@kernel
+def improve(roads, rules, flow, hot, cold, steps, design, workspace, seed, tick):
+    """Phase 2: leaves the best design seen; returns its balance.
+
+    Ends after `steps` (M of eq. 6) accepted or infeasible moves, after six times as many tries, or
+    when no zone has a tip to give to an idler one.
+    """
+    copy_design(design, workspace.now)
+    value = judged(find_loads(roads, rules, flow, 0, workspace.now, workspace))
+    best = value
+    forget_tips(roads, workspace.now, workspace)
+    moves, tries = np.int64(0), np.int64(0)
+    while moves < steps and tries < MAX_TRIES_PER_MOVE * steps:
+        tries += 1
+        pair = busier_pair(roads, rules, workspace.now, workspace, seed, tick)
+        if pair == NIL:
+            break
+        a, b = np.int64(workspace.zones[pair, 0]), np.int64(workspace.zones[pair, 1])
+        if give_random_tip(roads, rules, workspace.now, workspace, a, b, seed, tick) == 0:
+            moves += 1
+            continue
+        tried = judged(find_loads(roads, rules, flow, 0, workspace.trial, workspace))
+        heat = temperature(hot, cold, steps, moves)
+        if tried > value and chance(workspace, seed, tick) > exponential((value - tried) / heat):
+            find_loads(roads, rules, flow, 0, workspace.now, workspace)
+            continue
+        moves += 1
+        value = tried
+        copy_design(workspace.trial, workspace.now)
+        forget_tips(roads, workspace.now, workspace)
+        if value < best:
+            best = value
+            copy_design(workspace.now, design)
+    return best
+
+
+@kernel
+def judged(value):
+    """Zones without any load are as bad as can be."""
+    return 1.0 if value == UNDEFINED else value
+
+
+@kernel
+def forget_tips(roads, design, workspace):
+    """The design changed: find its tips, and forget which of them are near one another."""
+    workspace.fresh[:] = 0
+    find_tips(roads, design, workspace)
+
+
+@kernel
+def busier_pair(roads, rules, design, workspace, seed, tick):
+    """A random row of workspace.zones: a zone with more load than the second one, and a tip to give.
+
+    NIL if there is none.
+    """
+    zones = design.transfer.shape[0]
+    count = np.int64(0)
+    for a in range(zones):
+        for b in range(zones):
+            if workspace.load[a] > workspace.load[b]:
+                workspace.zones[count, 0] = a
+                workspace.zones[count, 1] = b
+                count += 1
+    while count > 0:
+        k = below(workspace, count, seed, tick)
+        a, b = np.int64(workspace.zones[k, 0]), np.int64(workspace.zones[k, 1])
+        if facing_tips(roads, rules, design, workspace, a, b) > 0:
+            return k
+        count -= 1
+        workspace.zones[k, 0] = workspace.zones[count, 0]
+        workspace.zones[k, 1] = workspace.zones[count, 1]
+    return NIL
+
+
+@kernel
+def facing_tips(roads, rules, design, workspace, a, b):
+    """workspace.via_station[a, b]: for each tip that a may give to b the last tip of b in reach.
+
+    Returns how many of a there are. Within reach: by a union path that is shorter than stations that
+    are adjacent. Needs workspace.tip.
+    """
+    stations = design.zone.shape[0]
+    if workspace.fresh[a, b] == 0:
+        workspace.fresh[a, b] = 1
+        block_others(design, workspace, a, b)
+        for s in range(stations):
+            workspace.via_station[a, b, s] = NIL
+            if design.zone[s] != a or workspace.tip[s] == 0 or not may_take(workspace, a, b, s):
+                continue
+            spread(roads, workspace, roads.point[s], NIL, whole_cells(rules.adjacent))
+            for t in range(stations):
+                near = workspace.distance[roads.point[t]] < rules.adjacent
+                if near and design.zone[t] == b and workspace.tip[t] == 1:
+                    workspace.via_station[a, b, s] = t
+    count = np.int64(0)
+    for s in range(stations):
+        if workspace.via_station[a, b, s] != NIL:
+            count += 1
+    return count
+
+
+@kernel
+def give_random_tip(roads, rules, design, workspace, a, b, seed, tick):
+    """workspace.trial: the design with a random tip of a given to b; 0 if it cannot be.
+
+    It is one that `facing_tips` found. Joined to the last tip of b in reach alone, or with
+    rules.all_pairs to those in reach in a random order, until it can be joined to one.
+    """
+    tip = random_tip(workspace, a, b, seed, tick)
+    if not rules.all_pairs:
+        through = np.int64(workspace.via_station[a, b, tip])
+        return give_through(roads, rules, design, workspace, tip, through)
+    count = list_partners(roads, rules, design, workspace, tip, a, b)
+    while count > 0:
+        k = below(workspace, count, seed, tick)
+        if give_through(roads, rules, design, workspace, tip, np.int64(workspace.listed[k])) == 1:
+            return 1
+        count -= 1
+        workspace.listed[k] = workspace.listed[count]
+    return 0
+
+
+@kernel
+def give_through(roads, rules, design, workspace, tip, through):
+    """workspace.trial: the design with a tip given to the zone of `through`, joined to it; or 0."""
+    copy_design(design, workspace.trial)
+    return give(roads, workspace.trial, workspace, tip, through, rules.adjacent, MIN_ZONE_STATIONS)
+
+
+@kernel
+def list_partners(roads, rules, design, workspace, tip, a, b):
+    """workspace.listed: the tips of b in reach of a tip of a; how many. Needs workspace.tip."""
+    block_others(design, workspace, a, b)
+    spread(roads, workspace, roads.point[tip], NIL, whole_cells(rules.adjacent))
+    count = np.int64(0)
+    for t in range(design.zone.shape[0]):
+        near = workspace.distance[roads.point[t]] < rules.adjacent
+        if near and design.zone[t] == b and workspace.tip[t] == 1:
+            workspace.listed[count] = t
+            count += 1
+    return count
+
+
+@kernel
+def random_tip(workspace, a, b, seed, tick):
+    """One of the tips that `facing_tips` found."""
+    count = np.int64(0)
+    for s in range(workspace.tip.shape[0]):
+        if workspace.via_station[a, b, s] != NIL:
+            workspace.listed[count] = s
+            count += 1
+    return np.int64(workspace.listed[below(workspace, count, seed, tick)])

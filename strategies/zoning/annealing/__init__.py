@@ -1,1 +1,0 @@
-"""Zones repaired by simulated annealing (Ho & Liao, modified)."""

@@ -1,1 +1,0 @@
-"""Zones of one central computer: watched, shared, and redesigned."""

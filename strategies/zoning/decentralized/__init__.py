@@ -1,1 +1,0 @@
-"""Decentralized dynamic zoning (Keith & La, Algorithms 3 and 4)."""

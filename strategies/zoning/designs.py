@@ -1,0 +1,329 @@
+"""Giving a station from one zone to another: what is left is joined again by shortest paths.
+
+These kernels change a design in place and return 1, or 0 when it cannot be done; the design is then
+spoiled, so callers work on a copy.
+"""
+
+import numpy as np
+
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.state import NIL
+from automaton.strategy.kernels import copy_segment
+from strategies.linear_sum_assignment import INF_COST
+from strategies.zoning.transfer_stations import passes
+from strategies.zoning.zone_workspace import (
+    add_segment,
+    below,
+    block_others,
+    clear_design,
+    hold,
+    preference,
+    size,
+    spread,
+    whole_cells,
+)
+
+
+@kernel
+def give(roads, design, workspace, s, through, limit, smallest):
+    """Give s to the zone of station `through`, joined to it by a path of at most `limit` cells.
+
+    Refused when fewer than `smallest` stations would be left behind.
+    """
+    if size(design, design.zone[s]) <= smallest:
+        return 0
+    if remove(roads, design, workspace, s, design.zone[through]) == 0:
+        return 0
+    return connect(roads, design, workspace, s, through, limit)
+
+
+@kernel
+def remove(roads, design, workspace, s, to):
+    """Take s out of its zone into zone `to` (or NIL) without a segment, and join what is left."""
+    zone = np.int64(design.zone[s])
+    point = np.int64(roads.point[s])
+    drop_segments(design, zone, point)
+    design.zone[s] = to
+    hold(roads, design)
+    return join(roads, design, workspace, zone, point)
+
+
+@kernel
+def drop_segments(design, zone, p):
+    """Remove the segments of a zone that have the point; the others keep their order."""
+    kept = np.int64(0)
+    for m in range(design.segments[0]):
+        if design.owner[m] == zone and passes(design, m, p) == 1:
+            continue
+        if kept < m:
+            copy_segment(design, m, design, kept)
+        kept += 1
+    design.segments[0] = kept
+
+
+@kernel
+def join(roads, design, workspace, zone, closed):
+    """Add shortest feasible paths between pieces of a zone until it is one (minimum spanning join).
+
+    closed: a point that may not be used, or NIL. Ties: the lowest stations.
+    """
+    pieces = label_parts(design, workspace, zone)
+    while pieces > 1:
+        block_others(design, workspace, zone, zone)
+        if closed != NIL:
+            workspace.blocked[closed] = 1
+        best = np.int64(INF_COST)
+        first, last = np.int64(NIL), np.int64(NIL)
+        for a in range(design.zone.shape[0]):
+            if design.zone[a] != zone:
+                continue
+            spread(roads, workspace, roads.point[a], NIL, best)
+            for b in range(a + 1, design.zone.shape[0]):
+                if design.zone[b] == zone and workspace.part[a] != workspace.part[b]:
+                    far = workspace.distance[roads.point[b]]
+                    if far < best:
+                        best = far
+                        first, last = np.int64(a), np.int64(b)
+        if first == NIL:
+            return 0
+        spread(roads, workspace, roads.point[first], roads.point[last], INF_COST)
+        add_segment(roads, design, workspace, zone, first, last)
+        merge(design, workspace, zone, first, last)
+        pieces -= 1
+    return 1
+
+
+@kernel
+def label_parts(design, workspace, zone):
+    """workspace.part from the segments; returns how many pieces the zone has."""
+    pieces = np.int64(0)
+    for s in range(design.zone.shape[0]):
+        workspace.part[s] = s
+        if design.zone[s] == zone:
+            pieces += 1
+    for m in range(design.segments[0]):
+        a, b = np.int64(design.ends[m, 0]), np.int64(design.ends[m, 1])
+        if design.owner[m] == zone and workspace.part[a] != workspace.part[b]:
+            merge(design, workspace, zone, a, b)
+            pieces -= 1
+    return pieces
+
+
+@kernel
+def merge(design, workspace, zone, a, b):
+    """Two pieces become one."""
+    keep, lose = np.int64(workspace.part[a]), np.int64(workspace.part[b])
+    if keep > lose:
+        keep, lose = lose, keep
+    for s in range(design.zone.shape[0]):
+        if design.zone[s] == zone and workspace.part[s] == lose:
+            workspace.part[s] = keep
+
+
+@kernel
+def connect(roads, design, workspace, s, through, limit):
+    """Join s to a station of another zone by that zone's shortest feasible path."""
+    zone = np.int64(design.zone[through])
+    if design.held[roads.point[s]] != NIL and design.held[roads.point[s]] != zone:
+        return 0
+    block_others(design, workspace, zone, zone)
+    spread(roads, workspace, roads.point[through], roads.point[s], whole_cells(limit))
+    if workspace.distance[roads.point[s]] == INF_COST:
+        return 0
+    design.zone[s] = zone
+    add_segment(roads, design, workspace, zone, through, s)
+    return 1
+
+
+# First designs: phase 1 of Ho & Liao, and random ones.
+#
+# Relation of two stations: RC = Wd (far - d) / (far - near) + Wf (F - least) / (most - least). The
+# stations that are least related to all others are the seeds; then the zones take turns to connect
+# the free station with the best relation to one of theirs, while Wd grows and Wf shrinks. The
+# authors' code takes the largest indices instead of the best relation; this is the true maximum.
+
+
+WEIGHT = 0.5  # Wd and Wf at the start
+DRIFT = 0.015  # what Wd gains and Wf loses by each visit
+PREFERRED = 1000.0  # what priority adds to the relation of a station to a zone
+RESTARTS = 100  # random designs that may fail
+TRIES = 60  # random joins for each station
+
+
+@kernel
+def first_design(roads, flow, design, workspace):
+    """Phase 1; returns 0 if there are more zones than stations, or no zone can reach one left over."""
+    stations = design.zone.shape[0]
+    zones = design.transfer.shape[0]
+    clear_design(design)
+    if zones > stations:
+        return 0
+    find_extent(roads, flow, workspace)
+    if plant(roads, flow, design, workspace) == 0:
+        return 0
+    left = stations - zones
+    visit, idle = np.int64(0), np.int64(0)
+    while left > 0 and idle < zones:
+        shift = DRIFT * visit
+        if connect_best(
+            roads, flow, design, workspace, visit % zones, WEIGHT + shift, WEIGHT - shift
+        ):
+            left -= 1
+            idle = np.int64(0)
+        else:
+            idle += 1
+        visit += 1
+    return 1 if left == 0 else 0
+
+
+@kernel
+def plant(roads, flow, design, workspace):
+    """One seed for each zone: the station least related to the others, of those that its robot serves.
+
+    Stations where only others have priority come last. Returns 0 if a zone finds none.
+    """
+    stations = design.zone.shape[0]
+    for z in range(design.transfer.shape[0]):
+        seed = np.int64(NIL)
+        lowest = 0.0
+        for j in range(stations):
+            if design.zone[j] != NIL or workspace.serves[z, j] == 0:
+                continue
+            sum_of = PREFERRED if preference(workspace, z, j) < 0 else 0.0
+            for i in range(stations):
+                if i != j:
+                    sum_of += relation(workspace, flow[i, j], roads.between[i, j], WEIGHT, WEIGHT)
+            if seed == NIL or sum_of < lowest:
+                seed = np.int64(j)
+                lowest = sum_of
+        if seed == NIL:
+            return 0
+        design.zone[seed] = z
+    hold(roads, design)
+    return 1
+
+
+@kernel
+def find_extent(roads, flow, workspace):
+    """The least and the largest distance and flow between two stations."""
+    found = False
+    for a in range(flow.shape[0]):
+        for b in range(flow.shape[0]):
+            if a == b:
+                continue
+            far, loads = roads.between[a, b], flow[a, b]
+            if not found or far < workspace.least_distance[0]:
+                workspace.least_distance[0] = far
+            if not found or far > workspace.largest_distance[0]:
+                workspace.largest_distance[0] = far
+            if not found or loads < workspace.least_flow[0]:
+                workspace.least_flow[0] = loads
+            if not found or loads > workspace.largest_flow[0]:
+                workspace.largest_flow[0] = loads
+            found = True
+
+
+@kernel
+def relation(workspace, loads, far, by_distance, by_flow):
+    """RC of two stations that are `far` cells apart with so many loads between them."""
+    value = 0.0
+    apart = workspace.largest_distance[0] - workspace.least_distance[0]
+    if apart > 0.0:
+        value += by_distance * (workspace.largest_distance[0] - far) / apart
+    spread_of_loads = workspace.largest_flow[0] - workspace.least_flow[0]
+    if spread_of_loads > 0.0:
+        value += by_flow * (loads - workspace.least_flow[0]) / spread_of_loads
+    return value
+
+
+@kernel
+def connect_best(roads, flow, design, workspace, zone, by_distance, by_flow):
+    """Connect the free station with the best relation to one of the zone; 0 if it reaches none."""
+    block_others(design, workspace, zone, zone)
+    inside, free = np.int64(NIL), np.int64(NIL)
+    best = 0.0
+    for i in range(design.zone.shape[0]):
+        if design.zone[i] != zone:
+            continue
+        spread(roads, workspace, roads.point[i], NIL, INF_COST)
+        for j in range(design.zone.shape[0]):
+            far = workspace.distance[roads.point[j]]
+            if design.zone[j] != NIL or far == INF_COST or workspace.serves[zone, j] == 0:
+                continue
+            value = relation(workspace, flow[i, j], far, by_distance, by_flow)
+            value += PREFERRED * preference(workspace, zone, j)
+            if free == NIL or value > best:
+                best = value
+                inside, free = np.int64(i), np.int64(j)
+    if free == NIL:
+        return 0
+    return connect(roads, design, workspace, free, inside, INF_COST)
+
+
+@kernel
+def random_design(roads, rules, design, workspace, seed, tick):
+    """Random seeds, and random joins of adjacent stations; returns 0 if no try succeeds.
+
+    Nor does any with more zones than stations: there is no seed for each. Robots serve their
+    stations. In the first half of the tries no zone takes stations where only others have priority.
+    """
+    stations = design.zone.shape[0]
+    zones = design.transfer.shape[0]
+    if zones > stations:
+        return 0
+    for restart in range(RESTARTS):
+        strict = 2 * restart < RESTARTS
+        clear_design(design)
+        if random_seeds(design, workspace, strict, seed, tick) == 0:
+            continue
+        hold(roads, design)
+        left = stations - zones
+        for _ in range(TRIES * stations):
+            if left == 0:
+                return 1
+            left -= random_join(roads, rules, design, workspace, strict, seed, tick)
+    return 0
+
+
+@kernel
+def random_seeds(design, workspace, strict, seed, tick):
+    """A random station for each zone; 0 if one finds none."""
+    stations = design.zone.shape[0]
+    for z in range(design.transfer.shape[0]):
+        s = below(workspace, stations, seed, tick)
+        tries = 0
+        while design.zone[s] != NIL or not is_wanted(workspace, z, s, strict):
+            tries += 1
+            if tries == TRIES * stations:
+                return 0
+            s = below(workspace, stations, seed, tick)
+        design.zone[s] = z
+    return 1
+
+
+@kernel
+def is_wanted(workspace, zone, s, strict):
+    """Whether a zone may have a station; strict: without taking it from who has priority there."""
+    return workspace.serves[zone, s] == 1 and not (strict and preference(workspace, zone, s) < 0)
+
+
+@kernel
+def random_join(roads, rules, design, workspace, strict, seed, tick):
+    """A random zone takes a random free station adjacent to one of its own; 1 if it can."""
+    zone = below(workspace, design.transfer.shape[0], seed, tick)
+    count = np.int64(0)
+    for s in range(design.zone.shape[0]):
+        if design.zone[s] == zone:
+            workspace.listed[count] = s
+            count += 1
+    inside = np.int64(workspace.listed[below(workspace, count, seed, tick)])
+    count = np.int64(0)
+    for s in range(design.zone.shape[0]):
+        near = roads.between[inside, s] < rules.adjacent
+        if design.zone[s] == NIL and near and is_wanted(workspace, zone, s, strict):
+            workspace.listed[count] = s
+            count += 1
+    if count == 0:
+        return 0
+    free = np.int64(workspace.listed[below(workspace, count, seed, tick)])
+    return connect(roads, design, workspace, free, inside, rules.adjacent)

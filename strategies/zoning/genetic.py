@@ -1,0 +1,362 @@
+"""Populations of zone designs for the genetic algorithm."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from automaton.engine.facilities import Roads
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.jit.structs import SCRATCH, Struct, field
+from automaton.engine.state import NIL
+from strategies.zoning.designs import connect, give, random_design
+from strategies.zoning.transfer_stations import connected, find_tips, find_transfers
+from strategies.zoning.zone_load import find_loads
+from strategies.zoning.zone_workspace import (
+    DRAWS_GENETIC,
+    are_alike,
+    below,
+    chance,
+    clear_design,
+    copy_design,
+    match,
+    may_take,
+    size,
+)
+
+Array = NDArray[Any]
+
+
+class Individuals(Struct, role=SCRATCH):
+    """N designs in rows; the names are those of Design."""
+
+    zone: Array = field("(N, S) int32")
+    segments: Array = field("(N,) int64")
+    owner: Array = field("(N, S) int32")
+    ends: Array = field("(N, S, 2) int32")
+    points: Array = field("(N, S) int32")
+    path: Array = field("(N, S, P) int32")
+    held: Array = field("(N, P) int32")
+    value: Array = field("(N,) float64", "balance; smaller is better")
+    tips: Array = field("(N,) int64", "how many tips it has; of equal designs the more the better")
+
+
+class Population(Struct, role=SCRATCH):
+    """The last row of `now` is the best design so far."""
+
+    now: Individuals  # N + 1 rows
+    next: Individuals  # N rows
+    rank: Array = field("(N,) int32", "rows from the best to the worst")
+    pool: Array = field("(N + 1,) int32", "rows that zones are taken from")
+
+
+def individuals_of(rows: int, points: int, stations: int) -> Individuals:
+    """Room for some designs."""
+    return Individuals.sized({"N": rows, "P": points, "S": stations})
+
+
+def population_for(roads: Roads, individuals: int = 60) -> Population:
+    """Room for a population on these roads."""
+    points, stations = len(roads.cell), len(roads.point)
+    return Population.sized(
+        {"N": individuals},
+        now=individuals_of(individuals + 1, points, stations),
+        next=individuals_of(individuals, points, stations),
+    )
+
+
+@kernel
+def keep(design, individuals, row):
+    """Write a design to a row."""
+    for s in range(design.zone.shape[0]):
+        individuals.zone[row, s] = design.zone[s]
+    for p in range(design.held.shape[0]):
+        individuals.held[row, p] = design.held[p]
+    individuals.segments[row] = design.segments[0]
+    for m in range(design.segments[0]):
+        individuals.owner[row, m] = design.owner[m]
+        individuals.ends[row, m, 0] = design.ends[m, 0]
+        individuals.ends[row, m, 1] = design.ends[m, 1]
+        individuals.points[row, m] = design.points[m]
+        for k in range(design.points[m]):
+            individuals.path[row, m, k] = design.path[m, k]
+
+
+@kernel
+def take(individuals, row, design):
+    """Make a design of a row."""
+    design.transfer[:] = 0
+    for s in range(design.zone.shape[0]):
+        design.zone[s] = individuals.zone[row, s]
+    for p in range(design.held.shape[0]):
+        design.held[p] = individuals.held[row, p]
+    design.segments[0] = 0
+    for m in range(individuals.segments[row]):
+        take_segment(individuals, row, m, design, individuals.owner[row, m])
+
+
+@kernel
+def take_segment(individuals, row, m, design, owner):
+    """Append a segment of a row to a design."""
+    at = design.segments[0]
+    design.owner[at] = owner
+    design.ends[at, 0] = individuals.ends[row, m, 0]
+    design.ends[at, 1] = individuals.ends[row, m, 1]
+    design.points[at] = individuals.points[row, m]
+    for k in range(individuals.points[row, m]):
+        design.path[at, k] = individuals.path[row, m, k]
+    design.segments[0] = at + 1
+
+
+@kernel
+def fits(individuals, row, zone, design):
+    """1 if a zone of a row has no station and no point that the design has already."""
+    for s in range(design.zone.shape[0]):
+        if individuals.zone[row, s] == zone and design.zone[s] >= 0:
+            return 0
+    for p in range(design.held.shape[0]):
+        if individuals.held[row, p] == zone and design.held[p] >= 0:
+            return 0
+    return 1
+
+
+@kernel
+def take_zone(individuals, row, zone, design, owner):
+    """Add a zone of a row to a design as its zone `owner`."""
+    for s in range(design.zone.shape[0]):
+        if individuals.zone[row, s] == zone:
+            design.zone[s] = owner
+    for p in range(design.held.shape[0]):
+        if individuals.held[row, p] == zone:
+            design.held[p] = owner
+    for m in range(individuals.segments[row]):
+        if individuals.owner[row, m] == zone:
+            take_segment(individuals, row, m, design, owner)
+
+
+@kernel
+def move_row(source, row, individuals, to):
+    """Copy a row with its value."""
+    individuals.segments[to] = source.segments[row]
+    individuals.value[to] = source.value[row]
+    individuals.tips[to] = source.tips[row]
+    for s in range(source.zone.shape[1]):
+        individuals.zone[to, s] = source.zone[row, s]
+    for p in range(source.held.shape[1]):
+        individuals.held[to, p] = source.held[row, p]
+    for m in range(source.segments[row]):
+        individuals.owner[to, m] = source.owner[row, m]
+        individuals.ends[to, m, 0] = source.ends[row, m, 0]
+        individuals.ends[to, m, 1] = source.ends[row, m, 1]
+        individuals.points[to, m] = source.points[row, m]
+        for k in range(source.points[row, m]):
+            individuals.path[to, m, k] = source.path[row, m, k]
+
+
+# Zone repair by a genetic algorithm: designs are bred from whole zones.
+#
+# A child takes random zones of good designs that have nothing in common; stations left over join the
+# zone of a random adjacent one; zones are matched to robots that serve them, one to one, and a child
+# without a matching is dropped; then tips mutate. Fitness is 1 / SVp, here the smaller SVp, of the
+# flow with all that drives past a tip; a balance of 0 or undefined counts as 1.
+
+
+MAX_FAILURES = 60  # zones that do not fit, until a child is restarted
+MAX_MUTATION_TRIES = 500  # tries to mutate a child
+MAX_CHILD_TRIES = 100  # times that a child may be restarted
+MAX_JOIN_TRIES = 20  # tries for each station that is left over
+MIN_ZONE_STATIONS = 2  # stations that a zone keeps
+
+
+@kernel
+def evolve(
+    roads, rules, flow, generations, selected, mutation, population, design, workspace, reach,
+    seed, tick,
+):  # fmt: skip
+    """The best design whose zones are not cut off: that of all generations, or one of the last.
+
+    reach: (Z,) ones. Returns 0 if there is none; `design` is spoiled then.
+    """
+    workspace.drawn[0] = DRAWS_GENETIC
+    rows = population.rank.shape[0]
+    individuals = population.now
+    for row in range(rows):
+        if random_design(roads, rules, workspace.trial, workspace, seed, tick) == 0:
+            return 0
+        keep(workspace.trial, individuals, row)
+    for generation in range(generations + 1):
+        if generation > 0:
+            breed(roads, rules, selected, mutation, population, workspace, seed, tick)
+        judge(roads, rules, flow, population, design, workspace)
+        best = np.int64(population.rank[0])
+        if generation == 0 or better(individuals, best, rows):
+            move_row(individuals, best, individuals, rows)
+    for place in range(-1, rows):
+        take(individuals, rows if place < 0 else np.int64(population.rank[place]), design)
+        find_loads(roads, rules, flow, 0, design, workspace)
+        find_transfers(roads, rules, design, workspace, reach)
+        if connected(design, workspace) == 1:
+            return 1
+    return 0
+
+
+@kernel
+def better(individuals, a, b):
+    """Whether row a is better than row b: balance, then more tips."""
+    if individuals.value[a] != individuals.value[b]:
+        return individuals.value[a] < individuals.value[b]
+    return individuals.tips[a] > individuals.tips[b]
+
+
+@kernel
+def judge(roads, rules, flow, population, design, workspace):
+    """value, tips and rank of all rows; ties: the lower row."""
+    individuals = population.now
+    for row in range(population.rank.shape[0]):
+        take(individuals, row, design)
+        value = find_loads(roads, rules, flow, 1, design, workspace)
+        individuals.value[row] = value if value > 0.0 else 1.0
+        individuals.tips[row] = 0
+        for s in range(workspace.tip.shape[0]):
+            individuals.tips[row] += workspace.tip[s]
+        at = row
+        while at > 0 and better(individuals, row, population.rank[at - 1]):
+            population.rank[at] = population.rank[at - 1]
+            at -= 1
+        population.rank[at] = row
+
+
+@kernel
+def breed(roads, rules, selected, mutation, population, workspace, seed, tick):
+    """The next generation, of the zones of the best rows and of the best design so far."""
+    rows = population.rank.shape[0]
+    parents = min(selected, rows)
+    for k in range(parents):
+        population.pool[k] = population.rank[k]
+    population.pool[parents] = rows
+    for row in range(rows):
+        made = np.int64(0)
+        for _ in range(MAX_CHILD_TRIES):
+            if made == 0:
+                made = make_child(
+                    roads, rules, mutation, population, parents + 1, workspace, seed, tick
+                )
+        if made == 0:
+            take(population.now, rows, workspace.trial)
+        keep(workspace.trial, population.next, row)
+    for row in range(rows):
+        move_row(population.next, row, population.now, row)
+
+
+@kernel
+def make_child(roads, rules, mutation, population, parents, workspace, seed, tick):
+    """A child in workspace.trial; 0 if it failed."""
+    if combine(population, parents, workspace, seed, tick) == 0:
+        return 0
+    if attach_rest(roads, rules, workspace.trial, workspace, seed, tick) == 0:
+        return 0
+    if may_give(workspace.trial) == 0:
+        return 0
+    if not are_alike(workspace) and match(workspace.trial, workspace) == 0:
+        return 0
+    tries = np.int64(0)
+    while True:
+        done = np.int64(0)
+        while done == 0:
+            if tries >= MAX_MUTATION_TRIES:
+                return 0
+            tries += 1
+            done = mutate(roads, rules, workspace, seed, tick)
+        copy_design(workspace.now, workspace.trial)
+        if chance(workspace, seed, tick) >= mutation:
+            return 1
+
+
+@kernel
+def may_give(design):
+    """1 if some zone has more stations than it has to keep."""
+    for zone in range(design.transfer.shape[0]):
+        if size(design, zone) > MIN_ZONE_STATIONS:
+            return 1
+    return 0
+
+
+@kernel
+def combine(population, parents, workspace, seed, tick):
+    """Fill workspace.trial with random zones that have nothing in common; 0 if they do not fit."""
+    design, individuals = workspace.trial, population.now
+    zones = design.transfer.shape[0]
+    clear_design(design)
+    failures = np.int64(0)
+    found = np.int64(0)
+    while found < zones:
+        row = np.int64(population.pool[below(workspace, parents, seed, tick)])
+        zone = below(workspace, zones, seed, tick)
+        if fits(individuals, row, zone, design) == 1:
+            take_zone(individuals, row, zone, design, found)
+            found += 1
+        else:
+            failures += 1
+            if failures == MAX_FAILURES:
+                return 0
+    return 1
+
+
+@kernel
+def attach_rest(roads, rules, design, workspace, seed, tick):
+    """Stations without a zone join those of random adjacent ones; 0 if one cannot."""
+    stations = design.zone.shape[0]
+    for _ in range(MAX_JOIN_TRIES * stations):
+        count = np.int64(0)
+        for s in range(stations):
+            if design.zone[s] == NIL:
+                workspace.listed[count] = s
+                count += 1
+        if count == 0:
+            return 1
+        station = np.int64(workspace.listed[below(workspace, count, seed, tick)])
+        near = adjacent_to(roads, rules, design, workspace, station, NIL)
+        if near > 0:
+            other = np.int64(workspace.listed[below(workspace, near, seed, tick)])
+            connect(roads, design, workspace, station, other, rules.adjacent)
+    return 0
+
+
+@kernel
+def adjacent_to(roads, rules, design, workspace, station, but):
+    """workspace.listed: stations in zones other than `but` that are adjacent to one; how many."""
+    count = np.int64(0)
+    for t in range(design.zone.shape[0]):
+        zone = design.zone[t]
+        if zone == NIL or zone == but or t == station:
+            continue
+        if roads.between[station, t] < rules.adjacent:
+            workspace.listed[count] = t
+            count += 1
+    return count
+
+
+@kernel
+def mutate(roads, rules, workspace, seed, tick):
+    """workspace.now: the child with a random tip of a random zone given away; 0 if it cannot be."""
+    design = workspace.trial
+    zone = below(workspace, design.transfer.shape[0], seed, tick)
+    find_tips(roads, design, workspace)
+    count = np.int64(0)
+    for s in range(design.zone.shape[0]):
+        if design.zone[s] == zone and workspace.tip[s] == 1:
+            workspace.listed[count] = s
+            count += 1
+    if count == 0:
+        return 0
+    tip = np.int64(workspace.listed[below(workspace, count, seed, tick)])
+    near = adjacent_to(roads, rules, design, workspace, tip, zone)
+    if near == 0:
+        return 0
+    through = np.int64(workspace.listed[below(workspace, near, seed, tick)])
+    if not may_take(workspace, zone, design.zone[through], tip):
+        return 0
+    copy_design(design, workspace.now)
+    return give(roads, workspace.now, workspace, tip, through, rules.adjacent, MIN_ZONE_STATIONS)

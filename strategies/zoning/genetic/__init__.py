@@ -1,1 +1,0 @@
-"""Zones bred by a genetic algorithm."""

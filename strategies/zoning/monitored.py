@@ -1,0 +1,447 @@
+"""The zones with which a run begins, where the scenario gives none."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar, Final
+
+import numpy as np
+
+from automaton.engine.facilities import design_for
+from automaton.engine.jit.structs import CONSTANT, SCRATCH, Struct, field
+from automaton.engine.state import (
+    CLOCK_TICK,
+    NIL,
+    Array,
+    Batch,
+    Decisions,
+    Memory,
+    Workspace,
+    World,
+)
+from automaton.errors import InputError
+from automaton.strategy.layer import Strategy
+from automaton.units import SECONDS_PER_UNIT, count
+from strategies.linear_sum_assignment import INF_COST
+from strategies.zoning.annealing import MAX_REPAIRS, first_zones, repair
+from strategies.zoning.genetic import Population, evolve, population_for
+from strategies.zoning.transfer_stations import ROUTING_CENTRAL, find_transfers
+from strategies.zoning.zone_load import balance, find_loads
+from strategies.zoning.zone_queues import (
+    add_charging,
+    order_weights,
+    queue_orders,
+    reassign_orders,
+    record_flow,
+    rules_of_zones,
+    set_zone_move_time_factors,
+    share,
+    take_over,
+    ticks,
+)
+from strategies.zoning.zone_workspace import ZoneRules, ZoneSpace, copy_design, space_for
+from strategies.zoning.zoning_parameters import Annealing, Genetic, Monitoring
+
+# How first zones are annealed where the scenario has no parameters for it.
+PUBLISHED: Final = Annealing()
+INITIAL_TEMPERATURE: Final = PUBLISHED.hot
+FINAL_TEMPERATURE: Final = PUBLISHED.cold
+STEPS: Final = PUBLISHED.steps
+
+
+def no_first_zones(view: World) -> InputError:
+    """What is said when none are found."""
+    return InputError(
+        f"zoning found no zones for {count(len(view.service_zones.server), 'robot')} on this floor; "
+        "strategy.zoning.design gives them, and fewer robots or more groups are easier"
+    )
+
+
+def space_of(view: World) -> ZoneSpace:
+    """Scratch for the zones of a run."""
+    zones = view.service_zones
+    return space_for(zones.roads, len(zones.server)).replaced(
+        serves=zones.accessible, first=zones.has_priority
+    )
+
+
+def try_first_zones(view: World, rules: ZoneRules) -> int:
+    """How many tries fail before those zones are found that a compiled strategy is going to find.
+
+    It could not say that there are none, and need not fail again. Raises InputError.
+    """
+    roads, zones = view.service_zones.roads, len(view.service_zones.server)
+    workspace = space_of(view)
+    set_zone_move_time_factors(view, workspace)
+    everywhere = np.ones(zones, np.uint8)
+    found = first_zones(
+        roads, rules, INITIAL_TEMPERATURE, FINAL_TEMPERATURE, STEPS, 0, design_for(roads, zones),
+        workspace, everywhere, view.rules.seed, 0,
+    )  # fmt: skip
+    if not found:
+        raise no_first_zones(view)
+    return int(found) - 1
+
+
+# Zones of one central computer: watched, shared when out of balance, and perhaps redesigned.
+#
+# Keith & La's modes: the balance SVp of the zones on the flow of the last minutes is looked at every
+# minute, every third minute when it has been good for a while. Out of balance, robots share orders
+# from time to time; out of balance for long, new zones are made from the flow of that moment, and
+# take effect when a computer would be done with them. All that waits is queued again then.
+
+
+FIRST_LOOK: Final = 30.0  # seconds after the start
+AFTER_REPAIR: Final = 60.0  # and after a redesign
+
+
+class MonitoredState(Struct):
+    """What is counted, when something is due next, and the flow for a redesign."""
+
+    # Counted in the row of robot 0:
+    redesigns: Array = field("(n,) int64")
+    shared_orders: Array = field("(n,) int64")
+    ticks_in_balance: Array = field(
+        "(n,) int64", "between two looks, the first of which saw the zones balanced"
+    )
+    ticks_watched: Array = field("(n,) int64", "between looks")
+    # Ticks, 0 where there is none:
+    begun: Array = field("(1,) int64", "1: the first zones are made")
+    next_look: Array = field("(1,) int64")
+    last_look: Array = field("(1,) int64")
+    was_good: Array = field("(1,) int64", "the last look: 1 balanced, 0 not, NIL without flow")
+    good_since: Array = field("(1,) int64")
+    bad_since: Array = field("(1,) int64", "the look that saw them out of balance")
+    next_share: Array = field("(1,) int64")
+    new_zones_at: Array = field("(1,) int64")
+    flow: Array = field("(k, k) int64", "between stations, of which they are made")
+    recent_flow: Array = field("(k, k) float64", "that is looked at", role=SCRATCH)
+    rules: ZoneRules
+    age: int = field("int64", "weights of orders that are shared, in thousandths")
+    job: int = field("int64")
+    zones: ZoneSpace
+
+
+class MonitoredZones(Strategy):
+    """Zones that stay; robots may share orders when they are out of balance."""
+
+    layer = "zoning"
+    Parameters = Monitoring
+    parameters: Any
+    counters: ClassVar = {
+        name: name for name in ("redesigns", "shared_orders", "ticks_in_balance", "ticks_watched")
+    }
+
+    def reset(self, view: World) -> Struct:
+        """Nothing is counted yet, and the first zones are due."""
+        return self._first_state(view, MonitoredState)
+
+    def _first_state(self, view: World, kind: type[MonitoredState], **more: Any) -> Struct:
+        return kind.sized(
+            {"n": len(view.robots.cell), "k": len(view.service_zones.roads.point)},
+            rules=rules_of_zones(view, self.parameters.adjacency, self._annealing().tip_pairs),
+            **order_weights(self.other_layers.get("allocation")),
+            zones=space_of(view),
+            **more,
+        )
+
+    def decide(
+        self, view: World, batch: Batch, decisions: Decisions, memory: Memory, workspace: Workspace
+    ) -> None:
+        """Queue what is new, look at the balance, share, or bring new zones into effect."""
+        out, state = decisions.zoning, MonitoredState.of(memory)
+        now = int(view.clock[CLOCK_TICK])
+        copy_design(view.service_zones.design, out.design)
+        state.zones.reach[:] = 1
+        set_zone_move_time_factors(view, state.zones)
+        if not state.begun[0]:
+            self._begin(view, batch, out, state)
+        else:
+            self._apply_redesign(view, out, state)
+        redesigned = int(out.redesigned[0])
+        take_over(view, out)
+        queue_orders(view, out.design, state.zones, out, ROUTING_CENTRAL, redesigned)
+        reassign_orders(view, out, NIL)
+        if now >= state.next_look[0]:
+            self._check_balance(view, out, state)
+        self._check_redesign(view, state)
+        due = state.bad_since[0] and not redesigned
+        if self.parameters.sharing and due and now >= state.next_share[0]:
+            if self._shares(state):
+                state.shared_orders[view.robots.at_index[0]] += share(
+                    view, workspace, out, state.age, state.job
+                )
+            state.next_share[0] = now + ticks(view, self.parameters.share_every)
+        out.again[: int(batch.count[0])] = max(1, min(self._due(view, state)) - now)
+
+    def _due(self, view: World, state: MonitoredState) -> list[int]:
+        """The ticks in which something is to be done next."""
+        sharing = self.parameters.sharing and state.bad_since[0]
+        return [int(state.next_look[0]), *([int(state.next_share[0])] if sharing else [])]
+
+    def _begin(self, view: World, batch: Batch, out: Any, state: MonitoredState) -> None:
+        """The first zones: those of the scenario, or annealed on the flow between all stations."""
+        if out.design.zone[0] == NIL:
+            if not self._anneal_first(view, out.design, state):
+                raise no_first_zones(view)
+        elif not out.design.transfer.any():
+            roads, zones = view.service_zones.roads, state.zones
+            record_flow(view, INF_COST, 1 << 40, state.recent_flow)  # of all orders, known or not
+            find_loads(roads, state.rules, state.recent_flow, 0, out.design, zones)
+            find_transfers(roads, state.rules, out.design, zones, zones.reach)
+        out.redesigned[0] = 1
+        for k in range(int(batch.count[0])):
+            out.service_zone[k] = view.robots.identity[batch.robot[k]]
+        state.begun[0] = 1
+        state.next_look[0] = int(view.clock[CLOCK_TICK]) + ticks(view, FIRST_LOOK)
+
+    def _anneal_first(self, view: World, design: Any, state: MonitoredState) -> bool:
+        """The first zones, where the scenario gives none; False if none are found."""
+        given = self._annealing()
+        return bool(
+            first_zones(
+                view.service_zones.roads,
+                state.rules,
+                float(given.hot),
+                float(given.cold),
+                given.steps,
+                0,
+                design,
+                state.zones,
+                state.zones.reach,
+                np.uint64(view.rules.seed),
+                int(view.clock[CLOCK_TICK]),
+            )
+        )
+
+    def _annealing(self) -> Annealing:
+        """How the first zones are annealed; here as published."""
+        return PUBLISHED
+
+    def _check_balance(self, view: World, out: Any, state: MonitoredState) -> None:
+        """How balanced the zones are now, and what follows from it."""
+        now, robot = int(view.clock[CLOCK_TICK]), view.robots.at_index[0]
+        if state.last_look[0]:
+            passed = now - state.last_look[0]
+            state.ticks_watched[robot] += passed
+            state.ticks_in_balance[robot] += passed * (state.was_good[0] == 1)
+        flow, zones = state.recent_flow, state.zones
+        window = ticks(view, SECONDS_PER_UNIT["min"] * self.parameters.window)
+        good = NIL
+        if record_flow(view, window, now, flow):
+            find_loads(view.service_zones.roads, state.rules, flow, 0, out.design, zones)
+            add_charging(view, zones, state.rules)
+            value = balance(zones.load)
+            if len(zones.load) > 1:  # one zone is out of balance with no robot
+                good = int(0.0 < value <= self.parameters.tolerance)
+        state.last_look[0], state.was_good[0] = now, good
+        often = ticks(view, self.parameters.often)
+        state.next_look[0] = now + often
+        if good == 1:
+            state.bad_since[0] = 0
+            state.good_since[0] = state.good_since[0] or now
+            if now - state.good_since[0] >= ticks(
+                view, SECONDS_PER_UNIT["min"] * self.parameters.calm
+            ):
+                state.next_look[0] = now + ticks(view, self.parameters.seldom)
+        elif good == 0:
+            state.good_since[0] = 0
+            if not state.bad_since[0]:
+                state.bad_since[0], state.next_share[0] = now, now
+
+    def _check_redesign(self, view: World, state: MonitoredState) -> None:
+        """Called after every look, and when `_due` says: are new zones needed? Here never."""
+
+    def _shares(self, state: MonitoredState) -> bool:
+        """Whether orders are shared at a time of sharing; here always."""
+        return True
+
+    def _apply_redesign(self, view: World, out: Any, state: MonitoredState) -> None:
+        """Called in every tick but the first, before orders are queued; here nothing, zones stay."""
+
+
+# Zones that are redesigned: by simulated annealing, or by a genetic algorithm.
+
+
+class StaticZones(MonitoredZones):
+    """Zones that never change; out of balance, robots share orders."""
+
+    Parameters = Monitoring
+
+
+class RedesignedZones(MonitoredZones, ABC):
+    """Zones that are redesigned when they have been out of balance for long."""
+
+    def _check_redesign(self, view: World, state: MonitoredState) -> None:
+        """Out of balance for longer than patience: new zones are made of the flow of this moment."""
+        now = int(view.clock[CLOCK_TICK])
+        if (
+            not state.bad_since[0]
+            or state.new_zones_at[0]
+            or now < self._patience_ends(view, state)
+        ):
+            return
+        window = ticks(view, SECONDS_PER_UNIT["min"] * self.parameters.window)
+        record_flow(view, window, now, state.recent_flow)
+        state.flow[:] = state.recent_flow.astype(np.int64)
+        state.new_zones_at[0] = now + max(1, ticks(view, self.parameters.compute))
+
+    def _patience_ends(self, view: World, state: MonitoredState) -> int:
+        return (
+            int(state.bad_since[0])
+            + ticks(view, SECONDS_PER_UNIT["min"] * self.parameters.patience)
+            + 1
+        )
+
+    def _due(self, view: World, state: MonitoredState) -> list[int]:
+        """As for zones that stay, and when new ones are begun or take effect."""
+        times = super()._due(view, state)
+        if state.new_zones_at[0]:
+            times.append(int(state.new_zones_at[0]))
+        elif state.bad_since[0]:
+            times.append(self._patience_ends(view, state))
+        return times
+
+    def _shares(self, state: MonitoredState) -> bool:
+        """Not while new zones are computed, if the scenario says so."""
+        return self.parameters.share_while_computing or not state.new_zones_at[0]
+
+    def _apply_redesign(self, view: World, out: Any, state: MonitoredState) -> None:
+        """New zones of the flow that was recorded take effect when they are due."""
+        now = int(view.clock[CLOCK_TICK])
+        if not state.new_zones_at[0] or now < state.new_zones_at[0]:
+            return
+        state.recent_flow[:] = state.flow
+        if self._design(view, out.design, state):
+            out.redesigned[0] = 1
+            state.redesigns[view.robots.at_index[0]] += 1
+        else:
+            copy_design(view.service_zones.design, out.design)
+        state.new_zones_at[0] = state.bad_since[0] = 0
+        state.next_look[0] = now + ticks(view, AFTER_REPAIR)
+
+    @abstractmethod
+    def _design(self, view: World, design: Any, state: Any) -> bool:
+        """Make new zones of the recent flow; False if none are found, and the design is spoiled then."""
+
+
+class AnnealedZones(RedesignedZones):
+    """Zones repaired by simulated annealing (Ho & Liao, modified by Keith & La)."""
+
+    Parameters = Annealing
+
+    def _annealing(self) -> Annealing:
+        """As the scenario says, the first zones and all others."""
+        parameters: Annealing = self.parameters
+        return parameters
+
+    def _design(self, view: World, design: Any, state: Any) -> bool:
+        given = self._annealing()
+        return bool(
+            repair(
+                view.service_zones.roads,
+                state.rules,
+                state.recent_flow,
+                float(given.hot),
+                float(given.cold),
+                given.steps,
+                MAX_REPAIRS,
+                design,
+                state.zones,
+                state.zones.reach,
+                np.uint64(view.rules.seed),
+                int(view.clock[CLOCK_TICK]),
+            )
+        )
+
+
+class GeneticState(MonitoredState):
+    """And what zones are bred in."""
+
+    poses: Array = field(
+        "(n, 2) int64",
+        "by identity: columns and rows of the grid, from where robots look for their zones",
+        role=CONSTANT,
+    )
+    population: Population
+
+
+class GeneticZones(RedesignedZones):
+    """Zones repaired by a genetic algorithm; each goes to the robot whose pose is nearest to it."""
+
+    Parameters = Genetic
+
+    def reset(self, view: World) -> Struct:
+        """The poses, and room for the population besides."""
+        population = population_for(view.service_zones.roads, self.parameters.population)
+        return self._first_state(
+            view, GeneticState, poses=self._poses_of(view), population=population
+        )
+
+    def _design(self, view: World, design: Any, state: Any) -> bool:
+        parameters = self.parameters
+        found = evolve(
+            view.service_zones.roads,
+            state.rules,
+            state.recent_flow,
+            parameters.generations,
+            parameters.selected,
+            float(parameters.mutation),
+            state.population,
+            design,
+            state.zones,
+            state.zones.reach,
+            np.uint64(view.rules.seed),
+            int(view.clock[CLOCK_TICK]),
+        )
+        if found and parameters.matched:
+            self._assign_zones(view, design, state.poses)
+        return bool(found)
+
+    def _poses_of(self, view: World) -> Array:
+        """Those of GeneticState. Raises InputError."""
+        given, robots = self.parameters.poses, len(view.service_zones.server)
+        if given is None:
+            homes = view.robots.home[view.robots.at_index]
+            places = np.stack((homes % view.grid.width, homes // view.grid.width), axis=1)
+            return places.astype(np.int64)
+        if len(given) != robots:
+            raise InputError(
+                f"strategy.zoning.poses has {count(len(given), 'cell')}, one for each robot; "
+                f"there are {robots}"
+            )
+        return np.array(given) + 1  # the border of the grid
+
+    def _assign_zones(self, view: World, design: Any, poses: Array) -> None:
+        """Name each zone after the robot whose pose is nearest to its middle; robots choose in order.
+
+        Robots of a type choose among the zones that were bred for their type.
+        """
+        cells = view.service_zones.roads.cell[view.service_zones.roads.point]
+        across, down = cells % view.grid.width, cells // view.grid.width
+        zones, kinds = len(view.service_zones.server), view.robots.type[view.robots.at_index]
+        kinds = kinds % view.rules.loaded_types if view.rules.loaded_types else kinds
+        name = np.full(zones, NIL, np.int32)
+        for robot in range(zones):
+            x, y = poses[robot]
+            alike = (view.service_zones.accessible == view.service_zones.accessible[robot]).all(
+                axis=1
+            )
+            alike &= (
+                view.service_zones.has_priority == view.service_zones.has_priority[robot]
+            ).all(axis=1)
+            alike &= kinds == kinds[robot]
+            free = [zone for zone in range(zones) if name[zone] == NIL and alike[zone]]
+            middle = [design.zone == zone for zone in free]
+            far = [
+                np.hypot(across[mask].mean() - x, down[mask].mean() - y) if mask.any() else np.inf
+                for mask in middle
+            ]
+            name[free[int(np.argmin(far))]] = robot
+        design.zone[:] = name[design.zone]
+        used = int(design.segments[0])
+        design.owner[:used] = name[design.owner[:used]]
+        transfer = design.transfer.copy()
+        for a in range(zones):
+            for b in range(zones):
+                design.transfer[name[a], name[b]] = transfer[a, b]

@@ -1,0 +1,314 @@
+"""Tip workstations: those that a single way joins to the rest of their zone.
+
+A station at point p is a tip if exactly one neighbour of p shares a segment of the zone with p (by
+membership, as in the authors' code, not by following the segment), or if it is alone in its zone.
+"""
+
+import numpy as np
+
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.state import NIL
+from strategies.linear_sum_assignment import INF_COST
+from strategies.zoning.zone_workspace import block_others, spread, whole_cells
+
+
+@kernel
+def find_tips(roads, design, workspace):
+    """workspace.tip of all stations."""
+    for s in range(design.zone.shape[0]):
+        workspace.tip[s] = is_tip(roads, design, s)
+
+
+@kernel
+def is_tip(roads, design, s):
+    """1 if a station is a tip of its zone."""
+    p = np.int64(roads.point[s])
+    only = np.int64(NIL)
+    for m in range(design.segments[0]):
+        if design.owner[m] != design.zone[s] or passes(design, m, p) == 0:
+            continue
+        for k in range(design.points[m]):
+            q = np.int64(design.path[m, k])
+            if q == p or q == only or linked(roads, p, q) == 0:
+                continue
+            if only != NIL:
+                return 0
+            only = q
+    return 1
+
+
+@kernel
+def passes(design, m, p):
+    """1 if a segment has a point."""
+    for k in range(design.points[m]):
+        if design.path[m, k] == p:
+            return 1
+    return 0
+
+
+@kernel
+def linked(roads, p, q):
+    """1 if a straight way leads from one point to the other, in either direction."""
+    for d in range(4):
+        if roads.next[p, d] == q or roads.next[q, d] == p:
+            return 1
+    return 0
+
+
+# Transfer stations between zones (Algorithm 1, by the rules that gave the published numbers).
+#
+# For each pair of zones, tips that are near a station of the other zone are joined by union paths;
+# shortest first, the tip in the zone with more load becomes a transfer station, where the other
+# zone's robot fetches. A pair one of whose ends is a transfer station of this pair of zones already
+# is passed over (the paper removes both ends of a chosen pair).
+
+
+@kernel
+def find_transfers(roads, rules, design, workspace, reach):
+    """design.transfer between all zones with reach[z] = 1, from workspace.load.
+
+    Between others it stays, but for stations that are in neither of the two zones any more.
+    """
+    forget_moved(design)
+    find_tips(roads, design, workspace)
+    workspace.claimed[:] = 0
+    for a in range(reach.shape[0]):
+        for b in range(a + 1, reach.shape[0]):
+            if reach[a] == 1 and reach[b] == 1:
+                between_two(roads, rules, design, workspace, a, b)
+
+
+@kernel
+def forget_moved(design):
+    """A transfer station of two zones is a station of one of them."""
+    for a in range(design.transfer.shape[0]):
+        for b in range(design.transfer.shape[0]):
+            for s in range(design.zone.shape[0]):
+                if design.zone[s] != a and design.zone[s] != b:
+                    design.transfer[a, b, s] = 0
+
+
+@kernel
+def between_two(roads, rules, design, workspace, a, b):
+    """The transfer stations of two zones."""
+    design.transfer[a, b, :] = 0
+    design.transfer[b, a, :] = 0
+    close_to_two(design, workspace, a, b)
+    count = joined_tips(roads, rules, design, workspace, a, b)
+    for k in range(count):
+        x, y = np.int64(workspace.pair[k, 0]), np.int64(workspace.pair[k, 1])
+        if design.transfer[a, b, x] == 1 or design.transfer[a, b, y] == 1:
+            continue
+        of_a = workspace.load[a] >= workspace.load[b]
+        if workspace.serves[b, x] == 0 or workspace.serves[a, y] == 0:
+            of_a = workspace.serves[b, x] == 1
+            if workspace.serves[b, x] == 0 and workspace.serves[a, y] == 0:
+                continue  # neither can be fetched from
+        station, fetcher = (x, b) if of_a else (y, a)
+        share_station(design, a, b, station)
+        if rules.blocks:
+            claim(roads, workspace, x, y, fetcher)
+
+
+@kernel
+def share_station(design, a, b, station):
+    """It becomes a transfer station of two zones."""
+    design.transfer[a, b, station] = 1
+    design.transfer[b, a, station] = 1
+
+
+@kernel
+def close_to_two(design, workspace, a, b):
+    """Close what other zones hold or have claimed."""
+    block_others(design, workspace, a, b)
+    for p in range(design.held.shape[0]):
+        for z in range(design.transfer.shape[0]):
+            if z != a and z != b and workspace.claimed[p, z] == 1:
+                workspace.blocked[p] = 1
+
+
+@kernel
+def joined_tips(roads, rules, design, workspace, a, b):
+    """workspace.pair: tips x of a and y of b with a union path, the shortest first; how many."""
+    bound = whole_cells(rules.limit)
+    count = np.int64(0)
+    for x in range(design.zone.shape[0]):
+        if faces(roads, rules, design, workspace, x, a, b) == 0:
+            continue
+        spread(roads, workspace, roads.point[x], NIL, bound)
+        for y in range(design.zone.shape[0]):
+            far = workspace.distance[roads.point[y]]
+            if far == INF_COST or faces(roads, rules, design, workspace, y, b, a) == 0:
+                continue
+            at = count
+            while at > 0 and workspace.length[at - 1] > far:
+                workspace.length[at] = workspace.length[at - 1]
+                workspace.pair[at, 0] = workspace.pair[at - 1, 0]
+                workspace.pair[at, 1] = workspace.pair[at - 1, 1]
+                at -= 1
+            workspace.length[at] = far
+            workspace.pair[at, 0] = x
+            workspace.pair[at, 1] = y
+            count += 1
+    return count
+
+
+@kernel
+def faces(roads, rules, design, workspace, s, own, other):
+    """1 if s is a tip of its own zone, near any station of the other one."""
+    if design.zone[s] != own or workspace.tip[s] == 0:
+        return 0
+    for t in range(design.zone.shape[0]):
+        if design.zone[t] == other and roads.between[s, t] <= rules.adjacent:
+            return 1
+    return 0
+
+
+@kernel
+def claim(roads, workspace, x, y, zone):
+    """The inner points of the path between two stations are in the way of later pairs of zones."""
+    spread(roads, workspace, roads.point[x], roads.point[y], INF_COST)
+    p = np.int64(workspace.back[roads.point[y]])
+    while p != NIL and p != roads.point[x]:
+        workspace.claimed[p, zone] = 1
+        p = np.int64(workspace.back[p])
+
+
+@kernel
+def joined(design, a, b):
+    """1 if two zones have a transfer station."""
+    for s in range(design.zone.shape[0]):
+        if design.transfer[a, b, s] == 1:
+            return 1
+    return 0
+
+
+@kernel
+def find_levels(design, workspace, zone):
+    """workspace.level: transfers from each zone to this one, NIL where none leads there."""
+    workspace.level[:] = NIL
+    workspace.level[zone] = 0
+    workspace.frontier[0] = zone
+    count, at = np.int64(1), np.int64(0)
+    while at < count:
+        here = np.int64(workspace.frontier[at])
+        at += 1
+        for z in range(design.transfer.shape[0]):
+            if workspace.level[z] == NIL and joined(design, here, z) == 1:
+                workspace.level[z] = workspace.level[here] + 1
+                workspace.frontier[count] = z
+                count += 1
+    return count
+
+
+@kernel
+def reach_connected(design, workspace, reach):
+    """1 if a part can get between all zones with reach[z] = 1."""
+    begun = False
+    for z in range(reach.shape[0]):
+        if reach[z] == 1 and not begun:
+            find_levels(design, workspace, z)
+            begun = True
+        if reach[z] == 1 and workspace.level[z] == NIL:
+            return 0
+    return 1
+
+
+@kernel
+def connected(design, workspace):
+    """1 if a part can get from every zone to every other one."""
+    return 1 if find_levels(design, workspace, 0) == design.transfer.shape[0] else 0
+
+
+@kernel
+def connect_cut_off(roads, design, workspace):
+    """Join zones that are cut off, from workspace.load; returns 1 if all are connected then.
+
+    Here tips may be any way apart, and no transfer path is in the way of another (as in DDZ).
+    """
+    find_tips(roads, design, workspace)
+    while connected(design, workspace) == 0:
+        if join_nearest(roads, design, workspace) == 0:
+            return 0
+    return 1
+
+
+@kernel
+def join_nearest(roads, design, workspace):
+    """A transfer station between a zone that parts reach by workspace.level and one that they do not.
+
+    Of all such pairs of zones that with the shortest union path between two tips; the zone with more
+    load gives the station. Returns 0 if there is none.
+    """
+    best = np.int64(INF_COST)
+    x, y = np.int64(NIL), np.int64(NIL)
+    for a in range(design.transfer.shape[0]):
+        for b in range(design.transfer.shape[0]):
+            if workspace.level[a] == NIL or workspace.level[b] != NIL:
+                continue
+            block_others(design, workspace, a, b)
+            for s in range(design.zone.shape[0]):
+                if design.zone[s] != a or workspace.tip[s] == 0:
+                    continue
+                spread(roads, workspace, roads.point[s], NIL, best)
+                for t in range(design.zone.shape[0]):
+                    far = workspace.distance[roads.point[t]]
+                    if design.zone[t] == b and workspace.tip[t] == 1 and far < best:
+                        best = far
+                        x, y = np.int64(s), np.int64(t)
+    if x == NIL:
+        return 0
+    a, b = np.int64(design.zone[x]), np.int64(design.zone[y])
+    share_station(design, a, b, x if workspace.load[a] >= workspace.load[b] else y)
+    return 1
+
+
+# Who takes a part, and where to: section "part transfers" of Keith & La, as their code does it.
+
+
+ROUTING_CENTRAL = 0  # rule of SA and GA: through the nearest transfer station
+# rule of DDZ: without a common one, through the one that is nearest to the target
+ROUTING_NEIGHBOURS = 1
+
+
+@kernel
+def route(roads, design, workspace, rule, zone, at, to):
+    """(zone in whose queue it is, station where it is dropped, 1 = that is the target).
+
+    zone: whose part it is: that of the station where it was processed, or after a transfer that of
+    the robot that dropped it. at, to: the station where it is, the next one of its route. A part
+    that waits at the transfer station to which it would be brought is the next robot's already.
+    Where no transfers lead to the target, its own robot delivers: zones do not bind robots.
+    """
+    target = np.int64(design.zone[to])
+    if zone != target:
+        find_levels(design, workspace, target)
+    while zone != target and workspace.level[zone] != NIL:
+        station, other = way_out(roads, design, workspace, rule, zone, at, to)
+        if station == to:
+            break
+        if station != at:
+            return zone, station, 0
+        zone = other
+    return zone, to, 1
+
+
+@kernel
+def way_out(roads, design, workspace, rule, zone, at, to):
+    """The transfer station by which a part leaves, and the zone that fetches it there.
+
+    Zones with the fewest transfers left; of their transfer stations the nearest to where the part
+    is, or by the rule of DDZ, when transfers remain after it, to its target; then the lowest.
+    """
+    best = np.int64(INF_COST)
+    station, other = np.int64(NIL), np.int64(NIL)
+    to_target = rule == ROUTING_NEIGHBOURS and workspace.level[zone] > 1
+    for s in range(design.zone.shape[0]):
+        for z in range(design.transfer.shape[0]):
+            if design.transfer[zone, z, s] == 0 or workspace.level[z] != workspace.level[zone] - 1:
+                continue
+            far = np.int64(roads.between[s, to] if to_target else roads.between[at, s])
+            if far < best:
+                best = far
+                station, other = np.int64(s), np.int64(z)
+    return station, other

@@ -30,11 +30,10 @@ from automaton.evidence.recording import contents, frames
 from automaton.floor.cells import CELL_KINDS, SYMBOLS, Symbol
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
 from automaton.scenario import quantities
-from automaton.scenario.conversions import Plan, plan_of
-from automaton.scenario.floor_section import generator_type, generators
+from automaton.scenario.floor_section import generator_type, generators, json_schema
 from automaton.scenario.quantities import SCHEMA_KEY, Quantity
-from automaton.scenario.scenario_schema import json_schema
 from automaton.scenario.schema import LAYER_NAMES, Scenario
+from automaton.scenario.validation import Plan, plan_of
 from automaton.strategy import kernels, lookup, orders, paths, per_robot, weighted_tables
 from automaton.studies.sweeps import result_columns, run_keys
 from automaton.studies.sweeps.study import study_schema

@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from automaton.errors import InputError
-from automaton.scenario.clock_times import is_clock_time
-from automaton.scenario.document import Override, parse
-from automaton.scenario.reading import read_text
+from automaton.scenario.document import Override, parse, read_text
+from automaton.scenario.quantities import is_clock_time
 from automaton.scenario.schema import MAX_REFINEMENT
 from automaton.world.resolve import Resolved
 from automaton.world.scenario_warnings import scenario_warnings

@@ -23,7 +23,7 @@ from automaton.evidence.recording.recording_reader import read_recording
 from automaton.exchange.lif_export import LATEST as LATEST_LIF
 from automaton.exchange.lif_export import VERSIONS as LIF_VERSIONS
 from automaton.exchange.lif_export import lif_file
-from automaton.scenario.reading import find
+from automaton.scenario.document import find
 from automaton.units import count, exact_time
 from automaton.world.resolve import resolve
 from automaton.world.station_numbers import all_station_names

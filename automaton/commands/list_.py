@@ -6,8 +6,8 @@ import argparse
 from typing import Any
 
 from automaton.commands.arguments import add_json_argument, print_json
+from automaton.scenario.document import read, shipped
 from automaton.scenario.floor_section import generator_type, generators
-from automaton.scenario.reading import read, shipped
 from automaton.scenario.schema import LAYER_NAMES
 from automaton.studies.sweeps.study import shipped_studies, study_document
 

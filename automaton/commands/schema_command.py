@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 
-from automaton.scenario.scenario_schema import json_schema
+from automaton.scenario.floor_section import json_schema
 from automaton.studies.sweeps.study import study_schema
 
 SCHEMAS = {"scenario": json_schema, "study": study_schema}

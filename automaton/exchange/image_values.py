@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automaton.errors import InputError
-from automaton.scenario.text_lines import quoted
+from automaton.scenario.document import quoted
 from automaton.units import count
 
 MAX_PIXELS: Final = 40_000_000

@@ -24,7 +24,7 @@ import numpy.typing as npt
 
 from automaton.errors import InputError
 from automaton.floor.drawn_floors import MAX_SIDE
-from automaton.scenario.text_lines import content_lines, lines_of, quoted, whole_number
+from automaton.scenario.document import content_lines, lines_of, quoted, whole_number
 
 FREE: Final = ".GSE"
 BLOCKED: Final = "@OTW"

@@ -20,7 +20,7 @@ import numpy as np
 from automaton.errors import InputError
 from automaton.exchange.moving_ai import GridMap, read_map
 from automaton.exchange.problem import Cells, Listed, Problem, checked
-from automaton.scenario.text_lines import Line, content_lines, quoted, whole_number
+from automaton.scenario.document import Line, content_lines, quoted, whole_number
 
 MAP: Final = "map.txt"
 TASKS: Final = "tasks_one.csv"

@@ -21,14 +21,14 @@ import numpy as np
 from automaton.errors import InputError, nearest
 from automaton.exchange.moving_ai import read_map
 from automaton.exchange.problem import Assignment, Cells, Listed, Problem, checked
-from automaton.scenario.reading import read_text
-from automaton.scenario.task_file import read_tasks
-from automaton.scenario.text_lines import (
+from automaton.scenario.document import (
     content_lines,
     counted_lines,
     quoted,
+    read_text,
     whole_number,
 )
+from automaton.scenario.table_files import read_tasks
 from automaton.scenario.validation import shown
 from automaton.units import count
 

@@ -28,9 +28,7 @@ import numpy.typing as npt
 from automaton.errors import InputError, nearest
 from automaton.exchange.image_values import ImageValues, read_image
 from automaton.exchange.pixel_cells import Mask
-from automaton.scenario.document import Document, parse
-from automaton.scenario.reading import read_text
-from automaton.scenario.text_lines import quoted
+from automaton.scenario.document import Document, parse, quoted, read_text
 
 MODES: Final = ("trinary", "scale", "raw")
 KEYS: Final = (

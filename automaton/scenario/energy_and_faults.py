@@ -7,9 +7,17 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
-from automaton.scenario.field_types import ConfigSection, LongTicks, Ticks
-from automaton.scenario.handling import Distribution
-from automaton.scenario.quantities import CHARGE_RATE, MOMENT, PROBABILITY, TIME, quantity
+from automaton.scenario.durations import Distribution
+from automaton.scenario.quantities import (
+    CHARGE_RATE,
+    MOMENT,
+    PROBABILITY,
+    TIME,
+    ConfigSection,
+    LongTicks,
+    Ticks,
+    quantity,
+)
 
 Percent = Annotated[float, Meta(ge=0, le=100)]
 Rate = Annotated[

@@ -9,7 +9,7 @@ from msgspec import Meta
 
 from automaton.scenario.durations import TypeDurations
 from automaton.scenario.energy_and_faults import TypeBattery
-from automaton.scenario.field_types import (
+from automaton.scenario.quantities import (
     ConfigSection,
     Direction,
     NonEmptyText,

@@ -20,7 +20,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from automaton.errors import InputError, alternatives, nearest
-from automaton.scenario.csv_columns import CsvColumns, TextColumn, read_csv_columns
+from automaton.scenario.columns import (
+    CsvColumns,
+    RowErrors,
+    TextColumn,
+    is_workbook,
+    read_csv_columns,
+    read_sheet_columns,
+)
+from automaton.scenario.document import content_hash, quoted
 from automaton.scenario.order_fields import (
     NO_DUE,
     NOTHING,
@@ -33,13 +41,12 @@ from automaton.scenario.order_fields import (
     OrderFile,
     ReleaseField,
     TextField,
+    due_ticks,
+    read_time_column,
+    release_ticks,
+    start_of,
 )
-from automaton.scenario.order_times import due_ticks, read_time_column, release_ticks, start_of
 from automaton.scenario.quantities import Scale
-from automaton.scenario.reading import content_hash
-from automaton.scenario.row_errors import RowErrors
-from automaton.scenario.sheet_columns import is_workbook, read_sheet_columns
-from automaton.scenario.text_lines import quoted
 
 WHERE: Final = "where "  # before the names of columns that only select rows
 WHOLE: Final = re.compile(r"[-+]?[0-9]{1,10}")

@@ -1,19 +1,37 @@
-"""Define the orders of a scenario file: what is to be carried, and when it is released."""
+"""Orders of a file, each of which brings a load from one place to another."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
-from typing import Annotated, Final, Literal
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Annotated, Any, Final, Literal, overload
 
+import msgspec
 import numpy as np
 from msgspec import Meta, field
+from numpy.typing import NDArray
 
 from automaton.floor.cells import DESTINATION, DOCK, RACK, SHELF, STATION
 from automaton.floor.floor_plan import FloorPlan
-from automaton.scenario.field_types import (
+from automaton.scenario.order_fields import (
+    NO_DUE,
+    NOTHING,
+    Column,
+    ColumnNames,
+    DueField,
+    Field,
+    NumberField,
+    OrderFile,
+    ReleaseField,
+    TextField,
+)
+from automaton.scenario.pods import Line, LineDemand
+from automaton.scenario.quantities import (
+    GAP,
+    TIME,
     ConfigSection,
     Due,
+    DueAt,
     NamedCell,
     NonEmptyText,
     Pair,
@@ -22,12 +40,158 @@ from automaton.scenario.field_types import (
     Ticks,
     Weight,
     due_tick,
+    quantity,
 )
-from automaton.scenario.line_table import line_column
-from automaton.scenario.order_fields import NO_DUE
-from automaton.scenario.pods import Line, LineDemand
-from automaton.scenario.quantities import GAP, TIME, quantity
-from automaton.scenario.transports import Transports
+
+FARTHEST: Final = 1_000_000
+MAX_WEIGHT: Final = 1_000_000_000
+
+PLACES: Final = (  # of each entry the fields of one group are needed
+    (("from",), ("from_x", "from_y")),
+    (("to",), ("to_x", "to_y")),
+)
+TRANSPORT_FIELDS: Final[tuple[Field, ...]] = (
+    ReleaseField(),
+    DueField(),
+    TextField("order"),
+    NumberField("priority", -100, 100, default=0),
+    NumberField("weight", 1, MAX_WEIGHT, default=1),
+    *(NumberField(name, 0, FARTHEST) for name in ("from_x", "from_y", "to_x", "to_y")),
+)
+
+
+class TransportColumns(ColumnNames, frozen=True, kw_only=True):
+    """What the columns of a file of transports are called; others are not read."""
+
+    released: Annotated[Column, Meta(description="When the order is released.")] = None
+    source: Annotated[Column, Meta(description="The slot with the load, by its name.")] = field(
+        name="from", default=None
+    )
+    target: Annotated[Column, Meta(description="Where to bring it, by its name.")] = field(
+        name="to", default=None
+    )
+    from_x: Annotated[Column, Meta(description="The slot with the load: its column.")] = None
+    from_y: Annotated[Column, Meta(description="And its row.")] = None
+    to_x: Annotated[Column, Meta(description="Where to bring it: the column.")] = None
+    to_y: Annotated[Column, Meta(description="And the row.")] = None
+    order: Annotated[Column, Meta(description="The number or name of the order.")] = None
+    due: Annotated[
+        Column, Meta(description="Until when: a clock time, or ticks or a time after the release.")
+    ] = None
+    priority: Annotated[Column, Meta(description="From -100 to 100; empty: 0.")] = None
+    weight: Annotated[Column, Meta(description="How heavy the load is; empty: 1.")] = None
+
+
+class Transports(OrderFile, frozen=True, kw_only=True):
+    """A file of orders, each of which brings a load from one place to another."""
+
+    columns: Annotated[
+        TransportColumns | None,
+        Meta(description="What its columns are called; null: as the keys of this are."),
+    ] = None
+
+
+# The lines of a file, kept as columns: a tuple of a million of them would take 400 MB.
+#
+# A table is to be used as a tuple of lines, which are made when they are asked for. What goes through
+# all of them takes a column of `line_column`.
+
+
+LineColumn = NDArray[np.int32]
+LINE_FIELDS = {"release": "released", "due": "due", "priority": "priority", "units": "units"}
+
+
+class LineTable(Sequence[Line]):
+    """The lines of a file: 32 bytes each, and the texts of their orders.
+
+    `values`: (n,) by field, as automaton.scenario.table_files reads it: places among `orders`, `pods`,
+    `skus` and `stations`, or NOTHING, and the tick in which a line is due, or NO_DUE.
+    """
+
+    def __init__(
+        self,
+        values: Mapping[str, LineColumn],
+        orders: Sequence[str],
+        pods: Sequence[str | int],
+        skus: Sequence[str],
+        stations: Sequence[str | int],
+    ) -> None:
+        self.values, self.orders, self.stations = values, orders, stations
+        self.pods, self.skus = pods, skus
+
+    def __len__(self) -> int:
+        return len(self.values["pod"])
+
+    @overload
+    def __getitem__(self, index: int) -> Line: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> LineTable: ...
+
+    def __getitem__(self, index: int | slice) -> Line | LineTable:
+        if isinstance(index, slice):
+            values = {name: column[index] for name, column in self.values.items()}
+            return LineTable(values, self.orders, self.pods, self.skus, self.stations)
+        return next(iter(self[index:][:1] if index >= 0 else self[index:]))
+
+    def __iter__(self) -> Iterator[Line]:
+        names = ("order", "pod", "sku", "station", "released", "due", "priority", "units")
+        rows = zip(*(self.values[name].tolist() for name in names), strict=True)
+        for order, pod, sku, station, release, due, priority, units in rows:
+            yield Line(
+                order=None if order == NOTHING else self.orders[order],
+                pod=None if pod == NOTHING else self.pods[pod],
+                sku=None if sku == NOTHING else self.skus[sku],
+                station=None if station == NOTHING else self.stations[station],
+                release=release,
+                due=None if due == NO_DUE else DueAt(at=due),
+                priority=priority,
+                units=units,
+            )
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Sequence) or len(self) != len(other):
+            return False
+        return all(mine == theirs for mine, theirs in zip(self, other, strict=True))
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+def line_column(lines: Sequence[Line], name: str) -> LineColumn:
+    """(n,) int32: the release, due, priority or units of lines; due: the tick, or NO_DUE."""
+    if isinstance(lines, LineTable):
+        return lines.values[LINE_FIELDS[name]]
+    if name == "due":
+        ticks = (line.due_tick for line in lines)
+        return np.array([NO_DUE if tick is None else min(tick, NO_DUE) for tick in ticks], np.int32)
+    return np.array([getattr(line, name) for line in lines], np.int32)
+
+
+def line_texts(lines: Sequence[Line], name: str) -> tuple[LineColumn, Sequence[str]]:
+    """What lines call their orders or SKUs: (n,) int32 places among the texts, or NOTHING; the texts."""
+    if isinstance(lines, LineTable):
+        return lines.values[name], lines.orders if name == "order" else lines.skus
+    known: dict[str, int] = {}
+    values = (getattr(line, name) for line in lines)
+    places = [
+        NOTHING if value is None else known.setdefault(str(value), len(known)) for value in values
+    ]
+    return np.array(places, np.int32), list(known)
+
+
+def plain_data(value: Any) -> Any:
+    """What a scenario, or a part of it, holds, as msgspec.to_builtins gives it; tables as lists."""
+    return msgspec.to_builtins(value, enc_hook=_listed)
+
+
+def _listed(value: Any) -> Any:
+    if isinstance(value, LineTable):
+        return list(value)
+    raise NotImplementedError(f"no data: {type(value).__name__}")
+
+
+# Define the orders of a scenario file: what is to be carried, and when it is released.
+
 
 DRAWN = ("dock-to-rack", "stations", "visits", "tours")  # generators that draw so many orders
 MAX_STOPS: Final = 64  # of an order

@@ -6,7 +6,11 @@ from typing import Annotated, Any, Literal
 
 from msgspec import Meta, field
 
-from automaton.scenario.field_types import (
+from automaton.scenario.durations import Handling
+from automaton.scenario.order_fields import Column, ColumnNames, OrderFile
+from automaton.scenario.quantities import (
+    GAP,
+    TIME,
     ConfigSection,
     Due,
     NamedCell,
@@ -15,10 +19,8 @@ from automaton.scenario.field_types import (
     Tick,
     Weight,
     due_tick,
+    quantity,
 )
-from automaton.scenario.handling import Handling
-from automaton.scenario.order_fields import Column, ColumnNames, OrderFile
-from automaton.scenario.quantities import GAP, TIME, quantity
 
 MAX_POD_STOPS = 64
 MAX_LINES = 1_000_000

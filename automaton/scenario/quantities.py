@@ -1,26 +1,23 @@
-"""What numbers of a scenario count, and the texts with units that may be written instead of them.
-
-    durations: {move: 1.5 m/s, pick: 20 s}      beside     durations: {move: 2, pick: 40}
-
-A field of a struct says what it counts by `quantity(TIME, ...)` among its annotations, in a plug-in
-as well. Texts are read as exact fractions; `conversions` rounds them where a whole number is wanted.
-"""
+"""Numbers with a unit as text, read exactly: "20 s", "1.5 m/s", "120/h", "9 %/h", "0:10:00"."""
 
 from __future__ import annotations
 
+import datetime
 import math
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from enum import Enum
 from fractions import Fraction
-from typing import Any, Final
+from typing import Annotated, Any, Final, Literal, NamedTuple
 
+import msgspec
 from msgspec import Meta
 
-from automaton.errors import InputError, alternatives
-from automaton.scenario.amounts import Amount, Dimension
-from automaton.scenario.clock_times import Moment, seconds_after
+from automaton.errors import InputError, alternatives, nearest
 from automaton.units import (
     LENGTH_UNITS,
+    SPELLED,
     TIME_UNITS,
     Unit,
     exact_length,
@@ -28,6 +25,270 @@ from automaton.units import (
     length_unit,
     unit,
 )
+
+MAX_CHARACTERS: Final = 60
+NUMBER: Final = r"(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]{1,2})?"
+_AMOUNT: Final = re.compile(rf"\s*({NUMBER})\s*(.*?)\s*", re.DOTALL)
+_PARTS: Final = re.compile(r"\s*([0-9]{1,9}):([0-9]{2}):([0-9]{2}(?:\.[0-9]+)?)\s*")
+_TWO_PARTS: Final = re.compile(r"\s*([0-9]{1,9}):([0-9]{2})\s*")
+_COMMA: Final = re.compile(r"[0-9]\s*[,_'\u2009\u00a0]\s*[0-9]|[0-9] [0-9]")
+_COUNTS: Final = {"cell": "cell", "cells": "cell", "deg": "deg", "°": "deg", "%": "%"}
+
+
+class Dimension(Enum):
+    """What kinds of amounts there are, as errors call them."""
+
+    TIME = "a time"
+    LENGTH = "a length"
+    CELLS = "a number of cells"
+    SPEED = "a speed"
+    CELL_SPEED = "a speed in cells"
+    ANGLE_SPEED = "a speed of turning"
+    RATE = "a rate"
+    PERCENT_RATE = "percent in a time"
+    ANGLE = "an angle"
+    PERCENT = "percent"
+    NUMBER = "a number without a unit"
+
+
+_OVER_TIME: Final = {
+    Dimension.LENGTH: Dimension.SPEED,
+    Dimension.CELLS: Dimension.CELL_SPEED,
+    Dimension.ANGLE: Dimension.ANGLE_SPEED,
+    Dimension.PERCENT: Dimension.PERCENT_RATE,
+    Dimension.NUMBER: Dimension.RATE,
+}
+_OF_COUNTS: Final = {"cell": Dimension.CELLS, "deg": Dimension.ANGLE, "%": Dimension.PERCENT}
+
+
+class Amount(NamedTuple):
+    """A number with its unit; seconds, metres, cells, degrees and percent are the units of `value`."""
+
+    text: str
+    value: Fraction
+    dimension: Dimension
+
+
+def read_amount(text: str, wanted: Iterable[Dimension]) -> Amount:
+    """An amount of any dimension; errors name the units of those that are wanted. Raises InputError."""
+    if len(text) > MAX_CHARACTERS:
+        raise InputError(f"has {len(text):,} characters; expected a number with a unit")
+    if match := _PARTS.fullmatch(text):
+        return Amount(text.strip(), _hours_minutes_seconds(text, *match.groups()), Dimension.TIME)
+    if match := _TWO_PARTS.fullmatch(text):
+        raise InputError(_both_readings(text, *match.groups()))
+    match = _AMOUNT.fullmatch(text)
+    if match is None or _COMMA.search(text):
+        raise InputError(_not_a_number(text))
+    value, name = Fraction(match[1]), match[2]
+    if not name:
+        raise InputError(
+            f"'{text}' is text without a unit; write the unit, or a plain number without quotes"
+        )
+    known = _unit(name)
+    if known is None:
+        raise InputError(_unknown_unit(text, name, wanted))
+    factor, dimension = known
+    return Amount(text.strip(), value * factor, dimension)
+
+
+def _hours_minutes_seconds(text: str, hours: str, minutes: str, seconds: str) -> Fraction:
+    if int(minutes) > 59 or Fraction(seconds) >= 60:
+        raise InputError(f"'{text}': minutes and seconds of H:MM:SS go up to 59")
+    return 3600 * int(hours) + 60 * int(minutes) + Fraction(seconds)
+
+
+def _both_readings(text: str, first: str, last: str) -> str:
+    minutes = f"{int(first) // 60}:{int(first) % 60:02}:{last}"
+    return (
+        f"'{text}' has two parts, which may be hours and minutes or minutes and seconds; write "
+        f"three: '{first}:{last}:00' or '{minutes}'"
+    )
+
+
+def _not_a_number(text: str) -> str:
+    if re.match(r"\s*-", text):
+        return f"'{text}' must not be below 0"
+    if _COMMA.search(text):
+        return (
+            f"'{text}' is not one number with a unit; write it with a decimal point and nothing between "
+            "the digits, such as 1.5 s or 1000 s"
+        )
+    return f"'{text}' is not a number with a unit, such as 20 s"
+
+
+def _unit(name: str) -> tuple[Fraction, Dimension] | None:
+    """What one of a unit is, and of which dimension; None: there is no such unit."""
+    above, slash, below = (part.strip() for part in name.partition("/"))
+    if not slash:
+        return _simple_unit(above)
+    time = _simple_unit(below)
+    if time is None or time[1] != Dimension.TIME:
+        return None
+    one = _simple_unit(above) if above else (Fraction(1), Dimension.NUMBER)
+    if one is None or one[1] not in _OVER_TIME:
+        return None
+    return one[0] / time[0], _OVER_TIME[one[1]]
+
+
+def _simple_unit(name: str) -> tuple[Fraction, Dimension] | None:
+    if name in _COUNTS:
+        return Fraction(1), _OF_COUNTS[_COUNTS[name]]
+    for table, dimension in ((TIME_UNITS, Dimension.TIME), (LENGTH_UNITS, Dimension.LENGTH)):
+        for symbol, size in table.items():
+            if name in (symbol, *SPELLED.get(symbol, ())):
+                return size, dimension
+    return None
+
+
+def _unknown_unit(text: str, name: str, wanted: Iterable[Dimension]) -> str:
+    names = list(unit_names(wanted))
+    spelled = [long for one in names for long in SPELLED.get(one, ())]
+    hint = nearest(name, [*names, *spelled])
+    if re.search(r"[0-9]", name):
+        return f"'{text}' is not one number with one unit; the units are {alternatives(names)}"
+    return f"'{text}': there is no unit '{name}' here{hint}; the units are {alternatives(names)}"
+
+
+def unit_names(dimensions: Iterable[Dimension]) -> Iterator[str]:
+    """The units of some dimensions, in short: "ms", ..., "m/s", "km/h"."""
+    for dimension in dimensions:
+        if dimension == Dimension.TIME:
+            yield from TIME_UNITS
+        elif dimension == Dimension.LENGTH:
+            yield from LENGTH_UNITS
+        elif dimension == Dimension.CELLS:
+            yield "cells"
+        elif dimension == Dimension.SPEED:
+            yield from (f"{name}/s" for name in LENGTH_UNITS)
+            yield "km/h"
+        else:
+            above = {"CELL_SPEED": "cells", "ANGLE_SPEED": "deg", "PERCENT_RATE": "%"}
+            name = above.get(dimension.name, "")
+            yield from (f"{name}/{time}" for time in TIME_UNITS)
+
+
+# Clock times: "2026-03-02 06:30", or "06:30" on the day of the clock, which says when tick 0 is.
+
+
+EXAMPLES: Final = "'2026-03-02 06:30' or '06:30'"
+_TIME: Final = r"([0-9]{1,2}):([0-9]{2})(?::([0-9]{2}(?:\.[0-9]+)?))?"
+_DATE: Final = r"([0-9]{4})-([0-9]{1,2})-([0-9]{1,2})"
+_MOMENT: Final = re.compile(rf"\s*(?:{_DATE}(?:[Tt]|\s+))?{_TIME}\s*")
+_BARE_TIME: Final = re.compile(rf"\s*{_TIME}\s*")
+_LIKE_A_DATE: Final = re.compile(r"\s*([0-9]{4}-[0-9]|[0-9]{1,2}[./][0-9]{1,2}[./][0-9])")
+_ZONE: Final = re.compile(r"(Z|[-+][0-9]{1,2}(:?[0-9]{2})?)\s*$")
+_OFFSET: Final = re.compile(r"\s*(Z|([-+])([0-9]{2}):([0-5][0-9]))\s*$")
+SECONDS_OF_DAY: Final = 86_400
+NO_DATE: Final = 0  # days since 0001-01-01 begin with 1
+
+
+class Moment(NamedTuple):
+    """A clock time."""
+
+    day: int | None  # days since 0001-01-01; None: of a time without a date
+    seconds: Fraction  # since midnight
+    offset: int | None = None  # seconds that it is ahead of UTC, where the clock says so
+
+
+def is_clock_time(text: str) -> bool:
+    """Whether a text is a clock time, or looks like one, rather than a duration of three parts."""
+    match = _MOMENT.fullmatch(text)
+    return has_date(text) or (match is not None and match[6] is None)
+
+
+def has_date(text: str) -> bool:
+    """Whether a text looks like a date, with a time or without."""
+    match = _MOMENT.fullmatch(text)
+    return _LIKE_A_DATE.match(text) is not None or (match is not None and match[1] is not None)
+
+
+def is_of_three_parts(text: str) -> bool:
+    """Whether a text is H:MM:SS, a duration that is also a time of the day."""
+    match = _BARE_TIME.fullmatch(text)
+    return match is not None and match[3] is not None
+
+
+def read_moment(text: str) -> Moment:
+    """A date with a time, or a time. Raises InputError."""
+    match = _MOMENT.fullmatch(text)
+    if match is None:
+        raise InputError(_why_not(text))
+    year, month, day, hours, minutes, seconds = match.groups()
+    if int(hours) > 23 or int(minutes) > 59 or Fraction(seconds or 0) >= 60:
+        raise InputError(f"'{text}' is not a time of the day; they go from 00:00 to 23:59")
+    since_midnight = 3600 * int(hours) + 60 * int(minutes) + Fraction(seconds or 0)
+    if year is None:
+        return Moment(None, since_midnight)
+    try:
+        date = datetime.date(int(year), int(month), int(day))
+    except ValueError:
+        raise InputError(f"'{text}': there is no such day") from None
+    return Moment(date.toordinal(), since_midnight)
+
+
+def read_clock(text: str) -> Moment:
+    """The time of tick 0: as other moments and, after a date, with an offset. Raises InputError."""
+    match = _OFFSET.search(text)
+    if match is None or not has_date(text):
+        return read_moment(text)
+    moment = read_moment(text[: match.start()])
+    seconds = 3600 * int(match[3] or 0) + 60 * int(match[4] or 0)
+    return moment._replace(offset=-seconds if match[2] == "-" else seconds)
+
+
+def _why_not(text: str) -> str:
+    if _ZONE.search(text) and _MOMENT.fullmatch(_ZONE.sub("", text)):
+        return f"'{text}' has a time zone; write it in the time of the place, such as {EXAMPLES}"
+    if _LIKE_A_DATE.match(text):
+        return f"'{text}' is not a date with a time, such as '2026-03-02 06:30'"
+    return f"'{text}' is not a clock time, such as {EXAMPLES}"
+
+
+def clock_text(clock: Moment, seconds: Fraction) -> str:
+    """The clock time so many seconds after tick 0, whole ones: "06:30"; on another day with its date.
+
+    Where the clock has no date, its day is day 1.
+    """
+    days, rest = divmod(math.floor(clock.seconds + seconds), SECONDS_OF_DAY)
+    time = f"{rest // 3600:02}:{rest // 60 % 60:02}"
+    time += f":{rest % 60:02}" if rest % 60 else ""
+    if not days:
+        return time
+    day = NO_DATE if clock.day is None else clock.day + days
+    if not 1 <= day <= datetime.date.max.toordinal():
+        return f"{time} on day {days + 1:,}"
+    return f"{datetime.date.fromordinal(day)} {time}"
+
+
+def seconds_after(clock: Moment | None, text: str, may_precede: bool = False) -> Fraction:
+    """Seconds from tick 0 to a clock time; `may_precede`: it may be earlier. Raises InputError."""
+    moment = read_moment(text)
+    if clock is None:
+        raise InputError(
+            f"'{text}' is a clock time, and units.clock does not say what time it is in tick 0; set it, "
+            f"such as units: {{clock: '{text}'}}"
+        )
+    days = 0
+    if moment.day is not None:
+        if clock.day is None:
+            raise InputError(f"'{text}' has a date, and units.clock has none; set it with a date")
+        days = moment.day - clock.day
+    seconds = days * SECONDS_OF_DAY + moment.seconds - clock.seconds
+    if seconds < 0 and not may_precede:
+        bare = "" if moment.day is not None else "; a time without a date is of the clock's own day"
+        raise InputError(f"'{text}' is before tick 0, which is units.clock{bare}")
+    return seconds
+
+
+# What numbers of a scenario count, and the texts with units that may be written instead of them.
+#
+# durations: {move: 1.5 m/s, pick: 20 s} beside durations: {move: 2, pick: 40}
+#
+# A field of a struct says what it counts by `quantity(TIME, ...)` among its annotations, in a plug-in
+# as well. Texts are read as exact fractions; `conversions` rounds them where a whole number is
+# wanted.
+
 
 KEY: Final = "quantity"  # of what fields say beside their types
 SCHEMA_KEY: Final = "x-quantity"  # the same in a JSON Schema
@@ -232,3 +493,48 @@ def _text_schema(described: str) -> dict[str, Any]:
         "pattern": r"^\s*[0-9.]",
         SCHEMA_KEY: described,
     }
+
+
+# Types of fields that the structs of the schema share.
+
+
+LAST_TICK: Final = 2_000_000_000
+Direction = Literal["east", "south", "west", "north"]
+Ticks = Annotated[int, quantity(TIME, ge=1, le=10_000, description="A duration in ticks.")]
+TicksOrNone = Annotated[
+    int, quantity(TIME, ge=0, le=10_000, description="A duration in ticks, or 0.")
+]
+LongTicks = Annotated[int, quantity(TIME, ge=1, le=10_000_000, description="A duration in ticks.")]
+Tick = Annotated[int, quantity(MOMENT, ge=0, le=2_000_000_000, description="A tick.")]
+Weight = Annotated[
+    int, Meta(ge=1, le=1_000_000_000, description="In whatever unit payloads are given.")
+]
+Pair = Annotated[tuple[int, int], Meta(description="A cell [x, y], from the upper left.")]
+NamedCell = Annotated[Pair, place()]  # written as [x, y] or by its name
+NonEmptyText = Annotated[str, Meta(min_length=1)]
+Parameters = dict[str, Any]
+StrategySpec = str | Parameters  # a strategy: its name, or {name: NAME, ...parameters}
+SingleLine = Annotated[str, Meta(min_length=1, max_length=200, pattern=r"^[^\r\n]*$")]
+
+
+class ConfigSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A section of a scenario: immutable; unknown keys are refused."""
+
+
+class DueAt(ConfigSection, frozen=True, kw_only=True):
+    """When an order is due, whenever it is released."""
+
+    at: Annotated[
+        int,
+        quantity(
+            MOMENT, ge=-LAST_TICK, le=LAST_TICK, description="The tick; before 0: late at once."
+        ),
+    ]
+
+
+Due = Annotated[int, quantity(DUE, ge=0, le=LAST_TICK)] | DueAt
+
+
+def due_tick(due: Due | None, release: int) -> int | None:
+    """The tick until which something is to be done that is released at one; None: it has no due time."""
+    return due.at if isinstance(due, DueAt) else None if due is None else release + due

@@ -14,11 +14,8 @@ from typing import Any, Final
 import msgspec
 import numpy as np
 
-from automaton.scenario.conversions import Plan, plan_of
-from automaton.scenario.field_types import DueAt
-from automaton.scenario.line_table import LineTable
 from automaton.scenario.order_fields import NO_DUE
-from automaton.scenario.orders import OrderLine
+from automaton.scenario.orders import LineTable, OrderLine
 from automaton.scenario.pods import Line
 from automaton.scenario.quantities import (
     CHARGE_RATE,
@@ -29,9 +26,11 @@ from automaton.scenario.quantities import (
     STEP,
     TIME,
     TURN,
+    DueAt,
     Quantity,
 )
 from automaton.scenario.schema import MAX_MOVE_TICKS, Scenario, Units
+from automaton.scenario.validation import Plan, plan_of
 from automaton.units import NUMBER_AND_NAME
 
 LAST_TICK: Final = 2_000_000_000

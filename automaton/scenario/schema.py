@@ -12,27 +12,33 @@ import msgspec
 from msgspec import Meta
 
 from automaton.errors import InputError
-from automaton.scenario.cell_names import Locations
 from automaton.scenario.changing_floor import ChangingFloor as ChangingFloor
-from automaton.scenario.clock_times import read_clock
+from automaton.scenario.changing_floor import Locations
 from automaton.scenario.durations import Durations as Durations
+from automaton.scenario.durations import Handling as Handling
 from automaton.scenario.energy_and_faults import Battery as Battery
 from automaton.scenario.energy_and_faults import ChargeRange as ChargeRange
 from automaton.scenario.energy_and_faults import Drain as Drain
 from automaton.scenario.energy_and_faults import Fault as Fault
 from automaton.scenario.energy_and_faults import Faults as Faults
 from automaton.scenario.energy_and_faults import TypeBattery
-from automaton.scenario.field_types import ConfigSection as ConfigSection
-from automaton.scenario.field_types import Direction as Direction
-from automaton.scenario.field_types import NonEmptyText as NonEmptyText
-from automaton.scenario.field_types import Parameters, StrategySpec
-from automaton.scenario.field_types import SingleLine as SingleLine
 from automaton.scenario.fleet import Area as Area
 from automaton.scenario.fleet import Fleet as Fleet
-from automaton.scenario.handling import Handling as Handling
 from automaton.scenario.orders import Orders as Orders
 from automaton.scenario.pods import Pods, PodStation
-from automaton.scenario.quantities import CELLS, TIME, Scale, quantity
+from automaton.scenario.quantities import (
+    CELLS,
+    TIME,
+    Parameters,
+    Scale,
+    StrategySpec,
+    quantity,
+    read_clock,
+)
+from automaton.scenario.quantities import ConfigSection as ConfigSection
+from automaton.scenario.quantities import Direction as Direction
+from automaton.scenario.quantities import NonEmptyText as NonEmptyText
+from automaton.scenario.quantities import SingleLine as SingleLine
 from automaton.units import ticks_and_time, unit
 
 KindName = Literal[

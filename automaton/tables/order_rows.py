@@ -16,10 +16,9 @@ from automaton.runs.asked_orders import asked_count, asked_orders, has_lines
 from automaton.runs.interruption import interruptible
 from automaton.runs.task_lower_bounds import least_way_ticks
 from automaton.runs.task_metrics import Measured
-from automaton.scenario.line_table import line_column, line_texts
 from automaton.scenario.order_fields import NOTHING
-from automaton.scenario.orders import listed_lines
-from automaton.scenario.pod_file import pod_names
+from automaton.scenario.orders import line_column, line_texts, listed_lines
+from automaton.scenario.table_files import pod_names
 from automaton.tables.columns import (
     NO_NUMBER,
     NO_TEXT,

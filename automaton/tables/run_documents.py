@@ -16,7 +16,7 @@ from automaton.runs.metric_catalogue import to_scenario_units, units_of
 from automaton.runs.metrics import metrics_by_type, metrics_of
 from automaton.runs.provenance import versions
 from automaton.runs.simulation import Simulation
-from automaton.scenario.line_table import LineTable
+from automaton.scenario.orders import LineTable
 
 LISTS: Final = ("listed", "lines", "tasks")  # of orders, which may have a million entries
 WIDTH: Final = 100

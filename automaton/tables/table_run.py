@@ -14,9 +14,8 @@ import numpy as np
 from automaton.errors import InputError
 from automaton.runs.sampling import Sampling
 from automaton.runs.simulation import Simulation
-from automaton.scenario.amounts import Dimension, read_amount
 from automaton.scenario.pods import LineDemand
-from automaton.scenario.quantities import TIME
+from automaton.scenario.quantities import TIME, Dimension, read_amount
 from automaton.tables.arrow_groups import GroupBuffer
 from automaton.tables.columns import Array, Form
 from automaton.tables.fleet_rows import cell_table, robot_table, station_table

@@ -30,10 +30,10 @@ from automaton.engine.state import NIL, Array
 from automaton.floor.cells import STATION
 from automaton.floor.floor_plan import may_turn
 from automaton.floor.reachability import backward_exits, slot_access
-from automaton.scenario.carried_pods import transports_of
 from automaton.scenario.orders import DRAWN, ENDS, Orders, Parts
 from automaton.scenario.robot_types import RobotType
 from automaton.scenario.schema import Battery, ChargeRange
+from automaton.scenario.unavailable_metrics import transports_of
 from automaton.world.charger_places import places_of_chargers
 from automaton.world.resolve import Resolved
 

@@ -20,7 +20,6 @@ from automaton.floor.cells import STORAGE
 from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.loaded_ways import to_and_from
 from automaton.floor.reachability import rack_stands, slot_access
-from automaton.scenario.carried_pods import transports_of
 from automaton.scenario.document import Keys
 from automaton.scenario.orders import ENDS
 from automaton.scenario.robot_types import (
@@ -32,6 +31,7 @@ from automaton.scenario.robot_types import (
     types_of,
 )
 from automaton.scenario.schema import Scenario
+from automaton.scenario.unavailable_metrics import transports_of
 from automaton.world.gate_feasibility import cells_to_start
 from automaton.world.loaded_reach import (
     LoadEnds,

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automaton.scenario.changing_floor import Closing, MeanGap
-from automaton.scenario.handling import Distribution
+from automaton.scenario.durations import Distribution
 from automaton.scenario.schema import Scenario
 from automaton.world.gate_cells import Gate, gates_of
 

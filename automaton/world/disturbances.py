@@ -14,9 +14,9 @@ import numpy.typing as npt
 
 from automaton.engine.facilities import Delays
 from automaton.engine.state import ACTION_COUNT, ACTION_NAMES, Array
+from automaton.scenario.durations import Distribution
 from automaton.scenario.energy_and_faults import Delays as DelayRules
 from automaton.scenario.energy_and_faults import Faults
-from automaton.scenario.handling import Distribution
 from automaton.world.geometric_draws import geometric_quantile
 from automaton.world.handling_times import duration_quantile, normal_quantile
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from automaton.scenario.line_table import line_column
-from automaton.scenario.orders import has_due_times, listed_lines
+from automaton.scenario.orders import has_due_times, line_column, listed_lines
 from automaton.units import count
 from automaton.world.resolve import Resolved
 

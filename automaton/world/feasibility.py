@@ -31,13 +31,13 @@ from automaton.floor.reachability import (
     slot_access,
     slots_beside,
 )
-from automaton.scenario.carried_pods import transports_of
 from automaton.scenario.document import Document, Keys
 from automaton.scenario.fleet import ALL, EMPTY, GROUPS, StartFile
 from automaton.scenario.floor_section import Floor
 from automaton.scenario.orders import OrderLine
 from automaton.scenario.robot_types import RobotType
 from automaton.scenario.schema import Scenario
+from automaton.scenario.unavailable_metrics import transports_of
 from automaton.scenario.validation import dotted
 from automaton.units import ticks_and_time, unit
 from automaton.world.capabilities import FleetOnFloor, Start

@@ -8,8 +8,8 @@ import numpy as np
 
 from automaton.floor.cells import CHARGER, STATION, STORAGE
 from automaton.floor.dead_ends import DeadEnds, dead_ends_of
-from automaton.scenario.carried_pods import carries_pods
 from automaton.scenario.schema import ROUTE_FOLLOWERS
+from automaton.scenario.unavailable_metrics import carries_pods
 from automaton.units import count
 from automaton.world.default_right_of_way import (
     default_right_of_way,

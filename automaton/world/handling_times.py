@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from automaton.engine import random_numbers
 from automaton.engine.trips import LONGEST_VISIT, MICRO
-from automaton.scenario.handling import Distribution, Handling
+from automaton.scenario.durations import Distribution, Handling
 from automaton.world.geometric_draws import geometric
 
 Floats = npt.NDArray[np.float64]

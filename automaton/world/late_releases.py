@@ -9,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from automaton.floor.cells import SHELF
-from automaton.scenario.line_table import line_column
-from automaton.scenario.orders import Mean, MeanTime, listed_lines
+from automaton.scenario.orders import Mean, MeanTime, line_column, listed_lines
 from automaton.units import count, ticks_and_time, unit
 from automaton.world.resolve import Resolved
 

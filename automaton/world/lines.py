@@ -16,12 +16,11 @@ from automaton.engine import random_numbers
 from automaton.engine.random_numbers import STREAM_LINE_DEMAND
 from automaton.engine.releases import draw_releases
 from automaton.engine.state import NEVER, NIL
-from automaton.scenario.line_table import LineTable
 from automaton.scenario.order_fields import NOTHING
-from automaton.scenario.orders import listed_lines
-from automaton.scenario.pod_file import pod_numbers, skus_of
+from automaton.scenario.orders import LineTable, listed_lines
 from automaton.scenario.pods import Line, LineDemand, PerOrder
 from automaton.scenario.schema import Scenario
+from automaton.scenario.table_files import pod_numbers, skus_of
 from automaton.world.geometric_draws import geometric
 
 Column = npt.NDArray[np.int64]

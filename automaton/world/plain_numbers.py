@@ -9,10 +9,10 @@ from collections.abc import Iterator
 from typing import Any, Final
 
 from automaton.errors import InputError
-from automaton.scenario.conversions import Plan, plan_of
 from automaton.scenario.document import Document, Keys
 from automaton.scenario.quantities import Scale
 from automaton.scenario.schema import Scenario
+from automaton.scenario.validation import Plan, plan_of
 from automaton.units import duration, number
 
 MAX_SHOWN: Final = 12  # keys

@@ -11,11 +11,11 @@ from typing import Final
 
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
-from automaton.scenario.cell_names import Cell
+from automaton.scenario.changing_floor import Cell
 from automaton.scenario.document import Document
 from automaton.scenario.orders import OrderLine
-from automaton.scenario.pod_file import pod_cells, pod_names
 from automaton.scenario.schema import Scenario
+from automaton.scenario.table_files import pod_cells, pod_names
 
 NO_ORDER: Final = -1
 

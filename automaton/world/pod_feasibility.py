@@ -10,12 +10,12 @@ from automaton.floor.cells import DIRECTIONS, STATION, STORAGE
 from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.loaded_ways import to_and_from
 from automaton.floor.reachability import Mask
-from automaton.scenario.carried_pods import carries_pods, is_of_pod
 from automaton.scenario.document import Document, Keys
 from automaton.scenario.orders import Orders
-from automaton.scenario.pod_file import pod_cells, pod_names, pod_numbers, skus_of
 from automaton.scenario.pods import Line, Pods, PodStation
 from automaton.scenario.schema import Scenario
+from automaton.scenario.table_files import pod_cells, pod_names, pod_numbers, skus_of
+from automaton.scenario.unavailable_metrics import carries_pods, is_of_pod
 from automaton.units import count
 from automaton.world.capabilities import FleetOnFloor
 from automaton.world.pod_destinations import check_destinations

@@ -11,9 +11,9 @@ from automaton.engine.state import NEVER, NIL, ORDER_UNRELEASED, Array, Orders
 from automaton.floor.cells import STORAGE
 from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.travel_ticks import ticks_between
-from automaton.scenario.carried_pods import carries_pods
-from automaton.scenario.pod_file import pod_cells, skus_of
 from automaton.scenario.schema import Handling, Scenario
+from automaton.scenario.table_files import pod_cells, skus_of
+from automaton.scenario.unavailable_metrics import carries_pods
 from automaton.world.handling_times import handling_of_lines, whole_micro
 from automaton.world.lines import LineColumns, class_ends, classes_given, line_columns
 from automaton.world.prepared_floor import Floor

@@ -13,22 +13,36 @@ import msgspec
 
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
-from automaton.scenario.carried_pods import carries_pods
-from automaton.scenario.conversions import Conversion, with_numbers
-from automaton.scenario.document import Document, Keys, Override, override
-from automaton.scenario.duration_file import with_durations_of_files
+from automaton.scenario.document import (
+    SHIPPED_FOLDER,
+    STUDIES_ARE_SWEPT,
+    Document,
+    Keys,
+    Override,
+    is_study,
+    override,
+    read,
+)
 from automaton.scenario.floor_section import floor_of
-from automaton.scenario.line_file import with_lines_of_file
-from automaton.scenario.line_table import plain_data
-from automaton.scenario.locations import names_of_cells, with_locations_of_file
-from automaton.scenario.order_file import with_orders_of_file
-from automaton.scenario.pod_file import pod_cells, pod_names, with_pods_of_file
-from automaton.scenario.reading import SHIPPED_FOLDER, STUDIES_ARE_SWEPT, is_study, read
+from automaton.scenario.order_file import (
+    names_of_cells,
+    with_locations_of_file,
+    with_orders_of_file,
+)
+from automaton.scenario.orders import plain_data
 from automaton.scenario.refinement import refined, refined_value, too_long
 from automaton.scenario.schema import LAYER_NAMES, Scenario, Units
-from automaton.scenario.start_file import with_starts_of_file
-from automaton.scenario.task_file import with_tasks_of_file
-from automaton.scenario.validation import dotted, validated
+from automaton.scenario.table_files import (
+    pod_cells,
+    pod_names,
+    with_durations_of_files,
+    with_lines_of_file,
+    with_pods_of_file,
+    with_starts_of_file,
+    with_tasks_of_file,
+)
+from automaton.scenario.unavailable_metrics import carries_pods
+from automaton.scenario.validation import Conversion, dotted, validated, with_numbers
 from automaton.strategy.entry import NoParameters, files_of, resolve_paths
 from automaton.strategy.zone_parameters import ZoningParameters, zoning_parameters_of
 from automaton.world.capabilities import FleetOnFloor, Start

@@ -7,7 +7,7 @@ import numpy as np
 from automaton.errors import alternatives
 from automaton.floor.cells import CHARGER, STATION, UNLIMITED
 from automaton.floor.reachability import steps_from
-from automaton.scenario.carried_pods import transports_of
+from automaton.scenario.unavailable_metrics import transports_of
 from automaton.units import SECONDS_PER_UNIT, count, unit
 from automaton.world.charger_places import places_of_chargers
 from automaton.world.conversion_table import coarse_conversions

@@ -13,12 +13,11 @@ import numpy as np
 import numpy.typing as npt
 
 from automaton.floor.travel_ticks import Driving, ticks_between
-from automaton.scenario.handling import Distribution, Handling
-from automaton.scenario.line_table import line_column
-from automaton.scenario.orders import listed_lines
-from automaton.scenario.pod_file import pod_cells
+from automaton.scenario.durations import Distribution, Handling
+from automaton.scenario.orders import line_column, listed_lines
 from automaton.scenario.robot_types import RobotType, types_of
 from automaton.scenario.schema import Scenario
+from automaton.scenario.table_files import pod_cells
 from automaton.units import count
 from automaton.world.resolve import Resolved
 

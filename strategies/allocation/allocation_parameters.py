@@ -9,10 +9,10 @@ from msgspec import Meta
 
 from automaton.floor.cells import ANY, CELL_KINDS
 from automaton.floor.floor_plan import FloorPlan
-from automaton.scenario.carried_pods import carries_pods
 from automaton.scenario.orders import has_tours, kinds_of_sources, priorities_of
 from automaton.scenario.quantities import CELLS, MOMENT, TIME, quantity
 from automaton.scenario.schema import Scenario
+from automaton.scenario.unavailable_metrics import carries_pods
 
 
 def refusal_of_pods(scenario: Scenario, floor_plan: FloorPlan) -> str | None:

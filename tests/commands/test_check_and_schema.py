@@ -15,10 +15,8 @@ import msgspec
 import pytest
 
 from automaton.commands import COMMANDS, main
-from automaton.scenario.document import override
-from automaton.scenario.floor_section import generators
-from automaton.scenario.reading import read, shipped
-from automaton.scenario.scenario_schema import json_schema
+from automaton.scenario.document import override, read, shipped
+from automaton.scenario.floor_section import generators, json_schema
 from automaton.scenario.schema import LAYER_NAMES, Scenario
 from automaton.strategy import lookup
 from automaton.world.resolve import resolve

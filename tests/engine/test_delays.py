@@ -25,8 +25,8 @@ from automaton.evidence.verification.validator import validate_recording, valida
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.scenario.document import Document
+from automaton.scenario.durations import Distribution, Lognormal, Uniform
 from automaton.scenario.energy_and_faults import Faults
-from automaton.scenario.handling import Distribution, Lognormal, Uniform
 from automaton.scenario.schema import Scenario
 from automaton.scenario.validation import validated
 from automaton.world.disturbances import delay_ticks, poisson_counts, repair_ticks

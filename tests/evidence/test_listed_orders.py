@@ -12,10 +12,9 @@ import pytest
 from automaton.evidence.recording.contents import FRAME_KIND_CONDITIONS, InvalidFrameError
 from automaton.evidence.recording.frames import decode, payload_of
 from automaton.evidence.recording.listed_orders import MIN_PACKED, pack_listed, unpack_listed
-from automaton.scenario.field_types import DueAt
-from automaton.scenario.line_table import plain_data
-from automaton.scenario.orders import OrderLine, Orders
+from automaton.scenario.orders import OrderLine, Orders, plain_data
 from automaton.scenario.pods import Line
+from automaton.scenario.quantities import DueAt
 from automaton.scenario.schema import Fleet, Scenario
 
 

@@ -11,7 +11,7 @@ from automaton.commands import main
 from automaton.exchange.imported_scenario import imported_files
 from automaton.exchange.problem_files import read_problem
 from automaton.floor.drawn_floors import draw_floor
-from automaton.scenario.start_file import read_starts
+from automaton.scenario.table_files import read_starts
 
 MAP = "type octile\nheight 2\nwidth 3\nmap\n..@\nGST\n"
 

@@ -26,7 +26,7 @@ from automaton.exchange.lif_export import VERSIONS, lif_file
 from automaton.floor.cells import CHARGER, STATION
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.floor_plan import FloorPlan
-from automaton.scenario.reading import shipped
+from automaton.scenario.document import shipped
 from automaton.world.resolve import Resolved, resolve
 from automaton.world.station_numbers import all_station_names
 

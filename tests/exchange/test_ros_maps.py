@@ -20,7 +20,7 @@ from automaton.exchange.image_values import ImageValues
 from automaton.exchange.imported_floor import ImportOptions
 from automaton.exchange.ros_map import classes, read_ros_map
 from automaton.floor.cells import EAST, NORTH, SOUTH, WEST
-from automaton.scenario.amounts import Fraction
+from automaton.scenario.quantities import Fraction
 from automaton.world.resolve import resolve
 
 DATA = Path(__file__).parent / "layouts"

@@ -10,7 +10,7 @@ import pytest
 
 from automaton.commands import main
 from automaton.errors import InputError
-from automaton.scenario.clock_times import clock_text, read_moment
+from automaton.scenario.quantities import clock_text, read_moment
 from automaton.scenario.schema import Scenario
 from automaton.world.resolve import Resolved, resolve
 from automaton.world.scenario_warnings import scenario_warnings

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from automaton.errors import InputError
-from automaton.scenario.handling import Distribution
+from automaton.scenario.durations import Distribution
 from automaton.world.resolve import resolve
 
 SCENARIO = """\

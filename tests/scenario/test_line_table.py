@@ -6,10 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from automaton.scenario.field_types import DueAt
-from automaton.scenario.line_table import LineTable, line_column, plain_data
-from automaton.scenario.orders import listed_lines
+from automaton.scenario.orders import LineTable, line_column, listed_lines, plain_data
 from automaton.scenario.pods import Line
+from automaton.scenario.quantities import DueAt
 from automaton.world.lines import line_columns
 from automaton.world.resolve import Resolved, resolve
 

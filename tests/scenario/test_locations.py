@@ -11,8 +11,8 @@ import yaml
 
 from automaton.errors import InputError
 from automaton.scenario.document import Document
-from automaton.scenario.locations import names_of_cells, read_locations
-from automaton.scenario.scenario_schema import json_schema
+from automaton.scenario.floor_section import json_schema
+from automaton.scenario.order_file import names_of_cells, read_locations
 from automaton.world.resolve import resolve
 
 SCENARIO = """name: named

@@ -12,8 +12,8 @@ import pytest
 import yaml
 
 from automaton.errors import InputError
-from automaton.scenario.conversions import Bounds, Place, convert, with_numbers
 from automaton.scenario.document import Document
+from automaton.scenario.floor_section import json_schema
 from automaton.scenario.quantities import (
     CELLS,
     CHARGE_RATE,
@@ -29,7 +29,7 @@ from automaton.scenario.quantities import (
     Scale,
     quantity,
 )
-from automaton.scenario.scenario_schema import json_schema
+from automaton.scenario.validation import Bounds, Place, convert, with_numbers
 from automaton.world.resolve import Resolved, resolve
 
 HALF_SECONDS = Scale(tick="0.5 s", cell="0.8 m")

@@ -10,7 +10,7 @@ import msgspec
 import pytest
 
 from automaton.errors import InputError
-from automaton.scenario.reading import read, shipped
+from automaton.scenario.document import read, shipped
 from automaton.scenario.schema import LAYER_NAMES, Durations, Radius, Scenario
 from automaton.world.resolve import resolve
 

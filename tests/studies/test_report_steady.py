@@ -17,7 +17,7 @@ from automaton.experiments import sweep
 from automaton.runs.metrics import metrics_of
 from automaton.runs.report_document import Listed
 from automaton.runs.simulation import Simulation
-from automaton.scenario.reading import find
+from automaton.scenario.document import find
 from automaton.studies.reports.build_report import compose
 from automaton.studies.reports.metric_tables import bound
 from automaton.studies.reports.steady_throughput import steady_section

@@ -22,7 +22,7 @@ from automaton.errors import InputError
 from automaton.runs.process_pool import PersistentPool
 from automaton.runs.simulation import Simulation
 from automaton.runs.station_metrics import metrics_by_station
-from automaton.scenario.handling import Distribution
+from automaton.scenario.durations import Distribution
 from automaton.studies.sizing.fleet_runs import (
     Checked,
     Fleets,

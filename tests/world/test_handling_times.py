@@ -8,7 +8,7 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 
-from automaton.scenario.handling import Distribution, Handling, Lognormal, Uniform
+from automaton.scenario.durations import Distribution, Handling, Lognormal, Uniform
 from automaton.world.handling_times import (
     drawn_durations,
     exponential,

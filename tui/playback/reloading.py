@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from automaton.errors import InputError
-from automaton.scenario.named_files import named_files
+from automaton.scenario.document import named_files
 from tui.playback.run_source import Opening
 
 if TYPE_CHECKING:  # it needs Numba

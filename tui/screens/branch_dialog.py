@@ -9,7 +9,7 @@ from textual.binding import Binding, BindingType
 from textual.widgets import Static
 
 from automaton.errors import InputError
-from automaton.scenario.line_table import plain_data
+from automaton.scenario.orders import plain_data
 from automaton.scenario.schema import Scenario
 from automaton.world.resolve import CHANGEABLE, branched
 from tui.playback.panel_view import View

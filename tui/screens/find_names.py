@@ -13,8 +13,7 @@ import numpy as np
 
 from automaton.engine.state import NIL, Array
 from automaton.errors import InputError, nearest
-from automaton.scenario.line_table import line_texts
-from automaton.scenario.orders import listed_lines
+from automaton.scenario.orders import line_texts, listed_lines
 from automaton.world.gate_cells import cells_of, gates_of
 from tui.playback.panel_view import View
 from tui.widgets.pod_facts import makes_trips

@@ -9,8 +9,7 @@ from textual.app import ComposeResult
 from textual.widgets import Input, Static
 
 from automaton.errors import InputError
-from automaton.scenario.clock_times import clock_text, is_clock_time
-from automaton.scenario.quantities import Scale
+from automaton.scenario.quantities import Scale, clock_text, is_clock_time
 from automaton.units import Unit
 from tui.playback.panel_view import View
 from tui.screens.dialog import Dialog

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from automaton.engine.state import NEVER, ORDER_DELIVERED, Orders
-from automaton.scenario.clock_times import clock_text
-from automaton.scenario.quantities import Scale
+from automaton.scenario.quantities import Scale, clock_text
 from automaton.units import duration, number, ticks_and_time
 
 

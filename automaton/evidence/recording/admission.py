@@ -30,13 +30,12 @@ from automaton.evidence.recording.frames import Payload, decode, tick_of
 from automaton.evidence.recording.header import floor_plan_of, own_allocation_of
 from automaton.floor.cells import CELL_KINDS, DIRECTION_VECTORS, NIL, SHELF, STATION, STORAGE
 from automaton.floor.floor_plan import FloorPlan, bays_of
-from automaton.scenario.carried_pods import carries_pods
 from automaton.scenario.document import Document
 from automaton.scenario.floor_section import Floor, generator_type, is_shipped
-from automaton.scenario.line_table import plain_data
-from automaton.scenario.orders import MAX_STOPS
+from automaton.scenario.orders import MAX_STOPS, plain_data
 from automaton.scenario.pods import LineDemand
 from automaton.scenario.schema import LAYER_NAMES, Scenario
+from automaton.scenario.unavailable_metrics import carries_pods
 from automaton.scenario.validation import validated
 from automaton.strategy import lookup
 from automaton.world.feasibility import check_energy, check_feasible

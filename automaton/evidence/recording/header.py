@@ -17,7 +17,7 @@ from automaton.errors import InputError
 from automaton.evidence.recording.contents import IN_HEADER, OF_SKUS, Content
 from automaton.floor.floor_plan import FloorPlan
 from automaton.runs.provenance import file_hashes, recorded_files, source_hash, versions
-from automaton.scenario.line_table import plain_data
+from automaton.scenario.orders import plain_data
 from automaton.scenario.schema import LAYER_NAMES, Scenario
 from automaton.strategy import lookup
 from automaton.strategy.entry import AsRecorded

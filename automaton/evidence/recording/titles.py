@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple
 
 from automaton.evidence.recording.contents import Content
 from automaton.evidence.recording.frames import Recording, StoredFrames
-from automaton.scenario.line_table import plain_data
+from automaton.scenario.orders import plain_data
 from automaton.world.resolve import Resolved
 
 MAX_TITLE_LENGTH: Final = 24  # characters of a value; pictures of floors are values too

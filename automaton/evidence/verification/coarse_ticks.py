@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from automaton.evidence.verification.drawn_durations import durations_of, repairs_of
-from automaton.scenario.line_table import plain_data
+from automaton.scenario.orders import plain_data
 from automaton.scenario.refinement import refined_data
 
 

@@ -46,9 +46,8 @@ from automaton.evidence.verification.validator import ACTS, Report, validate_sto
 from automaton.runs.metrics import metrics_of
 from automaton.runs.provenance import file_hashes, source_hash
 from automaton.runs.simulation import Simulation
-from automaton.scenario.document import Document
+from automaton.scenario.document import Document, content_hash
 from automaton.scenario.floor_section import floor_of, is_shipped
-from automaton.scenario.reading import content_hash
 from automaton.scenario.schema import Scenario
 from automaton.strategy.entry import files_of
 from automaton.world.charger_places import with_shared_chargers

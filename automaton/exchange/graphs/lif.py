@@ -38,7 +38,7 @@ from automaton.exchange.graphs.lif_structs import (
     NodeProperties,
     Trajectory,
 )
-from automaton.scenario.text_lines import quoted
+from automaton.scenario.document import quoted
 
 MAX_OBJECTS: Final = 1_000_000  # of a file, lists included
 MAX_VALUES: Final = 10_000_000

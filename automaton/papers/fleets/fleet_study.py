@@ -33,7 +33,7 @@ from automaton.papers.reproduction_study import (
     Table,
 )
 from automaton.runs.process_pool import OnDone, Result, run_all
-from automaton.scenario.reading import read_text
+from automaton.scenario.document import read_text
 from automaton.strategy import lookup
 from automaton.world.resolve import Resolved, resolve
 from layouts.random_floor import RandomFloor

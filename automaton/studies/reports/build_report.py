@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from automaton.errors import InputError
 from automaton.runs.report_document import Document, Folded, Heading, PageBreak, Text
-from automaton.scenario.reading import shipped
+from automaton.scenario.document import shipped
 from automaton.scenario.unavailable_metrics import warm_up_of
 from automaton.studies.reports.best_points import Answer, answers
 from automaton.studies.reports.comparison_tables import comparison_section

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 from automaton.errors import InputError, alternatives, nearest
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE, PER_1000_TICKS
-from automaton.scenario.amounts import Dimension, read_amount
+from automaton.scenario.quantities import Dimension, read_amount
 from automaton.scenario.schema import LAYER_NAMES
 from automaton.strategy import lookup
 from automaton.studies.inference.proportions import ShareTest, share_test

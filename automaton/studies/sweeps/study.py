@@ -16,9 +16,15 @@ import msgspec
 from msgspec import Meta
 
 from automaton.errors import InputError, nearest
-from automaton.scenario.document import Document, parse
-from automaton.scenario.reading import SHIPPED_FOLDER, STUDY_KEYS, read_text, shipped
-from automaton.scenario.scenario_schema import REFERENCE
+from automaton.scenario.document import (
+    SHIPPED_FOLDER,
+    STUDY_KEYS,
+    Document,
+    parse,
+    read_text,
+    shipped,
+)
+from automaton.scenario.floor_section import REFERENCE
 from automaton.scenario.schema import ConfigSection, NonEmptyText, SingleLine
 from automaton.scenario.validation import MSER_OR_TIME, TIME_PATTERN, shown, validated
 from automaton.studies.sweeps.result_columns import check_factor, column_type

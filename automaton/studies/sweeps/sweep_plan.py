@@ -21,11 +21,10 @@ import yaml
 from automaton.errors import InputError, nearest
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
 from automaton.runs.provenance import versions
-from automaton.scenario.conversions import Bounds, Place, convert
-from automaton.scenario.document import Document, Override, keys_of
+from automaton.scenario.document import SHIPPED_FOLDER, Document, Override, find, keys_of
 from automaton.scenario.quantities import TIME
-from automaton.scenario.reading import SHIPPED_FOLDER, find
 from automaton.scenario.unavailable_metrics import not_measured, warm_up_of
+from automaton.scenario.validation import Bounds, Place, convert
 from automaton.strategy import lookup
 from automaton.strategy.entry import files_of
 from automaton.studies.inference.steady_state import MIN_OBSERVATIONS, MIN_REPLICATIONS, MSER_BATCH

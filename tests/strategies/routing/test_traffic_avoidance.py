@@ -21,7 +21,7 @@ from automaton.floor.traffic_zones import MODES
 from automaton.papers.traffic.traffic_trials import ROBOTS, tasks_of, warehouse
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
-from automaton.scenario.reading import read, shipped
+from automaton.scenario.document import read, shipped
 from automaton.scenario.schema import ROUTE_FOLLOWERS
 from automaton.scenario.unavailable_metrics import name_of
 from automaton.world.resolve import Resolved, resolve

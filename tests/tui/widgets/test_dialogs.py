@@ -17,8 +17,7 @@ from textual.widgets import Input, Static
 from automaton.errors import InputError
 from automaton.evidence.history.breakpoints import FIELDS
 from automaton.floor.cells import TURNTABLE
-from automaton.scenario.clock_times import read_clock
-from automaton.scenario.quantities import Scale
+from automaton.scenario.quantities import Scale, read_clock
 from tui.screens.branch_dialog import BranchScreen, SettingField, SettingList, settings_of
 from tui.screens.breakpoint_dialog import BreakpointsScreen, Stop, StopList
 from tui.screens.find_dialog import FindScreen, MatchList

@@ -31,7 +31,7 @@ from automaton.floor.drawn_floors import draw_floor
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
 from automaton.units import unit
-from automaton.world.initial_service_zones import roads_of
+from automaton.world.building import roads_of
 from automaton.world.resolve import resolve
 from strategies.zoning.annealing import MAX_REPAIRS, repair
 from strategies.zoning.genetic import evolve, population_for

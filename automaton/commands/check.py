@@ -31,12 +31,12 @@ from automaton.strategy.entry import files_of
 from automaton.studies.sweeps.study import Point, Study, shipped_studies
 from automaton.studies.sweeps.sweep_plan import check_study, describe_point
 from automaton.units import count, shown_unit
+from automaton.world.bounds import bounds_in_words
+from automaton.world.capabilities import default_right_of_way
 from automaton.world.conversion_table import conversion_lines
-from automaton.world.default_right_of_way import default_right_of_way
 from automaton.world.plain_numbers import plain_number_line
 from automaton.world.resolve import Resolved, document_of, resolve
 from automaton.world.scenario_warnings import scenario_warnings
-from automaton.world.visit_bounds import bounds_in_words
 
 if TYPE_CHECKING:
     from automaton.engine.state import Array, Grid
@@ -203,8 +203,7 @@ def check_zone_design(resolved: Resolved, document: Document) -> None:
     if resolved.zoning.design is None:
         return
     # Needs Numba, as most checks do not.
-    from automaton.world.building import build_world
-    from automaton.world.initial_service_zones import ZoneDesignError
+    from automaton.world.building import ZoneDesignError, build_world
 
     try:
         build_world(resolved, resolved.scenario.seed)

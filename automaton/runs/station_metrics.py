@@ -8,7 +8,7 @@ import numpy as np
 
 from automaton.engine.state import CLOCK_TICK, NIL
 from automaton.runs.task_metrics import Measured
-from automaton.world.station_numbers import station_names
+from automaton.world.pods import station_names
 
 
 class Station(NamedTuple):

@@ -24,7 +24,7 @@ from automaton.tables.columns import (
 )
 from automaton.tables.order_rows import Table
 from automaton.tables.places import columns_and_rows
-from automaton.world.station_numbers import station_names
+from automaton.world.pods import station_names
 
 
 def robot_table(run: Measured) -> Table:

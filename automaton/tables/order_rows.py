@@ -30,8 +30,8 @@ from automaton.tables.columns import (
     where,
 )
 from automaton.tables.places import cell_texts
+from automaton.world.pods import station_names
 from automaton.world.resolve import Resolved
-from automaton.world.station_numbers import station_names
 
 Table = tuple[Form, Iterable[Rows]]
 

@@ -1,14 +1,15 @@
-"""From a resolved scenario to the arrays of a world at tick 0."""
+"""The partition of a world at tick 0: its stations and roads, with nothing designed yet."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from automaton.engine.decision_stream import max_words, max_zoning_words
 from automaton.engine.events import max_events
-from automaton.engine.facilities import Chargers, ServiceZones
+from automaton.engine.facilities import Chargers, Roads, ServiceZones, Slots, Stations, design_for
 from automaton.engine.jit.field_kernels import digested_fields
 from automaton.engine.motion import POD
 from automaton.engine.observation import Observation, Scratch
@@ -27,6 +28,7 @@ from automaton.engine.state import (
     CLOCK_UNPARKED,
     CLOCK_UNQUEUED_ORDERS,
     FOLLOWING_CONVOY,
+    NEVER,
     NIL,
     ORDER_WAITING,
     REASON_IDLE,
@@ -39,25 +41,201 @@ from automaton.engine.state import (
     RightOfWayDecisions,
     Robots,
     RoutingDecisions,
+    Rules,
     Tally,
     Traffic,
     World,
     ZoningDecisions,
 )
 from automaton.engine.visibility import hide_all
+from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.reachability import grouped
+from automaton.floor.roads import road_network
+from automaton.scenario.floor_section import point_names
+from automaton.scenario.refinement import begin_of
 from automaton.scenario.schema import Scenario
-from automaton.world.charger_places import places_of_chargers
+from automaton.strategy.lookup import zone_design_reader
+from automaton.units import count
 from automaton.world.demand import build_orders, build_stations
-from automaton.world.disturbances import build_delays
+from automaton.world.draws import build_delays
+from automaton.world.floor_parts import places_of_chargers
 from automaton.world.gates import build_gates
-from automaton.world.initial_service_zones import build_service_zones
 from automaton.world.pods import build_pods
 from automaton.world.prepared_floor import Floor, floor_for
-from automaton.world.refined_world import refined_world
 from automaton.world.resolve import Resolved
 from automaton.world.rules import rules_for
 from automaton.world.starts import first_charges, homes, occupy_starts, start_headings
+
+NO_STRATEGY = "none"
+
+
+class ZoneDesignError(InputError):
+    """A zone design that the fleet cannot serve."""
+
+
+def build_service_zones(
+    resolved: Resolved, floor: Floor, slots: Slots, stations: Stations, orders: int
+) -> ServiceZones:
+    """Stations and roads where the scenario has a zoning strategy, one zone for each robot."""
+    choice = resolved.strategies.get("zoning")  # a story has no strategies
+    robots = resolved.scenario.fleet.robots
+    if choice is None or choice.name == NO_STRATEGY:
+        return service_zones_of(no_roads(), 0, np.zeros(0, np.int32), 0, 0)
+
+    parameters = resolved.zoning
+    station_of = np.full(len(slots.cell), NIL, np.int32)
+    if len(stations.slot):
+        cells = floor.slot_cell[stations.slot]
+        station_of[: slots.first_spare] = stations.at[: slots.first_spare]
+    else:
+        cells, groups = grouped(resolved.floor_plan, parameters.groups)
+        station_of[: slots.first_spare] = groups
+    roads = roads_of(resolved.floor_plan, cells)
+    serves = served_stations(resolved, slots, station_of, len(cells))
+    # Room for one order at least: without any, there are zones all the same.
+    service_zones = service_zones_of(roads, robots, station_of, max(orders, 1), robots).replaced(
+        accessible=serves, has_priority=priorities(resolved, parameters.priority, len(cells))
+    )
+    if parameters.design is None:
+        return service_zones
+    names = point_names(resolved.scenario.layout)
+    design = zone_design_reader()(resolved.floor_plan, roads, parameters.design, names)
+    if len(design.transfer) != robots:
+        zones = count(len(design.transfer), "zone")
+        raise ZoneDesignError(
+            f"the zone design has {zones}, one for each robot; there are {robots}"
+        )
+    for station, zone in enumerate(design.zone.tolist()):
+        if not serves[zone, station]:
+            name = resolved.fleet.types[resolved.fleet.type_of[zone]].name
+            raise ZoneDesignError(
+                f"station {station + 1} is in zone {zone + 1} of the zone design, "
+                f"but robot {zone} ({name}) does not get there"
+            )
+    return service_zones.replaced(design=design)
+
+
+def roads_of(floor_plan: FloorPlan, station_cells: Sequence[int] | Array) -> Roads:
+    """station_cells: the drivable flat cell of each station. Raises InputError."""
+    return Roads(**road_network(floor_plan, station_cells)._asdict())
+
+
+def served_stations(resolved: Resolved, slots: Slots, station_of: Array, count: int) -> Array:
+    """(n, S) uint8: 1 = a robot gets to all slots of a station, of those to which any robot gets."""
+    by_type = np.ones((len(slots.accessible), count), np.uint8)
+    anybody = np.logical_or.reduce(slots.accessible)
+    for kind, serves in enumerate(slots.accessible):
+        out = station_of[anybody & (serves == 0)]
+        by_type[kind, out[out != NIL]] = 0
+    found: Array = by_type[resolved.fleet.type_of]
+    return found
+
+
+def priorities(resolved: Resolved, priority: dict[str, tuple[int, ...]], count: int) -> Array:
+    """(n, S) uint8: 1 = the type of a robot has priority at a station."""
+    kinds = resolved.fleet.types
+    by_type = np.zeros((len(kinds), count), np.uint8)
+    for number, robot_type in enumerate(kinds):
+        by_type[number, [station - 1 for station in priority.get(robot_type.name, ())]] = 1
+    found: Array = by_type[resolved.fleet.type_of]
+    return found
+
+
+def service_zones_of(
+    roads: Roads, zones: int, station_of: Array, orders: int, robots: int
+) -> ServiceZones:
+    """A partition over some roads in which no station has a zone."""
+
+    return ServiceZones.sized(
+        {"Z": zones, "S": len(roads.point), "m": orders, "n": robots},
+        roads=roads,
+        design=design_for(roads, zones),
+        station_of=station_of,
+        server=np.arange(zones, dtype=np.int32),
+    )
+
+
+def no_roads() -> Roads:
+    """The roads of a world without zoning."""
+    return Roads.sized({"P": 0, "S": 0})
+
+
+# A world in finer ticks, from the one in the ticks of its scenario.
+#
+# What is drawn for a run is drawn in coarse ticks and multiplied, so that all refinements have the
+# same day: demand, handling times, closings. What the engine draws meanwhile
+# (automaton.engine.random_numbers) keeps its chances, and the tables that it draws from are
+# multiplied here.
+
+
+def refined_world(coarse: World, resolved: Resolved) -> tuple[World, Floor]:
+    """The world at tick 0 of a refined scenario; `coarse`: that of its scenario as it was read."""
+    scenario, factor = resolved.scenario, resolved.scenario.refine
+    floor = floor_for(resolved.floor_plan, scenario.world.traffic_zones, resolved.fleet.types)
+    orders, lines, stations = coarse.orders, coarse.lines, coarse.stations
+    gates, delays, places = coarse.gates, coarse.delays, coarse.pod_stations
+    world = coarse.replaced(
+        grid=floor.grid,
+        rules=_rules(coarse.rules, resolved),
+        orders=orders.replaced(
+            release_tick=_begins(orders.release_tick, factor), due=_times(orders.due, factor)
+        ),
+        stops=coarse.stops.replaced(ticks=_times(coarse.stops.ticks, factor)),
+        stations=stations.replaced(
+            arrival_tick=_begins(stations.arrival_tick, factor),
+            processing_time=_times(stations.processing_time, factor),
+        ),
+        lines=lines.replaced(
+            release_tick=_begins(lines.release_tick, factor), due=_times(lines.due, factor)
+        ),
+        pod_stations=places.replaced(
+            ticks_from=_times(places.ticks_from, factor),
+            breaks=np.column_stack([places.breaks[:, :1], begin_of(places.breaks[:, 1:], factor)]),
+        ),
+        gates=gates.replaced(
+            closings=begin_of(gates.closings, factor),
+            replan_after=factor * gates.replan_after,
+            opening_ticks=factor * gates.opening_ticks,
+            hold_ticks=factor * gates.hold_ticks,
+            travel_ticks=factor * gates.travel_ticks,
+            cabin_ticks=_times(gates.cabin_ticks, factor),
+        ),
+        delays=delays.replaced(ticks=_times(delays.ticks, factor)),
+    )
+    return world, floor
+
+
+def _rules(coarse: Rules, resolved: Resolved) -> Rules:
+    """The constants of the scenario; chances stay those of a coarse tick, in which they are drawn."""
+    factor = resolved.scenario.refine
+    fine = rules_for(resolved.scenario, int(coarse.seed), coarse.loaded_types > 0)
+    return fine.replaced(
+        breakdown=coarse.breakdown,
+        repair_in_place=_times(coarse.repair_in_place, factor),
+        allocations=coarse.allocations,
+        allocation=coarse.allocation,
+    )
+
+
+def _times(ticks: Array, factor: int) -> Array:
+    """Ticks in fine ones; NEVER and NIL stay, and nothing is as late as NEVER."""
+    return _kept(ticks, factor * ticks.astype(np.int64))
+
+
+def _begins(ticks: Array, factor: int) -> Array:
+    """The same of ticks in which something is to happen."""
+    return _kept(ticks, begin_of(ticks.astype(np.int64), factor))
+
+
+def _kept(ticks: Array, fine: Any) -> Array:
+    special = (ticks == NEVER) | (ticks == NIL)
+    result: Array = np.where(special, ticks, np.minimum(fine, NEVER - 1)).astype(ticks.dtype)
+    return result
+
+
+# From a resolved scenario to the arrays of a world at tick 0.
+
 
 MAX_QUEUE_LENGTH = 64  # orders of a robot
 MAX_QUEUED_ORDERS = 4_000_000  # of all robots: bounds the memory of large fleets

@@ -1,8 +1,9 @@
-"""What the robots of a scenario can do on its floor: where they begin, what they reach and serve.
+"""Where robots with a load get to: from where loads lie to where they go, over what is open to them.
 
-Each fact is found once for each type of robots. Of each order it is known where it begins and ends and
-how heavy it is; a type does it if it carries the weight and gets to both ends, and back. Orders that
-are drawn count as all that could be drawn.
+Areas may be closed to robots with a load, or to those without one. Then a slot is served only from
+cells that a robot reaches without a load, from where it begins and back, and in which it may be with
+one; and from any such cell beside its slot an order has a way to any one beside its target.
+On a floor with storage that is: to all stations, and back.
 """
 
 from __future__ import annotations
@@ -10,37 +11,112 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 from functools import cached_property, lru_cache
-from typing import Any, Literal, NamedTuple
+from typing import Any, Final, Literal, NamedTuple
 
+import msgspec
 import numpy as np
 import numpy.typing as npt
 
-from automaton.engine.state import NIL
+from automaton.engine.state import NIL, Array
 from automaton.floor.cells import STORAGE
+from automaton.floor.dead_ends import dead_ends_of
 from automaton.floor.floor_plan import FloorPlan
-from automaton.floor.loaded_ways import to_and_from
-from automaton.floor.reachability import rack_stands, slot_access
+from automaton.floor.loaded_ways import has_storage, to_and_from
+from automaton.floor.reachability import Mask, rack_stands, reached, slot_access
 from automaton.scenario.document import Keys
 from automaton.scenario.orders import ENDS
-from automaton.scenario.robot_types import (
-    Mask,
-    RobotType,
-    floor_by_type,
-    rows_of,
-    type_of_each,
-    types_of,
-)
+from automaton.scenario.robot_types import RobotType, floor_by_type, rows_of, type_of_each, types_of
 from automaton.scenario.schema import Scenario
 from automaton.scenario.unavailable_metrics import transports_of
-from automaton.world.gate_feasibility import cells_to_start
-from automaton.world.loaded_reach import (
-    LoadEnds,
-    has_closed_ways,
-    parted_ends,
-    reached_with_load,
-    served_with_load,
-    stands,
-)
+from automaton.strategy.entry import ROUTED, SLOW_STEERED, STEERED
+from automaton.strategy.lookup import default_for, parameters_type
+from automaton.world.gate_cells import cells_to_start
+
+
+class LoadEnds(NamedTuple):
+    """Between which cells loads are carried."""
+
+    sources: Array  # flat cells of slots
+    targets: Array
+    stops: Array  # flat cells in which robots stand with a load on their way
+
+
+def has_closed_ways(floor_plan: FloorPlan, types: tuple[RobotType, ...]) -> bool:
+    """Whether robots with a load get to other cells than those without one."""
+    return has_storage(floor_plan) or any(one.closed_empty != one.closed_loaded for one in types)
+
+
+def reached_with_load(
+    floor_plan: FloorPlan, types: tuple[RobotType, ...], within: Mask, ends: LoadEnds
+) -> Mask:
+    """(K, C) the cells that robots of each type get to with a load, and on from there.
+
+    `within`: (K, C) those that they get to without one, from where they begin and back.
+    """
+    by_row = floor_by_type(floor_plan, rows_of(types, True))
+    result = within.copy()
+    for kind, rail in enumerate(one.rail for one in types):
+        plan = by_row.floor_plans[len(types) + kind]
+        result[kind] &= ~by_row.closed[len(types) + kind]
+        if has_storage(floor_plan):
+            for station in floor_plan.stations.tolist():
+                result[kind] &= to_and_from(plan, station, rail)
+            continue
+        begin, end = (stands(floor_plan, cells, ends.stops, result[kind]) for cells in ends[:2])
+        result[kind] &= reached(plan, begin, rail) & reached(plan, end, rail, backwards=True)
+    return result
+
+
+def stands(floor_plan: FloorPlan, slots: Array, stops: Array, usable: Mask) -> list[int]:
+    """The usable cells from which slots, by flat cell, are served, and the stops."""
+    number = np.full(floor_plan.kind.size, NIL, np.int64)
+    number[floor_plan.slots] = np.arange(len(floor_plan.slots))
+    access = slot_access(floor_plan)[number[slots]].reshape(-1)
+    cells = np.unique(np.concatenate([access[access != NIL], stops])).astype(np.int64)
+    result: list[int] = cells[usable[cells]].tolist()
+    return result
+
+
+def served_with_load(access: Array, loaded: Mask) -> Mask:
+    """(K, s) whether robots of each type serve a slot from a cell that they get to with a load too.
+
+    `access`: (s, 4) cells beside slots, or NIL.
+    """
+    served: Mask = ((access != NIL) & loaded[:, access]).any(axis=2)
+    return served
+
+
+def parted_ends(
+    plan: FloorPlan, begin: list[int], end: list[int], rail: bool, known: dict[int, Mask]
+) -> tuple[int, int]:
+    """A cell where loads are picked up and one where they are dropped, without a way; else (NIL, NIL).
+
+    `plan`: with the exits that are open to robots with a load. `known`: what is reached from cells, on
+    this plan; what is found is added.
+    """
+    left, ends = set(begin), np.array(end, np.int64)
+    while left and len(ends):
+        first = min(left)
+        if first not in known:
+            known[first] = reached(plan, [first], rail)
+        lost = ends[~known[first][ends]]
+        if lost.size:
+            return first, int(lost[0])
+        left.remove(first)
+        if not left:
+            break
+        # Whoever gets to that cell gets wherever one gets from there.
+        before = reached(plan, [first], rail, backwards=True)
+        left = {cell for cell in left if not before[cell]}
+    return NIL, NIL
+
+
+# What the robots of a scenario can do on its floor: where they begin, what they reach and serve.
+#
+# Each fact is found once for each type of robots. Of each order it is known where it begins and ends
+# and how heavy it is; a type does it if it carries the weight and gets to both ends, and back. Orders
+# that are drawn count as all that could be drawn.
+
 
 NO_ZONING = "none"
 # Flat cells of robots 0, 1, ...
@@ -288,3 +364,81 @@ class Way(NamedTuple):
     target: npt.NDArray[np.int64]
     weight: int  # of the heaviest
     stays: bool = False  # each ends where it begins: a visit
+
+
+# The right of way of a scenario that names none: what serves its robots best, as strategies declare.
+
+
+DEFAULT_ROUTING: Final = "shortest"  # what it plans can be left out where robots are steered
+TWO_WAY_SHARE: Final = 0.5  # of pairs of cells; in one-way aisles neither planner is always ahead
+
+
+class Default(NamedTuple):
+    """A right of way that was not named, and why it is not the usual one; "" where it is."""
+
+    name: str
+    why: str
+
+
+def with_right_of_way(scenario: Scenario, fleet: FleetOnFloor) -> Scenario:
+    """The scenario with its right of way named."""
+    if scenario.strategy.right_of_way is not None:
+        return scenario
+    name = default_right_of_way(scenario, fleet).name
+    strategy = msgspec.structs.replace(scenario.strategy, right_of_way=name)
+    return msgspec.structs.replace(scenario, strategy=strategy)
+
+
+def default_right_of_way(scenario: Scenario, fleet: FleetOnFloor) -> Default:
+    """The right of way of this scenario unless it is named."""
+    why_not = why_not_steered(scenario, fleet)
+    if why_not:
+        return Default(default_for("right_of_way", ROUTED), why_not)
+    planner = default_for("right_of_way", SLOW_STEERED)
+    parameters: Any = parameters_type("right_of_way", planner)()
+    if (
+        has_slow_actions(scenario, fleet.floor_plan)
+        and not scenario.floor.has_gates  # before which plans of several ticks may jam: bad-day
+        and two_way_share(fleet.floor_plan) >= TWO_WAY_SHARE
+        and parameters.check_scenario(scenario, fleet.floor_plan) is None
+    ):
+        why = "turns or moves take several ticks, and most ways are open in both directions"
+        return Default(planner, why)
+    return Default(default_for("right_of_way", STEERED), "")
+
+
+def why_not_steered(scenario: Scenario, fleet: FleetOnFloor) -> str:
+    """Why robots follow routes unless right of way is named; "" where they are steered."""
+    routing: Any = scenario.strategy.routing
+    name = routing.get("name") if isinstance(routing, dict) else routing
+    if name != DEFAULT_ROUTING:
+        return f"routing {name} plans their routes"
+    if scenario.information != "everything":
+        return "robots do not see all others"
+    if has_ringless_part(fleet):
+        return "the floor has no ring on which they pass each other"
+    return ""
+
+
+def has_slow_actions(scenario: Scenario, floor_plan: FloorPlan) -> bool:
+    """Whether a turn or a move takes 2 ticks or more, speed limits included."""
+    types = types_of(scenario)
+    longest = max(ticks for one in types for ticks in (*one.moves, *one.turns))
+    return max(longest, int(floor_plan.min_move_ticks.max(initial=0))) > 1
+
+
+def two_way_share(floor_plan: FloorPlan) -> float:
+    """The share of pairs of neighbouring cells with a way between them that have one both ways."""
+    exits = floor_plan.exits.reshape(-1)
+    one_way = both_ways = 0
+    for direction, offset in enumerate(floor_plan.offsets[:2]):
+        there = exits >> direction & 1
+        back = np.roll(exits, -offset) >> (direction ^ 2) & 1
+        both_ways += int((there & back).sum())
+        one_way += int((there ^ back).sum())
+    return both_ways / max(1, both_ways + one_way)
+
+
+def has_ringless_part(fleet: FleetOnFloor) -> bool:
+    """Whether robots drive in a part of the floor without a ring of cells."""
+    return bool((dead_ends_of(fleet.floor_plan).ringless & fleet.within.any(axis=0)).any())

@@ -1,4 +1,4 @@
-"""What only the floor can tell: whether robots fit, and loads can be reached and delivered."""
+"""Whether robots on rails find tracks and turntables among robots that need none."""
 
 from __future__ import annotations
 
@@ -21,6 +21,8 @@ from automaton.floor.cells import (
     SHELF,
     STATION,
     STORAGE,
+    TRACK,
+    TURNTABLE,
     UNLIMITED,
 )
 from automaton.floor.floor_plan import DRIVABLE, FloorPlan
@@ -41,14 +43,34 @@ from automaton.scenario.unavailable_metrics import transports_of
 from automaton.scenario.validation import dotted
 from automaton.units import ticks_and_time, unit
 from automaton.world.capabilities import FleetOnFloor, Start
-from automaton.world.gate_feasibility import (
-    check_gates,
-    check_homes,
-    check_starts_at_gates,
-)
+from automaton.world.gate_cells import check_gates, check_homes, check_starts_at_gates
 from automaton.world.pod_feasibility import check_pod_ways, check_pods
-from automaton.world.rail_feasibility import check_rails
 from automaton.world.task_lists import MAX_ORDERS, order_count
+
+
+def check_rails(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
+    """Rail robots beside others have both tracks and turntables. Raises InputError."""
+    fleet = scenario.fleet
+    ways = [fleet.kinematics_of(kind) for kind in fleet.types]
+    if "rail" not in ways or len(set(ways)) == 1:
+        return
+    missing = [
+        f"{CELL_KINDS[kind].name}s"
+        for kind in (TRACK, TURNTABLE)
+        if not (floor_plan.kind == kind).any()
+    ]
+    if missing:
+        number = ways.index("rail")
+        raise document.error(
+            ("fleet", "types", number),
+            f"{fleet.types[number].name} drives on rails beside robots that do not, which takes tracks "
+            f"and turntables, but the floor has no {' and no '.join(missing)}; draw them, or set "
+            "kinematics of this type to differential or omni",
+        )
+
+
+# What only the floor can tell: whether robots fit, and loads can be reached and delivered.
+
 
 REQUIRED_KINDS = {  # kinds of cells without which a generator has nothing to draw
     "dock-to-rack": (DOCK, RACK),

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from typing import Final
 
 import numpy as np
 
+from automaton.engine.facilities import GATE_CLOSING
 from automaton.floor.cells import CHARGER, STATION, STORAGE
 from automaton.floor.dead_ends import DeadEnds, dead_ends_of
+from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.loaded_ways import to_and_from
+from automaton.floor.reachability import Mask, reached
+from automaton.scenario.changing_floor import Lift
+from automaton.scenario.pods import PodStation
 from automaton.scenario.schema import ROUTE_FOLLOWERS
 from automaton.scenario.unavailable_metrics import carries_pods
 from automaton.units import count
-from automaton.world.default_right_of_way import (
-    default_right_of_way,
-    has_ringless_part,
-    why_not_steered,
-)
+from automaton.world.capabilities import default_right_of_way, has_ringless_part, why_not_steered
+from automaton.world.floor_parts import queue_path
+from automaton.world.gate_cells import Gate, cells_of, gates_of, mouths_of, moves_between, shares
+from automaton.world.pods import station_names
 from automaton.world.resolve import Resolved
 
 # Both by `automaton sweep crowds`, shares of the cells for one robot each.
@@ -134,3 +140,179 @@ def has_no_ring(resolved: Resolved) -> str:
         "the floor has no ring of cells, so two robots that meet cannot pass each other, and "
         f"right_of_way {name} jams there; choose retreat, or join the ends of the tracks"
     )
+
+
+# Warn about gates that are legal but keep robots from what they need.
+
+
+MAX_GATES = 100  # of which each one is looked at alone
+FULL = 100 + 1e-9  # percent of a battery
+
+
+def gate_warnings(resolved: Resolved) -> list[str]:
+    """Return sentences about the first lift that empties batteries, and the only way to chargers."""
+    return [*dear_rides(resolved), *gated_chargers(resolved)]
+
+
+def dear_rides(resolved: Resolved) -> list[str]:
+    """Return a sentence for the first lift that takes more from a battery than it holds."""
+    for gate in gates_of(resolved.scenario.floor):
+        if not isinstance(gate.section, Lift):
+            continue
+        shaft = cells_of(gate, resolved.floor_plan)
+        ticks, how = longest_ride(gate.section, shaft, resolved.floor_plan)
+        for one in resolved.fleet.types:
+            if one.battery is None:
+                continue
+            drain, robots = (
+                one.battery.drain,
+                f"robots of type {one.name}" if one.name else "robots",
+            )
+            for factor, load in ((1.0, ""), (drain.loaded_factor, " with a load")):
+                price = drain.move * factor * ticks
+                if price > FULL:
+                    taken = f"{gate.name} takes {price:,.6g} % of a battery {how}"
+                    return [f"{taken}, more than it holds: {robots}{load} run empty in it"]
+    return []
+
+
+def longest_ride(lift: Lift, shaft: list[int], floor_plan: FloorPlan) -> tuple[int, str]:
+    """The most ticks of moves in a lift without a charger on the way, and from where to where."""
+    mouths = mouths_of(shaft, floor_plan)
+    if any(floor_plan.kind.flat[cell] == CHARGER for cell in set(shaft) - set(mouths)):
+        moves = moves_between(shaft, mouths)
+        return max(shares(lift.travel_time, count)[1] for count in moves), "in one move"
+    return lift.travel_time, "from one mouth to the next"
+
+
+def gated_chargers(resolved: Resolved) -> list[str]:
+    """Return a sentence for the first door, block or lift on the only way to a charger."""
+    scenario, floor_plan = resolved.scenario, resolved.floor_plan
+    gates = [gate for gate in gates_of(scenario.floor) if gate.kind != GATE_CLOSING]
+    if scenario.battery is None or not gates or not (floor_plan.kind == CHARGER).any():
+        return []
+    everywhere = reach_chargers(resolved, ())
+    chargers = set(np.flatnonzero(floor_plan.kind == CHARGER).tolist())
+    gated = [cells_of(gate, floor_plan) for gate in gates]
+    gated = [[] if set(cells) <= chargers else cells for cells in gated]  # it is the charger's line
+    inside = sorted({cell for cells in gated for cell in cells})
+    if not is_cut_off(everywhere, reach_chargers(resolved, inside), inside):
+        return []
+    for gate, cells in list(zip(gates, gated, strict=True))[:MAX_GATES]:
+        if is_cut_off(everywhere, reach_chargers(resolved, cells), cells):
+            return [sentence_about(gate)]
+    return [
+        "doors, blocks and lifts are on all ways to a charger: robots may run empty before them"
+    ]
+
+
+def sentence_about(gate: Gate) -> str:
+    """The warning about one gate."""
+    return (
+        f"{gate.name} is on the only way to a charger: robots may run empty while they wait for it"
+    )
+
+
+def reach_chargers(resolved: Resolved, closed: Iterable[int]) -> Mask:
+    """(k, C) bool: cells from which robots get to a charger without these cells, on rails or not."""
+    floor_plan, cells = resolved.floor_plan, np.array(list(closed), np.int64)
+    exits = floor_plan.exits.copy()
+    exits.reshape(-1)[cells] = 0
+    chargers = np.setdiff1d(np.flatnonzero(floor_plan.kind == CHARGER), cells)
+    ways, plan = sorted({one.rail for one in resolved.fleet.types}), floor_plan.with_exits(exits)
+    if not len(chargers):
+        return np.zeros((len(ways), exits.size), np.bool_)
+    return np.stack([reached(plan, chargers.tolist(), rail, backwards=True) for rail in ways])
+
+
+def is_cut_off(before: Mask, after: Mask, inside: Iterable[int]) -> bool:
+    """Whether a cell outside of these is cut off from all chargers."""
+    lost = before & ~after
+    lost[:, np.array(list(inside), np.int64)] = False
+    return bool(lost.any())
+
+
+# Warn about stations and pods that are legal but keep robots waiting.
+
+
+def pod_warnings(resolved: Resolved) -> list[str]:
+    """Return a sentence for each warning; none where orders are not lines."""
+    if resolved.scenario.orders.lines is None:
+        return []
+    return [*too_many_trips(resolved), *crossed_queues(resolved), *robots_that_wait(resolved)]
+
+
+def places_of(floor_plan: FloorPlan, station: PodStation) -> int | None:
+    """How many trips a station lets come; None: any number."""
+    if station.max_trips == "queue":
+        return len(queue_path(floor_plan, station.at, station.queue)) + 1
+    return station.max_trips
+
+
+def too_many_trips(resolved: Resolved) -> Iterator[str]:
+    """Warn about stations that let more trips come than their queues have room for."""
+    for name, station in resolved.scenario.stations.items():
+        room = len(queue_path(resolved.floor_plan, station.at, station.queue)) + 1
+        most = places_of(resolved.floor_plan, station)
+        if most is not None and most > room:
+            yield (
+                f"station {name} lets {most:,} trips come (max_trips) and has room for "
+                f"{count(room, 'robot')}, its queue and itself: the others wait on the ways of all"
+            )
+
+
+def crossed_queues(resolved: Resolved) -> Iterator[str]:
+    """Warn about queues through which robots with pods must drive that go to another station."""
+    floor_plan, fleet = resolved.floor_plan, resolved.fleet
+    kinds = floor_plan.kind.reshape(-1)
+    used: Mask = (kinds == STORAGE) & (floor_plan.loads.reshape(-1) != 0) | (kinds == CHARGER)
+    used[floor_plan.stations] = True
+    names = station_names(resolved)
+    for name, station in resolved.scenario.stations.items():
+        own = [floor_plan.cell(*station.at)]
+        own += queue_path(floor_plan, station.at, station.queue)
+        others = [cell for cell in floor_plan.stations.tolist() if cell not in own]
+        if len(own) == 1 or not others:
+            continue
+        around, lost = without(floor_plan, own), np.zeros_like(used)
+        for rail in {one.rail for one in fleet.types}:
+            before = to_and_from(floor_plan, others[0], rail)
+            lost |= used & before & ~to_and_from(around, others[0], rail)
+        lost[own] = False
+        if lost.any():
+            x, y = floor_plan.xy(int(np.argmax(lost)))
+            other = names[floor_plan.stations.tolist().index(others[0])]
+            yield (
+                f"the queue of station {name} is on the only way between [{x}, {y}] and station {other}: "
+                "robots that go there stand in it"
+            )
+
+
+def without(floor_plan: FloorPlan, cells: list[int]) -> FloorPlan:
+    """The floor without ways into some cells and out of them."""
+    exits = floor_plan.exits.reshape(-1).copy()
+    closed = np.zeros(exits.size, np.bool_)
+    closed[cells] = True
+    exits[closed] = 0
+    for direction, offset in enumerate(floor_plan.offsets):
+        exits[np.roll(closed, -offset)] &= np.uint8(15 ^ (1 << direction))
+    return floor_plan.with_exits(exits.reshape(floor_plan.exits.shape))
+
+
+def robots_that_wait(resolved: Resolved) -> Iterator[str]:
+    """Warn about robots that have nothing to do, or stand where no other robot may be."""
+    scenario, floor_plan = resolved.scenario, resolved.floor_plan
+    named = [places_of(floor_plan, station) for station in scenario.stations.values()]
+    places = [1] * (len(floor_plan.stations) - len(named)) + [one or 0 for one in named]
+    robots = scenario.fleet.robots
+    if None not in named and robots > sum(places):
+        yield (
+            f"{count(robots, 'robot')}, but stations let {count(sum(places), 'trip')} come at a time: "
+            "the others have nothing to do"
+        )
+    stays = resolved.may_stay
+    if stays and scenario.pods.under == "none" and robots > 1:
+        yield (
+            "robots without a trip stay under the pods that they have stored (idle: stay), where no "
+            "other robot may come to lift them (pods.under: none); set idle: park"
+        )

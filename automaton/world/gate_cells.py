@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Final, NamedTuple
+from collections.abc import Iterable, Iterator
+from typing import Any, Final, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from automaton.engine.facilities import GATE_BLOCK, GATE_CLOSING, GATE_DOOR, GATE_LIFT
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
-from automaton.scenario.changing_floor import (
-    Block,
-    ChangingFloor,
-    Closing,
-    Door,
-    Lift,
-)
-from automaton.scenario.document import Keys
-from automaton.world.cell_sets import cells_of_set
+from automaton.scenario.changing_floor import Block, ChangingFloor, Closing, Door, Lift, MeanGap
+from automaton.scenario.document import Document, Keys
+from automaton.scenario.durations import Distribution
+from automaton.scenario.schema import MAX_MOVE_TICKS, Scenario
+from automaton.units import ticks_and_time, unit
+from automaton.world.floor_parts import cells_of_set
 
 Pair = tuple[int, int]
 
@@ -121,3 +119,192 @@ def shares(travel_ticks: int, moves: int) -> tuple[int, int]:
     """The ticks of a move from one mouth to the next, and of the last one, which takes the rest too."""
     share = travel_ticks // moves
     return share, travel_ticks - share * (moves - 1)
+
+
+# The closings of cells: all of a run are known before it begins, those by chance by its seed.
+
+
+MAX_CLOSINGS: Final = 4_000_000  # of a run
+
+Array = npt.NDArray[Any]
+
+
+def closings_of(gate: Gate, number: int, scenario: Scenario, seed: int) -> Array:
+    """(k, 2) int64: first tick and tick after the last of the closings of a gate until the run ends."""
+    closing, end = gate.section, scenario.stop.max_duration
+    if not isinstance(closing, Closing):
+        return np.zeros((0, 2), np.int64)
+    if isinstance(closing.every, MeanGap):
+        return random_closings(closing, closing.every.mean, number, seed, end)
+    assert isinstance(closing.ticks, int), "checked: by schedule"
+    ticks = scheduled_closings(closing, end)
+    begins = np.arange(ticks.start, ticks.stop, ticks.step, dtype=np.int64)
+    return np.stack([begins, begins + closing.ticks], axis=1)
+
+
+def random_closings(closing: Closing, mean: float, number: int, seed: int, end: int) -> Array:
+    """Closings by chance: address (CLOSINGS, row, 2 k) the gap before closing k, 2 k + 1 its length."""
+    # These need Numba, as the checks of most scenarios do not.
+    from automaton.engine.random_numbers import STREAM_CLOSINGS
+    from automaton.world.draws import drawn_durations, geometric
+
+    rows: list[Array] = []
+    tick, first, count = 0, 0, 256
+    while tick <= end and first <= MAX_CLOSINGS:
+        k = np.arange(first, first + count)
+        gaps = geometric(mean, seed, STREAM_CLOSINGS, number, 2 * k)
+        if isinstance(closing.ticks, Distribution):
+            address = STREAM_CLOSINGS, np.full(count, number), 2 * k + 1
+            drawn = drawn_durations(closing.ticks, count, seed, address)
+            lengths = np.maximum(np.floor(drawn + 0.5).astype(np.int64), 1)
+        else:
+            lengths = np.full(count, closing.ticks)
+        ends = tick + np.cumsum(gaps + lengths)
+        rows.append(np.stack([ends - lengths, ends], axis=1))
+        tick, first, count = int(ends[-1]), first + count, min(2 * count, 65_536)
+    closings = np.concatenate(rows)
+    begun: Array = closings[closings[:, 0] <= end].astype(np.int64)
+    return begun
+
+
+def scheduled_closings(closing: Closing, end: int) -> range:
+    """The first ticks of the closings by schedule of a run that ends by some tick."""
+    assert closing.begin is not None, "checked: by schedule"
+    assert not isinstance(closing.every, MeanGap), "checked: by schedule"
+    return range(closing.begin, max(end, closing.begin) + 1, closing.every or end + 1)
+
+
+def find_too_many_closings(scenario: Scenario) -> tuple[Gate, str] | None:
+    """The first gate with which cells close too often, with the scenario's seed, and the sentence."""
+    count = 0
+    for number, gate in enumerate(gates_of(scenario.floor)):
+        if isinstance(gate.section, Closing):
+            if isinstance(gate.section.every, MeanGap):
+                count += len(closings_of(gate, number, scenario, scenario.seed))
+            else:
+                count += len(scheduled_closings(gate.section, scenario.stop.max_duration))
+        if count > MAX_CLOSINGS:
+            return gate, too_many_closings(count)
+    return None
+
+
+def too_many_closings(count: int) -> str:
+    """The sentence about cells that close more often than a run can hold."""
+    return (
+        f"cells close {count:,} times until stop.max_duration, at most {MAX_CLOSINGS:,} are allowed; "
+        "set it lower, or every larger"
+    )
+
+
+# Whether gates fit the floor: where their cells are, and how many robots begin in them.
+
+
+Cells = npt.NDArray[Any]
+
+
+def check_gates(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
+    """Gates lie on the floor, shafts are paths and share no cells. Raises InputError."""
+    owner: dict[int, Gate] = {}
+    for gate in gates_of(scenario.floor):
+        try:
+            cells = cells_of(gate, floor_plan)
+            if isinstance(gate.section, Lift):
+                check_lift(gate, gate.section, cells, floor_plan, owner, scenario)
+        except InputError as error:
+            raise document.error((*gate.keys, CELL_KEYS[gate.kind]), error.message) from None
+        if isinstance(gate.section, Lift):
+            check_shares(document, gate, gate.section, moves_of(cells, floor_plan))
+    if too_many := find_too_many_closings(scenario):
+        gate, text = too_many
+        raise document.error((*gate.keys, CELL_KEYS[gate.kind]), text)
+    for name, level in scenario.floor.levels.items():
+        for key, (x, y) in (("from", level.first), ("to", level.last)):
+            if not floor_plan.holds(x, y):
+                text = f"the corner [{x}, {y}] of the level {name} lies outside the floor"
+                raise document.error(("floor", "levels", name, key), f"{text} {floor_plan.extent}")
+
+
+def check_lift(
+    gate: Gate,
+    lift: Lift,
+    shaft: list[int],
+    floor_plan: FloorPlan,
+    owner: dict[int, Gate],
+    scenario: Scenario,
+) -> None:
+    """A lift has mouths at both ends, and its cells for itself. Raises InputError, without its place."""
+    for cell in shaft:
+        x, y = floor_plan.xy(cell)
+        if cell in owner:
+            raise InputError(f"{gate.name} and {owner[cell].name} both have the cell [{x}, {y}]")
+        owner[cell] = gate
+    mouths = mouths_of(shaft, floor_plan)
+    for end in (shaft[0], shaft[-1]):
+        if end not in mouths:
+            x, y = floor_plan.xy(end)
+            raise InputError(f"{gate.name} has no way out at its end [{x}, {y}]")
+    if len(mouths) < 2:
+        raise InputError(f"{gate.name} has one cell alone; a lift has a mouth at each end")
+    most = max(moves_between(shaft, mouths))
+    if lift.travel_time < most:
+        tick = unit(scenario.units.tick)
+        raise InputError(
+            f"{gate.name} takes {ticks_and_time(lift.travel_time, tick)} from one mouth to the next "
+            f"(travel_time), less than the {most} moves between them"
+        )
+
+
+def moves_of(shaft: list[int], floor_plan: FloorPlan) -> list[int]:
+    """How many moves it takes from each mouth of a shaft to the next one."""
+    return moves_between(shaft, mouths_of(shaft, floor_plan))
+
+
+def check_shares(document: Document, gate: Gate, lift: Lift, moves: list[int]) -> None:
+    """No move in a lift takes more ticks than a move may. Raises InputError."""
+    most = max(shares(lift.travel_time, count)[1] for count in moves)
+    if most > MAX_MOVE_TICKS:
+        raise document.error(
+            (*gate.keys, "travel_time"),
+            f"a move in {gate.name} takes {most:,} ticks, its share of travel_time; "
+            f"at most {MAX_MOVE_TICKS:,} are allowed",
+        )
+
+
+def cells_to_start(scenario: Scenario, floor_plan: FloorPlan, cells: Cells) -> Cells:
+    """Those of a list of flat cells, in its order, in which robots may begin, one in each.
+
+    No cell of a lift's shaft, and of a block no more than it holds.
+    """
+    is_open = np.ones(len(cells), np.bool_)
+    for gate in gates_of(scenario.floor):
+        if gate.kind in (GATE_BLOCK, GATE_LIFT):
+            inside = np.flatnonzero(is_open & np.isin(cells, cells_of(gate, floor_plan)))
+            most = gate.section.max_robots if isinstance(gate.section, Block) else 0
+            is_open[inside[most:]] = False
+    return cells[is_open]
+
+
+def check_homes(
+    scenario: Scenario, floor_plan: FloorPlan, homes: Iterable[int], *barred: int
+) -> None:
+    """No robot begins or parks in a gate of a kind that is barred. Raises InputError."""
+    for gate in gates_of(scenario.floor):
+        if gate.kind in barred:
+            for cell in sorted({*homes} & {*cells_of(gate, floor_plan)}):
+                x, y = floor_plan.xy(cell)
+                raise InputError(f"a robot would begin or park at [{x}, {y}], in {gate.name}")
+
+
+def check_starts_at_gates(scenario: Scenario, floor_plan: FloorPlan, starts: list[int]) -> None:
+    """No more robots begin in a block than it holds. Raises InputError.
+
+    `starts`: the flat cells of robots that begin on the floor.
+    """
+    for gate in gates_of(scenario.floor):
+        if not isinstance(gate.section, Block):
+            continue
+        cells, most = set(cells_of(gate, floor_plan)), gate.section.max_robots
+        count = sum(cell in cells for cell in starts)
+        if count > most:
+            robots = "robots begin" if count > 1 else "robot begins"
+            raise InputError(f"{count} {robots} in {gate.name}, which holds {most}")

@@ -13,9 +13,17 @@ from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.changing_floor import Block, Lift
 from automaton.scenario.schema import Scenario
-from automaton.world.closings import MAX_CLOSINGS, closings_of, too_many_closings
-from automaton.world.gate_cells import Gate, cells_of, gates_of, mouths_of, shares
-from automaton.world.gate_feasibility import check_starts_at_gates
+from automaton.world.gate_cells import (
+    MAX_CLOSINGS,
+    Gate,
+    cells_of,
+    check_starts_at_gates,
+    closings_of,
+    gates_of,
+    mouths_of,
+    shares,
+    too_many_closings,
+)
 from automaton.world.resolve import Resolved
 
 REPLAN_AFTER_S = 30  # where the scenario does not say

@@ -1,8 +1,9 @@
-"""A scenario made ready to run: floor built, strategies found, contradictions refused."""
+"""Whether there is memory for distance tables at all."""
 
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -10,7 +11,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
+import numpy as np
 
+from automaton.engine.distance_tables import least_table_bytes
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.document import (
@@ -31,6 +34,7 @@ from automaton.scenario.order_file import (
 )
 from automaton.scenario.orders import plain_data
 from automaton.scenario.refinement import refined, refined_value, too_long
+from automaton.scenario.robot_types import types_of
 from automaton.scenario.schema import LAYER_NAMES, Scenario, Units
 from automaton.scenario.table_files import (
     pod_cells,
@@ -45,12 +49,38 @@ from automaton.scenario.unavailable_metrics import carries_pods
 from automaton.scenario.validation import Conversion, dotted, validated, with_numbers
 from automaton.strategy.entry import NoParameters, files_of, resolve_paths
 from automaton.strategy.zone_parameters import ZoningParameters, zoning_parameters_of
-from automaton.world.capabilities import FleetOnFloor, Start
-from automaton.world.charger_places import with_charger_blocks, with_shared_chargers
-from automaton.world.default_right_of_way import with_right_of_way
+from automaton.units import bytes_of, memory
+from automaton.world.capabilities import FleetOnFloor, Start, with_right_of_way
 from automaton.world.feasibility import check_energy, check_feasible
-from automaton.world.speed_limits import check_speed_limits, with_speed_limits
-from automaton.world.table_memory import check_table_memory
+from automaton.world.floor_parts import (
+    check_speed_limits,
+    with_charger_blocks,
+    with_shared_chargers,
+    with_speed_limits,
+)
+
+
+def check_table_memory(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
+    """A table of this floor fits world.distance_tables. Raises InputError."""
+    text = scenario.world.distance_tables
+    cells = int(np.count_nonzero(floor_plan.drivable))
+    types = types_of(scenario)
+    headings = max(one.headings for one in types)
+    turns = [turn for one in types for turn in one.turns]
+    moves = [ticks for one in types for ticks in one.moves]
+    limits = np.flatnonzero(np.bincount(floor_plan.min_move_ticks.reshape(-1))).tolist()
+    unit = math.gcd(*turns, *(max(move, limit) for move in moves for limit in (0, *limits)))
+    size = least_table_bytes(cells, headings, max(turns) // unit)
+    if size > bytes_of(text):
+        raise document.error(
+            ("world", "distance_tables"),
+            f"world.distance_tables is {text}, but a table of the {cells:,} cells of this floor takes "
+            f"{memory(size)}; set it to at least that",
+        )
+
+
+# A scenario made ready to run: floor built, strategies found, contradictions refused.
+
 
 MAX_ALLOCATIONS = 4  # strategies that a run asks for allocations
 CHANGEABLE = ("strategy", "durations", "information", "world", "stop")  # while a run goes on

@@ -30,7 +30,7 @@ from automaton.scenario.orders import priorities_of
 from automaton.scenario.robot_types import RobotType, follows_in_convoy, types_of
 from automaton.scenario.schema import Battery, Faults, Scenario
 from automaton.units import bytes_of, unit
-from automaton.world.disturbances import repair_ticks
+from automaton.world.draws import repair_ticks
 
 STOPS = {"parked": 0, "delivered": 1, "never": 2}
 

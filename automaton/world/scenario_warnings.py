@@ -1,24 +1,201 @@
-"""Warn about scenario settings that are legal but probably mistakes."""
+"""Warn about due times that are legal but probably mistakes."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
 import numpy as np
+import numpy.typing as npt
 
 from automaton.errors import alternatives
-from automaton.floor.cells import CHARGER, STATION, UNLIMITED
+from automaton.floor.cells import CHARGER, SHELF, STATION, UNLIMITED
+from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.reachability import steps_from
+from automaton.scenario.orders import Mean, MeanTime, has_due_times, line_column, listed_lines
 from automaton.scenario.unavailable_metrics import transports_of
-from automaton.units import SECONDS_PER_UNIT, count, unit
-from automaton.world.charger_places import places_of_chargers
+from automaton.units import SECONDS_PER_UNIT, count, ticks_and_time, unit
 from automaton.world.conversion_table import coarse_conversions
-from automaton.world.due_warnings import due_warnings
-from automaton.world.fleet_warnings import fleet_warnings
-from automaton.world.gate_warnings import gate_warnings
-from automaton.world.late_releases import late_releases
-from automaton.world.pod_warnings import pod_warnings
-from automaton.world.queues import service_cells
+from automaton.world.fleet_warnings import fleet_warnings, gate_warnings, pod_warnings
+from automaton.world.floor_parts import places_of_chargers, service_cells
 from automaton.world.resolve import Resolved
-from automaton.world.standstill_warnings import standstill_warnings
+
+
+def due_warnings(resolved: Resolved) -> list[str]:
+    """Return a sentence for each warning."""
+    return [text for text in (due_too_early(resolved), nothing_due(resolved)) if text]
+
+
+def due_too_early(resolved: Resolved) -> str:
+    """Warn about orders that are due before they are released, which real files have."""
+    if resolved.orders_of_file:
+        return ""  # its rows are warned of by their lines
+    orders = resolved.scenario.orders
+    lines = listed_lines(orders)
+    key, what = ("orders.lines", "line") if lines else ("orders.list", "order")
+    times = [(one.due_tick, one.release) for one in orders.listed or ()]
+    early = [
+        number for number, (due, release) in enumerate(times) if due is not None and due < release
+    ]
+    early += np.flatnonzero(line_column(lines, "due") < line_column(lines, "release")).tolist()
+    if not early:
+        return ""
+    if len(early) == 1:
+        return f"{key}[{early[0]}] is due before it is released, and so late at once"
+    return (
+        f"{count(len(early), what)} are due before they are released, and so late at once; the first "
+        f"of them is {key}[{early[0]}]"
+    )
+
+
+def nothing_due(resolved: Resolved) -> str:
+    """Warn about an allocation that goes by due times where no order has one."""
+    ways = {getattr(choice.parameters, "by", None) for choice in resolved.allocations}
+    if "due" not in ways or has_due_times(resolved.scenario.orders):
+        return ""
+    return (
+        "strategy.allocation goes by due times (by: due), and no order has one, so the order that was "
+        "released first comes first; give orders of orders.list, or of a file, a due time"
+    )
+
+
+# Warn about orders and parts that are released when the run is over.
+
+
+class Stream(NamedTuple):
+    """Orders or parts that come one after another."""
+
+    what: str  # "200 orders"
+    first: int  # tick
+    last: float  # tick; of random ones, by the mean
+
+
+def late_releases(resolved: Resolved) -> list[str]:
+    """Return a sentence for each list or stream that goes on when the run is over.
+
+    A stream may go on where a run does not end with its orders.
+    """
+    stop, tick = resolved.scenario.stop, unit(resolved.scenario.units.tick)
+    end, ends_with_orders = stop.max_duration, stop.when != "never"
+    over = f"when the run is over (stop.max_duration {ticks_and_time(end, tick)})"
+    orders, lines = resolved.scenario.orders, listed_lines(resolved.scenario.orders)
+    releases = [line.release for line in orders.listed or ()]
+    if lines:
+        releases = line_column(lines, "release").tolist()
+    late = [release for release in releases if release >= end]
+    if late:
+        what = count(len(releases), "line" if lines else "order")
+        which = f"{len(late):,} of {what} in the {'file' if resolved.orders_of_file else 'list'}"
+        comes = "comes" if len(late) == 1 else "come"
+        unfinished = ", so it will not finish" if ends_with_orders else ""
+        return [
+            f"{which} {comes} after {ticks_and_time(min(late), tick)} or later, {over}{unfinished}"
+        ]
+    return [
+        f"the last of {stream.what} comes after about {ticks_and_time(stream.last, tick)}, {over}"
+        + (", so it may not finish" if ends_with_orders else "")
+        for stream in streams(resolved)
+        if stream.first >= end or (stream.last >= end and ends_with_orders)
+    ]
+
+
+def streams(resolved: Resolved) -> Iterator[Stream]:
+    """What comes with time, and not from a list or in a closed loop."""
+    orders = resolved.scenario.orders
+    for kind in orders.parts or ():
+        after = (kind.count - 1) * mean_of(kind.interarrival_time)
+        what = count(kind.count, "part") + (f" {kind.name}" if kind.name else "")
+        yield Stream(what, kind.first_release, kind.first_release + after)
+    orders_count = generated_orders(resolved)
+    if orders.mean_interarrival_time:
+        last = (orders_count - 1) * orders.mean_interarrival_time
+        yield Stream(count(orders_count, "order"), 0, last)
+    if orders.arrivals is not None and orders.arrivals.bursts is not None:
+        bursts = orders.arrivals.bursts
+        many = math.ceil(orders_count / mean_of(bursts.size))
+        yield Stream(count(orders_count, "order"), 0, (many - 1) * mean_of(bursts.every))
+
+
+def generated_orders(resolved: Resolved) -> int:
+    """How many orders a generator makes."""
+    orders, floor_plan = resolved.scenario.orders, resolved.floor_plan
+    if orders.generator == "picture-loads":
+        return int(floor_plan.loads.sum())
+    if orders.generator == "full-shelves":
+        return int(np.count_nonzero(floor_plan.kind == SHELF))
+    return orders.count or 0
+
+
+def mean_of(number: int | Mean | MeanTime) -> float:
+    """A number given, or the mean of those drawn."""
+    return number if isinstance(number, int) else number.mean
+
+
+# Warn about fleets that can never move, because a rule of the world refuses the first move.
+#
+# Robots that fill cells out of which no way leads but into each other's cells form rings and files
+# without a gap. A full ring rotates under `convoy`, and under `handover` if its moves take one tick.
+# Under `none`, and under `handover` with longer moves, a first robot would have to begin, and none
+# may.
+
+
+Mask = npt.NDArray[np.bool_]
+
+
+def standstill_warnings(resolved: Resolved) -> list[str]:
+    """Return a sentence if robots stand still for ever where they begin."""
+    scenario, floor_plan = resolved.scenario, resolved.floor_plan
+    rule, least = scenario.world.following, resolved.fleet.least_move
+    refuses = rule == "none" or (rule == "handover" and least >= 2)
+    if not refuses or scenario.fleet.when_idle == "leave":
+        return []  # robots that leave the floor make a gap
+    from automaton.world.rules import may_fail  # needs Numba, as most checks do not
+
+    if may_fail(scenario):
+        return []  # so do those that are towed
+    held = full_cells(floor_plan, filled_at_the_start(resolved))
+    cells = int(held.sum())
+    if cells < 2:
+        return []
+    x, y = floor_plan.xy(int(np.flatnonzero(held)[0]))
+    of_moves = "" if rule == "none" else f" of moves longer than one tick (here {least:g})"
+    most = count(cells - 1, "robot")
+    return [
+        f"stands still: {count(cells, 'robot')} fill the {count(cells, 'cell')} around [{x}, {y}], and "
+        f"under world.following: {rule} a full ring{of_moves} cannot start; at most {most} "
+        "can move there at all, or set world.following: convoy"
+    ]
+
+
+def filled_at_the_start(resolved: Resolved) -> Mask:
+    """(C,) bool: cells for one robot that are held at the start, whatever the seed."""
+    floor_plan, start = resolved.floor_plan, resolved.start
+    drivable = floor_plan.drivable.reshape(-1)
+    filled = np.zeros(drivable.size, np.bool_)
+    if isinstance(start, tuple):
+        filled[list(start)] = True
+    elif start == "random" and resolved.scenario.fleet.robots >= drivable.sum():
+        filled[drivable] = True
+    single: Mask = filled & (floor_plan.capacity.reshape(-1) == 1)
+    return single
+
+
+def full_cells(floor_plan: FloorPlan, filled: Mask) -> Mask:
+    """(C,) bool: the most filled cells whose exits, one at least, all lead into such cells."""
+    exits = floor_plan.exits.reshape(-1)
+    full: Mask = filled & (exits != 0)
+    while True:
+        leads_out = np.zeros(full.size, np.bool_)
+        for direction, offset in enumerate(floor_plan.offsets):
+            leads_out |= (exits >> direction & 1 != 0) & ~np.roll(full, -offset)
+        if not (full & leads_out).any():
+            return full
+        full = full & ~leads_out
+
+
+# Warn about scenario settings that are legal but probably mistakes.
+
 
 AVOIDS_TRAFFIC = ("traffic-avoidance", "congestion")  # routing strategies
 

@@ -13,8 +13,8 @@ from automaton.floor.reachability import rack_stands
 from automaton.scenario.robot_types import type_of_each, types_of
 from automaton.scenario.schema import Battery, Scenario
 from automaton.world.capabilities import FleetOnFloor
-from automaton.world.gate_feasibility import cells_to_start
-from automaton.world.queues import service_cells
+from automaton.world.floor_parts import service_cells
+from automaton.world.gate_cells import cells_to_start
 from automaton.world.resolve import Resolved
 from automaton.world.rules import charge_units
 

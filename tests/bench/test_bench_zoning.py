@@ -9,7 +9,7 @@ from automaton.bench import PARTS, zoning_speed
 from automaton.bench.measurement import EXPONENT, slope
 from automaton.floor.drawn_floors import draw_floor
 from automaton.runs.simulation import Simulation
-from automaton.world.initial_service_zones import roads_of
+from automaton.world.building import roads_of
 from automaton.world.resolve import resolve
 
 

@@ -29,7 +29,7 @@ from automaton.scenario.durations import Distribution, Lognormal, Uniform
 from automaton.scenario.energy_and_faults import Faults
 from automaton.scenario.schema import Scenario
 from automaton.scenario.validation import validated
-from automaton.world.disturbances import delay_ticks, poisson_counts, repair_ticks
+from automaton.world.draws import delay_ticks, poisson_counts, repair_ticks
 from automaton.world.resolve import Resolved, resolve
 
 RARE = 0.02  # of a robot and tick

@@ -12,7 +12,7 @@ from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.floor.cells import DIRECTION_VECTORS
 from automaton.floor.floor_plan import FloorPlan
-from automaton.world.initial_service_zones import roads_of
+from automaton.world.building import roads_of
 from layouts.factory import FEET, SEGMENTS, Factory
 from layouts.racks import Racks
 from strategies.zoning.zone_workspace import typical_distance

@@ -15,7 +15,7 @@ from zoning_trials import ANNEALED
 
 from automaton.engine.facilities import Roads
 from automaton.floor.drawn_floors import draw_floor
-from automaton.world.initial_service_zones import roads_of
+from automaton.world.building import roads_of
 from strategies.zoning import annealing
 from strategies.zoning.design_files import design_arrays
 from strategies.zoning.designs import first_design, random_design

@@ -7,7 +7,7 @@ from render_scenes import make_scene
 from zoning_scenes import drawn
 
 from automaton.engine.state import NIL
-from automaton.world.initial_service_zones import service_zones_of
+from automaton.world.building import service_zones_of
 from strategies.zoning.design_files import read_design
 from tui.render.scene import Scene
 

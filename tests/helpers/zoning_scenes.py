@@ -13,7 +13,7 @@ from automaton.engine.facilities import Design, Roads
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.document import SHIPPED_FOLDER
-from automaton.world.initial_service_zones import roads_of
+from automaton.world.building import roads_of
 from layouts.factory import Factory
 from strategies.zoning.design_files import read_design
 from strategies.zoning.zone_workspace import (

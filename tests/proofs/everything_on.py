@@ -52,10 +52,10 @@ from automaton.runs.headless import run_once
 from automaton.runs.jam_watch import JamWatch
 from automaton.runs.run_report import print_report
 from automaton.runs.simulation import Simulation
+from automaton.world.bounds import bounds_in_words
 from automaton.world.conversion_table import conversion_lines
 from automaton.world.resolve import Resolved, document_of
 from automaton.world.scenario_warnings import scenario_warnings
-from automaton.world.visit_bounds import bounds_in_words
 
 LENGTHS = (200, 400, 400, 1000, 2000)  # ticks of runs
 AS_FILE = 25  # every so many-th scenario goes through the command line

@@ -9,7 +9,7 @@ import numpy as np
 from automaton.scenario.orders import LineTable, line_column, listed_lines, plain_data
 from automaton.scenario.pods import Line
 from automaton.scenario.quantities import DueAt
-from automaton.world.lines import line_columns
+from automaton.world.pods import line_columns
 from automaton.world.resolve import Resolved, resolve
 
 SCENARIO = """\

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from automaton.scenario.durations import Distribution, Handling, Lognormal, Uniform
-from automaton.world.handling_times import (
+from automaton.world.draws import (
     drawn_durations,
     exponential,
     handling_of_lines,

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from pod_scenes import pod_scene
 
-from automaton.world.pod_warnings import pod_warnings
+from automaton.world.fleet_warnings import pod_warnings
 from automaton.world.resolve import resolve
 
 LINE = {"pod": 1}

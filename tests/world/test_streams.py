@@ -16,7 +16,7 @@ from automaton.evidence.verification.validator import validate_stored
 from automaton.evidence.verification.verification import verify
 from automaton.runs.pictures import picture_of, world_from
 from automaton.runs.simulation import Simulation
-from automaton.world.geometric_draws import geometric
+from automaton.world.draws import geometric
 from automaton.world.resolve import resolve
 
 LANE = "t...t..t"

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from pod_scenes import pod_scene
 
+from automaton.world.bounds import bounds_in_words, round_trips, visit_bounds
 from automaton.world.resolve import resolve
-from automaton.world.visit_bounds import bounds_in_words, round_trips, visit_bounds
 
 
 def test_least_drives_on_a_large_floor() -> None:

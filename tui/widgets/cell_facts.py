@@ -17,7 +17,7 @@ from automaton.engine.state import (
 from automaton.floor.cells import ANY, BAY, CHARGER, DIRECTIONS, STORAGE, UNLIMITED
 from automaton.floor.floor_plan import DRIVABLE
 from automaton.units import count
-from automaton.world.charger_places import places_of_chargers
+from automaton.world.floor_parts import places_of_chargers
 from tui.playback.panel_view import View
 from tui.registration import layer_named
 from tui.widgets.charge_facts import charger_lines

@@ -22,7 +22,7 @@ from automaton.engine.jit.structs import CARRIED, Struct
 from automaton.engine.observation import Observation
 from automaton.engine.state import CLOCK_TICK, NIL, Array, Orders, Robots
 from automaton.runs.simulation import Simulation
-from automaton.world.station_numbers import station_names
+from automaton.world.pods import station_names
 
 S = TypeVar("S", bound=Struct)
 

@@ -39,8 +39,8 @@ from automaton.scenario.unavailable_metrics import carries_pods
 from automaton.scenario.validation import validated
 from automaton.strategy import lookup
 from automaton.world.feasibility import check_energy, check_feasible
+from automaton.world.floor_parts import check_speed_limits
 from automaton.world.resolve import CHANGEABLE, choose_strategies, choose_strategy
-from automaton.world.speed_limits import check_speed_limits
 from automaton.world.task_lists import order_count
 
 MAX_CELLS = 200_000_000

@@ -21,8 +21,8 @@ from automaton.scenario.orders import plain_data
 from automaton.scenario.schema import LAYER_NAMES, Scenario
 from automaton.strategy import lookup
 from automaton.strategy.entry import AsRecorded
+from automaton.world.floor_parts import with_speed_limits
 from automaton.world.resolve import Resolved, StrategyChoice, in_fine_ticks
-from automaton.world.speed_limits import with_speed_limits
 
 FLOOR_ARRAYS = ("kind", "exits", "capacity", "bays", "loads", "opens")
 

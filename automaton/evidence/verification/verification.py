@@ -50,9 +50,8 @@ from automaton.scenario.document import Document, content_hash
 from automaton.scenario.floor_section import floor_of, is_shipped
 from automaton.scenario.schema import Scenario
 from automaton.strategy.entry import files_of
-from automaton.world.charger_places import with_shared_chargers
+from automaton.world.floor_parts import with_shared_chargers, with_speed_limits
 from automaton.world.resolve import Resolved, branched
-from automaton.world.speed_limits import with_speed_limits
 
 # What of a header nothing follows from: it is not checked.
 LABELS: Final = ("text", "overrides", "sources", "versions", "files", "digest_every")

@@ -40,7 +40,7 @@ from automaton.studies.sizing.sizing_session import MOVES_LATE, PERCENTS_OFF, Si
 from automaton.studies.sweeps.run_keys import seed_of
 from automaton.units import Unit, count, ticks_and_time, unit
 from automaton.world.bounds import bounds, least_ticks, most_throughput
-from automaton.world.charger_places import places_of_chargers
+from automaton.world.floor_parts import places_of_chargers
 from automaton.world.resolve import Resolved, resolve
 
 ORDER_METRICS = (*OF_TIMES, "legs_per_order")  # once an order is delivered

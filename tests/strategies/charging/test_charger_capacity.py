@@ -14,7 +14,7 @@ from automaton.engine.state import GOAL_CHARGE
 from automaton.evidence.verification.verification import verify_recording
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
-from automaton.world.charger_places import places_of_chargers
+from automaton.world.floor_parts import places_of_chargers
 from automaton.world.resolve import Resolved, resolve
 
 FLOOR = """\

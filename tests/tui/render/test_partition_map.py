@@ -10,7 +10,7 @@ from zone_pictures import two_zones
 from zoning_scenes import drawn
 
 from automaton.floor.drawn_floors import draw_floor
-from automaton.world.initial_service_zones import roads_of, service_zones_of
+from automaton.world.building import roads_of, service_zones_of
 from strategies.zoning.design_files import read_design
 from strategies.zoning.service_zone_lines import ways_of
 from tui.layers.service_zone_tints import service_zone_tints, sparest_first

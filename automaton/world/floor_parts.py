@@ -1,0 +1,161 @@
+"""The cells that a scenario means by corners of a path, or by the two corners of a rectangle."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+
+from automaton.errors import InputError
+from automaton.floor.cells import CHARGER, STATION, UNLIMITED
+from automaton.floor.floor_plan import DRIVABLE, FloorPlan
+from automaton.scenario.changing_floor import Block, CellSet, Rectangle, SpeedLimit
+from automaton.scenario.document import Document
+from automaton.scenario.schema import Scenario
+
+Pair = tuple[int, int]
+
+
+def cells_of_set(name: str, cells: CellSet, floor_plan: FloorPlan) -> list[int]:
+    """The flat cells of a path or a rectangle, each once. Raises InputError, without its place."""
+    corners = (cells.first, cells.last) if isinstance(cells, Rectangle) else cells
+    for x, y in corners:
+        if not floor_plan.holds(x, y):
+            size = f"{floor_plan.width} x {floor_plan.height} cells"
+            raise InputError(f"{name} has the cell [{x}, {y}], outside the floor of {size}")
+    if isinstance(cells, Rectangle):
+        (x, y), (u, v) = cells.first, cells.last
+        return [
+            floor_plan.cell(column, row)
+            for row in range(min(y, v), max(y, v) + 1)
+            for column in range(min(x, u), max(x, u) + 1)
+        ]
+    return list(dict.fromkeys(cells_of_path(name, cells, floor_plan)))
+
+
+def cells_of_path(name: str, corners: Sequence[Pair], floor_plan: FloorPlan) -> list[int]:
+    """The flat cells from corner to corner. Raises InputError where two are not in line."""
+    x, y = corners[0]
+    path = [floor_plan.cell(x, y)]
+    for u, v in corners[1:]:
+        if (x != u) == (y != v):
+            text = f"{name} goes from [{x}, {y}] to [{u}, {v}]"
+            raise InputError(f"{text}: along neither a row nor a column")
+        while (x, y) != (u, v):
+            x, y = x + (u > x) - (u < x), y + (v > y) - (v < y)
+            path.append(floor_plan.cell(x, y))
+    return path
+
+
+# How many robots charge at a charger at once: its capacity.
+#
+# Elsewhere two robots share a cell only in opposite directions; at a charger of capacity 2 they stand
+# side by side, whichever way they came. So its cell is one without a limit, and a block of two.
+
+
+def with_shared_chargers(floor_plan: FloorPlan) -> FloorPlan:
+    """The floor whose chargers for two robots have no limit of their own; the same if it has none."""
+    shared = shared_chargers(floor_plan)
+    if not len(shared):
+        return floor_plan
+    capacity = floor_plan.capacity.copy()
+    capacity.flat[shared] = UNLIMITED
+    capacity.setflags(write=False)
+    return replace(floor_plan, capacity=capacity)
+
+
+def shared_chargers(floor_plan: FloorPlan) -> npt.NDArray[np.int64]:
+    """The flat cells of chargers for two robots."""
+    return np.flatnonzero((floor_plan.kind == CHARGER) & (floor_plan.capacity == 2))
+
+
+def with_charger_blocks(scenario: Scenario, floor_plan: FloorPlan) -> Scenario:
+    """The scenario with a block of two for each charger for two robots, which limits it."""
+    blocks = list(scenario.floor.blocks)
+    for cell in shared_chargers(floor_plan).tolist():
+        block = msgspec.convert({"cells": [floor_plan.xy(cell)], "max_robots": 2}, Block)
+        if block not in blocks:
+            blocks.append(block)
+    floor = msgspec.structs.replace(scenario.floor, blocks=tuple(blocks))
+    return msgspec.structs.replace(scenario, floor=floor)
+
+
+def places_of_chargers(scenario: Scenario, floor_plan: FloorPlan) -> dict[int, int]:
+    """How many robots charge at once, by the flat cell of each charger; all, where there is no limit."""
+    places = {
+        cell: 1 if floor_plan.capacity.flat[cell] != UNLIMITED else scenario.fleet.robots
+        for cell in np.flatnonzero(floor_plan.kind == CHARGER).tolist()
+    }
+    for block in scenario.floor.blocks:
+        cells = cells_of_set("", block.cells, floor_plan)
+        if len(cells) == 1 and cells[0] in places:
+            places[cells[0]] = min(places[cells[0]], block.max_robots)
+    return places
+
+
+# Speed limits: moves between some cells of the floor take at least so many ticks.
+
+
+MAX_SPEEDS: Final = 14  # distance tables have a queue for each, and for two more
+
+
+def check_speed_limits(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
+    """Limits are of cells that robots drive on. Raises InputError."""
+    for number, limit in enumerate(scenario.floor.speed_limits):
+        name = f"speed limit {number + 1}"
+        try:
+            cells = cells_of_set(name, limit.cells, floor_plan)
+            if not DRIVABLE[floor_plan.kind.flat[cells]].any():
+                raise InputError(f"{name} has no cell on which robots drive")
+        except InputError as error:
+            keys = ("floor", "speed_limits", number, "cells")
+            raise document.error(keys, error.message) from None
+    speeds = len({limit.max_speed for limit in scenario.floor.speed_limits})
+    if speeds > MAX_SPEEDS:
+        text = f"floor.speed_limits has {speeds} different speeds, at most {MAX_SPEEDS} are allowed"
+        raise document.error(("floor", "speed_limits"), text)
+
+
+def with_speed_limits(floor_plan: FloorPlan, limits: tuple[SpeedLimit, ...]) -> FloorPlan:
+    """The floor with the ticks that moves take at least; the same without limits."""
+    if not limits:
+        return floor_plan
+    ticks = np.zeros((floor_plan.kind.size, 4), np.uint16)
+    for limit in limits:
+        inside = np.zeros(floor_plan.kind.size, np.bool_)
+        inside[cells_of_set("", limit.cells, floor_plan)] = True
+        for direction, offset in enumerate(floor_plan.offsets):
+            # np.roll wraps round, but only through the border, where no robot drives.
+            both = inside & np.roll(inside, -offset)
+            ticks[both, direction] = np.maximum(ticks[both, direction], limit.max_speed)
+    ticks.setflags(write=False)
+    return replace(floor_plan, min_move_ticks=ticks)
+
+
+# The cells of the queues of stations, and all that serve robots.
+
+
+def queue_path(
+    floor_plan: FloorPlan, at: tuple[int, int], corners: tuple[tuple[int, int], ...]
+) -> list[int]:
+    """Flat cells of a queue, the one next to the station first, by the corners of its path."""
+    path: list[int] = []
+    x, y = at
+    for u, v in corners:
+        while (x, y) != (u, v):
+            x, y = (x + (u > x) - (u < x), y) if x != u else (x, y + (v > y) - (v < y))
+            path.append(floor_plan.cell(x, y))
+    return path
+
+
+def service_cells(scenario: Scenario, floor_plan: FloorPlan) -> npt.NDArray[np.bool_]:
+    """(C,) bool: stations, their queues and chargers, unless they hold any number of robots."""
+    serving = np.isin(floor_plan.kind, (STATION, CHARGER)).reshape(-1)
+    for station in scenario.stations.values():
+        serving[queue_path(floor_plan, station.at, station.queue)] = True
+    limited: npt.NDArray[np.bool_] = serving & (floor_plan.capacity.reshape(-1) != UNLIMITED)
+    return limited

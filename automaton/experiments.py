@@ -76,7 +76,7 @@ def _run_shown(
     resolved: Resolved, record: str | Path | None, tables: TableRun | None = None
 ) -> Outcome:
     """Run it once, with the picture of its end and, if it is asked for, its recording."""
-    from automaton.evidence.recording.recorder import Recorder
+    from automaton.recording.recorder import Recorder
     from automaton.recordings import read
     from automaton.runs.headless import run_once
 

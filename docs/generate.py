@@ -25,9 +25,9 @@ from automaton.engine.jit.field_kernels import hidden_fields
 from automaton.engine.jit.structs import SCRATCH, Struct
 from automaton.engine.observation import CAUSES, DEADLOCK_TICKS, EVENT_NAMES
 from automaton.engine.record_codes import KEYFRAME_TICKS
-from automaton.evidence.history.breakpoints import FIELDS
-from automaton.evidence.recording import contents, frames
 from automaton.floor.cells import CELL_KINDS, SYMBOLS, Symbol
+from automaton.history.breakpoints import FIELDS
+from automaton.recording import contents, frames
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
 from automaton.scenario import quantities
 from automaton.scenario.floor_section import generator_type, generators, json_schema

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Final
 
 from automaton.bench.measurement import TIMES_THE_RUN, Measurement, Sample, cpu_seconds
-from automaton.evidence.recording.recorder import Recorder
-from automaton.evidence.verification.verification import verify
+from automaton.recording.recorder import Recorder
 from automaton.runs.simulation import Simulation
+from automaton.verification.verification import verify
 from automaton.world.resolve import Resolved, resolve
 
 SCENARIO: Final = "goods-60x40"  # robots carry pods to stations

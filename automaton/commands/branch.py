@@ -21,15 +21,15 @@ from automaton.commands.arguments import (
 )
 from automaton.commands.explain import check_tick, shown_at
 from automaton.errors import InputError
-from automaton.evidence.recording.frames import Recording
-from automaton.evidence.recording.recording_reader import read_recording
+from automaton.recording.frames import Recording
+from automaton.recording.recording_reader import read_recording
 from automaton.scenario.refinement import refined_data
 from automaton.scenario.schema import Units
 from automaton.units import count, unit
 
 if TYPE_CHECKING:
-    from automaton.evidence.history.divergence import Divergence
-    from automaton.evidence.history.watched_run import Run
+    from automaton.history.live_run import Divergence
+    from automaton.history.watched_run import Run
     from automaton.runs.simulation import Simulation
 
 
@@ -66,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
         raise InputError("--out is the recording itself: give another file", str(out))
     branch, missing = branched_off(recording, args, out)
     original = original_until(recording, args.until)
-    from automaton.evidence.history.divergence import first_difference
+    from automaton.history.live_run import first_difference
 
     # Where the branch could not be written, a file of another one may lie there.
     difference = None if missing else first_difference(recording, read_recording(out))
@@ -89,8 +89,8 @@ def run(args: argparse.Namespace) -> int:
 
 def branched_off(recording: Recording, args: argparse.Namespace, out: Path) -> tuple[Future, str]:
     """Run the branch and record it; how it went, and what went wrong with the file or ""."""
-    from automaton.evidence.history.live_run import branch_of
-    from automaton.evidence.history.watched_run import RecordedRun
+    from automaton.history.live_run import branch_of
+    from automaton.history.watched_run import RecordedRun
     from automaton.runs.headless import is_finished
 
     branch = branch_of(shown_at(RecordedRun(recording), args.at), tuple(args.settings), out)
@@ -105,7 +105,7 @@ def branched_off(recording: Recording, args: argparse.Namespace, out: Path) -> t
 
 def original_until(recording: Recording, until: int | None) -> Future:
     """The run that was recorded, up to the same tick."""
-    from automaton.evidence.history.watched_run import RecordedRun
+    from automaton.history.watched_run import RecordedRun
     from automaton.runs.headless import is_finished
 
     recorded = RecordedRun(recording)

@@ -79,8 +79,8 @@ def first_of_each(scenarios: Iterator[Resolved]) -> Iterator[Resolved]:
 
 def begin_run(resolved: Resolved) -> None:
     """Run a scenario for some ticks, recorded, observed and measured. Raises InputError."""
-    from automaton.evidence.history.event_history import EventHistory
-    from automaton.evidence.recording.recorder import MemoryRecorder
+    from automaton.history.event_history import EventHistory
+    from automaton.recording.recorder import MemoryRecorder
     from automaton.runs.headless import attribute_strategy_errors
     from automaton.runs.metrics import metrics_of
     from automaton.runs.simulation import Simulation

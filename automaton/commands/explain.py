@@ -17,13 +17,13 @@ from automaton.commands.arguments import (
     whole,
 )
 from automaton.errors import InputError
-from automaton.evidence.recording.recording_reader import read_recording
+from automaton.recording.recording_reader import read_recording
 from automaton.units import count, percent
 
 if TYPE_CHECKING:
-    from automaton.evidence.history.explanation import Explanation
-    from automaton.evidence.history.snapshot import Snapshot
-    from automaton.evidence.history.watched_run import RecordedRun
+    from automaton.history.explanation import Explanation
+    from automaton.history.snapshot import Snapshot
+    from automaton.history.watched_run import RecordedRun
     from automaton.scenario.quantities import Scale
 
 
@@ -46,9 +46,9 @@ def run(args: argparse.Namespace) -> int:
         raise InputError(f"there is no robot {args.robot}: it has {there}", str(args.file))
     if isinstance(args.at, int):
         check_tick(args.file, args.at, recording.ticks)
-    from automaton.evidence.history.explanation import explain
-    from automaton.evidence.history.snapshot import take_snapshot
-    from automaton.evidence.history.watched_run import RecordedRun
+    from automaton.history.explanation import explain
+    from automaton.history.snapshot import take_snapshot
+    from automaton.history.watched_run import RecordedRun
 
     recorded = RecordedRun(recording)
     if isinstance(args.at, str):
@@ -102,8 +102,7 @@ def chain_lines(found: Explanation) -> list[str]:
 def due_lines(snapshot: Snapshot, robot: int, scale: Scale) -> list[str]:
     """When the order of a robot is due, and how late it is; nothing without a due time."""
     from automaton.engine.state import NIL
-    from automaton.evidence.history.due_words import due_words, has_due_time
-    from automaton.evidence.history.station_words import has_trips
+    from automaton.history.explanation import due_words, has_due_time, has_trips
 
     order = int(snapshot.robots.order[robot])
     if order == NIL or not has_due_time(snapshot.orders, order):
@@ -147,8 +146,7 @@ def as_json(args: argparse.Namespace, found: Explanation, snapshot: Snapshot) ->
     """The explanation as one object; times are in ticks."""
     from automaton.engine.observation import CAUSES
     from automaton.engine.state import NIL
-    from automaton.evidence.history.due_words import has_due_time, ticks_late
-    from automaton.evidence.history.station_words import has_trips
+    from automaton.history.explanation import has_due_time, has_trips, ticks_late
 
     order = int(snapshot.robots.order[args.robot])
     is_due = order != NIL and has_due_time(snapshot.orders, order)

@@ -19,10 +19,10 @@ from automaton.atomic_write import atomic_writer, cannot_write_error
 from automaton.commands.arguments import add_settings_argument
 from automaton.commands.layout_arguments import measured
 from automaton.errors import InputError, alternatives, nearest
-from automaton.evidence.recording.recording_reader import read_recording
 from automaton.exchange.lif_export import LATEST as LATEST_LIF
 from automaton.exchange.lif_export import VERSIONS as LIF_VERSIONS
 from automaton.exchange.lif_export import lif_file
+from automaton.recording.recording_reader import read_recording
 from automaton.scenario.document import find
 from automaton.units import count, exact_time
 from automaton.world.pods import all_station_names
@@ -84,7 +84,7 @@ def export_output(file: Path, out: Path) -> int:
     import msgspec
 
     recording = read_recording(file)
-    from automaton.evidence.planviz_export import planviz_output
+    from automaton.exports.planviz_export import planviz_output
 
     check_writable(file, out)
     try:
@@ -102,7 +102,7 @@ def export_output(file: Path, out: Path) -> int:
 
 def export_trace(file: Path, out: Path, every: Fraction | None, version: str | None) -> int:
     """Write the trace of a recording."""
-    from automaton.evidence.vda5050_export import LATEST, VERSIONS, write_trace
+    from automaton.exports.vda5050_export import LATEST, VERSIONS, write_trace
 
     version = known_version(version or LATEST, VERSIONS)
     recording = read_recording(file)

@@ -150,7 +150,7 @@ def recorder(path: Path | None, resolved: Resolved) -> Iterator[Any]:
     if path is None:
         yield None
         return
-    from automaton.evidence.recording.recorder import Recorder
+    from automaton.recording.recorder import Recorder
 
     try:
         with Recorder(path, resolved, resolved.scenario.seed) as on_record:

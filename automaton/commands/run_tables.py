@@ -64,7 +64,7 @@ class EventLines:
     """Keeps the events of a run, of a long one the last ones, and writes a line for each."""
 
     def __init__(self) -> None:
-        from automaton.evidence.history.event_history import EventHistory
+        from automaton.history.event_history import EventHistory
         from automaton.runs.sampling import Sampling
 
         self._history = EventHistory()

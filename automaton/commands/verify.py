@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, Any
 
 from automaton.commands.arguments import add_json_argument, print_json, progress_bar
 from automaton.errors import InputError
-from automaton.evidence.recording.recording_reader import read_recording
+from automaton.recording.recording_reader import read_recording
 from automaton.units import count
 
 if TYPE_CHECKING:
-    from automaton.evidence.verification.verification import Show, Verification
+    from automaton.verification.verification import Show, Verification
 
 MAX_PRINTED_VIOLATIONS = 10  # violations in the text
 
@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
             raise
         text = f"{error.message}; to check an output, give its problem with --problem"
         raise InputError(text, error.file) from None
-    from automaton.evidence.verification.verification import verify_recording
+    from automaton.verification.verification import verify_recording
 
     try:
         with progress(recording.ticks) as show:

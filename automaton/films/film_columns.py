@@ -23,7 +23,7 @@ from automaton.engine.observation import CAUSES, waited_ticks
 from automaton.engine.robot_states import BATTERY_PERCENT
 from automaton.engine.state import NIL
 from automaton.errors import InputError
-from automaton.evidence.history.fleet_summary import summary_of
+from automaton.history.snapshot import summary_of
 from automaton.runs.simulation import Simulation
 from automaton.units import count
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from automaton.atomic_write import cannot_write_error
-from automaton.evidence.recording.frames import MAGIC
+from automaton.recording.frames import MAGIC
 
 
 def checked(path: Path) -> Path:

@@ -16,7 +16,6 @@ from automaton.drawings.indexed_png import animated_png
 from automaton.drawings.palette import Theme
 from automaton.engine.state import NIL
 from automaton.errors import InputError
-from automaton.evidence.recording.recording_reader import read_recording
 from automaton.films.changed_patches import changed_patches
 from automaton.films.film_layout import check_size, layout_of
 from automaton.films.film_target import checked
@@ -25,6 +24,7 @@ from automaton.films.mp4_file import ffmpeg, write_mp4
 from automaton.films.painter import Painter, pillow
 from automaton.films.recorded_stretch import RecordedStretch, checked_range, play_stretch
 from automaton.films.shades import Pixels, Shades
+from automaton.recording.recording_reader import read_recording
 from automaton.units import count
 
 if TYPE_CHECKING:

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from automaton.drawings.moment import DrawnFloor, drawn_floor
 from automaton.engine.state import NIL
 from automaton.errors import InputError
-from automaton.evidence.history.playback import Playback
-from automaton.evidence.recording.frames import Recording
-from automaton.evidence.recording.header import resolved_of
-from automaton.evidence.recording.titles import title_of
 from automaton.films.film_columns import FilmColumns
+from automaton.history.playback import Playback
+from automaton.recording.frames import Recording
+from automaton.recording.header import resolved_of
+from automaton.recording.recording_reader import title_of
 from automaton.units import Unit, number, unit
 from automaton.world.resolve import Resolved
 

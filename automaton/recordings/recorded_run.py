@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 from automaton.drawings.palette import THEMES, Theme
 from automaton.errors import InputError, alternatives
-from automaton.evidence.recording.frames import Recording
-from automaton.evidence.recording.recording_reader import read_recording
 from automaton.floor.cells import NIL
+from automaton.recording.frames import Recording
+from automaton.recording.recording_reader import read_recording
 
 if TYPE_CHECKING:
     from automaton.drawings.floor_picture import FloorPicture
-    from automaton.evidence.history.playback import Playback
     from automaton.films.web_film.notebook_film import NotebookFilm
+    from automaton.history.playback import Playback
     from automaton.runs.sampling import Sampling
     from automaton.tables.table_files import Tables
 
@@ -48,8 +48,8 @@ class RecordedRun:
         `states`: a period such as "1 s", or ticks; `robots`: events and states of these alone;
         `folder`: a new folder to which they are written as Parquet. Raises InputError.
         """
-        from automaton.evidence.history.playback import Playback
-        from automaton.evidence.recording.header import resolved_of
+        from automaton.history.playback import Playback
+        from automaton.recording.header import resolved_of
         from automaton.tables.table_run import TableOptions, table_run
 
         recording = self._recording
@@ -74,7 +74,7 @@ class RecordedRun:
 
         Raises InputError.
         """
-        from automaton.evidence.history.playback import Playback
+        from automaton.history.playback import Playback
 
         tick = self.ticks if at is None else at
         if not 0 <= tick <= self.ticks:

@@ -343,7 +343,7 @@ STUDY_KEYS: Final = frozenset(
 SHIPPED_FOLDER: Final = Path(__file__).resolve().parent.parent.parent / "layouts"
 
 
-# What recordings begin with (automaton.evidence.recording.frames): scenarios know none.
+# What recordings begin with (automaton.recording.frames): scenarios know none.
 RECORDING_START: Final = b"\x93AUTOMATON\r\n"
 STUDIES_ARE_SWEPT: Final = "`automaton sweep STUDY --out FOLDER` does its runs"
 

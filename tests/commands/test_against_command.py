@@ -10,7 +10,7 @@ from action_cases import said
 from viewer_harness import viewing
 
 from automaton.commands import main
-from automaton.evidence.recording.recording_reader import read_recording
+from automaton.recording.recording_reader import read_recording
 from automaton.world.resolve import resolve
 from tui.playback.run_source import live_pair, recorded
 

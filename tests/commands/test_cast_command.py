@@ -19,9 +19,9 @@ from automaton.commands import Parser
 from automaton.commands import cast_command as command
 from automaton.engine.state import NIL
 from automaton.errors import InputError
-from automaton.evidence.history.playback import Playback
-from automaton.evidence.history.snapshot import Snapshot, take_snapshot
-from automaton.evidence.recording.recorder import Recorder
+from automaton.history.playback import Playback
+from automaton.history.snapshot import Snapshot, take_snapshot
+from automaton.recording.recorder import Recorder
 from automaton.runs.simulation import Simulation
 from automaton.units import unit
 from automaton.world.resolve import Resolved, resolve

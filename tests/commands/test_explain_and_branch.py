@@ -14,12 +14,13 @@ import pytest
 from automaton.commands import main
 from automaton.commands.explain import chain_lines
 from automaton.engine.observation import is_waiting
-from automaton.evidence.history.explanation import explain
-from automaton.evidence.history.snapshot import take_snapshot
-from automaton.evidence.history.watched_run import RecordedRun
-from automaton.evidence.recording.frames import FRAME_KIND_CONDITIONS, Recording
-from automaton.evidence.recording.recording_reader import read_recording
-from automaton.evidence.verification.verification import verify
+from automaton.history.explanation import explain
+from automaton.history.snapshot import take_snapshot
+from automaton.history.watched_run import RecordedRun
+from automaton.recording.contents import FRAME_KIND_CONDITIONS
+from automaton.recording.frames import Recording
+from automaton.recording.recording_reader import read_recording
+from automaton.verification.verification import verify
 
 FLEET = ("--set", "fleet.robots=4", "--seed", "7")
 
@@ -224,7 +225,7 @@ def test_a_branch_that_cannot_be_written_is_not_compared_with_an_older_one(
     def full(file: Any, frame: bytes) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr("automaton.evidence.recording.recorder.RecordingFile.write", full)
+    monkeypatch.setattr("automaton.recording.recorder.RecordingFile.write", full)
     assert main([*arguments, "--set", "durations.turn=9"]) == 2
     said = capsys.readouterr()
     assert (

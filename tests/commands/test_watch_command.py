@@ -11,10 +11,11 @@ import pytest
 from viewer_harness import branch, record
 
 from automaton.commands import main
-from automaton.evidence.history.divergence import first_difference
-from automaton.evidence.recording.frames import FRAME, FRAME_KIND_TICKS, PREAMBLE
-from automaton.evidence.recording.recording_reader import read_recording
 from automaton.floor.cells import DESTINATION
+from automaton.history.live_run import first_difference
+from automaton.recording.contents import FRAME_KIND_TICKS
+from automaton.recording.frames import FRAME, PREAMBLE
+from automaton.recording.recording_reader import read_recording
 from automaton.world.resolve import resolve
 from tui.playback.recording_files import MAX_RECORDINGS_KEPT, give_up_unused, new_recording
 from tui.playback.run_source import recorded

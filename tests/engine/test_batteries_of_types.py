@@ -9,12 +9,12 @@ import pytest
 
 from automaton.engine.robot_states import BATTERY_PERCENT
 from automaton.errors import InputError
-from automaton.evidence.recording.recorder import MemoryRecorder
-from automaton.evidence.verification.validator import validate_stored
+from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
 from automaton.scenario.document import Document
 from automaton.scenario.schema import Scenario
 from automaton.scenario.validation import validated
+from automaton.verification.validator import validate_stored
 from automaton.world.bounds import bounds
 from automaton.world.resolve import Resolved, resolve
 

@@ -14,14 +14,11 @@ from automaton.engine.random_numbers import STREAM_DELAYS, random_bits
 from automaton.engine.record_codes import CHANGE_DELAYED
 from automaton.engine.state import Array
 from automaton.errors import InputError
-from automaton.evidence.history.event_history import EventHistory
-from automaton.evidence.history.explanation import explain
-from automaton.evidence.history.snapshot import take_snapshot
-from automaton.evidence.recording.contents import FRAME_KIND_TICKS
-from automaton.evidence.recording.frames import Frame
-from automaton.evidence.recording.recorder import MemoryRecorder
-from automaton.evidence.verification.drawn_durations import durations_of, poisson_number, repairs_of
-from automaton.evidence.verification.validator import validate_recording, validate_stored
+from automaton.history.event_history import EventHistory
+from automaton.history.explanation import explain
+from automaton.history.snapshot import take_snapshot
+from automaton.recording.contents import FRAME_KIND_TICKS, Frame
+from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.scenario.document import Document
@@ -29,6 +26,8 @@ from automaton.scenario.durations import Distribution, Lognormal, Uniform
 from automaton.scenario.energy_and_faults import Faults
 from automaton.scenario.schema import Scenario
 from automaton.scenario.validation import validated
+from automaton.verification.move_time_rules import durations_of, poisson_number, repairs_of
+from automaton.verification.validator import validate_recording, validate_stored
 from automaton.world.draws import delay_ticks, poisson_counts, repair_ticks
 from automaton.world.resolve import Resolved, resolve
 

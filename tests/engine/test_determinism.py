@@ -14,7 +14,7 @@ from fresh_process import told, told_here
 
 from automaton.engine.digest import DIGEST_NAMES
 from automaton.engine.state import CLOCK_TICK
-from automaton.evidence.history.live_run import LiveRun
+from automaton.history.live_run import LiveRun
 from automaton.pytest_plugin import GridSnapshot
 from automaton.runs.process_pool import run_all
 from automaton.runs.simulation import Simulation

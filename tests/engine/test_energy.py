@@ -16,8 +16,8 @@ from automaton.engine.state import (
     ACTION_WAIT,
     NIL,
 )
-from automaton.evidence.verification.validator import validate_stored
 from automaton.scenario.schema import Battery, Drain, Durations
+from automaton.verification.validator import validate_stored
 from automaton.world.rules import drain_table
 
 

@@ -25,13 +25,13 @@ from automaton.engine.state import (
     ORDER_WAITING,
 )
 from automaton.errors import InputError
-from automaton.evidence.recording.recorder import MemoryRecorder
-from automaton.evidence.verification.validator import validate_stored
+from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.headless import run_once
 from automaton.runs.metrics import metrics_of
 from automaton.runs.pictures import picture_of, world_from
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Durations, Fault, Faults
+from automaton.verification.validator import validate_stored
 from automaton.world.resolve import resolve
 
 

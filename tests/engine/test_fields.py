@@ -34,8 +34,8 @@ from automaton.engine.jit.structs import (
 )
 from automaton.engine.observation import Observation
 from automaton.engine.state import Array, Orders, Robots, Tally, World
-from automaton.evidence.history.keyframes import Keyframes
-from automaton.evidence.history.snapshot import by_robot
+from automaton.history.playback import Keyframes
+from automaton.history.snapshot import by_robot
 from automaton.runs.pictures.robot_lines import read_robot, robot_line
 from automaton.runs.simulation import Simulation
 from automaton.runs.state_copy import take_over

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from played_back import recorded
 
-from automaton.evidence.verification.validator import validate_stored
 from automaton.runs.simulation import Simulation
+from automaton.verification.validator import validate_stored
 from automaton.world.resolve import resolve
 
 SCENARIO = """name: narrow

@@ -16,14 +16,14 @@ from automaton.engine.state import (
     ORDER_WAITING,
 )
 from automaton.errors import InputError
-from automaton.evidence.history.live_run import LiveRun
-from automaton.evidence.recording.recorder import MemoryRecorder
-from automaton.evidence.verification.validator import validate_stored
-from automaton.evidence.verification.verification import verify_recording
+from automaton.history.live_run import LiveRun
+from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.pictures import picture_of, world_from
 from automaton.runs.simulation import Simulation
 from automaton.strategy.kernels import dropoff_cell, pickup_cell
 from automaton.strategy.layer import Strategy
+from automaton.verification.validator import validate_stored
+from automaton.verification.verification import verify_recording
 from automaton.world.resolve import resolve
 
 FLOOR = """

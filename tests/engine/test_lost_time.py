@@ -49,10 +49,10 @@ from automaton.engine.record_codes import (
     PICKED_ON_ARRIVAL,
 )
 from automaton.engine.state import ACTION_FOLLOWING, ACTION_MOVE, FOLLOWING_CONVOY, NIL
-from automaton.evidence.history.event_history import EventHistory
-from automaton.evidence.recording.frames import FRAME_KIND_TICKS
-from automaton.evidence.recording.recorder import MemoryRecorder
 from automaton.floor.drawn_floors import draw_floor
+from automaton.history.event_history import EventHistory
+from automaton.recording.contents import FRAME_KIND_TICKS
+from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Fleet
 from automaton.strategy.entry import NoParameters

@@ -11,10 +11,10 @@ from pod_scenes import RING, pod_scene
 from automaton.engine.observation import CAUSES
 from automaton.engine.state import CLOCK_NEEDING_ROUTE, NIL
 from automaton.errors import InputError
-from automaton.evidence.history.event_history import EventHistory
-from automaton.evidence.recording.recorder import MemoryRecorder
-from automaton.evidence.verification.validator import validate_stored
+from automaton.history.event_history import EventHistory
+from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
+from automaton.verification.validator import validate_stored
 from automaton.world.resolve import Resolved
 
 SHORT_CUT = """\

@@ -30,14 +30,14 @@ from automaton.engine.state import (
     CLOCK_TICK,
     ORDER_CARRIED,
 )
-from automaton.evidence.history.event_history import EventHistory
-from automaton.evidence.history.playback import Playback
-from automaton.evidence.recording.frames import FRAME_KIND_TICKS
-from automaton.evidence.recording.recorder import MemoryRecorder
-from automaton.evidence.verification.verification import action_text, verify_recording
+from automaton.history.event_history import EventHistory
+from automaton.history.playback import Playback
+from automaton.recording.contents import FRAME_KIND_TICKS
+from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
+from automaton.verification.verification import action_text, verify_recording
 from automaton.world.resolve import Resolved, resolve
 
 # The shelf is served from (1, 0), the destination from (4, 0).

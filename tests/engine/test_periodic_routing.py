@@ -19,14 +19,14 @@ from automaton.engine.state import (
     NIL,
     REASON_PERIODIC,
 )
-from automaton.evidence.history.snapshot import take_snapshot
-from automaton.evidence.recording.frames import FRAME_KIND_TICKS
-from automaton.evidence.recording.recorder import MemoryRecorder
-from automaton.evidence.verification.validator import validate_stored
+from automaton.history.snapshot import take_snapshot
+from automaton.recording.contents import FRAME_KIND_TICKS
+from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Durations
 from automaton.strategy import paths
 from automaton.strategy.layer import Strategy
+from automaton.verification.validator import validate_stored
 from automaton.world.resolve import resolve
 
 

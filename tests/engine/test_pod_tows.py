@@ -12,11 +12,11 @@ from pod_scenes import line_ticks, pod_scene
 
 from automaton.engine.record_codes import CHANGE_LOAD_LEFT
 from automaton.engine.state import NIL, ORDER_DELIVERED, ORDER_WAITING
-from automaton.evidence.recording.contents import FRAME_KIND_TICKS
-from automaton.evidence.recording.recorder import MemoryRecorder
-from automaton.evidence.verification.validator import Report, validate_stored
+from automaton.recording.contents import FRAME_KIND_TICKS
+from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
+from automaton.verification.validator import Report, validate_stored
 from automaton.world.resolve import Resolved, resolve
 
 LINE = {"pod": 1, "station": "P1"}

@@ -8,7 +8,7 @@ from pod_scenes import pod_scene
 
 from automaton.engine.observation import CAUSES
 from automaton.engine.state import CLOCK_NEEDING_ROUTE, NIL
-from automaton.evidence.history.event_history import EventHistory
+from automaton.history.event_history import EventHistory
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import Resolved, resolve
 

@@ -16,9 +16,9 @@ from random_cases import TICKS, Case, cases
 from traffic_coverage import WANTED, count_illegal, count_traffic_cases
 
 from automaton.engine.state import ACTION_MOVE
-from automaton.evidence.recording.recorder import MemoryRecorder
-from automaton.evidence.verification.validator import validate_stored
+from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
+from automaton.verification.validator import validate_stored
 
 EXAMPLES = 400
 

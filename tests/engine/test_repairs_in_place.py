@@ -9,14 +9,14 @@ import pytest
 
 from automaton.engine.robot_states import BATTERY_FULL, STATUS_FAILED, STATUS_UP
 from automaton.engine.state import NIL
-from automaton.evidence.history.event_history import EventHistory
-from automaton.evidence.history.explanation import explain
-from automaton.evidence.history.snapshot import take_snapshot
-from automaton.evidence.recording.recorder import MemoryRecorder
-from automaton.evidence.verification.validator import validate_stored
+from automaton.history.event_history import EventHistory
+from automaton.history.explanation import explain
+from automaton.history.snapshot import take_snapshot
+from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
+from automaton.verification.validator import validate_stored
 from automaton.world.resolve import resolve
 
 PICTURE = """\

@@ -20,14 +20,14 @@ from automaton.engine.state import (
     REASON_SERVED,
 )
 from automaton.errors import InputError
-from automaton.evidence.history.event_history import EventHistory
-from automaton.evidence.verification.verification import verify_recording
+from automaton.history.event_history import EventHistory
 from automaton.runs.metrics import metrics_of
 from automaton.runs.pictures.picture_reading import world_from
 from automaton.runs.pictures.picture_writing import picture_of
 from automaton.runs.simulation import Simulation
 from automaton.strategy import lookup
 from automaton.strategy.layer import Strategy
+from automaton.verification.verification import verify_recording
 from automaton.world.resolve import Resolved
 
 STRATEGY = {"allocation": "first-come", "right_of_way": "wait"}

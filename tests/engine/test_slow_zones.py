@@ -17,16 +17,16 @@ from random_strategies import Mood
 from automaton.engine.observation import CAUSE_REDUCED_SPEED
 from automaton.engine.record_codes import ACTION_MASK, LEFT_PARKING_BAY, MOVE_NORTH
 from automaton.engine.state import ACTION_MOVE, NIL
-from automaton.evidence.history.event_history import EventHistory
-from automaton.evidence.recording.recorder import MemoryRecorder
-from automaton.evidence.verification.validator import validate_stored
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.traffic_zones import MODES, TrafficZones, traffic_zones_of
+from automaton.history.event_history import EventHistory
+from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.metrics import metrics_of
 from automaton.runs.pictures import Story
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Durations, Fleet, Scenario, Stop, WorldRules
 from automaton.strategy.entry import NoParameters
+from automaton.verification.validator import validate_stored
 from automaton.world.resolve import Resolved, StrategyChoice, resolve
 
 

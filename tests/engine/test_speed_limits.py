@@ -16,12 +16,12 @@ from reference_paths import FAR
 
 from automaton.engine.record_codes import CHANGE_DURATION
 from automaton.errors import InputError
-from automaton.evidence.recording.recorder import MemoryRecorder
-from automaton.evidence.verification.validator import validate_stored
 from automaton.floor.travel_ticks import NO_WAY, Driving, ticks_between
+from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
+from automaton.verification.validator import validate_stored
 from automaton.world.bounds import bounds
 from automaton.world.resolve import Resolved, resolve
 

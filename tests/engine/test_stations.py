@@ -11,10 +11,10 @@ from drawn_scenes import recorded_run, scene
 from automaton.engine.record_codes import CHANGE_DROPPED
 from automaton.engine.state import NIL, ORDER_DELIVERED, ORDER_UNRELEASED, ORDER_WAITING
 from automaton.errors import InputError
-from automaton.evidence.recording.frames import FRAME_KIND_TICKS
-from automaton.evidence.verification.validator import validate_stored
+from automaton.recording.contents import FRAME_KIND_TICKS
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
+from automaton.verification.validator import validate_stored
 
 LANE = "t..t..t"  # stations 1, 2, 3
 STRATEGY = {"allocation": "shortest-job", "right_of_way": "wait"}

@@ -20,11 +20,11 @@ from automaton.engine.state import (
     NIL,
     ORDER_STARTED,
 )
-from automaton.evidence.history.event_history import EventHistory
-from automaton.evidence.verification.verification import verify_recording
+from automaton.history.event_history import EventHistory
 from automaton.runs.simulation import Simulation
 from automaton.strategy import lookup
 from automaton.strategy.layer import Strategy
+from automaton.verification.verification import verify_recording
 from automaton.world.resolve import Resolved
 
 CORRIDOR = "........"

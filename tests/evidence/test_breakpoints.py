@@ -22,14 +22,14 @@ from automaton.engine.observation import (
 from automaton.engine.robot_states import BATTERY_PERCENT
 from automaton.engine.state import ACTION_NAMES, NIL
 from automaton.errors import InputError
-from automaton.evidence.history.breakpoints import (
+from automaton.history.breakpoints import (
     FIELDS,
     WAIT_CAUSE_CODES,
     breakpoint_of,
     robots_where,
 )
-from automaton.evidence.history.live_run import LiveRun
-from automaton.evidence.history.snapshot import Snapshot, take_snapshot
+from automaton.history.live_run import LiveRun
+from automaton.history.snapshot import Snapshot, take_snapshot
 from automaton.world.resolve import resolve
 
 ENERGY = ("battery", "charging", "queueing", "empty", "broken", "towed", "ahead")

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from drawn_scenes import recorded_run, scene
 
-from automaton.evidence.history.watched_run import RecordedRun
-from automaton.evidence.recording.frames import Recording
-from automaton.evidence.verification.validator import validate_stored
-from automaton.evidence.verification.verification import verify_recording
+from automaton.history.watched_run import RecordedRun
+from automaton.recording.frames import Recording
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.scenario.unavailable_metrics import OF_DUE_TIMES
+from automaton.verification.validator import validate_stored
+from automaton.verification.verification import verify_recording
 
 LINES = [
     *({"stops": [[6, 0]], "due": 4}, {"stops": [[0, 0]], "release": 3, "due": {"at": 9}}),

@@ -24,10 +24,10 @@ from automaton.engine.record_codes import (
     EXECUTED_CHARGE,
     MOVE_NORTH,
 )
-from automaton.evidence.recording.contents import FRAME_KIND_TICKS, Frame
-from automaton.evidence.recording.frames import Recording
-from automaton.evidence.verification.validator import validate_stored
+from automaton.recording.contents import FRAME_KIND_TICKS, Frame
+from automaton.recording.frames import Recording
 from automaton.runs.simulation import Simulation
+from automaton.verification.validator import validate_stored
 from automaton.world import feasibility
 from automaton.world.resolve import resolve
 

@@ -7,7 +7,7 @@ from small_runs import SmallRun
 
 from automaton.engine.observation import CAUSE_HEAD_ON, CAUSES
 from automaton.engine.state import ACTION_MOVE, ACTION_NAMES, NIL
-from automaton.evidence.history.explanation import doing, explain
+from automaton.history.explanation import doing, explain
 from automaton.scenario.fleet import FleetType
 from automaton.scenario.schema import Durations, WorldRules
 

@@ -7,9 +7,8 @@ from typing import Any
 import pytest
 from gate_scenes import gate_scene, watched
 
-from automaton.evidence.history.explanation import explain
-from automaton.evidence.history.gate_words import shut_cells
-from automaton.evidence.history.snapshot import Snapshot, take_snapshot
+from automaton.history.explanation import explain, shut_cells
+from automaton.history.snapshot import Snapshot, take_snapshot
 
 AISLE = ".........."
 START = [[0, 0], [4, 0]]

@@ -9,9 +9,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from automaton.evidence.recording.contents import FRAME_KIND_CONDITIONS, InvalidFrameError
-from automaton.evidence.recording.frames import decode, payload_of
-from automaton.evidence.recording.listed_orders import MIN_PACKED, pack_listed, unpack_listed
+from automaton.recording.contents import FRAME_KIND_CONDITIONS, InvalidFrameError
+from automaton.recording.frames import MIN_PACKED, decode, pack_listed, payload_of, unpack_listed
 from automaton.scenario.orders import OrderLine, Orders, plain_data
 from automaton.scenario.pods import Line
 from automaton.scenario.quantities import DueAt

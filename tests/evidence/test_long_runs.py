@@ -15,22 +15,21 @@ from manual_clock import FLEET, ManualClock, clock, live, manual_player
 from automaton.engine.observation import DELIVERED_ORDERS, EVENT_DEADLOCK, EVENT_ORDER_TAKEN
 from automaton.engine.state import CLOCK_DIGEST_EVERY
 from automaton.errors import InputError
-from automaton.evidence.history.event_history import (
+from automaton.history.event_history import (
     AppendLog,
     Curve,
     DownsampledSeries,
     EventHistory,
 )
-from automaton.evidence.history.live_recorder import FrameStore, LiveRecorder
-from automaton.evidence.history.live_run import LiveRun, branch_of
-from automaton.evidence.recording.frames import (
-    FRAME,
+from automaton.history.live_run import FrameStore, LiveRecorder, LiveRun, branch_of
+from automaton.recording.contents import (
     FRAME_KIND_CONDITIONS,
     FRAME_KIND_HEADER,
     FRAME_KIND_KEYFRAME,
     FRAME_KIND_TICKS,
 )
-from automaton.evidence.recording.recording_reader import read_recording
+from automaton.recording.frames import FRAME
+from automaton.recording.recording_reader import read_recording
 
 __all__ = ["clock"]
 
@@ -78,9 +77,9 @@ def test_a_curve_without_rows_is_zero() -> None:
 
 
 def test_a_chronicle_of_a_very_long_run_is_small(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("automaton.evidence.history.event_history.MAX_EVENTS", 2000)
-    monkeypatch.setattr("automaton.evidence.history.event_history.MAX_TICKS_KEPT", 50)
-    monkeypatch.setattr("automaton.evidence.history.event_history.MAX_CURVE_ROWS", 256)
+    monkeypatch.setattr("automaton.history.event_history.MAX_EVENTS", 2000)
+    monkeypatch.setattr("automaton.history.event_history.MAX_TICKS_KEPT", 50)
+    monkeypatch.setattr("automaton.history.event_history.MAX_CURVE_ROWS", 256)
     event_history = EventHistory()
     for first in range(1, 100_000, 1000):
         event_history(observed(first, 1000))
@@ -158,7 +157,7 @@ def small(budget: int) -> LiveRun:
 
 def test_of_a_past_beyond_the_budget_the_beginning_goes(monkeypatch: pytest.MonkeyPatch) -> None:
     for limit in ("KEYFRAME_S", "KEYFRAME_TIME_RATIO"):  # however slow the machine: often
-        monkeypatch.setattr(f"automaton.evidence.history.watched_run.{limit}", 0)
+        monkeypatch.setattr(f"automaton.history.watched_run.{limit}", 0)
     run, whole = small(8000), live(*FLEET)
     run.show(1300, 99)
     whole.show(1300, 99)

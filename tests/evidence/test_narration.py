@@ -9,9 +9,9 @@ from gate_scenes import gate_scene
 from pod_scenes import pod_scene
 
 from automaton.errors import InputError
-from automaton.evidence.history.event_words import EVENT_GROUPS
-from automaton.evidence.history.live_run import LiveRun
-from automaton.evidence.history.narration import KINDS, Scope, kinds_named, narrate
+from automaton.history.event_history import EVENT_GROUPS
+from automaton.history.live_run import LiveRun
+from automaton.history.narration import KINDS, Scope, kinds_named, narrate
 from automaton.world.resolve import Resolved, resolve
 
 AISLE = ".........."

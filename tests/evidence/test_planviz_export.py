@@ -12,11 +12,12 @@ from handmade_recordings import recorded
 
 from automaton.commands import main
 from automaton.errors import InputError
-from automaton.evidence.planviz_export import planviz_output
-from automaton.evidence.recording.frames import Frame, Recording, encoded
 from automaton.exchange.planviz import read_output
 from automaton.exchange.planviz_rules import verify_output
 from automaton.exchange.problem_files import read_problem
+from automaton.exports.planviz_export import planviz_output
+from automaton.recording.contents import Frame
+from automaton.recording.frames import Recording, encoded
 
 MAP = "type octile\nheight 4\nwidth 6\nmap\n......\n.@@.@.\n.@@.@.\n......\n"
 TASKS = ["23,0", "9", "3,18,5", "0", "17,12"]

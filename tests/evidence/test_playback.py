@@ -19,15 +19,15 @@ from automaton.engine.decision_stream import first_other_tick
 from automaton.engine.observation import EVENT_CHARGING
 from automaton.engine.robot_states import BATTERY_PERCENT
 from automaton.errors import InputError
-from automaton.evidence.history.keyframes import Keyframes
-from automaton.evidence.history.playback import Playback
-from automaton.evidence.history.watched_run import RecordedRun
-from automaton.evidence.recording import frames as stored
-from automaton.evidence.recording.frames import FRAME_KIND_TICKS, Recording
-from automaton.evidence.recording.recorder import Recorder
-from automaton.evidence.recording.recording_reader import read_recording
-from automaton.evidence.verification.verification import verify
+from automaton.history.playback import Keyframes, Playback
+from automaton.history.watched_run import RecordedRun
+from automaton.recording import frames as stored
+from automaton.recording.contents import FRAME_KIND_TICKS
+from automaton.recording.frames import Recording
+from automaton.recording.recorder import Recorder
+from automaton.recording.recording_reader import read_recording
 from automaton.runs.simulation import Simulation
+from automaton.verification.verification import verify
 from automaton.world.resolve import resolve
 
 ALLOCATION = ("independent", "cooperative", "adaptive", "independent-python")

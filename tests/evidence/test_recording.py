@@ -19,29 +19,26 @@ from automaton.commands import main
 from automaton.engine.record_codes import CHANGE_DURATION, KEYFRAME_TICKS
 from automaton.engine.state import World
 from automaton.errors import InputError
-from automaton.evidence.recording import frames as stored
-from automaton.evidence.recording.contents import (
+from automaton.recording import frames as stored
+from automaton.recording.contents import (
+    FRAME_KIND_END,
     FRAME_KIND_HEADER,
+    FRAME_KIND_KEYFRAME,
+    FRAME_KIND_TICKS,
     IN_HEADER,
     KEYFRAME_ARRAYS,
     MAX_CHANGES,
     MAX_LABELS,
     MAX_NESTING,
     MAX_PLACES,
-)
-from automaton.evidence.recording.frames import (
-    FRAME_KIND_END,
-    FRAME_KIND_KEYFRAME,
-    FRAME_KIND_TICKS,
     Frame,
-    Recording,
-    preamble,
 )
-from automaton.evidence.recording.header import resolved_of
-from automaton.evidence.recording.recorder import MemoryRecorder, Recorder
-from automaton.evidence.recording.recording_reader import read_recording
-from automaton.evidence.verification.validator import validate_stored
+from automaton.recording.frames import Recording, preamble
+from automaton.recording.header import resolved_of
+from automaton.recording.recorder import MemoryRecorder, Recorder
+from automaton.recording.recording_reader import read_recording
 from automaton.runs.simulation import Simulation
+from automaton.verification.validator import validate_stored
 from automaton.world.resolve import Resolved, resolve
 
 SETTINGS = ("stop.max_duration=600",)

@@ -9,9 +9,9 @@ import pytest
 from recording_trials import MEMORY, Worker, flipped, mutant, recorded, trials
 
 from automaton.errors import InputError
-from automaton.evidence.recording.contents import FRAME_KIND_HEADER, MAX_BYTES
-from automaton.evidence.recording.frames import Chain, Payload, preamble
-from automaton.evidence.recording.recording_reader import read_recording
+from automaton.recording.contents import FRAME_KIND_HEADER, MAX_BYTES
+from automaton.recording.frames import Chain, Payload, preamble
+from automaton.recording.recording_reader import read_recording
 
 
 def test_altered_and_damaged_recordings_end_in_one_sentence(tmp_path: Path) -> None:

@@ -16,16 +16,16 @@ from hypothesis import strategies as st
 from automaton.engine.observation import DELIVERED_ORDERS, EVENT_DELIVERED
 from automaton.engine.state import NIL, REASON_PICKED
 from automaton.errors import InputError
-from automaton.evidence.history.event_history import EventHistory
-from automaton.evidence.history.live_run import LiveRun, branch_of
-from automaton.evidence.history.playback import Playback
-from automaton.evidence.history.watched_run import RecordedRun, Run
-from automaton.evidence.recording.frames import MAGIC
-from automaton.evidence.recording.recording_reader import read_recording
-from automaton.evidence.verification.verification import verify
+from automaton.history.event_history import EventHistory
+from automaton.history.live_run import LiveRun, branch_of
+from automaton.history.playback import Playback
+from automaton.history.watched_run import RecordedRun, Run
+from automaton.recording.frames import MAGIC
+from automaton.recording.recording_reader import read_recording
 from automaton.runs.simulation import Simulation
 from automaton.strategy.layer import Strategy
 from automaton.strategy.per_robot import drop_at, park, per_robot, take
+from automaton.verification.verification import verify
 from automaton.world.resolve import resolve
 
 FLEET = ("fleet.robots=4",)
@@ -234,7 +234,7 @@ def test_a_recorded_branch_and_its_run_show_the_same_with_all_states_kept(
 
 def keep_all_states(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("KEYFRAME_S", "KEYFRAME_TIME_RATIO"):
-        monkeypatch.setattr(f"automaton.evidence.history.watched_run.{name}", 0.0)
+        monkeypatch.setattr(f"automaton.history.watched_run.{name}", 0.0)
 
 
 def check_file(run: LiveRun, path: Path, ticks: list[int]) -> None:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from pod_scenes import pod_scene
 
-from automaton.evidence.history.event_history import EventHistory
-from automaton.evidence.history.explanation import explain
-from automaton.evidence.history.snapshot import Snapshot, take_snapshot
-from automaton.evidence.history.station_words import station_queue
+from automaton.history.event_history import EventHistory
+from automaton.history.explanation import explain, station_queue
+from automaton.history.snapshot import Snapshot, take_snapshot
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import Resolved, resolve
 

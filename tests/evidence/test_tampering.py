@@ -22,18 +22,18 @@ from automaton.engine.record_codes import (
     CHANGE_PICKED,
     KEYFRAME_TICKS,
 )
-from automaton.evidence.recording.contents import (
+from automaton.recording.contents import (
     FRAME_KIND_CONDITIONS,
     FRAME_KIND_END,
     FRAME_KIND_KEYFRAME,
     FRAME_KIND_TICKS,
     Frame,
 )
-from automaton.evidence.recording.frames import encoded
-from automaton.evidence.recording.recorder import MemoryRecorder
-from automaton.evidence.recording.recording_reader import read_recording
-from automaton.evidence.verification.verification import LABELS
+from automaton.recording.frames import encoded
+from automaton.recording.recorder import MemoryRecorder
+from automaton.recording.recording_reader import read_recording
 from automaton.runs.simulation import Simulation
+from automaton.verification.verification import LABELS
 from automaton.world.resolve import resolve
 
 RUNS = {

@@ -11,7 +11,7 @@ import pytest
 from handmade_recordings import recorded
 
 from automaton.commands import main
-from automaton.evidence.recording.frames import Recording, encoded
+from automaton.recording.frames import Recording, encoded
 
 REFUSED = {  # array, what becomes of it, what the sentence says
     "nowhere": ("pods.slot", lambda a: a - 1, "pods.slot has the value -1"),

@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 from handmade_recordings import header
 
-from automaton.evidence.verification.motion_rules import Motion
-from automaton.evidence.verification.tow_rules import LoadedWays
 from automaton.floor.cells import CELL_KINDS, STORAGE
+from automaton.verification.motion_rules import Motion
+from automaton.verification.pod_rules import LoadedWays
 
 WIDTH, HEIGHT = 7, 4
 INSIDE = [(y + 1) * (WIDTH + 2) + x + 1 for y in range(HEIGHT) for x in range(WIDTH)]

@@ -31,16 +31,16 @@ from automaton.engine.record_codes import (
     TURN_LEFT,
     TURN_RIGHT,
 )
-from automaton.evidence.recording.frames import (
+from automaton.recording.contents import (
     FRAME_KIND_CONDITIONS,
     FRAME_KIND_END,
     FRAME_KIND_KEYFRAME,
     FRAME_KIND_TICKS,
     Frame,
 )
-from automaton.evidence.verification.delay_rules import BEGIN
-from automaton.evidence.verification.move_time_rules import random_bits
-from automaton.evidence.verification.validator import (
+from automaton.verification.energy_rules import BEGIN
+from automaton.verification.move_time_rules import random_bits
+from automaton.verification.validator import (
     MAX_VIOLATIONS,
     Report,
     validate_recording,
@@ -545,7 +545,7 @@ def test_a_move_altered_anywhere_in_a_run_is_noticed(seed: int) -> None:
 
 
 def test_the_validator_shares_no_code_with_the_kernels() -> None:
-    code = "import sys, automaton.evidence.verification.validator; print(*sys.modules)"
+    code = "import sys, automaton.verification.validator; print(*sys.modules)"
     answer = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     )

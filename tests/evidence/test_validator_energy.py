@@ -28,8 +28,9 @@ from automaton.engine.robot_states import (
     STATUS_TOWED,
     STATUS_UP,
 )
-from automaton.evidence.recording.frames import FRAME_KIND_KEYFRAME, FRAME_KIND_TICKS, Recording
-from automaton.evidence.verification.validator import Report, validate_stored
+from automaton.recording.contents import FRAME_KIND_KEYFRAME, FRAME_KIND_TICKS
+from automaton.recording.frames import Recording
+from automaton.verification.validator import Report, validate_stored
 from automaton.world.resolve import resolve
 
 FLOOR = """\

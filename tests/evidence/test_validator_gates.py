@@ -11,11 +11,11 @@ from handmade_recordings import E, W, header, played, rules
 
 from automaton.engine.record_codes import CHANGE_STATUS, EXECUTED_WAIT
 from automaton.engine.record_codes import EXECUTED_BLOCKED as B
-from automaton.evidence.recording.recorder import MemoryRecorder
-from automaton.evidence.verification.energy_rules import STATUS_DEPLETED
-from automaton.evidence.verification.gate_rules import Gate
-from automaton.evidence.verification.verification import verify_recording
+from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
+from automaton.verification.energy_rules import STATUS_DEPLETED
+from automaton.verification.gate_rules import Gate
+from automaton.verification.verification import verify_recording
 
 AISLE = "......d"
 CLOSED = {"closed": [{"cells": [[2, 0]], "from": 2, "for": 3}]}

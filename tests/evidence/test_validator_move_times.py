@@ -14,12 +14,12 @@ from random_floors import pictures
 
 from automaton.engine.random_numbers import STREAM_EXTRA_TICKS, random_bits
 from automaton.engine.record_codes import CHANGE_DURATION, LEFT_PARKING_BAY
-from automaton.evidence.recording.frames import FRAME_KIND_TICKS, Recording
-from automaton.evidence.verification.move_time_rules import MoveTimes, zones_by_cell
-from automaton.evidence.verification.type_rules import Types
-from automaton.evidence.verification.validator import validate_stored
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.traffic_zones import MODES, traffic_zones_of
+from automaton.recording.contents import FRAME_KIND_TICKS
+from automaton.recording.frames import Recording
+from automaton.verification.move_time_rules import MoveTimes, Types, zones_by_cell
+from automaton.verification.validator import validate_stored
 
 # (1, 1) is the only intersection; there is a slot, since orders need one.
 CORNER = """\

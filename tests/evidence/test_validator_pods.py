@@ -20,9 +20,9 @@ from automaton.engine.record_codes import (
     EXECUTED_PICK,
     EXECUTED_SERVE,
 )
-from automaton.evidence.recording.contents import FRAME_KIND_KEYFRAME
-from automaton.evidence.verification.validator import Report, validate_stored
-from automaton.evidence.verification.verification import verify_recording
+from automaton.recording.contents import FRAME_KIND_KEYFRAME
+from automaton.verification.validator import Report, validate_stored
+from automaton.verification.verification import verify_recording
 
 PICK, SERVE, DROP = EXECUTED_PICK, EXECUTED_SERVE, EXECUTED_DROP
 FLOOR = """\

@@ -11,9 +11,9 @@ from drawn_scenes import recorded_run, scene
 from handmade_recordings import E, W, header, played, rules
 
 from automaton.engine.record_codes import CHANGE_ORDER_RESERVED, CHANGE_VISITED
-from automaton.evidence.recording.frames import FRAME_KIND_TICKS
-from automaton.evidence.verification.validator import validate_stored
-from automaton.evidence.verification.verification import verify_recording
+from automaton.recording.contents import FRAME_KIND_TICKS
+from automaton.verification.validator import validate_stored
+from automaton.verification.verification import verify_recording
 
 # A stands at (0, 0), B at (3, 0). Order 0: (1, 0), (2, 0); order 1: (0, 0) twice.
 TOURS = {"list": [{"stops": [[1, 0], [2, 0]]}, {"stops": [[0, 0], [0, 0]]}]}

@@ -21,8 +21,9 @@ from handmade_recordings import recorded
 
 from automaton.commands import main
 from automaton.errors import InputError
-from automaton.evidence.recording.frames import Frame, Recording, encoded
-from automaton.evidence.vda5050_export import VERSIONS, write_trace
+from automaton.exports.vda5050_export import VERSIONS, write_trace
+from automaton.recording.contents import Frame
+from automaton.recording.frames import Recording, encoded
 
 Message = dict[str, Any]
 EAST_WEST = """\

@@ -15,18 +15,18 @@ from automaton.engine.digest import DIGEST_NAMES
 from automaton.engine.record_codes import ENTERED_PARKING_BAY, EXECUTED_BLOCKED, EXECUTED_ILLEGAL
 from automaton.engine.state import CLOCK_DIGEST_EVERY
 from automaton.errors import InputError
-from automaton.evidence.recording import frames as stored
-from automaton.evidence.recording.frames import (
+from automaton.recording import frames as stored
+from automaton.recording.contents import (
     FRAME_KIND_CONDITIONS,
     FRAME_KIND_END,
     FRAME_KIND_TICKS,
     Frame,
-    Recording,
 )
-from automaton.evidence.recording.recorder import MemoryRecorder, Recorder
-from automaton.evidence.recording.recording_reader import read_recording
-from automaton.evidence.verification.verification import action_text, verify_recording
+from automaton.recording.frames import Recording
+from automaton.recording.recorder import MemoryRecorder, Recorder
+from automaton.recording.recording_reader import read_recording
 from automaton.runs.simulation import Simulation
+from automaton.verification.verification import action_text, verify_recording
 from automaton.world import building
 from automaton.world.resolve import branched, resolve
 

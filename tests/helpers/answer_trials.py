@@ -19,9 +19,9 @@ from typing import Any, NamedTuple
 from wild_answers import ANSWERS
 
 from automaton.engine.state import LAYER_NAMES
-from automaton.evidence.recording.recorder import MemoryRecorder
-from automaton.evidence.verification.validator import validate_stored
+from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
+from automaton.verification.validator import validate_stored
 from automaton.world.resolve import resolve
 
 FLOORS = {  # settings, and ticks to run

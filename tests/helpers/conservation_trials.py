@@ -32,12 +32,12 @@ from automaton.engine.record_codes import (
 )
 from automaton.engine.state import ACTION_STATION_QUEUE
 from automaton.errors import InputError
-from automaton.evidence.recording.contents import FRAME_KIND_KEYFRAME, FRAME_KIND_TICKS
-from automaton.evidence.recording.frames import Recording
-from automaton.evidence.recording.recorder import MemoryRecorder
-from automaton.evidence.verification.pod_rules import Trips
-from automaton.evidence.verification.validator import Validator
+from automaton.recording.contents import FRAME_KIND_KEYFRAME, FRAME_KIND_TICKS
+from automaton.recording.frames import Recording
+from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
+from automaton.verification.pod_rules import Trips
+from automaton.verification.validator import Validator
 from automaton.world.resolve import Resolved
 
 FLOORS = 10_000

@@ -14,9 +14,9 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from automaton.engine import record_codes as codes
-from automaton.evidence.recording.contents import FRAME_KIND_KEYFRAME, FRAME_KIND_TICKS
-from automaton.evidence.recording.frames import Recording
 from automaton.floor.cells import CHARGER, STORAGE
+from automaton.recording.contents import FRAME_KIND_KEYFRAME, FRAME_KIND_TICKS
+from automaton.recording.frames import Recording
 
 NIL: Final = -1
 FULL: Final = 10**9  # units of charge

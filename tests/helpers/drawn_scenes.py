@@ -7,7 +7,7 @@ from typing import Any
 
 import msgspec
 
-from automaton.evidence.recording.recorder import MemoryRecorder
+from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
 from automaton.strategy.layer import Strategy

@@ -9,7 +9,7 @@ import msgspec
 
 from automaton.engine.observation import CAUSES
 from automaton.engine.state import NIL
-from automaton.evidence.history.event_history import EventHistory
+from automaton.history.event_history import EventHistory
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
 from automaton.world.resolve import Resolved, resolve

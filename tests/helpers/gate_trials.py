@@ -20,10 +20,10 @@ import numpy as np
 
 from automaton.engine.state import ACTION_GATE
 from automaton.errors import InputError
-from automaton.evidence.recording.recorder import MemoryRecorder
-from automaton.evidence.verification.validator import validate_stored
+from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
+from automaton.verification.validator import validate_stored
 from automaton.world.resolve import Resolved, resolve
 
 TICKS = 150

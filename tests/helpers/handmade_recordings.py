@@ -8,11 +8,12 @@ import msgspec
 import numpy as np
 
 from automaton.engine.record_codes import MOVE_EAST, MOVE_NORTH, MOVE_SOUTH, MOVE_WEST
-from automaton.evidence.recording.frames import FRAME_KIND_END, FRAME_KIND_TICKS, Frame, Recording
-from automaton.evidence.recording.recorder import MemoryRecorder
-from automaton.evidence.verification.validator import Report, validate_recording
+from automaton.recording.contents import FRAME_KIND_END, FRAME_KIND_TICKS, Frame
+from automaton.recording.frames import Recording
+from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
+from automaton.verification.validator import Report, validate_recording
 from automaton.world.resolve import resolve
 
 E, S, W, N = MOVE_EAST, MOVE_SOUTH, MOVE_WEST, MOVE_NORTH

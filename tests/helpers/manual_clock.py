@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from automaton.evidence.history.live_run import LiveRun
-from automaton.evidence.history.watched_run import RecordedRun, Run
-from automaton.evidence.recording.recording_reader import read_recording
+from automaton.history.live_run import LiveRun
+from automaton.history.watched_run import RecordedRun, Run
+from automaton.recording.recording_reader import read_recording
 from automaton.world.resolve import resolve
 from tui.playback.playback_state import PlaybackState
 from tui.playback.player import IDLE_S, Player

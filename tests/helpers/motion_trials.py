@@ -21,9 +21,9 @@ from hypothesis import HealthCheck, Phase, given, seed, settings
 from physical_checks import PhysicalChecks
 from random_cases import Case, cases
 
-from automaton.evidence.recording.recorder import MemoryRecorder
-from automaton.evidence.verification.verification import verify_recording
+from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
+from automaton.verification.verification import verify_recording
 
 TICKS = 1_000_000
 RUN_TICKS = 250

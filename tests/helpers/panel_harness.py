@@ -15,7 +15,7 @@ from textual.pilot import Pilot
 from textual.widget import Widget
 
 from automaton.engine.state import NIL
-from automaton.evidence.history.live_run import LiveRun
+from automaton.history.live_run import LiveRun
 from automaton.world.resolve import resolve
 from tui.playback.panel_view import CellChosen, RobotChosen, TickChosen, View
 from tui.playback.player import Player

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 
 from automaton.engine.state import CLOCK_DIGEST_EVERY
-from automaton.evidence.history.playback import Playback
-from automaton.evidence.recording.frames import FRAME_KIND_TICKS, Recording
-from automaton.evidence.recording.recorder import MemoryRecorder
+from automaton.history.playback import Playback
+from automaton.recording.contents import FRAME_KIND_TICKS
+from automaton.recording.frames import Recording
+from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import Resolved
 

@@ -30,8 +30,8 @@ import msgspec
 import numpy as np
 
 from automaton.errors import InputError
-from automaton.evidence.recording.contents import FRAME_KIND_END, FRAME_KIND_TICKS, array_out
-from automaton.evidence.recording.frames import Chain, Payload, Recording, preamble, tick_of
+from automaton.recording.contents import FRAME_KIND_END, FRAME_KIND_TICKS, array_out
+from automaton.recording.frames import Chain, Payload, Recording, preamble, tick_of
 
 SECONDS = 10
 MEMORY = 1 << 30  # bytes that may be in use
@@ -73,8 +73,8 @@ Chance = random.Random
 @functools.cache
 def recorded(name: str) -> bytes:
     """A small recording of a shipped scenario; what verifies and plays it is compiled."""
-    from automaton.evidence.recording.frames import encoded
-    from automaton.evidence.recording.recorder import MemoryRecorder
+    from automaton.recording.frames import encoded
+    from automaton.recording.recorder import MemoryRecorder
     from automaton.runs.simulation import Simulation
     from automaton.world.resolve import resolve
 
@@ -92,8 +92,8 @@ def recorded(name: str) -> bytes:
 @functools.cache
 def taken_apart(name: str) -> tuple[tuple[int, Any], ...]:
     """(kind, content as stored) of each frame."""
-    from automaton.evidence.recording.contents import inflated
-    from automaton.evidence.recording.frames import FRAME, PREAMBLE
+    from automaton.recording.contents import inflated
+    from automaton.recording.frames import FRAME, PREAMBLE
 
     data, at, parts = recorded(name), PREAMBLE.size, []
     while at < len(data):
@@ -252,9 +252,9 @@ def flipped(number: int) -> tuple[str, bytes]:
 
 def outcome_of(path: Path, figures: Any) -> str:
     """What becomes of a file that is verified and played to its end; "" if that is well."""
-    from automaton.evidence.history.watched_run import RecordedRun
-    from automaton.evidence.recording.recording_reader import read_recording
-    from automaton.evidence.verification.verification import verify_recording
+    from automaton.history.watched_run import RecordedRun
+    from automaton.recording.recording_reader import read_recording
+    from automaton.verification.verification import verify_recording
 
     said = []
     for use in ("verify", "play"):

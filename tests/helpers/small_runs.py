@@ -9,9 +9,9 @@ import numpy as np
 
 from automaton.engine.observation import CAUSES
 from automaton.engine.state import GOAL_PARK, LAYER_NAMES, NIL
-from automaton.evidence.history.event_history import Event, EventHistory
-from automaton.evidence.history.snapshot import Snapshot, take_snapshot
 from automaton.floor.drawn_floors import draw_floor
+from automaton.history.event_history import Event, EventHistory
+from automaton.history.snapshot import Snapshot, take_snapshot
 from automaton.runs.pictures.stories import Following
 from automaton.runs.simulation import Simulation
 from automaton.scenario.fleet import FleetType

@@ -24,12 +24,12 @@ from idle_waits import run_to_end
 
 from automaton.engine.state import LAYER_NAMES, NIL
 from automaton.errors import InputError
-from automaton.evidence.recording.recorder import MemoryRecorder
-from automaton.evidence.verification.validator import validate_stored
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.loaded_ways import to_and_from
+from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
+from automaton.verification.validator import validate_stored
 from automaton.world.resolve import Resolved, resolve
 
 STRATEGIES = ("pibt", "epibt")

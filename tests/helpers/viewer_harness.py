@@ -11,10 +11,10 @@ from typing import Any
 
 from textual.pilot import Pilot
 
-from automaton.evidence.history.live_run import branch_of
-from automaton.evidence.history.watched_run import RecordedRun
-from automaton.evidence.recording.recorder import Recorder
-from automaton.evidence.recording.recording_reader import read_recording
+from automaton.history.live_run import branch_of
+from automaton.history.watched_run import RecordedRun
+from automaton.recording.recorder import Recorder
+from automaton.recording.recording_reader import read_recording
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
 from tui.playback.run_source import Opening, live, recorded

@@ -44,14 +44,14 @@ from automaton.engine.state import (
     ACTION_STATION_QUEUE,
 )
 from automaton.errors import InputError
-from automaton.evidence.history.playback import Playback
-from automaton.evidence.recording.frames import Recording
-from automaton.evidence.recording.recorder import MemoryRecorder
-from automaton.evidence.verification.verification import verify_recording
+from automaton.history.playback import Playback
+from automaton.recording.frames import Recording
+from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.headless import run_once
 from automaton.runs.jam_watch import JamWatch
 from automaton.runs.run_report import print_report
 from automaton.runs.simulation import Simulation
+from automaton.verification.verification import verify_recording
 from automaton.world.bounds import bounds_in_words
 from automaton.world.conversion_table import conversion_lines
 from automaton.world.resolve import Resolved, document_of

@@ -26,10 +26,10 @@ from flow_floors import RULES, drawn_fleet
 from automaton.engine.robot_states import STATUS_EXHAUSTED
 from automaton.engine.state import ACTION_BLOCKED, FOLLOWING_CONVOY, NIL
 from automaton.errors import InputError
-from automaton.evidence.recording.recorder import MemoryRecorder
-from automaton.evidence.verification.validator import validate_stored
+from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.progress import starved_robots, starved_ticks
 from automaton.runs.simulation import Simulation
+from automaton.verification.validator import validate_stored
 from automaton.world.resolve import Resolved
 
 TICKS = 4000  # of a run

@@ -12,8 +12,8 @@ from played_back import recorded
 
 from automaton.commands import main
 from automaton.engine.state import NEVER, World
-from automaton.evidence.verification.validator import validate_stored
 from automaton.runs.simulation import Simulation
+from automaton.verification.validator import validate_stored
 from automaton.world.resolve import Resolved, resolve
 
 RING = """name: ring

@@ -21,15 +21,15 @@ from automaton.engine.state import (
     REASON_PICKED,
 )
 from automaton.errors import InputError
-from automaton.evidence.recording.recorder import MemoryRecorder
-from automaton.evidence.verification.validator import validate_stored
 from automaton.floor.cells import DOCK, RACK
 from automaton.floor.reachability import rack_stands
+from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.metrics import METRIC_CATALOGUE, metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.runs.task_metrics import TASK_METRICS, quantile
 from automaton.strategy.kernels import deliver, take_order
 from automaton.strategy.layer import Strategy
+from automaton.verification.validator import validate_stored
 from automaton.world.demand import build_orders
 from automaton.world.prepared_floor import floor_for
 from automaton.world.resolve import resolve

@@ -10,9 +10,9 @@ import pytest
 
 from automaton.commands import main
 from automaton.errors import InputError
-from automaton.evidence.verification.verification import verify
 from automaton.runs.simulation import Simulation
 from automaton.studies.sweeps.run_keys import fingerprint
+from automaton.verification.verification import verify
 from automaton.world.resolve import Resolved, resolve
 
 SCENARIO = """name: from-file

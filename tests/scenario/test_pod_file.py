@@ -10,9 +10,9 @@ import openpyxl
 import pytest
 
 from automaton.errors import InputError
-from automaton.evidence.history.event_history import EventHistory
-from automaton.evidence.history.explanation import explain
-from automaton.evidence.history.snapshot import take_snapshot
+from automaton.history.event_history import EventHistory
+from automaton.history.explanation import explain
+from automaton.history.snapshot import take_snapshot
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import Resolved, resolve
 

@@ -9,9 +9,9 @@ import pytest
 from drawn_scenes import recorded_run, scene
 
 from automaton.engine.state import NIL, ORDER_DELIVERED, ORDER_UNRELEASED, ORDER_WAITING
-from automaton.evidence.verification.validator import validate_stored
 from automaton.runs.pictures import picture_of, world_from
 from automaton.runs.simulation import Simulation
+from automaton.verification.validator import validate_stored
 from automaton.world.resolve import resolve
 
 LANE = "t...t"

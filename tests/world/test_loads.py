@@ -9,12 +9,12 @@ import pytest
 from handmade_recordings import rules
 
 from automaton.errors import InputError
-from automaton.evidence.recording.frames import FRAME_KIND_CONDITIONS
-from automaton.evidence.recording.recorder import MemoryRecorder
-from automaton.evidence.verification.validator import validate_recording
+from automaton.recording.contents import FRAME_KIND_CONDITIONS
+from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
+from automaton.verification.validator import validate_recording
 from automaton.world.bounds import bounds, least_ticks
 from automaton.world.resolve import Resolved, resolve
 

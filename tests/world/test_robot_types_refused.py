@@ -11,11 +11,11 @@ from handmade_recordings import E, W, played, rules
 
 from automaton.engine.record_codes import CHANGE_DURATION
 from automaton.errors import InputError
-from automaton.evidence.recording.frames import FRAME_KIND_TICKS
-from automaton.evidence.recording.recorder import MemoryRecorder
-from automaton.evidence.verification.validator import validate_recording
+from automaton.recording.contents import FRAME_KIND_TICKS
+from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
+from automaton.verification.validator import validate_recording
 from automaton.world.resolve import resolve
 
 LANE = """\

@@ -10,12 +10,12 @@ import pytest
 from drawn_scenes import recorded_run, scene
 
 from automaton.engine.state import ORDER_DELIVERED, ORDER_UNRELEASED
-from automaton.evidence.history.watched_run import RecordedRun
-from automaton.evidence.recording.recorder import Recorder
-from automaton.evidence.verification.validator import validate_stored
-from automaton.evidence.verification.verification import verify
+from automaton.history.watched_run import RecordedRun
+from automaton.recording.recorder import Recorder
 from automaton.runs.pictures import picture_of, world_from
 from automaton.runs.simulation import Simulation
+from automaton.verification.validator import validate_stored
+from automaton.verification.verification import verify
 from automaton.world.draws import geometric
 from automaton.world.resolve import resolve
 

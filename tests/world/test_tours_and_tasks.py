@@ -11,8 +11,8 @@ import pytest
 from drawn_scenes import recorded_run, scene
 
 from automaton.engine.state import NIL, ORDER_DELIVERED, ORDER_WAITING
-from automaton.evidence.verification.verification import verify_recording
 from automaton.runs.simulation import Simulation
+from automaton.verification.verification import verify_recording
 from automaton.world import task_lists
 from automaton.world.task_lists import _moves as moves
 from automaton.world.task_lists import order_count

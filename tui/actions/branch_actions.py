@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from textual.app import App
 
 from automaton.engine.state import NIL
-from automaton.evidence.recording.titles import short, title_of
+from automaton.recording.recording_reader import short, title_of
 from tui.actions import Command
 from tui.playback.recording_files import (
     beside,
@@ -24,7 +24,7 @@ from tui.widgets.signs import signs_of
 from tui.widgets.timeline import Mark
 
 if TYPE_CHECKING:
-    from automaton.evidence.history.watched_run import Run
+    from automaton.history.watched_run import Run
     from automaton.world.resolve import Resolved
     from tui.playback.player import Player
     from tui.screens.breakpoint_dialog import Stop
@@ -66,7 +66,7 @@ class BranchActions:
     def _take_stops(self, stops: Sequence[Stop] | None) -> None:
         if stops is None:
             return
-        from automaton.evidence.history.breakpoints import breakpoint_of
+        from automaton.history.breakpoints import breakpoint_of
 
         self.stops = stops
         self._player.set_breakpoints([breakpoint_of(stop.text) for stop in stops if stop.on])
@@ -101,7 +101,7 @@ class BranchActions:
         made: list[Branched] = []
 
         def branch(run: Run) -> Run:
-            from automaton.evidence.history.live_run import branch_of  # with Numba
+            from automaton.history.live_run import branch_of  # with Numba
 
             fresh = branch_of(run, settings, path)
             title = title_of(fresh.resolved, fresh.header["seed"], fresh.frames)

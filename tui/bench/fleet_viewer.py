@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 
 from automaton.bench.steering_speed import CROWD, busy_fleet
-from automaton.evidence.history.watched_run import Run
 from automaton.floor.cells import WALL
+from automaton.history.watched_run import Run
 from automaton.world.resolve import Resolved, resolve
 from tui.bench.walking_fleet import Walk, walkers
 from tui.playback.player import TICKS_PER_S

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 
 from automaton.bench.measurement import MS, Measurement, NotMeasuredError
 from automaton.bench.steering_speed import CROWD, busy_fleet
-from automaton.evidence.history.live_run import LiveRun
+from automaton.history.live_run import LiveRun
 from automaton.world.resolve import resolve
 from tui.bench.viewer_measurement import Together
 from tui.bench.viewer_session import Session, quantile

@@ -18,11 +18,11 @@ from typing import Any, Final
 import numpy as np
 
 from automaton.bench.measurement import MS, SECONDS, Measurement, NotMeasuredError, wall_seconds
-from automaton.evidence.history.live_run import LiveRun
-from automaton.evidence.history.snapshot import take_snapshot
-from automaton.evidence.history.watched_run import RecordedRun, Run
-from automaton.evidence.recording.recording_reader import read_recording
 from automaton.floor.cells import TURNTABLE
+from automaton.history.live_run import LiveRun
+from automaton.history.snapshot import take_snapshot
+from automaton.history.watched_run import RecordedRun, Run
+from automaton.recording.recording_reader import read_recording
 from automaton.world.resolve import resolve
 from tui.bench import planning_speed
 from tui.bench.viewer_measurement import Together, measured

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from automaton.bench.bench_floors import open_floor, scene
 from automaton.bench.random_walk import random_walk
 from automaton.engine.state import CLOCK_TICK
-from automaton.evidence.history.keyframes import Keyframes
-from automaton.evidence.history.watched_run import Run
-from automaton.evidence.recording.frames import StoredFrames
 from automaton.floor.cells import DIRECTION_VECTORS, FLOOR, WALL
 from automaton.floor.floor_plan import make_floor_plan
+from automaton.history.playback import Keyframes
+from automaton.history.watched_run import Run
+from automaton.recording.frames import StoredFrames
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import Resolved
 

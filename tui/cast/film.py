@@ -10,7 +10,7 @@ import numpy as np
 
 from automaton.engine.state import NIL
 from automaton.errors import InputError, alternatives
-from automaton.evidence.recording.titles import title_of
+from automaton.recording.recording_reader import title_of
 from automaton.units import unit
 from tui.cast.film_frame import aim, checked_size, size_for
 from tui.cast.film_request import Request
@@ -24,7 +24,7 @@ from tui.render.glyphs import ASCII, SHADED, UNICODE, Codes
 from tui.render.styles import Look
 
 if TYPE_CHECKING:  # they need Numba
-    from automaton.evidence.history.snapshot import Snapshot
+    from automaton.history.snapshot import Snapshot
     from tui.playback.playback_state import PlaybackState
 
 
@@ -75,8 +75,8 @@ class Film:
 
         Raises InputError if the layer of another distribution raises.
         """
-        from automaton.evidence.history.playback import Playback
-        from automaton.evidence.history.snapshot import take_snapshot
+        from automaton.history.playback import Playback
+        from automaton.history.snapshot import take_snapshot
         from tui.playback.laid_over import Overlays
 
         overlays = Overlays()

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from automaton.evidence.history.fleet_summary import summarize
+from automaton.history.snapshot import summarize
 from automaton.units import Unit, number
 from tui.render import styles
 from tui.render.glyphs import Codes, code, text
 from tui.render.styles import style
 
 if TYPE_CHECKING:  # it needs Numba
-    from automaton.evidence.history.snapshot import Snapshot
+    from automaton.history.snapshot import Snapshot
 
 GAP: Final = 2
 TIME_DIGITS: Final = 5  # "616.5" is as wide as numbers below 1,000 get in most units

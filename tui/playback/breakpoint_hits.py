@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from automaton.engine.state import Array
-from automaton.evidence.history.breakpoints import Breakpoint
-from automaton.evidence.history.watched_run import Run
+from automaton.history.breakpoints import Breakpoint
+from automaton.history.watched_run import Run
 
 RUN_LETTERS = "AB"  # of two runs beside each other
 Held = list[list[Array]]  # of each run, for each breakpoint: the robots that it holds for

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from automaton.engine.state import NIL
-from automaton.evidence.history.snapshot import Snapshot
 from automaton.floor.floor_plan import FloorPlan
+from automaton.history.snapshot import Snapshot
 from automaton.runs.progress import Jam
 
 

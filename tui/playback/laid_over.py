@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Final
 
 from automaton.engine.state import Array
-from automaton.evidence.history.snapshot import Snapshot
+from automaton.history.snapshot import Snapshot
 from automaton.runs.simulation import Simulation
 from tui.registration import layer_named
 

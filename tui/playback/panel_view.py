@@ -9,9 +9,9 @@ from typing import NamedTuple
 from textual.message import Message
 
 from automaton.engine.state import NIL
-from automaton.evidence.history.snapshot import Snapshot
-from automaton.evidence.history.watched_run import Run
 from automaton.floor.floor_plan import FloorPlan
+from automaton.history.snapshot import Snapshot
+from automaton.history.watched_run import Run
 from tui.playback.playback_state import PlaybackState
 from tui.render.glyphs import GlyphSet
 from tui.render.scene import Scene

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from automaton.engine.state import Array
-from automaton.evidence.history.divergence import Divergence
-from automaton.evidence.history.snapshot import Snapshot
-from automaton.evidence.history.watched_run import Run
+from automaton.history.live_run import Divergence
+from automaton.history.snapshot import Snapshot
+from automaton.history.watched_run import Run
 from automaton.runs.metrics import OPERATIONS, executed_ticks, metrics_of
 from automaton.runs.progress import Jam, largest_jam, starved_robots
 

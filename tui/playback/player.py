@@ -17,11 +17,10 @@ from typing import Final
 
 from automaton.engine.state import NIL
 from automaton.errors import InputError
-from automaton.evidence.history.breakpoints import Breakpoint
-from automaton.evidence.history.divergence import Divergence, LiveDivergence
-from automaton.evidence.history.live_run import LiveRun
-from automaton.evidence.history.snapshot import Snapshot, take_snapshot
-from automaton.evidence.history.watched_run import COMPUTE_SLICE_S, Run
+from automaton.history.breakpoints import Breakpoint
+from automaton.history.live_run import Divergence, LiveDivergence, LiveRun
+from automaton.history.snapshot import Snapshot, take_snapshot
+from automaton.history.watched_run import COMPUTE_SLICE_S, Run
 from tui.playback.breakpoint_hits import Hit, begun, held_by, reason
 from tui.playback.laid_over import Overlays
 from tui.playback.playback_state import Figures, LongTick, PlaybackState, figures_of

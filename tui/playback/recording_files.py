@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from automaton.errors import InputError
-from automaton.evidence.recording.frames import MAGIC
+from automaton.recording.frames import MAGIC
 from automaton.units import SECONDS_PER_UNIT
 
 MAX_RECORDINGS_KEPT = 20  # recordings in the state folder

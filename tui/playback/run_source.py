@@ -8,17 +8,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from automaton.errors import InputError
-from automaton.evidence.recording.frames import Recording
-from automaton.evidence.recording.header import resolved_of
-from automaton.evidence.recording.recording_reader import read_recording
-from automaton.evidence.recording.titles import Head, heads_of, live_heads, title_of
 from automaton.floor.traffic_zones import traffic_zones_of
+from automaton.recording.frames import Recording
+from automaton.recording.header import resolved_of
+from automaton.recording.recording_reader import (
+    Head,
+    heads_of,
+    live_heads,
+    read_recording,
+    title_of,
+)
 from automaton.world.resolve import Resolved
 from tui.playback.recording_files import against
 from tui.render.scene import Floor
 
 if TYPE_CHECKING:  # it needs Numba
-    from automaton.evidence.history.watched_run import Run
+    from automaton.history.watched_run import Run
 
 
 class Reload(NamedTuple):
@@ -58,7 +63,7 @@ def live(resolved: Resolved, path: Path | None) -> Opening:
     seed = resolved.scenario.seed
 
     def begin() -> list[Run]:
-        from automaton.evidence.history.live_run import LiveRun
+        from automaton.history.live_run import LiveRun
 
         return [LiveRun(resolved, seed, path)]
 
@@ -84,7 +89,7 @@ def live_pair(one: Resolved, other: Resolved, path: Path | None) -> Opening:
     paths = () if path is None else (path, against(path))
 
     def begin() -> list[Run]:
-        from automaton.evidence.history.live_run import LiveRun
+        from automaton.history.live_run import LiveRun
 
         files = paths or (None, None)
         first = LiveRun(one, one.scenario.seed, files[0])
@@ -107,7 +112,7 @@ def recorded(*paths: Path) -> Opening:
     _check_sizes(resolved, str(paths[-1]))
 
     def begin() -> list[Run]:
-        from automaton.evidence.history.watched_run import RecordedRun
+        from automaton.history.watched_run import RecordedRun
 
         return [RecordedRun(recording) for recording in recordings]
 

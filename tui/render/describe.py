@@ -13,15 +13,16 @@ from automaton.drawings.cell_looks import DETAIL_ONE_WAY, DETAIL_SHIFT, KIND_MAS
 from automaton.engine.observation import CAUSES
 from automaton.engine.robot_states import BATTERY_PERCENT, STATUS_TOWED
 from automaton.engine.state import ACTION_IDLE, ACTION_NAMES, NIL, ORDER_DELIVERED, ORDER_WAITING
-from automaton.evidence.history.gate_words import gates_in, words_of
-from automaton.evidence.history.station_words import (
+from automaton.floor.cells import ANY, CELL_KINDS, DIRECTIONS, EXIT_EAST, EXIT_WEST, FLOOR, TRACK
+from automaton.history.explanation import (
     carries_pods,
+    gates_in,
     has_trips,
     load_words,
     pod_name,
     station_queue,
+    words_of,
 )
-from automaton.floor.cells import ANY, CELL_KINDS, DIRECTIONS, EXIT_EAST, EXIT_WEST, FLOOR, TRACK
 from tui.registration import layers
 from tui.render.scene import DETAIL_PASSING, DETAIL_UNLIMITED, Scene
 

@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 
 from automaton.drawings.cell_looks import DETAIL_SHIFT, Looks, looks_of
 from automaton.engine.state import GOAL_STOP, NIL
-from automaton.evidence.history.gate_words import shut_cells
 from automaton.floor.cells import FLOOR, UNLIMITED
 from automaton.floor.floor_plan import DRIVABLE, FloorPlan
 from automaton.floor.traffic_zones import TrafficZones
+from automaton.history.explanation import shut_cells
 from tui.registration import layer_named, layers
 from tui.render.field import Scale, scale_for
 
 if TYPE_CHECKING:  # it needs Numba, pictures do not
     from automaton.engine.facilities import ServiceZones
-    from automaton.evidence.history.snapshot import Snapshot
+    from automaton.history.snapshot import Snapshot
 
 # Details of cells that drawings do not tell apart, see automaton.drawings.cell_looks.
 DETAIL_PASSING: Final = 5

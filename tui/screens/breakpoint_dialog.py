@@ -10,7 +10,7 @@ from textual.binding import Binding, BindingType
 from textual.widgets import Input, Static
 
 from automaton.errors import InputError
-from automaton.evidence.history.breakpoints import FIELDS, breakpoint_of
+from automaton.history.breakpoints import FIELDS, breakpoint_of
 from tui.screens.dialog import Dialog
 from tui.widgets.rows import Rows
 from tui.widgets.signs import UNICODE, Signs

@@ -13,7 +13,7 @@ from textual.widgets import Input, Static
 
 from automaton.engine.state import NIL
 from automaton.errors import InputError
-from automaton.evidence.history.station_words import load_words
+from automaton.history.explanation import load_words
 from automaton.units import count
 from tui.playback.panel_view import View
 from tui.screens.dialog import Dialog

@@ -13,8 +13,8 @@ import numpy as np
 
 from automaton.engine.state import NIL
 from automaton.errors import InputError, nearest
-from automaton.evidence.history.breakpoints import robots_where
 from automaton.floor.cells import KIND_BY_NAME, WALL
+from automaton.history.breakpoints import robots_where
 from automaton.units import count
 from tui.playback.jam_place import middle_robot
 from tui.playback.panel_view import View

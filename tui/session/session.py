@@ -16,7 +16,7 @@ import numpy as np
 
 from automaton.engine.state import NIL
 from automaton.errors import InputError
-from automaton.evidence.history.divergence import Divergence, first_difference
+from automaton.history.live_run import Divergence, first_difference
 from tui.playback.frame_cache import Pictures, robot_cell
 from tui.playback.run_source import Opening
 from tui.render.choice import Choice
@@ -26,7 +26,7 @@ from tui.terminal.options import Options
 from tui.widgets.timeline import Mark
 
 if TYPE_CHECKING:
-    from automaton.evidence.history.watched_run import Run
+    from automaton.history.watched_run import Run
     from tui.playback.panel_view import View
     from tui.playback.playback_state import PlaybackState
     from tui.playback.player import Player

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from automaton.evidence.history.narration import SENTENCES, Scope, kinds_named, narrate
-from automaton.evidence.history.watched_run import Run
+from automaton.history.narration import SENTENCES, Scope, kinds_named, narrate
+from automaton.history.watched_run import Run
 from automaton.runs.headless import Outcome, operations, record_work
 from automaton.runs.run_report import sentences
 from tui.playback.run_source import Opening

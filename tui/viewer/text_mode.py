@@ -8,12 +8,11 @@ from typing import Final
 import numpy as np
 
 from automaton.engine.state import NIL
-from automaton.evidence.history.divergence import LiveDivergence, first_difference
-from automaton.evidence.history.fleet_summary import summary_of
-from automaton.evidence.history.live_run import LiveRun
-from automaton.evidence.history.watched_run import Run
-from automaton.evidence.recording.header import changed, resolved_of
-from automaton.evidence.recording.titles import branches_of
+from automaton.history.live_run import LiveDivergence, LiveRun, first_difference
+from automaton.history.snapshot import summary_of
+from automaton.history.watched_run import Run
+from automaton.recording.header import changed, resolved_of
+from automaton.recording.recording_reader import branches_of
 from automaton.runs.asked_orders import asked_orders
 from automaton.runs.headless import Outcome, operations, orders_exhausted, record_work
 from automaton.runs.metrics import metrics_by_robot, metrics_by_type, metrics_of

@@ -9,13 +9,13 @@ import numpy as np
 from automaton.drawings.robot_looks import LOW_CHARGE
 from automaton.engine.robot_states import BATTERY_FULL, STATUS_DEPLETED, STATUS_FAILING, is_charging
 from automaton.engine.state import GOAL_CHARGE, NIL
-from automaton.evidence.history.charging_words import (
+from automaton.history.explanation import (
     charger_queue,
     charging_at,
+    out_of_order,
     sent_to,
     up_to,
 )
-from automaton.evidence.history.explanation import out_of_order
 from automaton.units import count, percent
 from tui.playback.panel_view import View
 from tui.widgets.signs import Signs, bar

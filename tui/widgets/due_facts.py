@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from automaton.engine.state import NIL
-from automaton.evidence.history.due_words import (
+from automaton.history.explanation import (
     has_due_time,
     lateness_words,
     tick_in_words,

@@ -11,8 +11,7 @@ from textual.containers import Vertical
 from textual.widgets import Input
 
 from automaton.engine.state import NIL, Array
-from automaton.evidence.history.event_history import EVENT_COLUMNS, EventHistory, Log, event_of
-from automaton.evidence.history.event_words import EVENT_GROUPS
+from automaton.history.event_history import EVENT_COLUMNS, EVENT_GROUPS, EventHistory, Log, event_of
 from automaton.units import count
 from tui.playback.panel_view import RobotChosen, TickChosen, View
 from tui.widgets.event_kinds import KindBoxes

@@ -10,12 +10,12 @@ import numpy as np
 from automaton.engine import observation as codes
 from automaton.engine.observation import EVENT_NAMES
 from automaton.engine.state import NIL, Array
-from automaton.evidence.history.event_history import Event
-from automaton.evidence.history.event_words import (
+from automaton.history.event_history import (
     EVENT_GROUPS,
     SUBJECTS,
     TEXTS,
     TRIP_TEXTS,
+    Event,
     event_words,
 )
 from tui.widgets.styled_lines import Line, Span, line

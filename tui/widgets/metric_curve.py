@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from automaton.engine.observation import DELIVERED_ORDERS, WAITING_ROBOTS
-from automaton.evidence.history.event_history import Curve
+from automaton.history.event_history import Curve
 from automaton.units import number
 
 Values = NDArray[np.float64]

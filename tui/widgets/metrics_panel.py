@@ -19,8 +19,8 @@ from automaton.engine.robot_states import (
     is_queueing,
 )
 from automaton.engine.state import ORDER_DELIVERED
-from automaton.evidence.history.event_history import Curve
-from automaton.evidence.history.fleet_summary import FleetSummary, summarize
+from automaton.history.event_history import Curve
+from automaton.history.snapshot import FleetSummary, summarize
 from automaton.runs.metrics import METRIC_CATALOGUE
 from automaton.units import count, number, percent
 from tui.playback.jam_place import middle_robot

@@ -14,7 +14,7 @@ from automaton.engine.state import (
     ORDER_UNRELEASED,
     ORDER_WAITING,
 )
-from automaton.evidence.history.station_words import (
+from automaton.history.explanation import (
     break_end,
     carries_pods,
     has_trips,

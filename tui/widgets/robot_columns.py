@@ -17,8 +17,8 @@ from automaton.engine.robot_states import (
     is_queueing,
 )
 from automaton.engine.state import ACTION_NAMES, ACTION_SERVE, NIL, Array
-from automaton.evidence.history.snapshot import Fleet
-from automaton.evidence.history.station_words import carries_pods
+from automaton.history.explanation import carries_pods
+from automaton.history.snapshot import Fleet
 from automaton.units import percent
 from tui.playback.panel_view import View
 from tui.widgets.charge_facts import has_batteries

@@ -24,11 +24,9 @@ from automaton.engine.state import (
     NIL,
     Array,
 )
-from automaton.evidence.history.event_history import Event
-from automaton.evidence.history.explanation import doing
-from automaton.evidence.history.gate_words import gate_words, is_kept_by_gate
-from automaton.evidence.history.station_words import station_of
 from automaton.floor.cells import CELL_KINDS, DIRECTIONS
+from automaton.history.event_history import Event
+from automaton.history.explanation import doing, gate_words, is_kept_by_gate, station_of
 from automaton.scenario.energy_and_faults import TypeBattery
 from automaton.units import count, percent
 from tui.playback.panel_view import View

@@ -10,14 +10,14 @@ import math
 from typing import TYPE_CHECKING
 
 from automaton.engine.state import NIL
-from automaton.evidence.history.fleet_summary import summarize
+from automaton.history.snapshot import summarize
 from automaton.units import Unit, number
 from tui.render import styles
 from tui.render.glyphs import ASCII, GlyphSet
 from tui.widgets.word_row import Word, word
 
 if TYPE_CHECKING:
-    from automaton.evidence.history.snapshot import Snapshot
+    from automaton.history.snapshot import Snapshot
     from tui.playback.playback_state import Figures, PlaybackState
     from tui.terminal.frame_pacing import Figures as LinkFigures
 

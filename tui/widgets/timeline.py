@@ -26,7 +26,7 @@ from tui.widgets.map_view import MapView
 from tui.widgets.tick_track import Part, Track, track_of
 
 if TYPE_CHECKING:  # it needs Numba
-    from automaton.evidence.history.event_history import Curve
+    from automaton.history.event_history import Curve
 
 DOT_LEVELS: Final = 4  # dots in a column of braille
 LEFT_DOTS: Final = np.array([0, 0x40, 0x44, 0x46, 0x47])  # filled from below

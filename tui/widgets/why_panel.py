@@ -8,7 +8,7 @@ import numpy as np
 
 from automaton.engine.observation import CAUSE_NOT_WAITING, CAUSES, is_waiting, waited_ticks
 from automaton.engine.state import NIL
-from automaton.evidence.history.explanation import Explanation, explain
+from automaton.history.explanation import Explanation, explain
 from automaton.units import count, percent
 from tui.playback.panel_view import View
 from tui.widgets import lost_time

@@ -17,11 +17,11 @@ from automaton.drawings.palette import THEMES, Theme, css, rgb
 from automaton.drawings.robot_looks import STATE_COLOURS, STATE_WORDS
 from automaton.drawings.shapes import LETTERS
 from automaton.engine.state import NIL
-from automaton.evidence.recording.recording_reader import read_recording
 from automaton.films.film_columns import FIGURES, PARTS, cause_words, deflated
 from automaton.films.film_target import checked
 from automaton.films.recorded_stretch import RecordedStretch, play_stretch
 from automaton.floor.cells import CELL_KINDS
+from automaton.recording.recording_reader import read_recording
 from automaton.units import count
 
 GROUND: Final = (

@@ -19,15 +19,14 @@ import pytest
 from automaton.commands import Parser, cast_command
 from automaton.engine.state import NIL
 from automaton.errors import InputError
-from automaton.evidence.history.explanation import link_of
-from automaton.evidence.history.fleet_summary import summarize
-from automaton.evidence.history.playback import Playback
-from automaton.evidence.history.snapshot import Snapshot, take_snapshot
-from automaton.evidence.recording.recorder import Recorder
-from automaton.evidence.recording.recording_reader import read_recording
 from automaton.films import film_columns
 from automaton.films.web_film.film_page import page_of
 from automaton.floor.cells import CELL_KINDS, SHELF
+from automaton.history.explanation import link_of
+from automaton.history.playback import Playback
+from automaton.history.snapshot import Snapshot, summarize, take_snapshot
+from automaton.recording.recorder import Recorder
+from automaton.recording.recording_reader import read_recording
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
 

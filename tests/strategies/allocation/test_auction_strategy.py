@@ -11,10 +11,10 @@ from drawn_scenes import scene
 from automaton.engine.robot_states import BATTERY_FULL
 from automaton.engine.state import CLOCK_TICK, LAYER_ALLOCATION, NIL, ORDER_DELIVERED
 from automaton.errors import InputError
-from automaton.evidence.recording.recorder import MemoryRecorder
-from automaton.evidence.verification.validator import validate_stored
+from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
+from automaton.verification.validator import validate_stored
 from automaton.world.resolve import resolve
 from strategies.allocation.auction.market import INF_COST
 from strategies.allocation.auction.metaheuristics import genetic

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from automaton.engine.state import LAYER_ALLOCATION, NEVER, NIL, ORDER_WAITING
 from automaton.errors import InputError
-from automaton.evidence.verification.verification import verify_recording
 from automaton.runs.simulation import Simulation
+from automaton.verification.verification import verify_recording
 from automaton.world.resolve import Resolved
 from strategies.allocation.first_come import DueQueue, drop_first, enter_order
 

@@ -21,8 +21,8 @@ from automaton.engine.state import (
     NIL,
     ORDER_WAITING,
 )
-from automaton.evidence.verification.verification import verify_recording
 from automaton.runs.simulation import Simulation
+from automaton.verification.verification import verify_recording
 from automaton.world.resolve import Resolved
 
 FLOOR = "..........\n.##.##.##.\n..........\n.##.##.##.\n.........."

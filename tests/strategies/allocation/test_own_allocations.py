@@ -17,15 +17,15 @@ from automaton.commands.check import described
 from automaton.engine.record_codes import CHANGE_DROPPED
 from automaton.engine.state import LAYER_ALLOCATION, LAYER_NAMES, NIL, STRATEGIES
 from automaton.errors import InputError
-from automaton.evidence.recording.contents import FRAME_KIND_TICKS
-from automaton.evidence.recording.frames import Recording, encoded
-from automaton.evidence.recording.header import resolved_of
-from automaton.evidence.recording.recording_reader import read_recording
-from automaton.evidence.verification.verification import verify_recording
+from automaton.recording.contents import FRAME_KIND_TICKS
+from automaton.recording.frames import Recording, encoded
+from automaton.recording.header import resolved_of
+from automaton.recording.recording_reader import read_recording
 from automaton.runs.headless import run_once
 from automaton.runs.run_report import heading
 from automaton.runs.simulation import Simulation
 from automaton.units import unit
+from automaton.verification.verification import verify_recording
 from automaton.world.resolve import MAX_ALLOCATIONS, Resolved, branched, resolve
 from tui.widgets.inspector import Inspector
 

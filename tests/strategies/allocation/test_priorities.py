@@ -9,8 +9,8 @@ import pytest
 from drawn_scenes import recorded_run, scene
 
 from automaton.errors import InputError
-from automaton.evidence.verification.verification import verify_recording
 from automaton.runs.simulation import Simulation
+from automaton.verification.verification import verify_recording
 from automaton.world.resolve import Resolved
 
 CORRIDOR = "t.......t"

@@ -11,9 +11,9 @@ from played_back import playback_of
 
 from automaton.engine.robot_states import BATTERY_PERCENT
 from automaton.engine.state import GOAL_CHARGE
-from automaton.evidence.verification.verification import verify_recording
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
+from automaton.verification.verification import verify_recording
 from automaton.world.floor_parts import places_of_chargers
 from automaton.world.resolve import Resolved, resolve
 

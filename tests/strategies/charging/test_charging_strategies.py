@@ -9,11 +9,11 @@ from drawn_scenes import recorded_run, scene
 
 from automaton.engine.robot_states import BATTERY_FULL, BATTERY_PERCENT, FAILURE_DEPLETED
 from automaton.engine.state import ACTION_CHARGE, GOAL_CHARGE, GOAL_PICK, NIL
-from automaton.evidence.verification.validator import validate_stored
 from automaton.runs.headless import run_once
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.strategy.lookup import NO_STRATEGY, load, names
+from automaton.verification.validator import validate_stored
 from automaton.world.resolve import resolve
 
 # The charger is at the left end, stations in the middle and at the right end.

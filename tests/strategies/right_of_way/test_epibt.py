@@ -19,8 +19,8 @@ from automaton.engine.state import (
     ORDER_DELIVERED,
 )
 from automaton.errors import InputError
-from automaton.evidence.verification.validator import validate_stored
 from automaton.runs.simulation import Simulation
+from automaton.verification.validator import validate_stored
 from automaton.world.resolve import Resolved, resolve
 from strategies.right_of_way.epibt.epibt_state import (
     FORWARD,

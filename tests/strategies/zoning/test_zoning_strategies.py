@@ -23,11 +23,11 @@ from automaton.engine.state import (
     ORDER_WAITING,
 )
 from automaton.errors import InputError
-from automaton.evidence.verification.validator import validate_stored
-from automaton.evidence.verification.verification import verify_recording
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.strategy.layer import Strategy
+from automaton.verification.validator import validate_stored
+from automaton.verification.verification import verify_recording
 from automaton.world.resolve import document_of, resolve
 from strategies.zoning.monitored import AnnealedZones
 from strategies.zoning.negotiation import DEGREES, REDESIGN

@@ -18,9 +18,9 @@ from zoning_trials import ANNEALED, BRED
 from automaton.engine.facilities import Design
 from automaton.engine.state import NIL
 from automaton.errors import InputError
-from automaton.evidence.recording.recorder import MemoryRecorder
-from automaton.evidence.verification.validator import validate_stored
+from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
+from automaton.verification.validator import validate_stored
 from automaton.world.resolve import resolve
 from strategies.zoning import annealing, genetic
 from strategies.zoning.design_files import design_arrays

@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 from manual_clock import FLEET, ManualClock, clock, live, manual_player, recorded
 
-from automaton.evidence.history.live_run import LiveRun, branch_of
-from automaton.evidence.history.watched_run import Run
-from automaton.evidence.verification.verification import verify
+from automaton.history.live_run import LiveRun, branch_of
+from automaton.history.watched_run import Run
+from automaton.verification.verification import verify
 from tui.playback.playback_state import PlaybackState
 from tui.playback.player import IDLE_S, REWIND, TICKS_PER_S, Player
 from tui.registration import layer_named, layers

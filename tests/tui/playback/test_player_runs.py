@@ -9,8 +9,8 @@ import pytest
 from manual_clock import FLEET, ManualClock, clock, live, manual_player, recorded
 
 from automaton.errors import InputError
-from automaton.evidence.history.breakpoints import breakpoint_of
-from automaton.evidence.history.watched_run import Run
+from automaton.history.breakpoints import breakpoint_of
+from automaton.history.watched_run import Run
 from tui.playback.player import STATE_INTERVAL_S, UNSEEN_S
 
 __all__ = ["clock"]

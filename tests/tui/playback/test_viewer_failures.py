@@ -10,9 +10,9 @@ import pytest
 from manual_clock import FLEET, ManualClock, clock, live, manual_player
 
 from automaton.errors import InputError
-from automaton.evidence.history.keyframes import OBJECT_BYTES, UNCHANGED, Keyframes
-from automaton.evidence.history.live_run import LiveRun, branch_of
-from automaton.evidence.recording.frames import StoredFrames
+from automaton.history.live_run import LiveRun, branch_of
+from automaton.history.playback import OBJECT_BYTES, UNCHANGED, Keyframes
+from automaton.recording.frames import StoredFrames
 from automaton.strategy.layer import Strategy
 from tui.playback import player as player_module
 from tui.playback.player import Player

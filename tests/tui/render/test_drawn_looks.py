@@ -5,8 +5,8 @@ from __future__ import annotations
 from automaton.drawings import cell_looks as drawings
 from automaton.drawings.moment import drawn_floor, moment_of
 from automaton.drawings.palette import COLOURS
-from automaton.evidence.history.snapshot import take_snapshot
 from automaton.floor.cells import CELL_KINDS
+from automaton.history.snapshot import take_snapshot
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
 from tui.playback.run_source import floor_of

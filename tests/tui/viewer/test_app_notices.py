@@ -14,8 +14,8 @@ from action_cases import said
 from viewer_harness import Watched, compared, mini, record, screen_text, viewing
 
 from automaton import atomic_write
-from automaton.evidence.history.watched_run import Run
-from automaton.evidence.recording.recording_reader import read_recording
+from automaton.history.watched_run import Run
+from automaton.recording.recording_reader import read_recording
 from automaton.world.resolve import resolve
 from tui.playback.frame_cache import Pictures
 from tui.playback.run_source import Opening, live, recorded
@@ -108,7 +108,7 @@ def test_a_hint_about_a_layer_goes_when_it_was_followed() -> None:
 
 def test_a_branch_changes_the_title_and_forgets_the_marks_of_the_future_left(folder: Path) -> None:
     async def tell(user: Watched) -> None:
-        from automaton.evidence.history.breakpoints import breakpoint_of
+        from automaton.history.breakpoints import breakpoint_of
 
         for tick in (100, 200):
             await user.at(tick)

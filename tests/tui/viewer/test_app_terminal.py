@@ -17,9 +17,10 @@ from command_in_terminal import KEPT, Session, automaton
 from pseudo_terminal import TRUECOLOR, painted, wrong_cells
 from viewer_harness import record
 
-from automaton.evidence.history.snapshot import take_snapshot
-from automaton.evidence.recording.frames import FRAME_KIND_TICKS, encoded
-from automaton.evidence.recording.recording_reader import read_recording
+from automaton.history.snapshot import take_snapshot
+from automaton.recording.contents import FRAME_KIND_TICKS
+from automaton.recording.frames import encoded
+from automaton.recording.recording_reader import read_recording
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
 from tui.playback.run_source import floor_of

@@ -15,8 +15,8 @@ from textual.screen import ModalScreen
 from textual.widgets import Input, Static
 
 from automaton.errors import InputError
-from automaton.evidence.history.breakpoints import FIELDS
 from automaton.floor.cells import TURNTABLE
+from automaton.history.breakpoints import FIELDS
 from automaton.scenario.quantities import Scale, read_clock
 from tui.screens.branch_dialog import BranchScreen, SettingField, SettingList, settings_of
 from tui.screens.breakpoint_dialog import BreakpointsScreen, Stop, StopList

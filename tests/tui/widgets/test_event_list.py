@@ -27,8 +27,13 @@ from automaton.engine.observation import (
     EVENT_ORDER_TAKEN,
     EVENT_RETREATED,
 )
-from automaton.evidence.history.event_history import AppendLog, Event, EventHistory
-from automaton.evidence.history.event_words import EVENT_GROUPS, event_words
+from automaton.history.event_history import (
+    EVENT_GROUPS,
+    AppendLog,
+    Event,
+    EventHistory,
+    event_words,
+)
 from tui.playback.panel_view import View
 from tui.widgets.event_list import Events, Filter
 from tui.widgets.event_rows import Wanted

@@ -10,8 +10,8 @@ from gate_scenes import gate_scene
 from pod_scenes import pod_scene
 
 from automaton.errors import InputError
-from automaton.evidence.history.event_history import EventHistory
-from automaton.evidence.history.snapshot import take_snapshot
+from automaton.history.event_history import EventHistory
+from automaton.history.snapshot import take_snapshot
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import Resolved
 from tui.screens.find_query import find

@@ -20,7 +20,7 @@ from panel_harness import (
 from textual.pilot import Pilot
 
 from automaton.engine.observation import CAUSE_NO_ORDER, CAUSE_NOT_WAITING, CAUSES
-from automaton.evidence.history.event_history import Curve
+from automaton.history.event_history import Curve
 from automaton.runs.metrics import METRIC_CATALOGUE
 from automaton.units import Unit, percent
 from tui.render.glyphs import ASCII

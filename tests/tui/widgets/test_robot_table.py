@@ -19,7 +19,7 @@ from panel_harness import (
 from textual.pilot import Pilot
 
 from automaton.engine.observation import CAUSE_REDUCED_SPEED
-from automaton.evidence.history.snapshot import Fleet
+from automaton.history.snapshot import Fleet
 from tui.playback.panel_view import View
 from tui.playback.playback_state import Figures
 from tui.widgets.robot_columns import ROBOT_TABLE_COLUMNS, Column, ordered

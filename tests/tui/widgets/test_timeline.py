@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from automaton.engine.observation import CURVE_COLUMNS
-from automaton.evidence.history.event_history import Curve
+from automaton.history.event_history import Curve
 from tui.render import styles
 from tui.render.depth import Depth
 from tui.render.glyphs import ASCII, UNICODE, GlyphSet

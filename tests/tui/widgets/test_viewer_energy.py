@@ -27,15 +27,15 @@ from textual.pilot import Pilot
 from automaton.engine.observation import CAUSES
 from automaton.engine.robot_states import BATTERY_PERCENT, STATUS_FAILED, STATUS_TOWED
 from automaton.engine.state import NIL
-from automaton.evidence.history.charging_words import (
+from automaton.history.explanation import (
     charger_queue,
     charging_at,
+    explain,
     sent_to,
     ticks_to_charge,
 )
-from automaton.evidence.history.explanation import explain
-from automaton.evidence.history.live_run import LiveRun
-from automaton.evidence.history.snapshot import Snapshot, take_snapshot
+from automaton.history.live_run import LiveRun
+from automaton.history.snapshot import Snapshot, take_snapshot
 from automaton.world.resolve import resolve
 from tui.playback.panel_view import View
 from tui.screens.find_query import find

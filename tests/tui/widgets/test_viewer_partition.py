@@ -19,12 +19,11 @@ from automaton.engine.observation import (
 )
 from automaton.engine.state import NIL, ORDER_CARRIED, ORDER_WAITING
 from automaton.errors import InputError
-from automaton.evidence.history.breakpoints import breakpoint_of
-from automaton.evidence.history.event_history import Event, EventHistory
-from automaton.evidence.history.event_words import event_words
-from automaton.evidence.history.explanation import explain
-from automaton.evidence.history.live_run import LiveRun
-from automaton.evidence.history.snapshot import take_snapshot
+from automaton.history.breakpoints import breakpoint_of
+from automaton.history.event_history import Event, EventHistory, event_words
+from automaton.history.explanation import explain
+from automaton.history.live_run import LiveRun
+from automaton.history.snapshot import take_snapshot
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
 from strategies.zoning.service_zone_lines import coloured, partition_picture

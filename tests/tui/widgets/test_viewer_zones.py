@@ -16,8 +16,8 @@ from viewer_harness import mini, record, viewing
 from automaton.engine.observation import CAUSE_REDUCED_SPEED
 from automaton.engine.state import GOAL_PICK, NIL
 from automaton.errors import InputError
-from automaton.evidence.history.snapshot import take_snapshot
 from automaton.floor.traffic_zones import MODES, traffic_zones_of
+from automaton.history.snapshot import take_snapshot
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
 from strategies.routing.astar import FIFO, LARGER_G, TIES

@@ -22,7 +22,7 @@ from panel_harness import (
 from textual.pilot import Pilot
 
 from automaton.engine.observation import CAUSES
-from automaton.evidence.history.snapshot import Fleet
+from automaton.history.snapshot import Fleet
 from tui.widgets.lost_time import CAUSE_LETTERS, drawn, key, split
 from tui.widgets.signs import ASCII, UNICODE, Signs
 from tui.widgets.why_panel import Why

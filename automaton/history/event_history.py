@@ -1,0 +1,256 @@
+"""What happened in a run, as far as it is known: its events, and a few metrics over time.
+
+Both are bounded, however long a run gets: of the metrics, every second row is let go where there
+are too many, of the events the oldest ones.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from automaton.engine import observation as codes
+from automaton.engine.observation import (
+    COUNT_CURVE_ROWS,
+    COUNT_EVENTS,
+    CURVE_COLUMNS,
+    EVENT_DEADLOCK,
+    EVENT_ZONES_REDESIGNED,
+)
+from automaton.engine.robot_states import BATTERY_PERCENT
+from automaton.engine.state import CLOCK_TICK, Array
+from automaton.runs.simulation import Simulation
+
+EVENT_COLUMNS = 5
+MAX_EVENTS: Final = 500_000  # 10 MB
+MAX_TICKS_KEPT: Final = 1000  # of deadlocks, of redesigns
+MAX_CURVE_ROWS: Final = 1 << 18  # of the curve: 3 MB, and every tick of a run of so many
+
+
+class Event(NamedTuple):
+    """One event; `subject` is an order or NIL, `value` depends on the kind (world.waiting)."""
+
+    tick: int
+    code: int
+    robot: int
+    subject: int
+    value: int
+
+
+class Log(NamedTuple):
+    """The rows that are kept; they do not change any more."""
+
+    rows: Array  # (N, columns) int32; the first column holds ticks, ascending
+    dropped: int  # rows before them that are not kept
+
+    def index_at(self, tick: int) -> int:
+        """How many of the rows there are up to and with a tick."""
+        return int(np.searchsorted(self.rows[:, 0], tick, side="right"))
+
+
+class AppendLog:
+    """An array that rows are appended to; readers in other threads see whole rows only.
+
+    Beyond `most` rows, the oldest ones go, half of them at a time.
+    """
+
+    def __init__(self, columns: int, most: int) -> None:
+        self._most = most
+        self._room = np.zeros((1024, columns), np.int32)
+        self.log = Log(self._room[:0], 0)
+
+    def append(self, rows: Array) -> None:
+        """Add rows at the end."""
+        kept, dropped = self.log
+        count = len(kept) + len(rows)
+        if count <= len(self._room):
+            self._room[len(kept) : count] = rows
+        else:
+            going = count - self._most // 2 if count > self._most else 0
+            whole = np.concatenate((kept, rows))[going:]
+            count, dropped = len(whole), dropped + going
+            self._room = np.zeros(
+                (max(count, min(2 * count, self._most)), whole.shape[1]), np.int32
+            )
+            self._room[:count] = whole
+        self.log = Log(self._room[:count], dropped)
+
+
+class Curve(NamedTuple):
+    """Metrics over time: row k tells of tick (k + 1) * every."""
+
+    rows: Array  # (N, CURVE_COLUMNS) int32; columns in world.waiting
+    every: int  # ticks, a power of two
+    ticks: int  # how far it tells
+
+    def at(self, ticks: Array, column: int) -> Array:
+        """A metric at these ticks, or at the last ticks before them of which there is a row.
+
+        0 before the first row.
+        """
+        row = np.minimum(np.asarray(ticks) // self.every, len(self.rows)) - 1
+        if not len(self.rows):
+            return np.zeros(row.shape, np.int64)
+        found: Array = np.where(row >= 0, self.rows[np.maximum(row, 0), column], 0).astype(np.int64)
+        return found
+
+    def until(self, tick: int) -> Curve:
+        """As it was known at a tick."""
+        tick = min(tick, self.ticks)
+        return Curve(self.rows[: tick // self.every], self.every, tick)
+
+
+class DownsampledSeries:
+    """A curve that rows are appended to, one for each tick; it keeps `most` rows at most."""
+
+    def __init__(self, columns: int, most: int) -> None:
+        self._most = most
+        self._rows = AppendLog(columns, most)
+        self.curve = Curve(self._rows.log.rows, 1, 0)
+
+    def append(self, rows: Array) -> None:
+        """Add the rows of the next ticks."""
+        _, every, ticks = self.curve
+        end = ticks + len(rows)
+        while end // every > self._most:
+            thin = self._rows.log.rows[1::2]
+            self._rows = AppendLog(thin.shape[1], self._most)
+            self._rows.append(thin)
+            every *= 2
+        first = every - 1 - ticks % every  # the first of the rows whose tick is a multiple
+        self._rows.append(rows[first::every])
+        self.curve = Curve(self._rows.log.rows, every, end)
+
+
+class EventHistory:
+    """Give it to a simulation as `on_observe`: it takes each tick once, however often it is played."""
+
+    def __init__(self) -> None:
+        self._events = AppendLog(EVENT_COLUMNS, MAX_EVENTS)
+        self._deadlocks = AppendLog(1, MAX_TICKS_KEPT)
+        self._redesigns = AppendLog(1, MAX_TICKS_KEPT)
+        self._curve = DownsampledSeries(CURVE_COLUMNS, MAX_CURVE_ROWS)
+
+    def __call__(self, simulation: Simulation) -> None:
+        """Take what the buffers of an observation hold, and empty them."""
+        observation, last = simulation.observation, int(simulation.world.clock[CLOCK_TICK])
+        rows = int(observation.count[COUNT_CURVE_ROWS])
+        fresh = min(rows, last - self.known)
+        if fresh > 0:
+            self._curve.append(observation.curve[rows - fresh : rows])
+            events = observation.events[: observation.count[COUNT_EVENTS]]
+            events = events[events[:, 0] > last - fresh]
+            self._events.append(events)
+            self._deadlocks.append(events[events[:, 1] == EVENT_DEADLOCK, :1])
+            self._redesigns.append(events[events[:, 1] == EVENT_ZONES_REDESIGNED, :1])
+        simulation.empty_observation()
+
+    @property
+    def known(self) -> int:
+        """The last tick of which it tells."""
+        return self._curve.curve.ticks
+
+    @property
+    def log(self) -> Log:
+        """The events that are kept: (N, 5) int32, ascending ticks: tick, code, robot, subject, value."""
+        return self._events.log
+
+    @property
+    def events(self) -> Array:
+        """The rows of the log."""
+        return self._events.log.rows
+
+    @property
+    def deadlocks(self) -> Array:
+        """(N,) int32: the last ticks at which a wait cycle had lasted too long."""
+        ticks: Array = self._deadlocks.log.rows[:, 0]
+        return ticks
+
+    @property
+    def redesigns(self) -> Array:
+        """(N,) int32: the last ticks in which stations changed their zones."""
+        ticks: Array = self._redesigns.log.rows[:, 0]
+        return ticks
+
+    @property
+    def curve(self) -> Curve:
+        """Robots that wait and work, and deliveries, over time."""
+        return self._curve.curve
+
+    def event(self, index: int) -> Event:
+        """One event of the list."""
+        return event_of(self.events[index])
+
+    def index_at(self, tick: int) -> int:
+        """How many of the kept events there are up to and with a tick."""
+        return self.log.index_at(tick)
+
+
+def event_of(row: Array) -> Event:
+    """A row of a log."""
+    return Event(*(int(value) for value in row))
+
+
+# Events in a few words, and the groups in which they are picked.
+
+
+EVENT_GROUPS: Final = {  # what can be picked in the list of events: name and codes
+    "deliveries": (codes.EVENT_DELIVERED,),
+    "deadlocks": (codes.EVENT_WAIT_CYCLE, codes.EVENT_DEADLOCK),
+    "retreats": (codes.EVENT_RETREATED,),
+    "picks": (codes.EVENT_PICKED, codes.EVENT_DROPPED, codes.EVENT_VISITED),
+    "orders": (codes.EVENT_ORDER_TAKEN, codes.EVENT_ORDER_RETURNED),
+    "parking bays": (codes.EVENT_LEFT_BAY, codes.EVENT_PARKED),
+    "charging": (codes.EVENT_CHARGING,),
+    "faults": (codes.EVENT_DEPLETED, codes.EVENT_FAILED, codes.EVENT_TOWED, codes.EVENT_BACK),
+    "illegal": (codes.EVENT_ILLEGAL_DECISION,),
+    "parts": (codes.EVENT_JOB_DONE, codes.EVENT_PART_FINISHED),
+    "zones": (codes.EVENT_ZONES_REDESIGNED,),
+}
+TEXTS: Final = {
+    codes.EVENT_ORDER_TAKEN: "takes order {subject}",
+    codes.EVENT_PICKED: "picks up load {subject}",
+    codes.EVENT_DROPPED: "drops load {subject}",
+    codes.EVENT_DELIVERED: "delivers load {subject}",
+    codes.EVENT_LEFT_BAY: "leaves its parking bay",
+    codes.EVENT_PARKED: "is parked",
+    codes.EVENT_RETREATED: "retreats {value} step{s}",
+    codes.EVENT_ORDER_RETURNED: "returns order {subject}",
+    codes.EVENT_CHARGING: "charges from {percent}",
+    codes.EVENT_DEPLETED: "battery is empty",
+    codes.EVENT_FAILED: "breaks down",
+    codes.EVENT_TOWED: "is towed",
+    codes.EVENT_BACK: "is back",
+    codes.EVENT_ILLEGAL_DECISION: "illegal decision",
+    codes.EVENT_WAIT_CYCLE: "wait cycle of {value} closes",
+    codes.EVENT_DEADLOCK: "deadlock of {value} robots",
+    codes.EVENT_JOB_DONE: "station {station} is done with part {subject}",
+    codes.EVENT_PART_FINISHED: "part {subject} is finished",
+    codes.EVENT_ZONES_REDESIGNED: "zones redesigned: {value} station{s}",
+    codes.EVENT_VISITED: "does a stop of order {subject}",
+}
+TRIP_TEXTS: Final = TEXTS | {  # where orders are trips of pods
+    codes.EVENT_ORDER_TAKEN: "takes trip {subject}",
+    codes.EVENT_PICKED: "lifts the pod of trip {subject}",
+    codes.EVENT_DELIVERED: "stores the pod of trip {subject}",
+    codes.EVENT_ORDER_RETURNED: "returns trip {subject}",
+    codes.EVENT_VISITED: "was served for trip {subject}",
+}
+SUBJECTS: Final = (
+    codes.EVENT_ORDER_TAKEN,
+    codes.EVENT_PICKED,
+    codes.EVENT_DROPPED,
+    codes.EVENT_DELIVERED,
+    codes.EVENT_ORDER_RETURNED,
+    codes.EVENT_VISITED,
+)
+
+
+def event_words(event: Event, trips: bool = False) -> str:
+    """An event in a few words, without the robot."""
+    plural = "" if event.value == 1 else "s"
+    percent = f"{event.value / BATTERY_PERCENT:.0f} %"
+    words = {"subject": event.subject, "value": event.value, "s": plural, "percent": percent}
+    words["station"] = event.value + 1
+    return (TRIP_TEXTS if trips else TEXTS)[event.code].format(**words)

@@ -1,0 +1,534 @@
+"""A recorder that keeps its frames at hand, so that one can go back while the run goes on."""
+
+from __future__ import annotations
+
+import contextlib
+from array import array
+from collections import deque
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO, Final, NamedTuple, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from automaton.engine.digest import DIGEST_NAMES
+from automaton.engine.state import CLOCK_DIGEST_EVERY, CLOCK_TICK, NIL
+from automaton.errors import InputError
+from automaton.history.playback import Keyframes, Playback
+from automaton.history.watched_run import COMPUTE_SLICE_S, Run
+from automaton.recording.contents import (
+    FRAME_KIND_CONDITIONS,
+    FRAME_KIND_HEADER,
+    FRAME_KIND_TICKS,
+    Content,
+)
+from automaton.recording.frames import FRAME, PREAMBLE, Payload, Recording, StoredFrames, payload_of
+from automaton.recording.header import changed, resolved_of
+from automaton.recording.recorder import BaseRecorder, RecordingFile
+from automaton.runs.headless import attribute_strategy_errors
+from automaton.runs.simulation import Simulation
+from automaton.world.resolve import Resolved, branched
+
+# bytes of frames in memory: millions of ticks of a small fleet
+FRAME_STORE_BYTES: Final = 128 * 1024 * 1024
+NOWHERE: Final = -1  # place of a frame that is in memory, or not kept
+
+
+@dataclass(frozen=True, slots=True)
+class StoredFrame:
+    """One frame of a store; its bytes are fetched when they are asked for."""
+
+    store: FrameStore
+    index: int
+
+    @property
+    def kind(self) -> int:
+        return self.store.kinds[self.index]
+
+    @property
+    def tick(self) -> int:
+        """The last one that it covers."""
+        return self.store.ticks[self.index]
+
+    @property
+    def data(self) -> bytes:
+        """Compressed. Raises InputError if it is not kept, or not on the disk any more."""
+        return self.store.bytes_of(self.index)
+
+
+class FrameStore(Sequence[StoredFrame]):
+    """Frames in their order.
+
+    In memory only those are kept that playing needs, FRAME_KIND_TICKS and FRAME_KIND_CONDITIONS;
+    when the former outgrow the budget, the oldest go: the past begins later then.
+    """
+
+    def __init__(self) -> None:
+        self.budget = FRAME_STORE_BYTES
+        self.kinds = array("b")
+        self.ticks = array("q")
+        self.first = 0  # what was before the ticks after this one is not kept
+        self._place = array("q")  # of its bytes in the file, or NOWHERE
+        self._size = array("q")
+        self._memory: dict[int, bytes | memoryview] = {}
+        self._may_go: deque[int] = deque()  # FRAME_KIND_TICKS frames in memory
+        self._bytes = 0  # of them
+        self._file: BinaryIO | None = None
+
+    def __len__(self) -> int:
+        return len(self._size)  # appended to last
+
+    @overload
+    def __getitem__(self, index: int) -> StoredFrame: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[StoredFrame]: ...
+    def __getitem__(self, index: int | slice) -> StoredFrame | Sequence[StoredFrame]:
+        if isinstance(index, slice):
+            return [StoredFrame(self, at) for at in range(*index.indices(len(self)))]
+        if index >= len(self):
+            raise IndexError(index)
+        return StoredFrame(self, index)
+
+    def read_from(self, path: Path) -> None:
+        """The file that the places of `append` refer to, even when it gets another name or none."""
+        self._file = path.open("rb")
+
+    def append(self, payload: Payload, place: int | None = None) -> None:
+        """Add a frame; `place`: where in the file its bytes begin, None if they are not there."""
+        index = len(self)
+        self.kinds.append(payload.kind)
+        self.ticks.append(payload.tick)
+        self._place.append(NOWHERE if place is None else place)
+        self._size.append(len(payload.data))
+        if place is None and payload.kind in (FRAME_KIND_TICKS, FRAME_KIND_CONDITIONS):
+            self._memory[index] = payload.data
+        if place is None and payload.kind == FRAME_KIND_TICKS:
+            self._may_go.append(index)
+            self._bytes += len(payload.data)
+            self._keep_to_budget()
+
+    def _keep_to_budget(self) -> None:
+        while self._bytes > self.budget and len(self._may_go) > 1:
+            index = self._may_go.popleft()
+            self._bytes -= len(self._memory.pop(index))
+            self.first = self.ticks[index]
+
+    def bytes_of(self, index: int) -> bytes:
+        """The bytes of a frame."""
+        if index in self._memory:
+            return bytes(self._memory[index])
+        place, size = self._place[index], self._size[index]
+        if place == NOWHERE or self._file is None:
+            raise InputError(f"what happened before tick {self.first:,} is not kept any more")
+        self._file.seek(place)
+        data = self._file.read(size)
+        if len(data) < size:
+            raise InputError("the recording has become shorter while it was written", self._name)
+        return data
+
+    @property
+    def _name(self) -> str:
+        return "" if self._file is None else str(self._file.name)
+
+
+DIGEST_TICKS: Final = 64  # digests of every tick would be most of a small fleet's recording
+
+
+class LiveRecorder(BaseRecorder):
+    """Keeps a run's frames: in a file if one is given, otherwise in memory within a budget."""
+
+    digest_every = DIGEST_TICKS
+
+    def __init__(self, resolved: Resolved, seed: int, path: Path | None = None) -> None:
+        """Raises InputError if the file cannot be written."""
+        self._store = FrameStore()
+        self.frames = StoredFrames(self._store)
+        self.write_error = ""  # why the file is not written any more
+        self.file = None if path is None else RecordingFile(path)
+        self._size = PREAMBLE.size  # of the file
+        if self.file is not None:
+            self._store.read_from(self.file.part)
+        super().__init__(resolved, seed)
+
+    @property
+    def first(self) -> int:
+        """The ticks after this one can be played again."""
+        return self._store.first
+
+    def write(self, kind: int, content: Content) -> None:
+        payload = payload_of(kind, content)
+        place = self._written(payload)
+        if kind != FRAME_KIND_HEADER:
+            self._store.append(payload, place)
+
+    def _written(self, payload: Payload) -> int | None:
+        """Where in the file its bytes are; a full disk ends the file, not the run."""
+        if self.file is None or self.write_error:
+            return None
+        place = self._size + FRAME.size
+        try:
+            self.file.write(payload)
+        except OSError as error:
+            self.write_error = f"{self.file.path}: recording has stopped: {error.strerror}"
+            self.abandon()
+            return None
+        self._size = place + len(payload.data)
+        return place
+
+    def abandon(self) -> None:
+        """Write no more; what is there stays as FILE.part, an older FILE as it is."""
+        if self.file is not None:
+            with contextlib.suppress(OSError):  # what could not be written is tried once more
+                self.file.abandon()
+
+    def discard(self) -> None:
+        """Nothing came of this run: leave no file, and an older one alone."""
+        self.abandon()
+        if self.file is not None:
+            self.file.part.unlink(missing_ok=True)
+
+    def close(self) -> None:
+        """Write what is pending and give the file its name."""
+        if self._simulation is not None and not self.ended:
+            self(self._simulation)
+            self.flush()
+        if self.file is not None and not self.write_error:
+            try:
+                self.file.close()
+            except OSError as error:
+                self.write_error = (
+                    f"{self.file.path}: cannot finish the recording: {error.strerror}"
+                )
+
+
+# A run that is computed while it is shown, and how one goes on from the past of another.
+
+
+ZONES = "service_zones."  # arrays of the state that change with the rules
+
+
+class LiveRun(Run):
+    """A simulation under way; with `path` it is recorded there as well."""
+
+    def __init__(self, resolved: Resolved, seed: int, path: Path | None = None) -> None:
+        """Raises InputError if a strategy or the file does not do; no new file is there then."""
+        self.recorder = LiveRecorder(resolved, seed, path)
+        super().__init__(self.recorder.header, self.recorder.frames, resolved)
+        self._repeating = False
+        self._failed = ""
+        try:
+            with attribute_strategy_errors(resolved):
+                self._front = self._observed(resolved, seed)
+            self._keyframes = Keyframes(self._front.world, self._front.observation)
+            self.recorder(self._front)  # the rules of the first tick are there from the beginning
+        except BaseException:
+            self.recorder.discard()
+            raise
+
+    def _observed(self, resolved: Resolved, seed: int) -> Simulation:
+        simulation = Simulation(
+            resolved, seed, on_record=self.recorder, on_observe=self.event_history
+        )
+        simulation.world.clock[CLOCK_DIGEST_EVERY] = DIGEST_TICKS
+        return simulation
+
+    @property
+    def warning(self) -> str:
+        return self.recorder.write_error
+
+    @property
+    def failed(self) -> str:
+        return self._failed
+
+    @property
+    def live(self) -> bool:
+        return not self._failed
+
+    @property
+    def leading_simulation(self) -> Simulation:
+        return self._front
+
+    @property
+    def head(self) -> int:
+        return self._front.tick
+
+    @property
+    def end(self) -> int | None:
+        limit = self.resolved.scenario.stop.max_duration
+        if self._failed or self._front.finished or self._front.tick >= limit:
+            return self._front.tick
+        return None
+
+    @property
+    def keyframes(self) -> Keyframes:
+        return self._keyframes
+
+    def _compute(self, until: int) -> None:
+        if self._failed:
+            return
+        try:
+            with attribute_strategy_errors(self.resolved):
+                self._front.run(until)
+        except InputError as error:
+            self._end_before(str(error))
+            raise
+        except KeyboardInterrupt:
+            self._failed = "given up"  # the state is that of an unfinished tick
+            raise
+        self._forget(self.recorder.first)
+        self._end()
+
+    def _forget(self, first: int) -> None:
+        """Ticks up to this one cannot be played any more: begin with a state after it."""
+        if self._keyframes.ticks[-1] < first:
+            self._keyframes.keep(self._front.world, self._front.observation)
+        self._keyframes.forget_until(first)
+
+    def _end(self) -> None:
+        if self.end is not None and not self._repeating and not self._failed:
+            self.recorder.end()
+
+    def _end_before(self, failure: str) -> None:
+        """A strategy failed in the middle of a tick: the run ends with the tick before."""
+        broken = self._front
+        self.recorder(broken)
+        self.recorder.flush()
+        last = self.frames.last_tick
+        broken.world.clock[CLOCK_TICK] = last  # those of the failed tick are in none of the buffers
+        self.event_history(broken)
+        broken.world.clock[CLOCK_TICK] = last + 1
+        self._failed = failure
+        whole = Playback(self.header, self.frames, self._keyframes)
+        whole.go_to(last)
+        self._front = whole.simulation
+
+    def show(self, tick: int, budget_s: float = COMPUTE_SLICE_S) -> int:
+        if tick < self._front.tick:
+            self._have(tick)
+        return super().show(tick, budget_s)
+
+    def _look_back(self, tick: int) -> None:
+        self._have(tick)
+        super()._look_back(max(tick, self.first))
+
+    def _have(self, tick: int) -> None:
+        """Let frames hold the tick, which may cost the oldest ones their place."""
+        if tick > self.frames.last_tick:
+            self.recorder.flush()
+            self._forget(self.recorder.first)
+
+    def repeat(self, frames: StoredFrames, header: Content, tick: int) -> None:
+        """Compute a recorded past again, its branches included, up to a tick."""
+        self._repeating = True
+        since = NIL  # the rules that hold were entered after this tick
+        while self._front.tick < tick:
+            rules = frames.rules_at(self._front.tick)
+            if rules["tick"] != since:
+                since = rules["tick"]
+                if since or rules["settings"]:
+                    self.change(resolved_of(changed(header, rules)), tuple(rules["settings"]))
+            until = frames.next_rules(since)
+            until = tick if until is None else min(tick, until)
+            if self.give_up():
+                raise InputError("the branch was given up")
+            if not self._advance(until - self._front.tick):
+                break  # the run ends sooner now
+        self._repeating = False
+        self._at = self._front.tick
+
+    def change(self, resolved: Resolved, settings: tuple[str, ...]) -> None:
+        """Go on under other rules from here."""
+        self.resolved = resolved
+        with attribute_strategy_errors(resolved):
+            self._front = self._front.continue_with(resolved)
+        self.recorder.change(self._front, settings)
+
+    def close(self) -> None:
+        self._end()
+        self.recorder.close()
+
+
+def branch_of(run: Run, settings: tuple[str, ...], path: Path | None = None) -> LiveRun:
+    """A live run with the past of `run` up to the shown tick, and other settings from there on.
+
+    The past is computed again with its strategies, so that they remember it. Raises InputError
+    when the settings do not fit, or when this version computes another past.
+    """
+    tick = run.tick
+    other = branched(run.resolved_at(tick), settings)
+    held = run.frames.rules_at(tick)
+    if held["tick"] == tick and held["settings"]:  # this past was branched off there as well
+        settings = (*held["settings"], *settings)
+    branch = LiveRun(resolved_of(run.header), run.header["seed"], path)
+    branch.give_up = run.give_up
+    try:
+        branch.repeat(run.frames, run.header, tick)
+        if not _same_past(branch.leading_simulation, run.shown, held["tick"] == tick):
+            raise InputError(
+                f"computed again with its strategies, the run is another one at tick {tick}: "
+                "it was recorded by another version"
+            )
+        branch.change(other, settings)
+    except BaseException:
+        branch.recorder.discard()
+        raise
+    return branch
+
+
+def _same_past(repeated: Simulation, shown: Simulation, branched_there: bool) -> bool:
+    """Whether two states are one; a run that was branched off there shows zones of its branch."""
+    differ = np.flatnonzero(repeated.digests() != shown.digests())
+    names = [DIGEST_NAMES[index] for index in differ]
+    return not names or (branched_there and all(name.startswith(ZONES) for name in names))
+
+
+# Where two runs part, recorded or live: the first tick at which they did something else.
+
+
+DIFFERENT_START = "the runs differ from the start: another fleet, floor or order list"
+
+
+class Divergence(NamedTuple):
+    """The outcome of a comparison."""
+
+    tick: int | None  # the first that differs; None: none does
+    text: str
+
+
+def first_difference(one: Recording, other: Recording) -> Divergence:
+    """Compare what the robots did, tick by tick; if that is equal, the states, as far as digests tell.
+
+    Raises InputError for a recording in which ticks are missing.
+    """
+    if not _same_start(one.header, other.header):
+        return Divergence(0, DIFFERENT_START)
+    # Frames of their own: the player decodes the others in its thread.
+    mine, its = (StoredFrames(recording.stored().payloads) for recording in (one, other))
+    return _compared(mine, its)
+
+
+def _compared(mine: StoredFrames, its: StoredFrames) -> Divergence:
+    state: int | None = None  # the first tick whose digests differ
+    for begin, end, left, right in _common_stretches(mine, its, 1):
+        acted = _first_action(left, right, begin, end)
+        if acted is not None:
+            return acted
+        state = _first_state(left, right, begin, end) if state is None else state
+    if state is not None:
+        text = "all robots do the same, and only state that shows in no action differs"
+        return Divergence(state, f"{text}, first by tick {state:,}")
+    ends = mine.last_tick, its.last_tick
+    if ends[0] != ends[1]:
+        tick = min(ends) + 1
+        return Divergence(tick, f"the runs are equal up to tick {min(ends):,}, where one ends")
+    return Divergence(None, f"the runs are equal in all {ends[0]:,} ticks")
+
+
+def _same_start(one: Content, other: Content) -> bool:
+    for part in ("robots", "orders", "slots"):
+        if any(not np.array_equal(one[part][name], other[part][name]) for name in one[part]):
+            return False
+    return all(
+        np.array_equal(one["floor"][name], other["floor"][name])
+        for name in ("kind", "exits", "capacity", "bays")
+    )
+
+
+def _common_stretches(
+    one: StoredFrames, other: StoredFrames, tick: int
+) -> Iterator[tuple[int, int, Content, Content]]:
+    """First and last tick of what a frame of the one shares with a frame of the other, from `tick`."""
+    while True:
+        left, right = one.ticks_with(tick), other.ticks_with(tick)
+        if left is None or right is None:
+            return
+        for name, frame in zip("AB", (left, right), strict=True):
+            if frame["first"] > tick:
+                raise InputError(
+                    f"recording {name} has fewer ticks than it says: the file was altered"
+                )
+        end = min(frame["first"] + len(frame["executed"]) - 1 for frame in (left, right))
+        yield tick, end, left, right
+        tick = end + 1
+
+
+def _first_action(one: Content, other: Content, begin: int, end: int) -> Divergence | None:
+    """The first of some ticks in which robots did something else."""
+    did = _rows(one, "executed", begin, end) != _rows(other, "executed", begin, end)
+    acted = np.flatnonzero(did.any(axis=1))
+    if not acted.size:
+        return None
+    return _acted(begin + int(acted[0]), np.flatnonzero(did[acted[0]]))
+
+
+def _acted(tick: int, robots: NDArray[np.intp]) -> Divergence:
+    who = f"robot {robots[0]}" + (f" and {len(robots) - 1} more" if len(robots) > 1 else "")
+    return Divergence(tick, f"the runs differ first at tick {tick:,}: {who}; x goes there")
+
+
+def _first_state(one: Content, other: Content, begin: int, end: int) -> int | None:
+    """The first tick for which both have digests, and these differ."""
+    mine, its = _rows(one, "digests", begin, end), _rows(other, "digests", begin, end)
+    both = mine.any(axis=1) & its.any(axis=1)
+    differ = np.flatnonzero(both & (mine != its).any(axis=1))
+    return begin + int(differ[0]) if differ.size else None
+
+
+def _rows(frame: Content, name: str, begin: int, end: int) -> NDArray[np.uint64]:
+    first = frame["first"]
+    rows: NDArray[np.uint64] = frame[name][begin - first : end + 1 - first]
+    return rows
+
+
+class LiveDivergence:
+    """Looks for the tick at which two live runs part, as far as both are computed.
+
+    As long as positions and operations are the same, no frame is compared, since that would write
+    short frames into the recordings.
+    """
+
+    def __init__(self, one: LiveRun, other: LiveRun) -> None:
+        self._runs = (one, other)
+        same = _same_start(one.header, other.header)
+        self._settled = not same
+        self.result: Divergence | None = None if same else Divergence(0, DIFFERENT_START)
+        self._compared_until = 0
+
+    def look(self) -> Divergence | None:
+        """Compare what is new; None as long as the runs are equal and one goes on."""
+        one, other = (run.leading_simulation for run in self._runs)
+        ended = all(run.end is not None for run in self._runs)
+        tick = min(one.tick, other.tick)
+        if self._settled or not (ended or (tick > self._compared_until and _differ(one, other))):
+            return self.result
+        for run in self._runs:
+            run.recorder.flush()
+        frames = [run.frames for run in self._runs]
+        try:
+            self.result = _compared(*frames) if ended else self._first_new(*frames)
+        except InputError:
+            text = "the runs differ, first in a tick that is not kept any more"
+            self.result = Divergence(None, text)
+        self._settled = self.result is not None
+        self._compared_until = tick
+        return self.result
+
+    def _first_new(self, one: StoredFrames, other: StoredFrames) -> Divergence | None:
+        for begin, end, left, right in _common_stretches(one, other, self._compared_until + 1):
+            acted = _first_action(left, right, begin, end)
+            if acted is not None:
+                return acted
+        return None
+
+
+def _differ(one: Simulation, other: Simulation) -> bool:
+    """Whether robots are elsewhere, or have done something else so far."""
+    if one.tick != other.tick:
+        return False
+    first, second = (simulation.world for simulation in (one, other))
+    mine, its = (world.robots.at_index for world in (first, second))
+    same = np.array_equal(first.robots.cell[mine], second.robots.cell[its])
+    operations = first.tally.operations[mine], second.tally.operations[its]
+    return not (same and np.array_equal(*operations))

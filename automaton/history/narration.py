@@ -1,0 +1,248 @@
+"""Describe what happens in a run in sentences, one a line: for logs and for screen readers.
+
+The words are those of `explain` and of the list of events. A large fleet would flood a reader, so a
+run is described in stretches of STRETCH_TICKS, each in a limited number of sentences. Kinds take
+turns, the gravest first, and what is left out is counted. Nothing depends on time: one run has one text.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from automaton.engine.observation import EVENT_DEADLOCK, is_waiting, waited_ticks
+from automaton.engine.state import NIL, Array
+from automaton.errors import InputError, nearest
+from automaton.history.event_history import EVENT_GROUPS, Event, event_of, event_words
+from automaton.history.explanation import (
+    break_begins,
+    break_begun_words,
+    explain,
+    gate_states,
+    gate_words_of,
+    link_of,
+)
+from automaton.history.snapshot import Snapshot, take_snapshot
+from automaton.history.watched_run import Run
+from automaton.runs.progress import largest_jam
+from automaton.runs.run_diagnosis import describe_jam
+from automaton.runs.simulation import Simulation
+
+STRETCH_TICKS: Final = 100
+SENTENCES: Final = 20  # of a stretch, unless another number is asked for
+WAIT_TICKS: Final = 10  # a wait is reported when it has lasted so long: most are over before
+MAX_CYCLE_NAMED: Final = 8  # robots of a deadlock that are all named
+
+KINDS: Final[tuple[str, ...]] = (  # what can be reported, the gravest first
+    *("faults", "illegal", "deadlocks", "jams", "zones", "gates", "breaks", "waits"),
+    *("deliveries", "parts", "orders", "charging", "retreats", "waits over", "picks"),
+    "parking bays",
+)
+_KIND_OF_CODE: Final = np.full(1 + max(max(group) for group in EVENT_GROUPS.values()), NIL)
+for _name, _codes in EVENT_GROUPS.items():
+    _KIND_OF_CODE[list(_codes)] = KINDS.index(_name)
+
+
+class Scope(NamedTuple):
+    """Which part of a run is described."""
+
+    kinds: frozenset[str] = frozenset(KINDS)
+    sentences: int = SENTENCES  # of a stretch at most
+    first: int = 0  # the tick after which it begins
+
+
+class Stretch(NamedTuple):
+    """The sentences about some ticks."""
+
+    tick: int  # the last of them
+    lines: list[str]
+
+
+def kinds_named(names: Sequence[str]) -> frozenset[str]:
+    """The kinds that were asked for: words with blanks or hyphens; without names, all.
+
+    Raises InputError.
+    """
+    kinds = frozenset(name.strip().replace("-", " ") for name in names)
+    for kind in sorted(kinds - frozenset(KINDS)):
+        known = [name.replace(" ", "-") for name in KINDS]
+        hint = nearest(kind.replace(" ", "-"), known) or f"; there are {', '.join(known)}"
+        raise InputError(f"'{kind}' is not a kind of sentence{hint}", "--only")
+    return kinds or frozenset(KINDS)
+
+
+def narrate(run: Run, scope: Scope) -> Iterator[Stretch]:
+    """Go through a run to its end, and yield the sentences about each stretch when it is over."""
+    narration = Narration(run, scope)
+    while run.tick < scope.first and _go_on(run, scope.first):
+        pass
+    narration.begin()
+    begun = run.tick
+    while _go_on(run, run.tick + 1):
+        narration.look()
+        if run.tick % STRETCH_TICKS == 0:
+            yield narration.take(begun)
+            begun = run.tick
+    if run.tick > begun:
+        yield narration.take(begun)
+
+
+def _go_on(run: Run, tick: int) -> bool:
+    """Compute towards a tick; whether there was any."""
+    before = run.tick
+    return run.show(tick) > before
+
+
+@dataclass
+class Candidates:
+    """Sentences of one kind that may be chosen: the first ones, and how many there were."""
+
+    lines: list[tuple[int, str]] = field(default_factory=list)  # place in the stretch, and text
+    count: int = 0
+
+
+class Narration:
+    """Looks at a run after each tick, and collects sentences."""
+
+    def __init__(self, run: Run, scope: Scope) -> None:
+        self._run, self._scope = run, scope
+        self._seen = 0  # events
+        self._place = 0  # of the next line in its stretch
+        self._candidates: dict[str, Candidates] = {
+            kind: Candidates() for kind in KINDS if kind in scope.kinds
+        }
+        self._reported_waits = np.zeros((0, 2), np.int64)  # robot, and since when it waits
+        self._gates: Array = np.zeros(0, np.int64)
+        self._jammed = False
+        self._snapshot: Snapshot | None = None  # of the present tick
+
+    def begin(self) -> None:
+        """Describe what comes from here on."""
+        log = self._run.event_history.log
+        self._seen = log.dropped + log.index_at(self._run.tick)
+
+    def look(self) -> None:
+        """Note what the tick brought that the run has just come to."""
+        self._snapshot = None
+        simulation = self._run.shown
+        self._note_events()
+        self._note_waits(simulation)
+        self._note_gates(simulation)
+        self._note_breaks(simulation)
+        if self._run.tick % STRETCH_TICKS == 0:
+            self._note_jam(simulation)
+
+    def take(self, begun: int) -> Stretch:
+        """Choose the sentences about the ticks after `begun`, and forget them."""
+        chosen: list[tuple[int, str]] = []
+        for turn in range(self._scope.sentences):
+            for one in self._candidates.values():
+                if turn < len(one.lines) and len(chosen) < self._scope.sentences:
+                    chosen.append(one.lines[turn])
+        lines = [text for _, text in sorted(chosen)]
+        places = {place for place, _ in chosen}
+        left = {
+            kind: one.count - sum(place in places for place, _ in one.lines)
+            for kind, one in self._candidates.items()
+        }
+        if any(left.values()):
+            more = ", ".join(f"{kind} {many:,}" for kind, many in left.items() if many)
+            lines.append(f"ticks {begun + 1:,} to {self._run.tick:,}, left out: {more}")
+        self._candidates = {kind: Candidates() for kind in self._candidates}
+        self._place = 0
+        return Stretch(self._run.tick, lines)
+
+    def _room(self, kind: str, many: int) -> int:
+        """Count so many of a kind; return how many of them may have a sentence."""
+        one = self._candidates.get(kind)
+        if one is None:
+            return 0
+        one.count += many
+        return max(0, min(many, self._scope.sentences - len(one.lines)))
+
+    def _add(self, kind: str, text: str, robot: int = NIL) -> None:
+        who = "" if robot == NIL else f", robot {robot}"
+        text = text.removeprefix(f"robot {robot} ")
+        line = (self._place, f"tick {self._run.tick:,}{who}: {text}")
+        self._candidates[kind].lines.append(line)
+        self._place += 1
+
+    def _moment(self) -> Snapshot:
+        """The present tick; copied only if words are wanted of it."""
+        if self._snapshot is None:
+            self._snapshot = take_snapshot(self._run.shown)
+        return self._snapshot
+
+    def _note_events(self) -> None:
+        log = self._run.event_history.log
+        rows = log.rows[max(0, self._seen - log.dropped) : log.index_at(self._run.tick)]
+        self._seen = log.dropped + log.index_at(self._run.tick)
+        kinds = _KIND_OF_CODE[rows[:, 1]]
+        chosen = []
+        for kind in np.unique(kinds).tolist():
+            at = np.flatnonzero(kinds == kind)
+            chosen += at[: self._room(KINDS[kind], len(at))].tolist()
+        for row in sorted(chosen):
+            event = event_of(rows[row])
+            self._add(KINDS[kinds[row]], self._words(event), event.robot)
+
+    def _words(self, event: Event) -> str:
+        words = event_words(event, trips=len(self._run.shown.world.lines.order) > 0)
+        if event.code == EVENT_DEADLOCK and event.value <= MAX_CYCLE_NAMED:
+            explanation = explain(self._moment(), self._run.floor_plan, event.robot)
+            if explanation.cycle != NIL:
+                words += f", {explanation.lines[-1]}"
+        return words
+
+    def _note_waits(self, simulation: Simulation) -> None:
+        """Waits that have lasted WAIT_TICKS, and the end of those that were reported."""
+        observation, identity = simulation.observation, simulation.world.robots.identity
+        waiting = is_waiting(observation.cause)
+        self._note_ended_waits(simulation, waiting)
+        waited = waited_ticks(observation.cause, observation.since, self._run.tick)
+        long = np.flatnonzero(waiting & (waited == WAIT_TICKS))
+        if not len(long):
+            return
+        robots = np.sort(identity[long])[: self._room("waits", len(long))]
+        for robot in robots.tolist():
+            self._add("waits", link_of(self._moment(), self._run.floor_plan, robot).text, robot)
+        since = np.full(len(robots), self._run.tick - WAIT_TICKS)
+        reported = np.column_stack((robots.astype(np.int64), since))
+        self._reported_waits = np.concatenate((self._reported_waits, reported))
+
+    def _note_ended_waits(self, simulation: Simulation, waiting: Array) -> None:
+        if not len(self._reported_waits):
+            return
+        robots, since = self._reported_waits.T
+        stored = simulation.world.robots.at_index[robots]
+        over = ~waiting[stored] | (simulation.observation.since[stored] != since)
+        room = self._room("waits over", int(over.sum()))
+        for robot, tick in self._reported_waits[over][:room].tolist():
+            self._add("waits over", f"waits no more, after {self._run.tick - tick:,} ticks", robot)
+        self._reported_waits = self._reported_waits[~over]
+
+    def _note_gates(self, simulation: Simulation) -> None:
+        """Closings that begin or end, doors that open or shut, lifts that are called."""
+        states = gate_states(simulation.world)
+        before = self._gates if len(self._gates) else np.zeros_like(states)
+        self._gates = states
+        changed = np.flatnonzero(states != before)
+        if len(changed):
+            for gate in changed[: self._room("gates", len(changed))].tolist():
+                self._add("gates", gate_words_of(self._moment(), gate))
+
+    def _note_breaks(self, simulation: Simulation) -> None:
+        stations = break_begins(simulation.world.pod_stations, self._run.tick)
+        for station in stations[: self._room("breaks", len(stations))].tolist():
+            self._add("breaks", break_begun_words(self._moment(), station))
+
+    def _note_jam(self, simulation: Simulation) -> None:
+        """Report a jam when it is there, and when it has gone."""
+        jam = largest_jam(simulation.world, self._run.floor_plan)
+        if (jam is not None) != self._jammed and self._room("jams", 1):
+            words = describe_jam(jam)
+            self._add("jams", words[0] if words else "the jam has gone")
+        self._jammed = jam is not None

@@ -1,0 +1,322 @@
+"""Keyframes in memory: states of a run to which one can go back.
+
+A state is kept as what differs from the state at tick 0, so that on a large floor only the cells
+count that was reached.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable
+from dataclasses import replace
+from typing import ClassVar, Final, NamedTuple
+
+import msgspec
+import numpy as np
+
+from automaton.engine.decision_stream import ReplayState, repeat
+from automaton.engine.digest import DIGEST_NAMES
+from automaton.engine.observation import Observation
+from automaton.engine.state import CLOCK_TICK, LAYER_NAMES, Array, World
+from automaton.errors import InputError
+from automaton.recording.contents import Content
+from automaton.recording.frames import StoredFrames
+from automaton.recording.header import changed, resolved_of
+from automaton.runs.simulation import Simulation
+from automaton.runs.state_copy import arrays_of_run, copy_clock, ragged_arrays, used_entries
+from automaton.strategy.layer import Strategy, WaitRanges
+from automaton.strategy.lookup import NO_STRATEGY
+from automaton.world.resolve import Resolved
+
+KEYFRAME_BYTES: Final = 256 * 1024 * 1024  # bytes of all keyframes
+OBJECT_BYTES: Final = 200  # of an array besides its values: four fifths of a small fleet's keyframe
+
+
+class Delta(NamedTuple):
+    """An array as its difference from another, or itself if that is shorter."""
+
+    where: Array | None  # flat indices; None: values are all of it
+    values: Array
+
+
+UNCHANGED: Final = Delta(np.zeros(0, np.int32), np.zeros(0, np.int32))  # one for all arrays
+
+
+class Keyframe(NamedTuple):
+    """The state after a tick."""
+
+    tick: int
+    arrays: dict[str, Delta]
+    routes: Array  # the steps of all routes, one after another
+    plans: Array  # likewise the orders of all plans
+    clock: Array
+
+    @property
+    def nbytes(self) -> int:
+        deltas = (delta for delta in self.arrays.values() if delta is not UNCHANGED)
+        parts = [a for delta in deltas for a in delta if a is not None]
+        return sum(
+            part.nbytes + OBJECT_BYTES for part in (*parts, self.routes, self.plans, self.clock)
+        )
+
+
+class Keyframes:
+    """The keyframes of one run, in the order of their ticks; the first is that of tick 0."""
+
+    def __init__(
+        self, world: World, observation: Observation, budget: int = KEYFRAME_BYTES
+    ) -> None:
+        self.budget = budget
+        self.ticks: list[int] = []  # those that can be gone back to at once, ascending
+        arrays = arrays_of_run(world, observation)
+        self._base = {name: array.copy() for name, array in arrays.items()}
+        self._frames: list[Keyframe] = []
+        self._bytes = 0
+        self.keep(world, observation)
+
+    def before(self, tick: int) -> int:
+        """The last of the ticks up to this one. Raises InputError if there is none any more."""
+        place = bisect_right(self.ticks, tick)
+        if not place:
+            raise InputError(f"what happened before tick {self.ticks[0]:,} is not kept any more")
+        return self.ticks[place - 1]
+
+    def keep(self, world: World, observation: Observation) -> None:
+        """Keep the state; when they outgrow the budget, those go that leave the smallest gaps."""
+        tick = int(world.clock[CLOCK_TICK])
+        if self.ticks and tick <= self.ticks[-1]:
+            return
+        arrays = {
+            name: _delta(array, self._base[name])
+            for name, array in arrays_of_run(world, observation).items()
+        }
+        routes, plans = (
+            rows.reshape(-1)[used_entries(rows, used)] for rows, used in ragged_arrays(world)
+        )
+        frame = Keyframe(tick, arrays, routes, plans, world.clock.copy())
+        self._frames.append(frame)
+        self.ticks.append(tick)
+        self._bytes += frame.nbytes
+        while self._bytes > self.budget and len(self._frames) > 2:
+            ticks = np.array(self.ticks)
+            self._drop(1 + int(np.argmin(ticks[2:] - ticks[:-2])))
+
+    def forget_until(self, tick: int) -> None:
+        """States before this tick are of no use any more; the newest one stays."""
+        while len(self.ticks) > 1 and self.ticks[0] < tick:
+            self._drop(0)
+
+    def _drop(self, index: int) -> None:
+        self._bytes -= self._frames.pop(index).nbytes
+        del self.ticks[index]
+
+    def fits(self, tick: int, world: World, observation: Observation) -> bool:
+        """Whether that keyframe has all arrays of a world: not if a branch there has other zones."""
+        frame = self._at(tick)
+        return all(
+            array.shape == self._shape(frame, name)
+            for name, array in arrays_of_run(world, observation).items()
+        )
+
+    def _at(self, tick: int) -> Keyframe:
+        return self._frames[bisect_right(self.ticks, self.before(tick)) - 1]
+
+    def _shape(self, frame: Keyframe, name: str) -> tuple[int, ...]:
+        where, values = frame.arrays[name]
+        shape: tuple[int, ...] = (values if where is None else self._base[name]).shape
+        return shape
+
+    def restore(self, tick: int, world: World, observation: Observation) -> int:
+        """Bring a world to the last keyframe at or before `tick`; returns that keyframe's tick.
+
+        What the keyframe has otherwise (`fits`) stays as it is.
+        """
+        frame = self._at(tick)
+        for name, array in arrays_of_run(world, observation).items():
+            where, values = frame.arrays[name]
+            if array.shape != self._shape(frame, name):
+                continue
+            if where is None:
+                np.copyto(array, values)
+            else:
+                np.copyto(array, self._base[name])
+                array.reshape(-1)[where] = values
+        for (rows, used), values in zip(
+            ragged_arrays(world), (frame.routes, frame.plans), strict=True
+        ):
+            rows.reshape(-1)[used_entries(rows, used)] = values
+        copy_clock(world.clock, frame.clock)
+        return frame.tick
+
+
+def _delta(array: Array, base: Array) -> Delta:
+    if array.shape != base.shape:  # a branch has other zones
+        return Delta(None, array.copy())
+    where = np.flatnonzero(array.reshape(-1) != base.reshape(-1)).astype(np.int32)
+    if not where.size:
+        return UNCHANGED
+    values = array.reshape(-1)[where]
+    if where.nbytes + values.nbytes < array.nbytes:
+        return Delta(where, values)
+    return Delta(None, array.copy())
+
+
+# A recorded run played again from what its strategies had answered; no strategy is needed.
+
+
+FIRST_WORDS = 4096
+
+
+class ReplayStrategy(Strategy):
+    """Decides as recorded; the playback loads the stream into its memory."""
+
+    compiled = repeat
+    layer: ClassVar[str] = ""
+
+    def __init__(self, layer: str, number: int, rules: Content, words: list[np.ndarray]) -> None:
+        super().__init__()
+        self.layer = layer  # type: ignore[misc]
+        self.period = int(rules["period"][number])
+        self.steers = bool(rules["steered"][0])
+        self.watches_chargers = bool(rules["watches_chargers"][0])
+        self._wait: WaitRanges = tuple(int(w) for w in rules["wait"])  # type: ignore[assignment]
+        self._words = words
+
+    def reset(self, view: World) -> ReplayState:
+        return ReplayState.sized(layer=LAYER_NAMES.index(self.layer), words=self._words[0])
+
+    def wait_ranges(self) -> WaitRanges:
+        return self._wait
+
+
+def _last_digest(content: Content, tick: int, until: int) -> int:
+    """The last tick after `tick` and up to `until` of which a frame holds the digests, or `tick`."""
+    first = content["first"]
+    rows = np.flatnonzero(content["digests"][tick + 1 - first : until + 1 - first].any(axis=1))
+    return tick + 1 + int(rows[-1]) if len(rows) else tick
+
+
+class Playback:
+    """A run that can be brought to any tick of its recording, forwards and back.
+
+    `keyframes` may be shared with the run that made them. The frames may grow meanwhile.
+    """
+
+    def __init__(
+        self,
+        header: Content,
+        frames: StoredFrames,
+        keyframes: Keyframes | None = None,
+        on_observe: Callable[[Simulation], None] | None = None,
+    ) -> None:
+        self.header = header
+        self.frames = frames
+        self._on_observe = on_observe or Simulation.empty_observation
+        self._words = [np.zeros(FIRST_WORDS, np.int64)]
+        self._fault: tuple[int, str] | None = None  # tick at which it was found, and what
+        self._loaded: int | None = None  # first tick of the frame in memory
+        self.simulation = self._simulation(self.frames.rules_at(0), None)
+        world, observation = self.simulation.world, self.simulation.observation
+        self.keyframes = Keyframes(world, observation) if keyframes is None else keyframes
+
+    @property
+    def tick(self) -> int:
+        """Ticks played."""
+        return self.simulation.tick
+
+    def go_to(self, tick: int) -> None:
+        """Bring the run to a tick; the last one recorded if there are not so many."""
+        tick = min(tick, self.frames.last_tick)
+        at = self.tick
+        if tick == at:
+            return
+        nearest = self.keyframes.before(tick)
+        if tick < at or nearest > at:
+            self._rebuild_for(nearest)
+            world, observation = self.simulation.world, self.simulation.observation
+            if not self.keyframes.fits(
+                nearest, world, observation
+            ):  # it begins with zones of its own
+                self.simulation = self._simulation(self.frames.rules_at(nearest), None)
+                world, observation = self.simulation.world, self.simulation.observation
+            self.keyframes.restore(nearest, world, observation)
+            self.simulation.update_finished()
+        while self.tick < tick:
+            self._advance(tick)
+        self._rebuild_for(tick)  # as a run shows it that was branched off there
+
+    def _advance(self, tick: int) -> None:
+        """Play to a tick, or to the end of the frame that is in memory."""
+        if self._fault is not None and self.tick >= self._fault[0]:
+            raise InputError(self._fault[1])
+        content = self.frames.ticks_with(self.tick + 1)
+        if content is None or content["first"] > self.tick + 1:
+            raise InputError("the recording has fewer ticks than it says: the file was altered")
+        self._rebuild_for(self.tick)
+        self._load(content)
+        last = min(tick, content["first"] + len(content["executed"]) - 1)
+        self._play(_last_digest(content, self.tick, last))
+        if self.tick >= content["first"]:
+            self._check(content["digests"][self.tick - content["first"]])
+        self._play(last)
+
+    def _play(self, tick: int) -> None:
+        self.simulation.run(until=tick)
+        if self.tick < tick:
+            self._fail(f"the run ends at tick {self.tick}, before its recording does")
+
+    def _check(self, recorded: Array) -> None:
+        """Raises InputError if the state has another digest than was recorded."""
+        if not recorded.any() or list(self.header["digest_names"]) != list(DIGEST_NAMES):
+            return
+        differs = np.flatnonzero(recorded != self.simulation.digests())
+        if len(differs):
+            self._fail(f"{DIGEST_NAMES[differs[0]]} is not as recorded after tick {self.tick}")
+
+    def _fail(self, what: str) -> None:
+        """From here on the recording tells of another run: it is not played any further."""
+        self._fault = (
+            self.tick,
+            f"played again, {what}: the recording was made by another version, or altered",
+        )
+        raise InputError(self._fault[1])
+
+    def _load(self, content: Content) -> None:
+        words = content["decisions"]
+        if content["first"] != self._loaded:
+            if len(words) > len(self._words[0]):
+                self._words[0] = np.zeros(2 * len(words), np.int64)
+                self.simulation = self._simulation(self.frames.rules_at(self.tick), self.simulation)
+            self._words[0][: len(words)] = words
+            self._loaded = content["first"]
+        for state in self.simulation.states:
+            if isinstance(state, ReplayState):
+                state.cursor[0], state.end[0] = 0, len(words)
+
+    def _rebuild_for(self, tick: int) -> None:
+        """Change the rules where the run was branched off."""
+        rules = self.frames.rules_at(tick)
+        if rules["tick"] != self._since:
+            self.simulation = self._simulation(rules, self.simulation)
+
+    def _simulation(self, rules: Content, before: Simulation | None) -> Simulation:
+        self._since = rules["tick"]
+        resolved = self._resolved(rules)
+        return Simulation(
+            resolved,
+            self.header["seed"],
+            on_observe=self._on_observe,
+            strategies=[
+                None
+                if choice.name == NO_STRATEGY
+                else ReplayStrategy(layer, number, rules, self._words)
+                for number, (layer, choice) in enumerate(resolved.choices)
+            ],
+            after=before,
+        )
+
+    def _resolved(self, rules: Content) -> Resolved:
+        """The scenario as it held; everything is seen, since only recorded decisions are given."""
+        resolved = resolved_of(changed(self.header, rules), with_strategies=False)
+        scenario = msgspec.structs.replace(resolved.scenario, information="everything")
+        return replace(resolved, scenario=scenario)

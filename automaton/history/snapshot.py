@@ -1,0 +1,206 @@
+"""What a viewer sees of a run after a tick: copies, by identity, that do not change any more."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, NamedTuple, TypeVar
+
+import numpy as np
+
+from automaton.engine.facilities import (
+    Gates,
+    Lines,
+    Pods,
+    PodStations,
+    ServiceZones,
+    Slots,
+    Stations,
+    Stops,
+    Trips,
+)
+from automaton.engine.jit.structs import CARRIED, Struct
+from automaton.engine.observation import CAUSE_NOT_WAITING, Observation, is_waiting
+from automaton.engine.state import CLOCK_TICK, NIL, Array, Orders, Robots
+from automaton.runs.asked_orders import done_count
+from automaton.runs.simulation import Simulation
+from automaton.world.pods import station_names
+
+S = TypeVar("S", bound=Struct)
+
+
+def by_robot(struct: type[Struct]) -> list[str]:
+    """The arrays of a struct that go with its state, by robot; rows of different lengths aside."""
+    return [
+        name
+        for name, declared in struct._declared.items()
+        if declared.role in CARRIED and declared.extents[:1] == ("n",) and not declared.used
+    ]
+
+
+_FIELDS: Final = by_robot(Robots)
+_OBSERVED: Final = by_robot(Observation)
+
+
+@dataclass(frozen=True)
+class Fleet:
+    """The robots, indexed by identity: the fields of world.robots and of the observation.
+
+    `route_length`: (n,) int32, steps left.
+    """
+
+    __annotations__ = dict.fromkeys([*_FIELDS, *_OBSERVED], "Array")
+
+    if TYPE_CHECKING:
+
+        def __init__(self, **arrays: Array) -> None: ...
+
+        def __getattr__(self, name: str) -> Array: ...
+
+    def __len__(self) -> int:
+        return len(self.cell)
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """The state after a tick."""
+
+    tick: int
+    finished: bool
+    robots: Fleet
+    orders: Orders
+    slots: Slots
+    stations: Stations  # that work on parts
+    pods: Pods
+    lines: Lines
+    trips: Trips
+    stops: Stops
+    pod_stations: PodStations  # to which pods are carried
+    gates: Gates
+    station_names: tuple[str, ...]  # of these
+    pod_names: tuple[str, ...]
+    stride: int  # from a cell to the one below it
+    service_zones: ServiceZones  # that robots serve; its roads are those of the world
+    redesigns: int  # ticks so far in which stations changed their zones
+    selected: int  # the robot whose route and plan are given, or NIL
+    route: Array  # (k,) int32: cells that the selected robot has still to drive through
+    order_queue: Array  # (k,) int32: orders that the selected robot is to do, one after another
+    repairs_in_place: bool  # broken robots are not towed
+    delayed_until: Array  # (n,) int64: the last tick of a robot's delay; (0,): there are no delays
+    curve: Array  # (K, pieces, 2) int32: from this charge on, units that a tick at a charger gives
+    lost_in_zone: Array  # (Z,) int64: ticks that moves took longer because of each slow zone
+    layer: str  # of the map, that was asked for; whoever shows it brings its numbers
+    heat: Array | None = None  # (C,) int32, or None
+    flow: Array | None = None  # (C, 4) int32
+
+
+def take_snapshot(simulation: Simulation, selected: int = NIL, layer: str = "") -> Snapshot:
+    """Copy what a viewer needs from an observed simulation."""
+    world, observation = simulation.world, simulation.observation
+    by_identity = world.robots.at_index
+    fields = {name: getattr(world.robots, name)[by_identity] for name in _FIELDS}
+    fields |= {name: getattr(observation, name)[by_identity] for name in _OBSERVED}
+    fields["route_length"] = (world.robots.route_length - world.robots.route_index)[by_identity]
+    return Snapshot(
+        tick=int(world.clock[CLOCK_TICK]),
+        finished=simulation.finished,
+        robots=Fleet(**fields),
+        orders=_copied(world.orders),
+        slots=_copied(world.slots),
+        stations=_copied(world.stations),
+        pods=_copied(world.pods),
+        lines=_copied(world.lines),
+        trips=_copied(world.trips),
+        stops=_copied(world.stops),
+        pod_stations=_copied(world.pod_stations),
+        gates=_copied(world.gates),
+        station_names=station_names(simulation.resolved),
+        pod_names=simulation.resolved.pod_names,
+        stride=simulation.resolved.floor_plan.stride,
+        service_zones=_copied(world.service_zones).replaced(
+            design=world.service_zones.design.copied()
+        ),
+        redesigns=int(observation.redesigns[0]),
+        selected=selected,
+        route=_route(simulation, selected),
+        order_queue=_plan(simulation, selected),
+        repairs_in_place=len(world.rules.repair_in_place) > 0,
+        delayed_until=world.delays.until.copy(),
+        curve=world.rules.curve,  # it is never written to
+        lost_in_zone=observation.lost_in_zone.copy(),
+        layer=layer,
+    )
+
+
+def _copied(struct: S) -> S:
+    """The same struct over copies of what may change."""
+    changing = [
+        name for name, one in struct._declared.items() if one.role in CARRIED and one.is_array
+    ]
+    return struct.replaced(**{name: getattr(struct, name).copy() for name in changing})
+
+
+def _route(simulation: Simulation, selected: int) -> Array:
+    """(k,) int32: the cells of a robot's remaining route."""
+    robots, grid = simulation.world.robots, simulation.world.grid
+    if not 0 <= selected < len(robots.cell):  # in a comparison the other fleet may be larger
+        return np.zeros(0, np.int32)
+    i = robots.at_index[selected]
+    start = robots.home[i] if robots.cell[i] == NIL else robots.cell[i]
+    start = start if robots.claim[i] == NIL else robots.claim[i]
+    steps = robots.route[i, robots.route_index[i] : robots.route_length[i]]
+    cells: Array = (start + np.cumsum(grid.offset[steps])).astype(np.int32)
+    return cells
+
+
+def _plan(simulation: Simulation, selected: int) -> Array:
+    """(k,) int32: the orders ahead of a robot."""
+    robots = simulation.world.robots
+    if not 0 <= selected < len(robots.cell):
+        return np.zeros(0, np.int32)
+    i = robots.at_index[selected]
+    orders: Array = robots.order_queue[i, : robots.order_queue_length[i]].copy()
+    return orders
+
+
+# How a fleet does at a moment, in a few numbers.
+
+
+class FleetSummary(NamedTuple):
+    """Robots that work, are held up, and form a wait cycle; orders, and lines of which they consist."""
+
+    working: int
+    waiting: int
+    circling: int  # some of those who wait
+    delivered: int
+    orders: int
+    lines_done: int = 0
+    lines: int = 0  # 0: orders do not consist of lines
+
+
+def summarize(snapshot: Snapshot) -> FleetSummary:
+    """Count them. Who is parked or has no order neither works nor waits."""
+    robots = snapshot.robots
+    return _summary(
+        robots.cause, robots.parked, robots.wait_cycle_ticks, snapshot.orders, snapshot.lines
+    )
+
+
+def summary_of(simulation: Simulation) -> FleetSummary:
+    """The same of an observed simulation."""
+    world, observation = simulation.world, simulation.observation
+    cycle = observation.wait_cycle_ticks
+    return _summary(observation.cause, world.robots.parked, cycle, world.orders, world.lines)
+
+
+def _summary(
+    cause: Array, parked: Array, ring: Array, orders: Orders, lines: Lines
+) -> FleetSummary:
+    return FleetSummary(
+        working=int(np.count_nonzero((cause == CAUSE_NOT_WAITING) & (parked == 0))),
+        waiting=int(np.count_nonzero(is_waiting(cause))),
+        circling=int(np.count_nonzero(ring)),
+        delivered=done_count(orders, lines),
+        orders=len(lines.left) if len(lines.order) else len(orders.state),
+        lines_done=int(np.count_nonzero(lines.done != NIL)),
+        lines=len(lines.order),
+    )

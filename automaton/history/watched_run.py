@@ -1,0 +1,191 @@
+"""A run with its past: live or recorded, it can be shown at any tick, and branched off there."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from automaton.floor.floor_plan import FloorPlan
+from automaton.history.event_history import EventHistory
+from automaton.history.playback import Keyframes, Playback
+from automaton.recording.contents import Content
+from automaton.recording.frames import Recording, StoredFrames
+from automaton.recording.header import changed, resolved_of
+from automaton.runs.metrics import metrics_of
+from automaton.runs.simulation import Simulation
+from automaton.world.resolve import Resolved
+
+COMPUTE_SLICE_S = 0.005  # of computing between two looks at the clock
+KEYFRAME_S = 0.03  # of computing between two keyframes: what going back may cost,
+KEYFRAME_TIME_RATIO = 10  # and at least so many times what the last one took
+
+
+class Run:
+    """What is known of a run, and the tick at which it is shown.
+
+    The *front* is where new ticks are computed: the simulation itself, or the first pass over a
+    recording. Another playback shows the past. All of it belongs to one thread; only
+    `event_history` may be read by others.
+    """
+
+    def __init__(self, header: Content, frames: StoredFrames, resolved: Resolved) -> None:
+        self.header = header
+        self.frames = frames
+        self.resolved = resolved
+        self.event_history = EventHistory()
+        self.give_up: Callable[[], bool] = lambda: False  # looked at while a past is computed
+        self._past: Playback | None = None
+        # Ticks that take about COMPUTE_SLICE_S; of a large fleet the first ones take seconds each.
+        self._slice = 1
+        self._since_keyframe = 0.0
+        self._keyframe_took = 0.0
+        self._at = 0
+
+    @property
+    def floor_plan(self) -> FloorPlan:
+        """The floor."""
+        return self.resolved.floor_plan
+
+    @property
+    def tick(self) -> int:
+        """The tick that is shown."""
+        return self._at
+
+    @property
+    def shown(self) -> Simulation:
+        """The simulation in the state of the tick that is shown; not to be run."""
+        if self._past is None or self._at == self.leading_simulation.tick:
+            return self.leading_simulation
+        return self._past.simulation
+
+    @property
+    def warning(self) -> str:
+        """What goes wrong without ending the run, or ""."""
+        return ""
+
+    @property
+    def failed(self) -> str:
+        """Why a strategy cannot go on, which ended the run, or ""."""
+        return ""
+
+    @property
+    def live(self) -> bool:
+        """Whether further ticks can be computed by strategies."""
+        return False
+
+    @property
+    def leading_simulation(self) -> Simulation:
+        """The simulation that is farthest."""
+        raise NotImplementedError
+
+    @property
+    def first(self) -> int:
+        """The first tick that can be shown: 0, unless a long past is not kept whole."""
+        return self.keyframes.ticks[0]
+
+    @property
+    def head(self) -> int:
+        """The last tick that can be shown without computing new ones."""
+        return self.frames.last_tick
+
+    @property
+    def end(self) -> int | None:
+        """The last tick that there will ever be, if that is known."""
+        raise NotImplementedError
+
+    @property
+    def keyframes(self) -> Keyframes:
+        """The states that can be gone back to."""
+        raise NotImplementedError
+
+    def show(self, tick: int, budget_s: float = COMPUTE_SLICE_S) -> int:
+        """Show a tick, or get nearer to it within the budget; returns the tick that is shown."""
+        until = time.perf_counter() + budget_s
+        tick = max(self.first, tick if self.end is None else min(tick, self.end))
+        while True:
+            if tick >= self.leading_simulation.tick:
+                try:
+                    computed = tick > self.leading_simulation.tick and self._advance(
+                        tick - self.leading_simulation.tick
+                    )
+                finally:
+                    self._at = self.leading_simulation.tick
+                if not computed:
+                    return self._at
+            else:
+                self._look_back(tick)
+            if self._at == tick or time.perf_counter() >= until:
+                return self._at
+
+    def extend(self) -> bool:
+        """Compute ticks ahead, some milliseconds of them; False when there are none."""
+        more = self._advance()
+        if self._at != self.leading_simulation.tick:  # it was the front that showed it
+            self._look_back(max(self._at, self.first))
+        return more
+
+    def _advance(self, most: int | None = None) -> bool:
+        """Compute the next ticks, and keep a state from time to time."""
+        before = self.leading_simulation.tick
+        begun = time.perf_counter()
+        self._compute(before + (self._slice if most is None else min(most, self._slice)))
+        took = time.perf_counter() - begun
+        if took < COMPUTE_SLICE_S / 2 and self.leading_simulation.tick - before == self._slice:
+            self._slice *= 2
+        elif took > 2 * COMPUTE_SLICE_S and self._slice > 1:
+            self._slice //= 2
+        self._since_keyframe += took
+        if self._since_keyframe >= max(KEYFRAME_S, KEYFRAME_TIME_RATIO * self._keyframe_took):
+            begun = time.perf_counter()
+            self.keyframes.keep(self.leading_simulation.world, self.leading_simulation.observation)
+            self._since_keyframe, self._keyframe_took = 0.0, time.perf_counter() - begun
+        return self.leading_simulation.tick > before
+
+    def _compute(self, until: int) -> None:
+        raise NotImplementedError
+
+    def _look_back(self, tick: int) -> None:
+        if self._past is None:
+            self._past = Playback(self.header, self.frames, self.keyframes)
+        try:
+            self._past.go_to(tick)
+        finally:
+            self._at = self._past.tick
+
+    def metrics(self) -> dict[str, float | int]:
+        """The metrics of the run up to the tick that is shown."""
+        return metrics_of(self.shown)
+
+    def resolved_at(self, tick: int) -> Resolved:
+        """The scenario that holds in the tick after `tick`, with its strategies."""
+        return resolved_of(changed(self.header, self.frames.rules_at(tick)))
+
+    def close(self) -> None:
+        """Nothing more will be computed."""
+
+
+class RecordedRun(Run):
+    """A recording, whole or cut short."""
+
+    def __init__(self, recording: Recording) -> None:
+        frames = recording.stored()
+        super().__init__(
+            recording.header, frames, resolved_of(recording.header, with_strategies=False)
+        )
+        self.complete = recording.complete
+        self._front = Playback(recording.header, frames, on_observe=self.event_history)
+
+    @property
+    def leading_simulation(self) -> Simulation:
+        return self._front.simulation
+
+    @property
+    def end(self) -> int | None:
+        return self.frames.last_tick
+
+    @property
+    def keyframes(self) -> Keyframes:
+        return self._front.keyframes
+
+    def _compute(self, until: int) -> None:
+        self._front.go_to(until)

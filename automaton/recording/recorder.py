@@ -1,0 +1,274 @@
+"""Recorders: they empty the buffers of a running simulation into frames, in a file or in memory.
+
+with Recorder(path, resolved, seed) as recorder:
+    simulation = Simulation(resolved, seed, on_record=recorder)
+    simulation.run()
+    recorder.end()
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+from types import TracebackType
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from automaton.atomic_write import put_in_place
+from automaton.engine.decision_stream import words_until
+from automaton.engine.digest import DIGEST_NAMES
+from automaton.engine.record_codes import KEYFRAME_TICKS
+from automaton.engine.state import (
+    CLOCK_CHANGE_ROWS,
+    CLOCK_DECISION_WORDS,
+    CLOCK_DIGEST_EVERY,
+    CLOCK_RECORDED_TICKS,
+    CLOCK_TICK,
+    Array,
+    Record,
+)
+from automaton.errors import InputError
+from automaton.recording.contents import (
+    FRAME_KIND_CONDITIONS,
+    FRAME_KIND_END,
+    FRAME_KIND_HEADER,
+    FRAME_KIND_KEYFRAME,
+    FRAME_KIND_TICKS,
+    FRAME_TICKS,
+    KEYFRAME_ARRAYS,
+    Content,
+    Frame,
+)
+from automaton.recording.frames import MAGIC, Chain, Payload, Recording, payload_of, preamble
+from automaton.recording.header import header_of, rules_of, state_of
+from automaton.runs.metrics import metrics_of
+from automaton.runs.simulation import Simulation
+from automaton.world.building import build_world, digest_interval
+from automaton.world.resolve import Resolved
+
+FRAME_SECONDS = 1.0  # what a killed process may lose
+# Of decisions and changes: what a frame holds of those of several calls at most.
+FRAME_BYTES = 16 << 20
+
+Rows = tuple[Array, Array, Array, Array]  # did (T, n), decisions (Y,), changes (X, 4), digests
+
+
+class BaseRecorder:
+    """What all recorders do: give one to Simulation as `on_record`; subclasses `write` frames."""
+
+    digest_every: ClassVar[int | None] = None  # tick that has digests; None: by its size
+
+    def __init__(self, resolved: Resolved, seed: int) -> None:
+        self._start, _ = build_world(resolved, seed)
+        found = header_of(resolved, seed, self._start, DIGEST_NAMES)
+        every = self.digest_every or digest_interval(self._start)
+        self.header = {**found, "digest_every": every}
+        self.ended = False
+        self._simulation: Simulation | None = None
+        self._pending: list[Rows] = []
+        self._first = 1  # tick of the first pending row
+        self._held = 0  # pending ticks
+        self._keyframe_at = 0
+        self._flushed_at = time.monotonic()
+        self.write(FRAME_KIND_HEADER, self.header)
+
+    def write(self, kind: int, content: Content) -> None:
+        """Keep a frame."""
+        raise NotImplementedError
+
+    def __call__(self, simulation: Simulation) -> None:
+        """Take what the buffers of a simulation hold, and empty them."""
+        self._begin(simulation)
+        world, record = simulation.world, simulation.record
+        rows = int(world.clock[CLOCK_RECORDED_TICKS])
+        if rows:
+            if self._held + rows > FRAME_TICKS or self._bytes > FRAME_BYTES:
+                self.flush()
+            self._pending.append(self._rows(world.clock, record, rows))
+            self._held += rows
+        simulation.empty_record()
+        due = time.monotonic() - self._flushed_at >= FRAME_SECONDS
+        if self._held >= FRAME_TICKS or due:
+            self.flush()
+        tick = self._first + self._held - 1
+        if (
+            tick % KEYFRAME_TICKS == 0
+            and tick > self._keyframe_at
+            and world.clock[CLOCK_TICK] == tick
+        ):
+            self.flush()
+            self._keyframe(world)
+
+    @property
+    def _bytes(self) -> int:
+        return sum(part[1].nbytes + part[2].nbytes for part in self._pending)
+
+    def _begin(self, simulation: Simulation) -> None:
+        """Before the first tick: what the strategies of this run asked for, and the state."""
+        if self._simulation is None:
+            rules = rules_of(simulation)
+            self.write(FRAME_KIND_CONDITIONS, {**rules, "tick": 0})
+            self._keyframe(self._start)
+        self._simulation = simulation
+
+    def _rows(self, clock: Array, record: Record, rows: int) -> Rows:
+        # After an interrupt those of an unfinished tick may be there: they are not kept.
+        last = self._first + self._held + rows - 1
+        changes = record.changes[: clock[CLOCK_CHANGE_ROWS]]
+        decisions = record.decisions[
+            : words_until(record.decisions, int(clock[CLOCK_DECISION_WORDS]), last)
+        ]
+        kept = changes[changes[:, 0] <= last].copy()
+        return record.executed[:rows].copy(), decisions.copy(), kept, record.digests[:rows].copy()
+
+    def change(self, simulation: Simulation, settings: tuple[str, ...]) -> None:
+        """The run goes on as `simulation`, in which something was changed after this tick."""
+        self.flush()
+        self._simulation = simulation
+        simulation.world.clock[CLOCK_DIGEST_EVERY] = self.header["digest_every"]
+        self.write(FRAME_KIND_CONDITIONS, rules_of(simulation, settings))
+
+    def flush(self) -> None:
+        """Write the pending ticks as a frame."""
+        self._flushed_at = time.monotonic()
+        if not self._pending:
+            return
+        parts = zip(*self._pending, strict=True)
+        did, decisions, changes, digests = (np.concatenate(part) for part in parts)
+        self._pending = []
+        content = {
+            "first": self._first,
+            "executed": did,
+            "decisions": decisions,
+            "changes": changes,
+            "digests": digests,
+        }
+        self.write(FRAME_KIND_TICKS, content)
+        self._first += len(did)
+        self._held = 0
+
+    def end(self) -> None:
+        """Write the last state, how the run ended and its metrics; nothing comes after it."""
+        if self.ended:
+            return
+        simulation = self._simulation
+        if simulation is not None:
+            self(simulation)
+            self.flush()
+            if simulation.tick > self._keyframe_at:
+                self._keyframe(simulation.world)
+            self.write(
+                FRAME_KIND_END,
+                {
+                    "ticks": simulation.tick,
+                    "finished": simulation.finished,
+                    "digest": simulation.digest,
+                    "metrics": metrics_of(simulation),
+                },
+            )
+        self.ended = True
+
+    def _keyframe(self, world: Any) -> None:
+        state = state_of(world, KEYFRAME_ARRAYS)
+        self._keyframe_at = int(world.clock[CLOCK_TICK])
+        self.write(FRAME_KIND_KEYFRAME, {"tick": self._keyframe_at, **state})
+
+
+class MemoryRecorder(BaseRecorder):
+    """Keeps the frames in a list, for tests and for whoever looks at a run at once."""
+
+    def __init__(self, resolved: Resolved, seed: int | None = None) -> None:
+        self.frames: list[Frame] = []
+        super().__init__(resolved, resolved.scenario.seed if seed is None else seed)
+
+    def write(self, kind: int, content: Content) -> None:
+        if kind != FRAME_KIND_HEADER:
+            self.frames.append(Frame(kind, content))
+
+    def recording(self) -> Recording:
+        """What was recorded so far; the run ends here."""
+        self.end()
+        return Recording(self.header, self.frames, complete=True)
+
+
+def is_recording(path: Path) -> bool:
+    """Whether a file begins as recordings do."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return file.read(len(MAGIC)) == MAGIC
+
+
+class RecordingFile:
+    """The file of a recording under way.
+
+    It grows as FILE.part and takes its name when it is closed, so that a file of that name is
+    replaced only by a run that has an end. Raises InputError if it cannot be written.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self.part = self.path.with_name(self.path.name + ".part")
+        if self.path.is_dir():
+            raise InputError("cannot write the recording: this is a folder", str(path))
+        try:
+            if self.path.exists() and not is_recording(self.path):
+                raise InputError("is not a recording, so it is not replaced by one", str(path))
+            self._file = self.part.open("wb")
+        except OSError as error:
+            raise InputError(f"cannot write the recording: {error.strerror}", str(path)) from None
+        self._file.write(preamble())
+        self._chain = Chain()
+
+    def write(self, payload: Payload) -> None:
+        """Append a frame; it is there even if this process dies."""
+        self._file.write(self._chain.framed(payload))
+        self._file.flush()
+
+    def close(self) -> None:
+        """Give the file its name."""
+        if self._file.closed:
+            return
+        os.fsync(self._file.fileno())
+        self._file.close()
+        put_in_place(self.part, self.path)
+
+    def abandon(self) -> None:
+        """Leave what there is as FILE.part, and an older FILE alone."""
+        self._file.close()
+
+
+class Recorder(BaseRecorder):
+    """Writes a recording to a file. Raises InputError if it cannot be written."""
+
+    def __init__(self, path: str | Path, resolved: Resolved, seed: int) -> None:
+        self._file = RecordingFile(path)
+        super().__init__(resolved, seed)
+
+    def write(self, kind: int, content: Content) -> None:
+        self._file.write(payload_of(kind, content))
+
+    def close(self) -> None:
+        """Give the file its name; without `end` before, it counts as cut short."""
+        self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if kind is None:
+            self.end()
+        elif not self.ended and self._simulation is not None:
+            self(self._simulation)
+            self.flush()
+        if kind is None or issubclass(kind, KeyboardInterrupt):
+            self.close()
+        else:
+            self._file.abandon()  # a run that failed

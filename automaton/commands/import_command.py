@@ -19,11 +19,14 @@ from automaton.atomic_write import atomic_writer
 from automaton.commands.arguments import add_json_argument, note, print_json, whole
 from automaton.commands.layout_arguments import add_layout_arguments, options_of
 from automaton.errors import InputError
-from automaton.exchange.file_kinds import KINDS, kind_of
 from automaton.exchange.floor_readers import READERS, check_options, read_floor
-from automaton.exchange.import_report import ImportReport
-from automaton.exchange.imported_floor import ImportOptions
-from automaton.exchange.imported_scenario import imported_files
+from automaton.exchange.imported_floor import (
+    KINDS,
+    ImportOptions,
+    ImportReport,
+    imported_files,
+    kind_of,
+)
 from automaton.exchange.problem_files import read_problem
 from automaton.runs.console_output import console, print_blocks
 from automaton.units import count

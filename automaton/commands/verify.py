@@ -78,8 +78,7 @@ def progress(ticks: int) -> Iterator[Show]:
 
 def verify_against_problem(args: argparse.Namespace) -> int:
     """Check an output of another program; the first violation decides."""
-    from automaton.exchange.planviz import read_output
-    from automaton.exchange.planviz_rules import verify_output
+    from automaton.exchange.planviz import read_output, verify_output
     from automaton.exchange.problem_files import read_problem
 
     output = read_output(Path(args.file))

@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from automaton.errors import InputError
-from automaton.exchange.file_kinds import KINDS, LIF, OPENTCS, ROS
 from automaton.exchange.graphs.import_graph import import_lif, import_opentcs
 from automaton.exchange.image_floor import read_image_floor
-from automaton.exchange.imported_floor import ImportedFloor, ImportOptions
+from automaton.exchange.imported_floor import KINDS, LIF, OPENTCS, ROS, ImportedFloor, ImportOptions
 
 
 class FloorReader(NamedTuple):

@@ -12,11 +12,25 @@ import numpy as np
 import numpy.typing as npt
 
 from automaton.errors import InputError
-from automaton.exchange.import_report import ImportReport
-from automaton.exchange.imported_floor import ImportedFloor, ImportOptions, check_size
-from automaton.exchange.imported_scenario import ALLOCATION, FREE, ROUTING, WALL
-from automaton.exchange.pixel_cells import PixelCells, cells_of, centres, pieces_of, reach_of
-from automaton.exchange.ros_map import RosMap, read_ros_map
+from automaton.exchange.imported_floor import (
+    ALLOCATION,
+    FREE,
+    ROUTING,
+    WALL,
+    ImportedFloor,
+    ImportOptions,
+    ImportReport,
+    check_size,
+)
+from automaton.exchange.ros_map import (
+    PixelCells,
+    RosMap,
+    cells_of,
+    centres,
+    pieces_of,
+    reach_of,
+    read_ros_map,
+)
 from automaton.floor.cells import DIRECTIONS, EXIT_EAST, EXIT_NORTH, EXIT_SOUTH, EXIT_WEST
 from automaton.units import count
 

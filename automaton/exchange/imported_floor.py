@@ -1,23 +1,326 @@
-"""A floor as read from a file of another program, and as files of ours.
+"""Recognize the files of other programs by what they hold, not by their names.
 
-A reader gets the path and the options of the command, and returns an ImportedFloor: the picture, its
-legend, the other sections of the scenario and the report.
+A file is read whole only by its own reader. Here its first bytes are looked at, of JSON the keys at
+the top; where they say nothing, the name decides whose reader says what is wrong.
 """
 
 from __future__ import annotations
 
 import csv
 import io
+import os
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import Any, Final
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import msgspec
+import numpy as np
+import yaml
 
 from automaton.errors import InputError
-from automaton.exchange.import_report import ImportReport
-from automaton.exchange.imported_scenario import flow
+from automaton.exchange.problem import Problem
 from automaton.floor.drawn_floors import MAX_SIDE
 from automaton.scenario.document import MAX_NODES
+from automaton.units import count, number
+
+MAX_BYTES: Final = 64 * 2**20
+HEAD_BYTES: Final = 65_536
+
+FOLDER: Final = "folder"
+MAP: Final = "map"
+SCEN: Final = "scen"
+LEAGUE: Final = "league"
+LIF: Final = "lif"
+OPENTCS: Final = "opentcs"
+ROS: Final = "ros"
+
+KINDS: Final = {  # kind: what it is called
+    LIF: "VDMA LIF",
+    OPENTCS: "openTCS plant model",
+    ROS: "map of ROS",
+    MAP: "MovingAI map",
+    SCEN: "MovingAI scenario",
+    LEAGUE: "problem of the League of Robot Runners",
+}
+BEGINNINGS: Final = (  # kind, and what its first lines are like
+    (MAP, re.compile(rb"\s*type\s+\w+\s")),
+    (SCEN, re.compile(rb"\s*version\s+\d")),
+    (OPENTCS, re.compile(rb"\s*<")),
+    (
+        ROS,
+        re.compile(rb"(?sm)(?!\s*\{)(?=.*^[ \t]*image[ \t]*:)(?=.*^[ \t]*resolution[ \t]*:)"),
+    ),
+    (ROS, re.compile(rb"P[25]\s|\x89PNG")),  # the image instead of the file that names it
+)
+SUFFIXES: Final = {
+    **{".map": MAP, ".scen": SCEN, ".json": LEAGUE, ".lif": LIF, ".xml": OPENTCS},
+    **{".yaml": ROS, ".yml": ROS},
+}
+LIF_KEYS: Final = frozenset(("layouts", "origins", "metaInformation"))
+BYTE_ORDER_MARK: Final = b"\xef\xbb\xbf"
+
+
+def kind_of(path: Path) -> str:
+    """Return one of the kinds above. Raises InputError for what is not a file, or none of them."""
+    file = str(path)
+    if os.path.isdir(path):
+        return FOLDER
+    if not os.path.exists(path):
+        raise InputError("no such file", file)
+    if not os.path.isfile(path):
+        raise InputError("is not a regular file", file)
+    head = read_bytes(path, HEAD_BYTES, cut=True).removeprefix(BYTE_ORDER_MARK)
+    for kind, beginning in BEGINNINGS:
+        if beginning.match(head):
+            return kind
+    if head.lstrip().startswith(b"{"):
+        return LIF if LIF_KEYS & _top_keys(path, head) else LEAGUE
+    kind = SUFFIXES.get(path.suffix.lower(), "")
+    if not kind:
+        known = ", ".join(KINDS.values())
+        raise InputError(
+            f"is not in one of the formats that are read: {known}, or a folder with map.txt, "
+            "agents_K.csv and tasks_one.csv",
+            file,
+        )
+    return kind
+
+
+def read_bytes(path: Path, most: int = MAX_BYTES, cut: bool = False) -> bytes:
+    """Read a file of at most so many bytes; `cut`: only its beginning. Raises InputError."""
+    try:
+        with path.open("rb") as file:
+            data = file.read(most + (not cut))
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror or error}", str(path)) from None
+    if len(data) > most:
+        raise InputError(f"has more than {most // 2**20} MiB, which is the most", str(path))
+    return data
+
+
+def _top_keys(path: Path, head: bytes) -> set[str]:
+    """Return the keys of a JSON object; those of LIF that its beginning has where it is broken."""
+    content = head if len(head) < HEAD_BYTES else read_bytes(path)
+    try:
+        data: dict[str, Any] = msgspec.json.decode(content, type=dict[str, msgspec.Raw])
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+        return {key for key in LIF_KEYS if f'"{key}"'.encode() in head}
+    return set(data)
+
+
+# The report of an import: what a layout has become, how far off its edges are, and what is lost.
+
+
+MAX_PICTURE: Final = (200, 120)  # columns and rows of a floor that a terminal still shows
+RED: Final = "bold red"
+
+
+class EdgeRow(NamedTuple):
+    """One edge of a graph, and how it is drawn."""
+
+    name: str
+    metres: float
+    cells: int
+    drawn: float  # metres
+    ticks_wanted: float
+    ticks: int
+
+    @property
+    def error(self) -> float:
+        """How much too long it is drawn, as a share of its length."""
+        return self.drawn / self.metres - 1
+
+    def json(self) -> dict[str, Any]:
+        """The row as `--json` has it."""
+        return {
+            "edge": self.name,
+            "metres": round(self.metres, 6),
+            "cells": self.cells,
+            "error_cm": round(100 * (self.drawn - self.metres), 4),
+            "error_percent": round(100 * self.error, 4),
+            "ticks_wanted": round(self.ticks_wanted, 4),
+            "ticks": self.ticks,
+        }
+
+
+@dataclass(frozen=True)
+class ImportReport:
+    """What an import reports, in the words of the file that was read."""
+
+    format: str  # "VDMA LIF 1.0.0"
+    facts: Mapping[str, str | int | float]  # what it has become, by name
+    edges: tuple[EdgeRow, ...] = ()  # the worst first
+    lost: Mapping[str, int] = field(default_factory=dict)  # what was read and not used: how often
+    notes: tuple[str, ...] = ()  # sentences
+    picture: str = ""
+    marks: Mapping[tuple[int, int], str] = field(default_factory=dict)  # (x, y): digit of an edge
+    refusal: str = ""  # why nothing is written
+
+    def json(self) -> dict[str, Any]:
+        """The report as `--json` prints it."""
+        return {
+            "format": self.format,
+            **self.facts,
+            "edges": [row.json() for row in self.edges],
+            "lost": dict(self.lost),
+            "notes": list(self.notes),
+            "refused": self.refusal or None,
+        }
+
+    def lines(self) -> list[str]:
+        """The report as lines of text, but for the picture."""
+        width = max(map(len, self.facts), default=0)
+        lines = [self.format, *(f"  {key:<{width}}  {value}" for key, value in self.facts.items())]
+        if self.edges:
+            lines += ["", *edge_table(self.edges, self.marks)]
+        if self.lost:
+            width = max(map(len, self.lost))
+            lines += ["", "lost", *(f"  {key:<{width}}  {n:,}" for key, n in self.lost.items())]
+        if self.notes:
+            lines += ["", *self.notes]
+        return lines
+
+    def picture_rows(self) -> list[list[tuple[str, str]]]:
+        """The floor, row by row, as (text, style): marks of edges in red. [] if it is too large."""
+        rows = self.picture.splitlines()
+        if len(rows) > MAX_PICTURE[1] or max(map(len, rows), default=0) > MAX_PICTURE[0]:
+            return []
+        return [
+            [(self.marks.get((x, y), symbol), RED * ((x, y) in self.marks)) for x, symbol in row]
+            for y, row in enumerate(map(enumerate, rows))
+        ]
+
+
+def edge_table(edges: tuple[EdgeRow, ...], marks: Mapping[tuple[int, int], str]) -> list[str]:
+    """The table of edges; the first ones with the digits that stand for them in the picture."""
+    marked = set(marks.values())
+    head = ("", "edge", "metres", "cells", "cm", "%", "ticks wanted", "drawn")
+    rows = [head]
+    for place, row in enumerate(edges, 1):
+        rows.append(
+            (
+                str(place) if str(place) in marked else "",
+                row.name,
+                f"{row.metres:.3f}",
+                number(row.cells),
+                f"{_signless(100 * (row.drawn - row.metres), 1)}",
+                f"{_signless(100 * row.error, 2)}",
+                f"{row.ticks_wanted:.2f}",
+                number(row.ticks),
+            )
+        )
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [
+        "  ".join(
+            cell.ljust(width) if place < 2 else cell.rjust(width)
+            for place, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
+
+
+def _signless(value: float, digits: int) -> str:
+    """A number with its sign; 0 has none."""
+    text = f"{value:+.{digits}f}"
+    return text[1:] if not text.strip("+-0.") else text
+
+
+# A problem of another program as files of ours: a scenario, its starts and its tasks.
+#
+# Robots are differential, begin facing east, and take a tick for a move and for a turn; one robot
+# fits in a cell. The strategies are named, so that `--set strategy.right_of_way=...` compares others.
+
+
+ALLOCATION: Final = "greedy"
+ROUTING: Final = "shortest"
+RIGHT_OF_WAY: Final = "pibt"
+FREE, WALL = ".", "#"
+
+
+def imported_files(problem: Problem, stem: str, ticks: int) -> dict[str, str]:
+    """Return the texts of the files STEM.yaml, STEM-starts.csv and STEM.tasks, by name.
+
+    `ticks`: after which a run ends.
+    """
+    starts, tasks = f"{stem}-starts.csv", f"{stem}.tasks"
+    return {
+        starts: starts_text(problem),
+        tasks: tasks_text(problem),
+        f"{stem}.yaml": scenario_text(problem, starts, tasks, ticks),
+    }
+
+
+def scenario_text(problem: Problem, starts: str, tasks: str, ticks: int) -> str:
+    """Return the scenario of a problem; `starts` and `tasks`: the files that it names."""
+    grid = problem.grid
+    size = f"{count(problem.robots, 'robot')} on {grid.width} x {grid.height} cells"
+    orders: dict[str, object] = {"tasks": tasks, "repeat": problem.repeat}
+    if problem.assignment == "pool":
+        orders["revealed"] = problem.revealed
+    orders["assign"] = problem.assignment
+    if problem.skip_reached:
+        orders["skip_reached"] = True
+    fleet = {"robots": problem.robots, "kinematics": "differential", "start": {"file": starts}}
+    strategy = {"allocation": ALLOCATION, "routing": ROUTING, "right_of_way": RIGHT_OF_WAY}
+    sections = {
+        "name": problem.name[:200],
+        "summary": f"{size}, {count(len(problem.tasks), 'task')}, imported.",
+        "fleet": fleet | {"heading": "east"},
+        "durations": {"move": 1, "turn": 1},
+        "orders": orders,
+        "strategy": strategy,
+        "stop": {"when": "never" if problem.repeat else "delivered", "max_duration": ticks},
+        "seed": 1,
+    }
+    lines = [f"{key}: {flow(value)}" for key, value in sections.items()]
+    symbols = np.where(grid.free, FREE, WALL)
+    return "\n".join(
+        [*lines, "layout:", "  picture: |", *(f"    {''.join(r)}" for r in symbols), ""]
+    )
+
+
+def starts_text(problem: Problem) -> str:
+    """Return the starts as a CSV file."""
+    width = problem.grid.width
+    rows = [f"{cell % width},{cell // width}" for cell in problem.starts.tolist()]
+    return "\n".join(["x,y", *rows, ""])
+
+
+def tasks_text(problem: Problem) -> str:
+    """Return the tasks as a file of tasks: a count, then the cells of each."""
+    rows = [",".join(map(str, task)) for task in problem.tasks]
+    return "\n".join([str(len(rows)), *rows, ""])
+
+
+class _PlainDumper(yaml.SafeDumper):
+    """A dumper that writes what is there twice twice, without an alias."""
+
+    def ignore_aliases(self, data: object) -> bool:
+        """Whether data has no alias."""
+        return True
+
+
+def flow(value: object) -> str:
+    """Return a value as YAML in one line."""
+    text: str = yaml.dump(
+        value,
+        Dumper=_PlainDumper,
+        default_flow_style=True,
+        sort_keys=False,
+        width=10**6,
+        allow_unicode=True,
+    )
+    return text.removesuffix("\n").removesuffix("\n...")
+
+
+# A floor as read from a file of another program, and as files of ours.
+#
+# A reader gets the path and the options of the command, and returns an ImportedFloor: the picture,
+# its legend, the other sections of the scenario and the report.
+
 
 MAX_CELLS: Final = 2_000_000  # of a floor that is written: a scenario has 8 MB at most
 MAX_VALUES: Final = MAX_NODES - 10_000  # of sections; the rest is for names and the legend

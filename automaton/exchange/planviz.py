@@ -1,32 +1,92 @@
-"""Outputs of the League of Robot Runners, as PlanViz shows them: one JSON object.
+"""Outputs of the league's first round, 2023, with the keys of those of 2024.
 
-    actionModel        "MAPF_T"                    actualPaths     for each robot "F,R,C,W": forward,
-    version            "2024 LoRR"                                 right, left, wait, tick by tick
-    teamSize           robots                      plannerPaths    as they were planned
-    start              [row, column, "E"], ...     errors          of the planner
-    numTaskFinished                                actualSchedule  for each robot "tick:task,..."
-    sumOfCost          ticks of all robots         events          [tick, robot, task, visits done]
-    makespan           ticks                       tasks           [task, released, [row, column, ...]]
-
-Source: the competition's start kit, Input_Output_Format.md (2024).
+Tasks had one cell each and were dealt out in turn. `tasks` is [task, row, column], numbered as they
+were given to robots; `events` has for each robot [task, tick, "assigned" or "finished"]. There is
+neither `version` nor `actualSchedule`.
 """
 
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import msgspec
 import numpy as np
 import numpy.typing as npt
 
 from automaton.errors import InputError
-from automaton.exchange.planviz_2023 import as_of_2024, is_of_2023
+from automaton.exchange.problem import Problem
 from automaton.scenario.document import Document
 from automaton.scenario.validation import shown, validated
 from automaton.units import count
+
+VERSION_2023: Final = "2023 LoRR"
+ASSIGNED, FINISHED = "assigned", "finished"
+
+
+class Parts2023(msgspec.Struct, rename="camel"):
+    """The keys that mean something else than in 2024."""
+
+    team_size: int
+    events: list[list[tuple[int, int, str]]]
+    tasks: list[tuple[int, int, int]]
+
+
+def is_of_2023(data: dict[str, Any]) -> bool:
+    """Whether an output is of 2023: events come robot by robot."""
+    events = data.get("events")
+    if data.keys() & {"version", "actualSchedule"} or not isinstance(events, list):
+        return False
+    return any(isinstance(one, list) and one and isinstance(one[0], list) for one in events)
+
+
+def as_of_2024(data: dict[str, Any], file: str) -> dict[str, Any]:
+    """Return the output with the keys of 2024; the j-th task of robot r of n becomes task j n + r.
+
+    Raises InputError.
+    """
+    said = validated(Document(data={}, file=file), data, Parts2023)
+    n = said.team_size
+    if len(said.events) != n:
+        raise InputError(f"events has {len(said.events):,} entries, teamSize is {n:,}", file)
+    places = {task: [row, column] for task, row, column in said.tasks}
+    number: dict[int, int] = {}  # by task
+    events, tasks = [], []
+    for robot, entries in enumerate(said.events):
+        following = robot
+        for task, tick, what in entries:
+            if what == ASSIGNED and task in places and task not in number:
+                number[task] = following
+                tasks.append([following, tick, places[task]])
+                following += n
+            elif what == FINISHED and task in number:
+                events.append([tick, robot, number[task], 1])
+            else:
+                text = f"events[{robot}] has {shown([task, tick, what])}: tasks are assigned once"
+                raise InputError(f"{text} and then finished", file)
+    return {
+        **data,
+        "version": VERSION_2023,
+        "actualSchedule": [""] * n,
+        "events": events,
+        "tasks": tasks,
+    }
+
+
+# Outputs of the League of Robot Runners, as PlanViz shows them: one JSON object.
+#
+# actionModel "MAPF_T" actualPaths for each robot "F,R,C,W": forward, version "2024 LoRR" right, left,
+# wait, tick by tick teamSize robots plannerPaths as they were planned start [row, column, "E"], ...
+# errors of the planner numTaskFinished actualSchedule for each robot "tick:task,..." sumOfCost ticks
+# of all robots events [tick, robot, task, visits done] makespan ticks tasks [task, released, [row,
+# column, ...]]
+#
+# Source: the competition's start kit, Input_Output_Format.md (2024).
+
 
 ACTION_MODEL: Final = "MAPF_T"
 VERSION: Final = "2024 LoRR"
@@ -219,3 +279,294 @@ def _schedule(text: str, robot: int, file: str) -> list[tuple[int, int]]:
             sentence = f"actualSchedule: robot {robot} has {shown(entry)}, not 'tick:task'"
             raise InputError(sentence, file) from None
     return sorted(entries, key=lambda pair: pair[0])
+
+
+# A rule that an output breaks: in which tick, and which robots.
+
+
+class Violation(NamedTuple):
+    """The first place where an output breaks a rule."""
+
+    tick: int
+    robots: tuple[int, ...]
+    rule: str  # start, wall, collision, swap, visit, task, release or count
+    text: str
+
+    def __str__(self) -> str:
+        name = "robot" if len(self.robots) == 1 else "robots"
+        robots = f"{name} {' and '.join(map(str, self.robots))} " if self.robots else ""
+        return f"tick {self.tick:,}: {robots}{self.text}"
+
+
+# The rules of tasks and visits that an output of the League of Robot Runners has to keep.
+
+
+@dataclass
+class Progress:
+    """How far tasks and robots are, from event to event."""
+
+    where: list[int]  # (robots,) the cell of a robot's last visit, or its start
+    last_tick: list[int]  # (robots,) of a robot's last visit
+    last_task: list[int]  # (robots,) that a robot finished, with round-robin; NO_TASK: none yet
+    begun: dict[int, int] = field(default_factory=dict)  # robot: the task that it has to go on with
+    robot_of: dict[int, int] = field(default_factory=dict)  # task: the robot of its first visit
+    visits: dict[int, int] = field(default_factory=dict)  # task: visits done
+    finished_at: list[int] = field(default_factory=list)  # tick of each finished task
+
+
+def check_tasks(
+    output: PlanvizOutput, problem: Problem, visited: Sequence[int]
+) -> Violation | None:
+    """Return the first violation of a rule about tasks, or None.
+
+    `visited`: the cell of the robot of each event; negative from where motion breaks a rule.
+    """
+    wrong = min(_wrong_tasks(output, problem), key=lambda one: one.tick, default=None)
+    n = problem.robots
+    progress = Progress(problem.starts.tolist(), [0] * n, [NO_TASK] * n)
+    for event, cell in zip(output.events, visited, strict=True):
+        if cell < 0:
+            break
+        broken = _broken_by(output, problem, progress, event, cell)
+        if broken is not None:
+            return broken if wrong is None or broken.tick <= wrong.tick else wrong
+    else:
+        late = next(_wrong_counts(output, problem, progress), None)
+        if wrong is None or (late is not None and late.tick < wrong.tick):
+            return late
+    return wrong
+
+
+def _wrong_tasks(output: PlanvizOutput, problem: Problem) -> Iterator[Violation]:
+    """Tasks are those of the lines of the problem, repeated."""
+    width, lines = problem.grid.width, problem.tasks
+    for task, (released, places) in output.tasks.items():
+        expected = [divmod(cell, width) for cell in lines[task % len(lines)]]
+        if task < 0 or (not problem.repeat and task >= len(lines)):
+            text = f"task {task} is not one of the {len(lines):,} of the problem"
+            yield Violation(max(0, released), (), "task", text)
+        elif places != expected:
+            cells = "; ".join(f"row {row}, column {column}" for row, column in expected)
+            text = f"task {task} has other cells than those of the problem: {cells}"
+            yield Violation(max(0, released), (), "task", text)
+
+
+def _broken_by(
+    output: PlanvizOutput,
+    problem: Problem,
+    progress: Progress,
+    event: tuple[int, int, int, int],
+    cell: int,
+) -> Violation | None:
+    """Return what is wrong with an event; enter it if nothing is."""
+    tick, robot, task, visit = event
+    released, places = output.tasks[task]
+    done = progress.visits.get(task, 0)
+    row, column = divmod(cell, problem.grid.width)
+    begun = progress.begun.get(robot)
+    robots: tuple[int, ...] = (robot,)
+    if done == len(places):
+        text = f"visits for task {task}, which is finished"
+    elif visit != done + 1:
+        text = f"does visit {visit} of task {task}, of which {done} of {len(places)} are done"
+    elif tick <= released:
+        text = f"visits for task {task}, which is released at the end of tick {released:,}"
+    elif progress.last_tick[robot] == tick:
+        text = f"does a second visit in the tick, for task {task}"
+    elif progress.robot_of.get(task, robot) != robot:
+        robots = (robot, progress.robot_of[task])
+        text = f"both visit for task {task}: it stays with the robot of its first visit"
+    elif begun is not None and begun != task:
+        text = f"visits for task {task} before task {begun}, which it has begun, is finished"
+    elif (row, column) != places[done]:
+        where = f"row {places[done][0]}, column {places[done][1]}"
+        text = f"is in row {row}, column {column}, not in {where} for task {task}"
+    elif not _is_scheduled(output, robot, tick, task):
+        text = f"visits for task {task}, which is not scheduled for it then"
+    elif done == 0 and not _is_next(problem, progress, robot, task):
+        text = f"visits for task {task}, which is not its next one"
+    else:
+        _enter(progress, event, len(places), cell)
+        return None
+    return Violation(tick, robots, "visit", text)
+
+
+def _enter(progress: Progress, event: tuple[int, int, int, int], visits: int, cell: int) -> None:
+    tick, robot, task, visit = event
+    progress.visits[task] = visit
+    progress.robot_of[task] = robot
+    progress.last_tick[robot] = tick
+    progress.where[robot] = cell
+    if visit < visits:
+        progress.begun[robot] = task
+        return
+    progress.begun.pop(robot, None)
+    progress.last_task[robot] = task
+    progress.finished_at.append(tick)
+
+
+def _is_scheduled(output: PlanvizOutput, robot: int, tick: int, task: int) -> bool:
+    """Whether a task is a robot's at the end of a tick; start kits count from this tick or the next."""
+    if output.schedule is None:
+        return True
+    schedule = output.schedule[robot]
+    first = bisect_right(schedule, tick - 1, key=lambda entry: entry[0])
+    now = bisect_right(schedule, tick, key=lambda entry: entry[0])
+    return any(scheduled == task for _, scheduled in schedule[max(0, first - 1) : now])
+
+
+def _is_next(problem: Problem, progress: Progress, robot: int, task: int) -> bool:
+    """Whether a robot may begin a task: with round-robin, tasks are dealt out in turn."""
+    if problem.assignment == "pool":
+        return True
+    n, lines = problem.robots, problem.tasks
+    last = progress.last_task[robot]
+    expected = robot if last == NO_TASK else last + n
+    if task % n != robot or task < expected:
+        return False
+    passed = range(expected, task, n)[: len(lines)]  # then the lines are the same again
+    here = progress.where[robot]
+    return all(problem.skip_reached and lines[one % len(lines)][0] == here for one in passed)
+
+
+def _wrong_counts(
+    output: PlanvizOutput, problem: Problem, progress: Progress
+) -> Iterator[Violation]:
+    """The pool is refilled as tasks are finished; these, ticks and what they cost are counted."""
+    if problem.assignment == "pool" and problem.repeat:
+        ends = [0] * problem.open_tasks + progress.finished_at
+        for task, end in enumerate(ends):
+            released = output.tasks[task][0] if task in output.tasks else None
+            if released != end:
+                said = "missing" if released is None else f"released in tick {released:,}"
+                text = f"task {task} is {said}; the pool takes it in at the end of tick {end:,}"
+                yield Violation(
+                    end if released is None else min(end, released), (), "release", text
+                )
+        if len(output.tasks) > len(ends):
+            text = f"there are {len(output.tasks):,} tasks, {len(ends):,} were released"
+            yield Violation(output.ticks, (), "release", text)
+    if output.finished != len(progress.finished_at):
+        text = f"numTaskFinished is {output.finished:,}"
+        text += f", the events finish {len(progress.finished_at):,}"
+        yield Violation(output.ticks, (), "count", text)
+    if output.makespan != output.ticks:
+        text = f"makespan is {output.makespan:,}, the paths have {count(output.ticks, 'tick')}"
+        yield Violation(output.ticks, (), "count", text)
+    cost = output.robots * output.ticks
+    if output.sum_of_cost != cost:
+        text = f"sumOfCost is {output.sum_of_cost:,}, robots times ticks are {cost:,}"
+        yield Violation(output.ticks, (), "count", text)
+
+
+# Check an output of the League of Robot Runners against its problem, tick by tick.
+#
+# A robot turns by 90 degrees, goes one cell ahead or waits. It stays on free cells, no two robots are
+# in one cell, and no two exchange their cells. A visit is done when the robot is on the cell at the
+# end of a tick, at most one in a tick; the visits of a task are done in turn, by one robot, which
+# does no other task in between. This module shares no code with the engine.
+
+
+STEPS = ((0, 1), (1, 0), (0, -1), (-1, 0))  # (rows, columns) of a step, in the order of HEADINGS
+VACANT = -1
+
+
+class Motion(NamedTuple):
+    """Where an output leads its robots, up to the first violation of a rule of motion."""
+
+    violation: Violation | None
+    visited: npt.NDArray[np.int64]  # (events,) cell of the robot of each event; VACANT after it
+
+
+def verify_output(output: PlanvizOutput, problem: Problem) -> Violation | None:
+    """Return the first violation, or None. Raises InputError if they do not fit each other."""
+    if output.robots != problem.robots:
+        text = f"teamSize is {output.robots:,}, the problem has {count(problem.robots, 'robot')}"
+        raise InputError(text, output.file)
+    motion = follow(output, problem)
+    tasks = check_tasks(output, problem, motion.visited.tolist())
+    violations = [one for one in (_wrong_start(output, problem), motion.violation, tasks) if one]
+    return min(violations, key=lambda one: one.tick, default=None)
+
+
+def _wrong_start(output: PlanvizOutput, problem: Problem) -> Violation | None:
+    """Robots start where the problem says, and face east."""
+    width = problem.grid.width
+    for robot, ((row, column, heading), cell) in enumerate(
+        zip(output.start, problem.starts.tolist(), strict=True)
+    ):
+        if (row, column) != divmod(cell, width) or heading != HEADINGS[0]:
+            said = f"starts in row {row}, column {column}, heading {heading}"
+            return Violation(
+                0, (robot,), "start", f"{said}; the problem says {problem.grid.place(cell)}, E"
+            )
+    return None
+
+
+def follow(output: PlanvizOutput, problem: Problem) -> Motion:
+    """Move all robots tick by tick, until a rule of motion is broken."""
+    height, width = problem.grid.free.shape
+    free = np.zeros((height + 2, width + 2), np.bool_)
+    free[1:-1, 1:-1] = problem.grid.free
+    passable, stride = free.reshape(-1), width + 2
+    step = np.array([rows * stride + columns for rows, columns in STEPS])
+    row, column = (np.array([start[k] for start in output.start]) for k in (0, 1))
+    visited = np.full(len(output.events), VACANT, np.int64)
+    if ((row < 0) | (row >= height) | (column < 0) | (column >= width)).any():
+        return Motion(None, visited)  # the start itself is a violation
+    cell = (row + 1) * stride + column + 1
+    heading = np.array([HEADINGS.index(start[2]) for start in output.start])
+    holder = np.full(passable.size, VACANT, np.int64)
+    event_robot = np.array([event[1] for event in output.events], np.int64)
+    ends = np.searchsorted(
+        [event[0] for event in output.events], np.arange(output.ticks + 1), "right"
+    )
+    for tick, action in enumerate(output.actions, 1):
+        ahead = np.where(action == FORWARD, cell + step[heading], cell)
+        violation = _broken(tick, cell, ahead, passable, holder, stride)
+        if violation is not None:
+            return Motion(violation, visited)
+        heading = (heading + (action == RIGHT) - (action == LEFT)) & 3
+        cell = ahead
+        now = slice(ends[tick - 1], ends[tick])
+        at = cell[event_robot[now]]
+        visited[now] = (at // stride - 1) * width + at % stride - 1
+    return Motion(None, visited)
+
+
+def _broken(
+    tick: int,
+    before: npt.NDArray[np.int64],
+    after: npt.NDArray[np.int64],
+    passable: npt.NDArray[np.bool_],
+    holder: npt.NDArray[np.int64],
+    stride: int,
+) -> Violation | None:
+    """Return the violation of a tick, that of the first robot; `holder`: (cells,) all VACANT, scratch."""
+    robots = np.arange(len(after))
+
+    def place(cell: int) -> str:
+        return f"row {cell // stride - 1}, column {cell % stride - 1}"
+
+    wrong = np.flatnonzero(~passable[after])
+    if len(wrong):
+        robot = int(wrong[0])
+        return Violation(
+            tick, (robot,), "wall", f"goes to {place(int(after[robot]))}, which is not free"
+        )
+    holder[after] = robots
+    wrong = np.flatnonzero(holder[after] != robots)
+    if len(wrong):
+        robot = int(wrong[0])
+        pair = tuple(np.flatnonzero(after == after[robot])[:2].tolist())
+        return Violation(tick, pair, "collision", f"are both in {place(int(after[robot]))}")
+    met = holder[before]  # which robot is now where each one was
+    holder[after] = VACANT
+    swapped = (met != VACANT) & (met != robots)
+    swapped &= after == before[np.where(swapped, met, 0)]
+    wrong = np.flatnonzero(swapped)
+    if len(wrong):
+        robot = int(wrong[0])
+        cells = f"{place(int(before[robot]))} and {place(int(after[robot]))}"
+        return Violation(tick, (robot, int(met[robot])), "swap", f"exchange {cells}")
+    return None

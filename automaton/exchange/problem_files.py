@@ -1,17 +1,323 @@
-"""Find the reader of a problem by what its file is: a folder, JSON, a map or a scenario."""
+"""Problems of MovingAI files alone: the trips of a `.scen`, or random tasks on a `.map`."""
 
 from __future__ import annotations
 
+import random
+import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
-from automaton.errors import InputError
-from automaton.exchange.bare_maps import read_map_problem, read_trips_problem
-from automaton.exchange.file_kinds import FOLDER, KINDS, LEAGUE, MAP, SCEN, kind_of
-from automaton.exchange.problem import Problem
-from automaton.exchange.problem_folder import read_problem_folder
-from automaton.exchange.robot_runners import read_league_problem
+import msgspec
+import numpy as np
+import numpy.typing as npt
+
+from automaton.errors import InputError, nearest
+from automaton.exchange.imported_floor import FOLDER, KINDS, LEAGUE, MAP, SCEN, kind_of
+from automaton.exchange.problem import (
+    Assignment,
+    Cells,
+    GridMap,
+    Listed,
+    Problem,
+    checked,
+    connected_parts,
+    read_map,
+    read_trips,
+)
+from automaton.scenario.document import (
+    Line,
+    content_lines,
+    counted_lines,
+    quoted,
+    read_text,
+    whole_number,
+)
+from automaton.scenario.table_files import read_tasks
+from automaton.scenario.validation import shown
+from automaton.units import count
+
+CELLS_PER_ROBOT: Final = 10  # of the largest part of a map, where the number of robots is left out
+TASKS_PER_ROBOT: Final = 20
+MAX_TASKS: Final = 100_000
+SEED: Final = 1
+
+
+def read_trips_problem(path: Path, robots: int | None = None) -> Problem:
+    """Read a `.scen`: each robot drives from its start to its goal. Raises InputError.
+
+    `robots`: those of the first lines alone, as its authors make fleets of several sizes.
+    """
+    grid, trips = read_trips(path)
+    if robots is not None and robots > len(trips):
+        raise InputError(f"--robots {robots}, but it has {len(trips)} starts", str(path))
+    trips = trips[:robots]
+    listed = Listed(str(path), tuple(trip.line for trip in trips))
+    return checked(
+        Problem(
+            name=path.stem,
+            grid=grid,
+            starts=np.array([trip.start for trip in trips], np.int64),
+            tasks=tuple((trip.goal,) for trip in trips),
+            assignment="round-robin",
+            repeat=False,
+            starts_from=listed,
+            tasks_from=listed,
+        )
+    )
+
+
+def read_map_problem(path: Path, robots: int | None = None) -> Problem:
+    """Read a `.map`, and draw starts and tasks in its largest part. Raises InputError."""
+    return random_problem(path.stem, read_map(path), robots)
+
+
+def random_problem(name: str, grid: GridMap, robots: int | None = None) -> Problem:
+    """Return a problem with random starts and tasks of one cell in the largest part of a map.
+
+    The draws depend on the map and the number of robots alone. Raises InputError.
+    """
+    cells = np.flatnonzero(largest_part(grid.free).reshape(-1)).tolist()
+    n = max(1, len(cells) // CELLS_PER_ROBOT) if robots is None else robots
+    if n > len(cells):
+        text = f"--robots {n}, but the largest part of the map has {len(cells)} free cells"
+        raise InputError(text, grid.file)
+    draw = random.Random(SEED).random
+    starts = sorted(cells, key=lambda _: draw())[:n]
+    goals = [cells[int(draw() * len(cells))] for _ in range(min(TASKS_PER_ROBOT * n, MAX_TASKS))]
+    return checked(
+        Problem(
+            name=name,
+            grid=grid,
+            starts=np.array(starts, np.int64),
+            tasks=tuple((goal,) for goal in goals),
+            assignment="pool",
+            revealed=1.5,
+            starts_from=Listed(grid.file),
+            tasks_from=Listed(grid.file),
+        )
+    )
+
+
+def largest_part(free: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """Return the cells of the largest part of a map that hangs together: (height, width)."""
+    parts = connected_parts(free)
+    sizes = np.bincount(parts.reshape(-1))
+    sizes[0] = 0  # blocked
+    cells: npt.NDArray[np.bool_] = parts == sizes.argmax()
+    return cells
+
+
+# A folder of tables: map.txt, agents_K.csv for fleets of several sizes, tasks_one.csv.
+#
+# map.txt is a MovingAI map. agents_K.csv has the columns `agent id,row,col`. tasks_one.csv has the
+# column `targets`, one cell for each task, row * width + column counted from 0; from 1 where only so
+# all of them are free. Task j of robot r is line j * robots + r, and a robot passes over a task on
+# whose cell it is already.
+#
+# Source: the experiments of A. Yukhnevich and A. Andreychuk, Enhancing PIBT via Multi-Action
+# Operations, AAAI-26.
+
+
+MAP_FILE: Final = "map.txt"
+TASKS: Final = "tasks_one.csv"
+AGENTS: Final = "agents_*.csv"
+AGENT_COLUMNS: Final = ("agent id", "row", "col")
+TASK_COLUMNS: Final = ("targets",)
+
+
+def read_problem_folder(path: Path, robots: int | None = None) -> Problem:
+    """Read the problem of a folder for a fleet of `robots`. Raises InputError."""
+    for name in (MAP_FILE, TASKS):
+        if not (path / name).is_file():
+            raise InputError(f"a folder of a problem must hold {name}", str(path))
+    grid = read_map(path / MAP_FILE)
+    starts, starts_from = _starts(path, robots, grid)
+    tasks, tasks_from = _tasks(path / TASKS, grid)
+    return checked(
+        Problem(
+            name=f"{path.resolve().name}-{len(starts)}",
+            grid=grid,
+            starts=starts,
+            tasks=tasks,
+            assignment="round-robin",
+            skip_reached=True,
+            starts_from=starts_from,
+            tasks_from=tasks_from,
+        )
+    )
+
+
+def fleets_of(path: Path) -> list[int]:
+    """Return for how many robots the folder has starts. Raises InputError."""
+    return sorted(len(_table(file, AGENT_COLUMNS)) for file in path.glob(AGENTS))
+
+
+def _starts(path: Path, robots: int | None, grid: GridMap) -> tuple[Cells, Listed]:
+    """Read the starts of the file that has so many. Raises InputError."""
+    tables = {file: _table(file, AGENT_COLUMNS) for file in sorted(path.glob(AGENTS))}
+    fleets = {len(rows): file for file, rows in tables.items()}
+    if not fleets:
+        raise InputError(f"a folder of a problem must hold {AGENTS.replace('*', 'K')}", str(path))
+    if robots is None and len(fleets) == 1:
+        robots = next(iter(fleets))
+    if robots not in fleets:
+        sizes = ", ".join(map(str, sorted(fleets)))
+        asked = "give --robots" if robots is None else f"--robots {robots} is not possible"
+        raise InputError(f"{asked}: there are starts for {sizes} robots", str(path))
+    file, rows = str(fleets[robots]), tables[fleets[robots]]
+    cells = []
+    for line, values in rows:
+        row, column = (
+            whole_number(text, name, file, line)
+            for name, text in zip(AGENT_COLUMNS[1:], values[1:], strict=True)
+        )
+        if not (0 <= row < grid.height and 0 <= column < grid.width):
+            text = f"the start in row {row}, column {column} lies outside the map "
+            size = f"(rows 0..{grid.height - 1}, columns 0..{grid.width - 1})"
+            raise InputError(text + size, file, line)
+        cells.append(row * grid.width + column)
+    return np.array(cells, np.int64), Listed(file, tuple(line for line, _ in rows))
+
+
+def _tasks(path: Path, grid: GridMap) -> tuple[tuple[tuple[int, ...], ...], Listed]:
+    rows = _table(path, TASK_COLUMNS)
+    numbers = [whole_number(values[0], TASK_COLUMNS[0], str(path), line) for line, values in rows]
+    free = set(np.flatnonzero(grid.free).tolist())
+    different = set(numbers)
+    from_one = not different <= free and {number - 1 for number in different} <= free
+    tasks = tuple((number - from_one,) for number in numbers)
+    return tasks, Listed(str(path), tuple(line for line, _ in rows))
+
+
+def _table(path: Path, columns: tuple[str, ...]) -> list[tuple[int, list[str]]]:
+    """Return the rows below the head of a CSV file, with their lines. Raises InputError."""
+    file, lines = str(path), content_lines(path)
+    head = ",".join(columns)
+    first = lines[0] if lines else Line(1, "")
+    if [name.strip() for name in re.split(",", first.text)] != list(columns):
+        raise InputError(f"its head must be '{head}', found {quoted(first.text)}", file, 1)
+    rows = []
+    for line in lines[1:]:
+        values = line.text.split(",")
+        if len(values) != len(columns):
+            text = f"the line has {len(values)} values, the head names {len(columns)} columns"
+            raise InputError(text, file, line.number)
+        rows.append((line.number, values))
+    if not rows:
+        raise InputError("holds no row below its head", file, first.number)
+    return rows
+
+
+# Problems of the League of Robot Runners: a JSON file that names a map, agents and tasks.
+#
+# {"mapFile": "maps/a.map", "agentFile": "agents/a.agents", "taskFile": "tasks/a.tasks", "teamSize":
+# 2, "numTasksReveal": 1.5, "version": "2024 LoRR"}
+#
+# Files are relative to it. Agents and tasks: lines that begin with # are left out, a count comes
+# first, then a line for each, cells as row * width + column; tasks of 2024 are 1 to 5 cells with
+# commas, in a pool. Those of 2023 are single cells, dealt out in turn (`taskAssignmentStrategy`).
+#
+# Source: the competition's start kit, Input_Output_Format.md; leagueofrobotrunners.org.
+
+
+MAX_TASK_CELLS: Final = 5
+MAX_REVEAL: Final = 1000.0  # tasks open at once for each robot
+STRATEGIES_OF_2023: Final = ("roundrobin", "roundrobin-fixed")
+FILES: Final = {"mapFile": "a map", "agentFile": "the starts", "taskFile": "the tasks"}
+
+
+def read_league_problem(path: Path, robots: int | None = None) -> Problem:
+    """Read a problem of the league; `robots`: the first of its robots alone. Raises InputError."""
+    file, data = str(path), _mapping(path)
+    folder = path.parent
+    for key, meaning in FILES.items():
+        if not isinstance(data.get(key), str) or not data[key]:
+            raise InputError(_missing(data, key, f"the file of {meaning}"), file)
+    team = _number(data, "teamSize", file, integral=True)
+    if robots is not None and robots > team:
+        raise InputError(f"--robots {robots} of a problem for {int(team)} robots", file)
+    grid = read_map(folder / data["mapFile"])
+    starts, starts_from = read_agents(folder / data["agentFile"])
+    if team > len(starts):
+        text = f"teamSize is {int(team)}, but {starts_from.file} has {count(len(starts), 'robot')}"
+        raise InputError(text, file)
+    tasks = read_tasks(folder / data["taskFile"], MAX_TASK_CELLS)
+    assignment, revealed, repeat = _rules(data, file)
+    return checked(
+        Problem(
+            name=path.stem,
+            grid=grid,
+            starts=starts[: int(team) if robots is None else robots],
+            tasks=tasks.tasks,
+            assignment=assignment,
+            revealed=revealed,
+            repeat=repeat,
+            starts_from=starts_from,
+            tasks_from=Listed(tasks.path, tasks.lines),
+        )
+    )
+
+
+def read_agents(path: Path) -> tuple[Cells, Listed]:
+    """Read the starts of a file of agents, and where each stands. Raises InputError."""
+    file = str(path)
+    below = counted_lines(content_lines(path), "agent", file)
+    cells = [whole_number(line.text, "a start", file, line.number) for line in below]
+    return np.array(cells, np.int64), Listed(file, tuple(line.number for line in below))
+
+
+def _mapping(path: Path) -> dict[str, Any]:
+    """Return the JSON object of a file. Raises InputError."""
+    text = read_text(path)
+    try:
+        data = msgspec.json.decode(text)
+    except (msgspec.DecodeError, RecursionError) as error:
+        raise InputError(f"is not valid JSON: {error}", str(path)) from None
+    if not isinstance(data, dict):
+        raise InputError(f"a problem must be a JSON object, found {shown(data)}", str(path))
+    return data
+
+
+def _rules(data: dict[str, Any], file: str) -> tuple[Assignment, float, bool]:
+    """Return how tasks find robots, how many are open for each robot, and whether they repeat."""
+    version = str(data.get("version") or "")
+    if "2024" in version:
+        return "pool", _number(data, "numTasksReveal", file), True
+    if version and "2023" not in version:
+        text = f"version must be '2024 LoRR', or '2023 LoRR' or left out, found {shown(version)}"
+        raise InputError(text, file)
+    strategy = data.get("taskAssignmentStrategy", STRATEGIES_OF_2023[0])
+    if strategy not in STRATEGIES_OF_2023:
+        allowed = " or ".join(STRATEGIES_OF_2023)
+        raise InputError(
+            f"taskAssignmentStrategy must be {allowed} (a problem of 2023), or version "
+            f"'2024 LoRR', found {shown(strategy)}",
+            file,
+        )
+    return "round-robin", 1.0, strategy == STRATEGIES_OF_2023[0]
+
+
+def _number(data: dict[str, Any], key: str, file: str, integral: bool = False) -> float:
+    value = data.get(key)
+    if value is None:
+        raise InputError(_missing(data, key, "a number"), file)
+    kinds = int if integral else (int, float)
+    most = 1_000_000 if integral else MAX_REVEAL
+    if isinstance(value, bool) or not isinstance(value, kinds) or not 1 <= value <= most:
+        kind = "a whole number" if integral else "a number"
+        raise InputError(f"{key} must be {kind} from 1 to {most:,.0f}, found {shown(value)}", file)
+    return float(value)
+
+
+def _missing(data: dict[str, Any], key: str, meaning: str) -> str:
+    if key in data:
+        return f"{key} must be {meaning}, found {quoted(str(data[key]))}"
+    return f"the key '{key}' ({meaning}) is missing{nearest(key, data)}"
+
+
+# Find the reader of a problem by what its file is: a folder, JSON, a map or a scenario.
+
 
 READERS: Final[dict[str, Callable[[Path, int | None], Problem]]] = {
     FOLDER: read_problem_folder,

@@ -12,8 +12,7 @@ from handmade_recordings import recorded
 
 from automaton.commands import main
 from automaton.errors import InputError
-from automaton.exchange.planviz import read_output
-from automaton.exchange.planviz_rules import verify_output
+from automaton.exchange.planviz import read_output, verify_output
 from automaton.exchange.problem_files import read_problem
 from automaton.exports.planviz_export import planviz_output
 from automaton.recording.contents import Frame

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from automaton.exchange.graphs.curves import arc_length, is_nurbs
+from automaton.exchange.graphs.lif import arc_length, is_nurbs
 
 BEZIER = np.array([0.0, 0, 0, 1, 1, 1])
 

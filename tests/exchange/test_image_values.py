@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from automaton.errors import InputError
-from automaton.exchange.image_values import MAX_PIXELS, PNG, read_image
+from automaton.exchange.ros_map import MAX_PIXELS, PNG, read_image
 
 
 def image(folder: Path, content: bytes) -> Path:

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from automaton.commands import main
-from automaton.exchange.imported_scenario import imported_files
+from automaton.exchange.imported_floor import imported_files
 from automaton.exchange.problem_files import read_problem
 from automaton.floor.drawn_floors import draw_floor
 from automaton.scenario.table_files import read_starts

@@ -11,12 +11,10 @@ import pytest
 from lif_layouts import lif, write
 
 from automaton.errors import InputError
-from automaton.exchange.graphs.corners import corners, walk
-from automaton.exchange.graphs.fit import Fit, fit_graph
+from automaton.exchange.graphs.fit import Fit, draw, fit_graph
+from automaton.exchange.graphs.graph import staircase
+from automaton.exchange.graphs.import_graph import corners, largest_part, walk
 from automaton.exchange.graphs.lif import read_lif
-from automaton.exchange.graphs.returning import largest_part
-from automaton.exchange.graphs.roads import staircase
-from automaton.exchange.graphs.symbols import draw
 from automaton.floor.cells import ALL_EXITS, CHARGER, FLOOR, STATION, SYMBOLS, Symbol
 
 RING = {"A": (0.0, 0.0), "B": (4.0, 0.0), "C": (4.0, 2.0), "D": (0.0, 2.0)}

@@ -19,10 +19,9 @@ import pytest
 
 from automaton.commands import main
 from automaton.errors import InputError
-from automaton.exchange.graphs.floor_graph import floor_graph
 from automaton.exchange.graphs.import_graph import import_lif
 from automaton.exchange.imported_floor import ImportOptions
-from automaton.exchange.lif_export import VERSIONS, lif_file
+from automaton.exchange.lif_export import VERSIONS, floor_graph, lif_file
 from automaton.floor.cells import CHARGER, STATION
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.floor_plan import FloorPlan

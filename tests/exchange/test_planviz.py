@@ -10,9 +10,7 @@ import pytest
 
 from automaton.commands import main
 from automaton.errors import InputError
-from automaton.exchange.planviz import read_output
-from automaton.exchange.planviz_rules import verify_output
-from automaton.exchange.planviz_violation import Violation
+from automaton.exchange.planviz import Violation, read_output, verify_output
 from automaton.exchange.problem_files import read_problem
 
 # x 012   Robot 0 begins at (0, 0), robot 1 at (0, 1); both face east.

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from automaton.errors import InputError
-from automaton.exchange.moving_ai import read_map
-from automaton.exchange.problem import Problem, connected_parts
+from automaton.exchange.problem import Problem, connected_parts, read_map
 from automaton.exchange.problem_files import read_problem
 
 # x 0123   a part of its own at x 3, y 2

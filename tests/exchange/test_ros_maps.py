@@ -16,9 +16,8 @@ import pytest
 from automaton.commands import main
 from automaton.errors import InputError
 from automaton.exchange.image_floor import read_image_floor
-from automaton.exchange.image_values import ImageValues
 from automaton.exchange.imported_floor import ImportOptions
-from automaton.exchange.ros_map import classes, read_ros_map
+from automaton.exchange.ros_map import ImageValues, classes, read_ros_map
 from automaton.floor.cells import EAST, NORTH, SOUTH, WEST
 from automaton.scenario.quantities import Fraction
 from automaton.world.resolve import resolve

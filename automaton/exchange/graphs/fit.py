@@ -1,30 +1,189 @@
-"""Choose the size of the cells: the largest with which every edge is drawn about as long as it is.
+"""Draw cells with exactly given exits: as arrows, box-drawing symbols, and symbols of a legend.
 
-error of an edge = cells x cell / length - 1
+A picture closes exits that lead into walls, against arrows, and past the open sides of pockets. A
+cell with one way in and out opens that side alone. A cell with one exit that is entered against it
+from there, and from elsewhere, too, would be one-way: it gets a second exit that leads nowhere.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from automaton.errors import InputError
-from automaton.exchange.graphs.alignment import (
+from automaton.exchange.graphs.graph import (
+    Cell,
+    ConflictError,
     Floats,
+    Graph,
     GridPlaces,
     Integers,
     Placement,
+    Road,
+    Roads,
+    lay_roads,
     on_grid,
     turned,
 )
-from automaton.exchange.graphs.graph import Graph
-from automaton.exchange.graphs.roads import Cell, ConflictError, Roads, lay_roads
-from automaton.exchange.graphs.symbols import Drawing, draw
-from automaton.exchange.imported_floor import MAX_CELLS, check_size
-from automaton.floor.cells import CHARGER, STATION
-from automaton.floor.drawn_floors import MAX_SIDE
+from automaton.exchange.imported_floor import MAX_CELLS, ImportOptions, check_size
+from automaton.floor.cells import (
+    ALL_EXITS,
+    CHARGER,
+    DIRECTION_VECTORS,
+    FLOOR,
+    NO_EXITS,
+    STATION,
+    SYMBOLS,
+    Symbol,
+)
+from automaton.floor.drawn_floors import MAX_SIDE, Legend, draw_floor
+from automaton.floor.floor_drawing import legend_entry
+
+WALL_MARK: Final = "#"
+SINGLE: Final = (1, 2, 4, 8)  # sets of one exit
+# Exits are bits: 1 east, 2 south, 4 west, 8 north.
+BOXES: Final = {
+    5: "─", 10: "│", 3: "┌", 6: "┐", 9: "└", 12: "┘", 11: "├", 14: "┤", 7: "┬", 13: "┴", 15: "┼"
+}  # fmt: skip
+ARROWS: Final = {1: ">", 2: "v", 4: "<", 8: "^"}
+PLAIN: Final = {STATION: "t", CHARGER: "c"}
+POCKETS: Final = {1: "╶", 2: "╷", 4: "╴", 8: "╵"}  # of plain floor
+FURTHER: Final = {  # of a legend, the first ones first; those of SYMBOLS are skipped
+    CHARGER: "zywu987654βδεζηθκλμξ",
+    STATION: "onmlkjhgfea0123πτφχψω",
+    FLOOR: "x*:",  # with no way out
+}
+
+
+@dataclass
+class Drawing:
+    """The picture of a floor and its legend."""
+
+    rows: list[str] = field(default_factory=list)
+    legend: dict[str, Symbol] = field(default_factory=dict)
+
+    @property
+    def picture(self) -> str:
+        """The rows, each with its end of line."""
+        return "".join(f"{row}\n" for row in self.rows)
+
+    @property
+    def entries(self) -> dict[str, dict[str, Any]]:
+        """The legend as a scenario has it."""
+        return {mark: legend_entry(symbol) for mark, symbol in self.legend.items()}
+
+
+def draw(exits: dict[Cell, int], kinds: dict[Cell, int], width: int, height: int) -> Drawing:
+    """Draw cells with their exits; `kinds`: of those that are not floor. Raises ConflictError."""
+    out, cells = Drawing(), _Cells(exits, kinds)
+    rows = [[WALL_MARK] * width for _ in range(height)]
+    for x, y in exits:
+        rows[y][x] = _mark(out, cells.symbol((x, y)), cells.kind((x, y)))
+    out.rows = ["".join(row) for row in rows]
+    _check(out, exits)
+    return out
+
+
+class _Cells:
+    """Cells and their neighbours."""
+
+    def __init__(self, exits: dict[Cell, int], kinds: dict[Cell, int]) -> None:
+        self.exits, self.kinds = exits, kinds
+
+    def kind(self, cell: Cell) -> int:
+        """What a cell is."""
+        return self.kinds.get(cell, FLOOR)
+
+    def entries(self, cell: Cell) -> int:
+        """The sides over which a cell is entered."""
+        sides = 0
+        for direction, (dx, dy) in enumerate(DIRECTION_VECTORS):
+            leaves = self.exits.get((cell[0] + dx, cell[1] + dy), 0)
+            sides |= (leaves >> (direction ^ 2) & 1) << direction
+        return sides
+
+    def is_pocket(self, cell: Cell) -> bool:
+        """Whether a cell has one way in and out."""
+        return self.exits[cell] in SINGLE and self.entries(cell) == self.exits[cell]
+
+    def is_arrow(self, cell: Cell) -> bool:
+        """Whether a cell of plain floor is one-way as it is drawn."""
+        exits = self.exits[cell]
+        is_single = exits in SINGLE and self.kind(cell) == FLOOR
+        return is_single and not exits & self.entries(cell)
+
+    def walls(self, cell: Cell) -> int:
+        """The sides where there is nothing."""
+        beside = ((cell[0] + dx, cell[1] + dy) for dx, dy in DIRECTION_VECTORS)
+        return sum((there not in self.exits) << d for d, there in enumerate(beside))
+
+    def blocked(self, cell: Cell) -> int:
+        """The sides where an exit would lead nowhere: walls, arrows that point here, pockets."""
+        sides = self.walls(cell)
+        for direction, (dx, dy) in enumerate(DIRECTION_VECTORS):
+            there = (cell[0] + dx, cell[1] + dy)
+            facing = 1 << (direction ^ 2)
+            if sides >> direction & 1:
+                continue
+            if self.is_pocket(there):
+                sides |= (not self.exits[there] & facing) << direction
+            elif self.is_arrow(there):
+                sides |= (self.exits[there] == facing) << direction
+        return sides
+
+    def symbol(self, cell: Cell) -> Symbol:
+        """Return the symbol of a cell. Raises ConflictError where no picture can express it."""
+        kind, exits = self.kind(cell), self.exits[cell]
+        is_free = kind in PLAIN and exits | self.walls(cell) == ALL_EXITS
+        if self.is_pocket(cell):
+            if kind == STATION and is_free:
+                return SYMBOLS[PLAIN[kind]]
+            return Symbol(kind, exits, opens=exits)
+        if is_free:
+            return SYMBOLS[PLAIN[kind]]
+        if exits not in SINGLE or not exits & self.entries(cell):
+            return Symbol(kind, exits)
+        second = self.blocked(cell) & ~exits
+        if not second:
+            raise ConflictError(f"the cell {list(cell)} would be entered against its only exit")
+        return Symbol(kind, exits | second & -second)
+
+
+def _mark(out: Drawing, symbol: Symbol, kind: int) -> str:
+    """Return the character of a symbol, and put it into the legend if it needs an entry."""
+    if kind != FLOOR and symbol == SYMBOLS[PLAIN[kind]]:
+        return PLAIN[kind]
+    if kind != FLOOR or symbol.exits == NO_EXITS:
+        known = {entry: mark for mark, entry in out.legend.items()}
+        if symbol in known:
+            return known[symbol]
+        mark = next(mark for mark in FURTHER[kind] if mark not in (*out.legend, *SYMBOLS))
+    elif symbol.opens:
+        mark = POCKETS[symbol.opens]
+    elif symbol.exits in ARROWS:
+        return ARROWS[symbol.exits]
+    else:
+        mark = BOXES[symbol.exits]
+    out.legend[mark] = symbol
+    return mark
+
+
+def _check(out: Drawing, exits: dict[Cell, int]) -> None:
+    """Read the picture again and compare its exits. Raises ConflictError."""
+    legend: Legend = tuple(out.legend.items())
+    plan = draw_floor(out.picture, legend)
+    for (x, y), bits in exits.items():
+        if plan.exits[y + 1, x + 1] != bits:
+            raise ConflictError(f"the exits of the cell {[x, y]} could not be drawn")
+
+
+# Choose the size of the cells: the largest with which every edge is drawn about as long as it is.
+#
+# error of an edge = cells x cell / length - 1
+
 
 CANDIDATES: Final = tuple(Fraction(k, 20) for k in range(40, 1, -1))  # 2.00, 1.95, ... 0.10 m
 EXACT: Final = 1e-9  # an error that rounding alone makes
@@ -138,3 +297,95 @@ def _laid_out(graph: Graph, placement: Placement, places: GridPlaces) -> Layout:
     kinds = {roads.node_cells[node]: STATION for one in graph.stations for node in one.nodes}
     kinds |= {roads.node_cells[node]: CHARGER for node in graph.chargers}
     return Layout(roads, kinds, draw(roads.exits, kinds, places.width, places.height))
+
+
+# Ticks for the edges of a graph: how long a move is on each, and which have a speed limit.
+
+
+MAX_MOVE: Final = 10_000  # ticks
+MAX_LIMITS: Final = 14  # different speed limits that a floor may have
+DECIMALS: Final = 12
+
+
+class Speeds(NamedTuple):
+    """The speeds of robots and edges, in m/s, and the ticks of a move at each."""
+
+    cell: Fraction  # metres
+    tick: Fraction  # seconds
+    fastest: Fraction
+    of_edge: tuple[Fraction, ...]  # (edges,) at most the fastest
+
+    def ticks(self, speed: Fraction) -> int:
+        """Ticks of a move at a speed, rounded."""
+        return int(self.cell / (speed * self.tick) + Fraction(1, 2))
+
+    def wanted(self, graph: Graph, edge: int) -> float:
+        """Ticks that an edge takes as it is in the file."""
+        return float(graph.edges[edge].metres / (float(self.of_edge[edge]) * float(self.tick)))
+
+
+def speeds_of(graph: Graph, cell: Fraction, options: ImportOptions) -> Speeds:
+    """Return the speeds on a graph. Raises InputError without a speed, or a tick that suits."""
+    known = [edge.speed for edge in graph.edges if edge.speed]
+    robots = [robot.speed for robot in graph.vehicles if robot.speed]
+    default = options.speed
+    if default is None and (known or robots):
+        default = exact(max(known or robots))
+    if default is None:
+        raise InputError("gives no speed: set --speed, such as 1m/s", graph.file)
+    as_written = {speed: exact(speed) for speed in set(known)}
+    of_edge = [as_written[edge.speed] if edge.speed else default for edge in graph.edges]
+    fastest = max(of_edge)
+    if robots and len(robots) == len(graph.vehicles):
+        fastest = min(fastest, exact(max(robots)))
+    tick = rounded(options.tick or cell / fastest)
+    speeds = Speeds(cell, tick, fastest, tuple(min(speed, fastest) for speed in of_edge))
+    _check_ticks(graph, speeds)
+    return speeds
+
+
+def _check_ticks(graph: Graph, speeds: Speeds) -> None:
+    """Raises InputError where a move would take no tick, or too many."""
+    if not speeds.tick or speeds.ticks(speeds.fastest) < 1:
+        text = f"a move at {text_of(speeds.fastest)} m/s would be less than half a tick of "
+        raise InputError(f"{text}{float(speeds.tick):g} s: give a smaller --tick", graph.file)
+    slowest = min(speeds.of_edge)
+    robots = [(exact(one.speed), f"robot {one.name}") for one in graph.vehicles if one.speed]
+    edge = graph.edges[speeds.of_edge.index(slowest)].name
+    for speed, what in (*robots, (slowest, f"the edge {edge}")):
+        if speeds.ticks(speed) > MAX_MOVE:
+            text = f"{what} has a speed of {float(speed):.3g} m/s: a move would take more than "
+            raise InputError(f"{text}{MAX_MOVE:,} ticks; give a larger --tick", graph.file)
+
+
+def limits_of(roads: list[Road], speeds: Speeds) -> tuple[list[Fraction], int]:
+    """Return the speed on each road, and how many different limits were put together.
+
+    On a road it is that of its slowest edge. Of more than MAX_LIMITS different limits, neighbours
+    become one, the lower of them.
+    """
+    of_road = [min(speeds.of_edge[edge] for edge in road.edges) for road in roads]
+    slow = sorted({speed for speed in of_road if speed < speeds.fastest})
+    if len(slow) <= MAX_LIMITS:
+        return of_road, 0
+    lowest: dict[int, Fraction] = {}
+    together = {}
+    for place, speed in enumerate(slow):
+        together[speed] = lowest.setdefault(place * MAX_LIMITS // len(slow), speed)
+    return [together.get(speed, speed) for speed in of_road], len(slow)
+
+
+def exact(value: float) -> Fraction:
+    """Return a number as it is written, not as it is stored: 0.1 is a tenth."""
+    return rounded(Fraction(repr(value)))
+
+
+def rounded(value: Fraction) -> Fraction:
+    """Return a number with no more decimals than a scenario may have."""
+    return Fraction(round(value * 10**DECIMALS), 10**DECIMALS)
+
+
+def text_of(value: Fraction) -> str:
+    """Return a number as a scenario writes it: no exponent, no needless zeros."""
+    integer, part = divmod(round(value * 10**DECIMALS), 10**DECIMALS)
+    return f"{integer}.{part:0{DECIMALS}d}".rstrip("0").rstrip(".")

@@ -1,22 +1,400 @@
-"""Import a layout that is a graph: fit it to cells, draw it, and report on every edge."""
+"""Sets of cells as a scenario writes them: corners of a path, or rectangles."""
 
 from __future__ import annotations
 
+from collections import Counter, defaultdict
+from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path
-from typing import Final
+from typing import Any, Final, NamedTuple
 
-from automaton.exchange.graphs.fit import Fit, fit_graph
-from automaton.exchange.graphs.graph import Graph
-from automaton.exchange.graphs.graph_sections import GraphScenario
+from automaton.errors import InputError
+from automaton.exchange.graphs.fit import (
+    Fit,
+    Layout,
+    Speeds,
+    exact,
+    fit_graph,
+    limits_of,
+    speeds_of,
+    text_of,
+)
+from automaton.exchange.graphs.graph import Cell, Graph, Road, Roads, distinct
 from automaton.exchange.graphs.lif import read_lif
 from automaton.exchange.graphs.opentcs import read_opentcs
-from automaton.exchange.graphs.roads import Cell, Roads
-from automaton.exchange.graphs.speeds import Speeds, speeds_of
-from automaton.exchange.import_report import EdgeRow, ImportReport
-from automaton.exchange.imported_floor import ImportedFloor, ImportOptions, check_values
-from automaton.floor.cells import STATION
+from automaton.exchange.imported_floor import (
+    EdgeRow,
+    ImportedFloor,
+    ImportOptions,
+    ImportReport,
+    check_values,
+)
+from automaton.floor.cells import DIRECTION_VECTORS, STATION
 from automaton.units import count
+
+
+def corners(cells: Sequence[Cell]) -> list[list[int]]:
+    """Return where a path of neighbouring cells begins, turns and ends."""
+    out = [cells[0]]
+    for place in range(1, len(cells) - 1):
+        (x, y), (u, v), (s, t) = cells[place - 1 : place + 2]
+        if (u - x, v - y) != (s - u, t - v):
+            out.append((u, v))
+    if len(cells) > 1:
+        out.append(cells[-1])
+    return [list(cell) for cell in out]
+
+
+def walk(ways: dict[Cell, set[Cell]]) -> list[Cell] | None:
+    """Return a path over all cells of a set, back over them where it must, or None.
+
+    `ways`: of each cell those of the set beside it, to or from which robots drive. A set that is a
+    path without branches is walked from end to end.
+    """
+    ends = [cell for cell, beside in ways.items() if len(beside) < 2]
+    first = ends[0] if ends else next(iter(ways))
+    path, walked = [first], {first}
+    open_cells = [(first, iter(sorted(ways[first])))]
+    while open_cells:
+        ahead = next((cell for cell in open_cells[-1][1] if cell not in walked), None)
+        if ahead is not None:
+            walked.add(ahead)
+            path.append(ahead)
+            open_cells.append((ahead, iter(sorted(ways[ahead]))))
+            continue
+        open_cells.pop()
+        if len(walked) == len(ways):
+            return path
+        if open_cells:
+            path.append(open_cells[-1][0])
+    return None
+
+
+# The cells from which robots can come back: the largest part of a floor with ways to and fro.
+
+
+def largest_part(exits: dict[Cell, int]) -> set[Cell]:
+    """Return the largest set of cells that all reach each other; of equal ones the first.
+
+    The algorithm is R. Tarjan's (Depth-first search and linear graph algorithms, 1972), without
+    recursion.
+    """
+    order: dict[Cell, int] = {}
+    low: dict[Cell, int] = {}
+    stack: list[Cell] = []
+    on_stack: set[Cell] = set()
+    best: list[Cell] = []
+    for first in exits:
+        if first in order:
+            continue
+        order[first] = low[first] = len(order)
+        stack.append(first)
+        on_stack.add(first)
+        ways = [(first, iter(neighbours(exits, first)))]
+        while ways:
+            cell, ahead = ways[-1]
+            for there in ahead:
+                if there not in order:
+                    order[there] = low[there] = len(order)
+                    stack.append(there)
+                    on_stack.add(there)
+                    ways.append((there, iter(neighbours(exits, there))))
+                    break
+                if there in on_stack:
+                    low[cell] = min(low[cell], order[there])
+            else:
+                ways.pop()
+                if ways:
+                    low[ways[-1][0]] = min(low[ways[-1][0]], low[cell])
+                if low[cell] == order[cell]:
+                    part = _cut(stack, cell)
+                    on_stack.difference_update(part)
+                    best = part if len(part) > len(best) else best
+    return set(best)
+
+
+def neighbours(exits: dict[Cell, int], cell: Cell) -> list[Cell]:
+    """Return the cells to which robots drive from a cell."""
+    ahead = [
+        (cell[0] + dx, cell[1] + dy)
+        for direction, (dx, dy) in enumerate(DIRECTION_VECTORS)
+        if exits[cell] >> direction & 1
+    ]
+    return [there for there in ahead if there in exits]
+
+
+def _cut(stack: list[Cell], cell: Cell) -> list[Cell]:
+    """Take what lies on a stack from a cell on."""
+    part = [stack.pop()]
+    while part[-1] != cell:
+        part.append(stack.pop())
+    return part
+
+
+# The sections of a scenario that a graph becomes, but for its floor.
+
+
+ORDERS: Final = 20  # of a scenario, at least
+ORDERS_PER_ROBOT: Final = 5
+MAX_ORDERS: Final = 2000
+AT_STATION: Final = 10  # seconds that a robot stands at a station
+MAX_STOP: Final = 10_000  # ticks
+RUN_HOURS: Final = 1
+MAX_TICKS: Final = 2_000_000_000
+MAX_CORNERS: Final = 1000  # of a path of cells
+GROUPS: Final = ("all", "empty", "loaded")  # names that types of robots must not have
+
+
+class Places(NamedTuple):
+    """Which cells have names."""
+
+    stations: dict[str, Cell]  # chargers left out
+    locations: dict[str, Cell]  # all names, those of stations first
+
+
+class GraphScenario:
+    """A graph on a grid, about to become a scenario."""
+
+    def __init__(
+        self, graph: Graph, layout: Layout, speeds: Speeds, options: ImportOptions
+    ) -> None:
+        self.graph, self.speeds, self.options = graph, speeds, options
+        self.roads, self.kinds = layout.roads, layout.kinds
+        self.rows = layout.drawing.rows
+        self.notes: list[str] = []
+        self.places = self._places()
+        self.of_road, several = limits_of(self.roads.roads, speeds)
+        if several:
+            limits = len({speed for speed in self.of_road if speed < speeds.fastest})
+            self.notes.append(f"{several} different speed limits became {limits}, the lower ones")
+        differ = sum(
+            len({speeds.of_edge[edge] for edge in road.edges}) > 1 for road in self.roads.roads
+        )
+        if differ:
+            graph.lost["speed of the faster direction of an edge"] += differ
+        self.areas = self._areas()
+        self.part = self._part()
+        self.in_blocks: list[tuple[set[Cell], int]] = []  # cells, and the robots that may be there
+        self.blocks = self._blocks()
+
+    def sections(self) -> dict[str, Any]:
+        """Return the sections in their order."""
+        speeds, graph = self.speeds, self.graph
+        robots = self._robots()
+        floor = {"blocks": self.blocks, "speed_limits": self._speed_limits()}
+        sections: dict[str, Any] = {
+            "name": graph.name,
+            "summary": f"{len(self.rows[0])} x {len(self.rows)} cells, "
+            f"{count(len(graph.nodes), 'node')}, {count(len(graph.edges), 'edge')}, imported.",
+            "units": {"tick": f"{text_of(speeds.tick)} s", "cell": f"{text_of(speeds.cell)} m"},
+            "fleet": self._fleet(robots),
+            "durations": {"move": f"{text_of(speeds.fastest)} m/s"},
+            "areas": self.areas,
+            "floor": {key: value for key, value in floor.items() if value},
+            "orders": self._orders(robots),
+            "strategy": {"allocation": "greedy", "routing": "shortest"},
+            "stop": {"when": "delivered", "max_duration": self._duration()},
+            "seed": 1,
+        }
+        return {key: value for key, value in sections.items() if value != {}}
+
+    def _places(self) -> Places:
+        """Name the cells: stations, then nodes; a node with a station's name gets another."""
+        graph, cells = self.graph, self.roads.node_cells
+        out = Places({}, {})
+        spots = [
+            (f"{station.name}/{number}" if len(station.nodes) > 1 else station.name, cells[node])
+            for station in graph.stations
+            for number, node in enumerate(station.nodes, 1)
+        ]
+        names = distinct(name for name, _ in spots)
+        for name, (_, cell) in zip(names, spots, strict=True):
+            out.locations[name] = cell
+            if self.kinds[cell] == STATION:
+                out.stations[name] = cell
+        for node, cell in zip(graph.nodes, cells, strict=True):
+            name = node.name
+            while out.locations.setdefault(name, cell) != cell:
+                name = f"{name} (node)"
+        return out
+
+    def _areas(self) -> dict[str, Any]:
+        """Return the cells that are closed to robots with or without a load, as rectangles."""
+        out: dict[str, Any] = {}
+        for road in self.roads.roads:
+            groups = {self.graph.edges[edge].closed_to for edge in road.edges}
+            if groups == {""}:
+                continue
+            if len(groups) > 1 or not road.between:
+                self.graph.lost["loadRestriction of one direction, or of an edge of one move"] += 1
+                continue
+            name = self.graph.edges[road.edges[0]].name
+            path = corners(road.between)
+            for number, (first, last) in enumerate(zip(path, path[1:] or path, strict=False), 1):
+                key = f"{name}/{number}" if len(path) > 2 else name
+                while key in out:
+                    key += "'"
+                out[key] = {"from": first, "to": last, "closed_to": sorted(groups)}
+        return out
+
+    def _part(self) -> set[Cell]:
+        """Return the cells from which empty robots come back. Raises InputError."""
+        closed = {
+            cell
+            for road in self.roads.roads
+            for cell in road.between
+            if all(self.graph.edges[edge].closed_to == "empty" for edge in road.edges)
+        }
+        part = largest_part({c: bits for c, bits in self.roads.exits.items() if c not in closed})
+        if len(part) < 2:
+            text = (
+                "robots could come back from nowhere: there is neither a ring nor an edge both ways"
+            )
+            raise InputError(text, self.graph.file)
+        outside = sum(cell not in part for cell in self.places.stations.values())
+        if outside:
+            self.notes.append(
+                f"{count(outside, 'station')} from which robots would not come back: no tour goes there"
+            )
+        return part
+
+    def _robots(self) -> int:
+        """Return how many robots there are. Raises InputError where they do not fit."""
+        robots = self.options.robots or len(self.graph.vehicles) or 1
+        if robots > len(self.part):
+            text = (
+                f"{count(robots, 'robot')} do not fit on the {len(self.part):,} cells from which "
+            )
+            raise InputError(f"{text}robots come back: give --robots", self.graph.file)
+        return robots
+
+    def _fleet(self, robots: int) -> dict[str, Any]:
+        """Return the robots, in types by speed, and where they begin: first where they park."""
+        graph, cells = self.graph, self.roads.node_cells
+        nodes = [*graph.parking, *(n for n in range(len(cells)) if n not in set(graph.parking))]
+        first = dict.fromkeys(cells[node] for node in nodes)
+        starts = self._starts([*first, *sorted(self.part - set(first))], robots)
+        fleet: dict[str, Any] = {"robots": robots, "kinematics": "omni", "start": starts}
+        types = self._types(robots)
+        return {**fleet, "types": types} if types else fleet
+
+    def _starts(self, cells: list[Cell], robots: int) -> list[list[int]]:
+        """Return the first cells from which robots come back, no more in a block than may be there."""
+        begun = [0] * len(self.in_blocks)
+        out: list[list[int]] = []
+        for cell in cells:
+            inside = [number for number, (block, _) in enumerate(self.in_blocks) if cell in block]
+            full = any(begun[number] >= self.in_blocks[number][1] for number in inside)
+            if len(out) < robots and cell in self.part and not full:
+                out.append(list(cell))
+                for number in inside:
+                    begun[number] += 1
+        if len(out) < robots:
+            text = (
+                f"{count(robots, 'robot')} cannot begin on the {len(out):,} cells that blocks leave"
+            )
+            raise InputError(f"{text}: give --robots", self.graph.file)
+        return out
+
+    def _types(self, robots: int) -> list[dict[str, Any]]:
+        """Return the types of robots: those of the same speed are one, called as the first."""
+        graph = self.graph
+        if not graph.vehicles:
+            return [{"name": type_name(graph.type)}] if graph.type else []
+        many: Counter[Fraction] = Counter()
+        names: dict[Fraction, str] = {}
+        for number in range(robots):
+            robot = graph.vehicles[number % len(graph.vehicles)]
+            speed = exact(robot.speed) if robot.speed else self.speeds.fastest
+            speed = min(speed, self.speeds.fastest)
+            many[speed] += 1
+            names.setdefault(speed, type_name(robot.name))
+        if len(many) > 100:
+            raise InputError(f"its robots have {len(many)} different speeds, at most 100 are allowed",
+                             graph.file)  # fmt: skip
+        return [
+            {"name": name, "robots": many[speed]}
+            | (
+                {"durations": {"move": f"{text_of(speed)} m/s"}}
+                if speed < self.speeds.fastest
+                else {}
+            )
+            for (speed, name) in zip(names, distinct(names.values()), strict=True)
+        ]
+
+    def _speed_limits(self) -> list[dict[str, Any]]:
+        """Return the roads that are slower than the fastest robot, in pieces if they wind much."""
+        out = []
+        for road, speed in zip(self.roads.roads, self.of_road, strict=True):
+            if speed < self.speeds.fastest:
+                path = corners(road.cells)
+                pieces = range(0, len(path) - 1, MAX_CORNERS - 1)
+                out += [
+                    {"cells": path[at : at + MAX_CORNERS], "max_speed": f"{text_of(speed)} m/s"}
+                    for at in pieces
+                ]
+        return out
+
+    def _blocks(self) -> list[dict[str, Any]]:
+        """Return the blocks; those whose cells are not connected are counted as lost."""
+        road_of = {edge: road for road in self.roads.roads for edge in road.edges}
+        out = []
+        for block in self.graph.blocks:
+            cells = {self.roads.node_cells[node] for node in block.nodes}
+            for edge in block.edges:
+                cells |= set(road_of[edge].between)
+            ways = self._ways(cells, [road_of[edge] for edge in block.edges])
+            path = walk(ways) if cells else None
+            bends = corners(path) if path else []
+            is_path = path is not None and len(path) == len(cells)
+            if not bends or len(bends) > MAX_CORNERS or (block.same_direction and not is_path):
+                self.graph.lost["blocks that are not connected, or too wide"] += 1
+                continue
+            robots = len(cells) if block.same_direction else 1
+            self.in_blocks.append((cells, robots))
+            direction = "same" if block.same_direction else "any"
+            out.append({"cells": bends, "max_robots": robots, "direction": direction})
+            self.notes.append(f"block {block.name}: {count(len(cells), 'cell')}")
+        return out
+
+    def _ways(self, cells: set[Cell], roads: list[Road]) -> dict[Cell, set[Cell]]:
+        """Return of each cell of a block those beside it on the same road."""
+        ways: dict[Cell, set[Cell]] = defaultdict(set, {cell: set() for cell in sorted(cells)})
+        for road in roads:
+            for one, other in zip(road.cells, road.cells[1:], strict=False):
+                if one in cells and other in cells:
+                    ways[one].add(other)
+                    ways[other].add(one)
+        return dict(ways)
+
+    def _orders(self, robots: int) -> dict[str, Any]:
+        """Return tours over the stations from which robots come back, else over all cells."""
+        names = [name for name, cell in self.places.stations.items() if cell in self.part]
+        many = min(max(ORDERS, ORDERS_PER_ROBOT * robots), MAX_ORDERS)
+        if len(names) < 2:
+            return {"generator": "tours", "count": many, "stops": {"from": 1, "to": 3}}
+        ticks = int(AT_STATION / self.speeds.tick + Fraction(1, 2))
+        stay = {"for": f"{AT_STATION} s"} if 1 <= ticks <= MAX_STOP else {}
+        return {
+            "list": [
+                {"stops": [{"at": names[(k + j) % len(names)], **stay} for j in range(2)]}
+                for k in range(many)
+            ]
+        }
+
+    def _duration(self) -> str | int:
+        """Return after how long a run ends."""
+        ticks = 3600 * RUN_HOURS / self.speeds.tick
+        return self.options.ticks or (f"{RUN_HOURS} h" if 1 <= ticks < MAX_TICKS else 1000)
+
+
+def type_name(name: str) -> str:
+    """Return a name that a type of robots may have."""
+    return f"{name} (type)" if name in GROUPS else name
+
+
+# Import a layout that is a graph: fit it to cells, draw it, and report on every edge.
+
 
 MAX_MARKS: Final = 9  # edges that are marked in the picture, by a digit each
 MAX_SHOWN: Final = 10  # cells in a note

@@ -1,4 +1,9 @@
-"""Read a layout of VDMA LIF, versions 1.0.0 and 2.0.0, for one type of robots."""
+"""The length of a curve that is a NURBS, as LIF describes trajectories.
+
+    C(u) = sum of N_i,p(u) w_i P_i / sum of N_i,p(u) w_i      for knots u_p <= u <= u_n
+
+Source: L. Piegl and W. Tiller, The NURBS Book, 1997, chapters 2 and 4; algorithm A2.2.
+"""
 
 from __future__ import annotations
 
@@ -11,10 +16,9 @@ from typing import Any, Final, NamedTuple, TypeVar, cast
 
 import msgspec
 import numpy as np
+import numpy.typing as npt
 
 from automaton.errors import InputError, nearest
-from automaton.exchange.file_kinds import BYTE_ORDER_MARK, read_bytes
-from automaton.exchange.graphs.curves import arc_length, is_nurbs
 from automaton.exchange.graphs.graph import (
     FARTHEST,
     MAX_LENGTH,
@@ -26,19 +30,218 @@ from automaton.exchange.graphs.graph import (
     checked_graph,
     single_line,
 )
-from automaton.exchange.graphs.lif_structs import (
-    FILE_KEYS,
-    LAYOUT_KEYS,
-    EdgeProperties,
-    LifEdge,
-    LifLayout,
-    LifNode,
-    LifStation,
-    LoadRestriction,
-    NodeProperties,
-    Trajectory,
-)
+from automaton.exchange.imported_floor import BYTE_ORDER_MARK, read_bytes
 from automaton.scenario.document import quoted
+
+MAX_DEGREE: Final = 20
+MAX_POINTS: Final = 200
+POINTS: Final = 64  # chords in which each span of the knots is measured
+
+Floats = npt.NDArray[np.float64]
+
+
+def is_nurbs(degree: int, knots: Floats, points: Floats, weights: Floats) -> bool:
+    """Whether knots (m,), points (n, 2) and weights (n,) make a curve of a degree: m = n + degree + 1."""
+    n = len(points)
+    if not 1 <= degree <= MAX_DEGREE or not degree < n <= MAX_POINTS:
+        return False
+    return bool(
+        len(knots) == n + degree + 1
+        and np.isfinite(knots).all()
+        and np.isfinite(points).all()
+        and np.isfinite(weights).all()
+        and (np.diff(knots) >= 0).all()
+        and knots[degree] < knots[n]
+        and (weights > 0).all()
+    )
+
+
+def arc_length(degree: int, knots: Floats, points: Floats, weights: Floats) -> float:
+    """Return the length of a NURBS, in the unit of its points, by chords with extrapolation.
+
+    The error of chords falls with the square of their number, so that of twice as many as of half
+    as many is a quarter: (4 L(2k) - L(k)) / 3 lacks it.
+    """
+    ends = np.unique(knots[degree : len(points) + 1])
+    share = np.arange(2 * POINTS) / (2 * POINTS)
+    u = np.append((ends[:-1, None] + np.diff(ends)[:, None] * share).reshape(-1), ends[-1])
+    basis = _basis(degree, knots, len(points), u) * weights
+    curve = basis @ points / basis.sum(axis=1, keepdims=True)
+    fine = float(np.hypot(*np.diff(curve, axis=0).T).sum())
+    coarse = float(np.hypot(*np.diff(curve[::2], axis=0).T).sum())
+    return (4 * fine - coarse) / 3
+
+
+def _basis(degree: int, knots: Floats, n: int, u: Floats) -> Floats:
+    """(len(u), n) the B-spline basis functions, by the recursion of Cox and de Boor."""
+    last = np.flatnonzero(np.diff(knots) > 0)[-1]
+    span = np.minimum(np.searchsorted(knots, u, side="right") - 1, last)
+    basis = np.zeros((len(u), len(knots) - 1))
+    basis[np.arange(len(u)), span] = 1.0
+    for p in range(1, degree + 1):
+        width = knots[p:-1] - knots[: -p - 1], knots[p + 1 :] - knots[1:-p]
+        rising, falling = (np.divide(1.0, w, out=np.zeros_like(w), where=w > 0) for w in width)
+        left = (u[:, None] - knots[: -p - 1]) * rising * basis[:, :-1]
+        basis = left + (knots[p + 1 :] - u[:, None]) * falling * basis[:, 1:]
+    return basis[:, :n]
+
+
+# What is read of a VDMA LIF, version 1.0.0 or 2.0.0: its keys, as structs.
+#
+# Version 2.0.0 has its layouts in `origins` and says `mobileRobot...` and `maximum...` where 1.0.0
+# says `vehicle...` and `max...`; both are fields of the same structs. Other keys are counted, not
+# read.
+#
+# Source: VDMA, Layout Interchange Format, https://github.com/vdma-lif.
+
+
+class Part(msgspec.Struct, rename="camel", frozen=True):
+    """An object of the file."""
+
+
+class RobotSeries(Part, frozen=True):
+    """A type of robots, in version 2.0.0."""
+
+    manufacturer: str = ""
+    series_name: str = ""
+
+    @property
+    def name(self) -> str:
+        """As the type is called in version 1.0.0."""
+        return ".".join(part for part in (self.manufacturer, self.series_name) if part)
+
+
+class Action(Part, frozen=True):
+    """What robots can do at a node."""
+
+    action_type: str
+
+
+class NodeProperties(Part, frozen=True):
+    """What a node is to one type, or to several."""
+
+    vehicle_type_id: str | None = None
+    mobile_robot_types: list[RobotSeries] = []
+    actions: list[Action] = []
+    feasible_actions: list[Action] = []
+
+
+class Position(Part, frozen=True):
+    """A place in the plane, in metres."""
+
+    x: float
+    y: float
+
+
+class LifNode(Part, frozen=True):
+    """A node."""
+
+    node_id: str
+    node_position: Position
+    vehicle_type_node_properties: list[NodeProperties] = []
+    mobile_robot_type_node_properties: list[NodeProperties] = []
+
+
+class ControlPoint(Part, frozen=True):
+    """A point of a NURBS."""
+
+    x: float
+    y: float
+    weight: float = 1.0
+
+
+class Trajectory(Part, frozen=True):
+    """The curve along which an edge is driven."""
+
+    knot_vector: list[float]
+    control_points: list[ControlPoint]
+    degree: float = 1.0
+
+
+class LoadRestriction(Part, frozen=True):
+    """Which robots may drive along an edge."""
+
+    unloaded: bool = True
+    loaded: bool = True
+
+
+class EdgeProperties(Part, frozen=True):
+    """How an edge is driven by one type, or by several; speeds in m/s."""
+
+    vehicle_type_id: str | None = None
+    mobile_robot_types: list[RobotSeries] = []
+    max_speed: float | None = None
+    maximum_speed: float | None = None
+    load_restriction: LoadRestriction | None = None
+    trajectory: Trajectory | None = None
+
+
+class LifEdge(Part, frozen=True):
+    """An edge."""
+
+    edge_id: str
+    start_node_id: str
+    end_node_id: str
+    vehicle_type_edge_properties: list[EdgeProperties] = []
+    mobile_robot_type_edge_properties: list[EdgeProperties] = []
+
+
+class LifStation(Part, frozen=True):
+    """A station."""
+
+    station_id: str
+    interaction_node_ids: list[str]
+
+
+class LifLayout(Part, frozen=True):
+    """A layout; the main parts are read one by one, so that errors can name them."""
+
+    layout_id: str
+    nodes: list[Any]
+    edges: list[Any]
+    stations: list[Any] = []
+
+
+PROPERTIES: Final[dict[str, Any]] = {
+    "vehicleTypeId": None,
+    "mobileRobotTypes": {"manufacturer": None, "seriesName": None},
+}
+NODE_PROPERTY_KEYS: Final[dict[str, Any]] = {
+    **PROPERTIES,
+    **dict.fromkeys(("actions", "feasibleActions")),
+}
+NODE_KEYS: Final[dict[str, Any]] = {
+    "nodeId": None,
+    "nodePosition": {"x": None, "y": None},
+    "vehicleTypeNodeProperties": NODE_PROPERTY_KEYS,
+    "mobileRobotTypeNodeProperties": NODE_PROPERTY_KEYS,
+}
+EDGE_PROPERTY_KEYS: Final[dict[str, Any]] = {
+    **PROPERTIES,
+    **dict.fromkeys(("maxSpeed", "maximumSpeed", "trajectory")),
+    "loadRestriction": {"unloaded": None, "loaded": None},
+}
+EDGE_KEYS: Final[dict[str, Any]] = {
+    **dict.fromkeys(("edgeId", "startNodeId", "endNodeId")),
+    "vehicleTypeEdgeProperties": EDGE_PROPERTY_KEYS,
+    "mobileRobotTypeEdgeProperties": EDGE_PROPERTY_KEYS,
+}
+STATION_KEYS: Final[dict[str, Any]] = dict.fromkeys(("stationId", "interactionNodeIds"))
+LAYOUT_KEYS: Final[dict[str, Any]] = {
+    "layoutId": None,
+    "nodes": NODE_KEYS,
+    "edges": EDGE_KEYS,
+    "stations": STATION_KEYS,
+}
+FILE_KEYS: Final[dict[str, Any]] = {
+    "metaInformation": dict.fromkeys(("lifVersion", "projectIdentification", "lifId")),
+    "layouts": None,
+    "origins": dict.fromkeys(("originId", "layouts")),
+}
+
+
+# Read a layout of VDMA LIF, versions 1.0.0 and 2.0.0, for one type of robots.
+
 
 MAX_OBJECTS: Final = 1_000_000  # of a file, lists included
 MAX_VALUES: Final = 10_000_000

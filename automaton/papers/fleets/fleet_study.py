@@ -15,12 +15,15 @@ from tempfile import TemporaryDirectory
 from typing import Final
 
 from automaton.errors import InputError
-from automaton.exchange.bare_maps import random_problem
-from automaton.exchange.imported_scenario import imported_files
-from automaton.exchange.moving_ai import GridMap
-from automaton.exchange.problem import Problem
-from automaton.exchange.problem_folder import MAP, fleets_of, read_problem_folder
-from automaton.exchange.robot_runners import read_league_problem
+from automaton.exchange.imported_floor import imported_files
+from automaton.exchange.problem import GridMap, Problem
+from automaton.exchange.problem_files import (
+    MAP_FILE,
+    fleets_of,
+    random_problem,
+    read_league_problem,
+    read_problem_folder,
+)
 from automaton.papers.claims import Claim, Figure, above, claim, mean_of
 from automaton.papers.reproduction_study import (
     Case,
@@ -216,7 +219,7 @@ def from_data(folder: Path) -> Reproduction:
     tables: list[Table] = []
     claims: list[Claim] = []
     for place in places:
-        if (place / MAP).is_file():
+        if (place / MAP_FILE).is_file():
             fleets = fleets_of(place)
             problems = {(place.name, robots): fleet_reader(place) for robots in fleets}
             claims += [as_printed(place.name, fleets), more_tasks(place.name, fleets)]

@@ -24,7 +24,7 @@ from automaton.studies.sweeps.study import Analysis, Point, Replications, Study,
 if TYPE_CHECKING:
     import pyarrow as pa
 
-    from automaton.drawings.floor_picture import FloorPicture
+    from automaton.drawings.floor_svg import FloorPicture
     from automaton.runs.headless import Outcome
     from automaton.runs.simulation import Simulation
     from automaton.scenario.document import Override

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from automaton.strategy.entry import (
+from automaton.strategy.lookup import (
     DYNAMIC,
     MANUFACTURING,
     MULTIPLE,

@@ -9,8 +9,14 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 
-from automaton.bench.bench_floors import open_floor, scene
-from automaton.bench.measurement import NS_PER_ROBOT_AND_TICK, Measurement, Sample, cpu_seconds
+from automaton.bench.measurement import (
+    NS_PER_ROBOT_AND_TICK,
+    Measurement,
+    Sample,
+    cpu_seconds,
+    open_floor,
+    scene,
+)
 from automaton.bench.step_speed import Case, walking_fleet
 from automaton.engine.holders import enter_holders, remove_holders
 from automaton.engine.state import NIL

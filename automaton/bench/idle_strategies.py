@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import Batch, Decisions, Memory, Workspace, World
-from automaton.strategy.layer import Strategy
+from automaton.strategy.contract import Strategy
 
 
 @kernel

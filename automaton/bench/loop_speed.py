@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from functools import partial
 
-from automaton.bench.bench_floors import IDLE
 from automaton.bench.measurement import (
+    IDLE,
     NS_PER_TICK,
     US,
     US_PER_TICK,

@@ -12,8 +12,14 @@ from functools import partial
 
 import numpy as np
 
-from automaton.bench.bench_floors import open_floor, scene
-from automaton.bench.measurement import NS_PER_ROBOT_AND_TICK, Measurement, Sample, cpu_seconds
+from automaton.bench.measurement import (
+    NS_PER_ROBOT_AND_TICK,
+    Measurement,
+    Sample,
+    cpu_seconds,
+    open_floor,
+    scene,
+)
 from automaton.engine.state import ACTION_MOVE, GOAL_CHARGE, NIL, Array, World
 from automaton.floor.cells import EAST, NORTH, SOUTH, WEST
 from automaton.runs.simulation import Simulation

@@ -1,8 +1,4 @@
-"""The bare step, by size and density of the fleet and by the order in which robots are stored.
-
-Robots stored in random order jump about in memory and are the harder case; a fleet whose storage
-follows the floor is also measured, as is a floor of mixed capacities.
-"""
+"""The bare step: every robot wants to move in a random direction, all occupancy rules apply."""
 
 from __future__ import annotations
 
@@ -12,13 +8,58 @@ from typing import NamedTuple
 
 import numpy as np
 
-from automaton.bench.bench_floors import mixed_floor, open_floor, scene
-from automaton.bench.measurement import NS_PER_ROBOT_AND_TICK, Measurement, Sample, cpu_seconds
-from automaton.bench.random_walk import random_walk, random_walk_in_spans
+from automaton.bench.measurement import (
+    NS_PER_ROBOT_AND_TICK,
+    Measurement,
+    Sample,
+    cpu_seconds,
+    mixed_floor,
+    open_floor,
+    scene,
+)
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.motion import LIVE, U, move_all
+from automaton.engine.random_numbers import splitmix64
 from automaton.engine.state import Array, World
 from automaton.floor.floor_plan import FloorPlan
 from automaton.world.building import build_world
 from automaton.world.starts import random_cells
+
+
+@kernel
+def random_walk(world: World, first: int, last: int) -> None:
+    """Run the ticks first .. last-1 of a fleet whose intents are drawn by the hash."""
+    robots, traffic = world.robots, world.traffic
+    for tick in range(first, last):
+        base = np.uint64(tick) << np.uint64(32)
+        for i in range(robots.cell.shape[0]):
+            bits = splitmix64(base | np.uint64(robots.identity[U(i)]))
+            free = robots.busy[U(i)] == 0
+            traffic.intent[U(i)] = np.uint8(LIVE | np.int64(bits >> np.uint64(62))) if free else 0
+        move_all(world.grid, world.rules, robots, traffic, tick)
+
+
+@kernel
+def random_walk_in_spans(world: World, first: int, last: int) -> None:
+    """As random_walk, but a tenth of the moves take 2 or 3 ticks."""
+    robots, traffic = world.robots, world.traffic
+    for tick in range(first, last):
+        base = np.uint64(tick) << np.uint64(32)
+        for i in range(robots.cell.shape[0]):
+            traffic.intent[U(i)] = 0
+            if robots.busy[U(i)] == 0:
+                bits = splitmix64(base | np.uint64(robots.identity[U(i)]))
+                traffic.intent[U(i)] = np.uint8(LIVE | np.int64(bits >> np.uint64(62)))
+                slow = np.int64(bits) & 1023 < 102
+                traffic.move_ticks[U(i)] = 2 + (np.int64(bits >> np.uint64(10)) & 1) if slow else 1
+        move_all(world.grid, world.rules, robots, traffic, tick)
+
+
+# The bare step, by size and density of the fleet and by the order in which robots are stored.
+#
+# Robots stored in random order jump about in memory and are the harder case; a fleet whose storage
+# follows the floor is also measured, as is a floor of mixed capacities.
+
 
 SEED = 1
 PRIORITIES = 8

@@ -1,16 +1,4 @@
-"""What plans cost on the warehouse of Bhattathiri, Li & Kuhl and on larger ones like it.
-
-A leg leads from the access cell of a rack to a dock, or on to another rack, drawn uniformly. An
-avoidance plan chooses among the candidates for both legs, with what is predicted of five others
-given, and writes the routes.
-
-A leg in time leads a robot that is under way to its dock or rack; its old plan is taken out of the
-forecast, the route is searched, and the new plan is put in. The forecast replays the plans of all 100.
-
-A fleet drives with or without the rule of slow zones, all decisions included: A* plans each leg, of
-which there are fewer where zones slow robots down. The network is asked about legs, one after the
-other, as in a run.
-"""
+"""Plans made one after the other inside compiled code, so that calls from Python do not count."""
 
 from __future__ import annotations
 
@@ -18,20 +6,100 @@ from functools import partial
 
 import numpy as np
 
-from automaton.bench.leg_plans import plan_avoiding, plan_in_time, plan_legs
 from automaton.bench.measurement import NS_PER_ROBOT_AND_TICK, US, Measurement, Sample, cpu_seconds
-from automaton.engine.state import LAYER_ROUTING, Memory, Workspace, World
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.state import LAYER_ROUTING, NIL, Array, Grid, Memory, Workspace, World
 from automaton.papers.traffic.traffic_network import SCENARIO
 from automaton.papers.traffic.traffic_trials import exact, tasks_of, warehouse
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
-from strategies.routing.astar import FIFO, LARGER_G
-from strategies.routing.forecasts import forecast_all, forget_all
-from strategies.routing.predicted_paths import kernel_network, predict_legs
-from strategies.routing.routing_parameters import (
-    network_for,
-    shipped,
+from strategies.routing.astar import FIFO, LARGER_G, RouteSpace, astar, search, write_steps
+from strategies.routing.congestion import time_dependent_path
+from strategies.routing.forecasts import (
+    CongestionState,
+    forecast_all,
+    forecast_one,
+    forget,
+    forget_all,
 )
+from strategies.routing.predicted_paths import kernel_network, predict_legs
+from strategies.routing.routing_parameters import network_for, shipped
+from strategies.routing.traffic_avoidance import LEAST_TIME, PLAIN, choose_threshold, close_zones
+
+MOST = 6  # the largest A
+FEWEST = 1  # others that close a zone, where A = 1
+
+
+@kernel
+def plan_legs(
+    grid: Grid, duration: Array, workspace: RouteSpace, ties: int, tasks: Array, steps: Array
+) -> None:
+    """Plan both legs of each task, (n, 3) int32, by plain A*."""
+    seed = np.uint64(1)
+    for number in range(tasks.shape[0]):
+        for leg in range(2):
+            start, target = np.int64(tasks[number, leg]), np.int64(tasks[number, leg + 1])
+            astar(grid, 0, duration, workspace, ties, seed, start, target, False, steps)
+
+
+@kernel
+def plan_avoiding(
+    grid: Grid, duration: Array, workspace: RouteSpace, tasks: Array, foreseen: Array, steps: Array
+) -> None:
+    """Plan both legs of robot 0 of each task, (n, r, 3) int32, with others foreseen, (n, Z) int32."""
+    seed = np.uint64(1)
+    for number in range(tasks.shape[0]):
+        for zone in range(workspace.count.shape[0]):
+            workspace.count[zone] = foreseen[number, zone]
+        start, pick, drop = tasks[number, 0, 0], tasks[number, 0, 1], tasks[number, 0, 2]
+        threshold = choose_threshold(
+            grid,
+            0,
+            duration,
+            workspace,
+            LARGER_G,
+            seed,
+            start,
+            pick,
+            drop,
+            MOST,
+            FEWEST,
+            LEAST_TIME,
+        )
+        close_zones(grid, workspace, threshold, start, pick, drop)
+        pose = np.int64(start)
+        for target in (pick, drop):
+            pose = search(
+                grid, 0, duration, workspace, LARGER_G, seed, pose, target, threshold != PLAIN
+            )
+            if pose != NIL:
+                write_steps(grid, workspace, pose, steps)
+
+
+@kernel
+def plan_in_time(view: World, workspace: Workspace, state: CongestionState) -> None:
+    """Plan the way of every robot to its goal cell again, each seeing the plans of those before it."""
+    for i in range(view.robots.cell.shape[0]):
+        if view.robots.goal_cell[i] != NIL:
+            forget(state, i)
+            length = time_dependent_path(view, workspace, state, i, False, workspace.steps)
+            forecast_one(view, workspace, state, i, workspace.steps, length)
+
+
+# What plans cost on the warehouse of Bhattathiri, Li & Kuhl and on larger ones like it.
+#
+# A leg leads from the access cell of a rack to a dock, or on to another rack, drawn uniformly. An
+# avoidance plan chooses among the candidates for both legs, with what is predicted of five others
+# given, and writes the routes.
+#
+# A leg in time leads a robot that is under way to its dock or rack; its old plan is taken out of the
+# forecast, the route is searched, and the new plan is put in. The forecast replays the plans of all
+# 100.
+#
+# A fleet drives with or without the rule of slow zones, all decisions included: A* plans each leg, of
+# which there are fewer where zones slow robots down. The network is asked about legs, one after the
+# other, as in a run.
+
 
 PLANS = {100: 1000, 300: 200, 1000: 40}  # of a sample, by the side of the floor
 SEED = 1

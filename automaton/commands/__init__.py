@@ -188,7 +188,7 @@ def surroundings() -> str:
 
     from automaton.engine.jit.kernel_cache import cache_root
     from automaton.engine.jit.numba_parts import LINKS_OTHERWISE
-    from automaton.runs.cores import cores
+    from automaton.runs.first_compilation import cores
 
     way = "in the fast way: what only kernels call is compiled once, inside its callers"
     if LINKS_OTHERWISE:

@@ -105,7 +105,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _make_page(args: argparse.Namespace) -> str:
-    from automaton.films.web_film.film_page import make_page
+    from automaton.films.film_page import make_page
 
     speed, follow, theme = float(args.speed or 1), args.follow, args.theme
     return make_page(

@@ -25,9 +25,9 @@ from automaton.commands.arguments import (
 )
 from automaton.errors import InputError
 from automaton.floor.cells import DESTINATION, DOCK, RACK, SHELF
-from automaton.floor.matrices import write_matrix
+from automaton.floor.traffic_zones import write_matrix
 from automaton.scenario.document import Document, is_study, read, shipped
-from automaton.strategy.entry import files_of
+from automaton.strategy.lookup import files_of
 from automaton.studies.sweeps.study import Point, Study, shipped_studies
 from automaton.studies.sweeps.sweep_plan import check_study, describe_point
 from automaton.units import count, shown_unit

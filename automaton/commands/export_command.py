@@ -16,8 +16,7 @@ from fractions import Fraction
 from pathlib import Path
 
 from automaton.atomic_write import atomic_writer, cannot_write_error
-from automaton.commands.arguments import add_settings_argument
-from automaton.commands.layout_arguments import measured
+from automaton.commands.arguments import add_settings_argument, measured
 from automaton.errors import InputError, alternatives, nearest
 from automaton.exchange.lif_export import LATEST as LATEST_LIF
 from automaton.exchange.lif_export import VERSIONS as LIF_VERSIONS

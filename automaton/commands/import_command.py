@@ -16,8 +16,14 @@ from pathlib import Path
 from rich.text import Text
 
 from automaton.atomic_write import atomic_writer
-from automaton.commands.arguments import add_json_argument, note, print_json, whole
-from automaton.commands.layout_arguments import add_layout_arguments, options_of
+from automaton.commands.arguments import (
+    add_json_argument,
+    add_layout_arguments,
+    note,
+    options_of,
+    print_json,
+    whole,
+)
 from automaton.errors import InputError
 from automaton.exchange.floor_readers import READERS, check_options, read_floor
 from automaton.exchange.imported_floor import (

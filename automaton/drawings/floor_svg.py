@@ -7,18 +7,31 @@ picture of pixels, one for each cell, under robots that are drawn.
 from __future__ import annotations
 
 import base64
+import html
+import pathlib
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.drawings.cell_looks import colour_of
+from automaton.atomic_write import atomic_writer
 from automaton.drawings.indexed_png import png
+from automaton.drawings.looks import (
+    COLOURS,
+    STATE_COLOURS,
+    STATE_WORDS,
+    WITH_LOAD,
+    Theme,
+    blended,
+    colour_of,
+    css,
+    rgb,
+)
 from automaton.drawings.moment import DrawnFloor, Moment
-from automaton.drawings.palette import COLOURS, Theme, blended, css, rgb
-from automaton.drawings.robot_looks import STATE_COLOURS, STATE_WORDS, WITH_LOAD
 from automaton.drawings.shapes import (
     RADIUS,
     Box,
@@ -244,3 +257,31 @@ def _wait(moment: Moment, theme: Theme, selected: int) -> str:
     sheet = _Sheet(theme)
     sheet.add([Path((ends[0], ends[1]), "waiting", 0.08, dashed=True)], 0, 0)
     return str(sheet)
+
+
+# A picture of a floor with its robots that notebooks show and that can be kept in a file.
+
+
+@dataclass(frozen=True, eq=False)
+class FloorPicture:
+    """A moment of a run; it is drawn when it is looked at. `caption` says which run and tick it is."""
+
+    floor: DrawnFloor
+    moment: Moment
+    caption: str
+    theme: Theme = "light"
+    selected: int = NIL  # robot
+
+    @cached_property
+    def svg(self) -> str:
+        """The drawing as SVG, which loads nothing."""
+        return floor_svg(self.floor, self.moment, self.theme, self.selected, self.caption)
+
+    def save(self, path: str | pathlib.Path) -> None:
+        """Write the SVG to a file. Raises InputError."""
+        with atomic_writer(pathlib.Path(path)) as file:
+            file.write(self.svg.encode())
+
+    def _repr_html_(self) -> str:
+        """Show it in a notebook."""
+        return f"<div>{self.svg}<p>{html.escape(self.caption)}</p></div>"

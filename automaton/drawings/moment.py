@@ -10,8 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.drawings.cell_looks import Looks, box_of, looks_of
-from automaton.drawings.robot_looks import RobotLooks, cell_of, robot_looks
+from automaton.drawings.looks import Looks, RobotLooks, box_of, cell_of, looks_of, robot_looks
 from automaton.engine.facilities import GATE_CLOSING, GATE_DOOR
 from automaton.engine.state import CLOCK_TICK, NIL
 from automaton.floor.floor_plan import UNBOUNDED, FloorPlan

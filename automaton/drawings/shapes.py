@@ -8,15 +8,17 @@ from __future__ import annotations
 from functools import cache
 from typing import Final, NamedTuple
 
-from automaton.drawings.cell_looks import DETAIL_SHIFT, KIND_MASK, colour_of
-from automaton.drawings.robot_looks import (
+from automaton.drawings.looks import (
+    DETAIL_SHIFT,
     DRAW_FAULT,
     DRAW_WAITING,
+    KIND_MASK,
     SHAPE_CROSS,
     SHAPE_PLUG,
     SHAPE_SQUARE,
     STATE_COLOURS,
     WITH_LOAD,
+    colour_of,
 )
 from automaton.floor.cells import (
     CELL_KINDS,

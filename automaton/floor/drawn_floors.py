@@ -7,7 +7,9 @@ b>>>.d     the second character of a row is x = 0. Other rows are counted from t
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +19,7 @@ from automaton.floor.cells import (
     ALL_EXITS,
     ALONG_X,
     ALONG_Y,
+    BAY,
     CELL_KINDS,
     DIRECTIONS,
     FLOOR,
@@ -25,9 +28,17 @@ from automaton.floor.cells import (
     ONE,
     SYMBOLS,
     TRACK,
+    WALL,
     Symbol,
 )
-from automaton.floor.floor_plan import FloorPlan, home_of, make_floor_plan
+from automaton.floor.floor_plan import (
+    DRIVABLE,
+    ENTRIES,
+    CellBytes,
+    FloorPlan,
+    home_of,
+    make_floor_plan,
+)
 
 Legend = tuple[tuple[str, Symbol], ...]  # symbols beyond the built-in ones; hashable
 
@@ -188,3 +199,240 @@ def check_new_symbol(character: str) -> None:
         name = CELL_KINDS[SYMBOLS[character].kind].name
         free = alternatives(sorted(set("oxytkz*:") - set(SYMBOLS)))
         raise InputError(f"'{character}' already stands for {name}; use another such as {free}")
+
+
+# A floor drawn back into characters: the inverse of `draw_floor`, without Numba.
+#
+# A FloorPlan keeps the exits that hold between cells, not the symbols it was drawn with. Each cell
+# gets the plainest symbol such that all symbols together give exactly the plan's exits again; a cell
+# that no symbol fits gets one of its own, explained by a legend. Walls are '#'.
+
+
+AROUND = ((0, 1), (1, 0), (0, -1), (-1, 0))  # (rows, columns) to the neighbour E, S, W, N
+BITS_SET = np.array([bin(bits).count("1") for bits in range(ALL_EXITS + 1)])
+NEW_SYMBOLS = "".join(  # those that a legend may add
+    symbol for symbol in "oxykzabcdefghijlmnpqrstuvw0123456789" if symbol not in SYMBOLS
+)
+CONFLICT = 100  # cost of an exit that should not hold; more than any preference
+ADDED = 50  # cost of a symbol that the legend has to explain
+LOOSE = 5  # cost of an exit that only the neighbour's symbol closes: '>>>' rather than '>.>'
+IMPOSSIBLE = 100_000  # cost of a symbol that closes an exit of the plan
+SWEEPS = 40
+SHAKES = 200
+
+
+class Drawing(NamedTuple):
+    """A floor as text; `draw_floor(*drawing)` gives the plan again."""
+
+    picture: str
+    legend: Legend
+
+
+def floor_picture(floor_plan: FloorPlan) -> str:
+    """The floor, one character per cell, parking bays at x = -1 in a column of their own.
+
+    Raises InputError for a floor that no picture can express.
+    """
+    return floor_drawing(floor_plan).picture
+
+
+def floor_legend(floor_plan: FloorPlan) -> dict[str, dict[str, object]]:
+    """What `floor_picture` uses beyond the built-in symbols, as a scenario's legend says it."""
+    return {mark: legend_entry(symbol) for mark, symbol in floor_drawing(floor_plan).legend}
+
+
+def legend_entry(symbol: Symbol) -> dict[str, object]:
+    """A symbol in the words of a scenario's legend."""
+    entry: dict[str, object] = {"kind": CELL_KINDS[symbol.kind].name}
+    if CELL_KINDS[symbol.kind].drivable:
+        if symbol.capacity != 1:
+            entry["capacity"] = symbol.capacity
+        if symbol.exits != ALL_EXITS:
+            names = [name for d, name in enumerate(DIRECTIONS) if symbol.exits >> d & 1]
+            entry["opens" if symbol.opens else "exits"] = names
+    if symbol.loaded:
+        entry["loaded"] = True
+    return entry
+
+
+def floor_drawing(floor_plan: FloorPlan) -> Drawing:
+    """The floor as text and the legend of its further symbols. Raises InputError."""
+    marks = {symbol: mark for mark, symbol in reversed(SYMBOLS.items())}
+    symbols, chosen = _symbols(floor_plan)
+    first = 0 if (floor_plan.kind[:, 0] == BAY).any() else 1
+    rows, columns = slice(1, -1), slice(first, -1)
+    shown = chosen[rows, columns]
+    legend: list[tuple[str, Symbol]] = []
+
+    def mark_of(symbol: Symbol) -> str:
+        if symbol not in marks:
+            marks[symbol] = _new_mark(legend)
+            legend.append((marks[symbol], symbol))
+        return marks[symbol]
+
+    letters = np.array([" "] * len(symbols))
+    for index in dict.fromkeys(shown.reshape(-1).tolist()):
+        letters[index] = mark_of(symbols[index])
+    text = letters[shown]
+    if first and "b" in text[:, 0] and set(text[:, 0]) <= {"b", "#"}:
+        # Parking bays at x = 0 that would be taken for the column x = -1.
+        text[text[:, 0] == "b", 0] = _new_mark(legend)
+        legend.append((_new_mark(legend), Symbol(BAY)))
+    for letter, cell in enumerate(floor_plan.starts):
+        x, y = floor_plan.xy(cell)
+        if letter >= 26 or text[y, x + 1 - first] != ".":
+            raise InputError(f"the robot that starts at ({x}, {y}) cannot be drawn")
+        text[y, x + 1 - first] = chr(ord("A") + letter)
+    return Drawing("\n".join("".join(row) for row in text), tuple(legend))
+
+
+def _new_mark(legend: list[tuple[str, Symbol]]) -> str:
+    if len(legend) == len(NEW_SYMBOLS):
+        raise InputError("the floor needs more symbols of its own than there are characters")
+    return NEW_SYMBOLS[len(legend)]
+
+
+def _symbols(floor_plan: FloorPlan) -> tuple[list[Symbol], npt.NDArray[np.intp]]:
+    """Symbols, and the index of each cell's symbol."""
+    sides = floor_plan.opens != 0
+    if not sides.any():
+        return _arrows(floor_plan)
+    beside = replace(floor_plan, kind=np.where(sides, WALL, floor_plan.kind).astype(np.uint8))
+    closed = np.where(sides, 0, floor_plan.exits & _ahead(_all_exits(~sides))).astype(np.uint8)
+    loads = np.where(sides, 0, floor_plan.loads).astype(np.uint8)
+    symbols, chosen = _arrows(replace(beside, exits=closed, loads=loads))
+    fields = (floor_plan.kind, floor_plan.opens, floor_plan.capacity, floor_plan.loads)
+    for kind, opens, capacity, loaded in np.unique([f[sides] for f in fields], axis=1).T.tolist():
+        symbol = Symbol(kind, opens, capacity, bool(loaded), opens)
+        if symbol not in symbols:
+            symbols.append(symbol)
+        values = (kind, opens, capacity, loaded)
+        same = np.logical_and.reduce([f == v for f, v in zip(fields, values, strict=True)])
+        chosen = np.where(same, symbols.index(symbol), chosen)
+    return symbols, chosen
+
+
+def _all_exits(mask: npt.NDArray[np.bool_]) -> CellBytes:
+    exits: CellBytes = np.where(mask, ALL_EXITS, NO_EXITS).astype(np.uint8)
+    return exits
+
+
+def _arrows(floor_plan: FloorPlan) -> tuple[list[Symbol], npt.NDArray[np.intp]]:
+    """The same for a floor without open sides; symbols in the order of preference."""
+    symbols = _built_in()
+    chosen = _fit(floor_plan, symbols, np.zeros(floor_plan.kind.shape, np.intp))
+    if not _conflicts(floor_plan, symbols, chosen).any():
+        return symbols, chosen
+    symbols += _further(floor_plan, symbols)
+    fits = np.stack(_fixed_costs(floor_plan, _behind(floor_plan.exits), symbols)) < IMPOSSIBLE
+    generator = np.random.default_rng(1)
+    for _ in range(SHAKES):
+        chosen = _fit(floor_plan, symbols, chosen)
+        wrong = _conflicts(floor_plan, symbols, chosen)
+        if not wrong.any():
+            return symbols, chosen
+        # Stuck where two neighbours would have to change at once: shake the cells around.
+        near = np.logical_or.reduce([np.roll(wrong, shift, (0, 1)) for shift in (*AROUND, (0, 0))])
+        shaken = np.argmax(np.where(fits, generator.random(fits.shape), -1), axis=0)
+        chosen = np.where(near, shaken, chosen)
+    raise InputError("the floor has exits that no picture can express")
+
+
+def _built_in() -> list[Symbol]:
+    """One symbol for each meaning of a built-in character, the plainest first."""
+    plain = (symbol for symbol in SYMBOLS.values() if not symbol.opens)
+    return sorted(dict.fromkeys(plain), key=lambda symbol: -BITS_SET[symbol.exits])
+
+
+def _further(floor_plan: FloorPlan, known: list[Symbol]) -> list[Symbol]:
+    """All symbols that a legend could add for the kinds and capacities of this floor."""
+    further: list[Symbol] = []
+    cells = np.stack([floor_plan.kind, floor_plan.capacity], -1).reshape(-1, 2)
+    for kind, capacity in np.unique(cells, axis=0).tolist():
+        sets = [NO_EXITS]
+        if kind == TRACK:
+            sets = [bits for bits in range(1, 16) if not bits & ALONG_X or not bits & ALONG_Y]
+        elif CELL_KINDS[kind].drivable:
+            sets = list(range(ALL_EXITS + 1))
+        sets.sort(key=lambda bits: -BITS_SET[bits])
+        further += [Symbol(kind, bits, capacity) for bits in sets]
+    return [symbol for symbol in further if symbol not in known]
+
+
+def _fit(
+    floor_plan: FloorPlan, symbols: list[Symbol], chosen: npt.NDArray[np.intp]
+) -> npt.NDArray[np.intp]:
+    """Improve the choice cell by cell, black and white ones of a chessboard in turn."""
+    leaves = np.array([symbol.exits for symbol in symbols], np.uint8)
+    enters = np.array([ENTRIES[symbol.kind, symbol.exits] for symbol in symbols], np.uint8)
+    rows, columns = np.indices(floor_plan.kind.shape)
+    incoming = _behind(floor_plan.exits)
+    fixed = _fixed_costs(floor_plan, incoming, symbols)
+    chosen = np.argmin(fixed, axis=0) if not chosen.any() else chosen.copy()
+    quiet = 0
+    for sweep in range(SWEEPS):
+        ahead, behind = _ahead(enters[chosen]), _behind(leaves[chosen])
+        cost = [
+            fixed[index]
+            + CONFLICT * BITS_SET[leaves[index] & ~floor_plan.exits & ahead]
+            + CONFLICT * BITS_SET[enters[index] & ~incoming & behind]
+            for index in range(len(symbols))
+        ]
+        better = np.where((rows + columns) % 2 == sweep % 2, np.argmin(cost, axis=0), chosen)
+        quiet = quiet + 1 if np.array_equal(better, chosen) else 0
+        chosen = better
+        if quiet == 2:
+            break
+    return chosen
+
+
+def _fixed_costs(
+    floor_plan: FloorPlan, incoming: CellBytes, symbols: list[Symbol]
+) -> list[npt.NDArray[np.int64]]:
+    """What each symbol costs in every cell, whatever its neighbours turn out to be."""
+    to = _ahead(_all_exits(floor_plan.drivable))
+    built_in = set(SYMBOLS.values())
+    costs = []
+    for index, symbol in enumerate(symbols):
+        entry = ENTRIES[symbol.kind, symbol.exits]
+        wrong = (floor_plan.kind != symbol.kind) | ((floor_plan.loads != 0) != symbol.loaded)
+        if DRIVABLE[symbol.kind]:
+            wrong |= floor_plan.capacity != symbol.capacity
+            wrong |= floor_plan.exits & ~np.uint8(symbol.exits) != 0
+            wrong |= incoming & ~entry != 0
+        if symbol != Symbol(FLOOR, ALL_EXITS):
+            wrong.reshape(-1)[list(floor_plan.starts)] = True  # robots are drawn on free floor
+        loose = BITS_SET[np.uint8(symbol.exits) & ~floor_plan.exits & to]
+        preference = index // 4 + LOOSE * loose + (0 if symbol in built_in else ADDED)
+        costs.append(np.where(wrong, IMPOSSIBLE, preference))
+    return costs
+
+
+def _conflicts(
+    floor_plan: FloorPlan, symbols: list[Symbol], chosen: npt.NDArray[np.intp]
+) -> npt.NDArray[np.bool_]:
+    """The cells that the chosen symbols would make different from the plan's."""
+    field = np.array([tuple(map(int, symbol[:4])) for symbol in symbols], np.uint8)
+    kind, leave, capacity, loaded = (field[chosen, k] for k in range(4))
+    drivable = DRIVABLE[kind]
+    exits = np.where(drivable, leave & _ahead(ENTRIES[kind, leave]), 0)
+    other = (kind != floor_plan.kind) | (exits != floor_plan.exits) | (loaded != floor_plan.loads)
+    wrong: npt.NDArray[np.bool_] = other | (drivable & (capacity != floor_plan.capacity))
+    return wrong
+
+
+def _ahead(values: CellBytes) -> CellBytes:
+    """Bit d of the cell that lies ahead in direction d, for every cell and direction."""
+    return _shifted(values, -1)
+
+
+def _behind(values: CellBytes) -> CellBytes:
+    """Bit d of the cell from which one comes when travelling in direction d."""
+    return _shifted(values, 1)
+
+
+def _shifted(values: CellBytes, sign: int) -> CellBytes:
+    out = np.zeros_like(values)
+    for direction, (rows, columns) in enumerate(AROUND):
+        out |= np.roll(values, (sign * rows, sign * columns), (0, 1)) & np.uint8(1 << direction)
+    return out

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
-from typing import Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,7 @@ from automaton.floor.cells import (
     ON_IT,
     RACK,
     SOUTH,
+    STORAGE,
     WEST,
 )
 from automaton.floor.floor_plan import Cells, FloorPlan, may_turn
@@ -191,3 +192,281 @@ def grouped(floor_plan: FloorPlan, most: int) -> tuple[Cells, Cells]:
         group[served[nearer]] = len(chosen)
         chosen.append(cell)
     return np.array(chosen, np.int32), group
+
+
+# Where robots with a load get on a floor with storage: into and out of it, never through.
+
+
+def has_storage(floor_plan: FloorPlan) -> bool:
+    """Whether the floor has cells through which loads are not carried."""
+    return bool((floor_plan.kind == STORAGE).any())
+
+
+@lru_cache(maxsize=64)
+def to_and_from(floor_plan: FloorPlan, cell: int, rail: bool) -> Mask:
+    """(cells,) those from which a robot gets to a cell, through no storage, and to which it comes back.
+
+    One that begins in storage leaves it first.
+    """
+    storage = floor_plan.kind == STORAGE
+    if not storage.any():
+        return _in_both_directions(floor_plan, cell, rail)
+    flat = storage.reshape(-1)
+    into = np.zeros_like(floor_plan.exits)  # exits that lead into storage
+    for direction, offset in enumerate(floor_plan.offsets):
+        ahead = np.roll(flat, -offset).reshape(storage.shape)
+        into |= np.where(ahead, np.uint8(1 << direction), np.uint8(0)).astype(np.uint8)
+    aisles = floor_plan.with_exits(np.where(storage, 0, floor_plan.exits & ~into).astype(np.uint8))
+    exits, entries = floor_plan.exits.reshape(-1), backward_exits(floor_plan)
+    from_it = reached_along(aisles, _aisles_beside(floor_plan, cell, exits), rail)
+    to_it = reached_along(aisles, _aisles_beside(floor_plan, cell, entries), rail, backwards=True)
+    leaves, enters = (np.zeros(flat.size, np.bool_) for _ in range(2))
+    for direction, offset in enumerate(floor_plan.offsets):
+        bit, axis = np.uint8(1 << direction), direction % 2
+        leaves |= (exits & bit != 0) & np.roll(to_it[axis] & ~flat, -offset)
+        enters |= (entries & bit != 0) & np.roll(from_it[axis] & ~flat, -offset)
+    mask: Mask = np.where(flat, leaves & enters, from_it.any(axis=0) & to_it.any(axis=0))
+    mask.setflags(write=False)
+    return mask
+
+
+def _in_both_directions(floor_plan: FloorPlan, cell: int, rail: bool) -> Mask:
+    """As `to_and_from`, on a floor without storage.
+
+    Off rails this is the same from each cell within it. So each part of a floor is searched once,
+    wherever the robots of a run begin.
+    """
+    part_of = np.full(floor_plan.kind.size, NIL) if rail else _part_of(floor_plan)
+    if part_of[cell] == NIL:
+        ways = (reached(floor_plan, [cell], rail, backwards) for backwards in (False, True))
+        part_of[np.logical_and(*ways)] = cell
+    mask: Mask = part_of == part_of[cell]
+    return mask
+
+
+@lru_cache(maxsize=64)
+def _part_of(floor_plan: FloorPlan) -> npt.NDArray[np.int64]:
+    """(cells,) from which cell the part of each was searched; NIL: not yet, which is noted here."""
+    return np.full(floor_plan.kind.size, NIL)
+
+
+def _aisles_beside(
+    floor_plan: FloorPlan, cell: int, sides: npt.NDArray[np.uint8]
+) -> tuple[list[int], list[int]]:
+    """By axis: a cell outside storage itself; of one in storage those beside it, over these sides."""
+    storage = floor_plan.kind.reshape(-1) == STORAGE
+    if not storage[cell]:
+        return [cell], [cell]
+    beside: tuple[list[int], list[int]] = ([], [])
+    for direction, offset in enumerate(floor_plan.offsets):
+        if sides[cell] >> direction & 1 and not storage[cell + offset]:
+            beside[direction % 2].append(cell + offset)
+    return beside
+
+
+# Least ticks of a drive on the empty floor, turns included, without compiled code.
+#
+# A pose is a cell with a heading: pose = cell * headings + heading. Storage is left and entered, but
+# a robot with a load is led through none.
+
+
+NO_WAY: Final = 2**30
+Ticks = npt.NDArray[np.int64]
+
+
+class Driving(NamedTuple):
+    """How robots drive."""
+
+    headings: int  # distinguished: 1 omni, 2 rail, 4 differential
+    move: int  # ticks
+    turn: int
+    rail: bool = False  # they turn on turntables alone
+    loaded: bool = False  # they pass through no storage
+
+
+def ticks_between(
+    floor_plan: FloorPlan,
+    driving: Driving,
+    cell: int,
+    backwards: bool,
+    heading_there: int | None = None,
+) -> Ticks:
+    """(cells, headings) ticks to a cell, or, not `backwards`, from there; or NO_WAY.
+
+    With this heading there, or in any.
+    """
+    headings, cells = driving.headings, floor_plan.kind.size
+    kind = floor_plan.kind.reshape(-1)
+    exits = backward_exits(floor_plan) if backwards else floor_plan.exits.reshape(-1)
+    turns = may_turn(kind, driving.rail)
+    through = np.ones(cells, np.bool_) if not driving.loaded else kind != STORAGE
+    through[cell] = True
+    result = np.full(cells * headings, NO_WAY, np.int64)
+    waiting: dict[int, list[npt.NDArray[np.int64]]] = {
+        0: [cell * headings + np.arange(headings, dtype=np.int64)]
+    }
+    if heading_there is not None:
+        waiting[0] = [np.array([cell * headings + heading_there], np.int64)]
+    while waiting:
+        now = min(waiting)
+        poses = np.unique(np.concatenate(waiting.pop(now)))
+        poses = poses[result[poses] > now]
+        result[poses] = now
+        at, heading = poses // headings, poses % headings
+        on = through[at]
+        for direction, offset in enumerate(floor_plan.offsets):
+            # Backwards the bit names the side from which one comes, against the heading.
+            travels = (direction ^ 2 if backwards else direction) % headings
+            goes = on & (exits[at] >> np.uint8(direction) & 1 != 0) & (heading == travels)
+            # Backwards the move begins in the cell to which the search goes on.
+            before, way = (at + offset, direction ^ 2) if backwards else (at, direction)
+            ticks = move_ticks(floor_plan, driving, before, way)
+            for each in np.unique(ticks[goes]).tolist():
+                _add(waiting, now + each, poses[goes & (ticks == each)] + offset * headings)
+        if headings > 1:
+            base = poses[turns[at]]
+            for way in (1, headings - 1):
+                turned = base - base % headings + (base % headings + way) % headings
+                _add(waiting, now + driving.turn, turned)
+    return result.reshape(cells, headings)
+
+
+def move_ticks(floor_plan: FloorPlan, driving: Driving, cells: Ticks, direction: int) -> Ticks:
+    """Ticks of moves out of some cells in a direction."""
+    ticks = np.full(len(cells), driving.move, np.int64)
+    if len(floor_plan.min_move_ticks):
+        np.maximum(ticks, floor_plan.min_move_ticks[cells, direction], out=ticks)
+    return ticks
+
+
+def _add(
+    waiting: dict[int, list[npt.NDArray[np.int64]]], ticks: int, poses: npt.NDArray[np.int64]
+) -> None:
+    if poses.size:
+        waiting.setdefault(ticks, []).append(poses)
+
+
+# Dead ends: parts of a floor in which two robots cannot pass each other, and that have one way out.
+#
+# Cells with at most one neighbour are peeled off until none is left; what was peeled off and hangs
+# together is one dead end. A floor that peels away whole (a tree of tracks) has none: no rule about
+# them would let robots through.
+
+
+Numbers = npt.NDArray[Any]
+
+NO_WAY_OUT: Final = 4
+
+
+class DeadEnds(NamedTuple):
+    """The dead ends of a floor of C cells."""
+
+    number: Numbers  # (C,) int32: the dead end of a cell, or NIL
+    way_out: Numbers  # (C,) uint8: the direction out of it, or NO_WAY_OUT
+    depth: Numbers  # (C,) int32: moves out of it, 0 outside
+    total: int
+    ringless: Numbers  # (C,) bool: in a part of the floor without a ring, where robots cannot pass
+
+
+def dead_ends_of(floor_plan: FloorPlan) -> DeadEnds:
+    """The dead ends of a floor as drawn."""
+    single = floor_plan.capacity.reshape(-1) == 1
+    return dead_ends(floor_plan.exits.reshape(-1), single, floor_plan.offsets)
+
+
+def dead_ends(exits: Numbers, single: Numbers, offsets: Any) -> DeadEnds:
+    """Find dead ends; `exits`: (C,) uint8, bits by direction; `single`: (C,) bool, cells for one robot.
+
+    `offsets`: (4,) from a cell to its neighbours. Cells for several robots are in none: robots pass
+    each other there.
+    """
+    steps = [int(offset) for offset in offsets]
+    neighbours = _neighbours(exits, steps)
+    degree = (neighbours != NIL).sum(axis=1)
+    way_out = np.full(len(exits), NO_WAY_OUT, np.uint8)
+    peeled = np.zeros(len(exits), bool)
+    waiting = np.flatnonzero(single & (degree == 1)).tolist()
+    while waiting:
+        cell = waiting.pop()
+        if peeled[cell] or degree[cell] != 1:
+            continue
+        peeled[cell] = True
+        for direction, neighbour in enumerate(neighbours[cell].tolist()):
+            if neighbour != NIL and not peeled[neighbour]:
+                way_out[cell] = direction
+                degree[neighbour] -= 1
+                if single[neighbour] and degree[neighbour] == 1:
+                    waiting.append(neighbour)
+    number, total = np.full(len(exits), NIL, np.int32), 0
+    ringless = np.zeros(len(exits), bool)
+    for mouth in np.flatnonzero(peeled).tolist():
+        beyond = mouth + steps[way_out[mouth]]
+        if peeled[beyond]:
+            continue  # the way out leads on through the dead end
+        if degree[beyond] == 0 and single[beyond]:
+            ringless[beyond] = True
+            continue
+        _enter(number, mouth, total, peeled, neighbours)
+        total += 1
+    way_out[number == NIL] = NO_WAY_OUT
+    ringless |= peeled & (number == NIL)
+    return DeadEnds(number, way_out, _depths(number, way_out, steps), total, ringless)
+
+
+def _depths(number: Numbers, way_out: Numbers, steps: list[int]) -> Numbers:
+    """(C,) int32: moves out of the dead end that a cell belongs to."""
+    depth = np.zeros(len(number), np.int32)
+    for first in np.flatnonzero(number != NIL).tolist():
+        passed, cell = [], first
+        while number[cell] == number[first] and depth[cell] == 0:
+            passed.append(cell)
+            cell += steps[way_out[cell]]
+        beyond = depth[cell] if number[cell] == number[first] else 0
+        for place, one in enumerate(reversed(passed)):
+            depth[one] = beyond + 1 + place
+    return depth
+
+
+def dead_ends_of_types(exits: Numbers, single: Numbers, offsets: Any) -> DeadEnds:
+    """The dead ends of all types of robots; `exits`: (k, C) uint8, by type, less closed areas.
+
+    A cell that is in a dead end for one type counts as in one for all. Of two that overlap the one
+    that holds the other remains, or the one of the earlier type.
+    """
+    union, *others = (dead_ends(of_type, single, offsets) for of_type in exits)
+    number, way_out = union.number, union.way_out
+    for ends in others:
+        for one in range(ends.total):
+            inside = ends.number == one
+            met = np.unique(number[inside & (number != NIL)])
+            if not inside[np.isin(number, met)].all():
+                continue
+            number[inside] = met[0] if len(met) else number.max() + 1
+            way_out[inside] = ends.way_out[inside]
+    _, dense = np.unique(number[number != NIL], return_inverse=True)
+    number[number != NIL] = dense
+    total = int(number.max(initial=NIL)) + 1
+    depth = _depths(number, way_out, [int(offset) for offset in offsets])
+    return DeadEnds(number, way_out, depth, total, union.ringless)
+
+
+def _neighbours(exits: Numbers, steps: list[int]) -> Numbers:
+    """(C, 4) int64: the cells beside each one to or from which robots drive, or NIL."""
+    out = np.full((len(exits), 4), NIL, np.int64)
+    for direction, step in enumerate(steps):
+        leaving = np.flatnonzero(exits >> direction & 1)
+        out[leaving, direction] = leaving + step
+        out[leaving + step, direction ^ 2] = leaving
+    return out
+
+
+def _enter(number: Numbers, first: int, value: int, peeled: Numbers, neighbours: Numbers) -> None:
+    """Enter a number in all peeled cells that hang together with a cell."""
+    reached, waiting = {first}, [first]
+    while waiting:
+        cell = waiting.pop()
+        number[cell] = value
+        for neighbour in neighbours[cell].tolist():
+            if neighbour != NIL and peeled[neighbour] and neighbour not in reached:
+                reached.add(neighbour)
+                waiting.append(neighbour)

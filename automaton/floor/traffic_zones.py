@@ -8,14 +8,34 @@
 
 from __future__ import annotations
 
+import math
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from numpy.typing import NDArray
 
-from automaton.floor.cells import EAST, NIL, NORTH, SOUTH, WEST
-from automaton.floor.floor_plan import FloorPlan
+from automaton.errors import InputError, alternatives
+from automaton.floor.cells import (
+    ALL_EXITS,
+    CELL_KINDS,
+    DIRECTION_VECTORS,
+    DOCK,
+    EAST,
+    FLOOR,
+    NIL,
+    NORTH,
+    RACK,
+    SOUTH,
+    WALL,
+    WEST,
+)
+from automaton.floor.drawn_floors import MAX_SIDE
+from automaton.floor.floor_plan import FloorPlan, bordered, make_floor_plan
 
 Mask = npt.NDArray[np.bool_]
 Numbers = npt.NDArray[np.int32]
@@ -96,3 +116,232 @@ def _carried(number: Numbers, part: Mask, follows: Mask) -> Numbers:
     carried = np.full(number.shape, NIL, np.int32)
     carried[part] = number[part][begin]
     return carried
+
+
+# Roads of a floor: its critical points, the straight ways between them, and how far stations are.
+#
+# A critical point is a station, or a drivable cell whose links to other cells are not exactly two
+# opposite ones: a crossing, a corner or a dead end. Points are numbered in reading order.
+
+
+MAX_POINTS: Final = 3000  # hop and distances take 8 bytes for each pair of points
+NO_ROAD: Final = 1 << 29
+
+
+class RoadNetwork(NamedTuple):
+    """P critical points and the straight ways between them, for S stations; NIL: none."""
+
+    cell: Numbers  # (P,) flat cell
+    next: Numbers  # (P, 4) the point that driving E, S, W, N leads to, or NIL
+    step: Numbers  # (P, 4) cells to it
+    station: Numbers  # (P,) the station at the point, or NIL
+    point: Numbers  # (S,) the point of each station
+    hop: Numbers  # (P, P) the next point on the shortest way to another one, or NIL
+    between: Numbers  # (S, S) cells of the shortest way
+
+
+def road_network(floor_plan: FloorPlan, station_cells: Sequence[int] | NDArray[Any]) -> RoadNetwork:
+    """station_cells: the drivable flat cell of each station. Raises InputError."""
+    stations = [int(cell) for cell in station_cells]
+    _check(floor_plan, stations)
+    cells = np.union1d(_junctions(floor_plan), np.array(stations, np.int64)).astype(np.int32)
+    if len(cells) > MAX_POINTS:
+        raise InputError(
+            f"the floor has {len(cells)} crossings, corners and dead ends; "
+            f"zones can be made of at most {MAX_POINTS}"
+        )
+    ahead, step = _ways(floor_plan, cells)
+    distance = _distances(ahead, step)
+    point = np.searchsorted(cells, stations).astype(np.int32)
+    at = np.full(len(cells), NIL, np.int32)
+    at[point] = np.arange(len(stations), dtype=np.int32)
+    between = np.ascontiguousarray(distance[np.ix_(point, point)])
+    _check_reachable(floor_plan, stations, between)
+    return RoadNetwork(
+        cell=cells,
+        next=ahead,
+        step=step,
+        station=at,
+        point=point,
+        hop=_hops(ahead, step, distance),
+        between=between,
+    )
+
+
+def _check(floor_plan: FloorPlan, stations: list[int]) -> None:
+    drivable = floor_plan.drivable.reshape(-1)
+    first: dict[int, int] = {}
+    for number, cell in enumerate(stations, 1):
+        where = f"station {number} at {floor_plan.xy(cell)}"
+        if not drivable[cell]:
+            raise InputError(f"{where} is on no cell that robots drive on")
+        if cell in first:
+            raise InputError(f"{where} is in the cell of station {first[cell]}")
+        first[cell] = number
+
+
+def _check_reachable(floor_plan: FloorPlan, stations: list[int], between: Numbers) -> None:
+    apart = np.argwhere(between >= NO_ROAD)
+    if len(apart):
+        a, b = (int(number) for number in apart[0])
+        raise InputError(
+            f"no way leads from station {a + 1} at {floor_plan.xy(stations[a])} "
+            f"to station {b + 1} at {floor_plan.xy(stations[b])}"
+        )
+
+
+def _junctions(floor_plan: FloorPlan) -> NDArray[np.int64]:
+    """Flat cells whose links are not exactly two opposite ones."""
+    beside, below = links(floor_plan)
+    east, west = beside, np.roll(beside, 1, 1)
+    south, north = below, np.roll(below, 1, 0)
+    along_x = east & west & ~south & ~north
+    along_y = south & north & ~east & ~west
+    return np.flatnonzero(floor_plan.drivable & ~along_x & ~along_y)
+
+
+def _ways(floor_plan: FloorPlan, cells: Numbers) -> tuple[Numbers, Numbers]:
+    """(P, 4) each: the point that a direction leads to, and how many cells away it is."""
+    exits = floor_plan.exits.reshape(-1).tolist()
+    number = {int(cell): index for index, cell in enumerate(cells)}
+    ahead, step = np.full((len(cells), 4), NIL, np.int32), np.zeros((len(cells), 4), np.int32)
+    for direction, (dx, dy) in enumerate(DIRECTION_VECTORS):
+        offset = dx + dy * floor_plan.stride
+        for cell, index in number.items():
+            here, steps = cell, 0
+            while exits[here] >> direction & 1:
+                here, steps = here + offset, steps + 1
+                if here in number:
+                    ahead[index, direction], step[index, direction] = number[here], steps
+                    break
+    return ahead, step
+
+
+def _distances(ahead: Numbers, step: Numbers) -> Numbers:
+    """(P, P) cells of shortest ways, NO_ROAD between two that no way joins."""
+    count = len(ahead)
+    distance = np.full((count, count), NO_ROAD, np.int32)
+    np.fill_diagonal(distance, 0)
+    changed = True
+    while changed:
+        before = distance.copy()
+        for direction in range(4):
+            here = np.flatnonzero(ahead[:, direction] != NIL)
+            via = distance[ahead[here, direction]] + step[here, direction, None]
+            distance[here] = np.minimum(distance[here], via)
+        changed = not np.array_equal(before, distance)
+    return np.minimum(distance, NO_ROAD, out=distance)
+
+
+def _hops(ahead: Numbers, step: Numbers, distance: Numbers) -> Numbers:
+    """(P, P) the next point on a shortest way; of several the lowest."""
+    count = len(ahead)
+    hop = np.full((count, count), count, np.int32)
+    for direction in range(4):
+        here = np.flatnonzero(ahead[:, direction] != NIL)
+        then = ahead[here, direction, None]
+        on_way = distance[then[:, 0]] + step[here, direction, None] == distance[here]
+        hop[here] = np.where(on_way, np.minimum(hop[here], then), hop[here])
+    hop[(hop == count) | (distance >= NO_ROAD)] = NIL
+    np.fill_diagonal(hop, NIL)
+    return hop
+
+
+# A floor as a matrix of codes in a CSV file, one line per row (Bhattathiri, Li & Kuhl, Figure 2).
+#
+# -1,-1, -1,-1 -1 wall, 0 free, 50 intersection, 100 rack, 200 dock -1, 0,200, 0 An intersection is a
+# free cell: which ones they are follows from the floor, so -1,50, 0,50 0 and 50 mean the same when a
+# matrix is read.
+#
+# Spreadsheets write numbers as 100.0 and, where the comma is the decimal sign, 100,0 between
+# semicolons; both are read, as are columns between tabs.
+#
+# What a matrix does not say is how many robots a free cell holds: that is one number for all.
+
+
+INTERSECTION: Final = 50
+# The first that occurs; a comma beside others is a decimal one.
+SEPARATORS: Final = (";", "\t", ",")
+NUMBER: Final = re.compile(r"[-+]?[0-9]{1,9}(\.[0-9]{0,9})?")
+KIND_OF: Final = {-1: WALL, 0: FLOOR, INTERSECTION: FLOOR, 100: RACK, 200: DOCK}
+CODE_OF: Final = {kind: code for code, kind in KIND_OF.items() if code != INTERSECTION}
+
+
+class MatrixError(InputError):
+    """An error in a row of a matrix; rows count from 0."""
+
+    def __init__(self, message: str, row: int = 0) -> None:
+        super().__init__(message)
+        self.row = row
+
+
+@lru_cache(maxsize=16)
+def read_matrix(text: str, capacity: int = 0) -> FloorPlan:
+    """The floor of a matrix; every free cell has this capacity. Raises MatrixError."""
+    rows = text.rstrip().split("\n") if text.strip() else []
+    if not rows:
+        raise MatrixError("the matrix is empty")
+    separator = next((sign for sign in SEPARATORS if sign in rows[0]), ",")
+    cells = [row.split(separator) for row in rows]
+    width = len(cells[0])
+    if max(len(rows), width) > MAX_SIDE:
+        raise MatrixError(f"the matrix has a side of more than {MAX_SIDE:,} cells")
+    kind = bordered(len(rows), width)
+    for y, row in enumerate(cells):
+        if len(row) != width:
+            raise MatrixError(f"the row has {len(row)} codes, the first row {width}", y)
+        kind[y + 1, 1:-1] = _kinds(row, y)
+    if not (kind == FLOOR).any():
+        raise MatrixError("the matrix has no free cell (0 or 50) that robots drive on")
+    return _plan(kind, capacity)
+
+
+def write_matrix(floor_plan: FloorPlan) -> str:
+    """The matrix of a floor, intersections marked, with a newline at its end.
+
+    Raises InputError for a floor with other kinds of cells, one-way cells or mixed capacities.
+    """
+    kind, free = floor_plan.kind[1:-1, 1:-1], floor_plan.kind == FLOOR
+    for y, x in np.argwhere(~np.isin(kind, list(CODE_OF))).tolist():
+        known = alternatives(CELL_KINDS[code].name for code in CODE_OF)
+        name = CELL_KINDS[kind[y, x]].name
+        raise InputError(f"a matrix has no code for the {name} at ({x}, {y}), only for {known}")
+    if len(floor_plan.bays):
+        x, y = floor_plan.xy(int(floor_plan.bays[0, 0]))
+        raise InputError(f"a matrix has no code for the parking bay at ({x}, {y})")
+    capacities = np.unique(floor_plan.capacity[free]).tolist()
+    if len(capacities) > 1:
+        raise InputError("a matrix cannot say that free cells hold different numbers of robots")
+    if not np.array_equal(_plan(floor_plan.kind, 0).exits, floor_plan.exits):
+        raise InputError("a matrix cannot say which cells are one-way")
+    codes = np.vectorize(CODE_OF.get, otypes=[np.int64])(kind)
+    crossing = traffic_zones_of(floor_plan).intersection.reshape(free.shape)[1:-1, 1:-1]
+    codes = np.where(crossing, INTERSECTION, codes)
+    return "".join(",".join(map(str, row)) + "\n" for row in codes.tolist())
+
+
+def _kinds(row: list[str], y: int) -> list[int]:
+    codes = [_number(code) for code in row]
+    for x, code in enumerate(codes):
+        if code not in KIND_OF:
+            allowed = alternatives(map(str, KIND_OF))
+            found = row[x].strip()[:20] or "nothing"
+            # By size, not by letters: 99 is next to 100.
+            near = min(KIND_OF, key=lambda known: abs(known - code)) if math.isfinite(code) else ""
+            hint = f"; did you mean {near}?" if near != "" else ""
+            raise MatrixError(
+                f"column {x + 1} must be one of the codes {allowed}, found {found}{hint}", y
+            )
+    return [KIND_OF[int(code)] for code in codes]
+
+
+def _number(text: str) -> float:
+    """The number that a text writes; NaN for anything else."""
+    plain = text.strip().replace(",", ".")
+    return float(plain) if NUMBER.fullmatch(plain) else math.nan
+
+
+def _plan(kind: npt.NDArray[np.uint8], capacity: int) -> FloorPlan:
+    """A floor on which every free cell may be left in all directions."""
+    leave = np.where(kind == FLOOR, ALL_EXITS, 0).astype(np.uint8)
+    return make_floor_plan(kind, leave, np.where(kind == FLOOR, capacity, 1).astype(np.uint8))

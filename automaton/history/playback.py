@@ -24,7 +24,7 @@ from automaton.recording.frames import StoredFrames
 from automaton.recording.header import changed, resolved_of
 from automaton.runs.simulation import Simulation
 from automaton.runs.state_copy import arrays_of_run, copy_clock, ragged_arrays, used_entries
-from automaton.strategy.layer import Strategy, WaitRanges
+from automaton.strategy.contract import Strategy, WaitRanges
 from automaton.strategy.lookup import NO_STRATEGY
 from automaton.world.resolve import Resolved
 

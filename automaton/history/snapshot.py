@@ -21,7 +21,7 @@ from automaton.engine.facilities import (
 from automaton.engine.jit.structs import CARRIED, Struct
 from automaton.engine.observation import CAUSE_NOT_WAITING, Observation, is_waiting
 from automaton.engine.state import CLOCK_TICK, NIL, Array, Orders, Robots
-from automaton.runs.asked_orders import done_count
+from automaton.runs.progress import done_count
 from automaton.runs.simulation import Simulation
 from automaton.world.pods import station_names
 

@@ -20,7 +20,7 @@ from automaton.runs.provenance import file_hashes, recorded_files, source_hash, 
 from automaton.scenario.orders import plain_data
 from automaton.scenario.schema import LAYER_NAMES, Scenario
 from automaton.strategy import lookup
-from automaton.strategy.entry import AsRecorded
+from automaton.strategy.lookup import AsRecorded
 from automaton.world.floor_parts import with_speed_limits
 from automaton.world.resolve import Resolved, StrategyChoice, in_fine_ticks
 

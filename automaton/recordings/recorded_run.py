@@ -6,17 +6,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from automaton.drawings.palette import THEMES, Theme
+from automaton.drawings.looks import THEMES, Theme
 from automaton.errors import InputError, alternatives
 from automaton.floor.cells import NIL
 from automaton.recording.frames import Recording
 from automaton.recording.recording_reader import read_recording
 
 if TYPE_CHECKING:
-    from automaton.drawings.floor_picture import FloorPicture
-    from automaton.films.web_film.notebook_film import NotebookFilm
+    from automaton.drawings.floor_svg import FloorPicture
+    from automaton.films.film_page import NotebookFilm
     from automaton.history.playback import Playback
-    from automaton.runs.sampling import Sampling
+    from automaton.runs.headless import Sampling
     from automaton.tables.table_files import Tables
 
 
@@ -102,9 +102,8 @@ class RecordedRun:
 
         `speed`: 1 is ten ticks a second; `follow`: a robot; `height`: pixels. Raises InputError.
         """
+        from automaton.films.film_page import NotebookFilm, film_page
         from automaton.films.recorded_stretch import play_stretch
-        from automaton.films.web_film.film_page import film_page
-        from automaton.films.web_film.notebook_film import NotebookFilm
 
         if theme not in THEMES:
             raise InputError(f"unknown theme {theme!r}: allowed are {alternatives(THEMES)}")

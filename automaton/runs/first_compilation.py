@@ -1,8 +1,4 @@
-"""The first run: two processes compile its 400 kernels side by side, into one cache.
-
-The other process compiles the features that the run uses, and what its strategies decide with. This one
-compiles the loop, loads what is there then, and compiles the rest, whatever becomes of the other.
-"""
+"""How many processes can compute at once."""
 
 from __future__ import annotations
 
@@ -19,11 +15,23 @@ from multiprocessing import parent_process
 from automaton.engine.features import compiled_feature
 from automaton.engine.jit.kernel import COMPILATIONS, jit_is_on, world_marker
 from automaton.engine.loop import decide_signature
-from automaton.runs.cores import cores
 from automaton.scenario.schema import Faults
-from automaton.strategy.decide_compilation import compiled_decide
-from automaton.strategy.layer import Strategy
+from automaton.strategy.contract import Strategy, compiled_decide
 from automaton.world.resolve import Resolved
+
+
+def cores() -> int:
+    """The cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+# The first run: two processes compile its 400 kernels side by side, into one cache.
+#
+# The other process compiles the features that the run uses, and what its strategies decide with. This
+# one compiles the loop, loads what is there then, and compiles the rest, whatever becomes of the
+# other.
 
 
 @contextmanager

@@ -46,12 +46,19 @@ from automaton.engine.state import (
     Array,
     World,
 )
-from automaton.runs.asked_orders import asked_orders, has_lines
-from automaton.runs.lateness import lead_times, sums_of_due_times, tardiness_quantiles
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE as METRIC_CATALOGUE
 from automaton.runs.metric_sums import LOST_TICK_SUMS, metric
-from automaton.runs.progress import oldest_order, starved_robots
-from automaton.runs.task_metrics import Measured, Tasks, quantile, summed, tasks_after
+from automaton.runs.progress import asked_orders, has_lines, oldest_order, starved_robots
+from automaton.runs.task_metrics import (
+    Measured,
+    Tasks,
+    lead_times,
+    quantile,
+    summed,
+    sums_of_due_times,
+    tardiness_quantiles,
+    tasks_after,
+)
 
 OPERATIONS = [
     *(ACTION_MOVE, ACTION_TURN, ACTION_PICK, ACTION_DROP, ACTION_TRY_DROP, ACTION_WAIT),

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from automaton.scenario.document import content_hash
-from automaton.strategy.entry import files_of
+from automaton.strategy.lookup import files_of
 from automaton.world.resolve import Resolved
 
 PACKAGES = ("automaton", "strategies", "layouts")

@@ -1,8 +1,8 @@
-"""A run: a world, its strategies, and the compiled loop that carries it from tick to tick."""
+"""The picture of a run as it stands: its floor and robots, and a line below."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from operator import attrgetter
 from typing import Any
@@ -10,11 +10,19 @@ from typing import Any
 import numpy as np
 
 from automaton import garbage
-from automaton.drawings.floor_picture import FloorPicture
-from automaton.drawings.palette import Theme
+from automaton.drawings.floor_svg import FloorPicture
+from automaton.drawings.looks import THEMES, Theme
+from automaton.drawings.moment import drawn_floor, moment_of
 from automaton.engine import loop as loop_kernels
 from automaton.engine.digest import DIGEST_NAMES, combine, digest_world
-from automaton.engine.distance_tables import STOP_NO_ROOM
+from automaton.engine.distance_tables import (
+    BYTES_PER_WORD,
+    STOP_NO_ROOM,
+    TABLES_REFUSED,
+    TABLES_ROWS,
+    TABLES_WORDS,
+    DistanceTables,
+)
 from automaton.engine.drive import MAX_MOVE_TICKS
 from automaton.engine.features import (
     FEATURES,
@@ -47,24 +55,25 @@ from automaton.engine.state import (
     Memory,
     World,
 )
-from automaton.errors import InputError
+from automaton.errors import InputError, alternatives
 from automaton.runs.first_compilation import compiled_side_by_side
-from automaton.runs.floor_pictures import floor_picture
 from automaton.runs.interruption import give_up, interruptible
 from automaton.runs.metric_sums import TASK_SUMS
+from automaton.runs.progress import asked_count, done_count
 from automaton.runs.state_copy import plan_anew, take_over
-from automaton.runs.table_room import no_room
 from automaton.strategy import lookup
 from automaton.strategy.contract import (
+    NoState,
+    Strategy,
     check_counters,
     check_decides,
     checked_period,
     checked_state,
     checked_wait_ranges,
+    compiled_decide,
 )
-from automaton.strategy.decide_compilation import compiled_decide
-from automaton.strategy.layer import NoState, Strategy
 from automaton.strategy.patience import Watchdog
+from automaton.units import count, memory
 from automaton.world.building import (
     build_buffers,
     build_observation,
@@ -74,6 +83,55 @@ from automaton.world.building import (
     digest_interval,
 )
 from automaton.world.resolve import Resolved, StrategyChoice
+
+
+def floor_picture(
+    resolved: Resolved, world: Any, observation: Any, theme: Theme, follow: int
+) -> FloorPicture:
+    """The picture of a world; `follow`: the robot that is marked, or NIL. Raises InputError."""
+    robots = resolved.scenario.fleet.robots
+    if theme not in THEMES:
+        raise InputError(f"unknown theme {theme!r}: allowed are {alternatives(THEMES)}")
+    if not NIL <= follow < robots:
+        raise InputError(f"there is no robot {follow}: the last one is robot {robots - 1}")
+    floor = drawn_floor(resolved)
+    moment = moment_of(floor, world, observation)
+    done, asked = done_count(world.orders, world.lines), asked_count(world)
+    caption = (
+        f"{resolved.scenario.name}, {count(robots, 'robot')}: tick {moment.tick:,}, "
+        f"{done:,} of {count(asked, 'order')} done"
+    )
+    return FloorPicture(floor, moment, caption, theme, follow)
+
+
+# What to say when one tick needs more distance tables than the scenario has room for.
+
+
+def no_room(world: World, structs: Iterable[Struct]) -> InputError:
+    """The sentence about the tables among these structs that a table did not fit in."""
+    tables = next(one for one in tables_in(structs) if one.status[TABLES_REFUSED])
+    robots, size = len(world.robots.cell), BYTES_PER_WORD * int(tables.status[TABLES_WORDS])
+    at_once = max(int(tables.status[TABLES_ROWS]) - 1, 0)
+    return InputError(
+        f"tick {world.clock[CLOCK_TICK]} needs more distance tables than world.distance_tables "
+        f"({memory(world.rules.table_bytes)}) has room for: {count(at_once, 'table')} of {memory(size)} "
+        f"at a time; set it to {memory((robots + 1) * size)}, for a table for each of "
+        f"{count(robots, 'robot')}"
+    )
+
+
+def tables_in(structs: Iterable[Struct]) -> Iterator[DistanceTables]:
+    """The tables in some structs, and in the structs in them."""
+    for one in structs:
+        if isinstance(one, DistanceTables):
+            yield one
+        else:
+            parts = (getattr(one, name) for name in one._fields)
+            yield from tables_in(part for part in parts if isinstance(part, Struct))
+
+
+# A run: a world, its strategies, and the compiled loop that carries it from tick to tick.
+
 
 RECORD_TICKS = 256  # ticks in the buffers of a recording
 OBSERVED_TICKS = 1024  # and of an observation

@@ -1,23 +1,32 @@
-"""The metrics of tasks after a warm-up: how long they take, and by how much too long.
-
-A task is an order carried by one robot all the way. It begins in the tick in which the robot takes
-the order and ends in the tick of its delivery, both included. Its delay is what it takes beyond the
-least time: each leg driven as fast as the empty floor allows, with the turns that it needs from the
-heading in which it begins, the pick, and the tick in which the load is dropped. Of an order without a
-load it is the legs between its stops, each in at least a tick and from the best heading but for the
-first one.
-"""
+"""The least time that a task takes: its legs driven on the empty floor."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from automaton.engine.distance_tables import UNREACHABLE
+from automaton.engine.facilities import MAY_TURN
+from automaton.engine.jit.kernel import kernel
+from automaton.engine.operations import end_of_stops, has_load, headings_of, limited_ticks
+from automaton.engine.search import (
+    STARTED,
+    TURNED_AHEAD,
+    TURNED_BEHIND,
+    begin_search,
+    distance,
+    pop,
+    reach,
+)
 from automaton.engine.state import (
     ACTION_DROP,
+    ACTION_MOVE,
     ACTION_PICK,
+    ACTION_TURN,
+    CLOCK_TICK,
+    NEVER,
     NIL,
     ORDER_DELIVERED,
     Array,
@@ -25,9 +34,198 @@ from automaton.engine.state import (
     World,
 )
 from automaton.runs.interruption import interruptible
-from automaton.runs.task_lower_bounds import min_drive_ticks
-from automaton.scenario.unavailable_metrics import TASK_METRICS as TASK_METRICS
+from automaton.runs.progress import asked_orders, has_lines
+from automaton.strategy.placing import dropoff_cell, pickup_cell
+from automaton.world.pods import station_names
 from automaton.world.resolve import Resolved
+
+POSE_MASK = (1 << 32) - 1  # a key of the queue: estimated ticks << 32 | pose
+
+
+@kernel
+def min_drive_ticks(view, workspace, which, out):
+    """out[order] = least ticks of driving for each order in `which`: to its source, then to its target.
+
+    With stops: from stop to stop.
+
+    The first leg begins where and with the heading in which the order was taken, the second one
+    with the heading in which the first one ends; of several that take the least ticks, the best
+    counts. Slots are served from their access cells, by the type of robot that took the order last.
+    UNREACHABLE if there is no way.
+    """
+    orders = view.orders
+    for k in range(which.shape[0]):
+        order = which[k]
+        start = orders.dispatched_from[order] * view.grid.headings
+        start += orders.dispatched_heading[order]
+        robot_type = np.int64(orders.dispatched_type[order])
+        origin = np.int64(orders.dispatched_from[order])
+        if not has_load(orders, order):
+            heading = np.int64(orders.dispatched_heading[order])
+            out[order] = least_over_stops(view, workspace, robot_type, origin, heading, order)
+            continue
+        access_cell = pickup_cell(view, robot_type, orders.source[order], origin)
+        if orders.first_stop[order] < orders.first_stop[order + 1]:
+            heading = np.int64(orders.dispatched_heading[order])
+            ticks = distance(view, workspace, robot_type, origin, heading, access_cell)
+            loaded = robot_type + view.rules.loaded_types
+            ticks += least_over_stops(view, workspace, loaded, access_cell, NIL, order)
+            out[order] = min(ticks, UNREACHABLE)
+            continue
+        end = dropoff_cell(view, robot_type, last_slot(orders, order), access_cell)
+        out[order] = least_by(view, workspace, robot_type, start, access_cell, end)
+
+
+@kernel
+def least_way_ticks(view, workspace, which, out):
+    """out[k] = least ticks of driving the way of order which[k], from its load over its stops to its end.
+
+    Without a load: from where and with the heading in which it was taken. Each leg else begins with
+    the heading that is best for it. UNREACHABLE if there is no way.
+    """
+    orders = view.orders
+    for k in range(which.shape[0]):
+        order = which[k]
+        robot_type = np.int64(orders.dispatched_type[order])
+        here = np.int64(orders.dispatched_from[order])
+        heading = np.int64(orders.dispatched_heading[order])
+        loaded = has_load(orders, order)
+        if loaded:
+            here = pickup_cell(view, robot_type, orders.source[order], here)
+            heading = np.int64(NIL)
+            robot_type += view.rules.loaded_types
+        ticks = np.int64(0)
+        for stop in range(orders.first_stop[order], end_of_stops(view, order)):
+            to = np.int64(view.stops.cell[stop])
+            ticks += least_leg(view, workspace, robot_type, here, heading, to)
+            here, heading = to, np.int64(NIL)
+        if loaded:
+            end = dropoff_cell(view, robot_type, last_slot(orders, order), here)
+            ticks += least_leg(view, workspace, robot_type, here, heading, end)
+        out[k] = min(ticks, UNREACHABLE)
+
+
+@kernel
+def last_slot(orders, order):
+    """Where the load of an order that is done was to be brought; a pod: where it was stored."""
+    target = np.int64(orders.target[order])
+    return np.int64(orders.current_slot[order]) if target == NIL else target
+
+
+@kernel
+def least_leg(view, workspace, robot_type, here, heading, to):
+    """Least ticks from a cell to another one; heading NIL: from that which is best."""
+    best = np.int64(UNREACHABLE)
+    for begin in range(view.grid.headings):
+        if heading in (NIL, begin):
+            best = min(best, distance(view, workspace, robot_type, here, begin, to))
+    return best
+
+
+@kernel
+def least_over_stops(view, workspace, robot_type, here, heading, order):
+    """Least ticks from a cell over the stops of an order, and to its target; UNREACHABLE if no way.
+
+    `robot_type`: with the load, if the order has one.
+
+    A bound: each leg but the first one begins with the heading that is best for it. Only the stops
+    that were done since the order was last taken count. A stop takes its SERVE, and a tick at least
+    but for the first one of a load.
+    """
+    orders, stops = view.orders, view.stops
+    ticks, least = np.int64(0), np.int64(0 if has_load(orders, order) else 1)
+    for stop in range(orders.first_stop[order], end_of_stops(view, order)):
+        if stops.done[stop] < orders.dispatched[order]:
+            continue
+        to = np.int64(stops.cell[stop])
+        leg = least_leg(view, workspace, robot_type, here, heading, to)
+        ticks = min(ticks + max(leg + stops.ticks[stop], least), UNREACHABLE)
+        here, heading, least = to, np.int64(NIL), np.int64(1)
+    if has_load(orders, order):
+        end = dropoff_cell(view, robot_type, last_slot(orders, order), here)
+        ticks += least_leg(view, workspace, robot_type, here, heading, end)
+    return min(ticks, UNREACHABLE)
+
+
+@kernel
+def least_by(view, workspace, robot_type, start, access_cell, end):
+    """Least ticks from a pose to a cell, and from there with a load to another one.
+
+    UNREACHABLE if there is no way.
+
+    A* with the Manhattan estimate, to every heading in which the first cell is reached soonest.
+    """
+    headings = view.grid.headings
+    if headings == 1:
+        to_access_cell = distance(view, workspace, robot_type, start, 0, access_cell)
+        loaded = robot_type + view.rules.loaded_types
+        return to_access_cell + distance(view, workspace, loaded, access_cell, 0, end)
+    search = begin_search(workspace)
+    size = reach(
+        workspace, search, 0, start, 0, estimate(view, robot_type, start, access_cell), STARTED
+    )
+    least = best = UNREACHABLE
+    while size > 0 and workspace.stop[0] == 0:
+        key = pop(workspace.heap, size)
+        size -= 1
+        pose = key & POSE_MASK
+        ticks = workspace.cost[pose]
+        if (key >> 32) > least:
+            break
+        if (key >> 32) != ticks + estimate(view, robot_type, pose, access_cell):
+            continue  # a better way to this pose was found meanwhile
+        if pose // headings == access_cell:
+            least = ticks
+            loaded = robot_type + view.rules.loaded_types
+            best = min(
+                best,
+                ticks + distance(view, workspace, loaded, access_cell, pose % headings, end),
+            )
+        size = go_on(view, workspace, search, size, robot_type, pose, ticks, access_cell)
+    return best
+
+
+@kernel
+def go_on(view, workspace, search, size, robot_type, pose, ticks, access_cell):
+    """Enter the poses that follow on a pose into the queue; returns its size."""
+    grid, duration, type_cell_flags = (
+        view.grid,
+        view.rules.duration[robot_type],
+        view.grid.type_cell_flags[robot_type],
+    )
+    cell, heading = pose // grid.headings, pose % grid.headings
+    headings = headings_of(grid, robot_type)
+    for way in range(heading, 4, headings):
+        if (type_cell_flags[cell] >> way) & 1:
+            to = (cell + grid.offset[way]) * grid.headings + heading
+            left = estimate(view, robot_type, to, access_cell)
+            moved = ticks + limited_ticks(grid, duration[ACTION_MOVE], cell, way)
+            size = reach(workspace, search, size, to, moved, left, way)
+    if headings > 1 and type_cell_flags[cell] & MAY_TURN:
+        left = estimate(view, robot_type, pose, access_cell)
+        for k in range(2):
+            to = cell * grid.headings + ((heading + 1 - 2 * k) & (headings - 1))
+            how = TURNED_BEHIND if k else TURNED_AHEAD
+            size = reach(workspace, search, size, to, ticks + duration[ACTION_TURN], left, how)
+    return size
+
+
+@kernel
+def estimate(view, robot_type, pose, target):
+    """Ticks from a pose to a cell at least."""
+    cell, width = pose // view.grid.headings, view.grid.width
+    left = abs(cell // width - target // width) + abs(cell % width - target % width)
+    return left * view.rules.duration[robot_type, ACTION_MOVE]
+
+
+# The metrics of tasks after a warm-up: how long they take, and by how much too long.
+#
+# A task is an order carried by one robot all the way. It begins in the tick in which the robot takes
+# the order and ends in the tick of its delivery, both included. Its delay is what it takes beyond the
+# least time: each leg driven as fast as the empty floor allows, with the turns that it needs from the
+# heading in which it begins, the pick, and the tick in which the load is dropped. Of an order without
+# a load it is the legs between its stops, each in at least a tick and from the best heading but for
+# the first one.
 
 
 class Measured(Protocol):
@@ -111,3 +309,121 @@ def least_times(run: Measured, tasks: Array) -> Array:
     has_load = run.world.orders.source[tasks] != NIL
     times: Array = run.least[tasks] + handling * has_load
     return times
+
+
+# Orders that are done after they are due, or not yet: how many they are, and by how many ticks.
+#
+# An order counts from its release on. One that is open at the end counts as done then: it is late if
+# it is due before, else nothing is known of it, and only `not_yet_due` counts it.
+
+
+class DueOrders(NamedTuple):
+    """The orders with a due time that were released: (k,) each."""
+
+    ends: Array  # int64: tick of delivery, or the present one
+    tardiness: Array  # int64: ticks from then on back to when it was due; 0: it is not late
+    is_open: Array  # bool
+
+    def after(self, tick: int) -> DueOrders:
+        """Those that were done after a tick, or are open."""
+        later = self.is_open | (self.ends > tick)
+        return DueOrders(self.ends[later], self.tardiness[later], self.is_open[later])
+
+
+def has_due_times(world: World) -> bool:
+    """Whether any order has a due time."""
+    due = world.lines.due if has_lines(world) else world.orders.due
+    return bool((due != NEVER).any())
+
+
+def due_orders(world: World) -> DueOrders:
+    """The orders of a world that have a due time and were released."""
+    orders = asked_orders(world)
+    known = np.flatnonzero((orders.due != NEVER) & orders.is_known)
+    is_open = orders.is_open[known]
+    ends = np.where(is_open, world.clock[CLOCK_TICK], orders.done[known])
+    return DueOrders(ends, np.maximum(0, ends - orders.due[known]), is_open)
+
+
+def sums_of_due_times(world: World, borders: Array) -> dict[str, Array]:
+    """What automaton.runs.metric_sums adds up of orders with a due time, in each stretch between borders.
+
+    Those that are open belong to the last stretch. Nothing where no order has a due time.
+    """
+    if not has_due_times(world):
+        return {}
+    orders = due_orders(world)
+    late = orders.tardiness > 0
+    waits = orders.is_open & ~late
+    ends = np.maximum(orders.ends, 1)  # ticks count from 1
+    values = {
+        "due_orders": ~waits,
+        "late_orders": late,
+        "not_yet_due": waits,
+        "tardiness_ticks": orders.tardiness,
+    }
+    return {name: summed(ends, value, borders) for name, value in values.items()}
+
+
+def tardiness_quantiles(world: World, since: int) -> dict[str, float]:
+    """The quantiles of the tardiness of orders that were done after a tick, or are open."""
+    values = due_orders(world).after(since).tardiness
+    if not len(values):
+        return {}
+    return {f"tardiness_p{share}": quantile(values, share) for share in (95, 99)}
+
+
+def lead_times(world: World, since: int) -> dict[str, float | int]:
+    """Quantiles of the lead times of orders that were delivered after a tick, and the longest one.
+
+    The longest one may be the age of an order that is open.
+    """
+    orders, now = asked_orders(world).after(since), int(world.clock[CLOCK_TICK])
+    times = (orders.done - orders.release)[~orders.is_open]
+    ages = now - orders.release[orders.is_open]
+    figures: dict[str, float | int] = {}
+    if len(times):
+        figures |= {f"lead_time_p{share}": quantile(times, share) for share in (95, 99)}
+    if len(times) or len(ages):
+        figures["lead_time_max"] = int(max(times.max(initial=NIL), ages.max(initial=NIL)))
+    return figures
+
+
+# What stations did to which pods are carried: visits, lines, and shares of the time of a run.
+
+
+class Station(NamedTuple):
+    """What a station did up to now."""
+
+    station: str  # its name, or its number from 1
+    visits: int  # that are over
+    lines_done: int
+    service_share: float  # of the time: it served a robot
+    # Lines were open for it, it had no break, and no robot in its cell or queue.
+    starved_share: float
+
+
+def metrics_by_station(run: Measured) -> list[dict[str, Any]]:
+    """For each station, in the order of numbers, what Station has; () where no pods are carried."""
+    world = run.world
+    names = station_names(run.resolved)
+    stations, elapsed = world.pod_stations, max(int(world.clock[CLOCK_TICK]), 1)
+    done_at = world.stops.cell[world.stops.done != NIL]
+    visited = stations.station_at[done_at] if names else NOTHING
+    done = world.lines.served_at[world.lines.done != NIL]
+    visits, lines = (
+        np.bincount(of[of != NIL], minlength=len(names)).tolist() for of in (visited, done)
+    )
+    return [
+        Station(
+            name,
+            visits[k],
+            lines[k],
+            int(stations.served_ticks[k]) / elapsed,
+            int(stations.starved_ticks[k]) / elapsed,
+        )._asdict()
+        for k, name in enumerate(names)
+    ]
+
+
+NOTHING = np.zeros(0, np.int32)

@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Any, Final, NamedTuple
 
 from automaton.runs.headless import Outcome, run_once
-from automaton.runs.jam_watch import JamWatch
 from automaton.runs.progress import Jam, starved_ticks, stuck_robots
-from automaton.runs.run_diagnosis import describe_jam, describe_wait_cycles, robot_names
+from automaton.runs.run_diagnosis import JamWatch, describe_jam, describe_wait_cycles, robot_names
 from automaton.runs.simulation import Simulation
 from automaton.units import count
 from automaton.world.bounds import bounds, least_ticks, most_throughput

@@ -20,7 +20,7 @@ from automaton.floor.drawn_floors import (
     symbol_of,
 )
 from automaton.floor.floor_plan import FloorPlan
-from automaton.floor.matrices import MatrixError, read_matrix
+from automaton.floor.traffic_zones import MatrixError, read_matrix
 from automaton.scenario.document import Document, Keys, read_text
 from automaton.scenario.quantities import with_texts
 from automaton.scenario.schema import (

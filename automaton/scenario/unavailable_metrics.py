@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from automaton.floor.cells import STORAGE
 from automaton.floor.floor_plan import FloorPlan
-from automaton.floor.loaded_ways import has_storage
+from automaton.floor.reachability import has_storage
 from automaton.scenario.orders import OrderLine, has_due_times, line_column, listed_lines
 from automaton.scenario.robot_types import follows_in_convoy
 from automaton.scenario.schema import ROUTE_FOLLOWERS, Scenario

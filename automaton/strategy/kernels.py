@@ -75,24 +75,25 @@ from automaton.engine.table_rows import cost_in, has_room_for
 from automaton.engine.trips import has_place
 from automaton.engine.visibility import copy_segment
 from automaton.engine.visits import is_in_own_queue
-from automaton.strategy.access_cells import (
+from automaton.strategy.placing import (
+    FIXED,
+    LEAST_PRIORITY,
+    POLICIES,
+    PlacingState,
     begin_cell,
     can_bring,
     can_do,
     cell_beside,
-    dropoff_cell,
-    pickup_cell,
-    position,
-)
-from automaton.strategy.open_orders import LEAST_PRIORITY, highest_priority, is_open, take_order
-from automaton.strategy.placing import (
-    FIXED,
-    POLICIES,
-    PlacingState,
     deliver,
+    dropoff_cell,
+    highest_priority,
+    is_open,
+    pickup_cell,
     place_load,
     places_load,
+    position,
     set_down,
+    take_order,
     takes_load,
 )
 

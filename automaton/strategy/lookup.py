@@ -1,18 +1,84 @@
-"""How a name in a scenario finds a strategy: the table, "module:Class", or an installed plug-in.
-
-Built-ins have no privileges: the table is only the shortest way in. Importing this needs no Numba.
-"""
+"""One row of a table of strategies, without importing the strategy (which needs Numba)."""
 
 from __future__ import annotations
 
 import importlib
 from functools import cache
-from typing import Any
+from pathlib import Path
+from typing import Annotated, Any, Final, NamedTuple
 
 import msgspec
+from msgspec import Meta
 
 from automaton.errors import InputError, nearest
-from automaton.strategy.entry import PROPERTIES, Entry, NoParameters
+
+
+class NoParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """A strategy without parameters."""
+
+
+class AsRecorded(msgspec.Struct, frozen=True):
+    """The parameters of a strategy that is not loaded: what a recording says of them."""
+
+    values: dict[str, Any]
+
+    def __getattr__(self, name: str) -> Any:
+        try:
+            return self.values[name]
+        except KeyError:
+            raise AttributeError(name) from None
+
+
+def resolve_paths(parameters: Any, folder: Path) -> Any:
+    """Parameters with the files that they name found from a folder, as absolute paths.
+
+    Parameters that name files have a method `resolve_paths(folder)`, and `files` that lists them;
+    they may have `check_files(driving)`, which reads them and raises InputError; `driving()` gives the
+    floor's grid, and the ticks of each action of robots of the first type.
+    """
+    return parameters.resolve_paths(folder) if hasattr(parameters, "resolve_paths") else parameters
+
+
+def files_of(parameters: Any) -> tuple[Path, ...]:
+    """The files that parameters name."""
+    return tuple(getattr(parameters, "files", ()))
+
+
+# What a method of scheduling can be: the columns of Table 1 of Keith & La.
+MULTIPLE: Final = "multiple AMRs"
+DYNAMIC: Final = "dynamic environment"
+MANUFACTURING: Final = "manufacturing"
+WAREHOUSE: Final = "warehouse"
+DECENTRALIZED: Final = "decentralized"
+PROPERTIES: Final = (MULTIPLE, DYNAMIC, MANUFACTURING, WAREHOUSE, DECENTRALIZED)
+
+
+# Of which robots a right of way is the default: Entry.default_for.
+ROUTED: Final = "robots that follow routes"
+STEERED: Final = "robots that are steered"
+SLOW_STEERED: Final = (
+    "robots that are steered, turn or move for several ticks, and mostly both ways"
+)
+
+
+class Entry(NamedTuple):
+    """Where a strategy is implemented, what parameters it takes, and one line for `list`.
+
+    `properties`: those of PROPERTIES that its method has; None where nobody has said.
+    `default_for`: the robots whose default it is, "" for none.
+    """
+
+    implementation: str  # "module:Class"
+    parameters: type[msgspec.Struct]
+    summary: str
+    properties: tuple[str, ...] | None = None
+    default_for: str = ""
+
+
+# How a name in a scenario finds a strategy: the table, "module:Class", or an installed plug-in.
+#
+# Built-ins have no privileges: the table is only the shortest way in. Importing this needs no Numba.
+
 
 PLUGINS = "automaton.strategies"  # entry-point group; each entry is named "layer.name"
 NO_STRATEGY = "none"  # zoning and charging may be absent
@@ -133,3 +199,53 @@ def load(layer: str, name: str) -> Any:
         what = "not a strategy" if theirs is None else f"a strategy for layer {theirs!r}"
         raise InputError(f"{layer} strategy {name!r}: {class_name} is {what}")
     return found
+
+
+# The parameters of zoning from which a world is built, whatever the strategy.
+
+
+class ZoningParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """Where zones begin; the parameters of each zoning strategy that has any of these extend it."""
+
+    design: Annotated[
+        str | dict[str, Any] | None,
+        Meta(
+            description="The zones at the start: the name of a shipped design, a file, or "
+            "{zones: [...]}; left out: simulated annealing on the flow between all stations"
+        ),
+    ] = None
+    groups: Annotated[
+        int,
+        Meta(
+            ge=2,
+            le=500,
+            description="groups of slots that count as stations on a floor without any",
+        ),
+    ] = 18
+    priority: Annotated[
+        dict[str, tuple[int, ...]],
+        Meta(
+            description="{TYPE: [stations]}: where robots of a type come first: zones are made so, and "
+            "no exchange takes such a station from them for another type"
+        ),
+    ] = {}
+
+
+def zoning_parameters_of(parameters: msgspec.Struct) -> ZoningParameters:
+    """What the parameters of a zoning strategy say of the world, or the defaults.
+
+    Raises InputError where a struct has such a parameter of its own: it would be ignored.
+    """
+    if isinstance(parameters, ZoningParameters):
+        return parameters
+    names = ZoningParameters.__struct_fields__
+    if isinstance(parameters, AsRecorded):
+        said = {name: parameters.values[name] for name in names if name in parameters.values}
+        return msgspec.convert(said, ZoningParameters)
+    for name in names:
+        if hasattr(parameters, name):
+            raise InputError(
+                f"strategy.zoning: {type(parameters).__name__} has the parameter {name}, so it must "
+                "extend automaton.strategy.lookup.ZoningParameters"
+            )
+    return ZoningParameters()

@@ -16,7 +16,7 @@ from automaton.engine.state import (
     Workspace,
     World,
 )
-from automaton.strategy import access_cells, open_orders, placing
+from automaton.strategy import placing
 from automaton.strategy.paths import position
 
 
@@ -30,25 +30,25 @@ def list_open(view: World, out: AllocationDecisions, robot: int) -> list[int]:
     return [
         order
         for order in waiting.tolist()
-        if open_orders.is_open(view, out, robot, order) and can_do(view, robot, order)
+        if placing.is_open(view, out, robot, order) and can_do(view, robot, order)
     ]
 
 
 def can_do(view: World, robot: int, order: int) -> bool:
     """Whether a robot carries an order, and gets to where it lies and to its target."""
-    return bool(access_cells.can_do(view, robot, int(order)))
+    return bool(placing.can_do(view, robot, int(order)))
 
 
 def begin_cell(view: World, robot: int, order: int) -> int | None:
     """The cell where a robot begins an order: picks its load up, or its next stop if it has none."""
     robot_type, here = int(view.robots.type[robot]), position(view, robot)
-    cell = int(access_cells.begin_cell(view, robot_type, int(order), here))
+    cell = int(placing.begin_cell(view, robot_type, int(order), here))
     return None if cell == NIL else cell
 
 
 def take(view: World, out: AllocationDecisions, k: int, robot: int, order: int) -> None:
     """Decision k: a robot takes an order and drives to where it begins."""
-    open_orders.take_order(view, out, k, robot, int(order))
+    placing.take_order(view, out, k, robot, int(order))
 
 
 def asks_for_place(reason: int) -> bool:

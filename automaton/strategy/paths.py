@@ -12,7 +12,7 @@ import numpy as np
 from automaton.engine import distance_tables, search
 from automaton.engine.operations import with_load
 from automaton.engine.state import NIL, Workspace, World
-from automaton.strategy import access_cells as slot_access
+from automaton.strategy import placing as slot_access
 
 UNREACHABLE = distance_tables.UNREACHABLE
 

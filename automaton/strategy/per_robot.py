@@ -22,7 +22,7 @@ from automaton.engine import state
 from automaton.engine.jit.structs import Struct, field
 from automaton.engine.state import NIL, Array, Workspace, World
 from automaton.strategy import orders, paths
-from automaton.strategy.layer import Strategy
+from automaton.strategy.contract import Strategy
 
 
 @dataclass(frozen=True)

@@ -1,11 +1,10 @@
-"""Where a load is dropped; of a pod after its trip: the parameter `storage` of allocations.
+"""From which cell a robot picks up and drops: one rule, for whatever decides it or predicts it.
 
-fixed     where it stood at the start; if another pod was put there, as nearest
-nearest   the free cell of least ticks with a load from where the robot is; ties: the lowest slot
-class     the nearest free cell of the pod's class; then of the classes after it, then before it
-random    any free cell
-
-But for the first, a cell in which a robot still is comes last.
+fixed (default)   A load is picked up from the right of its shelf where the floor allows it (the
+                  table-top robots stand at (x + 1, y)), and dropped from the left: so loads travel
+                  to the right.
+nearest           The cell with the least rows and columns to the cell from which the robot comes;
+                  of several the one that is first by the fixed rule.
 """
 
 import numpy as np
@@ -14,18 +13,189 @@ from automaton.engine.distance_tables import UNREACHABLE
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import Struct, field
 from automaton.engine.motion import has_room
+from automaton.engine.operations import (
+    end_of_stops,
+    first_cell,
+    has_load,
+    next_stop_cell,
+    with_load,
+)
 from automaton.engine.random_numbers import STREAM_STORAGE, random_between
 from automaton.engine.search import begin_search, distance, mark_goal, nearest_mark
 from automaton.engine.state import (
     ACTION_MOVE,
     CLOCK_COARSE_TICK,
+    CLOCK_FIRST_OPEN,
+    CLOCK_KNOWN_ORDERS,
     CMD_DROP_AT,
+    CMD_TAKE_ORDER,
     NIL,
+    ORDER_WAITING,
     REASON_PICKED,
     REASON_SERVED,
 )
 from automaton.engine.table_rows import cost_in, has_room_for, known_row
-from automaton.strategy.access_cells import dropoff_cell, position
+from automaton.engine.trips import has_place
+from automaton.engine.visits import is_assigned
+
+PICK_DIRECTIONS = (0, 2, 1, 3)  # neighbours E, W, S, N of the slot; to drop, each turned around
+
+
+@kernel
+def position(view, i):
+    """The cell from which a robot drives on: in a long move the one that it enters, its home in its
+    parking bay."""
+    return first_cell(view.robots, i)
+
+
+@kernel
+def access_cell(view, robot_type, slot, turned, origin):
+    """The cell from which robots of a type serve a slot, NIL if there is none.
+
+    turned: 0 to pick up, 2 to drop; origin: the cell from which the robot comes, NIL if unknown.
+    """
+    one = view.slots.reachable.shape[0] == 1  # then access holds only what it gets to
+    robot_type = with_load(view, robot_type)
+    is_nearest = view.rules.nearest_access != 0 and origin != NIL
+    width = view.grid.width
+    best, least = np.int64(NIL), np.int64(0)
+    for direction in PICK_DIRECTIONS:
+        cell = np.int64(view.slots.access[slot, direction ^ turned])
+        if cell == NIL or not (one or view.slots.reachable[robot_type, cell]):
+            continue
+        if not is_nearest:
+            return cell
+        way = abs(cell // width - origin // width) + abs(cell % width - origin % width)
+        if best == NIL or way < least:
+            best, least = cell, way
+    return best
+
+
+@kernel
+def pickup_cell(view, robot_type, slot, origin):
+    """The cell from which robots of a type that come from `origin` pick a load up, or NIL."""
+    return access_cell(view, robot_type, slot, 0, origin)
+
+
+@kernel
+def cell_beside(view, slot, direction):
+    """The neighbour of a slot in a direction, of those from which any robots serve it, or NIL."""
+    return np.int64(view.slots.access[slot, direction])
+
+
+@kernel
+def begin_cell(view, robot_type, order, origin):
+    """The cell where robots of a type that come from `origin` begin an order that waits, or NIL.
+
+    There they pick its load up; of an order without a load it is the next stop.
+    """
+    if not has_load(view.orders, order):
+        return next_stop_cell(view, order)
+    return pickup_cell(view, robot_type, np.int64(view.orders.current_slot[order]), origin)
+
+
+@kernel
+def dropoff_cell(view, robot_type, slot, origin):
+    """The cell from which robots of a type that come from `origin` drop a load, or NIL."""
+    return access_cell(view, robot_type, slot, 2, origin)
+
+
+@kernel
+def can_bring(view, robot_type, order, slot):
+    """Whether robots of a type carry an order, and get to where it lies, to its stops and to a slot."""
+    if view.orders.weight[order] > view.rules.payload[robot_type]:
+        return False
+    if not reaches_stops(view, robot_type, order):
+        return False
+    if not has_load(view.orders, order):
+        return True
+    accessible = view.slots.accessible
+    if slot == NIL:
+        return accessible[robot_type, view.orders.current_slot[order]] != 0
+    if accessible.shape[0] == 1:
+        return True  # there are no orders but for slots that a robot serves
+    return (
+        accessible[robot_type, view.orders.current_slot[order]] != 0
+        and accessible[robot_type, slot] != 0
+    )
+
+
+@kernel
+def reaches_stops(view, robot_type, order):
+    """Whether robots of a type get to all stops of an order that are left, and back."""
+    orders, reachable = view.orders, view.slots.reachable
+    if reachable.shape[0] > 1:
+        if has_load(orders, order):
+            robot_type = with_load(view, robot_type)
+        first = np.int64(orders.first_stop[order]) + np.int64(orders.stops_done[order])
+        for stop in range(first, end_of_stops(view, order)):
+            if reachable[robot_type, view.stops.cell[stop]] == 0:
+                return False
+    return True
+
+
+@kernel
+def can_do(view, i, order):
+    """Whether robot i carries an order, and gets to where it lies and to its target, or its stops.
+
+    Of orders that are dealt out, robots do their own alone.
+    """
+    robot_type = np.int64(view.robots.type[i])
+    target = np.int64(view.orders.target[order])
+    return is_assigned(view, i, order) and can_bring(view, robot_type, order, target)
+
+
+# Which orders a robot may take, and how it takes one.
+
+
+LEAST_PRIORITY = -(1 << 15)  # below that of any order
+
+
+@kernel
+def is_open(view, out, i, order):
+    """Whether an order waits for robot i, and no earlier decision of this batch took it.
+
+    It is reserved for no robot, or as a trip for the one beneath its pod; and its station lets one come.
+    """
+    if view.orders.state[order] != ORDER_WAITING or out.order_taken[order]:
+        return False
+    owner = view.orders.reserved_by[order]
+    if view.trips.pod.shape[0] == 0:
+        return owner == NIL
+    is_offered = view.trips.offered[view.robots.identity[i]] == order
+    return (owner == NIL or is_offered) and has_place(view, order)
+
+
+@kernel
+def highest_priority(view, out, i):
+    """The highest priority of the open orders that robot i can do."""
+    highest = LEAST_PRIORITY
+    if view.rules.priorities.shape[0] == 1:
+        return highest
+    for order in range(view.clock[CLOCK_FIRST_OPEN], view.clock[CLOCK_KNOWN_ORDERS]):
+        priority = np.int64(view.orders.priority[order])
+        if priority > highest and is_open(view, out, i, order) and can_do(view, i, order):
+            highest = priority
+    return highest
+
+
+@kernel
+def take_order(view, out, k, i, order):
+    """Decision k of the batch: robot i takes this order and drives to where it begins."""
+    out.command[k] = CMD_TAKE_ORDER
+    out.order[k] = order
+    out.goal_cell[k] = begin_cell(view, view.robots.type[i], order, position(view, i))
+    out.order_taken[order] = 1
+
+
+# Where a load is dropped; of a pod after its trip: the parameter `storage` of allocations.
+#
+# fixed where it stood at the start; if another pod was put there, as nearest nearest the free cell of
+# least ticks with a load from where the robot is; ties: the lowest slot class the nearest free cell
+# of the pod's class; then of the classes after it, then before it random any free cell
+#
+# But for the first, a cell in which a robot still is comes last.
+
 
 POLICIES = ("fixed", "nearest", "class", "random")
 FIXED, NEAREST, CLASS, RANDOM = range(4)

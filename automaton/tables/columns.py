@@ -7,17 +7,24 @@ or NO_TEXT. Importing this needs neither Numba nor pyarrow.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from automaton.engine.state import NIL
+from automaton.errors import InputError
+from automaton.floor.floor_plan import FloorPlan
+from automaton.runs.task_metrics import Measured
 from automaton.units import exact_time
 
 if TYPE_CHECKING:
+    import pyarrow as pa
+
     from automaton.world.resolve import Resolved
+
 
 Array = NDArray[Any]
 Rows = Mapping[str, Array]  # (k,) each, by column
@@ -215,3 +222,108 @@ def codes_of(values: Sequence[str | None]) -> tuple[Array, list[str]]:
     known: dict[str, int] = {}
     codes = [NO_TEXT if one is None else known.setdefault(one, len(known)) for one in values]
     return np.array(codes, np.int64), list(known)
+
+
+# Rows gathered into groups, and groups as tables of pyarrow.
+
+
+GROUP_ROWS: Final = 65_536  # 8 MB of the widest table
+
+Write = Callable[[Form, "pa.Table"], None]
+
+
+def arrow() -> Any:
+    """The module pyarrow. Raises InputError where it is not installed."""
+    try:
+        import pyarrow
+    except ImportError as error:
+        raise InputError(
+            f"tables are made with pyarrow, which cannot be imported ({error}): "
+            "pip install 'fleet-automaton[experiments]'"
+        ) from None
+    return pyarrow
+
+
+class GroupBuffer:
+    """Gathers the rows of a table, and writes them in groups of GROUP_ROWS."""
+
+    def __init__(self, form: Form, write: Write) -> None:
+        self.form, self._write = form, write
+        self._held = 0
+        self._is_begun = False
+        self._columns = {
+            column.name: np.empty(GROUP_ROWS, np.float64 if column.kind == NUMBER else np.int64)
+            for column in form.columns
+        }
+
+    def append(self, rows: Rows) -> None:
+        """Add rows; each group that is full is written."""
+        count = len(rows[self.form.columns[0].name]) if self.form.columns else 0
+        begun = 0
+        while begun < count:
+            size = min(count - begun, GROUP_ROWS - self._held)
+            for name, column in self._columns.items():
+                column[self._held : self._held + size] = rows[name][begun : begun + size]
+            self._held += size
+            begun += size
+            if self._held == GROUP_ROWS:
+                self.flush()
+
+    def flush(self) -> None:
+        """Write the rows that are left; of a table without any, its columns."""
+        if not self._held and self._is_begun:
+            return
+        held = {name: column[: self._held] for name, column in self._columns.items()}
+        self._write(self.form, arrow_table(self.form, held))
+        self._held, self._is_begun = 0, True
+
+
+def arrow_table(form: Form, rows: Rows) -> pa.Table:
+    """Rows as a table of pyarrow, with a column of seconds beside each of ticks."""
+    columns: dict[str, Any] = {}
+    for column in form.columns:
+        values = rows[column.name]
+        columns[column.name] = _arrow_column(form, column.name, column.kind, values)
+        if column.kind == TICKS and form.tick is not None:
+            columns[column.name + SECONDS] = _seconds(form, values)
+    return arrow().table(columns)
+
+
+def _arrow_column(form: Form, name: str, kind: str, values: Array) -> pa.Array:
+    pa = arrow()
+    if kind == NUMBER:
+        return pa.array(values, pa.float64(), mask=np.isnan(values))
+    if kind == TEXT:
+        codes = pa.array(values, pa.int32(), mask=values == NO_TEXT)
+        texts = pa.array(list(form.texts[name]), pa.string())
+        return pa.DictionaryArray.from_arrays(codes, texts)
+    if kind == FLAG:
+        return pa.array(values == 1, pa.bool_(), mask=values == NO_TEXT)
+    return pa.array(values, mask=values == NO_NUMBER).cast(pa.int32())
+
+
+def _seconds(form: Form, ticks: Array) -> pa.Array:
+    """Ticks in seconds, rounded once: 3 ticks of 0.1 s are 0.3 s."""
+    pa, tick = arrow(), form.tick
+    assert tick is not None, "the caller has asked"
+    unknown = ticks == NO_NUMBER
+    known = np.where(unknown, 0, ticks)
+    return pa.array(known * tick.numerator / tick.denominator, pa.float64(), mask=unknown)
+
+
+# Cells in tables: columns and rows of numbers, and texts such as `4_2`.
+
+
+def columns_and_rows(floor_plan: FloorPlan, cells: Array) -> tuple[Array, Array]:
+    """(k,) x and y of flat cells; NO_NUMBER off the floor."""
+    rows, columns = np.divmod(np.asarray(cells, np.int64), floor_plan.stride)
+    is_cell = np.asarray(cells) != NIL
+    return where(is_cell, columns - 1), where(is_cell, rows - 1)
+
+
+def cell_texts(run: Measured) -> tuple[Array, list[str]]:
+    """(s + 1,) the code of the cell of each slot, NO_TEXT of one without a cell; and the texts."""
+    cells = run.world.slots.cell
+    different, codes = np.unique(cells, return_inverse=True)
+    texts = ["{}_{}".format(*run.resolved.floor_plan.xy(cell)) for cell in different.tolist()]
+    return np.append(texts_where(cells != NIL, codes), NO_TEXT), texts

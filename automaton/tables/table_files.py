@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Final, Protocol
 
 from automaton.errors import InputError, alternatives
 from automaton.printable import FORMULA_SIGNS
-from automaton.tables.arrow_groups import arrow
-from automaton.tables.columns import TABLES, Form
+from automaton.tables.columns import TABLES, Form, arrow
 from automaton.units import count
 
 if TYPE_CHECKING:

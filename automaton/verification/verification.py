@@ -48,7 +48,7 @@ from automaton.runs.simulation import Simulation
 from automaton.scenario.document import Document, content_hash
 from automaton.scenario.floor_section import floor_of, is_shipped
 from automaton.scenario.schema import Scenario
-from automaton.strategy.entry import files_of
+from automaton.strategy.lookup import files_of
 from automaton.verification.validator import ACTS, Report, validate_stored
 from automaton.world.floor_parts import with_shared_chargers, with_speed_limits
 from automaton.world.resolve import Resolved, branched

@@ -30,8 +30,7 @@ import numpy.typing as npt
 from automaton.engine.state import NIL, Array
 from automaton.floor.cells import STATION
 from automaton.floor.floor_plan import may_turn
-from automaton.floor.reachability import backward_exits, slot_access
-from automaton.floor.travel_ticks import Driving, ticks_between
+from automaton.floor.reachability import Driving, backward_exits, slot_access, ticks_between
 from automaton.scenario.durations import Distribution, Handling
 from automaton.scenario.orders import DRAWN, ENDS, Orders, Parts, line_column, listed_lines
 from automaton.scenario.robot_types import RobotType, types_of

@@ -51,7 +51,7 @@ from automaton.engine.visibility import hide_all
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.reachability import grouped
-from automaton.floor.roads import road_network
+from automaton.floor.traffic_zones import road_network
 from automaton.scenario.floor_section import point_names
 from automaton.scenario.refinement import begin_of
 from automaton.scenario.schema import Scenario

@@ -19,17 +19,22 @@ import numpy.typing as npt
 
 from automaton.engine.state import NIL, Array
 from automaton.floor.cells import STORAGE
-from automaton.floor.dead_ends import dead_ends_of
 from automaton.floor.floor_plan import FloorPlan
-from automaton.floor.loaded_ways import has_storage, to_and_from
-from automaton.floor.reachability import Mask, rack_stands, reached, slot_access
+from automaton.floor.reachability import (
+    Mask,
+    dead_ends_of,
+    has_storage,
+    rack_stands,
+    reached,
+    slot_access,
+    to_and_from,
+)
 from automaton.scenario.document import Keys
 from automaton.scenario.orders import ENDS
 from automaton.scenario.robot_types import RobotType, floor_by_type, rows_of, type_of_each, types_of
 from automaton.scenario.schema import Scenario
 from automaton.scenario.unavailable_metrics import transports_of
-from automaton.strategy.entry import ROUTED, SLOW_STEERED, STEERED
-from automaton.strategy.lookup import default_for, parameters_type
+from automaton.strategy.lookup import ROUTED, SLOW_STEERED, STEERED, default_for, parameters_type
 from automaton.world.gate_cells import cells_to_start
 
 

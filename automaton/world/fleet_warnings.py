@@ -9,10 +9,8 @@ import numpy as np
 
 from automaton.engine.facilities import GATE_CLOSING
 from automaton.floor.cells import CHARGER, STATION, STORAGE
-from automaton.floor.dead_ends import DeadEnds, dead_ends_of
 from automaton.floor.floor_plan import FloorPlan
-from automaton.floor.loaded_ways import to_and_from
-from automaton.floor.reachability import Mask, reached
+from automaton.floor.reachability import DeadEnds, Mask, dead_ends_of, reached, to_and_from
 from automaton.scenario.changing_floor import Lift
 from automaton.scenario.pods import PodStation
 from automaton.scenario.schema import ROUTE_FOLLOWERS

@@ -15,8 +15,7 @@ import numpy.typing as npt
 from automaton.errors import InputError, nearest
 from automaton.floor.cells import DIRECTIONS, STATION, STORAGE
 from automaton.floor.floor_plan import FloorPlan
-from automaton.floor.loaded_ways import to_and_from
-from automaton.floor.reachability import Mask
+from automaton.floor.reachability import Mask, to_and_from
 from automaton.scenario.changing_floor import Cell
 from automaton.scenario.document import Document, Keys
 from automaton.scenario.orders import OrderLine, Orders

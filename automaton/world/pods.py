@@ -15,7 +15,7 @@ from automaton.engine.releases import draw_releases
 from automaton.engine.state import NEVER, NIL, ORDER_UNRELEASED, Array, Orders
 from automaton.floor.cells import STORAGE
 from automaton.floor.floor_plan import FloorPlan
-from automaton.floor.travel_ticks import ticks_between
+from automaton.floor.reachability import ticks_between
 from automaton.scenario.order_fields import NOTHING
 from automaton.scenario.orders import LineTable, listed_lines
 from automaton.scenario.pods import Line, LineDemand, PerOrder

@@ -15,8 +15,7 @@ from automaton.engine.table_building import Costs, build_tables, bytes_taken, re
 from automaton.errors import InputError
 from automaton.floor.cells import STORAGE
 from automaton.floor.floor_plan import DRIVABLE, UNBOUNDED, FloorPlan, may_turn
-from automaton.floor.loaded_ways import has_storage
-from automaton.floor.reachability import slot_access
+from automaton.floor.reachability import has_storage, slot_access
 from automaton.floor.traffic_zones import traffic_zones_of
 from automaton.scenario.robot_types import RobotType, floor_by_type, rows_of
 from automaton.units import memory

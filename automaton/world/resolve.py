@@ -47,8 +47,13 @@ from automaton.scenario.table_files import (
 )
 from automaton.scenario.unavailable_metrics import carries_pods
 from automaton.scenario.validation import Conversion, dotted, validated, with_numbers
-from automaton.strategy.entry import NoParameters, files_of, resolve_paths
-from automaton.strategy.zone_parameters import ZoningParameters, zoning_parameters_of
+from automaton.strategy.lookup import (
+    NoParameters,
+    ZoningParameters,
+    files_of,
+    resolve_paths,
+    zoning_parameters_of,
+)
 from automaton.units import bytes_of, memory
 from automaton.world.capabilities import FleetOnFloor, Start, with_right_of_way
 from automaton.world.feasibility import check_energy, check_feasible

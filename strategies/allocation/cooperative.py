@@ -24,6 +24,7 @@ from automaton.engine.state import (
     REASON_PERIODIC,
     Array,
 )
+from automaton.strategy.contract import Strategy
 from automaton.strategy.kernels import (
     AROUND_ROBOTS,
     can_do,
@@ -40,7 +41,6 @@ from automaton.strategy.kernels import (
     take_order,
     takes_load,
 )
-from automaton.strategy.layer import Strategy
 
 
 class AlleyState(Struct):

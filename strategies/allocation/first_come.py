@@ -19,6 +19,7 @@ from automaton.engine.state import (
     REASON_PERIODIC,
     Array,
 )
+from automaton.strategy.contract import Strategy
 from automaton.strategy.kernels import (
     POLICIES,
     can_do,
@@ -29,7 +30,6 @@ from automaton.strategy.kernels import (
     places_load,
     take_order,
 )
-from automaton.strategy.layer import Strategy
 from strategies.allocation.allocation_parameters import FirstComeParameters
 
 

@@ -19,6 +19,7 @@ from automaton.engine.state import (
     REASON_PERIODIC,
 )
 from automaton.strategy import orders, paths
+from automaton.strategy.contract import Strategy
 from automaton.strategy.kernels import (
     POLICIES,
     PlacingState,
@@ -35,7 +36,6 @@ from automaton.strategy.kernels import (
     position,
     take_order,
 )
-from automaton.strategy.layer import Strategy
 from strategies.allocation.allocation_parameters import IndependentParameters
 
 

@@ -18,6 +18,7 @@ from automaton.engine.state import (
     NIL,
     REASON_PERIODIC,
 )
+from automaton.strategy.contract import Strategy
 from automaton.strategy.kernels import (
     LEAST_PRIORITY,
     POLICIES,
@@ -37,7 +38,6 @@ from automaton.strategy.kernels import (
     take_order,
     takes_load,
 )
-from automaton.strategy.layer import Strategy
 from strategies.allocation.allocation_parameters import ShortestJobParameters
 
 WORST = -(1 << 62)

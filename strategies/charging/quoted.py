@@ -21,8 +21,8 @@ from automaton.engine.state import (
     REASON_PERIODIC,
     World,
 )
+from automaton.strategy.contract import Strategy
 from automaton.strategy.kernels import charging_ticks, first_cell, kernel
-from automaton.strategy.layer import Strategy
 from strategies.allocation.auction.floor_market import (
     FloorMarket,
     count_before,

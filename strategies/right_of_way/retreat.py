@@ -26,6 +26,7 @@ from automaton.engine.state import (
     REASON_RETRIES_EXHAUSTED,
     Array,
 )
+from automaton.strategy.contract import Strategy
 from automaton.strategy.kernels import (
     STREAM_ABORTS,
     STREAM_RETREATS,
@@ -40,7 +41,6 @@ from automaton.strategy.kernels import (
     random_between,
     random_ticks,
 )
-from automaton.strategy.layer import Strategy
 
 LINK_FREE = 1
 LINK_PRESSED = 2

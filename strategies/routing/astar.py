@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from automaton.engine.facilities import MAY_TURN
 from automaton.engine.jit.structs import SCRATCH, STOP, Struct, field
 from automaton.engine.state import ACTION_MOVE, ACTION_TURN, NIL, Grid
+from automaton.strategy.contract import Strategy
 from automaton.strategy.kernels import (
     STARTED,
     find_path,
@@ -32,7 +33,6 @@ from automaton.strategy.kernels import (
     splitmix64,
     ways_on,
 )
-from automaton.strategy.layer import Strategy
 from strategies.routing.shortest import around_closed, around_what
 
 FIFO = 0

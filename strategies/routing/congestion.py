@@ -11,6 +11,7 @@ import numpy as np
 
 from automaton.engine.facilities import MAY_TURN
 from automaton.engine.state import ACTION_MOVE, ACTION_TURN, NIL, REASON_PERIODIC
+from automaton.strategy.contract import Strategy
 from automaton.strategy.kernels import (
     STARTED,
     begin_search,
@@ -24,7 +25,6 @@ from automaton.strategy.kernels import (
     ways_on,
     write_path,
 )
-from automaton.strategy.layer import Strategy
 from strategies.routing.forecasts import (
     CongestionState,
     add_task_forecast,

@@ -10,6 +10,7 @@ from automaton.engine.state import (
     REASON_AROUND_CLOSED,
     REASON_AROUND_ROBOTS,
 )
+from automaton.strategy.contract import Strategy
 from automaton.strategy.kernels import (
     AROUND_CLOSED,
     AROUND_KNOWN,
@@ -22,7 +23,6 @@ from automaton.strategy.kernels import (
     kernel,
     position,
 )
-from automaton.strategy.layer import Strategy
 
 
 @kernel

@@ -12,8 +12,8 @@ import numpy as np
 
 from automaton.engine.jit.structs import Struct, field
 from automaton.engine.state import CLOCK_TICK, NIL, Array
+from automaton.strategy.contract import Strategy
 from automaton.strategy.kernels import UNREACHABLE, kernel, position
-from automaton.strategy.layer import Strategy
 from strategies.routing.astar import (
     OPEN_COST,
     TIES,

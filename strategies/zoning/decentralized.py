@@ -5,8 +5,8 @@ from typing import ClassVar
 import numpy as np
 
 from automaton.engine.state import CLOCK_TICK, NIL, ORDER_CARRIED, ORDER_WAITING
+from automaton.strategy.contract import Strategy
 from automaton.strategy.kernels import kernel, random_between
-from automaton.strategy.layer import Strategy
 from automaton.units import SECONDS_PER_UNIT
 from strategies.zoning.annealing import first_zones
 from strategies.zoning.monitored import (

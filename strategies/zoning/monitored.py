@@ -20,7 +20,7 @@ from automaton.engine.state import (
     World,
 )
 from automaton.errors import InputError
-from automaton.strategy.layer import Strategy
+from automaton.strategy.contract import Strategy
 from automaton.units import SECONDS_PER_UNIT, count
 from strategies.linear_sum_assignment import INF_COST
 from strategies.zoning.annealing import MAX_REPAIRS, first_zones, repair

@@ -17,6 +17,7 @@ from automaton.engine.state import (
     ORDER_WAITING,
     World,
 )
+from automaton.strategy.contract import Strategy
 from automaton.strategy.kernels import (
     UNREACHABLE,
     can_bring,
@@ -30,7 +31,6 @@ from automaton.strategy.kernels import (
     with_load,
     without_load,
 )
-from automaton.strategy.layer import Strategy
 from automaton.units import SECONDS_PER_UNIT
 from strategies.zoning.transfer_stations import route
 from strategies.zoning.zone_workspace import ZoneRules, typical_distance, zone_rules

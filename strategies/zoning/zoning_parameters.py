@@ -18,11 +18,11 @@ from automaton.errors import InputError, nearest
 from automaton.floor.cells import NIL
 from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.reachability import grouped, slot_access
-from automaton.floor.roads import road_network
+from automaton.floor.traffic_zones import road_network
 from automaton.scenario.floor_section import point_names
 from automaton.scenario.quantities import LENGTH, MINUTES, SECONDS, quantity
 from automaton.scenario.schema import Scenario
-from automaton.strategy.zone_parameters import ZoningParameters
+from automaton.strategy.lookup import ZoningParameters
 from automaton.units import count
 from strategies.allocation.allocation_parameters import refusal_of_tours
 

@@ -24,11 +24,24 @@ from automaton.bench import (
     tabletop_speed,
     warehouse_speed,
 )
-from automaton.bench.bench_floors import open_floor, scene
-from automaton.bench.measurement import Measurement, NotMeasuredError, rounded, take
-from automaton.bench.random_walk import random_walk, random_walk_in_spans
-from automaton.bench.step_speed import OPEN, Case, prepare, storage_of, walking_fleet
-from automaton.bench.table_look_ups import compute
+from automaton.bench.measurement import (
+    Measurement,
+    NotMeasuredError,
+    open_floor,
+    rounded,
+    scene,
+    take,
+)
+from automaton.bench.step_speed import (
+    OPEN,
+    Case,
+    prepare,
+    random_walk,
+    random_walk_in_spans,
+    storage_of,
+    walking_fleet,
+)
+from automaton.bench.table_speed import compute
 from automaton.commands import bench_command, main
 from automaton.commands.bench_command import chosen, measurements
 from automaton.engine.state import LAYER_ALLOCATION, LAYER_ZONING, NIL, World

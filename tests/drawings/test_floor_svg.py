@@ -11,9 +11,8 @@ import pytest
 
 from automaton.drawings import floor_svg as module
 from automaton.drawings.floor_svg import floor_svg
+from automaton.drawings.looks import DRAW_WAITING, css, rgb
 from automaton.drawings.moment import DrawnFloor, Moment, drawn_floor, moment_of
-from automaton.drawings.palette import css, rgb
-from automaton.drawings.robot_looks import DRAW_WAITING
 from automaton.engine.state import NIL
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve

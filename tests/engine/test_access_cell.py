@@ -13,7 +13,7 @@ from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.runs.simulation import Simulation
 from automaton.strategy import paths
-from automaton.strategy.access_cells import dropoff_cell, pickup_cell
+from automaton.strategy.placing import dropoff_cell, pickup_cell
 from automaton.world.resolve import resolve
 
 ROOT = Path(__file__).parents[2]
@@ -117,7 +117,7 @@ def test_no_other_file_chooses_a_side() -> None:
         if re.search(r"slots\.access\[|\(0, 2, 1, 3\)|\(2, 0, 3, 1\)", path.read_text())
     }
     assert found == {
-        "automaton/strategy/access_cells.py",
+        "automaton/strategy/placing.py",
         "automaton/engine/commit.py",
         "automaton/engine/faults.py",
         "automaton/engine/loads.py",

@@ -36,7 +36,7 @@ from automaton.engine.observation import Observation
 from automaton.engine.state import Array, Orders, Robots, Tally, World
 from automaton.history.playback import Keyframes
 from automaton.history.snapshot import by_robot
-from automaton.runs.pictures.robot_lines import read_robot, robot_line
+from automaton.runs.pictures.picture_lines import read_robot, robot_line
 from automaton.runs.simulation import Simulation
 from automaton.runs.state_copy import take_over
 from automaton.world.resolve import resolve

@@ -12,7 +12,7 @@ from refinement_trials import drawn_case
 
 from automaton.engine.state import NIL
 from automaton.floor.cells import DIRECTIONS, EAST
-from automaton.runs.pictures.stories import Following
+from automaton.runs.pictures.pictures import Following
 
 
 class Story:

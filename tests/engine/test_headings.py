@@ -12,13 +12,13 @@ from small_runs import SmallRun
 from automaton.engine.state import ACTION_TURN
 from automaton.errors import InputError
 from automaton.recording.recorder import MemoryRecorder
-from automaton.runs.pictures.robot_lines import robot_line
+from automaton.runs.pictures.picture_lines import robot_line
 from automaton.runs.simulation import Simulation
 from automaton.scenario.durations import Durations
 from automaton.scenario.fleet import FleetType, Kinematics
 from automaton.scenario.schema import Scenario
 from automaton.tables.columns import NO_TEXT
-from automaton.tables.observed_rows import heading_texts, state_form
+from automaton.tables.rows import heading_texts, state_form
 from automaton.verification.validator import validate_stored
 from automaton.world.resolve import Resolved, resolve
 from tui.playback.run_source import floor_of

@@ -16,7 +16,7 @@ from random_strategies import Mood, RandomAllocation, RandomRightOfWay, RandomRo
 
 from automaton.engine.state import FOLLOWING_CONVOY, NIL
 from automaton.runs.simulation import Simulation
-from automaton.strategy.layer import Strategy
+from automaton.strategy.contract import Strategy
 from automaton.world.resolve import resolve
 from strategies.right_of_way import retreat
 

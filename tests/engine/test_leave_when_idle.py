@@ -20,8 +20,8 @@ from automaton.history.live_run import LiveRun
 from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.pictures import picture_of, world_from
 from automaton.runs.simulation import Simulation
+from automaton.strategy.contract import Strategy
 from automaton.strategy.kernels import dropoff_cell, pickup_cell
-from automaton.strategy.layer import Strategy
 from automaton.verification.validator import validate_stored
 from automaton.verification.verification import verify_recording
 from automaton.world.resolve import resolve

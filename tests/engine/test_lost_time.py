@@ -55,7 +55,7 @@ from automaton.recording.contents import FRAME_KIND_TICKS
 from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Fleet
-from automaton.strategy.entry import NoParameters
+from automaton.strategy.lookup import NoParameters
 from automaton.world.resolve import Resolved, StrategyChoice, resolve
 
 LIMIT = 24

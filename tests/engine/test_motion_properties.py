@@ -35,7 +35,7 @@ from automaton.engine.state import NIL, World
 from automaton.floor.cells import EAST, WEST
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.floor_plan import DRIVABLE, FloorPlan
-from automaton.runs.pictures.stories import Following
+from automaton.runs.pictures.pictures import Following
 from automaton.scenario.schema import Durations, Fleet, Scenario, WorldRules
 from automaton.world import building as build
 from automaton.world.resolve import Resolved

@@ -10,7 +10,7 @@ from drawn_scenes import recorded_run, scene
 from automaton.engine.state import CMD_PARK, LAYER_ALLOCATION, NIL, ORDER_WAITING
 from automaton.runs.pictures import picture_of
 from automaton.runs.simulation import Simulation
-from automaton.strategy.layer import Strategy
+from automaton.strategy.contract import Strategy
 from automaton.verification.validator import validate_stored
 from automaton.verification.verification import verify_recording
 from automaton.world.resolve import resolve

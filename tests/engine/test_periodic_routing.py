@@ -25,7 +25,7 @@ from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Durations
 from automaton.strategy import paths
-from automaton.strategy.layer import Strategy
+from automaton.strategy.contract import Strategy
 from automaton.verification.validator import validate_stored
 from automaton.world.resolve import resolve
 

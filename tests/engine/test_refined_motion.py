@@ -6,7 +6,7 @@ import pytest
 from moving_worlds import WORLDS, MakeWorld, NaiveWorld
 from refinement_trials import ALWAYS, ONCE, drawn_case, is_refined, states_of
 
-from automaton.runs.pictures.stories import Following
+from automaton.runs.pictures.pictures import Following
 
 CASES = 40
 

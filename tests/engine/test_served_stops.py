@@ -22,11 +22,10 @@ from automaton.engine.state import (
 from automaton.errors import InputError
 from automaton.history.event_history import EventHistory
 from automaton.runs.metrics import metrics_of
-from automaton.runs.pictures.picture_reading import world_from
-from automaton.runs.pictures.picture_writing import picture_of
+from automaton.runs.pictures.pictures import picture_of, world_from
 from automaton.runs.simulation import Simulation
 from automaton.strategy import lookup
-from automaton.strategy.layer import Strategy
+from automaton.strategy.contract import Strategy
 from automaton.verification.verification import verify_recording
 from automaton.world.resolve import Resolved
 

@@ -25,7 +25,7 @@ from automaton.runs.metrics import metrics_of
 from automaton.runs.pictures import Story
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Durations, Fleet, Scenario, Stop, WorldRules
-from automaton.strategy.entry import NoParameters
+from automaton.strategy.lookup import NoParameters
 from automaton.verification.validator import validate_stored
 from automaton.world.resolve import Resolved, StrategyChoice, resolve
 

@@ -16,7 +16,7 @@ from reference_paths import FAR
 
 from automaton.engine.record_codes import CHANGE_DURATION
 from automaton.errors import InputError
-from automaton.floor.travel_ticks import NO_WAY, Driving, ticks_between
+from automaton.floor.reachability import NO_WAY, Driving, ticks_between
 from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation

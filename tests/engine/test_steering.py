@@ -21,7 +21,7 @@ from automaton.engine.state import (
     NIL,
 )
 from automaton.runs.simulation import Simulation
-from automaton.strategy.layer import Strategy
+from automaton.strategy.contract import Strategy
 from automaton.world.resolve import resolve
 
 

@@ -23,7 +23,7 @@ from automaton.engine.state import (
 from automaton.history.event_history import EventHistory
 from automaton.runs.simulation import Simulation
 from automaton.strategy import lookup
-from automaton.strategy.layer import Strategy
+from automaton.strategy.contract import Strategy
 from automaton.verification.verification import verify_recording
 from automaton.world.resolve import Resolved
 

@@ -35,7 +35,7 @@ from automaton.engine.state import (
 from automaton.runs.simulation import Simulation
 from automaton.scenario.fleet import FleetType
 from automaton.scenario.schema import Battery, Drain, Durations, Fault, Faults, WorldRules
-from automaton.strategy.layer import Strategy
+from automaton.strategy.contract import Strategy
 from automaton.world.resolve import resolve
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from automaton.engine.state import LAYER_NAMES, NIL
 from automaton.runs.simulation import Simulation
-from automaton.strategy.layer import Strategy
+from automaton.strategy.contract import Strategy
 from automaton.world.resolve import resolve
 
 TRIALS = Path(__file__).parents[1] / "helpers" / "answer_trials.py"

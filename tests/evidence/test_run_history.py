@@ -23,7 +23,7 @@ from automaton.history.watched_run import RecordedRun, Run
 from automaton.recording.frames import MAGIC
 from automaton.recording.recording_reader import read_recording
 from automaton.runs.simulation import Simulation
-from automaton.strategy.layer import Strategy
+from automaton.strategy.contract import Strategy
 from automaton.strategy.per_robot import drop_at, park, per_robot, take
 from automaton.verification.verification import verify
 from automaton.world.resolve import resolve

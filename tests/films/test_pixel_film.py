@@ -13,11 +13,10 @@ import numpy as np
 import pytest
 
 from automaton.commands import Parser, cast_command
-from automaton.drawings.palette import rgb
-from automaton.drawings.robot_looks import STATE_COLOURS
+from automaton.drawings.looks import STATE_COLOURS, rgb
 from automaton.errors import InputError
 from automaton.films import pixel_film
-from automaton.films.film_layout import MARGIN, TITLE_HEIGHT, layout_of
+from automaton.films.painter import MARGIN, TITLE_HEIGHT, layout_of
 from automaton.films.recorded_stretch import play_stretch
 from automaton.recording.recorder import Recorder
 from automaton.recording.recording_reader import read_recording

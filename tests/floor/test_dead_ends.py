@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from automaton.floor.dead_ends import NO_WAY_OUT, dead_ends_of, dead_ends_of_types
 from automaton.floor.drawn_floors import draw_floor
+from automaton.floor.reachability import NO_WAY_OUT, dead_ends_of, dead_ends_of_types
 
 
 @pytest.mark.parametrize(

@@ -20,10 +20,10 @@ from automaton.floor.cells import (
 )
 from automaton.floor.drawn_floors import draw_floor, symbol_of
 from automaton.floor.floor_plan import FloorPlan
-from automaton.floor.loaded_ways import to_and_from
 from automaton.floor.reachability import (
     reached,
     slots_beside,
+    to_and_from,
 )
 from layouts.tabletop import Tabletop
 

@@ -6,8 +6,7 @@ import pytest
 
 from automaton.errors import InputError
 from automaton.floor.cells import EXIT_NORTH, EXIT_SOUTH
-from automaton.floor.drawn_floors import draw_floor, symbol_of
-from automaton.floor.floor_drawing import floor_drawing
+from automaton.floor.drawn_floors import draw_floor, floor_drawing, symbol_of
 
 STORAGE = ">>>>\n^pqv\n^<<<"
 

@@ -20,7 +20,7 @@ from automaton.engine.state import (
     Array,
 )
 from automaton.floor.cells import CHARGER
-from automaton.strategy.layer import Strategy
+from automaton.strategy.contract import Strategy
 from automaton.strategy.per_robot import deliver, drop_at, park, per_robot, take
 
 

@@ -12,9 +12,9 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from automaton.floor.dead_ends import dead_ends_of
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.reachability import dead_ends_of
 from automaton.scenario.schema import Scenario
 from automaton.world.resolve import Resolved, resolve
 

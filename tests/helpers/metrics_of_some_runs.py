@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from automaton.runs.task_metrics import TASK_METRICS
-from automaton.scenario.unavailable_metrics import OF_DUE_TIMES, OF_LINES, OF_TIMES
+from automaton.scenario.unavailable_metrics import OF_DUE_TIMES, OF_LINES, OF_TIMES, TASK_METRICS
 
 # Shown where tasks are measured, moves may take longer, a strategy counts them, orders come later
 # have due times or are lines, robots run on batteries or may fail, right of way steers, stations work

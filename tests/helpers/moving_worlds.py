@@ -13,7 +13,7 @@ from automaton.engine.motion import ENTERED, LIVE, MOVED, move_all
 from automaton.engine.state import ACTION_FOLLOWING, CLOCK_TICK, FOLLOWING_CONVOY, NIL
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.floor_plan import FloorPlan
-from automaton.runs.pictures.stories import Following
+from automaton.runs.pictures.pictures import Following
 from automaton.scenario.energy_and_faults import Delays, DelayTicks
 from automaton.scenario.schema import Durations, Faults, Fleet, Scenario, WorldRules
 from automaton.world.building import build_world

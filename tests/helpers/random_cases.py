@@ -15,7 +15,7 @@ from automaton.errors import InputError
 from automaton.floor.cells import STATION
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.floor_plan import FloorPlan
-from automaton.floor.loaded_ways import to_and_from
+from automaton.floor.reachability import to_and_from
 from automaton.floor.traffic_zones import MODES
 from automaton.scenario.durations import MoveByLoad, TypeDurations
 from automaton.scenario.fleet import FleetType, Kinematics
@@ -35,7 +35,7 @@ from automaton.scenario.schema import (
     Stop,
     WorldRules,
 )
-from automaton.strategy.entry import NoParameters
+from automaton.strategy.lookup import NoParameters
 from automaton.world.building import build_world
 from automaton.world.resolve import Resolved, StrategyChoice
 from strategies.right_of_way.right_of_way_parameters import PibtParameters

@@ -30,7 +30,7 @@ from automaton.engine.state import (
 )
 from automaton.floor.cells import CHARGER
 from automaton.strategy import paths
-from automaton.strategy.layer import Strategy
+from automaton.strategy.contract import Strategy
 
 
 class Mood(msgspec.Struct, frozen=True):

@@ -29,7 +29,7 @@ from reference_motion import splitmix64
 
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.floor_plan import FloorPlan
-from automaton.runs.pictures.stories import Following
+from automaton.runs.pictures.pictures import Following
 
 SYMBOLS = ".......===~~><v^#"  # cells for one, for two, without limit, of one way, walls
 ONCE, ALWAYS = "once", "always"  # how often a want is put to the fine world

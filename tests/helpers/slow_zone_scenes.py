@@ -19,8 +19,8 @@ from automaton.floor.cells import FLOOR, UNLIMITED, Symbol
 from automaton.floor.drawn_floors import draw_floor
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Durations, Fleet, Orders, Scenario, Stop, WorldRules
-from automaton.strategy.entry import NoParameters
-from automaton.strategy.layer import Strategy
+from automaton.strategy.contract import Strategy
+from automaton.strategy.lookup import NoParameters
 from automaton.world.resolve import Resolved, StrategyChoice
 from strategies.routing.forecasts import CongestionState, congestion_state
 from strategies.routing.routing_parameters import SharedPlans

@@ -12,7 +12,7 @@ from automaton.engine.state import GOAL_PARK, LAYER_NAMES, NIL
 from automaton.floor.drawn_floors import draw_floor
 from automaton.history.event_history import Event, EventHistory
 from automaton.history.snapshot import Snapshot, take_snapshot
-from automaton.runs.pictures.stories import Following
+from automaton.runs.pictures.pictures import Following
 from automaton.runs.simulation import Simulation
 from automaton.scenario.fleet import FleetType
 from automaton.scenario.schema import (
@@ -25,8 +25,8 @@ from automaton.scenario.schema import (
     Stop,
     WorldRules,
 )
-from automaton.strategy.entry import NoParameters
-from automaton.strategy.layer import Strategy
+from automaton.strategy.contract import Strategy
+from automaton.strategy.lookup import NoParameters
 from automaton.world.resolve import Resolved, StrategyChoice
 
 STEPS = "ESWN"

@@ -25,7 +25,7 @@ from idle_waits import run_to_end
 from automaton.engine.state import LAYER_NAMES, NIL
 from automaton.errors import InputError
 from automaton.floor.drawn_floors import draw_floor
-from automaton.floor.loaded_ways import to_and_from
+from automaton.floor.reachability import to_and_from
 from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario

@@ -17,7 +17,7 @@ from signal_process import signal_process
 
 from automaton.engine.state import CMD_PARK
 from automaton.experiments import Study, sweep
-from automaton.strategy.layer import Strategy
+from automaton.strategy.contract import Strategy
 from automaton.studies.sweeps import pools
 
 TESTS = Path(__file__).parent

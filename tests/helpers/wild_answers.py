@@ -14,7 +14,7 @@ import numpy as np
 
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import CLOCK_TICK, KEEP
-from automaton.strategy.layer import Strategy
+from automaton.strategy.contract import Strategy
 
 ANSWERS: Counter[str] = Counter()  # given in this process, by layer
 EDGES = (0, 1, -1, 2, 3, -2, 4, 255, 256, -32769, 32768, 65536, 10**8, -(10**8), KEEP, 2**31 - 1)

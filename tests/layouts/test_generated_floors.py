@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from automaton.floor.cells import FLOOR
-from automaton.floor.floor_drawing import floor_picture
-from automaton.floor.loaded_ways import to_and_from
+from automaton.floor.drawn_floors import floor_picture
+from automaton.floor.reachability import to_and_from
 from layouts.aisles import Aisles
 from layouts.random_floor import RandomFloor, largest_part
 from layouts.rooms import Rooms

@@ -48,7 +48,7 @@ from automaton.history.playback import Playback
 from automaton.recording.frames import Recording
 from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.headless import run_once
-from automaton.runs.jam_watch import JamWatch
+from automaton.runs.run_diagnosis import JamWatch
 from automaton.runs.run_report import print_report
 from automaton.runs.simulation import Simulation
 from automaton.verification.verification import verify_recording

@@ -26,8 +26,8 @@ import numpy as np
 
 from automaton.engine.state import NIL
 from automaton.errors import InputError
-from automaton.runs.asked_orders import asked_orders
 from automaton.runs.headless import run_to_end
+from automaton.runs.progress import asked_orders
 from automaton.runs.simulation import Simulation
 from automaton.scenario.document import shipped
 from automaton.studies.inference.intervals import mean_interval

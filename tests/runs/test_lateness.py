@@ -9,10 +9,10 @@ import pytest
 from drawn_scenes import scene
 
 from automaton.runs.headless import Marks, run_marked, sums_by_stretch
-from automaton.runs.lateness import due_orders, lead_times
 from automaton.runs.metric_sums import metric
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
+from automaton.runs.task_metrics import due_orders, lead_times
 from automaton.scenario.unavailable_metrics import OF_DUE_TIMES, not_measured
 
 CORRIDOR = "t........t"

@@ -26,8 +26,8 @@ from automaton.runs.pictures import (
     picture_of,
     world_from,
 )
-from automaton.runs.pictures.phrases import read_route, write_route
-from automaton.runs.pictures.picture_writing import CROWD_LEGEND
+from automaton.runs.pictures.picture_lines import read_route, write_route
+from automaton.runs.pictures.pictures import CROWD_LEGEND
 from automaton.runs.simulation import Simulation
 from automaton.runs.state_copy import OF_THE_BUFFERS
 from automaton.world.resolve import Resolved, resolve

@@ -8,7 +8,7 @@ import pytest
 from pod_scenes import played, pod_scene
 
 from automaton.commands import main
-from automaton.runs.station_metrics import metrics_by_station
+from automaton.runs.task_metrics import metrics_by_station
 from automaton.world.resolve import resolve
 
 

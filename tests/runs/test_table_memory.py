@@ -14,10 +14,9 @@ from automaton.engine.distance_tables import TABLES_ROWS
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import NIL
 from automaton.errors import InputError
-from automaton.runs.simulation import Simulation
-from automaton.runs.table_room import tables_in
+from automaton.runs.simulation import Simulation, tables_in
+from automaton.strategy.contract import Strategy
 from automaton.strategy.kernels import cost_at, cost_in, table_of, weighted_table_of
-from automaton.strategy.layer import Strategy
 from automaton.strategy.weighted_tables import DistanceTables, weighted_tables
 from automaton.units import bytes_of, memory
 from automaton.world.resolve import resolve

@@ -26,9 +26,10 @@ from automaton.floor.reachability import rack_stands
 from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.metrics import METRIC_CATALOGUE, metrics_of
 from automaton.runs.simulation import Simulation
-from automaton.runs.task_metrics import TASK_METRICS, quantile
+from automaton.runs.task_metrics import quantile
+from automaton.scenario.unavailable_metrics import TASK_METRICS
+from automaton.strategy.contract import Strategy
 from automaton.strategy.kernels import deliver, take_order
-from automaton.strategy.layer import Strategy
 from automaton.verification.validator import validate_stored
 from automaton.world.demand import build_orders
 from automaton.world.prepared_floor import floor_for

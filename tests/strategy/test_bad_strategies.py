@@ -24,8 +24,8 @@ from automaton.errors import InputError
 from automaton.runs.headless import run_once
 from automaton.runs.simulation import ALWAYS_CHECKED, CHECKED_EVERY, Simulation
 from automaton.strategy import lookup, paths
+from automaton.strategy.contract import NoState, Strategy
 from automaton.strategy.kernels import kernel
-from automaton.strategy.layer import NoState, Strategy
 from automaton.world.resolve import resolve
 from strategies.allocation.independent import Independent
 from strategies.right_of_way.retreat import RetreatState

@@ -12,8 +12,8 @@ from automaton.engine.jit.struct_types import StructClassType
 from automaton.engine.jit.structs import CONSTANT, SCRATCH, STOP, Struct, field
 from automaton.engine.state import LAYER_RIGHT_OF_WAY, LAYER_ROUTING, Array
 from automaton.runs.simulation import Simulation
+from automaton.strategy.contract import Strategy
 from automaton.strategy.kernels import kernel
-from automaton.strategy.layer import Strategy
 from automaton.world.resolve import resolve
 
 

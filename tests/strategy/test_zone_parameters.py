@@ -6,9 +6,13 @@ import msgspec
 import pytest
 
 from automaton.errors import InputError
-from automaton.strategy.entry import AsRecorded, NoParameters
-from automaton.strategy.layer import Strategy
-from automaton.strategy.zone_parameters import ZoningParameters, zoning_parameters_of
+from automaton.strategy.contract import Strategy
+from automaton.strategy.lookup import (
+    AsRecorded,
+    NoParameters,
+    ZoningParameters,
+    zoning_parameters_of,
+)
 from automaton.world.resolve import resolve
 
 

@@ -21,7 +21,7 @@ from automaton.engine.state import ORDER_DELIVERED
 from automaton.errors import InputError
 from automaton.runs.process_pool import PersistentPool
 from automaton.runs.simulation import Simulation
-from automaton.runs.station_metrics import metrics_by_station
+from automaton.runs.task_metrics import metrics_by_station
 from automaton.scenario.durations import Distribution
 from automaton.studies.sizing.fleet_runs import (
     Checked,

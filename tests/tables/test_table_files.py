@@ -19,7 +19,7 @@ from automaton.errors import InputError
 from automaton.experiments import settings_of, simulate
 from automaton.runs.headless import run_once
 from automaton.runs.simulation import Simulation
-from automaton.tables import arrow_groups, table_files
+from automaton.tables import columns, table_files
 from automaton.tables.columns import TABLES
 from automaton.tables.table_run import TableOptions, period_of, table_run
 from automaton.world.resolve import resolve
@@ -125,7 +125,7 @@ def test_the_scenario_that_is_written_runs_again(
 
 @pytest.fixture
 def small_groups(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(arrow_groups, "GROUP_ROWS", 16)
+    monkeypatch.setattr(columns, "GROUP_ROWS", 16)
 
 
 @pytest.mark.usefixtures("small_groups")
@@ -206,7 +206,7 @@ def test_too_many_rows_are_refused_before_the_run(tmp_path: Path) -> None:
 def test_buffers_are_small() -> None:
     columns = sum(len(TABLES[name]) for name in ("events", "states"))
     widest = max(map(len, TABLES.values()))
-    assert 8 * arrow_groups.GROUP_ROWS * (columns + widest) < 64_000_000
+    assert 8 * columns.GROUP_ROWS * (columns + widest) < 64_000_000
 
 
 def test_events_that_fill_the_memory_end_the_run(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,7 +18,7 @@ from automaton.runs.headless import run_once
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
 from automaton.strategy import lookup, paths
-from automaton.strategy.layer import Strategy
+from automaton.strategy.contract import Strategy
 from automaton.verification.validator import validate_stored
 from automaton.world.resolve import Resolved, resolve
 from automaton.world.scenario_warnings import scenario_warnings

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.bench.bench_floors import open_floor, scene
-from automaton.bench.random_walk import random_walk
+from automaton.bench.measurement import open_floor, scene
+from automaton.bench.step_speed import random_walk
 from automaton.engine.state import CLOCK_TICK
 from automaton.floor.cells import DIRECTION_VECTORS, FLOOR, WALL
 from automaton.floor.floor_plan import make_floor_plan

@@ -8,7 +8,7 @@ from typing import BinaryIO, Final
 
 from automaton.atomic_write import atomic_writer
 from automaton.errors import InputError
-from automaton.films.film_target import checked
+from automaton.films.recorded_stretch import checked
 from automaton.units import count
 from tui.cast.asciicast import Frame, asciicast, duration, schedule
 from tui.cast.film import Film

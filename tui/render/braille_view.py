@@ -13,7 +13,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.drawings.cell_looks import DETAIL_OUTSIDE
+from automaton.drawings.looks import DETAIL_OUTSIDE
 from automaton.engine.state import NIL
 from automaton.floor.cells import BAY, CHARGER, DESTINATION, DOCK, STATION, WALL
 from tui.render import robot_marks as fleet

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.drawings.cell_looks import (
+from automaton.drawings.looks import (
     DETAIL_ONE_WAY,
     DETAIL_OUTSIDE,
     DETAIL_SHIFT,

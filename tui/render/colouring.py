@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.drawings.robot_looks import STATE_COLOURS
+from automaton.drawings.looks import STATE_COLOURS
 from automaton.engine.observation import is_waiting, waited_ticks
 from automaton.engine.robot_states import BATTERY_FULL
 from automaton.engine.state import NIL

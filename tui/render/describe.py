@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from automaton.drawings.cell_looks import DETAIL_ONE_WAY, DETAIL_SHIFT, KIND_MASK
+from automaton.drawings.looks import DETAIL_ONE_WAY, DETAIL_SHIFT, KIND_MASK
 from automaton.engine.observation import CAUSES
 from automaton.engine.robot_states import BATTERY_PERCENT, STATUS_TOWED
 from automaton.engine.state import ACTION_IDLE, ACTION_NAMES, NIL, ORDER_DELIVERED, ORDER_WAITING

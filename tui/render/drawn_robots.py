@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.drawings import robot_looks as looks
+from automaton.drawings import looks as looks
 from automaton.engine.robot_states import BATTERY_FULL
 from automaton.engine.state import NIL
 from tui.render import robot_marks as fleet

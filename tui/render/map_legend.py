@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from automaton.drawings import robot_looks as looks
-from automaton.drawings.cell_looks import DETAIL_OUTSIDE, DETAIL_SHIFT, KIND_MASK
+from automaton.drawings import looks as looks
+from automaton.drawings.looks import DETAIL_OUTSIDE, DETAIL_SHIFT, KIND_MASK
 from automaton.engine.facilities import GATE_CLOSING, GATE_DOOR
 from automaton.engine.robot_states import BATTERY_PERCENT
 from automaton.floor.cells import CELL_KINDS, FLOOR, SHELF, STORAGE, TRACK, WALL

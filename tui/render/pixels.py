@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.drawings.cell_looks import KIND_MASK, LOOK_COUNT
+from automaton.drawings.looks import KIND_MASK, LOOK_COUNT
 from automaton.engine.state import NIL
 from automaton.floor.cells import (
     BAY,

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.drawings.robot_looks import (
+from automaton.drawings.looks import (
     DRAW_EMPTY,
     DRAW_FAULT,
     DRAW_LOADED,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.drawings.cell_looks import DETAIL_SHIFT, Looks, looks_of
+from automaton.drawings.looks import DETAIL_SHIFT, Looks, looks_of
 from automaton.engine.state import GOAL_STOP, NIL
 from automaton.floor.cells import FLOOR, UNLIMITED
 from automaton.floor.floor_plan import DRIVABLE, FloorPlan

@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.drawings.cell_looks import KIND_MASK
+from automaton.drawings.looks import KIND_MASK
 from automaton.engine.state import NIL
 from automaton.floor.cells import FLOOR, TRACK
 from tui.render import styles

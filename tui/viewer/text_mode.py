@@ -13,13 +13,12 @@ from automaton.history.snapshot import summary_of
 from automaton.history.watched_run import Run
 from automaton.recording.header import changed, resolved_of
 from automaton.recording.recording_reader import branches_of
-from automaton.runs.asked_orders import asked_orders
 from automaton.runs.headless import Outcome, operations, orders_exhausted, record_work
 from automaton.runs.metrics import metrics_by_robot, metrics_by_type, metrics_of
-from automaton.runs.progress import largest_jam
+from automaton.runs.progress import asked_orders, largest_jam
 from automaton.runs.run_diagnosis import describe_unfinished_run, find_wait_cycles, stalled_robots
 from automaton.runs.run_report import print_report
-from automaton.runs.station_metrics import metrics_by_station
+from automaton.runs.task_metrics import metrics_by_station
 from automaton.world.resolve import Resolved
 from tui.playback.run_source import Opening
 

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from automaton.drawings.robot_looks import LOW_CHARGE
+from automaton.drawings.looks import LOW_CHARGE
 from automaton.engine.robot_states import BATTERY_FULL, STATUS_DEPLETED, STATUS_FAILING, is_charging
 from automaton.engine.state import GOAL_CHARGE, NIL
 from automaton.history.explanation import (

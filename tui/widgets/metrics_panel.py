@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from automaton.drawings.robot_looks import LOW_CHARGE
+from automaton.drawings.looks import LOW_CHARGE
 from automaton.engine.observation import CAUSE_NO_ORDER, CAUSE_NOT_WAITING, CAUSES, is_waiting
 from automaton.engine.robot_states import (
     BATTERY_FULL,

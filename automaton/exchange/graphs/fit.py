@@ -39,8 +39,7 @@ from automaton.floor.cells import (
     SYMBOLS,
     Symbol,
 )
-from automaton.floor.drawn_floors import MAX_SIDE, Legend, draw_floor
-from automaton.floor.floor_drawing import legend_entry
+from automaton.floor.drawn_floors import MAX_SIDE, Legend, draw_floor, legend_entry
 
 WALL_MARK: Final = "#"
 SINGLE: Final = (1, 2, 4, 8)  # sets of one exit

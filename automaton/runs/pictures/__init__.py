@@ -10,13 +10,11 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from automaton.floor.floor_drawing import floor_drawing, floor_legend, floor_picture
+from automaton.floor.drawn_floors import floor_drawing, floor_legend, floor_picture
 from automaton.floor.floor_plan import FloorPlan
 
 if TYPE_CHECKING:
-    from automaton.runs.pictures.picture_reading import world_from
-    from automaton.runs.pictures.picture_writing import picture_of
-    from automaton.runs.pictures.stories import Story, moved
+    from automaton.runs.pictures.pictures import Story, moved, picture_of, world_from
 
 __all__ = [
     "Story",
@@ -31,10 +29,10 @@ __all__ = [
 
 # Worlds need Numba, floors do not: these are imported when they are first asked for.
 _WORLDS = {
-    "picture_of": "automaton.runs.pictures.picture_writing",
-    "world_from": "automaton.runs.pictures.picture_reading",
-    "Story": "automaton.runs.pictures.stories",
-    "moved": "automaton.runs.pictures.stories",
+    "picture_of": "automaton.runs.pictures.pictures",
+    "world_from": "automaton.runs.pictures.pictures",
+    "Story": "automaton.runs.pictures.pictures",
+    "moved": "automaton.runs.pictures.pictures",
 }
 
 
@@ -51,6 +49,6 @@ def drawn(subject: Any) -> str:
     picture = getattr(subject, "picture", None)
     if isinstance(picture, str):  # a run has a method of this name
         return picture
-    from automaton.runs.pictures.picture_writing import picture_of
+    from automaton.runs.pictures.pictures import picture_of
 
     return picture_of(subject)

@@ -20,17 +20,17 @@ from automaton.engine.state import ACTION_CHARGE, ACTION_DROP, ACTION_PICK, ACTI
 from automaton.errors import InputError
 from automaton.floor.cells import STATION
 from automaton.runs.headless import run_marked
-from automaton.runs.jam_watch import JamWatch, note_jam
 from automaton.runs.metric_catalogue import in_coarse_ticks
 from automaton.runs.metrics import counted, metrics_of
 from automaton.runs.process_pool import PersistentPool
+from automaton.runs.run_diagnosis import JamWatch, note_jam
 from automaton.runs.simulation import Simulation
-from automaton.runs.task_metrics import TASK_METRICS
 from automaton.scenario.document import Override, keys_of, parse_setting
 from automaton.scenario.schema import Scenario
 from automaton.scenario.unavailable_metrics import (
     OF_DUE_TIMES,
     OF_TIMES,
+    TASK_METRICS,
     not_measured,
     warm_up_of,
 )

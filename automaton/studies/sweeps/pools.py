@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any, Final, Protocol
 
 from automaton.errors import InputError
-from automaton.runs.cores import cores
+from automaton.runs.first_compilation import cores
 from automaton.runs.process_pool import Workers
 from automaton.studies.sweeps.sweep_runs import Chunk, Row, run_chunk
 

@@ -26,7 +26,7 @@ from automaton.scenario.quantities import TIME
 from automaton.scenario.unavailable_metrics import not_measured, warm_up_of
 from automaton.scenario.validation import Bounds, Place, convert
 from automaton.strategy import lookup
-from automaton.strategy.entry import files_of
+from automaton.strategy.lookup import files_of
 from automaton.studies.inference.steady_state import MIN_OBSERVATIONS, MIN_REPLICATIONS, MSER_BATCH
 from automaton.studies.sweeps.result_columns import RESULT_COLUMNS, RUN_METRICS
 from automaton.studies.sweeps.result_store import ROWS_FOLDER, STUDY_FILE

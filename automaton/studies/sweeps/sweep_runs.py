@@ -19,7 +19,6 @@ import numpy as np
 from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.printable import one_line
-from automaton.runs.asked_orders import asked_orders
 from automaton.runs.first_compilation import compiled_parts
 from automaton.runs.headless import (
     Marks,
@@ -28,9 +27,10 @@ from automaton.runs.headless import (
     run_marked,
     sums_by_stretch,
 )
-from automaton.runs.jam_watch import JamWatch, note_jam
 from automaton.runs.metric_catalogue import in_coarse_ticks
 from automaton.runs.metrics import metrics_of
+from automaton.runs.progress import asked_orders
+from automaton.runs.run_diagnosis import JamWatch, note_jam
 from automaton.runs.simulation import Simulation
 from automaton.studies.sweeps.result_columns import SERIES, SUMS_COLUMN
 from automaton.studies.sweeps.run_keys import (

@@ -19,8 +19,8 @@ from automaton.engine.state import (
     Workspace,
     World,
 )
+from automaton.strategy.contract import Strategy
 from automaton.strategy.kernels import POLICIES
-from automaton.strategy.layer import Strategy
 from strategies.allocation.allocation_parameters import MAX_LISTED_ORDERS, Auctions, EpsilonSchedule
 from strategies.allocation.auction.auction_round import (
     ORDER_PLANNED,

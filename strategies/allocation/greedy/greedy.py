@@ -17,6 +17,7 @@ from automaton.engine.state import (
     REASON_PERIODIC,
     Array,
 )
+from automaton.strategy.contract import Strategy
 from automaton.strategy.kernels import (
     POLICIES,
     is_due,
@@ -25,7 +26,6 @@ from automaton.strategy.kernels import (
     places_load,
     take_order,
 )
-from automaton.strategy.layer import Strategy
 from strategies.allocation.allocation_parameters import GreedyParameters
 from strategies.allocation.greedy.candidates import (
     Marks,

@@ -19,6 +19,7 @@ from automaton.engine.state import (
     GOAL_PARK,
     NIL,
 )
+from automaton.strategy.contract import Strategy
 from automaton.strategy.kernels import (
     STREAM_STRATEGY,
     gate_before,
@@ -28,7 +29,6 @@ from automaton.strategy.kernels import (
     kernel,
     random_between,
 )
-from automaton.strategy.layer import Strategy
 from strategies.right_of_way.deadlocks import (
     COUNTERS,
     break_deadlocks,

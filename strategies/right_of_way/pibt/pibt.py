@@ -35,7 +35,8 @@ from automaton.engine.state import (
     KEEP,
     NIL,
 )
-from automaton.floor.dead_ends import dead_ends_of_types
+from automaton.floor.reachability import dead_ends_of_types
+from automaton.strategy.contract import Strategy
 from automaton.strategy.kernels import (
     direction_between,
     gate_before,
@@ -48,7 +49,6 @@ from automaton.strategy.kernels import (
     opens_soon,
     splitmix64,
 )
-from automaton.strategy.layer import Strategy
 from automaton.strategy.weighted_tables import no_tables
 from strategies.right_of_way.deadlocks import (
     COUNTERS,

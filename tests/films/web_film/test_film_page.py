@@ -19,8 +19,8 @@ import pytest
 from automaton.commands import Parser, cast_command
 from automaton.engine.state import NIL
 from automaton.errors import InputError
-from automaton.films import film_columns
-from automaton.films.web_film.film_page import page_of
+from automaton.films import recorded_stretch
+from automaton.films.film_page import page_of
 from automaton.floor.cells import CELL_KINDS, SHELF
 from automaton.history.explanation import link_of
 from automaton.history.playback import Playback
@@ -209,7 +209,7 @@ def test_what_does_not_do_is_one_sentence(
 def test_more_than_a_browser_holds_is_refused(
     crossing: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(film_columns, "ROBOT_TICKS", 823)
+    monkeypatch.setattr(recorded_stretch, "ROBOT_TICKS", 823)
     with pytest.raises(
         InputError, match="4 robots in 206 ticks are more than a film holds, 823 tog"
     ):

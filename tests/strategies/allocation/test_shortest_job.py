@@ -9,7 +9,7 @@ from pod_floors import drawn_pods
 from automaton.engine.state import CLOCK_FIRST_OPEN, CLOCK_KNOWN_ORDERS, NIL
 from automaton.errors import InputError
 from automaton.runs.simulation import Simulation
-from automaton.strategy.open_orders import is_open
+from automaton.strategy.placing import is_open
 from strategies.allocation.shortest_job import WORST, ShortestJobState, best_order, score
 
 FLOORS = examples(40)

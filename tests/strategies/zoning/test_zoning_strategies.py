@@ -25,7 +25,7 @@ from automaton.engine.state import (
 from automaton.errors import InputError
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
-from automaton.strategy.layer import Strategy
+from automaton.strategy.contract import Strategy
 from automaton.verification.validator import validate_stored
 from automaton.verification.verification import verify_recording
 from automaton.world.resolve import document_of, resolve

@@ -13,7 +13,7 @@ from automaton.errors import InputError
 from automaton.history.live_run import LiveRun, branch_of
 from automaton.history.playback import OBJECT_BYTES, UNCHANGED, Keyframes
 from automaton.recording.frames import StoredFrames
-from automaton.strategy.layer import Strategy
+from automaton.strategy.contract import Strategy
 from tui.playback import player as player_module
 from tui.playback.player import Player
 

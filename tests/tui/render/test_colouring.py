@@ -7,7 +7,7 @@ import pytest
 from render_scenes import at, bg, camera_at, fg, make_scene, open_floor
 from zone_pictures import two_zones
 
-from automaton.drawings.robot_looks import DRAW_FAULT
+from automaton.drawings.looks import DRAW_FAULT
 from automaton.engine.observation import CAUSE_NO_ORDER
 from automaton.engine.robot_states import BATTERY_FULL
 from tui.render import styles

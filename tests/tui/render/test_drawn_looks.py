@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from automaton.drawings import cell_looks as drawings
+from automaton.drawings import looks as drawings
+from automaton.drawings.looks import COLOURS
 from automaton.drawings.moment import drawn_floor, moment_of
-from automaton.drawings.palette import COLOURS
 from automaton.floor.cells import CELL_KINDS
 from automaton.history.snapshot import take_snapshot
 from automaton.runs.simulation import Simulation

@@ -6,30 +6,65 @@ them.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from typing import Final
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any, Final
 
 import numpy as np
 
-from automaton.engine.state import CLOCK_TICK, NEVER, NIL, ORDER_DELIVERED, World
-from automaton.runs.asked_orders import asked_count, asked_orders, has_lines
+from automaton.engine.observation import (
+    CAUSE_NO_ORDER,
+    CAUSE_NOT_WAITING,
+    CAUSES,
+    COUNT_EVENTS,
+    EVENT_CHARGING,
+    EVENT_DELIVERED,
+    EVENT_DEPLETED,
+    EVENT_DROPPED,
+    EVENT_FAILED,
+    EVENT_NAMES,
+    EVENT_PICKED,
+    EVENT_VISITED,
+    LOST_EVER,
+    Observation,
+    visits_of,
+)
+from automaton.engine.robot_states import BATTERY_FULL
+from automaton.engine.state import (
+    ACTION_IDLE,
+    ACTION_NAMES,
+    CLOCK_TICK,
+    NEVER,
+    NIL,
+    ORDER_DELIVERED,
+    World,
+)
 from automaton.runs.interruption import interruptible
-from automaton.runs.task_lower_bounds import least_way_ticks
-from automaton.runs.task_metrics import Measured
+from automaton.runs.metric_catalogue import METRIC_CATALOGUE
+from automaton.runs.metrics import busy_ticks, metrics_by_robot
+from automaton.runs.progress import asked_count, asked_orders, has_lines
+from automaton.runs.simulation import Simulation
+from automaton.runs.task_metrics import Measured, least_way_ticks
 from automaton.scenario.order_fields import NOTHING
 from automaton.scenario.orders import line_column, line_texts, listed_lines
 from automaton.scenario.table_files import pod_names
 from automaton.tables.columns import (
     NO_NUMBER,
     NO_TEXT,
+    NUMBER,
+    TEXT,
+    TICKS,
+    WHOLE,
     Array,
+    Column,
     Form,
     Rows,
+    cell_texts,
+    codes_of,
+    columns_and_rows,
     form_of,
     texts_where,
     where,
 )
-from automaton.tables.places import cell_texts
 from automaton.world.pods import station_names
 from automaton.world.resolve import Resolved
 
@@ -208,3 +243,188 @@ def _least_drive(run: Measured, trips: Array, is_done: Array) -> Array:
             least_way_ticks(run.view, run.workspace, which, least)
         ticks[is_done] = least
     return ticks
+
+
+# Robots, stations and cells, read off the counters of a run.
+
+
+def robot_table(run: Measured) -> Table:
+    """One row for each robot, as `run --json` has it."""
+    rows = metrics_by_robot(run)
+    columns, values, texts = [], {}, {}
+    for name, first in rows[0].items():
+        column = [row[name] for row in rows]
+        kind = _kind_of(name, first)
+        meaning = METRIC_CATALOGUE[name][1] if name in METRIC_CATALOGUE else ""
+        columns.append(Column(name, kind, meaning))
+        if kind == TEXT:
+            values[name], texts[name] = codes_of(column)
+        else:
+            values[name] = np.array(column, np.float64 if kind == NUMBER else np.int64)
+    return form_of("robots", run.resolved, tuple(columns), **texts), [values]
+
+
+def _kind_of(name: str, value: Any) -> str:
+    if isinstance(value, str):
+        return TEXT
+    if isinstance(value, float):
+        return NUMBER
+    return TICKS if METRIC_CATALOGUE.get(name, ("",))[0] == "ticks" else WHOLE
+
+
+def station_table(run: Measured) -> Table:
+    """One row for each station to which pods are carried, or that works on parts."""
+    world, resolved = run.world, run.resolved
+    to_pods = len(world.pod_stations.cell) > 0
+    visits, work, lines = _of_pods(world) if to_pods else _of_parts(world)
+    cells = world.pod_stations.cell if to_pods else world.slots.cell[world.stations.slot]
+    x, y = columns_and_rows(resolved.floor_plan, cells)
+    names = list(station_names(resolved)) or [str(k + 1) for k in range(len(cells))]
+    rows = {
+        "station": np.arange(len(cells)),
+        "x": x,
+        "y": y,
+        "visits": visits,
+        "lines": lines,
+        "work": work,
+        "utilization": work / max(1, int(world.clock[CLOCK_TICK])),
+    }
+    return form_of("stations", resolved, station=names), [rows]
+
+
+def _of_pods(world: World) -> tuple[Array, Array, Array]:
+    """(k,) visits, their ticks and lines that were served."""
+    stops, count = world.stops, len(world.pod_stations.cell)
+    done = np.flatnonzero(stops.done != NIL)
+    station = world.pod_stations.station_at[stops.cell[done]]
+    done, station = done[station != NIL], station[station != NIL]
+    served = world.lines.served_at[world.lines.done != NIL]
+    work = np.bincount(station, stops.ticks[done], count).astype(np.int64)
+    return np.bincount(station, minlength=count), work, np.bincount(served, minlength=count)
+
+
+def _of_parts(world: World) -> tuple[Array, Array, Array]:
+    """(k,) parts that were worked on, the ticks of it, and no lines."""
+    stations = world.stations
+    done = stations.station[stations.completion_tick != NIL]
+    parts = np.bincount(done, minlength=len(stations.slot))
+    return parts, busy_ticks(world), where(parts < 0, parts)
+
+
+def cell_table(run: Measured, observation: Observation) -> Table:
+    """One row for each cell that robots drive on: visits, ticks lost there, moves out of it."""
+    grid, flow = run.world.grid, observation.flow
+    cells = grid.drivable
+    x, y = columns_and_rows(run.resolved.floor_plan, cells)
+    rows = {
+        "x": x,
+        "y": y,
+        "visits": visits_of(flow, grid.offset)[cells],
+        "waited": observation.lost_ticks_by_cell[cells, LOST_EVER],
+        **{f"flow_{side}": flow[cells, k] for k, side in enumerate("eswn")},
+    }
+    return form_of("cells", run.resolved), [rows]
+
+
+# Events and states, taken from a run while it goes on.
+
+
+EVENTS_IN_CELLS: Final = (
+    *(EVENT_PICKED, EVENT_DROPPED, EVENT_DELIVERED, EVENT_VISITED),
+    *(EVENT_DEPLETED, EVENT_FAILED),
+)
+HEADINGS: Final = {1: (), 2: ("EW", "NS"), 4: ("E", "S", "W", "N")}  # by how many a type has
+
+Append = Callable[[Rows], None]
+
+
+def event_form(resolved: Resolved) -> Form:
+    """The form of the events of a run."""
+    return form_of("events", resolved, event=EVENT_NAMES)
+
+
+class EventTaker:
+    """Gives the events of a simulation on, and empties its buffers; `robots`: only theirs."""
+
+    def __init__(self, append: Append | None, robots: Array | None) -> None:
+        self._append, self._robots = append, robots
+
+    def __call__(self, simulation: Simulation) -> None:
+        """Take what the buffers hold."""
+        observation = simulation.observation
+        events = observation.events[: observation.count[COUNT_EVENTS]]
+        if self._append is not None and len(events):
+            if self._robots is not None:
+                events = events[np.isin(events[:, 2], self._robots)]
+            self._append(event_rows(simulation, events))
+        simulation.empty_observation()
+
+
+def event_rows(simulation: Simulation, events: Array) -> Rows:
+    """Rows (tick, code, robot, subject, value) of an observation as those of a table."""
+    tick, code, robot, subject, value = events.T
+    in_cell = np.isin(code, EVENTS_IN_CELLS)
+    x, y = columns_and_rows(simulation.resolved.floor_plan, np.where(in_cell, value, NIL))
+    share = np.where(code == EVENT_CHARGING, value / BATTERY_FULL, value)
+    return {
+        "tick": tick,
+        "event": code,
+        "robot": where(robot != NIL, robot),
+        "order": where(subject != NIL, subject),
+        "value": np.where(in_cell | (value == NIL), np.nan, share),
+        "x": x,
+        "y": y,
+    }
+
+
+def state_form(resolved: Resolved) -> Form:
+    """The form of the states of a run."""
+    return form_of(
+        "states",
+        resolved,
+        heading=[name for count in heading_counts(resolved) for name in HEADINGS[count]],
+        action=ACTION_NAMES,
+        cause=[cause.name for cause in CAUSES],
+    )
+
+
+def heading_counts(resolved: Resolved) -> list[int]:
+    """How many headings the types of robots distinguish, the most first."""
+    return sorted({one.headings for one in resolved.fleet.types}, reverse=True)
+
+
+def heading_texts(simulation: Simulation, at: Array) -> Array:
+    """(k,) the places of the headings of some robots among the texts of `state_form`."""
+    robots, before, places = simulation.world.robots, 0, np.full(len(at), NO_TEXT)
+    apart = simulation.world.grid.type_headings[robots.type[at]]
+    for count in heading_counts(simulation.resolved):
+        if count > 1:
+            places = np.where(apart == count, before + robots.heading[at], places)
+        before += len(HEADINGS[count])
+    return places
+
+
+def state_rows_of(simulation: Simulation, robots: Array | None) -> Rows:
+    """What each robot, or each of these, is like after the current tick of an observed run."""
+    world, observation = simulation.world, simulation.observation
+    identities = np.arange(len(world.robots.cell)) if robots is None else robots
+    at = world.robots.at_index[identities]
+    fleet, cause = world.robots, observation.cause[at]
+    x, y = columns_and_rows(simulation.resolved.floor_plan, fleet.cell[at])
+    is_idle = (fleet.parked[at] != 0) | (cause == CAUSE_NO_ORDER)
+    waits = cause != CAUSE_NOT_WAITING
+    load, order, blocker = fleet.load[at], fleet.order[at], observation.blocker[at]
+    charge = fleet.charge[at] / BATTERY_FULL if world.rules.battery else np.full(len(at), np.nan)
+    return {
+        "tick": np.full(len(at), simulation.tick),
+        "robot": identities,
+        "x": x,
+        "y": y,
+        "heading": heading_texts(simulation, at),
+        "action": np.where(is_idle, ACTION_IDLE, fleet.action[at]),
+        "load": where(load != NIL, load),
+        "order": where(order != NIL, order),
+        "charge": charge,
+        "cause": texts_where(waits, cause),
+        "blocker": where(waits & (blocker != NIL), blocker),
+    }

@@ -1,17 +1,17 @@
-"""A robot's line in a picture: everything about it that the map cannot show.
+"""Facts as English: one table of phrases, used in both directions.
 
-    A (2, 3) vertical, northbound, carries 7 to (11, 4) via (10, 4), moved; route nnEES
-
-Robots 0 to 25 are called A to Z, later ones by their number. Only what differs from the default is
-said; the default of some values depends on others (a robot has come in the direction it faces).
+A phrase is a template such as "turns for {busy} more tick(s)" and the values that it fixes. It is
+written when its fixed values hold and none of its named values is the default; read, it gives back
+both. What has its default value is not mentioned.
 """
 
 from __future__ import annotations
 
 import re
-from typing import NamedTuple
+from collections.abc import Iterable
+from typing import Final, NamedTuple
 
-from automaton.engine.robot_states import BATTERY_FULL, STATUS_NAMES
+from automaton.engine.robot_states import BATTERY_FULL, BATTERY_PERCENT, STATUS_NAMES
 from automaton.engine.state import (
     ACTION_NAMES,
     GOAL_CHARGE,
@@ -26,6 +26,10 @@ from automaton.engine.state import (
     NEED_RIGHT_OF_WAY,
     NEED_ROUTE,
     NIL,
+    ORDER_CARRIED,
+    ORDER_DELIVERED,
+    ORDER_STARTED,
+    ORDER_WAITING,
     REASON_AROUND_CLOSED,
     REASON_AROUND_ROBOTS,
     REASON_IDLE,
@@ -44,16 +48,224 @@ from automaton.engine.state import (
 from automaton.errors import InputError
 from automaton.floor.cells import DIRECTIONS
 from automaton.floor.floor_plan import FloorPlan
-from automaton.runs.pictures.phrases import (
-    Facts,
-    Phrase,
-    Value,
-    pair,
-    read_facts,
-    read_route,
-    write_facts,
-    write_route,
+from automaton.runs.progress import has_lines
+
+Pair = tuple[int, int]
+Value = int | Pair | None  # a number, or a cell (x, y), or no cell
+Facts = dict[str, Value]
+
+CELLS = {
+    "claim",
+    "goal_cell",
+    "slot",
+    "place",
+    "current_slot",
+    "target",
+}  # the named values that are cells
+PERCENT_FIELDS = {
+    "charge",
+    "charge_target",
+}  # the named values that are shares of a full battery, in percent
+PLACEHOLDER = re.compile(r"\{(\w+)\}")
+BETWEEN_FACTS = re.compile(r", (?![^(]*\))")  # a comma, but not the one inside of (x, y)
+
+
+class Phrase:
+    """One way to say something, and what it says."""
+
+    def __init__(self, template: str, **fixed: Value) -> None:
+        self.template = template
+        self.fixed = fixed
+        self.named = PLACEHOLDER.findall(template)
+        self.pattern = re.compile(_pattern(template))
+
+    def write(self, facts: Facts, default: Facts) -> str | None:
+        """The phrase with the values of `facts`, None if it does not apply."""
+        if any(facts[name] != value for name, value in self.fixed.items()):
+            return None
+        if any(facts[name] == default[name] for name in self.named):
+            return None
+        if all(facts[name] == default[name] for name in (*self.fixed, *self.named)):
+            return None
+        text = self.template
+        for name in self.named:
+            value = facts[name]
+            text = text.replace(
+                f"{{{name}}}", percents(value) if name in PERCENT_FIELDS else str(value)
+            )
+            text = text.replace("(s)", "" if value == 1 else "s") if name not in CELLS else text
+        return text
+
+    def read(self, text: str) -> Facts | None:
+        """The values that a text in the words of this phrase gives, None if it has other words."""
+        match = self.pattern.fullmatch(text)
+        if match is None:
+            return None
+        said: Facts = dict(self.fixed)
+        for name, value in match.groupdict().items():
+            if name in PERCENT_FIELDS:
+                said[name] = round(float(value) * BATTERY_PERCENT)
+            else:
+                said[name] = pair(value) if name in CELLS else int(value)
+        return said
+
+
+def percents(value: Value) -> str:
+    """A share of a full battery, in percent, with all its digits."""
+    assert isinstance(value, int)
+    return f"{value / BATTERY_PERCENT:.7f}".rstrip("0").rstrip(".")
+
+
+def _pattern(template: str) -> str:
+    pattern = re.escape(template).replace(r"\(s\)", "s?")
+    for name in PLACEHOLDER.findall(template):
+        value = r"\(-?\d+, -?\d+\)" if name in CELLS else r"-?\d+"
+        value = r"\d+(?:\.\d+)?" if name in PERCENT_FIELDS else value
+        pattern = pattern.replace(rf"\{{{name}\}}", f"(?P<{name}>{value})")
+    return pattern
+
+
+def pair(text: str) -> Pair:
+    """(x, y) as numbers."""
+    x, y = re.findall(r"-?\d+", text)
+    return int(x), int(y)
+
+
+def write_facts(groups: Iterable[Iterable[Phrase]], facts: Facts, default: Facts) -> list[str]:
+    """Of each group the first phrase that applies."""
+    written = []
+    for group in groups:
+        said = (phrase.write(facts, default) for phrase in group)
+        text = next((one for one in said if one is not None), None)
+        if text is not None:
+            written.append(text)
+    return written
+
+
+def read_facts(groups: Iterable[Iterable[Phrase]], text: str, subject: str) -> Facts:
+    """The values that comma-separated facts give. Raises InputError for unknown words."""
+    phrases = [phrase for group in groups for phrase in group]
+    facts: Facts = {}
+    for one in BETWEEN_FACTS.split(text) if text else ():
+        said = next((found for phrase in phrases if (found := phrase.read(one)) is not None), None)
+        if said is None:
+            raise InputError(f"'{one}' says nothing that is known about {subject}")
+        facts.update(said)
+    return facts
+
+
+def write_route(steps: Iterable[int], at: int) -> str:
+    """Directions as letters, small ones for steps already driven; more than 3 alike are counted.
+
+    eeSSE   two steps east are driven, south, south and east are to come
+    12eS    12 steps east are driven
+    """
+    letters = "".join("ESWN"[step] for step in steps)
+    letters = letters[:at].lower() + letters[at:]
+    return re.sub(r"(.)\1{3,}", lambda run: f"{len(run[0])}{run[1]}", letters)
+
+
+def read_route(text: str) -> tuple[list[int], int]:
+    """Directions of a route and how many of them are driven. Raises InputError."""
+    if not re.fullmatch(r"(\d*[eswn])*(\d*[ESWN])*", text):
+        raise InputError(
+            f"'{text}' is not a route; small letters eswn are driven, ESWN are to come"
+        )
+    runs = re.findall(r"(\d*)([eswnESWN])", text)
+    letters = "".join(letter * int(count or 1) for count, letter in runs)
+    return ["ESWN".index(letter) for letter in letters.upper()], sum(map(str.islower, letters))
+
+
+# An order's line in a picture, needed once it is not where it was at the start.
+#
+# order 7 delivered to (11, 4) in tick 123, picked up 3 times order 8 under way; stops in ticks 12 31
+#
+# Which robot has an order stands in that robot's line; a carried order has a line only if it was set
+# down on its way before. An order without a load has one as soon as a stop is done.
+
+
+ORDER_NUMBERS = ("state", "delivered", "legs")
+
+STATE_PHRASES = (
+    Phrase("delivered to {current_slot} in tick {delivered}", state=ORDER_DELIVERED),
+    Phrase("lies at {current_slot} as load {spare} for {target}", state=ORDER_WAITING),
+    Phrase("waits on {current_slot} for {target}", state=ORDER_WAITING),
+    Phrase("on its way to {target}", state=ORDER_CARRIED),
+    Phrase("on its way", state=ORDER_CARRIED),
+    Phrase("done in tick {delivered}", state=ORDER_DELIVERED),
+    Phrase("waits again", state=ORDER_WAITING),
+    Phrase("under way", state=ORDER_STARTED),
 )
+ORDER_PHRASE_GROUPS = (STATE_PHRASES, (Phrase("picked up {legs} time(s)"),))
+# Values that a line leaves out: an order with a line was picked up once.
+LEFT_OUT: Final[Facts] = {
+    **{"state": NIL, "delivered": NIL, "legs": 1, "spare": NIL},
+    **{"current_slot": None, "target": None},
+}
+ORDER_LINE = re.compile(
+    r"order (?P<number>\d+) (?P<facts>[^;]+)(?:; stops in ticks (?P<stops>[\d ]+))?"
+)
+
+
+def order_line(world: World, floor_plan: FloorPlan, order: int) -> str | None:
+    """The line of an order, None if nothing about it needs to be said."""
+    facts = order_facts(world, floor_plan, order)
+    if facts["current_slot"] == facts["source"] and facts["legs"] == 0:
+        return None  # where it was at the start
+    stops_done = int(world.orders.stops_done[order])
+    if facts["state"] == ORDER_CARRIED and facts["legs"] == 1 and not stops_done:
+        return None  # the robot's line says it
+    name = "trip" if has_lines(world) else "order"
+    line = f"{name} {order} {', '.join(write_facts(ORDER_PHRASE_GROUPS, facts, LEFT_OUT))}"
+    first = int(world.orders.first_stop[order])
+    ticks = world.stops.done[first : first + stops_done].tolist()
+    return line + (f"; stops in ticks {' '.join(map(str, ticks))}" if ticks else "")
+
+
+def order_facts(world: World, floor_plan: FloorPlan, order: int) -> Facts:
+    """What the world holds of an order, slots as (x, y)."""
+    orders = world.orders
+
+    def xy(slot: int) -> Value:
+        return None if slot == NIL else floor_plan.xy(int(world.slots.cell[slot]))
+
+    facts: Facts = {name: int(getattr(orders, name)[order]) for name in ORDER_NUMBERS}
+    for name in ("current_slot", "target", "source"):
+        facts[name] = xy(int(getattr(orders, name)[order]))
+    current_slot = int(orders.current_slot[order])
+    facts["spare"] = (
+        current_slot - world.slots.first_spare if current_slot >= world.slots.first_spare else NIL
+    )
+    return facts
+
+
+class OrderLine(NamedTuple):
+    """What an order's line says."""
+
+    number: int
+    facts: Facts
+    stops: list[int]  # the ticks in which its stops were done
+
+
+def read_order(text: str) -> OrderLine:
+    """What an order's line gives. Raises InputError."""
+    match = ORDER_LINE.fullmatch(text)
+    if match is None:
+        raise InputError(f"'{text}' is not a line about an order, such as order 7 waits on (3, 4)")
+    facts = read_facts(ORDER_PHRASE_GROUPS, match["facts"], f"order {match['number']}")
+    if "state" not in facts:
+        raise InputError(f"order {match['number']}: is it delivered, waiting, or on its way?")
+    stops = [int(tick) for tick in (match["stops"] or "").split()]
+    return OrderLine(int(match["number"]), LEFT_OUT | facts, stops)
+
+
+# A robot's line in a picture: everything about it that the map cannot show.
+#
+# A (2, 3) vertical, northbound, carries 7 to (11, 4) via (10, 4), moved; route nnEES
+#
+# Robots 0 to 25 are called A to Z, later ones by their number. Only what differs from the default is
+# said; the default of some values depends on others (a robot has come in the direction it faces).
+
 
 # Fields of a robot that a line gives in ways of their own; all others of the state are numbers in it.
 OTHERWISE = {

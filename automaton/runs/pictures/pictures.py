@@ -1,21 +1,36 @@
-"""A text as a world: the exact state that `picture_of` has drawn, ready to go on.
+"""A world as text: the tick, the map, then a line for every robot and for orders that have moved.
 
-Restored is all that a digest covers, so a run continues with the same digests if its strategies
-keep no memory of their own: a strategy's memory starts again, and so does what is
-counted for metrics: tallies, and when and from where an order was taken.
+    tick 40, seed 1, 8 order changes, 6 seen by allocation
+
+    b+-+d
+    bA$|d      the floor's symbols; robots A to Z over them; 's' an empty shelf, '$' a full one
+    b+-+#      '@' several robots, or one beyond the 26th; '*' a cell that a long move has claimed;
+               storage 'p' with a pod, 'q' without
+
+    A (0, 1) vertical, fetches 3 from (1, 1) via (2, 1), moved; route nESS
+
+Everything that a digest covers is in the picture but the work at stations and the zones that robots
+serve: `partition_picture` tells of these, and is not read back. Nor are there the memory of strategies,
+and the counters behind the metrics (tallies, and when and from where an order was taken).
 """
 
 from __future__ import annotations
 
 import re
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from typing import Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from automaton.engine.drive import count_robots, set_move_ticks
 from automaton.engine.faults import open_slot
+from automaton.engine.motion import LIVE, REFUSED, move_all
 from automaton.engine.random_numbers import splitmix64
 from automaton.engine.robot_states import STATUS_REMOVED, STATUS_UP
 from automaton.engine.state import (
+    ACTION_MOVE,
     CLOCK_ALLOCATION_REVISION,
     CLOCK_COARSE_TICK,
     CLOCK_FINISHED,
@@ -45,15 +60,153 @@ from automaton.engine.state import (
     ORDER_WAITING,
     World,
 )
-from automaton.errors import InputError
+from automaton.errors import InputError, alternatives
+from automaton.floor.cells import DIRECTIONS, STORAGE
+from automaton.floor.drawn_floors import Drawing, Legend, draw_floor, floor_drawing, legend_entry
 from automaton.floor.floor_plan import FloorPlan
-from automaton.runs.pictures.order_lines import OrderLine, read_order
-from automaton.runs.pictures.phrases import Facts, Pair, Value
-from automaton.runs.pictures.picture_writing import picture_of
-from automaton.runs.pictures.robot_lines import NEEDS, RobotLine, name_of, numbers_of, read_robot
+from automaton.runs.pictures.picture_lines import (
+    NEEDS,
+    Facts,
+    OrderLine,
+    Pair,
+    RobotLine,
+    Value,
+    identity_of,
+    name_of,
+    numbers_of,
+    order_line,
+    read_order,
+    read_robot,
+    robot_line,
+)
+from automaton.runs.progress import asked_orders
 from automaton.runs.simulation import Simulation
 from automaton.runs.state_copy import hold_cells
+from automaton.scenario.schema import Durations, Fleet, Orders, Scenario, WorldRules
+from automaton.units import count
+from automaton.world.building import build_world
 from automaton.world.resolve import Resolved
+
+CROWD = "@"
+CROWD_LEGEND = (
+    "@ is a robot whose name is a number (letters end with robot 25), or several in a cell"
+)
+CLAIMED = "*"
+EMPTY_SHELF, FULL_SHELF = "s", "$"
+EMPTY_STORAGE, POD = "q", "p"
+
+
+def picture_of(
+    subject: Simulation | World, floor_plan: FloorPlan | None = None, brief: bool = False
+) -> str:
+    """The picture of a simulation, or of a world on the floor `floor_plan`; no newline at its end.
+
+    brief: for people; delivered orders are counted. It cannot be read back.
+    """
+    world, floor_plan = (
+        (subject, floor_plan) if isinstance(subject, World) else _of_simulation(subject)
+    )
+    if floor_plan is None:
+        raise TypeError("the picture of a world needs its plan: picture_of(world, plan)")
+    rows = map_rows(world, floor_plan)
+    lines = [head_line(world), "", *rows, "", *legend_lines(floor_plan)]
+    if brief and any(CROWD in row for row in rows):
+        lines += [CROWD_LEGEND, ""]
+    lines += [robot_line(world, floor_plan, int(i), brief) for i in world.robots.at_index]
+    delivered = world.orders.state == ORDER_DELIVERED
+    for order in np.flatnonzero(~delivered) if brief else range(len(delivered)):
+        line = order_line(world, floor_plan, int(order))
+        if line is not None:
+            lines.append(line)
+    done = int(np.count_nonzero(asked_orders(world).done != NIL))
+    if brief and done:
+        lines.append(f"{count(done, 'order')} delivered")
+    return "\n".join(lines)
+
+
+def _of_simulation(simulation: Simulation) -> tuple[World, FloorPlan]:
+    return simulation.world, simulation.resolved.floor_plan
+
+
+def head_line(world: World) -> str:
+    """When it is, how often orders and reservations have changed, and what allocation saw of it."""
+    clock = world.clock
+    seen = (
+        "none" if clock[CLOCK_ALLOCATION_REVISION] == NIL else str(clock[CLOCK_ALLOCATION_REVISION])
+    )
+    seed, changes = int(world.rules.seed), clock[CLOCK_REVISION]
+    text = (
+        f"tick {clock[CLOCK_TICK]}, seed {seed}, {changes} order changes, {seen} seen by allocation"
+    )
+    return text + (
+        f", {clock[CLOCK_TICKETS_ISSUED]} tickets" if clock[CLOCK_TICKETS_ISSUED] else ""
+    )
+
+
+def map_rows(world: World, floor_plan: FloorPlan) -> list[str]:
+    """The rows of the floor with its loads and robots."""
+    text, first = _canvas(floor_plan)
+    for slot, cell in enumerate(world.slots.cell.tolist()):
+        if not world.slots.unbounded[slot]:
+            x, y = floor_plan.xy(cell)
+            signs = (EMPTY_SHELF, FULL_SHELF)
+            if floor_plan.kind[y + 1, x + 1] == STORAGE:
+                signs = (EMPTY_STORAGE, POD)
+            text[y, x + first] = signs[int(world.slots.content[slot] != NIL)]
+    robots = world.robots
+    for claim in robots.claim[robots.claim != NIL].tolist():
+        x, y = floor_plan.xy(claim)
+        text[y, x + first] = CLAIMED
+    held: dict[int, str] = {}
+    for i, cell in enumerate(np.where(robots.cell == NIL, robots.bay, robots.cell).tolist()):
+        if cell == NIL:
+            continue  # off the floor
+        name = name_of(int(robots.identity[i]))
+        held[cell] = CROWD if cell in held or len(name) > 1 else name
+    for cell, mark in held.items():
+        x, y = floor_plan.xy(cell)
+        text[y, x + first] = mark
+    return ["".join(row) for row in text]
+
+
+def legend_lines(floor_plan: FloorPlan) -> list[str]:
+    """What the symbols of the map mean that are not built in; empty, or with a blank line last."""
+    legend = _drawing(floor_plan).legend
+    lines = []
+    for mark, symbol in legend:
+        entry = legend_entry(symbol)
+        said = [f"{key} {_words(value)}" for key, value in entry.items()]
+        lines.append(f"{mark} is {', '.join(said)}")
+    return [*lines, ""] if lines else []
+
+
+def _words(value: object) -> str:
+    if isinstance(value, list):
+        return " ".join(value) or "none"
+    return str(value)
+
+
+def _canvas(floor_plan: FloorPlan) -> tuple[NDArray[np.str_], int]:
+    """(height, columns) characters of the empty floor, and the column of x = 0."""
+    picture = _drawing(floor_plan).picture
+    text = np.array([list(row) for row in picture.split("\n")])
+    for cell in floor_plan.starts:  # robots are drawn where they are now
+        x, y = floor_plan.xy(cell)
+        text[y, x + text.shape[1] - floor_plan.width] = "."
+    return text, text.shape[1] - floor_plan.width
+
+
+@lru_cache(maxsize=16)
+def _drawing(floor_plan: FloorPlan) -> Drawing:
+    return floor_drawing(floor_plan)
+
+
+# A text as a world: the exact state that `picture_of` has drawn, ready to go on.
+#
+# Restored is all that a digest covers, so a run continues with the same digests if its strategies
+# keep no memory of their own: a strategy's memory starts again, and so does what is counted for
+# metrics: tallies, and when and from where an order was taken.
+
 
 PLACE = "the picture"
 HEAD = re.compile(
@@ -312,3 +465,108 @@ def _on_floor(floor_plan: FloorPlan, value: Pair) -> Pair:
     if not floor_plan.holds(*value):
         raise InputError(f"{PLACE} mentions {value}, which is not on the floor")
     return value
+
+
+# Stories: a few robots on a tiny floor, moved tick by tick, to test the rules of occupancy.
+#
+# >>> moved("AB.", A="east", B="east") '.AB'
+#
+# Robots are drawn on free floor and drive in any direction without turning; the other symbols of
+# floors work as always, so an aisle for two is 'A==B'. A Story goes on from tick to tick.
+
+
+Following = Literal["convoy", "handover", "none"]
+
+
+class Story:
+    """Robots drawn in a picture, and what becomes of their wishes.
+
+    `following`, `move` (ticks of a move), `slow` (the mode of zones that slow moves down; "" for
+    none), `priority` by robot, and `storage` (the order in which robots are stored, which must not
+    matter) set the rules; `tick` decides ties.
+    """
+
+    def __init__(
+        self,
+        picture: str,
+        *,
+        following: Following = "convoy",
+        move: int = 1,
+        slow: str = "",
+        priority: Mapping[str, int] | None = None,
+        storage: Sequence[int] | None = None,
+        legend: Legend = (),
+        tick: int = 0,
+    ) -> None:
+        self.floor_plan = draw_floor(picture.strip("\n"), legend)
+        if not self.floor_plan.starts:
+            raise InputError("the picture of a story has no robots; draw them as A, B, C ...")
+        order = None if storage is None else np.array(storage, np.int32)
+        self.world, _ = build_world(_scenario(self, following, move, slow), 1, order)
+        self.world.clock[CLOCK_TICK] = tick
+        for name, value in (priority or {}).items():
+            self.world.robots.priority[self._index(name)] = value
+
+    def tick(self, **wants: str) -> str:
+        """One tick in which robots want to move so (A="east"); returns the picture after it.
+
+        Robots in a long move go on by themselves and want nothing.
+        """
+        traffic, robots = self.world.traffic, self.world.robots
+        traffic.intent[:] = 0
+        for name, direction in wants.items():
+            if direction not in DIRECTIONS:
+                raise InputError(
+                    f"'{direction}' is not a direction; try {alternatives(DIRECTIONS)}"
+                )
+            i = self._index(name)
+            if robots.busy[i]:
+                raise InputError(f"robot {name} is still on its way")
+            traffic.intent[i] = LIVE | DIRECTIONS.index(direction)
+        traffic.move_ticks[:] = self.world.rules.duration[0, ACTION_MOVE]
+        self.world.clock[CLOCK_TICK] += 1
+        with np.errstate(over="ignore"):
+            count_robots(self.world.grid, robots, traffic.zone_occupancy)
+            set_move_ticks(self.world)
+            move_all(
+                self.world.grid, self.world.rules, robots, traffic, self.world.clock[CLOCK_TICK]
+            )
+        return self.picture
+
+    @property
+    def picture(self) -> str:
+        """The floor and the robots now; '*' is claimed by a long move, '@' holds several robots."""
+        return "\n".join(map_rows(self.world, self.floor_plan))
+
+    @property
+    def refused(self) -> str:
+        """The robots whose wish was refused in the last tick, such as "BC"."""
+        who = self.world.robots.identity[self.world.traffic.intent & REFUSED != 0]
+        return "".join(name_of(identity) for identity in sorted(who.tolist()))
+
+    def _index(self, name: str) -> int:
+        if len(name) != 1 or not 0 <= identity_of(name) < len(self.floor_plan.starts):
+            raise InputError(f"there is no robot {name} in this story")
+        return int(self.world.robots.at_index[identity_of(name)])
+
+
+def moved(picture: str, **wants: str) -> str:
+    """The picture after one tick in which robots want to move so."""
+    return Story(picture).tick(**wants)
+
+
+def _scenario(story: Story, following: Following, move: int, slow: str) -> Resolved:
+    floor_plan = story.floor_plan
+    scenario = Scenario(
+        name="story",
+        layout={},
+        fleet=Fleet(robots=len(floor_plan.starts), kinematics="omni"),
+        durations=Durations(move=move),
+        orders=Orders(generator="full-shelves"),
+        world=WorldRules(
+            following=following,
+            traffic_zones=slow or "undirected",  # type: ignore[arg-type]
+            slowdown="zones" if slow else "none",
+        ),
+    )
+    return Resolved(scenario, floor_plan, strategies={}, start=floor_plan.starts, source="")

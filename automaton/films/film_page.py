@@ -5,6 +5,8 @@ from __future__ import annotations
 import html
 import json
 import re
+from dataclasses import dataclass, field
+from html import escape
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
@@ -12,14 +14,28 @@ from typing import Any, Final
 import numpy as np
 
 from automaton.atomic_write import atomic_writer
-from automaton.drawings.cell_looks import DETAIL_SHIFT, KIND_MASK, colour_of
-from automaton.drawings.palette import THEMES, Theme, css, rgb
-from automaton.drawings.robot_looks import STATE_COLOURS, STATE_WORDS
+from automaton.drawings.looks import (
+    DETAIL_SHIFT,
+    KIND_MASK,
+    STATE_COLOURS,
+    STATE_WORDS,
+    THEMES,
+    Theme,
+    colour_of,
+    css,
+    rgb,
+)
 from automaton.drawings.shapes import LETTERS
 from automaton.engine.state import NIL
-from automaton.films.film_columns import FIGURES, PARTS, cause_words, deflated
-from automaton.films.film_target import checked
-from automaton.films.recorded_stretch import RecordedStretch, play_stretch
+from automaton.films.recorded_stretch import (
+    FIGURES,
+    PARTS,
+    RecordedStretch,
+    cause_words,
+    checked,
+    deflated,
+    play_stretch,
+)
 from automaton.floor.cells import CELL_KINDS
 from automaton.recording.recording_reader import read_recording
 from automaton.units import count
@@ -110,3 +126,27 @@ def page_of(title: str, film: dict[str, Any]) -> str:
         "PLAYER": (here / "player.js").read_text(encoding="utf-8"),
     }
     return re.sub(r"\[\[([A-Z]+)\]\]", lambda name: parts[name[1]], page)
+
+
+# The page of a film inside a notebook: an iframe that holds the whole page.
+
+
+@dataclass(frozen=True)
+class NotebookFilm:
+    """A page that plays by itself; a notebook shows it, `save` writes it to a file."""
+
+    page: str = field(repr=False)
+    title: str
+    height: int = 600  # pixels
+
+    def save(self, path: str | Path) -> None:
+        """Write the page to a file. Raises InputError."""
+        with atomic_writer(Path(path)) as file:
+            file.write(self.page.encode())
+
+    def _repr_html_(self) -> str:
+        """Show it in a notebook: its scripts reach nothing outside their frame."""
+        return (
+            f'<iframe srcdoc="{escape(self.page)}" sandbox="allow-scripts" title="{escape(self.title)}"'
+            f' width="100%" height="{self.height}" style="border:0"></iframe>'
+        )

@@ -1,0 +1,247 @@
+"""The colours of drawings, by what they mean, for dark and for light themes.
+
+Colours of robots are those of Okabe and Ito, which colour-blind people distinguish; floor, walls and
+shelves are greys. Shape is always the second channel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from automaton.engine.robot_states import (
+    BATTERY_PERCENT,
+    STATUS_DEPLETED,
+    STATUS_FAILED,
+    STATUS_TOWED,
+    is_charging,
+)
+from automaton.engine.state import NIL
+from automaton.floor.cells import (
+    ALL_EXITS,
+    BAY,
+    CELL_KINDS,
+    DIRECTION_VECTORS,
+    FLOOR,
+    STORAGE,
+    TRACK,
+    TURNTABLE,
+    WALL,
+    opposite_exits,
+)
+from automaton.floor.floor_plan import FloorPlan
+
+Theme = Literal["dark", "light"]
+THEMES: Final[tuple[Theme, ...]] = ("dark", "light")
+
+# 0xRRGGBB, dark and light.
+COLOURS: Final[dict[str, tuple[int, int]]] = {
+    "floor": (0x121212, 0xFFFFFF),
+    "void": (0x080808, 0xEEEEEE),
+    "mark": (0x444444, 0xBCBCBC),
+    "track": (0x6C6C6C, 0x8A8A8A),
+    "direction": (0x5F8787, 0x5F8787),
+    "wall": (0x585858, 0x585858),
+    "rack": (0x767676, 0x767676),
+    "shelf": (0x8A8A8A, 0x808080),
+    "parking-bay": (0x7A7AA8, 0x7474A0),
+    "turntable": (0xA8648C, 0x96648A),
+    "charger": (0xAFAF5F, 0x75750A),
+    "destination": (0x2C7FD0, 0x2A2AA8),
+    "dock": (0x5FA35F, 0x4A7F4A),
+    "station": (0xB87878, 0xA05050),
+    "load": (0xB08860, 0x7A5C45),
+    "dim": (0x8F8F8F, 0x6C6C6C),
+    "text": (0xD0D0D0, 0x262626),
+    "done": (0x009E73, 0x007A58),
+    "cursor": (0x5FFFD7, 0x20D8B0),
+    "parked": (0x5F87AF, 0x5F7F9F),
+    "charging": (0xF0E442, 0x4E7A00),
+    "empty": (0x56B4E9, 0x0072B2),
+    "loaded": (0xE69F00, 0xA85F00),
+    "low battery": (0xE06FD0, 0x6A2BD9),
+    "waiting": (0xFFC8D8, 0xA0107A),
+    "fault": (0xFF5F1F, 0xC8102E),
+    "selected": (0xFFFFFF, 0x000000),
+}
+
+
+def rgb(name: str, theme: Theme) -> tuple[int, int, int]:
+    """Red, green and blue of a colour, 0 to 255 each."""
+    value = COLOURS[name][THEMES.index(theme)]
+    return value >> 16, value >> 8 & 255, value & 255
+
+
+def blended(name: str, ground: str, share: float, theme: Theme) -> tuple[int, int, int]:
+    """A colour over another one, of which 1 - `share` shines through."""
+    over, under = rgb(name, theme), rgb(ground, theme)
+    red, green, blue = (round(u + (o - u) * share) for o, u in zip(over, under, strict=True))
+    return red, green, blue
+
+
+def css(colour: tuple[int, int, int]) -> str:
+    """A colour as a style sheet writes it."""
+    return "#{:02x}{:02x}{:02x}".format(*colour)
+
+
+# What a cell looks like in a drawing: its kind, and a detail in the bits above, in one number.
+
+
+Looks = NDArray[np.uint8]
+
+DETAIL_SHIFT: Final = 4
+KIND_MASK: Final = (1 << DETAIL_SHIFT) - 1
+LOOK_COUNT: Final = 16 << DETAIL_SHIFT
+DETAIL_OUTSIDE: Final = 1  # detail of a wall that touches nothing but walls
+DETAIL_ONE_WAY: Final = 1  # to 4: details of floor; 1 + direction
+KIND_COLOURS: Final = {
+    kind.code: {"floor": "mark", "storage": "mark"}.get(kind.name, kind.name) for kind in CELL_KINDS
+}
+
+
+def looks_of(floor_plan: FloorPlan) -> Looks:
+    """(height + 2, width + 2) kind and detail of each cell, border included; of rails their exits."""
+    kind, exits = floor_plan.kind, floor_plan.exits
+    detail = np.zeros_like(kind)
+    rails = (kind == TRACK) | (kind == TURNTABLE)
+    detail[rails] = exits[rails]
+    onwards = exits & ~_exits_into(kind == STORAGE)
+    for direction in range(4):
+        detail[(kind == FLOOR) & _one_way(onwards, direction)] = DETAIL_ONE_WAY + direction
+    detail[(kind == WALL) & ~_beside_something(kind)] = DETAIL_OUTSIDE
+    return np.asarray(kind | detail << DETAIL_SHIFT, np.uint8)
+
+
+def colour_of(look: int) -> str:
+    """The name of the colour in which a look is drawn."""
+    kind, detail = look & KIND_MASK, look >> DETAIL_SHIFT
+    if kind == WALL and detail == DETAIL_OUTSIDE:
+        return "void"
+    return "direction" if kind == FLOOR and detail else KIND_COLOURS[kind]
+
+
+def box_of(floor_plan: FloorPlan) -> tuple[int, int, int, int]:
+    """Left, top, right and bottom of the floor with its parking bays, which may lie in the border.
+
+    Columns and rows as users count them; right and bottom are excluded.
+    """
+    height, width = floor_plan.kind.shape
+    rows, columns = np.nonzero(floor_plan.kind == BAY)
+    left, top = min(1, *columns, 1), min(1, *rows, 1)
+    right, bottom = max(width - 1, *(columns + 1), 1), max(height - 1, *(rows + 1), 1)
+    return int(left) - 1, int(top) - 1, int(right) - 1, int(bottom) - 1
+
+
+def _exits_into(cells: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """The exits that lead into some cells: an aisle is one-way, though robots turn off into storage."""
+    sides = np.zeros(cells.shape, np.uint8)
+    for direction, (dx, dy) in enumerate(DIRECTION_VECTORS):
+        sides |= np.where(np.roll(cells, (-dy, -dx), (0, 1)), np.uint8(1 << direction), np.uint8(0))
+    return sides
+
+
+def _one_way(exits: NDArray[np.uint8], direction: int) -> NDArray[np.bool_]:
+    """Cells with that exit alone, from which there is no way back: a dead end is not one-way."""
+    bit = 1 << direction
+    dx, dy = DIRECTION_VECTORS[direction]
+    ahead = np.roll(exits, (-dy, -dx), (0, 1))
+    one_way: NDArray[np.bool_] = (exits == bit) & (ahead & opposite_exits(bit) & ALL_EXITS == 0)
+    return one_way
+
+
+def _beside_something(kind: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    some = np.pad(kind != WALL, 1)
+    height, width = kind.shape
+    near = np.zeros(kind.shape, bool)
+    for dy in range(3):
+        for dx in range(3):
+            near |= some[dy : dy + height, dx : dx + width]
+    return near
+
+
+# What each robot looks like in a drawing: the state that gives it its colour, its shape, its front.
+
+
+# States of a robot, the worse the higher.
+DRAW_PARKED: Final = 0
+DRAW_CHARGING: Final = 1
+DRAW_EMPTY: Final = 2
+DRAW_LOADED: Final = 3
+DRAW_LOW_BATTERY: Final = 4
+DRAW_WAITING: Final = 5
+DRAW_FAULT: Final = 6  # in a wait cycle, or down
+STATE_COLOURS: Final = (
+    *("parked", "charging", "empty", "loaded", "low battery", "waiting", "fault"),
+)
+STATE_WORDS: Final = (
+    *("parked", "charging", "without a load", "with a load", "battery low"),
+    *("waiting", "in a wait cycle, or down"),
+)
+
+# Shapes of a robot.
+SHAPE_HOLLOW: Final = 0
+SHAPE_FILLED: Final = 1  # with a load
+SHAPE_SQUARE: Final = 2  # parked
+SHAPE_PLUG: Final = 3  # charges
+SHAPE_VOID: Final = 4  # its battery is empty
+SHAPE_CROSS: Final = 5  # broken
+SHAPE_THIN: Final = 6  # its battery is low
+SHAPE_BOXED: Final = 7  # its battery is low, with a load
+WITH_LOAD: Final = (SHAPE_FILLED, SHAPE_BOXED)
+LOW_CHARGE: Final = 20 * BATTERY_PERCENT
+
+
+class RobotLooks(NamedTuple):
+    """All (n,) uint8."""
+
+    state: NDArray[np.uint8]
+    shape: NDArray[np.uint8]
+    direction: NDArray[np.uint8]  # 0 to 3: the way it faces or drives
+
+
+def robot_looks(
+    robots: Any, headings: Sequence[int], battery: bool, may_be_down: bool
+) -> RobotLooks:
+    """Read them off the fields of the robots, and `cause` and `wait_cycle_ticks` of the observation.
+
+    `robots`: an object with these arrays, (n,) each; `headings`: that robots of each type distinguish;
+    `battery`: robots run on batteries; `may_be_down`: they may stand on the floor for good.
+    """
+    loaded, parked = robots.load != NIL, robots.parked != 0
+    state = np.where(loaded, np.uint8(DRAW_LOADED), np.uint8(DRAW_EMPTY))
+    state[robots.cause != 0] = DRAW_WAITING
+    state[parked] = DRAW_PARKED
+    state[robots.wait_cycle_ticks != 0] = DRAW_FAULT
+    shape = loaded.astype(np.uint8)
+    shape[parked] = SHAPE_SQUARE
+    if battery:
+        plugged = is_charging(robots)
+        state[plugged], shape[plugged] = DRAW_CHARGING, SHAPE_PLUG
+        low = (robots.charge < LOW_CHARGE) & ~plugged
+        state[low] = np.maximum(state[low], DRAW_LOW_BATTERY)
+        shape[low] = np.where(loaded[low], SHAPE_BOXED, SHAPE_THIN)
+    if battery or may_be_down:
+        for code, sign in ((STATUS_DEPLETED, SHAPE_VOID), (STATUS_FAILED, SHAPE_CROSS)):
+            state[robots.status == code], shape[robots.status == code] = DRAW_FAULT, sign
+        towed = robots.status >= STATUS_TOWED  # it shows in a parking bay alone
+        state[towed], shape[towed] = DRAW_PARKED, SHAPE_CROSS
+    return RobotLooks(state, shape, directions(robots, headings))
+
+
+def cell_of(robots: Any) -> NDArray[np.int32]:
+    """(n,) the cell in which each robot is drawn, that of its parking bay if it is there; or NIL."""
+    return np.asarray(np.where(robots.cell == NIL, robots.bay, robots.cell), np.int32)
+
+
+def directions(robots: Any, headings: Sequence[int]) -> NDArray[np.uint8]:
+    """(n,) 0 to 3: the way each robot faces or, if its heading does not say, drives.
+
+    `headings`: that robots of each type distinguish.
+    """
+    own = np.array(headings)[robots.type % len(headings)]  # types with a load come behind
+    # On rails: the way it came, or its new axis once it has turned. An omni robot: the way it came.
+    came = (own == 1) | ((own == 2) & (robots.travel & 1 == robots.heading))
+    return np.asarray(np.where(came, robots.travel & 3, robots.heading & 3), np.uint8)

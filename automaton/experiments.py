@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from automaton.runs.simulation import Simulation
     from automaton.scenario.document import Override
     from automaton.scenario.schema import Scenario
-    from automaton.studies.sizing.sizing_record import SizingResult
+    from automaton.studies.sizing.sizing_report import SizingResult
     from automaton.studies.sweeps.result_store import Store
     from automaton.tables.table_run import TableRun
     from automaton.world.resolve import Resolved
@@ -125,7 +125,7 @@ def sweep(
     `if __name__ == "__main__":`). Raises InputError as `automaton sweep` does; what is done when
     something is raised is kept in `out`.
     """
-    from automaton.studies.reports.precision import next_replications
+    from automaton.studies.reports.comparisons import next_replications
     from automaton.studies.sweeps.pools import MAX_WORKERS, Backend, ExternalExecutor, LocalPool
     from automaton.studies.sweeps.sweep_plan import copies_of, make_sweep_plan
     from automaton.studies.sweeps.sweep_session import sweep_into
@@ -187,14 +187,19 @@ def size(
     Raises InputError, and WorkerDied where a process dies.
     """
     from automaton.runs.process_pool import PersistentPool
-    from automaton.studies.sizing.fleet_runs import Checked, Fleets, run_and_measure_use, session_of
-    from automaton.studies.sizing.question import (
+    from automaton.studies.sizing.fleet_search import (
         make_question,
         read_target,
         robots_of,
         strategies_of,
     )
-    from automaton.studies.sizing.sizing_record import sized
+    from automaton.studies.sizing.sizing_report import sized
+    from automaton.studies.sizing.sizing_session import (
+        Checked,
+        Fleets,
+        run_and_measure_use,
+        session_of,
+    )
 
     fleet, compared = robots_of(robots), strategies_of(strategies)
     with PersistentPool(workers, run_and_measure_use) as rounds:

@@ -35,7 +35,7 @@ from automaton.scenario.quantities import SCHEMA_KEY, Quantity
 from automaton.scenario.schema import LAYER_NAMES, Scenario
 from automaton.scenario.validation import Plan, plan_of
 from automaton.strategy import kernels, lookup, orders, paths, per_robot, weighted_tables
-from automaton.studies.sweeps import result_columns, run_keys
+from automaton.studies.sweeps import run_keys, study
 from automaton.studies.sweeps.study import study_schema
 from automaton.tables.columns import TABLES
 from automaton.units import LENGTH_UNITS, SPELLED, TIME_UNITS
@@ -884,7 +884,7 @@ def formats_page() -> str:
         (code(part), ", ".join(map(code, arrays)))
         for part, arrays in contents.KEYFRAME_ARRAYS.items()
     ]
-    columns = [(code(name), kind) for name, kind in result_columns.RESULT_COLUMNS.items()]
+    columns = [(code(name), kind) for name, kind in study.RESULT_COLUMNS.items()]
     return page(
         "Formats of files",
         "Both formats carry a number. A file of another format is refused with a sentence.",
@@ -902,8 +902,8 @@ def formats_page() -> str:
         "a run; after these columns come one for each factor and one for each [metric](metrics.md), "
         "null where the run has none. `delivered` and metrics are those after the warm-up, if there is "
         "one; `ticks` and `orders` are of the whole run. Studies of a steady state add "
-        f"`{result_columns.SERIES}` (deliveries in windows) and "
-        f"`{result_columns.SUMS_COLUMN}` (sums by stretch).\n",
+        f"`{study.SERIES}` (deliveries in windows) and "
+        f"`{study.SUMS_COLUMN}` (sums by stretch).\n",
         table(("column", "type"), columns),
     )
 

@@ -17,9 +17,9 @@ from automaton.bench.measurement import Measurement, Sample, cpu_seconds, wall_s
 from automaton.studies.sweeps.coordinator import chunk_of
 from automaton.studies.sweeps.pools import FutureLike, LocalPool
 from automaton.studies.sweeps.result_store import arrow
+from automaton.studies.sweeps.run_keys import run_one
 from automaton.studies.sweeps.study import Study
 from automaton.studies.sweeps.sweep_plan import SweepPlan, make_sweep_plan
-from automaton.studies.sweeps.sweep_runs import run_one
 from automaton.studies.sweeps.sweep_session import sweep_into
 
 RUNS = 80

@@ -60,7 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Read, compose, write."""
     from automaton.studies.reports.build_report import document_of, read_report
-    from automaton.studies.reports.plot_files import figure_class, write_plots
+    from automaton.studies.reports.html_output import figure_class, write_plots
     from automaton.studies.sweeps.result_store import Store
 
     if args.folder.is_file():
@@ -101,9 +101,9 @@ def check_files(args: argparse.Namespace) -> None:
         PARQUET_BEGINS,
         ROWS_BEGIN,
         SUMMARY_BEGINS,
+        WORKBOOK_BEGINS,
         check_replaced,
     )
-    from automaton.studies.reports.workbook import WORKBOOK_BEGINS
     from automaton.tables.table_files import openpyxl
 
     for path, begins in (
@@ -124,17 +124,15 @@ def write_files(
 ) -> list[Path]:
     """The tables that were asked for; the files written. Raises InputError."""
     from automaton.studies.reports.export import (
-        write_parquet,
-        write_records_csv,
-        write_rows_csv,
-    )
-    from automaton.studies.reports.records import (
         comparison_records,
         summary_records,
         without_empty,
+        write_parquet,
+        write_records_csv,
+        write_rows_csv,
+        write_workbook,
     )
-    from automaton.studies.reports.warm_up_cut import measured_rows
-    from automaton.studies.reports.workbook import write_workbook
+    from automaton.studies.reports.study_results import measured_rows
 
     results = report.results
     wrote: list[Path] = []
@@ -177,7 +175,7 @@ def form_of(form: str | None, out: Path | None) -> str:
 def rendered(report: StudyReport, document: Document, form: str) -> str:
     """The report in a format."""
     if form == "json":
-        from automaton.studies.reports.json_output import as_json
+        from automaton.studies.reports.export import as_json
 
         return json.dumps(as_json(report), indent=2, ensure_ascii=False) + "\n"
     if form == "html":

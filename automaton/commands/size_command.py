@@ -26,10 +26,8 @@ from automaton.errors import WorkerDiedError
 from automaton.units import shown_unit, ticks_and_time, unit
 
 if TYPE_CHECKING:
-    from automaton.studies.sizing.fleet_runs import Fleets
-    from automaton.studies.sizing.fleet_search import FleetConfig
-    from automaton.studies.sizing.question import Question
-    from automaton.studies.sizing.sizing_session import SizingSession
+    from automaton.studies.sizing.fleet_search import FleetConfig, Question
+    from automaton.studies.sizing.sizing_session import Fleets, SizingSession
 
 
 def positive(text: str) -> float:
@@ -99,11 +97,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Search and report; Ctrl-C, and a worker that dies, report what is known."""
     if args.plots is not None:
-        from automaton.studies.reports.plot_files import figure_class
+        from automaton.studies.reports.html_output import figure_class
 
         figure_class()  # says what is missing before anything is computed
     from automaton.runs.process_pool import PersistentPool
-    from automaton.studies.sizing.fleet_runs import Checked, Fleets, run_and_measure_use, session_of
+    from automaton.studies.sizing.sizing_session import (
+        Checked,
+        Fleets,
+        run_and_measure_use,
+        session_of,
+    )
 
     with PersistentPool(args.workers, run_and_measure_use) as rounds:
         fleets = Fleets(args.scenario, settings_of(args), args.seed, rounds)
@@ -128,7 +131,7 @@ def run(args: argparse.Namespace) -> int:
 
 def asked_of(args: argparse.Namespace, fleets: Fleets) -> Question:
     """The question that the arguments put. Raises InputError."""
-    from automaton.studies.sizing.question import (
+    from automaton.studies.sizing.fleet_search import (
         make_question,
         read_robots,
         read_target,
@@ -154,7 +157,7 @@ def show(args: argparse.Namespace, session: SizingSession, fleets: Fleets) -> No
     """Print the answer."""
     scenario = fleets.base.scenario
     if args.json:
-        from automaton.studies.sizing.sizing_record import as_json
+        from automaton.studies.sizing.sizing_report import as_json
 
         print_json(as_json(session, scenario.name, fleets.seed, args.price))
         return
@@ -174,7 +177,7 @@ def show(args: argparse.Namespace, session: SizingSession, fleets: Fleets) -> No
 
 def draw(folder: Path, session: SizingSession) -> None:
     """Write the plots, and say where they are."""
-    from automaton.studies.reports.plot_files import write_plots
+    from automaton.studies.reports.html_output import write_plots
     from automaton.studies.sizing.sizing_report import curves
 
     for path in write_plots(curves(session), folder):

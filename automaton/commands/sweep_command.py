@@ -29,8 +29,7 @@ from automaton.units import SECONDS_PER_UNIT, count
 if TYPE_CHECKING:
     from automaton.studies.sweeps.pools import Backend
     from automaton.studies.sweeps.result_store import Store
-    from automaton.studies.sweeps.sweep_forecast import Forecast
-    from automaton.studies.sweeps.sweep_session import SweepResult, SweepStart
+    from automaton.studies.sweeps.sweep_session import Forecast, SweepResult, SweepStart
 
 
 LINE_EVERY_S = 60.0  # in a pipe
@@ -109,7 +108,7 @@ def dry_run(args: argparse.Namespace, plan: Any) -> int:
     """Say what the sweep would take."""
     from automaton.runs.first_compilation import cores
     from automaton.studies.sweeps.pools import LocalPool
-    from automaton.studies.sweeps.sweep_forecast import forecast
+    from automaton.studies.sweeps.sweep_session import forecast
 
     workers = args.workers or cores()
     found = forecast(plan, args.out, workers, LocalPool(1), args.retry_failed, args.recompute)
@@ -201,7 +200,7 @@ class Listener:
 
     def decide(self, store: Store) -> int | None:
         """After a round: how many replications the next one makes; None: it is enough."""
-        from automaton.studies.reports.precision import next_replications
+        from automaton.studies.reports.comparisons import next_replications
 
         following = next_replications(store)
         if following is None:
@@ -259,7 +258,7 @@ def tell(args: argparse.Namespace, swept: SweepResult, seconds: float) -> None:
         before = f" ({begun.done:,} were done before)" if begun.done else ""
         print(f"{study.name}: {count(study.runs, 'run')} in {args.out}{before}")
         if swept.store.declared.in_rounds:
-            from automaton.studies.reports.precision import stopping_remarks, stopping_text
+            from automaton.studies.reports.comparisons import stopping_remarks, stopping_text
             from automaton.studies.reports.study_results import read_results
 
             results = read_results(swept.store)

@@ -49,9 +49,16 @@ def run(args: argparse.Namespace) -> int:
     """Search, report, and write the settings."""
     from automaton.runs.console_output import console, print_blocks
     from automaton.runs.process_pool import PersistentPool
-    from automaton.studies.tuning.candidates import candidates_of
-    from automaton.studies.tuning.elimination import TuningRound, check_metric, measure, tune
-    from automaton.studies.tuning.tuning_report import as_json, report_blocks, settings_file
+    from automaton.studies.tuning import (
+        TuningRound,
+        as_json,
+        candidates_of,
+        check_metric,
+        measure,
+        report_blocks,
+        settings_file,
+        tune,
+    )
 
     def show_round(now: TuningRound, spent: int) -> None:
         if sys.stderr.isatty():

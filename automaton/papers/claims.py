@@ -20,9 +20,8 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Final, Literal
 
-from automaton.studies.inference.intervals import ROUNDING
+from automaton.studies.inference.intervals import ROUNDING, student
 from automaton.studies.inference.proportions import exact_share
-from automaton.studies.inference.t_distribution import student
 
 Verdict = Literal["holds", "not contradicted", "undecided", "does not hold"]
 WORST_FIRST: Final[tuple[Verdict, ...]] = ("does not hold", "undecided", "not contradicted")

@@ -17,9 +17,8 @@ from automaton.errors import InputError, alternatives, nearest
 from automaton.papers.claims import Claim, JudgedClaim, judge
 from automaton.runs.process_pool import OnDone, Result, RunFunction, run_all, run_and_measure
 from automaton.scenario.document import Override, parse_setting
-from automaton.studies.inference.intervals import Interval
+from automaton.studies.inference.intervals import Interval, student
 from automaton.studies.inference.proportions import exact_share
-from automaton.studies.inference.t_distribution import student
 from automaton.world.resolve import Resolved, resolve
 
 T = TypeVar("T")

@@ -16,7 +16,7 @@ from automaton.commands import main
 from automaton.runs.headless import WINDOW_TICKS, run_once
 from automaton.runs.metrics import METRIC_CATALOGUE
 from automaton.runs.simulation import RECORD_TICKS, Simulation
-from automaton.studies.sizing.question import read_target
+from automaton.studies.sizing.fleet_search import read_target
 from automaton.units import Unit, listed, number, unit
 from automaton.world.resolve import resolve
 from automaton.world.rules import tick_length

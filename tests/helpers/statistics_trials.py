@@ -20,15 +20,18 @@ from typing import Any
 
 import numpy as np
 
-from automaton.studies.inference.effects import bonferroni, effect, fewest
 from automaton.studies.inference.intervals import (
     DEFAULT_CONFIDENCE,
     STUDENT_MIN_RUNS,
+    bonferroni,
+    effect,
+    fewest,
     mean_interval,
+    next_round,
     skewness,
+    student,
 )
-from automaton.studies.inference.rounds import next_round
-from automaton.studies.inference.selection import batches, feasible, region, select_least
+from automaton.studies.inference.proportions import batches, feasible, region, select_least
 from automaton.studies.inference.steady_state import (
     NotSteadyError,
     WarmUp,
@@ -36,11 +39,16 @@ from automaton.studies.inference.steady_state import (
     mser5,
     replication_deletion,
 )
-from automaton.studies.inference.t_distribution import student
-from automaton.studies.reports.best_points import answers
-from automaton.studies.sizing.fleet_runs import replication_seeds
-from automaton.studies.sizing.fleet_search import FleetConfig, Run, Search
-from automaton.studies.sizing.question import Question, Target, make_question
+from automaton.studies.reports.first_page import answers
+from automaton.studies.sizing.fleet_search import (
+    FleetConfig,
+    Question,
+    Run,
+    Search,
+    Target,
+    make_question,
+)
+from automaton.studies.sizing.sizing_session import replication_seeds
 
 Values = Any
 STUDIES = 2000

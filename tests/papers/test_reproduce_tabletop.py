@@ -30,7 +30,7 @@ from automaton.papers.tabletop_study import (
     published,
 )
 from automaton.runs.process_pool import run_all
-from automaton.studies.inference.t_distribution import student
+from automaton.studies.inference.intervals import student
 from automaton.world.resolve import resolve
 
 SIXTH = ("T_total", "T_R", "least_picks", "sixth_idle")

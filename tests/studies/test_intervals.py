@@ -10,9 +10,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from statistics_trials import coverage, drawn_from, false_families
 
-from automaton.studies.inference.effects import bonferroni, effect, holm
-from automaton.studies.inference.intervals import STUDENT_MIN_RUNS, mean_interval, skewness
-from automaton.studies.inference.t_distribution import incomplete_beta, student, tails
+from automaton.studies.inference.intervals import (
+    STUDENT_MIN_RUNS,
+    bonferroni,
+    effect,
+    holm,
+    incomplete_beta,
+    mean_interval,
+    skewness,
+    student,
+    tails,
+)
 
 NUMBERS = st.lists(st.floats(-1e6, 1e6), min_size=2, max_size=80)
 

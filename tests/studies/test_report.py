@@ -29,12 +29,12 @@ from automaton.runs.report_document import (
     Table,
     Text,
 )
-from automaton.studies.inference.effects import effect
+from automaton.studies.inference.intervals import effect
+from automaton.studies.reports.build_report import remarks
 from automaton.studies.reports.comparison_tables import comparison_section
 from automaton.studies.reports.comparisons import comparisons, declared_pairs
 from automaton.studies.reports.html_output import as_html
 from automaton.studies.reports.metric_tables import metric_section, summary
-from automaton.studies.reports.remarks import remarks
 from automaton.studies.reports.study_results import columns_of
 from automaton.studies.reports.text_output import (
     as_markdown,

@@ -14,17 +14,20 @@ from synthetic_results import noise, study_of, synthetic_store
 
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
 from automaton.runs.report_document import Curves, Listed, Table, Text
-from automaton.studies.reports.best_points import answers, groups_by_condition
 from automaton.studies.reports.comparisons import comparisons
-from automaton.studies.reports.directions import (
+from automaton.studies.reports.first_page import (
     HIGHER_IS_BETTER,
     LOWER_IS_BETTER,
+    answer_sentence,
+    answer_table,
+    answers,
     direction_of,
+    first_page,
+    groups_by_condition,
+    question,
 )
-from automaton.studies.reports.first_page import answer_sentence, answer_table, first_page, question
 from automaton.studies.reports.study_results import Results
-from automaton.studies.sweeps.result_columns import RUN_METRICS
-from automaton.studies.sweeps.study import Analysis, Study
+from automaton.studies.sweeps.study import RUN_METRICS, Analysis, Study
 
 pytest.importorskip("pyarrow")
 

@@ -7,9 +7,9 @@ import json
 import pytest
 from synthetic_results import study_of, synthetic_store
 
-from automaton.studies.reports.curves import curves
-from automaton.studies.reports.line_styles import LINE_STYLES
-from automaton.studies.reports.point_names import point_name
+from automaton.studies.reports.comparisons import point_name
+from automaton.studies.reports.html_output import LINE_STYLES
+from automaton.studies.reports.metric_tables import curves
 from automaton.studies.reports.text_output import CURVE_MARKS
 
 

@@ -10,8 +10,7 @@ from report_helpers import tables
 from synthetic_results import noise, study_of, synthetic_store
 
 from automaton.runs.report_document import Text
-from automaton.studies.reports.effect_tables import effects_section
-from automaton.studies.reports.factor_effects import crossed, factor_effects
+from automaton.studies.reports.comparison_tables import crossed, effects_section, factor_effects
 from automaton.studies.sweeps.study import Analysis, Study
 
 FACTORS = {"fleet.robots": (1, 2, 3), "strategy.allocation": ("a", "b")}

@@ -12,8 +12,12 @@ import pytest
 from report_helpers import report
 
 from automaton.commands import main
-from automaton.studies.reports.export import csv_cell, write_records_csv
-from automaton.studies.reports.records import column_names, without_empty
+from automaton.studies.reports.export import (
+    column_names,
+    csv_cell,
+    without_empty,
+    write_records_csv,
+)
 
 parquet = pytest.importorskip("pyarrow.parquet")
 

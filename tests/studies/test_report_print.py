@@ -23,11 +23,9 @@ from automaton.runs.report_document import (
     Table,
     Text,
 )
-from automaton.studies.reports.best_points import answers
-from automaton.studies.reports.comparison_tables import comparison_section
+from automaton.studies.reports.comparison_tables import comparison_section, effects_section
 from automaton.studies.reports.comparisons import comparisons
-from automaton.studies.reports.effect_tables import effects_section
-from automaton.studies.reports.first_page import first_page
+from automaton.studies.reports.first_page import answers, first_page
 from automaton.studies.reports.html_output import as_html, page_parts
 from automaton.studies.reports.metric_tables import metric_section
 from automaton.studies.reports.study_results import Results

@@ -12,8 +12,7 @@ from automaton.commands import main
 from automaton.runs.report_document import Table, Text
 from automaton.studies.reports.comparison_tables import comparison_section
 from automaton.studies.reports.comparisons import comparisons, left_out
-from automaton.studies.reports.metric_tables import metric_section
-from automaton.studies.reports.same_runs import same_remarks
+from automaton.studies.reports.metric_tables import metric_section, same_remarks
 from automaton.studies.reports.study_results import Results
 from automaton.studies.sweeps.study import Study
 

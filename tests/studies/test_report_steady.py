@@ -19,11 +19,9 @@ from automaton.runs.report_document import Listed
 from automaton.runs.simulation import Simulation
 from automaton.scenario.document import find
 from automaton.studies.reports.build_report import compose
-from automaton.studies.reports.metric_tables import bound
-from automaton.studies.reports.steady_throughput import steady_section
-from automaton.studies.reports.study_results import Results
+from automaton.studies.reports.metric_tables import bound, steady_section
+from automaton.studies.reports.study_results import Results, cut_of
 from automaton.studies.reports.text_output import as_text
-from automaton.studies.reports.warm_up_cut import cut_of
 from automaton.studies.sweeps.result_store import Store
 from automaton.studies.sweeps.study import Analysis, Point, Study
 from automaton.world.resolve import resolve

@@ -10,10 +10,8 @@ from synthetic_results import study_of, synthetic_store
 
 from automaton.runs.report_document import NumberText
 from automaton.studies.reports.comparison_tables import comparison_section
-from automaton.studies.reports.curves import curves
-from automaton.studies.reports.metric_tables import metric_section
-from automaton.studies.reports.reader_units import Units, units_of_points
-from automaton.studies.reports.study_results import Results
+from automaton.studies.reports.metric_tables import curves, metric_section
+from automaton.studies.reports.study_results import Results, Units, units_of_points
 from automaton.units import Unit
 from automaton.world.resolve import resolve
 

@@ -18,8 +18,14 @@ from statistics_trials import (
     wrong_means,
 )
 
-from automaton.studies.inference.proportions import confidence_sequence, share_test
-from automaton.studies.inference.selection import batches, feasible, region, select_least
+from automaton.studies.inference.proportions import (
+    batches,
+    confidence_sequence,
+    feasible,
+    region,
+    select_least,
+    share_test,
+)
 from automaton.studies.inference.steady_state import (
     NotSteadyError,
     batch_means,

@@ -23,17 +23,26 @@ from automaton.runs.process_pool import PersistentPool
 from automaton.runs.simulation import Simulation
 from automaton.runs.task_metrics import metrics_by_station
 from automaton.scenario.durations import Distribution
-from automaton.studies.sizing.fleet_runs import (
+from automaton.studies.sizing.fleet_search import (
+    Candidate,
+    FleetConfig,
+    Run,
+    Search,
+    Target,
+    judged,
+    make_question,
+    read_target,
+)
+from automaton.studies.sizing.sizing_report import changed, picture, print_answer, with_half
+from automaton.studies.sizing.sizing_session import (
     Checked,
     Fleets,
+    RunBudget,
+    SizingSession,
     longer,
     replication_seeds,
     run_and_measure_use,
 )
-from automaton.studies.sizing.fleet_search import Candidate, FleetConfig, Run, Search, judged
-from automaton.studies.sizing.question import Target, make_question, read_target
-from automaton.studies.sizing.sizing_report import changed, picture, print_answer, with_half
-from automaton.studies.sizing.sizing_session import RunBudget, SizingSession
 from automaton.units import Unit
 from automaton.world.resolve import resolve
 

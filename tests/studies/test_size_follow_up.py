@@ -11,8 +11,14 @@ from remembered_runs import remembered_runs
 from statistics_trials import synthetic
 
 from automaton.commands import main
-from automaton.studies.sizing.fleet_search import Candidate, FleetConfig, InfeasibleFleetError, Run
-from automaton.studies.sizing.question import Target, make_question
+from automaton.studies.sizing.fleet_search import (
+    Candidate,
+    FleetConfig,
+    InfeasibleFleetError,
+    Run,
+    Target,
+    make_question,
+)
 from automaton.studies.sizing.sizing_session import RunBudget, SizingSession, best_of
 
 ZERO = Target("makespan", True, 0.0)

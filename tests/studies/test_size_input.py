@@ -10,8 +10,7 @@ from automaton import experiments
 from automaton.commands import main
 from automaton.errors import InputError
 from automaton.runs.process_pool import PersistentPool
-from automaton.studies.sizing.fleet_runs import Fleets, run_and_measure_use
-from automaton.studies.sizing.question import (
+from automaton.studies.sizing.fleet_search import (
     Target,
     make_question,
     read_robots,
@@ -20,6 +19,7 @@ from automaton.studies.sizing.question import (
     strategies_named,
     strategies_of,
 )
+from automaton.studies.sizing.sizing_session import Fleets, run_and_measure_use
 from automaton.units import Unit
 
 HALF = Unit(0.5, "s")

@@ -19,13 +19,12 @@ from automaton.runs.metrics import counted, metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.runs.task_metrics import tasks_after
 from automaton.studies.inference.steady_state import mser5, mser5_of_means
-from automaton.studies.reports import warm_up_cut
-from automaton.studies.reports.build_report import compose
-from automaton.studies.reports.floor_maps import floor_maps
+from automaton.studies.reports import study_results
+from automaton.studies.reports.build_report import compose, floor_maps
 from automaton.studies.reports.study_results import read_results
 from automaton.studies.reports.text_output import as_text
-from automaton.studies.sweeps.result_columns import SUMS_COLUMN, metric_names
 from automaton.studies.sweeps.result_store import Store, arrow
+from automaton.studies.sweeps.study import SUMS_COLUMN, metric_names
 from automaton.studies.sweeps.sweep_plan import check_study
 from automaton.world.resolve import resolve
 
@@ -224,7 +223,7 @@ def test_a_report_would_be_the_same_whatever_the_warm_up_had_been(
         table = poisoned(Store(folder))
         cut = read_results(Store(folder)).cut
         monkeypatch.setattr(Store, "rows", lambda store: table)  # noqa: B023
-        monkeypatch.setattr(warm_up_cut, "cut_of", lambda *_: cut)  # noqa: B023
+        monkeypatch.setattr(study_results, "cut_of", lambda *_: cut)  # noqa: B023
     assert told[0] == told[1]
     assert "lead_time_p95: left out, since rows keep no sums" in told[0][1]
     assert "makespan is how long runs last" in told[0][1]
@@ -236,7 +235,7 @@ def poisoned(store: Store) -> Any:
     for name in metric_names(store.manifest.counted):
         at, values = table.schema.get_field_index(name), table.column(name).to_pylist()
         wrong = [None if value is None else 1e6 + row for row, value in enumerate(values)]
-        if name != "makespan" and name not in warm_up_cut.AT_THE_END:
+        if name != "makespan" and name not in study_results.AT_THE_END:
             table = table.set_column(at, table.schema.field(name), pa.array(wrong, pa.float64()))
     kept = cut.ticks // store.manifest.points[0].windows.stretch
     sums = [

@@ -20,8 +20,8 @@ from automaton.runs.simulation import Simulation
 from automaton.studies.reports.build_report import compose
 from automaton.studies.reports.study_results import read_results
 from automaton.studies.sweeps import pools, run_keys, sweep_session
-from automaton.studies.sweeps.result_columns import RESULT_COLUMNS
 from automaton.studies.sweeps.result_store import Store
+from automaton.studies.sweeps.study import RESULT_COLUMNS
 from automaton.studies.sweeps.sweep_plan import make_sweep_plan
 from automaton.world.resolve import resolve
 

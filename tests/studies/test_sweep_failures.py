@@ -25,11 +25,10 @@ from sweep_studies import (
 from automaton.commands import main
 from automaton.errors import InputError
 from automaton.experiments import sweep
-from automaton.studies.sweeps import pools, sweep_runs
+from automaton.studies.sweeps import pools, run_keys
 from automaton.studies.sweeps.result_store import Store, read_rows
-from automaton.studies.sweeps.sweep_forecast import done_in
 from automaton.studies.sweeps.sweep_plan import make_sweep_plan
-from automaton.studies.sweeps.sweep_session import sweep_into
+from automaton.studies.sweeps.sweep_session import done_in, sweep_into
 
 Capture = pytest.CaptureFixture[str]
 
@@ -172,7 +171,7 @@ def test_ctrl_c_ends_a_sweep_whose_runs_are_done_in_its_own_thread(tmp_path: Pat
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         with pytest.raises(KeyboardInterrupt):
-            sweep_runs.run_one(plan.scenarios[1], two)
+            run_keys.run_one(plan.scenarios[1], two)
     finally:
         signal.signal(signal.SIGINT, before)
 
@@ -180,12 +179,10 @@ def test_ctrl_c_ends_a_sweep_whose_runs_are_done_in_its_own_thread(tmp_path: Pat
 def test_a_scenario_that_another_thread_lets_go_is_still_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sweep_runs, "_SCENARIOS", {})
-    monkeypatch.setattr(
-        sweep_runs, "Simulation", lambda resolved, **_: sweep_runs._SCENARIOS.clear()
-    )
+    monkeypatch.setattr(run_keys, "_SCENARIOS", {})
+    monkeypatch.setattr(run_keys, "Simulation", lambda resolved, **_: run_keys._SCENARIOS.clear())
     given = make_sweep_plan(troubled(tmp_path, "Raises")).scenarios[0]
-    assert sweep_runs._scenario("one", pickle.dumps(given)).scenario == given.scenario
+    assert run_keys._scenario("one", pickle.dumps(given)).scenario == given.scenario
 
 
 def test_an_executor_is_left_without_the_runs_of_a_sweep_that_ended(
@@ -193,12 +190,12 @@ def test_an_executor_is_left_without_the_runs_of_a_sweep_that_ended(
 ) -> None:
     begun, over = [], Event()
 
-    def run_chunk(chunk: sweep_runs.Chunk) -> list[sweep_runs.Row]:
+    def run_chunk(chunk: run_keys.Chunk) -> list[run_keys.Row]:
         begun.append(chunk)
         assert len(begun) == 1 or over.wait(20)
-        return sweep_runs.run_chunk(chunk)
+        return run_keys.run_chunk(chunk)
 
-    def stop(rows: list[sweep_runs.Row]) -> None:
+    def stop(rows: list[run_keys.Row]) -> None:
         raise InputError("stopped")
 
     monkeypatch.setattr(pools, "run_chunk", run_chunk)

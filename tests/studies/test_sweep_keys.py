@@ -13,8 +13,8 @@ from sweep_studies import environment, plain, swept_here
 
 from automaton.errors import InputError
 from automaton.studies.reports.build_report import scenarios_of
+from automaton.studies.sweeps import run_keys
 from automaton.studies.sweeps import run_keys as keys
-from automaton.studies.sweeps import sweep_runs
 from automaton.studies.sweeps.result_store import Store
 from automaton.studies.sweeps.run_keys import sources_of
 
@@ -172,17 +172,13 @@ def test_a_worker_that_lives_on_says_which_code_it_has(
 ) -> None:
     monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "lasting_plug_in.py").touch()
-    sweep_runs._packages.cache_clear()
-    mine = sweep_runs._version(())
+    run_keys._packages.cache_clear()
+    mine = run_keys._version(())
     with monkeypatch.context() as later:  # the disk has other code now
         later.setattr(keys, "DATA_SUFFIXES", ())
         changed = keys.hashed(sources_of(("lasting_plug_in",)))
-        assert (
-            sweep_runs._version(("lasting_plug_in",)) != changed and sweep_runs._version(()) == mine
-        )
-    assert sweep_runs._version(("lasting_plug_in",)) == keys.hashed(
-        sources_of(("lasting_plug_in",))
-    )
+        assert run_keys._version(("lasting_plug_in",)) != changed and run_keys._version(()) == mine
+    assert run_keys._version(("lasting_plug_in",)) == keys.hashed(sources_of(("lasting_plug_in",)))
 
 
 def test_a_link_that_leads_nowhere_is_no_source(

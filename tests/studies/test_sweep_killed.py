@@ -25,8 +25,8 @@ from sweep_studies import (
 
 from automaton.studies.sweeps.pools import ExternalExecutor
 from automaton.studies.sweeps.result_store import Store
+from automaton.studies.sweeps.run_keys import Row
 from automaton.studies.sweeps.sweep_plan import make_sweep_plan
-from automaton.studies.sweeps.sweep_runs import Row
 from automaton.studies.sweeps.sweep_session import sweep_into
 
 REPLICATIONS = 25  # in 4 points, each written by itself: more than are done before the kill

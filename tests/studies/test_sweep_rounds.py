@@ -16,16 +16,16 @@ from automaton.commands import main
 from automaton.commands.sweep_command import Listener
 from automaton.errors import InputError
 from automaton.experiments import Analysis, Replications, Study, read_study
-from automaton.studies.inference.rounds import next_round
+from automaton.studies.inference.intervals import next_round
 from automaton.studies.reports.build_report import compose
-from automaton.studies.reports.design_section import fixed
-from automaton.studies.reports.precision import most_wanted, stopping_text
+from automaton.studies.reports.comparison_tables import fixed
+from automaton.studies.reports.comparisons import most_wanted, stopping_text
 from automaton.studies.reports.study_results import read_results
 from automaton.studies.sweeps import pools
 from automaton.studies.sweeps.pools import ExternalExecutor
 from automaton.studies.sweeps.result_store import Store
+from automaton.studies.sweeps.run_keys import Row
 from automaton.studies.sweeps.sweep_plan import make_sweep_plan
-from automaton.studies.sweeps.sweep_runs import Row
 from automaton.studies.sweeps.sweep_session import sweep_into
 
 ROUNDS = """name: precise

@@ -9,8 +9,7 @@ from typing import Any
 import pytest
 
 from automaton.commands import main
-from automaton.studies.tuning.candidates import candidates_of, in_words
-from automaton.studies.tuning.elimination import make_plan
+from automaton.studies.tuning import candidates_of, in_words, make_plan
 from automaton.world.resolve import resolve
 
 CROWD = """name: crowd

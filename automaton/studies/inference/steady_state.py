@@ -39,8 +39,9 @@ from automaton.studies.inference.intervals import (
     checked,
     constant,
     mean_interval,
+    normal_quantile,
+    student,
 )
-from automaton.studies.inference.t_distribution import normal_quantile, student
 
 MSER_BATCH: Final = 5  # the 5 of MSER-5
 MIN_REPLICATIONS: Final = 5  # for MSER-5

@@ -1,30 +1,148 @@
-"""The section of a report about the comparisons that its study declares."""
+"""The design of a study: what was asked, and how it was made."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Final
+import itertools
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
 
 from automaton.runs.report_document import Block, Heading, NumberText, Table, Text
-from automaton.studies.inference.intervals import NO_SPREAD_WARNING, STUDENT_MIN_RUNS, Interval
+from automaton.studies.inference.intervals import (
+    NO_SPREAD_WARNING,
+    STUDENT_MIN_RUNS,
+    Interval,
+    bonferroni,
+    mean_interval,
+    student,
+)
 from automaton.studies.reports.comparisons import (
     Comparison,
     comparisons,
     declared_pairs,
-    left_out,
-    pairing_remark,
-    precision_remark,
-)
-from automaton.studies.reports.design_section import family
-from automaton.studies.reports.metric_tables import RUN_HEADS
-from automaton.studies.reports.point_names import (
     factor_cells,
     factor_heads,
+    heads_by_factor,
+    left_out,
+    level_of,
+    level_text,
     levels_apart,
+    pairing_remark,
     point_name,
+    precision_remark,
+    stopping_text,
+    varied_factors,
 )
-from automaton.studies.reports.study_results import Results
-from automaton.units import count, percent
+from automaton.studies.reports.metric_tables import RUN_HEADS, Scenarios, figure
+from automaton.studies.reports.study_results import Cut, Results
+from automaton.studies.sweeps.study import SCENARIO
+from automaton.units import count, percent, ticks_and_time
+
+INTERVALS: Final = f"Student's, with a warning on skew below {STUDENT_MIN_RUNS} runs"
+NO_WARM_UP: Final = "none: whole runs count"
+
+
+def design(results: Results, scenarios: Scenarios) -> Iterator[Block]:
+    """What was asked, and how it was made: all that another one needs to judge it."""
+    study, analysis = results.study, results.analysis
+    endings = "steady-state" if study.design == "steady-state" else "terminating"
+    seeds = "replication r has the seed hash(study seed, r)"
+    common = "the same for every point" if study.common_random_numbers else "one for each point"
+    varied = [name for name in study.factor_names if name.startswith("durations.")]
+    rows = [
+        ["estimand", "mean of each metric over runs with seeds of their own, those that finish"],
+        ["design", f"{endings}; {count(len(study.points), 'point')}, {runs_planned(results)}"],
+        ["runs", fixed(results)],
+        ["seeds", f"study seed {study.seed}; {seeds}, {common}"],
+        ["warm-up", warm_up(results)],
+        ["intervals", f"{percent(1 - analysis.error, 0)}; {INTERVALS}"],
+        ["comparisons", family(results)],
+        ["durations", f"varied: {', '.join(varied)}" if varied else "not varied by this study"],
+        [
+            "ticks",
+            ", ".join(
+                sorted({f"1 tick = {s.unrefined.scenario.units.tick}" for s in scenarios.values()})
+            )
+            or "-",
+        ],
+        [
+            "code",
+            f"{results.version}; {', '.join(f'{k} {v}' for k, v in results.versions.items())}",
+        ],
+    ]
+    yield Heading("Design")
+    yield Table(("what", "how"), rows, left=2)
+    for name in study.factor_names:
+        levels = ", ".join(level_text(study, name, level) for level in study.levels(name))
+        yield Text(f"{'Factor' if name in varied_factors(study) else 'Fixed'} {name}: {levels}")
+
+
+def warm_up(results: Results) -> str:
+    """What is left out of all metrics, and who says so."""
+    cut, declared, tick = results.cut, max(results.warm_ups), results.units.tick
+    if cut is None:
+        ticks = " or ".join(ticks_and_time(one, tick) for one in results.warm_ups)
+        return f"the first {ticks}, as the scenarios say" if declared else NO_WARM_UP
+    if not cut.ticks:
+        return NO_WARM_UP
+    of = f"the first {ticks_and_time(cut.ticks, tick)} of every run, which count in no metric"
+    if not cut.found:
+        return f"{of}; declared"
+    least = f", not less than the {declared:,} that scenarios declare" if declared else ""
+    return (
+        f"{of}: the largest that MSER-5 finds at a point, by the deliveries in windows of "
+        f"{count(cut.window, 'tick')} and by the times of orders and tasks{least}"
+    )
+
+
+def not_cut(metrics: Sequence[str], cut: Cut) -> str:
+    """Why metrics of the runs are not those of a steady state."""
+    return (
+        f"{', '.join(metrics)}: left out, since rows keep no sums from which the warm-up could be "
+        f"taken; a study with warm_up: {cut.ticks} has runs that measure after it"
+    )
+
+
+def runs_planned(results: Results) -> str:
+    """Runs by point and in all."""
+    study = results.study
+    return f"{count(study.max_replications, 'run')} each, {count(study.runs, 'run')} in all"
+
+
+def fixed(results: Results) -> str:
+    """Whether the number of runs was declared before any was made."""
+    rounds = stopping_text(results) if results.rounds else ""
+    if not results.raised:
+        return rounds or "n fixed beforehand"
+    before = ", then ".join(map(str, results.raised))
+    return f"{rounds}; " * bool(rounds) + (
+        f"n not fixed beforehand: raised from {before} after runs had been made; if their metrics "
+        "were the reason, intervals and p values say too much"
+    )
+
+
+def family(results: Results) -> str:
+    """What is compared with what, corrected how."""
+    analysis = results.analysis
+    if analysis.comparisons == "none":
+        return "none declared"
+    what = "all pairs of points"
+    if analysis.comparisons == "baseline" and analysis.baseline:
+        levels = analysis.baseline.items()
+        what = "against " + ", ".join(f"{k} {level_text(results.study, k, v)}" for k, v in levels)
+    pairs = "paired by replication" if results.study.paired else "not paired"
+    scope = "each metric" if analysis.family == "metric" else "the whole study"
+    wanted = (
+        "" if analysis.precision is None else f"; wanted to within {percent(analysis.precision)}"
+    )
+    return f"{what}, {pairs}; family: {scope}, p by Holm, intervals by Bonferroni{wanted}"
+
+
+# The section of a report about the comparisons that its study declares.
+
 
 MAX_REASONS: Final = 6  # why there is no comparison
 
@@ -160,3 +278,292 @@ def relative_text(relative: Interval | None) -> str:
         return "-"
     ends = ("-" if end is None else f"{100 * end:+.1f}" for end in (relative.low, relative.high))
     return f"{100 * relative.value:+.1f} % ({' to '.join(ends)})"
+
+
+# What each factor of a study changes, and which factors depend on each other.
+#
+# main effect of a level its mean over all levels of the other factors, less that of the first level
+# (or of the baseline's) interaction of a pair by how much more a level of one factor changes at a
+# level of the other than at that one's first: a difference of differences share of the squared
+# differences between the means of points, which main effects, pairs of factors and the rest make up
+# exactly
+#
+# They need a study that crosses its factors, and runs at each point. Each is a weighted sum of means
+# of points, so its interval is Student's: with common seeds that of the sums of replications, else by
+# the variances of points (Satterthwaite 1946). The intervals of a metric hold together (Bonferroni).
+
+
+Array = npt.NDArray[np.float64]
+ROUND_OFF: Final = 1e-12  # of what is summed up; a sum that is less is 0
+
+
+class MainEffect(NamedTuple):
+    """A level of a factor, against its first one."""
+
+    factor: str
+    level: str
+    mean: float
+    against: str  # a level; "": this is the first one
+    difference: Interval | None  # None: of the first level, or too few runs
+
+
+class Interaction(NamedTuple):
+    """Of two factors, the largest difference of differences."""
+
+    factors: tuple[str, str]
+    levels: tuple[str, str]
+    against: tuple[str, str]
+    difference: Interval | None
+
+
+class FactorEffects(NamedTuple):
+    """What the factors of a study change of a metric, in the unit of its runs."""
+
+    metric: str
+    main: tuple[MainEffect, ...]
+    interactions: tuple[Interaction, ...]
+    shares: Mapping[tuple[str, ...], float]  # of a factor, of a pair; (): of the rest
+    family: int  # intervals that hold together
+
+
+class Crossed(NamedTuple):
+    """The points of a study that crosses its factors: of each its level of each factor, as a number."""
+
+    factors: tuple[str, ...]
+    levels: tuple[tuple[str, ...], ...]  # by factor, the first one is that compared with
+    level_numbers: npt.NDArray[np.int64]  # (points, factors)
+
+
+def crossed(results: Results) -> Crossed | None:
+    """The design, if all levels of its factors meet once; None if not, or if nothing varies."""
+    study = results.study
+    factors, columns, names = [], [], []
+    for factor in (SCENARIO, *study.factor_names):
+        own = [level_of(study, point, factor) for point in results.points]
+        order = list(dict.fromkeys(own))
+        if len(order) == 1:
+            continue
+        factors.append(factor)
+        first = _baseline_level(results, factor)
+        if first in order:
+            order.sort(key=lambda level: level != first)
+        columns.append([order.index(level) for level in own])
+        names.append(tuple(order))
+    index = np.array(columns, np.int64).T.reshape(len(results.points), len(factors))
+    cells = math.prod(len(own) for own in names)
+    is_full = len(np.unique(index, axis=0)) == len(index) == cells
+    return Crossed(tuple(factors), tuple(names), index) if factors and is_full else None
+
+
+def _baseline_level(results: Results, factor: str) -> str | None:
+    baseline = results.analysis.baseline or {}
+    if factor not in baseline:
+        return None
+    return level_text(results.study, factor, baseline[factor])
+
+
+def factor_effects(results: Results, metric: str) -> FactorEffects | None:
+    """The effects of all factors on a metric; None where they cannot be separated."""
+    design = crossed(results)
+    if design is None:
+        return None
+    runs = [results.values(point, metric) for point in results.points]
+    if not all(runs):
+        return None
+    means = np.array([math.fsum(own.values()) / len(own) for own in runs])
+    pairs = list(itertools.combinations(range(len(design.factors)), 2))
+    more = [len(levels) - 1 for levels in design.levels]  # than the first one
+    family = sum(more) + sum(more[f] * more[g] for f, g in pairs)
+    level = bonferroni(1 - results.analysis.error, max(1, family))
+    common = results.study.common_random_numbers
+
+    def interval(weights: Array) -> Interval | None:
+        return contrast(runs, means, weights, level, common)
+
+    main = tuple(
+        MainEffect(
+            factor,
+            name,
+            float(means[design.level_numbers[:, f] == number].mean()),
+            design.levels[f][0] if number else "",
+            interval(step(design, f, number) / cells(design, f)) if number else None,
+        )
+        for f, factor in enumerate(design.factors)
+        for number, name in enumerate(design.levels[f])
+    )
+    interactions = []
+    for f, g in pairs:
+        a, b = largest_interaction(design, means, f, g)
+        interactions.append(
+            Interaction(
+                (design.factors[f], design.factors[g]),
+                (design.levels[f][a], design.levels[g][b]),
+                (design.levels[f][0], design.levels[g][0]),
+                interval(step(design, f, a) * step(design, g, b) / cells(design, f, g)),
+            )
+        )
+    return FactorEffects(metric, main, tuple(interactions), shares(design, means), family)
+
+
+def step(design: Crossed, factor: int, level: int) -> Array:
+    """(points,) 1 at this level of a factor, -1 at its first one, else 0."""
+    own = design.level_numbers[:, factor]
+    weights: Array = (own == level) * 1.0 - (own == 0) * 1.0
+    return weights
+
+
+def cells(design: Crossed, *factors: int) -> float:
+    """How many points share each combination of levels of these factors."""
+    return len(design.level_numbers) / math.prod(len(design.levels[f]) for f in factors)
+
+
+def largest_interaction(design: Crossed, means: Array, f: int, g: int) -> tuple[int, int]:
+    """The levels of two factors with the largest difference of differences from their first ones."""
+    table = np.zeros((len(design.levels[f]), len(design.levels[g])))
+    np.add.at(table, (design.level_numbers[:, f], design.level_numbers[:, g]), means)
+    beyond = np.abs(table - table[:1] - table[:, :1] + table[0, 0])[1:, 1:]
+    a, b = np.unravel_index(int(beyond.argmax()), beyond.shape)
+    return int(a) + 1, int(b) + 1
+
+
+def contrast(
+    runs: Sequence[Mapping[int, float]], means: Array, weights: Array, level: float, common: bool
+) -> Interval | None:
+    """The interval of a weighted sum of means; None for fewer than two runs of a point in it.
+
+    `common`: replication r has the same seed at all points, so sums of replications are independent.
+    """
+    used: list[int] = np.flatnonzero(weights).tolist()
+    if common:
+        both = sorted(set.intersection(*(set(runs[point]) for point in used)))
+        if len(both) < 2:
+            return None
+        values = np.array([[runs[point][r] for r in both] for point in used])
+        sizes = np.abs(weights[used]) @ np.abs(values)
+        effect = mean_interval(without_round_off(weights[used] @ values, sizes), level)
+        return effect._replace(value=float(without_round_off(effect.value, sizes.mean())))
+    if any(len(runs[point]) < 2 for point in used):
+        return None
+    parts = np.array(
+        [
+            weights[point] ** 2 * np.var(list(runs[point].values()), ddof=1) / len(runs[point])
+            for point in used
+        ]
+    )
+    total = without_round_off(weights @ means, np.abs(weights) @ np.abs(means))
+    value, variance = float(total), float(parts.sum())
+    n = min(len(runs[point]) for point in used)
+    if variance <= 0:
+        return Interval(value, value, value, n, "Welch", level, NO_SPREAD_WARNING)
+    degrees = variance**2 / sum(
+        part**2 / (len(runs[point]) - 1) for part, point in zip(parts, used, strict=True)
+    )
+    half = student(float(degrees), level) * math.sqrt(variance)
+    return Interval(value, value - half, value + half, n, "Welch", level)
+
+
+def without_round_off(sums: npt.ArrayLike, sizes: npt.ArrayLike) -> Array:
+    """Sums with 0 for those that are nothing beside what was summed up: `sizes`, of equal shape."""
+    return np.where(np.abs(sums) <= ROUND_OFF * np.asarray(sizes), 0.0, sums)
+
+
+def shares(design: Crossed, means: Array) -> dict[tuple[str, ...], float]:
+    """The shares of factors and of pairs in the squared differences between means; (): the rest."""
+    squared = float(((means - means.mean()) ** 2).sum())
+    if squared <= 0:
+        return {}
+    parts: dict[tuple[int, ...], Array] = {(): np.full(len(means), means.mean())}
+    out: dict[tuple[str, ...], float] = {}
+    for size in (1, 2):
+        for group in itertools.combinations(range(len(design.factors)), size):
+            averages = _averages(design, means, group)
+            inner = [parts[one] for one in parts if set(one) < set(group)]
+            parts[group] = averages - np.sum(inner, axis=0)
+            out[tuple(design.factors[f] for f in group)] = (
+                float((parts[group] ** 2).sum()) / squared
+            )
+    out[()] = max(0.0, 1 - sum(out.values()))
+    return out
+
+
+def _averages(design: Crossed, means: Array, group: tuple[int, ...]) -> Array:
+    """(points,) of each point the mean of all that share its levels of these factors."""
+    _, member = np.unique(design.level_numbers[:, group], axis=0, return_inverse=True)
+    member = member.reshape(-1)
+    averages: Array = (np.bincount(member, means) / np.bincount(member))[member]
+    return averages
+
+
+# The section of a report about what each factor changes, alone and with others.
+
+
+def effects_section(results: Results) -> Iterator[Block]:
+    """Main effects and interactions of the factors, for each metric of the analysis."""
+    if len(results.points) < 2:
+        return
+    yield Heading("Effects of the factors")
+    if crossed(results) is None:
+        yield Text("Not separable: the study does not cross its factors.")
+        return
+    for metric in results.analysis.metrics:
+        if not results.has(metric):
+            continue
+        effects = factor_effects(results, metric)
+        yield Heading(f"{metric} by factor", 3)
+        if effects is None:
+            yield Text(f"Not separable: a point has no finished run with {metric}.")
+            continue
+        if effects.shares:
+            yield Text(shares_text(results, effects))
+        yield main_table(results, effects)
+        if effects.interactions:
+            yield interaction_table(results, effects)
+        level = percent(1 - results.analysis.error, 0)
+        yield Text(
+            f"Means over all levels of the other factors; {count(effects.family, 'interval')}, which "
+            f"hold together with {level} (Bonferroni)."
+        )
+
+
+def shares_text(results: Results, effects: FactorEffects) -> str:
+    """How much of the differences between points each factor makes up."""
+    heads = heads_by_factor(results.study)
+    names = [
+        (" with ".join(heads.get(name, name) for name in group) or "the rest", share)
+        for group, share in effects.shares.items()
+    ]
+    parts = sorted(names, key=lambda item: -item[1])
+    shown = ", ".join(f"{name} {percent(share)}" for name, share in parts if share >= 0.0005)
+    return f"Of the squared differences between the means of points, chance included: {shown}."
+
+
+def main_table(results: Results, effects: FactorEffects) -> Table:
+    """One line for each level."""
+    heads, scale = heads_by_factor(results.study), results.scale(effects.metric)
+    rows = []
+    for one in effects.main:
+        cells = ["-"] * 3
+        if one.difference is not None:
+            shown = scale.of(one.difference)
+            cells = [signed(end) for end in (shown.value, shown.low, shown.high)]
+        mean = figure(one.mean * scale.factor)
+        name = heads.get(one.factor, one.factor)
+        rows.append([name, one.level, mean, one.against or "-", *cells])
+    head = ("factor", "level", f"mean, {scale.unit}", "against", "difference", "low", "high")
+    return Table(head, rows, left=2, also_left=(3,))
+
+
+def interaction_table(results: Results, effects: FactorEffects) -> Table:
+    """Of each pair of factors the largest difference of differences."""
+    heads, scale = heads_by_factor(results.study), results.scale(effects.metric)
+    rows = []
+    for one in effects.interactions:
+        first, second = (heads.get(name, name) for name in one.factors)
+        (a, b), (c, d) = one.levels, one.against
+        cells = ["-"] * 3
+        if one.difference is not None:
+            shown = scale.of(one.difference)
+            cells = [signed(end) for end in (shown.value, shown.low, shown.high)]
+        rows.append([f"{first} {a} instead of {c}", f"{second} {b} instead of {d}", *cells])
+    head = ("largest interaction of", "and", f"beyond both alone, {scale.unit}")
+    return Table((*head, "low", "high"), rows, left=2)

@@ -1,31 +1,133 @@
-"""The comparisons that a study declares, with the correction of their family.
-
-baseline   each other level of the baseline's factors with the baseline, at equal other levels
-pairs      all pairs of points
-
-The p values of a family are Holm's, the intervals Bonferroni's: all of them hold together. Points with
-the same runs, measured alike, are not compared. Of comparisons between identical points one counts.
-"""
+"""How reports name design points, factors and their levels."""
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
-from typing import Final, NamedTuple
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from automaton.studies.inference.effects import (
+from automaton.studies.inference.intervals import (
     Effect,
     bonferroni,
+    checked,
     effect,
+    fewest,
     holm,
+    next_round,
     paired_runs,
     unpaired_runs,
 )
-from automaton.studies.reports.point_names import levels_beside
-from automaton.studies.reports.study_results import Results
-from automaton.studies.sweeps.study import SCENARIO, Levels, Point
-from automaton.units import percent
+from automaton.studies.reports.study_results import Results, read_results
+from automaton.studies.sweeps.study import SCENARIO, Levels, Point, Study
+from automaton.units import count, percent
+
+if TYPE_CHECKING:
+    from automaton.studies.sweeps.result_store import Store
+
+
+def level_text(study: Study, factor: str, level: Any) -> str:
+    """A level of a factor as text; with its keys and all digits where others would look the same."""
+    text = _values_of(level)
+    if not isinstance(level, float | Mapping):
+        return text
+    others = (other for other in study.levels(factor) if other != level)
+    return _in_full(level) if any(_values_of(other) == text for other in others) else text
+
+
+def _values_of(level: Any) -> str:
+    if isinstance(level, Mapping):
+        return " ".join(str(value) for value in level.values())
+    if isinstance(level, float):
+        return f"{level:g}"
+    return "null" if level is None else str(level)
+
+
+def _in_full(level: Any) -> str:
+    if not isinstance(level, Mapping):
+        return repr(level)
+    return " ".join(str(v) if key == "name" else f"{key} {v}" for key, v in level.items())
+
+
+def varied_factors(study: Study) -> list[str]:
+    """The factors in which points differ: several levels, or not given at all points.
+
+    All of them if none does, so that a single point has a name.
+    """
+    varied = [
+        name
+        for name in study.factor_names
+        if len(study.levels(name)) > 1 or any(name not in one for one in study.listed or ())
+    ]
+    return varied or ([] if len(study.scenarios) > 1 else list(study.factor_names))
+
+
+def heads_by_factor(study: Study) -> dict[str, str]:
+    """A short name of each factor: its last part, where no other has the same."""
+    names = list(study.factor_names)
+    short = [name.rpartition(".")[2] for name in names]
+    return {
+        name: last if short.count(last) == 1 else name
+        for name, last in zip(names, short, strict=True)
+    }
+
+
+def factor_heads(study: Study) -> list[str]:
+    """The heads of tables for what varies: the scenario if there are several, then factors."""
+    heads = heads_by_factor(study)
+    several = ["scenario"] if len(study.scenarios) > 1 else []
+    return several + [heads[name] for name in varied_factors(study)]
+
+
+def factor_cells(study: Study, point: Point) -> list[str]:
+    """The levels of a point, under `factor_heads`."""
+    several = [point.scenario] if len(study.scenarios) > 1 else []
+    return several + [level_of(study, point, name) for name in varied_factors(study)]
+
+
+def level_of(study: Study, point: Point, factor: str) -> str:
+    """The level of a point as text, the scenario's name included; "-": it has none."""
+    if factor == SCENARIO:
+        return point.scenario
+    return level_text(study, factor, point.levels[factor]) if factor in point.levels else "-"
+
+
+def levels_beside(point: Point, factors: Collection[str]) -> str:
+    """What identifies the points that differ in these factors alone."""
+    beside = {SCENARIO: point.scenario, **point.levels}
+    return repr(sorted((key, level) for key, level in beside.items() if key not in factors))
+
+
+def levels_named(study: Study, point: Point, factors: Sequence[str]) -> str:
+    """The levels of some factors in one phrase: "robots 4, allocation cooperative"."""
+    heads = heads_by_factor(study)
+    return ", ".join(
+        f"{heads[name]} {level_of(study, point, name)}" if name in heads else point.scenario
+        for name in factors
+    )
+
+
+def point_name(study: Study, point: Point) -> str:
+    """The levels of a point in one phrase: "robots 4, allocation cooperative"."""
+    pairs = zip(factor_heads(study), factor_cells(study, point), strict=True)
+    return ", ".join(f"{head} {cell}" for head, cell in pairs) or point.scenario
+
+
+def levels_apart(study: Study, point: Point, other: Point) -> str:
+    """The levels of `other` that are not those of a point: "independent"."""
+    pairs = zip(factor_cells(study, point), factor_cells(study, other), strict=True)
+    return ", ".join(theirs for own, theirs in pairs if own != theirs)
+
+
+# The comparisons that a study declares, with the correction of their family.
+#
+# baseline each other level of the baseline's factors with the baseline, at equal other levels pairs
+# all pairs of points
+#
+# The p values of a family are Holm's, the intervals Bonferroni's: all of them hold together. Points
+# with the same runs, measured alike, are not compared. Of comparisons between identical points one
+# counts.
+
 
 HELPS: Final = 0.95  # variance ratios, and shares of the runs needed, below which pairing helps
 
@@ -204,3 +306,135 @@ def precision_remark(compared: list[Comparison], precision: float | None) -> str
     if paired < HELPS * unpaired:
         return f"{what}: pairing saves {percent(1 - paired / unpaired, 0)} of the runs."
     return f"{what}: pairing does not help."
+
+
+# Whether the runs of a study are as many as its declared precision takes, and how many come next.
+#
+# What decides are the intervals that the report prints: of all comparisons, at the level of their
+# family; without comparisons those of all means.
+
+
+COVERAGE_NOTE: Final = (
+    "intervals decided how many runs were made, and hold the truth a little less often than with n "
+    "fixed beforehand (docs/explanation/statistics.md says how often)"
+)
+
+
+class Wanted(NamedTuple):
+    """Runs of each point that one interval takes to reach the declared precision."""
+
+    runs: int
+    interval: str  # in words: "makespan of robots 2"
+
+
+class NextRound(NamedTuple):
+    """A round that is to come."""
+
+    replications: int  # of each point when it is done
+    why: str
+
+
+def next_replications(store: Store) -> NextRound | None:
+    """The next round of a study that is done so far; None if the precision or the bound is reached.
+
+    Raises InputError.
+    """
+    results = read_results(store)
+    wanted = most_wanted(results)
+    if wanted is None:
+        return None
+    n, at_most = store.manifest.replications, store.declared.max_replications
+    replications = next_round(n, wanted.runs, at_most)
+    if replications is None:
+        return None
+    precision = percent(results.analysis.precision or 0.0)
+    why = (
+        f"{n:,} runs of each point are done; {wanted.interval} to within {precision} takes about "
+        f"{wanted.runs:,}: going on to {replications:,}"
+    )
+    return NextRound(replications, why)
+
+
+def most_wanted(results: Results) -> Wanted | None:
+    """The interval that takes the most runs; None without an interval of which a share can be taken."""
+    return max(_wanted(results), key=lambda one: one.runs, default=None)
+
+
+def _wanted(results: Results) -> Iterator[Wanted]:
+    if results.analysis.comparisons == "none":
+        yield from _wanted_of_means(results)
+        return
+    for one in comparisons(results):
+        if one.needed is not None:
+            runs = one.needed.paired if one.effect.paired else one.needed.unpaired
+            name = point_name(results.study, one.a)
+            against = levels_apart(results.study, one.a, one.b)
+            if runs is not None:
+                usable = min(one.runs)
+                yield Wanted(
+                    _with_lost(runs, usable, results), f"{one.metric} of {name} against {against}"
+                )
+
+
+def _wanted_of_means(results: Results) -> Iterator[Wanted]:
+    analysis = results.analysis
+    for metric in analysis.metrics:
+        for point in results.points:
+            values = list(results.values(point, metric).values())
+            half = (analysis.precision or 0.0) * abs(math.fsum(values)) / max(1, len(values))
+            if len(values) >= 2 and half > 0:
+                variance = float(checked(values).var(ddof=1))
+                runs = fewest(variance, 1.0, half, 1 - analysis.error)
+                name = point_name(results.study, point)
+                yield Wanted(_with_lost(runs, len(values), results), f"{metric} of {name}")
+
+
+def without_interval(results: Results) -> int:
+    """Intervals that are declared but cannot be computed: of too few runs, or beside a mean of 0."""
+    metrics = results.analysis.metrics
+    if results.analysis.comparisons == "none":
+        asked = len(metrics) * len(results.points)
+    else:
+        pairs = list(declared_pairs(results))
+        asked = sum(len(list(differing(results, metric, pairs))) for metric in metrics)
+    return asked - sum(1 for _ in _wanted(results))
+
+
+def _with_lost(runs: int, usable: int, results: Results) -> int:
+    """Runs to make so that so many count, where some failed or did not finish."""
+    n = results.study.max_replications
+    return runs if runs <= usable else math.ceil(runs * n / usable)
+
+
+def stopping_text(results: Results) -> str:
+    """How many rounds a study took and what ended it, in a phrase."""
+    rounds, precision = results.rounds, percent(results.analysis.precision or 0.0)
+    what = "means" if results.analysis.comparisons == "none" else "differences"
+    sizes = ", ".join(f"{n:,}" for n in rounds)
+    text = f"{count(len(rounds), 'round')} of {sizes} runs, until {what} are within {precision}"
+    return f"{text}: {_end(results)}"
+
+
+def _end(results: Results) -> str:
+    if any(results.counts(point).missing for point in results.points):
+        return "the last one is not done yet"
+    wanted, n = most_wanted(results), results.rounds[-1]
+    if wanted is None:
+        return "ended, since no interval can be compared with a mean"
+    if wanted.runs > n:
+        bounded = n >= results.at_most
+        return f"not reached, ended by at_most {n:,}" if bounded else "not reached yet"
+    lacking = without_interval(results)
+    excepted = f"{count(lacking, 'interval')} that cannot be computed"
+    return f"reached, except for {excepted}" if lacking else "reached"
+
+
+def stopping_remarks(results: Results) -> Iterator[str]:
+    """What a reader must know of runs that were made in rounds."""
+    if not results.rounds:
+        return
+    wanted = most_wanted(results)
+    if wanted is not None and wanted.runs > results.rounds[-1]:
+        yield f"the declared precision is not reached: {wanted.interval} takes about {wanted.runs:,} runs"
+    if len(results.rounds) > 1:
+        yield COVERAGE_NOTE

@@ -1,22 +1,161 @@
-"""What a folder holds, as files for other programs: CSV, and rows as one Parquet file.
+"""What a report says as records for other programs: of each point and metric, of each comparison.
 
-Columns have no dots in their names, and those that are empty throughout are left out. In CSV what is
-text stands in quotes: seeds are, since a spreadsheet keeps 15 digits of a number. A text that begins as
-formulas do gets an apostrophe first.
+In the units of the runs, as rows have them: ticks and cells. Names of factors as columns have no dots,
+which pandas, DuckDB and spreadsheets take for something else.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
 from automaton.atomic_write import atomic_writer
 from automaton.errors import InputError
-from automaton.printable import FORMULA_SIGNS
-from automaton.studies.reports.records import column_names
-from automaton.studies.sweeps.result_columns import SUMS_COLUMN
+from automaton.printable import FORMULA_SIGNS, one_line
+from automaton.runs.report_document import (
+    Block,
+    Document,
+    Folded,
+    Heading,
+    Listed,
+    NumberText,
+    PageBreak,
+    Table,
+    Text,
+)
+from automaton.studies.reports.build_report import StudyReport
+from automaton.studies.reports.comparison_tables import factor_effects
+from automaton.studies.reports.comparisons import Comparison, point_name
+from automaton.studies.reports.first_page import Answer, answer_sentence, mean_of, question
+from automaton.studies.reports.metric_tables import Scenarios, summary
+from automaton.studies.reports.study_results import Results, described
+from automaton.studies.sweeps.study import SCENARIO, SERIES, SUMS_COLUMN, Point
+from automaton.tables.table_files import MAX_SHEET_ROWS, openpyxl, sheet_cell, too_many_in_sheet
+
+Record = dict[str, Any]
+
+
+def column_names(names: Sequence[str]) -> list[str]:
+    """Names of columns without dots: `fleet_robots`; of two that become equal the later has another _."""
+    out: list[str] = []
+    for name in names:
+        plain = name.replace(".", "_")
+        while plain in out:
+            plain += "_"
+        out.append(plain)
+    return out
+
+
+def summary_records(results: Results, scenarios: Scenarios) -> Iterator[Record]:
+    """One for each metric of the report and each point."""
+    for metric in results.reported:
+        unit, _ = described(metric)
+        for point in results.points:
+            one = summary(results, scenarios, point, metric)
+            yield {
+                "point": point.number,
+                **level_columns(results, point),
+                "metric": metric,
+                "unit": unit,
+                "mean": one.interval.value if one.interval else None,
+                "low": one.interval.low if one.interval else None,
+                "high": one.interval.high if one.interval else None,
+                "sd": one.sd,
+                "skew": one.skew if one.interval else None,
+                "bound": one.bound,
+                "measured": one.interval.n if one.interval else 0,
+                "runs": one.counts.done,
+                "unfinished": one.counts.censored,
+                "failed": one.counts.failed,
+                "same_runs_as": _first_same(results, point),
+            }
+
+
+def _first_same(results: Results, point: Point) -> int | None:
+    first = results.first_same[point.number]
+    return None if first == point.number else first
+
+
+def level_columns(results: Results, point: Point) -> Record:
+    """The scenario and the levels of a point, by column."""
+    names = results.study.factor_names
+    plain = column_names(names)
+    levels = {column: point.levels.get(name) for name, column in zip(names, plain, strict=True)}
+    return {SCENARIO: point.scenario, **levels}
+
+
+def comparison_records(results: Results, compared: Sequence[Comparison]) -> Iterator[Record]:
+    """One for each declared comparison."""
+    for one in compared:
+        found = one.effect
+        needed = one.needed
+        yield {
+            "metric": one.metric,
+            "unit": described(one.metric)[0],
+            "point": one.a.number,
+            "against": one.b.number,
+            "point_name": point_name(results.study, one.a),
+            "against_name": point_name(results.study, one.b),
+            "difference": found.difference.value,
+            "low": found.difference.low,
+            "high": found.difference.high,
+            "relative": found.relative.value if found.relative else None,
+            "relative_low": found.relative.low if found.relative else None,
+            "relative_high": found.relative.high if found.relative else None,
+            "p": found.p,
+            "p_holm": one.adjusted,
+            "family": one.family,
+            "paired": found.paired,
+            "correlation": found.correlation,
+            "variance_ratio": found.variance_ratio,
+            "needs_paired": needed.paired if needed else None,
+            "needs_unpaired": needed.unpaired if needed else None,
+            "runs": one.runs[0],
+            "runs_against": one.runs[1],
+        }
+
+
+def answer_records(
+    results: Results, answers: Sequence[Answer], sentences: Sequence[str]
+) -> Iterator[Record]:
+    """One for each answer; points by their numbers."""
+    for answer, sentence in zip(answers, sentences, strict=True):
+        leading, best = answer.leading, answer.best
+        yield {
+            "conditions": answer.conditions,
+            "metric": answer.metric,
+            "better": answer.better,
+            "sentence": sentence,
+            "certainty": 1 - results.analysis.error,  # of all answers together
+            "best": None if best is None else best.number,
+            "leading": None if leading is None else leading.number,
+            "mean": None if leading is None else mean_of(results, leading, answer.metric),
+            "candidates": [point.number for point in answer.candidates],
+            "compared": [point.number for point in answer.compared],
+            "incomplete": [point.number for point in answer.incomplete],
+        }
+
+
+def without_empty(records: Sequence[Mapping[str, Any]]) -> list[Record]:
+    """The records without columns that none of them has."""
+    used = {name for record in records for name, value in record.items() if not is_empty(value)}
+    return [{name: v for name, v in record.items() if name in used} for record in records]
+
+
+def is_empty(value: Any) -> bool:
+    """Whether a cell has nothing to say."""
+    return value is None or (isinstance(value, float) and math.isnan(value))
+
+
+# What a folder holds, as files for other programs: CSV, and rows as one Parquet file.
+#
+# Columns have no dots in their names, and those that are empty throughout are left out. In CSV what
+# is text stands in quotes: seeds are, since a spreadsheet keeps 15 digits of a number. A text that
+# begins as formulas do gets an apostrophe first.
+
 
 ROWS_BEGIN: Final = b"key,"  # the first column
 SUMMARY_BEGINS: Final = b"point,"
@@ -107,3 +246,217 @@ def write_parquet(table: Any, path: Path) -> None:
 
     with atomic_writer(path) as file:
         pyarrow.parquet.write_table(rows_table(table), file, write_page_checksum=True)
+
+
+# A report as a workbook of Excel, by openpyxl (extra `excel`).
+#
+# answer the first page, in the units of the reader summary a line for each point and metric, in the
+# units of the runs tables the tables of the report, in the units of the reader comparisons a line for
+# each declared comparison, in the units of the runs rows a line for each run
+
+
+WORKBOOK_BEGINS: Final = b"PK"
+MAX_TEXT: Final = 32_000  # characters; a cell of Excel holds few more
+WIDEST_COLUMN: Final = 40  # characters
+Records = Sequence[Mapping[str, Any]]
+
+
+def write_workbook(
+    document: Document, summaries: Records, compared: Records, rows: Any, path: Path
+) -> None:
+    """Write a report and the table of its rows. Raises InputError, also without openpyxl."""
+    book = openpyxl("workbooks are written").Workbook(write_only=True)
+    if len(rows) >= MAX_SHEET_ROWS:
+        raise too_many_in_sheet("rows", len(rows))
+    end = next((i for i, b in enumerate(document.blocks) if isinstance(b, PageBreak)), 0)
+    columns = columns_for_sheets(rows_table(rows))
+    columns.pop(SERIES, None)  # a list by window, longer than a cell may be
+    fill_sheet(book, "answer", (line for b in document.blocks[:end] for line in block_lines(b)))
+    fill_sheet(book, "summary", record_lines(summaries), has_head=True)
+    fill_sheet(book, "tables", (line for b in document.blocks[end:] for line in table_lines_of(b)))
+    fill_sheet(book, "comparisons", record_lines(compared), has_head=True)
+    lines = [list(columns), *zip(*columns.values(), strict=True)]
+    fill_sheet(book, "rows", lines, has_head=True)
+    with atomic_writer(path) as file:
+        book.save(file)
+
+
+def fill_sheet(
+    book: Any, name: str, lines: Iterable[Sequence[Any]], has_head: bool = False
+) -> None:
+    """Add a sheet whose columns are as wide as their heads and numbers.
+
+    `has_head`: the first line is the head of all others; it stays where it is when they scroll.
+    """
+    sheet, rows = book.create_sheet(name), [list(line) for line in lines]
+    if has_head:
+        sheet.freeze_panes = "A2"
+    decimals = []
+    for column in range(max(map(len, rows), default=0)):
+        cells = [row[column] for row in rows if len(row) > max(1, column)]  # texts may run over
+        decimals.append(decimals_of(cells))
+        shown = (text_of(cell, decimals[-1]) for cell in cells if cell is not None)
+        widest = max(map(len, shown), default=8)
+        letter = _letter(column)
+        sheet.column_dimensions[letter].width = min(WIDEST_COLUMN, widest + 2)
+    for row in rows:
+        sheet.append([_cell(sheet, value, decimals[at]) for at, value in enumerate(row)])
+
+
+def decimals_of(column: Sequence[Any]) -> int:
+    """Decimals with which the largest number of a column has four digits."""
+    sizes = (abs(one) for one in column if isinstance(one, float) and math.isfinite(one))
+    largest = max(sizes, default=0.0)
+    return 0 if largest >= 1000 or not largest else min(8, 3 - math.floor(math.log10(largest)))
+
+
+def text_of(value: Any, decimals: int) -> str:
+    """A cell as the sheet shows it."""
+    return f"{value:,.{decimals}f}" if isinstance(value, float) else str(value)
+
+
+def number_format(value: Any, decimals: int) -> str:
+    """The format of a cell of numbers, as Excel writes it; "" of any other."""
+    if isinstance(value, NumberText):  # as the report prints it
+        mantissa, exponent, _ = value.partition("e")
+        if exponent:
+            return "0.000E+00"
+        decimals = len(mantissa.rstrip(" %").partition(".")[2])
+    elif isinstance(value, bool) or not isinstance(value, int | float):
+        return ""
+    elif isinstance(value, int):
+        decimals = 0
+    return "#,##0." + "0" * decimals if decimals else "#,##0"
+
+
+def _cell(sheet: Any, value: Any, decimals: int) -> Any:
+    """A value as a cell, a number with its format."""
+    form = number_format(value, decimals)
+    if not form:
+        return sheet_cell(sheet, _value(value))
+    from openpyxl.cell import WriteOnlyCell
+
+    cell = WriteOnlyCell(sheet, _value(value))
+    cell.number_format = form
+    return cell
+
+
+def _letter(column: int) -> str:
+    from openpyxl.utils import get_column_letter
+
+    return str(get_column_letter(column + 1))
+
+
+def _value(value: Any) -> Any:
+    """A number as such; a text without what no cell can hold."""
+    if isinstance(value, NumberText):
+        return value.value
+    return one_line(value, MAX_TEXT) if isinstance(value, str) else value
+
+
+def record_lines(records: Records) -> Iterable[Sequence[Any]]:
+    """A head, then the records."""
+    if not records:
+        return [["none"]]
+    names = list(records[0])
+    return [names, *([cell_value(name, record[name]) for name in names] for record in records)]
+
+
+def block_lines(block: Block) -> list[Sequence[Any]]:
+    """The lines of a sheet for a block; there are no drawings, whose numbers are in `summary`."""
+    if isinstance(block, Heading):
+        return [[], [block.text]]
+    if isinstance(block, Text):
+        return [[line] for line in block.text.splitlines()]
+    if isinstance(block, Listed):
+        return [[item] for item in block.items]
+    if isinstance(block, Table):
+        return [[], block.head, *([_plain(cell) for cell in row] for row in block.rows), []]
+    if isinstance(block, Folded):
+        return [[block.title], *(line for one in block.blocks for line in block_lines(one))]
+    return []
+
+
+def table_lines_of(block: Block) -> list[Sequence[Any]]:
+    """The lines of a block in the sheet of tables: headings, notes and tables, no files."""
+    is_file = isinstance(block, Folded) or (isinstance(block, Text) and block.code)
+    return [] if is_file else block_lines(block)
+
+
+def _plain(cell: str) -> Any:
+    """A whole number of a table as a number, such as that of robots or of runs."""
+    digits = cell.replace(",", "")
+    return int(digits) if digits.isascii() and digits.isdigit() and "." not in cell else cell
+
+
+# A report as one JSON object, in the units of the runs.
+
+
+def as_json(report: StudyReport) -> dict[str, Any]:
+    """The report as `automaton report --json` prints it; what has no value is null."""
+    results = report.results
+    study, analysis = results.study, results.analysis
+    sentences = [answer_sentence(results, answer) for answer in report.answers]
+    return {
+        "study": study.name,
+        "summary": study.summary,
+        "question": question(results) if analysis.metrics else None,
+        "answers": list(answer_records(results, report.answers, sentences)),
+        "remarks": list(report.notes),
+        "design": {
+            "design": study.design,
+            "replications": study.max_replications,
+            "seed": study.seed,
+            "common_random_numbers": study.common_random_numbers,
+            "paired": study.paired,
+            "error": analysis.error,
+            "warm_up": max(results.warm_ups) if results.cut is None else results.cut.ticks,
+            "code": results.version,
+        },
+        "points": [
+            {"point": point.number, "scenario": point.scenario, "levels": point.levels}
+            for point in results.points
+        ],
+        "metrics": list(summary_records(results, report.scenarios)),
+        "effects": list(effect_records(results)),
+        "comparisons": list(comparison_records(results, report.compared)),
+    }
+
+
+def effect_records(results: Results) -> Iterator[dict[str, Any]]:
+    """What each factor changes of each metric; nothing where factors are not crossed."""
+    for metric in results.analysis.metrics:
+        effects = factor_effects(results, metric) if results.has(metric) else None
+        if effects is None:
+            continue
+        yield {
+            "metric": metric,
+            "family": effects.family,
+            "shares": [
+                {"factors": list(factors), "share": share}
+                for factors, share in effects.shares.items()
+            ],
+            "main": [
+                {
+                    "factor": one.factor,
+                    "level": one.level,
+                    "mean": one.mean,
+                    "against": one.against or None,
+                    "difference": one.difference.value if one.difference else None,
+                    "low": one.difference.low if one.difference else None,
+                    "high": one.difference.high if one.difference else None,
+                }
+                for one in effects.main
+            ],
+            "interactions": [
+                {
+                    "factors": list(one.factors),
+                    "levels": list(one.levels),
+                    "against": list(one.against),
+                    "difference": one.difference.value if one.difference else None,
+                    "low": one.difference.low if one.difference else None,
+                    "high": one.difference.high if one.difference else None,
+                }
+                for one in effects.interactions
+            ],
+        }

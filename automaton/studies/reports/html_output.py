@@ -1,15 +1,20 @@
-"""A report as one HTML file that needs nothing else: tables, curves and maps as SVG inside.
-
-On paper it is A4: cells wrap, a table that is too wide for that has pages in landscape of its own, and
-no drawing is cut.
-"""
+"""How lines of a picture differ: by colour, by dashes and by marks, so also without colour."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import io
+import math
+import re
+import textwrap
+from collections.abc import Callable, Iterator, Sequence
 from html import escape
-from typing import Final
+from pathlib import Path
+from typing import Any, Final, NamedTuple
 
+import numpy as np
+
+from automaton.atomic_write import atomic_writer
+from automaton.errors import InputError
 from automaton.runs.report_document import (
     Block,
     Curves,
@@ -17,12 +22,200 @@ from automaton.runs.report_document import (
     Folded,
     Heading,
     HeatMap,
+    Line,
     Listed,
     PageBreak,
     Table,
     Text,
+    span,
 )
-from automaton.studies.reports.svg_drawings import curves_svg, map_svg
+from automaton.studies.reports.text_output import coarse
+from automaton.units import number
+
+
+class LineStyle(NamedTuple):
+    """One of them."""
+
+    colour: str
+    dashes: tuple[float, ...]  # lengths of strokes and gaps in points; (): drawn through
+    marker: str  # as matplotlib names it
+    path: str  # the same for SVG, about 0, 0
+
+
+_CIRCLE: Final = "M-4,0a4,4 0 1,0 8,0a4,4 0 1,0 -8,0z"
+LINE_STYLES: Final = (
+    LineStyle("#1f6fb4", (), "o", _CIRCLE),
+    LineStyle("#d1602b", (6, 3), "s", "M-3.5,-3.5h7v7h-7z"),
+    LineStyle("#2f8f4e", (2, 2.5), "^", "M0,-4.5L4.2,3.3H-4.2z"),
+    LineStyle("#8a4fa3", (8, 3, 2, 3), "D", "M0,-4.7L4.7,0L0,4.7L-4.7,0z"),
+    LineStyle("#b08900", (12, 4), "v", "M0,4.5L4.2,-3.3H-4.2z"),
+    LineStyle("#0f8f8f", (4, 2, 1, 2, 1, 2), "P", "M-1.5,-4.5h3v3h3v3h-3v3h-3v-3h-3v-3h3z"),
+    LineStyle("#b43a5b", (1, 2), "<", "M-4.5,0L3.3,-4.2V4.2z"),
+    LineStyle("#5a5a5a", (10, 2, 4, 2), ">", "M4.5,0L-3.3,-4.2V4.2z"),
+)
+
+
+def line_style(index: int) -> LineStyle:
+    """The style of a line by its place."""
+    return LINE_STYLES[index % len(LINE_STYLES)]
+
+
+# Curves and maps of a report as SVG, with scales and legends.
+
+
+WIDTH, HEIGHT, LEFT, TOP, RIGHT, BOTTOM = 640, 320, 70, 14, 14, 44
+LEGEND_LINE: Final = 18  # pixels
+MAP_WIDTH, MAP_HEIGHT = 960, 720  # pixels at most: the width of the page, and what a screen shows
+WIDEST_CELL: Final = 40  # pixels
+WIDEST_MAP: Final = 200  # cells; larger floors by the means of blocks
+MAX_NAME: Final = 90  # pixels of WIDTH that a name below the x axis has at least
+SCALE_STEPS: Final = (0.0, 0.1, 0.25, 0.5, 0.75, 1.0)  # of the most, in the scale of a map
+SWATCH: Final = 18  # pixels
+
+
+def curves_svg(curves: Curves) -> str:
+    """Curves with bars for their intervals, and a legend below."""
+    if not curves.values:
+        return f"<p>{escape(curves.title)}: no metrics</p>"
+    low, high = curves.span
+    left, right = span(curves.x)
+    margin = 30 if curves.x_names or len(curves.x) > 1 else 0  # marks do not lie on the axis
+
+    def x_at(value: float) -> float:
+        part = (value - left) / (right - left)
+        return LEFT + margin + part * (WIDTH - LEFT - RIGHT - 2 * margin)
+
+    def y_at(value: float) -> float:
+        return HEIGHT - BOTTOM - (value - low) / (high - low) * (HEIGHT - TOP - BOTTOM)
+
+    parts = [svg_open(WIDTH, HEIGHT + LEGEND_LINE * len(curves.lines), curves.title)]
+    for value in round_marks(low, high):
+        y = y_at(value)
+        colour = "#888" if value == low else "#ddd"
+        parts.append(
+            f'<line x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{y:.1f}" y2="{y:.1f}" stroke="{colour}"/>'
+        )
+        parts.append(svg_text(LEFT - 6, y + 4, number(value), "end"))
+    parts += x_labels(curves, x_at)
+    middle = (LEFT + WIDTH - RIGHT) / 2
+    parts.append(svg_text(middle, HEIGHT - BOTTOM + 34, curves.x_label, "middle"))
+    for index, line in enumerate(curves.lines):
+        style, y = line_style(index), HEIGHT + LEGEND_LINE * index + 2
+        parts += line_parts(line, x_at, y_at, style, bool(curves.x_names))
+        parts.append(
+            f'<line x1="{LEFT}" x2="{LEFT + 34}" y1="{y}" y2="{y}" {stroke(style)}/>'
+            f'<path d="{style.path}" transform="translate({LEFT + 17},{y})" fill="{style.colour}"/>'
+        )
+        parts.append(svg_text(LEFT + 42, y + 4, line.name or curves.y_label, "start"))
+    title = f"{curves.title} ({curves.y_label})"
+    return f"<h4>{escape(title)}</h4>\n{''.join(parts)}</svg>"
+
+
+def round_marks(low: float, high: float) -> list[float]:
+    """Four to nine round numbers on a scale: multiples of 1, 2 or 5 times a power of ten."""
+    power = 10 ** math.floor(math.log10((high - low) / 4))
+    step = power * max(one for one in (1, 2, 5) if one * power <= (high - low) / 4)
+    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+    return [step * place for place in range(first, last + 1)]
+
+
+def x_labels(curves: Curves, x_at: Callable[[float], float]) -> Iterator[str]:
+    """The numbers or names below the x axis that have room."""
+    free = 0.0
+    for x in curves.x:
+        text = curves.x_names[int(x)] if curves.x_names else number(x)
+        room = (WIDTH - LEFT - RIGHT) / max(1, len(curves.x))
+        shown = text if len(text) * 6.5 <= max(room, MAX_NAME) else text[: int(room / 6.5)] + "…"
+        half = len(shown) * 3.3
+        if x_at(x) - half >= free:
+            yield svg_text(x_at(x), HEIGHT - BOTTOM + 16, shown, "middle")
+            free = x_at(x) + half + 4
+
+
+def line_parts(
+    line: Line,
+    x_at: Callable[[float], float],
+    y_at: Callable[[float], float],
+    style: LineStyle,
+    is_named: bool,
+) -> Iterator[str]:
+    """One curve; between things with names there is no line."""
+    points = [
+        (x_at(x), y_at(value))
+        for x, value in zip(line.x, line.value, strict=True)
+        if math.isfinite(value)
+    ]
+    if not is_named:
+        path = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
+        yield f'<polyline points="{path}" fill="none" {stroke(style)}/>'
+    for x, low, high in zip(line.x, line.low, line.high, strict=True):
+        if math.isfinite(low) and math.isfinite(high):
+            yield (
+                f'<line x1="{x_at(x):.1f}" x2="{x_at(x):.1f}" y1="{y_at(low):.1f}" '
+                f'y2="{y_at(high):.1f}" stroke="{style.colour}"/>'
+            )
+    for x, y in points:
+        yield f'<path d="{style.path}" transform="translate({x:.1f},{y:.1f})" fill="{style.colour}"/>'
+
+
+def stroke(style: LineStyle) -> str:
+    """The attributes of a line."""
+    dashes = f' stroke-dasharray="{" ".join(f"{one:g}" for one in style.dashes)}"'
+    return f'stroke="{style.colour}" stroke-width="2"{dashes if style.dashes else ""}'
+
+
+def map_svg(heat: HeatMap) -> str:
+    """A floor of coloured cells, and a scale with numbers below."""
+    field = coarse(heat.field, max(1, math.ceil(heat.field.shape[1] / WIDEST_MAP)))
+    high, wide = field.shape
+    most = float(field[np.isfinite(field)].max(initial=0))
+    cell = max(3, min(WIDEST_CELL, MAP_WIDTH // wide, MAP_HEIGHT // high))
+    width = max(wide * cell, 90 * len(SCALE_STEPS))
+    parts = [svg_open(width, high * cell + 2 * SWATCH, heat.title)]
+    for (row, column), value in np.ndenumerate(field):
+        parts.append(
+            f'<rect x="{column * cell}" y="{row * cell}" width="{cell}" height="{cell}" '
+            f'fill="{heat_colour(float(value), most)}"/>'
+        )
+    for place, part in enumerate(SCALE_STEPS if most else ()):
+        x, y = 90 * place, high * cell + SWATCH / 2
+        parts.append(
+            f'<rect x="{x}" y="{y}" width="{SWATCH}" height="{SWATCH}" stroke="#888" '
+            f'fill="{heat_colour(part * most, most)}"/>'
+        )
+        parts.append(svg_text(x + SWATCH + 4, y + 13, number(part * most), "start"))
+    caption = f"{heat.title} (most: {number(most)} {heat.unit}). {heat.note}".strip()
+    return f"<h4>{escape(caption)}</h4>\n{''.join(parts)}</svg>"
+
+
+def heat_colour(value: float, most: float) -> str:
+    """From light to dark red; walls are grey."""
+    if not math.isfinite(value):
+        return "#8c8c8c"
+    if value <= 0 or most <= 0:
+        return "#f5f5f0"
+    part = math.sqrt(value / most)  # so that little is seen beside much
+    return (
+        f"#{round(250 - 90 * part):02x}{round(225 * (1 - part)):02x}{round(190 * (1 - part)):02x}"
+    )
+
+
+def svg_open(width: float, height: float, title: str) -> str:
+    return (
+        f'<svg viewBox="0 0 {width} {height}" width="{width}" height="{height}" role="img" '
+        f'xmlns="http://www.w3.org/2000/svg"><title>{escape(title)}</title>'
+    )
+
+
+def svg_text(x: float, y: float, text: str, anchor: str) -> str:
+    return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{escape(text)}</text>'
+
+
+# A report as one HTML file that needs nothing else: tables, curves and maps as SVG inside.
+#
+# On paper it is A4: cells wrap, a table that is too wide for that has pages in landscape of its own,
+# and no drawing is cut.
+
 
 WIDEST_UPRIGHT: Final = 105  # characters of a table on a page that is not turned
 WIDEST_TEXT: Final = 16  # characters of a cell of text that is not wrapped
@@ -166,3 +359,117 @@ def _classes(table: Table, column: int, cell: str) -> str:
     if not table.is_left(column):
         return " class=n"
     return " class=l" if len(cell) > WIDEST_TEXT else ' class="l n"'
+
+
+# Curves and maps as PNG and SVG, by matplotlib (extra `plots`).
+
+
+FORMATS = ("png", "svg")
+DPI = 300  # for print
+SIZE = (6.5, 4.2)  # inches: the width of a column of text on A4, and half a slide
+FONT_SIZES = {  # points; at half a slide they are as large as its text
+    "font.size": 10,
+    "axes.labelsize": 11,
+    "axes.titlesize": 11,
+    "legend.fontsize": 9,
+}
+WIDEST_TITLE = 50
+WIDEST_LEGEND = 60  # characters in a line of the legend
+
+
+def figure_class() -> Any:
+    """matplotlib's Figure. Raises InputError where it is not installed."""
+    try:
+        import matplotlib
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise InputError(
+            f"plots are drawn by matplotlib, which cannot be imported ({error}): "
+            "pip install 'fleet-automaton[plots]'"
+        ) from None
+    matplotlib.rcParams["svg.hashsalt"] = "automaton"  # the same plot gives the same file
+    return Figure
+
+
+def write_plots(blocks: Sequence[Block], folder: Path) -> list[Path]:
+    """Each curve and map as PNG and SVG; the files written. Raises InputError."""
+    kind = figure_class()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot make it: {error.strerror}", str(folder)) from None
+    return [path for block in blocks for path in _written(kind, block, folder)]
+
+
+def _written(kind: Any, block: Block, folder: Path) -> Iterator[Path]:
+    if not isinstance(block, Curves | HeatMap):
+        return
+    import matplotlib
+
+    with matplotlib.rc_context(FONT_SIZES):
+        figure = kind(figsize=SIZE, layout="constrained")
+        axes = figure.subplots()
+        if isinstance(block, Curves):
+            draw_curves(figure, axes, block)
+        else:
+            draw_map(figure, axes, block)
+        yield from _saved(figure, block, folder)
+
+
+def _saved(figure: Any, block: Curves | HeatMap, folder: Path) -> Iterator[Path]:
+    for form in FORMATS:
+        path = folder / f"{file_name(block.title)}.{form}"
+        content = io.BytesIO()
+        figure.savefig(
+            content, format=form, dpi=DPI, metadata={"Date": None} if form == "svg" else {}
+        )
+        with atomic_writer(path) as file:
+            file.write(content.getvalue())
+        yield path
+
+
+def draw_curves(figure: Any, axes: Any, curves: Curves) -> None:
+    """Lines with bars for their intervals; the legend stands below, off the data."""
+    for index, line in enumerate(curves.lines):
+        down = [value - low for value, low in zip(line.value, line.low, strict=True)]
+        up = [high - value for value, high in zip(line.value, line.high, strict=True)]
+        style = line_style(index)
+        dashes = "none" if curves.x_names else (0, style.dashes) if style.dashes else "solid"
+        axes.errorbar(
+            line.x,
+            line.value,
+            yerr=[down, up],
+            capsize=3,
+            color=style.colour,
+            marker=style.marker,
+            linestyle=dashes,
+            label=line.name or None,
+        )
+    axes.set_xticks(curves.x)
+    if curves.x_names:
+        axes.set_xticklabels([curves.x_names[int(x)] for x in curves.x])
+    if curves.from_zero:
+        axes.set_ylim(bottom=0)
+    axes.set(title=curves.title, xlabel=curves.x_label, ylabel=curves.y_label)
+    axes.grid(alpha=0.3)
+    names = [line.name for line in curves.lines if line.name]
+    if names:
+        columns = max(1, WIDEST_LEGEND // max(map(len, names)))
+        rows = math.ceil(len(names) / columns)
+        figure.set_figheight(SIZE[1] + 0.2 * rows)  # the data keep their height
+        figure.legend(loc="outside lower center", ncols=columns, handlelength=4, frameon=False)
+
+
+def draw_map(figure: Any, axes: Any, heat: HeatMap) -> None:
+    """A floor in colours."""
+    image = axes.imshow(heat.field, cmap="inferno", interpolation="nearest")
+    title = "\n".join(textwrap.wrap(heat.title, WIDEST_TITLE))
+    axes.set(title=title, xlabel=heat.note)
+    axes.set_xticks([])
+    axes.set_yticks([])
+    figure.colorbar(image, label=heat.unit)
+
+
+def file_name(title: str) -> str:
+    """A title as the name of a file."""
+    return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")[:80] or "plot"

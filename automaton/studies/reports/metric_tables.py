@@ -1,15 +1,19 @@
-"""The metrics of a report: for each a table of means with one line for each point."""
+"""Points whose runs are the same, digest by digest, and the factors that make no difference there."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import NamedTuple
+from typing import Final, NamedTuple
+
+import numpy as np
 
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
 from automaton.runs.report_document import (
     Block,
+    Curves,
     Heading,
+    Line,
     Listed,
     NumberText,
     Table,
@@ -23,19 +27,124 @@ from automaton.studies.inference.intervals import (
     mean_interval,
     skewness,
 )
-from automaton.studies.reports.point_names import (
+from automaton.studies.inference.steady_state import (
+    ENOUGH_REPLICATIONS,
+    NotSteadyError,
+    batch_means,
+    replication_deletion,
+)
+from automaton.studies.reports.comparisons import (
     factor_cells,
     factor_heads,
+    heads_by_factor,
+    level_of,
+    level_text,
+    levels_beside,
     point_name,
+    varied_factors,
 )
-from automaton.studies.reports.reader_units import described
-from automaton.studies.reports.same_runs import same_cells, same_heads
-from automaton.studies.reports.study_results import Counts, Results
-from automaton.studies.sweeps.result_columns import RUN_METRICS
-from automaton.studies.sweeps.study import Point
-from automaton.units import count, number, percent
+from automaton.studies.reports.study_results import (
+    MIN_SHARED_SEEDS,
+    Counts,
+    Cut,
+    Results,
+    described,
+)
+from automaton.studies.sweeps.study import RUN_METRICS, SCENARIO, Point
+from automaton.units import count, number, percent, ticks_and_time
 from automaton.world.bounds import bounds, least_ticks
 from automaton.world.resolve import Resolved
+
+MAX_SAME_RUNS_NAMED: Final = 6  # pairs of points
+
+
+def same_heads(results: Results) -> list[str]:
+    """The head of a table's column about the same runs; none if all points differ."""
+    return ["the same runs as"] if results.repeats else []
+
+
+def same_cells(results: Results, point: Point) -> list[str]:
+    """Under `same_heads`: the number of the first point with the same runs."""
+    first = results.first_same[point.number]
+    cell = "-" if first == point.number else f"point {first}"
+    return [cell for _ in same_heads(results)]
+
+
+def same_remarks(results: Results) -> Iterator[str]:
+    """Which factors change no run, and where; if none is so, which points have the same runs."""
+    inert = list(inert_factors(results)) if results.repeats else []
+    yield from inert
+    if results.repeats and not inert:
+        named = [
+            f"point {p.number} and point {results.first_same[p.number]}"
+            for p in results.repeats[:MAX_SAME_RUNS_NAMED]
+        ]
+        more = len(results.repeats) - len(named)
+        rest = f"; and {more:,} more" if more else ""
+        yield f"the same runs, digest by digest: {'; '.join(named)}{rest}"
+
+
+def inert_factors(results: Results) -> Iterator[str]:
+    """Sentences for each factor whose levels give the same runs, everywhere or somewhere."""
+    study = results.study
+    several = [SCENARIO] if len(study.scenarios) > 1 else []
+    for factor in [*several, *study.factor_names]:
+        groups: dict[str, list[Point]] = {}
+        for point in results.points:
+            if factor == SCENARIO or factor in point.levels:
+                groups.setdefault(levels_beside(point, (factor,)), []).append(point)
+        compared = [group for group in groups.values() if len(group) > 1]
+        same = [group for group in compared if _agree(results, group)]
+        apart = [[m for m in results.reported if not _agree(results, g, m)] for g in same]
+        inert = [group for group, metrics in zip(same, apart, strict=True) if not metrics]
+        otherwise = [group for group, metrics in zip(same, apart, strict=True) if metrics]
+        if inert:
+            yield (
+                f"{factor} has no effect{_where(results, inert, compared, factor)}: its levels give "
+                "the same runs, digest by digest, and are not compared"
+            )
+        if otherwise:
+            differ = dict.fromkeys(metric for metrics in apart for metric in metrics)
+            yield (
+                f"{factor} changes no run{_where(results, otherwise, compared, factor)}: its levels "
+                f"give the same runs, digest by digest, measured otherwise ({', '.join(differ)})"
+            )
+
+
+def _agree(results: Results, group: list[Point], metric: str | None = None) -> bool:
+    """Whether all of these points have the same runs, with seeds that all of them share."""
+    known: dict[int, object] = {}
+    for point in group:
+        for seed, run in results.runs(point, metric).items():
+            if known.setdefault(seed, run) != run:
+                return False
+    shared = set(known).intersection(*(results.runs(point) for point in group))
+    return len(shared) >= MIN_SHARED_SEEDS
+
+
+def _where(
+    results: Results, groups: list[list[Point]], compared: list[list[Point]], factor: str
+) -> str:
+    """Where that is, if it is not everywhere."""
+    everywhere = len(groups) == len(compared)
+    return "" if everywhere else f" with {_beside(results, groups, factor)}"
+
+
+def _beside(results: Results, groups: list[list[Point]], factor: str) -> str:
+    """The levels of the other factors in these groups; only what all of them share, if there is."""
+    study = results.study
+    shared = [
+        f"{head} {level_text(study, name, levels[0])}"
+        for name, head in heads_by_factor(study).items()
+        if name != factor
+        and (levels := [group[0].levels.get(name) for group in groups])
+        and all(level == levels[0] for level in levels)
+    ]
+    return ", ".join(shared) or f"{count(len(groups), 'combination')} of the other factors"
+
+
+# The metrics of a report: for each a table of means with one line for each point.
+
 
 Scenarios = Mapping[int, Resolved]  # by number of the point; none where a file is not found
 RUN_HEADS = ("runs", "unfinished", "failed")
@@ -178,3 +287,169 @@ def figure(value: float | None) -> str:
     if value is None:
         return "-"
     return NumberText(f"{value:,.1f}" if abs(value) >= 1000 else f"{value:.4g}", value)
+
+
+# The throughput of a steady state by the deliveries after the warm-up: intervals from few runs, too.
+
+
+def steady_throughput(results: Results, point: Point, cut: Cut) -> Interval | str | None:
+    """Orders by 1000 ticks, or why that is not known; None where runs keep no deliveries.
+
+    By the throughput of each of many runs, or by the windows of a few.
+    """
+    if point.number in cut.refused:
+        return cut.refused[point.number]
+    series = results.series(point)
+    if not series:
+        return None
+    level = 1 - results.analysis.error
+    try:
+        if len(series) >= ENOUGH_REPLICATIONS:
+            runs = [[value] for value in results.values(point, "throughput").values()]
+            return replication_deletion(runs, 0, level).not_below_zero()
+        length, first = min(map(len, series)), math.ceil(cut.ticks / cut.window)
+        y = np.array([one[first:length] for one in series], np.float64) * (1000 / cut.window)
+        return batch_means(y, level).not_below_zero()
+    except NotSteadyError as why:
+        return str(why)
+    except ValueError as why:
+        return f"too short: {why}"
+
+
+def steady_section(results: Results) -> Iterator[Block]:
+    """The throughput after the warm-up, for studies of steady states."""
+    cut = results.cut
+    if cut is None or not results.has("series"):
+        return
+    yield Heading("Steady throughput")
+    yield Text(
+        f"From the deliveries after the first {ticks_and_time(cut.ticks, results.units.tick)}, which are "
+        "left out at all points; "
+        "beside it what MSER-5 would leave out at each."
+    )
+    scale = results.scale("throughput")
+    rows, refused = [], []
+    for point in results.points:
+        found = steady_throughput(results, point, cut)
+        cells = ["-"] * 3
+        if isinstance(found, Interval):
+            interval = scale.of(found)
+            cells = [figure(end) for end in (interval.value, interval.low, interval.high)]
+        elif found is not None:
+            refused.append(f"{point_name(results.study, point)}: {found}")
+        own = cut.found.get(point.number)
+        cells += ["-" if own is None else f"{own:,}"]
+        cells += [found.method if isinstance(found, Interval) else "-"]
+        rows.append(cells)
+    yield point_table(results, (scale.unit, "low", "high", "MSER-5, ticks", "by"), rows)
+    if refused:
+        yield Listed(refused)
+
+
+# The curves of a report: a metric over the size of the fleet, or over another factor.
+#
+# One line for each combination of the other factors, with its interval at each point.
+
+
+ROBOTS: Final = "fleet.robots"
+# Beside the metrics of the analysis.
+WANTED: Final = ("throughput", "makespan", "delay", "lead_time")
+MAX_CURVES: Final = 8  # signs and colours that there are
+
+
+def curves(results: Results) -> Iterator[Curves]:
+    """For each metric its curve over a factor of numbers: the robots if they vary."""
+    factor = factor_of(results)
+    if factor is None:
+        return
+    wanted: tuple[str, ...] = WANTED
+    if results.study.design == "steady-state":  # all runs are as long
+        wanted = tuple(metric for metric in WANTED if metric != "makespan")
+    for metric in dict.fromkeys([*results.analysis.metrics, *wanted]):
+        if results.has(metric):
+            yield curve(results, metric, factor)
+
+
+def picture(results: Results, metric: str) -> Curves | None:
+    """A metric over a factor of numbers, else over the factor with most levels; None if none varies."""
+    factor = factor_of(results)
+    if factor is None:
+        varied = [
+            n for n in (*results.study.factor_names, SCENARIO) if len(results.study.levels(n)) > 1
+        ]
+        factor = max(varied, key=lambda name: len(results.study.levels(name)), default=None)
+    return curve(results, metric, factor) if factor is not None and results.has(metric) else None
+
+
+def factor_of(results: Results) -> str | None:
+    """The factor on the x axis: the robots, else the first with several numbers as levels."""
+    for name in sorted(results.study.factor_names, key=lambda name: name != ROBOTS):
+        if is_numeric(results, name) and len(results.study.levels(name)) > 1:
+            return name
+    return None
+
+
+def is_numeric(results: Results, factor: str) -> bool:
+    """Whether all levels of a factor are numbers."""
+    return all(
+        isinstance(level, int | float) and not isinstance(level, bool)
+        for level in results.study.levels(factor)
+    )
+
+
+def curve(results: Results, metric: str, factor: str) -> Curves:
+    """A metric over a factor, in the unit of the reader."""
+    groups: dict[str, list[Point]] = {}
+    for point in results.points:
+        if factor == SCENARIO or factor in point.levels:
+            groups.setdefault(levels_beside(point, (factor,)), []).append(point)
+    names = () if is_numeric(results, factor) else tuple(_level_names(results, factor))
+    lines = [
+        line(results, metric, points, factor, names)
+        for points in list(groups.values())[:MAX_CURVES]
+    ]
+    hidden = len(groups) - len(lines)
+    title = f"{metric} by {factor}" + (f", {hidden} more not shown" if hidden else "")
+    label = "robots" if factor == ROBOTS else factor
+    unit = results.scale(metric).unit
+    return Curves(title, label, unit, lines, x_names=names, from_zero=is_ours(metric))
+
+
+def _level_names(results: Results, factor: str) -> list[str]:
+    if factor == SCENARIO:
+        return list(results.study.scenarios)
+    return [level_text(results.study, factor, level) for level in results.study.levels(factor)]
+
+
+def _others(results: Results, point: Point, factor: str) -> str:
+    """The levels of a point but for this factor's: "allocation independent, routing shortest"."""
+    study = results.study
+    several = [SCENARIO] if len(study.scenarios) > 1 else []
+    heads = heads_by_factor(study)
+    return ", ".join(
+        f"{heads.get(name, name)} {level_of(study, point, name)}"
+        for name in [*several, *varied_factors(study)]
+        if name != factor
+    )
+
+
+def line(
+    results: Results, metric: str, points: list[Point], factor: str, names: Sequence[str]
+) -> Line:
+    """One curve; `names` of levels that are not numbers."""
+    at = {point.number: _x(results, point, factor, names) for point in points}
+    points = sorted(points, key=lambda point: at[point.number])
+    runs = [list(results.values(point, metric).values()) for point in points]
+    intervals = [interval_of(results, metric, values) for values in runs]
+    scaled = [None if one is None else results.scale(metric).of(one) for one in intervals]
+    value = [math.nan if one is None else one.value for one in scaled]
+    low = [math.nan if one is None or one.low is None else one.low for one in scaled]
+    high = [math.nan if one is None or one.high is None else one.high for one in scaled]
+    name = _others(results, points[0], factor)
+    return Line(name, [at[point.number] for point in points], value, low, high)
+
+
+def _x(results: Results, point: Point, factor: str, names: Sequence[str]) -> float:
+    if not names:
+        return float(point.levels[factor])
+    return float(names.index(level_of(results.study, point, factor)))

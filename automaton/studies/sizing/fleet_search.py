@@ -1,16 +1,9 @@
-"""The search for the smallest fleet: every candidate is tested, none is inferred from another.
-
-More robots do not always do better (finishing times rise and fall with their number), so there is
-no bisection: candidates are tested from the smallest on, until one passes. One that takes too long
-is put off, and gets what is left of the budget when a larger one has passed, or none is left.
-
-With K candidates and the error e / K of each, all verdicts are right together with probability
-1 - e, wherever the search stops.
-"""
+"""What is asked: a target for a metric, fleets and strategies to try, how sure the answer must be."""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import takewhile
@@ -18,11 +11,333 @@ from typing import Final, Literal, NamedTuple
 
 import numpy as np
 
-from automaton.errors import InputError
+from automaton.errors import InputError, alternatives, nearest
+from automaton.runs.metric_catalogue import METRIC_CATALOGUE, PER_1000_TICKS
+from automaton.scenario.quantities import Dimension, read_amount
+from automaton.scenario.schema import LAYER_NAMES
+from automaton.strategy import lookup
 from automaton.studies.inference.intervals import Interval, mean_interval
-from automaton.studies.inference.proportions import Verdict, confidence_sequence
-from automaton.studies.inference.selection import RUNS_PER_BATCH, batches, feasible
-from automaton.studies.sizing.question import Question
+from automaton.studies.inference.proportions import (
+    FIRST_STAGE_RUNS,
+    RUNS_PER_BATCH,
+    Region,
+    ShareTest,
+    Verdict,
+    batches,
+    confidence_sequence,
+    feasible,
+    region,
+    share_test,
+)
+from automaton.units import SECONDS_PER_UNIT, Unit, symbol_of
+
+DEFAULT_SUCCESS_SHARE, DEFAULT_INDIFFERENCE, DEFAULT_ALPHA, DEFAULT_MAX_RUNS = (
+    0.95,
+    0.02,
+    0.05,
+    20_000,
+)
+DEFAULT_MEAN_INDIFFERENCE: Final = 0.01  # of the target, where a mean is asked for without a zone
+MAX_FLEET_SIZE: Final = 1_000_000
+
+_TARGET: Final = re.compile(r"\s*([^\s<>=]+)\s*(<=|>=|<|>|==?)\s*(\S.*?)\s*")
+_VALUE: Final = re.compile(r"([-+]?[\d.,_]+(?:[eE][-+]?\d+)?)\s*(\D.*)?")
+_DECIMAL_COMMA: Final = re.compile(r",(?!\d{3}(?!\d))")  # no separator of thousands
+_RANGE: Final = re.compile(r"\s*(\d{1,9})\s*(?:\.\.|-)\s*(\d{1,9})\s*|\s*(\d{1,9})\s*")
+
+
+class Target(NamedTuple):
+    """What a run must reach."""
+
+    metric: str
+    at_most: bool  # else at least
+    value: float  # in the metric's unit
+    time: str = ""  # "h" or "/h", where the value was given as a time or a rate
+    ticks: float = 1.0  # how much of the metric's unit one of these is
+
+    def met(self, value: float) -> bool:
+        """Whether a run with this value meets it."""
+        return value <= self.value if self.at_most else value >= self.value
+
+    @property
+    def text(self) -> str:
+        """As it is typed."""
+        return f"{self.metric} {'<=' if self.at_most else '>='} {shown(self.value)}"
+
+    @property
+    def unit(self) -> str:
+        """The unit of the metric; of what strategies count: times."""
+        return METRIC_CATALOGUE.get(self.metric, ("times", ""))[0]
+
+    def in_unit(self, value: float) -> str:
+        """What follows a value: "ticks (5 h)" where the target was given as a time; shares: ""."""
+        if self.unit == "share":
+            return ""
+        return self.unit + (f" ({shown(value / self.ticks)} {self.time})" if self.time else "")
+
+
+def shown(value: float) -> str:
+    """A value of a target, with separators."""
+    return f"{value:,.0f}" if float(value).is_integer() else f"{value:,g}"
+
+
+class Question(NamedTuple):
+    """What is to be found out, completely; part of every report."""
+
+    target: Target
+    first: int  # the fleets that may be an answer
+    last: int
+    strategies: tuple[str, ...]  # settings such as "strategy.allocation=auction"; ("",): as it is
+    success_share: float = DEFAULT_SUCCESS_SHARE
+    indifference: float = DEFAULT_INDIFFERENCE  # of the share; of a mean in the metric's unit
+    alpha: float = DEFAULT_ALPHA
+    budget: int = DEFAULT_MAX_RUNS  # runs
+    mean: bool = False  # the mean must meet the target, not a share of the runs
+    warm_up: int | None = None  # ticks left out of a steady state; None: runs that end count whole
+
+    @property
+    def candidates(self) -> int:
+        """Over how many verdicts alpha is shared."""
+        return (self.last - self.first + 1) * len(self.strategies)
+
+    @property
+    def share_test(self) -> ShareTest:
+        """The test of one candidate's share."""
+        return share_test(self.success_share, self.indifference, self.alpha / self.candidates)
+
+    @property
+    def region(self) -> Region:
+        """The region of one candidate's mean."""
+        return region(self.indifference, self.alpha / self.candidates)
+
+    @property
+    def fewest(self) -> int:
+        """Runs of a candidate after which it can pass at the earliest."""
+        return RUNS_PER_BATCH * FIRST_STAGE_RUNS if self.mean else self.share_test.fewest
+
+
+def make_question(
+    target: Target,
+    robots: tuple[int, int],
+    strategies: tuple[str, ...] = ("",),
+    success_share: float | None = None,
+    indifference: float | None = None,
+    alpha: float = DEFAULT_ALPHA,
+    budget: int = DEFAULT_MAX_RUNS,
+    mean: bool | None = None,
+    warm_up: int | None = None,
+) -> Question:
+    """A checked question. Of a steady state it is the mean unless a share is given.
+
+    Raises InputError.
+    """
+    if mean is None:
+        mean = warm_up is not None and success_share is None
+    success_share = DEFAULT_SUCCESS_SHARE if success_share is None else success_share
+    if indifference is None:
+        indifference = (
+            DEFAULT_MEAN_INDIFFERENCE * abs(target.value) if mean else DEFAULT_INDIFFERENCE
+        )
+    question = Question(
+        target, *robots, strategies, success_share, indifference, alpha, budget, mean, warm_up
+    )
+    if not 0 < alpha < 0.5:
+        raise InputError(f"--alpha {alpha:g}: an error probability lies between 0 and 0.5")
+    if mean and indifference == 0 == target.value:
+        raise InputError(
+            "--target: 1 % of a target of 0 is not an indifference zone; set --indifference, in "
+            "its unit"
+        )
+    if mean and indifference <= 0:
+        raise InputError("--indifference of a mean must be above 0, in the unit of the metric")
+    if not mean:
+        if not 0 < success_share < 1:
+            raise InputError(
+                f"--success-share {success_share:g}: a share must lie between 0 and 1, such as "
+                "0.95 or 95%"
+            )
+        try:
+            share_test(success_share, indifference, 0.01)
+        except ValueError as problem:
+            raise InputError(f"--success-share and --indifference: {problem}") from None
+    each, many = budget // len(strategies), len(strategies)
+    if each < question.fewest:
+        parts = f"; of {many} strategies each gets {each:,}" if many > 1 else ""
+        raise InputError(
+            f"--budget {budget:,}: a fleet cannot pass in less than {question.fewest:,}{parts}"
+        )
+    return question
+
+
+def read_target(text: str, tick: Unit | None = None) -> Target:
+    """A target such as "makespan<=3000", "utilization>=60%". Raises InputError.
+
+    `tick`: what the scenario says a tick is; if it is a time, "makespan<=5h" is understood, too.
+    """
+    found = _TARGET.fullmatch(text)
+    if found is None:
+        raise InputError(
+            f"--target '{text}' is not a target; expected METRIC<=VALUE or METRIC>=VALUE"
+        )
+    metric, sign, given = found.groups()
+    if sign not in ("<=", ">="):
+        raise InputError(f"--target '{text}': use <= or >=, not {sign}")
+    if metric not in METRIC_CATALOGUE:
+        hint = nearest(metric, METRIC_CATALOGUE) or f"; there are {', '.join(METRIC_CATALOGUE)}"
+        raise InputError(f"--target: no metric is called '{metric}'{hint}")
+    value, unit = _time_of_parts(given, text) if ":" in given else _value(given, text)
+    if value < 0:
+        raise InputError(f"--target '{text}': {metric} is never below 0")
+    target = Target(metric, sign == "<=", value)
+    if target.unit == "share":
+        return target._replace(value=_share(target, unit, text))
+    if symbol := symbol_of(unit):
+        return _in_ticks(target, symbol, tick, text)
+    if unit.startswith("/") and (symbol := symbol_of(unit[1:].strip())):
+        return _in_thousand_ticks(target, symbol, tick, text)
+    if unit:
+        allowed = (
+            f", or a time in {alternatives(SECONDS_PER_UNIT)}" if target.unit == "ticks" else ""
+        )
+        if target.unit.startswith(PER_1000_TICKS):
+            allowed = ", or a rate such as 120/h"
+        raise InputError(
+            f"--target '{text}': '{unit}' is not understood; {metric} is in {target.unit}{allowed}"
+        )
+    return target
+
+
+def _value(given: str, text: str) -> tuple[float, str]:
+    """The number of a target and what stands behind it. Raises InputError."""
+    found = _VALUE.fullmatch(given)
+    try:
+        value = float(found[1].replace(",", "").replace("_", "")) if found else math.nan
+    except ValueError:
+        value = math.nan
+    if found is not None and _DECIMAL_COMMA.search(found[1]):
+        raise InputError(f"--target '{text}': write '{given}' with a decimal point, such as 1.5")
+    if found is None or not math.isfinite(value):
+        raise InputError(f"--target '{text}': '{given}' is not a number")
+    return value, found[2] or ""
+
+
+def _time_of_parts(value: str, text: str) -> tuple[float, str]:
+    """Seconds of H:MM:SS, and their unit. Raises InputError."""
+    try:
+        return float(read_amount(value, (Dimension.TIME,)).value), "s"
+    except InputError as error:
+        raise InputError(f"--target '{text}': {error.message}") from None
+
+
+def _share(target: Target, unit: str, text: str) -> float:
+    """The value of a target that is a share. Raises InputError."""
+    share = target.value / 100 if unit == "%" else target.value
+    if unit not in ("", "%") or share > 1:
+        raise InputError(
+            f"--target '{text}': {target.metric} is a share between 0 and 1, such as 10% or 0.1"
+        )
+    return share
+
+
+def _in_ticks(target: Target, time: str, tick: Unit | None, text: str) -> Target:
+    """A target whose value is a time: in ticks. Raises InputError."""
+    if target.unit != "ticks":
+        raise InputError(f"--target '{text}': {target.metric} is in {target.unit}, not a time")
+    ticks = SECONDS_PER_UNIT[time] / _tick_seconds(tick, text)
+    return target._replace(value=target.value * ticks, time=time, ticks=ticks)
+
+
+def _in_thousand_ticks(target: Target, time: str, tick: Unit | None, text: str) -> Target:
+    """A target whose value is a rate: how often in 1,000 ticks. Raises InputError."""
+    if not target.unit.startswith(PER_1000_TICKS):
+        raise InputError(f"--target '{text}': {target.metric} is in {target.unit}, not a rate")
+    once = 1000 * _tick_seconds(tick, text) / SECONDS_PER_UNIT[time]
+    return target._replace(value=target.value * once, time=f"/{time}", ticks=once)
+
+
+def _tick_seconds(tick: Unit | None, text: str) -> float:
+    """Seconds of a tick. Raises InputError where it is not a time."""
+    if tick is None or tick.seconds is None:
+        name = "unknown" if tick is None else tick.name
+        raise InputError(f"--target '{text}': units.tick of the scenario is {name}; use ticks")
+    return tick.seconds
+
+
+def read_robots(text: str) -> tuple[int, int]:
+    """Fleets such as "1..12", or "5" for one alone. Raises InputError."""
+    found = _RANGE.fullmatch(text)
+    if found is None:
+        raise InputError(f"--robots '{text}': expected FIRST..LAST, such as 1..12")
+    return checked_robots(int(found[1] or found[3]), int(found[2] or found[3]))
+
+
+def robots_of(given: str | int | tuple[int, int] | list[int]) -> tuple[int, int]:
+    """Fleets as Python gives them: "1..12", 5, or (1, 12). Raises InputError."""
+    if isinstance(given, str):
+        return read_robots(given)
+    pair = list(given) if isinstance(given, (tuple, list)) else [given, given]
+    if len(pair) != 2 or not all(isinstance(one, int) for one in pair):
+        raise InputError(f"robots={given!r}: expected a number, (FIRST, LAST) or 'FIRST..LAST'")
+    return checked_robots(*pair)
+
+
+def checked_robots(first: int, last: int) -> tuple[int, int]:
+    """The smallest and the largest fleet that may be an answer. Raises InputError."""
+    if not 1 <= first <= last <= MAX_FLEET_SIZE:
+        raise InputError(
+            f"--robots '{first}..{last}': expected FIRST..LAST with 1 <= FIRST <= LAST <= "
+            f"{MAX_FLEET_SIZE:,}"
+        )
+    return first, last
+
+
+def strategies_of(given: str | Sequence[str] | None) -> tuple[str, ...]:
+    """Strategies as Python gives them: "a,b" or ["a", "b"]; None: the scenario's own alone.
+
+    Raises InputError.
+    """
+    if given is None:
+        return ("",)
+    names = [given] if isinstance(given, str) else given
+    if not isinstance(names, (tuple, list)) or not all(isinstance(name, str) for name in names):
+        raise InputError(f"strategies={given!r}: expected names, such as 'independent,cooperative'")
+    return strategies_named(",".join(names))
+
+
+def strategies_named(text: str) -> tuple[str, ...]:
+    """Settings for strategies such as "independent,cooperative" or "routing=astar".
+
+    Raises InputError for unknown names.
+    """
+    found = []
+    for name in (part.strip() for part in text.split(",")):
+        layer, equals, choice = name.partition("=")
+        if equals:
+            found.append(f"strategy.{layer.removeprefix('strategy.').strip()}={choice.strip()}")
+            continue
+        layers = [layer for layer in LAYER_NAMES if name in lookup.names(layer)]
+        if ":" in name:
+            layers = ["allocation"]
+        if not layers or name == lookup.NO_STRATEGY:
+            known = [known for layer in LAYER_NAMES for known in lookup.names(layer)]
+            raise InputError(
+                f"--strategies: no strategy is called '{name}'{nearest(name, known)}; "
+                "or say LAYER=NAME"
+            )
+        found.append(f"strategy.{layers[0]}={name}")
+    if len(set(found)) < len(found):
+        raise InputError("--strategies names a strategy twice")
+    return tuple(found)
+
+
+# The search for the smallest fleet: every candidate is tested, none is inferred from another.
+#
+# More robots do not always do better (finishing times rise and fall with their number), so there is
+# no bisection: candidates are tested from the smallest on, until one passes. One that takes too long
+# is put off, and gets what is left of the budget when a larger one has passed, or none is left.
+#
+# With K candidates and the error e / K of each, all verdicts are right together with probability 1 -
+# e, wherever the search stops.
 
 
 class FleetConfig(NamedTuple):

@@ -6,28 +6,58 @@ within what is left of the budget.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Final, NamedTuple
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache, partial
+from pathlib import Path
+from typing import Any, Final, NamedTuple
 
+import msgspec
 import numpy as np
 
-from automaton.studies.inference.effects import Effect, effect
-from automaton.studies.inference.intervals import STUDENT_MIN_RUNS
-from automaton.studies.inference.selection import (
+from automaton.engine.state import ACTION_CHARGE, ACTION_DROP, ACTION_PICK, ACTION_TRY_DROP
+from automaton.errors import InputError
+from automaton.floor.cells import STATION
+from automaton.runs.headless import run_marked
+from automaton.runs.metric_catalogue import in_coarse_ticks
+from automaton.runs.metrics import counted, metrics_of
+from automaton.runs.process_pool import PersistentPool
+from automaton.runs.run_diagnosis import JamWatch, note_jam
+from automaton.runs.simulation import Simulation
+from automaton.scenario.document import Override, keys_of, parse_setting
+from automaton.scenario.schema import Scenario
+from automaton.scenario.unavailable_metrics import (
+    OF_DUE_TIMES,
+    OF_TIMES,
+    TASK_METRICS,
+    not_measured,
+    warm_up_of,
+)
+from automaton.studies.inference.intervals import STUDENT_MIN_RUNS, Effect, effect
+from automaton.studies.inference.proportions import (
     FIRST_STAGE_RUNS,
     RUNS_PER_BATCH,
     batches,
     select_least,
 )
 from automaton.studies.sizing.fleet_search import (
+    DEFAULT_MEAN_INDIFFERENCE,
     Candidate,
     FleetConfig,
     InfeasibleFleetError,
+    Question,
+    Run,
     Runner,
     Search,
+    Target,
 )
-from automaton.studies.sizing.question import DEFAULT_MEAN_INDIFFERENCE, Question
+from automaton.studies.sweeps.run_keys import seed_of
+from automaton.units import Unit, count, ticks_and_time, unit
+from automaton.world.bounds import bounds, least_ticks, most_throughput
+from automaton.world.floor_parts import places_of_chargers
+from automaton.world.resolve import Resolved, resolve
 
 PERCENTS_OFF: Final = (-10, 10)  # percent
 MOVES_LATE: Final = "world.extra_tick_probability"  # makes moves longer that take too few ticks
@@ -291,3 +321,293 @@ class SizingSession:
             return False
         unsure = [search.answer.least for search in self.searches]
         return all(least is None or least >= place.robots for least in unsure)
+
+
+# Runs for a search: fleets of one scenario, over the cores, replication by replication.
+#
+# Replication r has the same seed for every fleet and strategy, hash(seed, r): the same demand.
+
+
+ORDER_METRICS = (*OF_TIMES, "legs_per_order")  # once an order is delivered
+STATION_USE = "station_use"  # share of the time of all stations in which a robot is served there
+MEASURED = "measured"  # ticks of which the metrics are
+MOVE_KEY = re.compile(r"durations\.move[.=]")
+PLAIN_KEY = re.compile(r"[\w-]+")  # a name that may stand between the points of a key
+CHARGER_USE = "charger_use"  # share of the time of all places at chargers in which a robot charges
+
+
+def run_and_measure_use(simulation: Simulation) -> dict[str, float | int]:
+    """Run to the end; the metrics after the warm-up, and how busy stations and chargers were then."""
+    resolved = simulation.resolved
+    fleet = count(resolved.scenario.fleet.robots, "robot")
+    allocation = resolved.strategies["allocation"].name
+    where = f"{resolved.scenario.name}, {fleet}, {allocation}, seed {simulation.seed}"
+    since = run_marked(simulation, watch=JamWatch(partial(note_jam, where))).warm_up
+    figures, now = metrics_of(simulation, since), counted(simulation)
+    begin, before, served = (
+        (0, 0, 0) if since is None else (since.tick, since.actions, since.served)
+    )
+    ticks, elapsed = now.actions - before, max(1, now.tick - begin)
+    figures[MEASURED] = elapsed // simulation.resolved.scenario.refine
+    world, floor_plan = simulation.world, simulation.resolved.floor_plan
+    stations = int(np.count_nonzero(floor_plan.kind == STATION))
+    places = sum(places_of_chargers(resolved.scenario, floor_plan).values())
+    if stations:
+        handling = int(ticks[[ACTION_PICK, ACTION_DROP, ACTION_TRY_DROP]].sum())
+        # Pods are picked and dropped in storage.
+        used = now.served - served if len(world.trips.pod) else handling
+        figures[STATION_USE] = used / (stations * elapsed)
+    if places and world.rules.battery:
+        figures[CHARGER_USE] = float(ticks[ACTION_CHARGE].sum()) / (places * elapsed)
+    return in_coarse_ticks(figures, simulation.resolved.scenario.refine)
+
+
+class Fleets:
+    """A `Runner` of one scenario. Raises InfeasibleFleetError for a place that cannot be run."""
+
+    def __init__(
+        self,
+        scenario: str | Path | Scenario,
+        settings: Sequence[str | Override],
+        seed: int | None,
+        rounds: PersistentPool,
+    ) -> None:
+        self._scenario, self._settings, self._rounds = scenario, tuple(settings), rounds
+        self.base = resolve(scenario, settings).unrefined
+        self.seed = self.base.scenario.seed if seed is None else seed
+        self.resolved = cache(self._resolved)  # of a place
+
+    def __call__(self, place: FleetConfig, first: int, number: int) -> list[Run]:
+        """Replications first .. first + number - 1."""
+        resolved = self.resolved(place)
+        seeds = replication_seeds(self.seed, first, number)
+        results = self._rounds.run([(resolved, seed) for seed in seeds])
+        return [Run(result.finished, result.metrics) for result in results]
+
+    def _resolved(self, place: FleetConfig) -> Resolved:
+        changes = longer(self.base, place.percent) if place.percent else []
+        try:
+            return resolve(self._scenario, (*self._settings, *typed(place), *changes))
+        except InputError as error:
+            raise InfeasibleFleetError(error.message, error.file, error.line) from None
+
+    def check(self, question: Question) -> None:
+        """That there is a steady state to ask for, and the largest fleets can be run.
+
+        Raises InputError.
+        """
+        if not self.ends_with_orders and not question.warm_up:
+            raise InputError(
+                "--target: runs end at a given tick (stop: {when: never}), so their metrics would "
+                "count the start-up; set how many ticks to leave out: --set measure.warm_up=N"
+            )
+        if not self.ends_with_orders and question.target.metric == "makespan":
+            raise InputError(
+                "--target: runs end at a given tick (stop: {when: never}), so makespan "
+                "is the same for every fleet; ask for throughput or a time of orders"
+            )
+        for strategy in question.strategies:
+            for robots in sorted({question.first, question.last}):
+                try:
+                    self.resolved(FleetConfig(robots, strategy))
+                except InputError as error:
+                    unsaid = (one for one in for_any_fleet(self.base) if one not in error.message)
+                    settings = " ".join(f"--set {setting}" for setting in unsaid)
+                    hint = f"; fleets of other sizes: {settings}" if settings else ""
+                    raise InputError(error.message + hint, error.file, error.line) from None
+
+    def excluded(self, question: Question) -> dict[int, str]:
+        """The candidates that no strategy can help, each with the bound that excludes it."""
+        found = bounds(self.base)
+        reasons = {}
+        for robots in range(question.first, question.last + 1):
+            target, why = question.target, ""
+            if target.metric == "makespan" and target.at_most and self.ends_with_orders:
+                least, reason = least_ticks(found, robots)
+                if least > target.value:
+                    many = "without end"
+                    if math.isfinite(least):
+                        many = f"at least {ticks_and_time(math.ceil(least), self.tick)}"
+                    why = f"makespan is {many}: {reason}"
+            if target.metric == "throughput" and not target.at_most:
+                most, reason = most_throughput(found, robots, self.measured or math.inf)
+                if most < target.value:
+                    why = f"throughput is at most {most:,.3g}: {reason}"
+            if why:
+                reasons[robots] = why
+        return reasons
+
+    @property
+    def changes(self) -> dict[int, list[str]]:
+        """By how many percent durations can be longer, and the settings that make them so."""
+        found = {percent: longer(self.base, percent) for percent in PERCENTS_OFF}
+        return {percent: settings for percent, settings in found.items() if settings}
+
+    @property
+    def tick(self) -> Unit:
+        """What a tick stands for."""
+        return unit(self.base.scenario.units.tick)
+
+    @property
+    def warm_up(self) -> int | None:
+        """Ticks that metrics leave out; None for runs that end with their orders, which count whole."""
+        return None if self.ends_with_orders else warm_up_of(self.base.scenario)
+
+    @property
+    def measured(self) -> int:
+        """Ticks of a steady state of which metrics are; 0 where runs end with their orders."""
+        return 0 if self.warm_up is None else self.base.scenario.stop.max_duration - self.warm_up
+
+    @property
+    def ends_with_orders(self) -> bool:
+        """Whether a run ends when all is delivered, and not at a given tick."""
+        return self.base.scenario.stop.when != "never"
+
+
+class Checked:
+    """A runner that sees to it that the first run has the metric of the target.
+
+    `tell` hears before each round what is run, and how many runs were made for the question.
+    """
+
+    def __init__(
+        self,
+        fleets: Fleets,
+        question: Question,
+        tell: Callable[[FleetConfig, int, Question], None] | None = None,
+    ) -> None:
+        self.fleets, self.question, self.tell, self.runs = fleets, question, tell, 0
+
+    def __call__(self, place: FleetConfig, first: int, number: int) -> Sequence[Run]:
+        """As of Fleets. Raises InputError for a metric that is not measured."""
+        if self.tell is not None:
+            self.tell(place, self.runs, self.question)
+        if self.runs == 0:
+            run = self.fleets(place, 0, 1)[0]
+            check_measured(self.question.target, run, self.fleets.base.scenario)
+        self.runs += number
+        return self.fleets(place, first, number)
+
+
+def session_of(fleets: Fleets, runner: Checked) -> SizingSession:
+    """The session that answers the runner's question. Raises InputError if that cannot be asked."""
+    fleets.check(runner.question)
+    return SizingSession(
+        runner.question,
+        runner,
+        fleets.excluded(runner.question),
+        fleets.changes,
+        same_orders=fleets.base.scenario.orders.listed is not None,
+    )
+
+
+def for_any_fleet(resolved: Resolved) -> list[str]:
+    """Settings that take back what binds a scenario to its number of robots."""
+    settings = []
+    if isinstance(resolved.scenario.fleet.start, tuple):
+        settings.append("fleet.start=random")
+    if isinstance(resolved.scenario.fleet.heading, tuple):
+        settings.append("fleet.heading=null")
+    if resolved.zoning.design is not None:
+        settings.append("strategy.zoning.design=null")
+    return settings
+
+
+def typed(place: FleetConfig) -> Iterator[Override]:
+    """Its settings under the options that gave them, which is where errors place them."""
+    yield Override(f"--robots {place.robots}", keys_of("fleet.robots"), place.robots)
+    if place.strategy:
+        option = f"--strategies {place.strategy.removeprefix('strategy.')}"
+        yield replace(parse_setting(place.strategy), argument=option)
+
+
+def check_measured(target: Target, run: Run, scenario: Scenario) -> None:
+    """That runs of a scenario may have the metric of the target. Raises InputError.
+
+    A run in which nothing ended has no times: that says nothing of the others.
+    """
+    nothing_yet = {
+        **dict.fromkeys(TASK_METRICS, scenario.measure is not None),
+        **dict.fromkeys(ORDER_METRICS, not run.figures["delivered"]),
+        **dict.fromkeys(OF_DUE_TIMES, "not_yet_due" in run.figures),
+        "part_flow_time": "parts_finished" in run.figures,
+    }
+    if target.metric not in run.figures and not nothing_yet.get(target.metric):
+        known = ", ".join(name for name in run.figures if not name.startswith("lost_"))
+        need = not_measured(scenario).get(target.metric)
+        hint = f"; it takes {need}" if need else ""
+        raise InputError(
+            f"--target: this scenario does not measure {target.metric}{hint}; it has {known}"
+        )
+
+
+def replication_seeds(seed: int, first: int, number: int) -> list[int]:
+    """The seeds of replications, those of a sweep: they depend on `seed` and the replication."""
+    return [seed_of(f"{seed} {replication}") for replication in range(first, first + number)]
+
+
+def longer(resolved: Resolved, percent: int) -> list[str]:
+    """Settings that make all durations longer by so many percent, or shorter; in whole ticks but for
+    those of visits at stations.
+
+    Where moves take few ticks, a tick more by chance makes them longer; shorter they cannot be.
+    """
+    scenario = resolved.scenario
+    settings = []
+    for key, ticks in ticks_by_key(scenario).items():
+        other = round(ticks * (1 + percent / 100))
+        if other != ticks:
+            settings.append(f"{key}={other}")
+    for key, duration in handling_by_key(scenario).items():
+        settings.append(f"{key}={duration * (1 + percent / 100):g}")
+    chance = max(scenario.durations.moves) * percent / 100
+    moves_as_before = not any(MOVE_KEY.search(setting) for setting in settings)
+    if (
+        moves_as_before
+        and percent > 0
+        and not scenario.world.extra_tick_probability
+        and chance <= 1
+    ):
+        settings.append(f"{MOVES_LATE}={chance:g}")
+    return settings
+
+
+def ticks_by_key(scenario: Scenario) -> dict[str, int]:
+    """All durations of operations that a scenario gives, of types as well, by their keys."""
+    ticks: dict[str, int] = {}
+    sections = [("durations", scenario.durations)] + [
+        (f"fleet.types.{number}.durations", kind.durations)
+        for number, kind in enumerate(scenario.fleet.types)
+    ]
+    for key, durations in sections:
+        for name, value in msgspec.to_builtins(durations).items():
+            if isinstance(value, int):
+                ticks[f"{key}.{name}"] = value
+            elif name in ("move", "turn") and value is not None:
+                ticks |= {f"{key}.{name}.{load}": one for load, one in value.items()}
+    return ticks
+
+
+def handling_by_key(scenario: Scenario) -> dict[str, float]:
+    """All durations of visits at stations that a scenario gives, in ticks that are not rounded, by their
+    keys; measured ones aside.
+    """
+    sections = {"durations.handling": scenario.durations.handling} | {
+        f"stations.{name}.handling": station.handling
+        for name, station in scenario.stations.items()
+        if PLAIN_KEY.fullmatch(name)
+    }
+    return {
+        key: duration
+        for section, handling in sections.items()
+        for key, duration in _numbers(section, msgspec.to_builtins(handling))
+    }
+
+
+def _numbers(key: str, value: Any) -> Iterator[tuple[str, float]]:
+    """The numbers of a section above 0, by their keys."""
+    if isinstance(value, dict):
+        for name, one in value.items():
+            yield from _numbers(f"{key}.{name}", one)
+    elif isinstance(value, int | float) and value > 0:
+        yield key, value

@@ -26,7 +26,7 @@ from typing import Any, Final, Protocol
 from automaton.errors import InputError
 from automaton.runs.first_compilation import cores
 from automaton.runs.process_pool import Workers
-from automaton.studies.sweeps.sweep_runs import Chunk, Row, run_chunk
+from automaton.studies.sweeps.run_keys import Chunk, Row, run_chunk
 
 MAX_WORKERS = 1024
 

@@ -20,16 +20,18 @@ import msgspec
 
 from automaton.errors import InputError
 from automaton.scenario.document import Document
-from automaton.studies.sweeps.result_columns import (
+from automaton.studies.sweeps.run_keys import Manifest, read_manifest
+from automaton.studies.sweeps.study import (
     RESULT_COLUMNS,
     SERIES,
     SUMS_COLUMN,
+    Study,
+    checked_study,
     column_value,
+    document_of,
     metric_names,
     sum_names,
 )
-from automaton.studies.sweeps.run_keys import Manifest, read_manifest
-from automaton.studies.sweeps.study import Study, checked_study, document_of
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -28,7 +28,6 @@ from automaton.scenario.validation import Bounds, Place, convert
 from automaton.strategy import lookup
 from automaton.strategy.lookup import files_of
 from automaton.studies.inference.steady_state import MIN_OBSERVATIONS, MIN_REPLICATIONS, MSER_BATCH
-from automaton.studies.sweeps.result_columns import RESULT_COLUMNS, RUN_METRICS
 from automaton.studies.sweeps.result_store import ROWS_FOLDER, STUDY_FILE
 from automaton.studies.sweeps.run_keys import (
     DRAWN_ELSEWHERE,
@@ -39,7 +38,15 @@ from automaton.studies.sweeps.run_keys import (
     fingerprint,
     manifest_of,
 )
-from automaton.studies.sweeps.study import MAX_WINDOW, Point, Study, checked_study, study_document
+from automaton.studies.sweeps.study import (
+    MAX_WINDOW,
+    RESULT_COLUMNS,
+    RUN_METRICS,
+    Point,
+    Study,
+    checked_study,
+    study_document,
+)
 from automaton.world.resolve import Resolved, resolve
 
 DEFAULT_WINDOWS = 200  # of a run, if a study does not say how long they are

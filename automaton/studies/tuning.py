@@ -1,0 +1,406 @@
+"""What is tried: for right of way and allocation every strategy that declares values worth trying.
+
+The parameters of a strategy declare them in a method: `tuned_values(scenario, floor_plan)` gives for each
+parameter the values to be tried, {} for the strategy as it is; one without the method is not tried. A
+candidate is a combination; the scenario as it is is the first one.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import msgspec
+
+from automaton.errors import InputError, nearest
+from automaton.runs.console_output import ConsoleBlock
+from automaton.runs.headless import run_marked
+from automaton.runs.metric_catalogue import METRIC_CATALOGUE
+from automaton.runs.metrics import metrics_of
+from automaton.runs.process_pool import PersistentPool, Result
+from automaton.runs.report_document import Table
+from automaton.runs.simulation import Simulation
+from automaton.scenario.document import Override
+from automaton.scenario.unavailable_metrics import not_measured, warm_up_of
+from automaton.strategy import lookup
+from automaton.studies.inference.intervals import Effect, Interval, effect, mean_interval
+from automaton.studies.reports.first_page import direction_of
+from automaton.studies.sizing.sizing_session import replication_seeds
+from automaton.units import count
+from automaton.world.resolve import Resolved, resolve
+
+TUNED_LAYERS: Final = ("right_of_way", "allocation")
+Choice = dict[str, Any]  # a strategy as scenarios write it: {name: NAME, ...parameters}
+
+
+class TunedScenario(NamedTuple):
+    """A scenario with a strategy for each of the layers."""
+
+    choices: tuple[Choice, ...]  # by TUNED_LAYERS
+    resolved: Resolved
+
+    @property
+    def settings(self) -> list[str]:
+        """What --set makes it of the scenario."""
+        pairs = zip(TUNED_LAYERS, self.choices, strict=True)
+        return [f"strategy.{layer}={json.dumps(choice)}" for layer, choice in pairs]
+
+
+class TunedScenarios(NamedTuple):
+    """All candidates of a scenario, and what it refuses."""
+
+    candidates: tuple[TunedScenario, ...]  # first the scenario as it is
+    left_out: tuple[str, ...]  # a sentence for each reason
+
+
+def candidates_of(
+    scenario: str | Path, settings: Sequence[str | Override], seed: int | None = None
+) -> TunedScenarios:
+    """The candidates of a scenario. Raises InputError for one that cannot be run as it is."""
+    own = resolve(scenario, settings, seed)
+    candidates = [TunedScenario(tuple(own_choice(own, layer) for layer in TUNED_LAYERS), own)]
+    known, reasons = [played(own)], dict[str, None]()
+    for choices in itertools.product(*(list(options(own, layer)) for layer in TUNED_LAYERS)):
+        changes = [
+            Override(f"strategy.{layer}", ("strategy", layer), choice)
+            for layer, choice in zip(TUNED_LAYERS, choices, strict=True)
+        ]
+        try:
+            resolved = resolve(scenario, (*settings, *changes), seed)
+        except InputError as error:
+            reasons[error.message] = None
+            continue
+        if played(resolved) not in known:
+            known.append(played(resolved))
+            candidates.append(TunedScenario(choices, resolved))
+    return TunedScenarios(tuple(candidates), tuple(reasons))
+
+
+def options(own: Resolved, layer: str) -> Iterator[Choice]:
+    """Every strategy of a layer that declares values worth trying, with each combination of them."""
+    for name in lookup.names(layer):
+        kind: Any = lookup.parameters_type(layer, name)
+        if not hasattr(kind, "tuned_values"):
+            continue
+        usual = kind()
+        values = usual.tuned_values(own.scenario, own.floor_plan)
+        for combination in itertools.product(*values.values()):
+            pairs = zip(values, combination, strict=True)
+            yield {"name": name} | {key: one for key, one in pairs if one != getattr(usual, key)}
+
+
+def own_choice(resolved: Resolved, layer: str) -> Choice:
+    """The strategy of a layer that a scenario has itself, as scenarios write it."""
+    spec = msgspec.to_builtins(getattr(resolved.scenario.strategy, layer))
+    return dict(spec) if isinstance(spec, dict) else {"name": spec}
+
+
+def played(resolved: Resolved) -> list[tuple[str, Any]]:
+    """What two candidates differ in."""
+    chosen = (resolved.strategies[layer] for layer in TUNED_LAYERS)
+    return [(one.name, one.parameters) for one in chosen]
+
+
+def in_words(choice: Choice) -> str:
+    """A strategy as a table shows it: "epibt, guidance lattice"."""
+    parameters = (f"{key} {value}" for key, value in choice.items() if key != "name")
+    return ", ".join((str(choice["name"]), *parameters))
+
+
+# Successive elimination: rounds of paired runs, after each of which the best third goes on.
+#
+# Each round has seeds of its own, the same for all candidates: they meet the same demand. Runs of a
+# scenario that never ends are shorter in early rounds. What is left in the end is run against the
+# scenario as it is with further seeds, so that what chose the winner says nothing of how good it is.
+# Effort is counted in runs, never in time; the answer depends on the budget and the seed alone.
+
+
+ELIMINATION_FACTOR: Final = 3  # of so many candidates one goes on to the next round
+FULL_ROUNDS: Final = 2  # the last ones; each before them has runs of half the length,
+MIN_LENGTH: Final = 0.25  # and at least this share of it
+MIN_PAIRS: Final = 5  # of the winner and the scenario as it is
+
+
+class TuningRound(NamedTuple):
+    """What a round is to take."""
+
+    candidates: int
+    runs: int  # of each candidate
+    length: float  # of a run, as a share
+
+
+class RunPlan(NamedTuple):
+    """What a budget of runs is spent on."""
+
+    rounds: tuple[TuningRound, ...]
+    pairs: int  # of the winner and the scenario as it is
+
+
+@dataclass
+class Standing:
+    """What is known of a candidate."""
+
+    number: int
+    last_round: int = 0  # in which it was run, from 1
+    runs: int = 0
+    mean: float = math.nan  # of the metric in that round
+    place: int = 0  # after it, from 1
+
+
+@dataclass
+class Tuned:
+    """The answer."""
+
+    metric: str
+    budget: int
+    seed: int
+    standings: list[Standing] = field(default_factory=list)  # the best first
+    spent: int = 0
+    winner: Interval | None = None  # its mean, in runs of their own
+    own: Interval | None = None  # that of the scenario as it is
+    gain: Effect | None = None  # of the winner; None where that is the scenario as it is
+    unfinished: int = 0  # of the last pairs, those in which a run did not finish
+
+
+def measure(simulation: Simulation) -> dict[str, float | int]:
+    """Run to the end; the metrics after the warm-up."""
+    return metrics_of(simulation, run_marked(simulation).warm_up)
+
+
+def check_metric(metric: str | None, own: Resolved) -> str:
+    """The metric that decides: the one asked for, else throughput or, of runs that end, makespan.
+
+    Raises InputError.
+    """
+    ends = own.scenario.stop.when != "never"
+    if metric is None:
+        return "makespan" if ends else "throughput"
+    if metric not in METRIC_CATALOGUE:
+        hint = nearest(metric, METRIC_CATALOGUE) or f"; there are {', '.join(METRIC_CATALOGUE)}"
+        raise InputError(f"--metric: no metric is called '{metric}'{hint}")
+    if metric == "makespan" and not ends:
+        raise InputError("--metric: runs end at a given tick, so makespan is the same for all")
+    if need := not_measured(own.scenario).get(metric):
+        raise InputError(f"--metric: this scenario does not measure {metric}; it takes {need}")
+    if direction_of(metric) is None:
+        raise InputError(f"--metric: neither more nor less of {metric} is better")
+    return metric
+
+
+def make_plan(candidates: int, budget: int, ends: bool) -> RunPlan:
+    """What so many runs are spent on. Raises InputError for a budget that is too small."""
+    sizes = [candidates]
+    while sizes[-1] > 1:
+        sizes.append(math.ceil(sizes[-1] / ELIMINATION_FACTOR))
+    sizes = sizes[:-1]
+    least = sum(sizes) + 2 * MIN_PAIRS
+    if budget < least:
+        raise InputError(
+            f"--budget {budget:,}: {candidates} candidates take {least:,} runs at least"
+        )
+    left = budget - max(2 * MIN_PAIRS, min(budget // 4, budget - sum(sizes)))
+    rounds = []
+    for number, size in enumerate(sizes):
+        rest = len(sizes) - number
+        share = max(size, min(left - sum(sizes[number + 1 :]), left // rest))
+        shorter = 0 if ends else max(0, rest - FULL_ROUNDS)
+        rounds.append(TuningRound(size, share // size, max(MIN_LENGTH, 0.5**shorter)))
+        left -= share // size * size
+    spent = sum(one.candidates * one.runs for one in rounds)
+    return RunPlan(tuple(rounds), (budget - spent) // 2)
+
+
+def tune(
+    known: TunedScenarios,
+    metric: str,
+    budget: int,
+    pool: PersistentPool,
+    on_round: Callable[[TuningRound, int], None] = lambda now, spent: None,
+) -> Tuned:
+    """Find the candidate with the best mean of a metric; `on_round` is called before each round."""
+    own = known.candidates[0].resolved
+    ends = own.scenario.stop.when != "never"
+    plan = make_plan(len(known.candidates), budget, ends)
+    tuned = Tuned(metric, budget, own.scenario.seed)
+    left = [Standing(number) for number in range(len(known.candidates))]
+    first = 0  # replication of the round
+    for number, now in enumerate(plan.rounds, start=1):
+        on_round(now, tuned.spent)
+        scenarios = [shortened(known.candidates[one.number].resolved, now.length) for one in left]
+        seeds = replication_seeds(tuned.seed, first, now.runs)
+        results = pool.run([(one, seed) for one in scenarios for seed in seeds])
+        for place, one in enumerate(left):
+            runs = results[place * now.runs : (place + 1) * now.runs]
+            one.last_round, one.runs = number, one.runs + now.runs
+            one.mean = mean_of(runs, metric)
+        left.sort(key=lambda one: (rank(one.mean, metric), one.number))
+        remaining = math.ceil(now.candidates / ELIMINATION_FACTOR)
+        tuned.standings[:0] = left[remaining:]
+        left = left[:remaining]
+        tuned.spent += now.candidates * now.runs
+        first += now.runs
+    tuned.standings[:0] = left
+    on_round(TuningRound(2, plan.pairs, 1.0), tuned.spent)
+    compare(tuned, known, replication_seeds(tuned.seed, first, plan.pairs), pool)
+    return tuned
+
+
+def shortened(resolved: Resolved, share: float) -> Resolved:
+    """The scenario with runs of a share of their length, after the warm-up."""
+    scenario = resolved.scenario
+    if share == 1:
+        return resolved
+    warm_up, limit = warm_up_of(scenario), scenario.stop.max_duration
+    ticks = warm_up + max(1, round(share * (limit - warm_up)))
+    stop = msgspec.structs.replace(scenario.stop, max_duration=ticks)
+    return replace(resolved, scenario=msgspec.structs.replace(scenario, stop=stop))
+
+
+def mean_of(runs: Sequence[Result], metric: str) -> float:
+    """The mean of a metric; NaN if a run did not finish, or did not measure it."""
+    if not all(run.finished and metric in run.metrics for run in runs):
+        return math.nan
+    return math.fsum(run.metrics[metric] for run in runs) / len(runs)
+
+
+def rank(mean: float, metric: str) -> float:
+    """What the best candidate has least of."""
+    if math.isnan(mean):
+        return math.inf
+    return -mean if direction_of(metric) == "highest" else mean
+
+
+def compare(
+    tuned: Tuned, known: TunedScenarios, seeds: Sequence[int], pool: PersistentPool
+) -> None:
+    """Run the winner and the scenario as it is, with the same seeds."""
+    best = tuned.standings[0].number
+    both = [known.candidates[number].resolved for number in dict.fromkeys((best, 0))]
+    results = pool.run([(one, seed) for one in both for seed in seeds])
+    tuned.spent += len(results)
+    pairs = [results[place :: len(seeds)] for place in range(len(seeds))]
+    metric = tuned.metric
+    measured = [pair for pair in pairs if not math.isnan(mean_of(pair, metric))]
+    tuned.unfinished = len(pairs) - len(measured)
+    if len(measured) < 2:
+        return
+    values = [[float(run.metrics[metric]) for run in runs] for runs in zip(*measured, strict=True)]
+    tuned.winner, tuned.own = mean_interval(values[0]), mean_interval(values[-1])
+    if best != 0:
+        tuned.gain = effect(values[0], values[1], paired=True)
+
+
+# Report on tuned settings: a table, one object as JSON, a file of settings.
+
+
+TABLE_HEADS = ("place", "round", "runs", "mean", "right of way; allocation")
+
+
+def report_blocks(tuned: Tuned, known: TunedScenarios) -> Iterator[ConsoleBlock]:
+    """The report, from top to bottom."""
+    scenario, metric = known.candidates[0].resolved.scenario, tuned.metric
+    better = "more" if direction_of(metric) == "highest" else "less"
+    yield (
+        f"{scenario.name}, seed {tuned.seed}: {count(len(known.candidates), 'candidate')}, "
+        f"{count(tuned.spent, 'run')} of at most {tuned.budget:,}, by {metric} "
+        f"({METRIC_CATALOGUE[metric][0]}; {better} is better)"
+    )
+    for reason in known.left_out:
+        yield f"left out: {reason}"
+    yield ""
+    yield Table(TABLE_HEADS, list(rows(tuned, known)), left=0, also_left=(4,), folded=True)
+    yield "round: the last one in which it was run; means of different rounds are of different runs"
+    yield conclusion(tuned)
+    for setting in known.candidates[tuned.standings[0].number].settings:
+        yield f"  --set '{setting}'"
+
+
+def rows(tuned: Tuned, known: TunedScenarios) -> Iterator[list[str]]:
+    """A row for each candidate, the best first."""
+    for place, one in enumerate(tuned.standings, start=1):
+        choices = "; ".join(map(in_words, known.candidates[one.number].choices))
+        mean = "unfinished" if math.isnan(one.mean) else shown(one.mean)
+        as_it_is = "" if one.number else " (as it is)"
+        yield [f"{place}", f"{one.last_round}", f"{one.runs}", mean, choices + as_it_is]
+
+
+def conclusion(tuned: Tuned) -> str:
+    """What the last runs say of the winner."""
+    if tuned.winner is None or tuned.own is None:
+        return f"Runs did not finish in {tuned.unfinished} of the last pairs: no interval is known"
+    runs = f"{count(tuned.winner.n, 'run')} with seeds of their own, 95 %"
+    if tuned.gain is None:
+        return f"The best is the scenario as it is: {tuned.metric} {with_ends(tuned.own)}, {runs}"
+    by = with_ends(tuned.gain.difference)
+    low, high = tuned.gain.difference.low, tuned.gain.difference.high
+    is_shown = low is not None and high is not None and (low > 0 or high < 0)
+    head = "The best" if is_shown else "Not shown to be better than the scenario as it is"
+    text = f"{head}: {tuned.metric} {with_ends(tuned.winner)}, as it is {with_ends(tuned.own)}; "
+    if tuned.gain.relative is not None:
+        by += f", {100 * tuned.gain.relative.value:+,.1f} %"
+    return f"{text}difference {by}; {runs}"
+
+
+def with_ends(interval: Interval) -> str:
+    """A mean with the ends of its interval."""
+    if interval.low is None or interval.high is None:
+        return shown(interval.value)
+    return f"{shown(interval.value)} ({shown(interval.low)} to {shown(interval.high)})"
+
+
+def shown(value: float) -> str:
+    """A number with four digits, or all before the point."""
+    return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.4g}"
+
+
+def as_json(tuned: Tuned, known: TunedScenarios) -> dict[str, Any]:
+    """Everything, as one object."""
+    gain = tuned.gain
+    return {
+        "scenario": known.candidates[0].resolved.scenario.name,
+        "seed": tuned.seed,
+        "metric": tuned.metric,
+        "budget": tuned.budget,
+        "spent": tuned.spent,
+        "left_out": list(known.left_out),
+        "candidates": [
+            {
+                "strategy": best_choices(known, one.number),
+                "as_it_is": one.number == 0,
+                "round": one.last_round,
+                "runs": one.runs,
+                "mean": None if math.isnan(one.mean) else one.mean,
+            }
+            for one in tuned.standings
+        ],
+        "winner": ends_of(tuned.winner),
+        "as_it_is": ends_of(tuned.own),
+        "difference": None if gain is None else ends_of(gain.difference),
+        "relative": None if gain is None else ends_of(gain.relative),
+        "unfinished": tuned.unfinished,
+    }
+
+
+def ends_of(interval: Interval | None) -> dict[str, Any] | None:
+    """An interval as JSON has it."""
+    if interval is None:
+        return None
+    return {"value": interval.value, "low": interval.low, "high": interval.high, "n": interval.n}
+
+
+def best_choices(known: TunedScenarios, number: int) -> dict[str, Choice]:
+    """The strategies of a candidate, by layer."""
+    return dict(zip(TUNED_LAYERS, known.candidates[number].choices, strict=True))
+
+
+def settings_file(tuned: Tuned, known: TunedScenarios) -> str:
+    """The winner as a file for `--set @FILE`."""
+    best = best_choices(known, tuned.standings[0].number)
+    lines = [f"  {layer}: {json.dumps(choice)}" for layer, choice in best.items()]
+    name = known.candidates[0].resolved.scenario.name
+    return "\n".join((f"# {name}: {conclusion(tuned)}", "strategy:", *lines, ""))

@@ -13,8 +13,7 @@ import numpy as np
 
 from automaton.bench.measurement import EXPONENT, MS, US, Measurement, Sample, cpu_seconds, slope
 from automaton.engine.robot_states import BATTERY_FULL
-from automaton.papers.auctions.auction_floor import empty
-from automaton.papers.auctions.auction_trials import AGAIN, METHODS, Instance, Method
+from automaton.papers.auction_trials import AGAIN, METHODS, Instance, Method, empty
 from strategies.allocation.auction import bundles, metaheuristics, quotes
 from strategies.allocation.auction.bundles import bundles_for, generations, population_for
 from strategies.allocation.auction.market import (

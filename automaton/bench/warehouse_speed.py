@@ -9,8 +9,7 @@ import numpy as np
 from automaton.bench.measurement import NS_PER_ROBOT_AND_TICK, US, Measurement, Sample, cpu_seconds
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import LAYER_ROUTING, NIL, Array, Grid, Memory, Workspace, World
-from automaton.papers.traffic.traffic_network import SCENARIO
-from automaton.papers.traffic.traffic_trials import exact, tasks_of, warehouse
+from automaton.papers.traffic_trials import SCENARIO, exact, tasks_of, warehouse
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
 from strategies.routing.astar import FIFO, LARGER_G, RouteSpace, astar, search, write_steps

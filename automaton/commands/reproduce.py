@@ -75,8 +75,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run all cases, judge the claims, report."""
-    from automaton.papers.published_tables import find
-    from automaton.papers.reproduction_study import reproduce
+    from automaton.papers.reproduction_study import find, reproduce
 
     for option, value in (("--seeds", args.seeds), ("--workers", args.workers)):
         if value is not None and value < 1:
@@ -102,7 +101,7 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print_json(as_json(reproduced, judged))
     elif args.tables is None:
-        from automaton.papers.first_screen import print_first_screen
+        from automaton.papers.claim_report import print_first_screen
 
         print_first_screen(reproduced, judged)
     else:

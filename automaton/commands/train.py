@@ -22,8 +22,7 @@ from automaton.commands.arguments import (
     progress_bar,
 )
 from automaton.errors import InputError, alternatives, nearest
-from automaton.papers.training.prediction_metrics import METRICS
-from automaton.papers.training.training_settings import LOSSES, WEIGHTINGS, Settings
+from automaton.papers.training_settings import LOSSES, METRICS, WEIGHTINGS, Settings
 
 NAMES = ("traffic",)
 PAPER = "warehouse-100"
@@ -94,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
     if args.out is not None:
         check_place(args.out)
     part("sklearn" if mode == "classifiers" else "torch")
-    training = importlib.import_module("automaton.papers.training.training_sessions")
+    training = importlib.import_module("automaton.papers.training_sessions")
     session = training.Session.of(args.scenario, args.settings, settings)
     with progress() as told:
         if mode == "network":
@@ -108,9 +107,7 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print_json(outcome)
     else:
-        importlib.import_module("automaton.papers.training.training_report").print_outcome(
-            mode, outcome
-        )
+        importlib.import_module("automaton.papers.training_report").print_outcome(mode, outcome)
     return 0
 
 

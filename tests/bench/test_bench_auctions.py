@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from automaton.bench import auction_speed
-from automaton.papers.auctions.auction_trials import METHODS
+from automaton.papers.auction_trials import METHODS
 from strategies.allocation.auction.market import (
     INF_COST,
     POLICY_HIERARCHICAL,

@@ -9,7 +9,7 @@ import numpy as np
 from reference_charging import Situation
 
 from automaton.engine.robot_states import BATTERY_FULL
-from automaton.papers.auctions.auction_floor import seconds
+from automaton.papers.auction_trials import seconds
 from layouts.depots import NEEDED, OPTIONAL, metres
 from strategies.allocation.auction import quotes
 from strategies.allocation.auction.market import (

@@ -8,9 +8,9 @@ from functools import cache
 
 import pytest
 
-from automaton.papers.auctions import auction_trials
-from automaton.papers.auctions.auction_charging import charging_costs
-from automaton.papers.auctions.auction_trials import (
+from automaton.papers import auction_trials
+from automaton.papers.auction_charging import charging_costs
+from automaton.papers.auction_trials import (
     MOST_TASKS,
     OPTIMUM,
     ratio,

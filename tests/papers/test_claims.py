@@ -13,8 +13,7 @@ from rich.console import Console
 
 from automaton.papers.claim_report import bounds, evidence, panel_table
 from automaton.papers.claims import Claim, Figure, Judged, Quantity, judge, mean_of
-from automaton.papers.published_tables import find
-from automaton.papers.reproduction_study import Case, MadeTable, Table
+from automaton.papers.reproduction_study import Case, MadeTable, Table, find
 from automaton.runs.console_output import rich_table
 from automaton.studies.inference.proportions import exact_share
 

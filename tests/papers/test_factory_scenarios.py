@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from automaton.papers.zoning.zoning_runs import completed
+from automaton.papers.zoning_runs import completed
 from automaton.runs.simulation import Simulation
 from automaton.units import unit
 from automaton.world.resolve import resolve

@@ -9,16 +9,16 @@ from collections.abc import Iterator
 
 import pytest
 
-from automaton.papers.claim_report import premise_blocks
-from automaton.papers.first_screen import first_screen
-from automaton.papers.published_tables import REPRODUCTIONS, find
+from automaton.papers.claim_report import first_screen, premise_blocks
 from automaton.papers.reproduction_study import (
+    REPRODUCTIONS,
     Key,
     MadeTable,
     Repetition,
     Reproduced,
     Reproduction,
     Table,
+    find,
 )
 from automaton.runs.console_output import console, print_blocks
 

@@ -7,16 +7,17 @@ import pytest
 from hypothesis import given
 from hypothesis.extra.numpy import arrays
 
-from automaton.papers.training.prediction_metrics import (
+from automaton.papers.training_report import PRINTED, monitored
+from automaton.papers.training_settings import (
     METRICS,
     Counts,
     counts,
+    first_bias,
     mcc,
     measured,
+    sample_weights,
     subset_accuracy,
 )
-from automaton.papers.training.training_settings import first_bias, sample_weights
-from automaton.papers.training.training_tables import PRINTED, monitored
 
 
 def answers(*rows: str) -> np.ndarray:

@@ -14,8 +14,7 @@ import pytest
 from shared_fixture import shared_fixture
 
 from automaton.commands import main
-from automaton.papers.auctions.auction_pictures import drawing, pictures, route
-from automaton.papers.auctions.auction_study import (
+from automaton.papers.auction_study import (
     CHARGING,
     EFFORTS,
     EFFORTS_BY_ROBOTS,
@@ -24,6 +23,7 @@ from automaton.papers.auctions.auction_study import (
     REPRODUCTION,
     ROLLING,
 )
+from automaton.papers.auction_trials import drawing, pictures, route
 from automaton.papers.claim_report import evidence
 from automaton.papers.claims import judge
 from automaton.papers.reproduction_study import MadeTable, Reproduced, Table
@@ -211,7 +211,7 @@ def test_the_report_shows_steps_pictures_and_standard_errors(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "automaton.papers.auctions.auction_study.REPRODUCTION",
+        "automaton.papers.auction_study.REPRODUCTION",
         dataclasses.replace(REPRODUCTION, tables=(EXAMPLE, EFFORTS, HORIZON)),
     )
     assert main(["reproduce", "auctions", "--seeds", "2", "--tables"]) == 0

@@ -8,7 +8,8 @@ import pytest
 
 from automaton.commands import main
 from automaton.errors import InputError
-from automaton.papers.auctions.living_auctions import (
+from automaton.papers.claims import judge
+from automaton.papers.living_auctions import (
     CHARGING,
     KINDS,
     LAST_FAILURE,
@@ -20,9 +21,7 @@ from automaton.papers.auctions.living_auctions import (
     with_failure,
     with_lines,
 )
-from automaton.papers.claims import judge
-from automaton.papers.published_tables import find
-from automaton.papers.reproduction_study import Reproduced, reproduce
+from automaton.papers.reproduction_study import Reproduced, find, reproduce
 from automaton.runs.metrics import metrics_of
 from automaton.runs.process_pool import run_jobs
 from automaton.runs.simulation import Simulation

@@ -7,9 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from automaton.papers.published_tables import find
-from automaton.papers.reproduction_study import ScenarioCase, scenario_runs
-from automaton.papers.traffic.traffic_fleet import (
+from automaton.papers.reproduction_study import ScenarioCase, find, scenario_runs
+from automaton.papers.traffic_fleet import (
     A_STAR,
     AVOIDANCE,
     CHANCE,

@@ -12,8 +12,8 @@ import pytest
 from automaton.commands import main
 from automaton.errors import InputError
 from automaton.exchange.problem import connected_parts
-from automaton.papers.fleets import fleet_study
-from automaton.papers.fleets.fleet_study import (
+from automaton.papers import fleet_study
+from automaton.papers.fleet_study import (
     GENERATED_ROBOTS,
     REPRODUCTION,
     best_known,

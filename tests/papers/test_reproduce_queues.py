@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from automaton.papers.queues import queue_study
-from automaton.papers.queues.queue_study import EXPONENTIAL, FIXED, LOGNORMAL, exact_wait, waits
+from automaton.papers import queue_study
+from automaton.papers.queue_study import EXPONENTIAL, FIXED, LOGNORMAL, exact_wait, waits
 from automaton.papers.reproduction_study import RunCase
 
 

@@ -20,8 +20,7 @@ from automaton.commands import main
 from automaton.errors import InputError
 from automaton.papers.claim_report import evidence
 from automaton.papers.claims import Claim, Figure, judge
-from automaton.papers.published_tables import REPRODUCTIONS, find
-from automaton.papers.reproduction_study import Reproduced, reproduce
+from automaton.papers.reproduction_study import REPRODUCTIONS, Reproduced, find, reproduce
 from automaton.papers.tabletop_study import (
     REPRODUCTION,
     T_R,

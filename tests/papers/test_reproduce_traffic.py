@@ -16,8 +16,8 @@ import pytest
 from automaton.commands import main
 from automaton.papers.claims import JudgedClaim, judge
 from automaton.papers.reproduction_study import Reproduced, Row, reproduce
-from automaton.papers.traffic.traffic_study import CLAIMS, PLAIN, READINGS, REPRODUCTION
-from automaton.papers.traffic.traffic_trials import (
+from automaton.papers.traffic_study import CLAIMS, PLAIN, READINGS, REPRODUCTION
+from automaton.papers.traffic_trials import (
     ROBOTS,
     TRIALS,
     Setting,

@@ -16,10 +16,8 @@ from shared_fixture import shared_fixture
 
 from automaton.commands import main
 from automaton.papers.claims import Claim, JudgedClaim, judge
-from automaton.papers.published_tables import find
-from automaton.papers.reproduction_study import MadeTable, Reproduced, reproduce, tables_named
-from automaton.papers.zoning.zoning_balance import run_watched
-from automaton.papers.zoning.zoning_cases import (
+from automaton.papers.reproduction_study import MadeTable, Reproduced, find, reproduce, tables_named
+from automaton.papers.zoning_runs import (
     DDZ,
     FIXED,
     FIXED_DDZ,
@@ -28,23 +26,25 @@ from automaton.papers.zoning.zoning_cases import (
     GA_PRINTED,
     MANY,
     NO_SHARING,
+    PAIRS,
     PRINTED,
+    PUBLISHED,
     REFERENCE,
     SA,
     SETTINGS,
-    printed,
-)
-from automaton.papers.zoning.zoning_evenness import PAIRS, SMALLER, evenness, placements
-from automaton.papers.zoning.zoning_runs import (
-    PUBLISHED,
+    SMALLER,
     completed,
     curve,
     curve_hours,
     curve_text,
+    evenness,
     first_legs,
+    placements,
     point,
+    printed,
+    run_watched,
 )
-from automaton.papers.zoning.zoning_study import CLAIMS, beside_reference, further
+from automaton.papers.zoning_study import CLAIMS, beside_reference, further
 from automaton.runs.process_pool import run_jobs
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve

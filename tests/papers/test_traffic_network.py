@@ -7,18 +7,15 @@ import pytest
 
 from automaton.papers.claim_report import evidence
 from automaton.papers.claims import judge
-from automaton.papers.published_tables import find
-from automaton.papers.reproduction_study import MadeTable, Reproduced
-from automaton.papers.traffic.traffic_network import DEPTHS as DEPTH_TABLE
-from automaton.papers.traffic.traffic_network import TABLES_1_TO_4, network, stored
-from automaton.papers.traffic.traffic_study import CLAIMS
-from automaton.papers.traffic.traffic_trials import tasks_of, warehouse
-from automaton.papers.training.depths import HIDDEN, constant_loss
-from automaton.papers.training.depths import LOSSES as DEPTHS
-from automaton.papers.training.leg_samples import legs_of, site_of
-from automaton.papers.training.prediction_metrics import measured
-from automaton.papers.training.training_settings import LOSSES, Settings
-from automaton.papers.training.training_tables import COLUMNS, PRINTED, from_json
+from automaton.papers.reproduction_study import MadeTable, Reproduced, find
+from automaton.papers.traffic_study import CLAIMS
+from automaton.papers.traffic_trials import DEPTHS as DEPTH_TABLE
+from automaton.papers.traffic_trials import TABLES_1_TO_4, network, stored, tasks_of, warehouse
+from automaton.papers.training import legs_of, site_of
+from automaton.papers.training_report import COLUMNS, PRINTED, from_json
+from automaton.papers.training_sessions import DEPTH_LOSSES as DEPTHS
+from automaton.papers.training_sessions import HIDDEN, constant_loss
+from automaton.papers.training_settings import LOSSES, Settings, measured
 from automaton.world.resolve import resolve
 from strategies.routing.routing_parameters import (
     floor_fingerprint,

@@ -10,7 +10,7 @@ import pytest
 from automaton.engine.state import Array
 from automaton.floor.cells import RACK
 from automaton.floor.floor_plan import FloorPlan
-from automaton.papers.traffic.traffic_trials import (
+from automaton.papers.traffic_trials import (
     ROBOTS,
     Setting,
     exact,

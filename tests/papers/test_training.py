@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 
 from automaton.commands import main
-from automaton.papers.training.depths import HIDDEN, constant_loss
-from automaton.papers.training.depths import LOSSES as DEPTHS
-from automaton.papers.training.leg_samples import Data, Legs, site_of, unseen
-from automaton.papers.training.prediction_metrics import measured
-from automaton.papers.training.training_settings import LOSSES, Settings, first_bias
-from automaton.papers.training.training_tables import PRINTED, from_json
+from automaton.papers.training import Data, Legs, site_of, unseen
+from automaton.papers.training_report import PRINTED, from_json
+from automaton.papers.training_sessions import DEPTH_LOSSES as DEPTHS
+from automaton.papers.training_sessions import HIDDEN, constant_loss
+from automaton.papers.training_settings import LOSSES, Settings, first_bias, measured
 from automaton.world.resolve import resolve
 from strategies.routing.routing_parameters import (
     ZoneNetwork,
@@ -53,7 +52,7 @@ def tiny(tmp_path):
 
 
 def trained(legs, settings, **options):
-    from automaton.papers.training.training import train
+    from automaton.papers.training import train
 
     return train(legs, settings, **options)
 
@@ -111,7 +110,7 @@ AT_THREE_QUARTERS = {
 @pytest.mark.parametrize("weight", [1.0, 5.0])
 @pytest.mark.parametrize("name", LOSSES)
 def test_losses_and_their_slopes_are_those_of_the_formulas(torch, name, weight):
-    from automaton.papers.training.training import mean_loss
+    from automaton.papers.training import mean_loss
 
     for y, (loss, slope) in enumerate(AT_THREE_QUARTERS[name]):
         logit = torch.tensor([[math.log(3)]], dtype=torch.float64, requires_grad=True)
@@ -124,7 +123,7 @@ def test_losses_and_their_slopes_are_those_of_the_formulas(torch, name, weight):
 
 
 def test_the_printed_hinge_has_no_slope_where_a_zone_is_not_touched(torch):
-    from automaton.papers.training.training import mean_loss
+    from automaton.papers.training import mean_loss
 
     logit = torch.linspace(-20, 20, 401, dtype=torch.float64, requires_grad=True)
     mean_loss("hinge", logit, torch.zeros(401, dtype=torch.float64), (1.0, 1.0)).backward()
@@ -180,7 +179,7 @@ def test_training_ends_when_the_loss_does_not_fall(torch):
 
 
 def test_a_network_of_bias_alone_starts_at_the_share_of_touched_zones(torch):
-    from automaton.papers.training.training import first_layers
+    from automaton.papers.training import first_layers
 
     touched = made_up_legs().touched
     layers = first_layers(12, first_bias(touched), torch.Generator(), 3)
@@ -208,7 +207,7 @@ def test_the_command_writes_a_network_for_its_floor(torch, tiny, tmp_path, capsy
 
 
 def test_a_training_that_is_broken_off_leaves_no_file(torch, tiny, tmp_path, monkeypatch, capsys):
-    from automaton.papers.training import training
+    from automaton.papers import training
 
     def interrupt(*_):
         raise KeyboardInterrupt
@@ -255,7 +254,7 @@ def test_a_constant_answer_has_this_loss_at_least(loss, least):
 
 def test_other_classifiers_learn_the_same_legs():
     pytest.importorskip("sklearn", reason="the extra `learn` is not installed")
-    from automaton.papers.training.classifiers import try_classifiers
+    from automaton.papers.training_sessions import try_classifiers
 
     legs, fresh = made_up_legs(), made_up_legs(seed=2)
     data = Data(legs, fresh, fresh.some(unseen(fresh, legs)))

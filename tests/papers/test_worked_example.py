@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from automaton.papers.auctions.auction_example import bids_for, steps, winner
-from automaton.papers.auctions.auction_floor import PERCENT
+from automaton.papers.auction_trials import PERCENT, bids_for, steps, winner
 
 
 def test_robot_1_needs_no_charging() -> None:

@@ -18,7 +18,7 @@ from automaton.commands import main
 from automaton.engine.state import LAYER_ROUTING, NIL, Array
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.traffic_zones import MODES
-from automaton.papers.traffic.traffic_trials import ROBOTS, tasks_of, warehouse
+from automaton.papers.traffic_trials import ROBOTS, tasks_of, warehouse
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.scenario.document import read, shipped

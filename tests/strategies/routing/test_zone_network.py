@@ -9,8 +9,8 @@ from random_networks import random_network
 
 from automaton.engine.state import NIL
 from automaton.errors import InputError
-from automaton.papers.training.leg_samples import legs_of, members, site_of, unseen
-from automaton.papers.training.prediction_metrics import measured
+from automaton.papers.training import legs_of, members, site_of, unseen
+from automaton.papers.training_settings import measured
 from automaton.world.building import build_world
 from automaton.world.resolve import resolve
 from strategies.routing import routing_parameters as networks

@@ -15,16 +15,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from automaton.papers.claims import (
-    Claim,
-    Figure,
-    Mean,
-    Quantity,
-    above,
-    below,
-    claim,
-    mean_of,
-)
+from automaton.papers.claims import Claim, Figure, Mean, Quantity, above, below, claim, mean_of
 from automaton.papers.reproduction_study import (
     Case,
     Headline,
@@ -34,8 +25,16 @@ from automaton.papers.reproduction_study import (
     each_seed,
     fixed,
 )
-from automaton.papers.traffic.traffic_network import DEPTHS, TABLES_1_TO_4, network
-from automaton.papers.traffic.traffic_trials import TRIALS, Setting, exact, noisy, run_seed
+from automaton.papers.traffic_trials import (
+    DEPTHS,
+    TABLES_1_TO_4,
+    TRIALS,
+    Setting,
+    exact,
+    network,
+    noisy,
+    run_seed,
+)
 
 A_STAR: Final = "A*"
 AVOIDANCE: Final = "avoidance"

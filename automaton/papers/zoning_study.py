@@ -19,7 +19,7 @@ from automaton.papers.reproduction_study import (
     scenario_runs,
     unpublished,
 )
-from automaton.papers.zoning.zoning_cases import (
+from automaton.papers.zoning_runs import (
     DDZ,
     DROPS,
     FREE,
@@ -35,19 +35,20 @@ from automaton.papers.zoning.zoning_cases import (
     REFERENCE,
     SA,
     SETTINGS,
-    SINGLE,
-    UNMATCHED,
-    cases_named,
-    printed,
-)
-from automaton.papers.zoning.zoning_evenness import (
     SIGMA,
+    SINGLE,
     SMALLER,
+    UNMATCHED,
     all_evenness,
+    cases_named,
+    completed,
+    curve_text,
+    curves,
     evenness_text,
+    printed,
     together,
+    travelled,
 )
-from automaton.papers.zoning.zoning_runs import completed, curve_text, curves, travelled
 
 PANELS: Final = (
     ("hours", "mean_ft", "sigma_ft"),

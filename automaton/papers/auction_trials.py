@@ -1,0 +1,497 @@
+"""The floor, batteries and fleets of De Ryck et al., ready for the kernels of auctions.
+
+Places are the positions 1..17 of the paper's figure less one; one tick is a second, robots drive 1 m/s.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from math import factorial
+from typing import Any, Final
+
+import numpy as np
+
+from automaton.engine.random_numbers import random_between
+from automaton.engine.robot_states import BATTERY_FULL
+from automaton.floor.floor_plan import FloorPlan
+from automaton.scenario.floor_section import generator_type
+from strategies.allocation.auction import bundles, metaheuristics, sequential
+from strategies.allocation.auction.bundles import bundles_for, generations, population_for
+from strategies.allocation.auction.market import (
+    BID_SCALE,
+    INF_COST,
+    POLICY_HIERARCHICAL,
+    POLICY_JOINT,
+    POLICY_NO_CHARGING,
+    Array,
+    Battery,
+    Fleet,
+    Scratch,
+    TaskCosts,
+    battery_of,
+    fleet_of,
+    scratch_for,
+    visits,
+)
+from strategies.allocation.auction.quotes import clear_counts, settle_all
+from strategies.allocation.auction.sequential import (
+    BID_MIXED,
+    WINNER_DIFFERENCE,
+    WINNER_FEWEST_BIDDERS,
+    WINNER_LOWEST_BID,
+    WINNER_REGRET,
+)
+
+PERCENT: Final = BATTERY_FULL // 100
+DEPOTS: Final = (1, 2, 3, 17, 1, 2)  # where robots 1..6 start; five and six share a depot
+STATIONS: Final = tuple(range(4, 17))
+
+
+@cache
+def seconds(lanes: str = "full") -> Array:
+    """(17, 17) int32 seconds between positions."""
+    return generator_type("depots")(lanes=lanes).metres().astype(np.int32)  # type: ignore[attr-defined, no-any-return]
+
+
+def place(position: int) -> int:
+    """The place of a position of the paper."""
+    return position - 1
+
+
+def work_of(tasks: Sequence[int], between: Array, drain: int = 0) -> TaskCosts:
+    """Tasks at these positions; drain: units per second of driving."""
+    return visits(between, between * drain, [place(task) for task in tasks])
+
+
+def rules(
+    between: Array,
+    drain: int,
+    rate: int | Sequence[tuple[int, int]],
+    chargers: Sequence[int] = (2,),
+    policy: int = POLICY_NO_CHARGING,
+    **settings: Any,
+) -> Battery:
+    """A battery; rate: units per second of charging, or the pieces of a curve."""
+    curve = ((0, rate),) if isinstance(rate, int) else tuple(rate)
+    places = [place(charger) for charger in chargers]
+    return battery_of(between.astype(np.int64) * drain, places, curve, policy=policy, **settings)
+
+
+NO_BATTERY: Final[Mapping[str, Battery]] = {
+    lanes: rules(seconds(lanes), 0, 1, ()) for lanes in ("full", "comb")
+}
+
+
+def fleet_at(
+    positions: Sequence[int], tasks: int, charge: int | Sequence[int] = BATTERY_FULL
+) -> Fleet:
+    """Robots at these positions with empty lists."""
+    return fleet_of([place(position) for position in positions], tasks, charge)
+
+
+def scratch_of(fleet: Fleet, tasks: int, chargers: int = 1) -> Scratch:
+    """Scratch for auctions of so many tasks among this fleet."""
+    robots, longest = fleet.order.shape
+    return scratch_for(robots, tasks, longest, chargers)
+
+
+def give(fleet: Fleet, robot: int, tasks: Sequence[int]) -> None:
+    """Make these tasks, by number, the robot's list."""
+    fleet.order[robot, : len(tasks)] = tasks
+    fleet.length[robot] = len(tasks)
+
+
+def empty(task_costs: TaskCosts, battery: Battery, fleet: Fleet, scratch: Scratch) -> None:
+    """Take all tasks off all lists."""
+    fleet.length[:] = 0
+    settle_all(task_costs, battery, fleet, scratch)
+
+
+def listed(fleet: Fleet, robot: int) -> list[int]:
+    """The tasks of a robot by number."""
+    found: list[int] = fleet.order[robot, : fleet.length[robot]].tolist()
+    return found
+
+
+# Section 5.1 of De Ryck et al.: task sets, and what each method makes of them.
+#
+# A task set of a seed: stations without repetition, the first n of a shuffle that is drawn for each
+# n; the same for every method, number of robots and floor. Makespans are in seconds; with epsilon,
+# the objective epsilon x sum + (1 - epsilon) x longest.
+
+
+STREAM_TASK_SETS = 14  # of random draws; each stream has a number of its own
+
+MOST_TASKS: Final = 10
+OPTIMUM: Final = "optimum"
+AGAIN: Final = "LB, all bid again"  # the same lists, with more work
+
+
+@cache
+def task_set(seed: int, n: int, number: int = 0) -> tuple[int, ...]:
+    """n stations, drawn without repetition: the first n of a Fisher-Yates shuffle."""
+    left = list(STATIONS)
+    address = number * (MOST_TASKS + 1) + n
+    with np.errstate(over="ignore"):
+        for i in range(n):
+            j = random_between(i, len(left) - 1, np.uint64(seed), STREAM_TASK_SETS, address, i)
+            left[i], left[int(j)] = left[int(j)], left[i]
+    return tuple(left[:n])
+
+
+@dataclass(frozen=True)
+class Instance:
+    """A task set and robots with empty lists."""
+
+    task_costs: TaskCosts
+    battery: Battery
+    fleet: Fleet
+    scratch: Scratch
+    items: Array
+    epsilon: int
+    seed: int
+
+    @property
+    def market(self) -> tuple[TaskCosts, Battery, Fleet, Scratch]:
+        return self.task_costs, self.battery, self.fleet, self.scratch
+
+    @property
+    def robots(self) -> int:
+        return len(self.fleet.place)
+
+    @property
+    def tasks(self) -> int:
+        return len(self.items)
+
+
+def instance(lanes: str, robots: int, n: int, seed: int, epsilon: int = 0) -> Instance:
+    """The task set of a seed and so many robots, each at its depot."""
+    task_costs = work_of(task_set(seed, n), seconds(lanes))
+    fleet = fleet_at(DEPOTS[:robots], n)
+    items = np.arange(n, dtype=np.int32)
+    scratch = scratch_of(fleet, n)
+    return Instance(task_costs, NO_BATTERY[lanes], fleet, scratch, items, epsilon, seed)
+
+
+def auction(one: Instance, winner: int, everybody: int = 0) -> None:
+    """The sequential auction with this rule for the winner; everybody = 1: all bid again."""
+    rules = BID_MIXED, one.epsilon, winner, everybody
+    sequential.sequential(*one.market, one.items, one.tasks, *rules)
+
+
+def auction_and_search(one: Instance) -> None:
+    """The sequential auction by lowest bids, then local search."""
+    auction(one, WINNER_LOWEST_BID)
+    metaheuristics.improve(*one.market, one.epsilon)
+
+
+def optimum(one: Instance) -> None:
+    """The best lists of all."""
+    workspace = bundles_for(one.robots, one.tasks)
+    bundles.exact(*one.market, workspace, one.items, one.tasks, one.epsilon)
+
+
+def best_allotment(one: Instance) -> None:
+    """The best of all m^n allotments, each robot inserting its tasks in the order of arrival."""
+    workspace = bundles_for(one.robots, one.tasks)
+    bundles.combinatorial(*one.market, workspace, one.items, one.tasks, one.epsilon)
+
+
+def evolve(one: Instance, each_gene: int) -> None:
+    """The paper's genetic algorithm."""
+    population = population_for(one.robots, one.tasks, one.tasks)
+    rounds = generations(one.robots, one.tasks)
+    address = np.uint64(one.seed), one.tasks  # a seed has a task set for each number of tasks
+    arguments = (one.items, one.tasks, one.epsilon, rounds, each_gene, *address)
+    with np.errstate(over="ignore"):
+        metaheuristics.genetic(*one.market, population, *arguments)
+
+
+Method = Callable[[Instance], None]
+
+METHODS: Final[dict[str, Method]] = {
+    OPTIMUM: optimum,
+    "m^n": best_allotment,
+    "LB": lambda one: auction(one, WINNER_LOWEST_BID),
+    AGAIN: lambda one: auction(one, WINNER_LOWEST_BID, 1),
+    "BD": lambda one: auction(one, WINNER_DIFFERENCE),
+    "FB": lambda one: auction(one, WINNER_FEWEST_BIDDERS),
+    "regret": lambda one: auction(one, WINNER_REGRET),
+    "LB+search": auction_and_search,
+    "arrival": lambda one: (
+        sequential.by_arrival(*one.market, one.items, one.tasks, BID_MIXED, one.epsilon) and None
+    ),
+    "parallel": lambda one: (
+        sequential.parallel(*one.market, one.items, one.tasks, BID_MIXED, one.epsilon) and None
+    ),
+    "GA": lambda one: evolve(one, 0),
+    "GA each gene": lambda one: evolve(one, 1),
+}
+
+
+@dataclass(frozen=True)
+class Solved:
+    """What a method made of an instance."""
+
+    objective: float  # seconds
+    bids: int
+    positions: int  # of lists, tried for insertion
+    lists: tuple[tuple[int, ...], ...]  # stations of each robot
+
+
+@cache
+def solve(lanes: str, robots: int, n: int, seed: int, method: str, epsilon: int) -> Solved:
+    """Let a method allot the task set of a seed."""
+    one = instance(lanes, robots, n, seed, epsilon)
+    empty(*one.market)
+    clear_counts(one.scratch)
+    METHODS[method](one)
+    stations = task_set(seed, n)
+    return Solved(
+        sequential.objective(one.fleet, epsilon) / 1000,
+        int(one.scratch.count.bids[0]),
+        int(one.scratch.count.positions[0]),
+        tuple(tuple(stations[task] for task in listed(one.fleet, r)) for r in range(robots)),
+    )
+
+
+def ratio(lanes: str, robots: int, n: int, seed: int, method: str, epsilon: int = 0) -> float:
+    """The objective of a method as a multiple of the optimum."""
+    best = solve(lanes, robots, n, seed, OPTIMUM, epsilon).objective
+    return solve(lanes, robots, n, seed, method, epsilon).objective / best
+
+
+def sequences(robots: int, n: int) -> int:
+    """Ways to put n tasks into the lists of so many robots: (n + m - 1)! / (m - 1)!."""
+    return factorial(n + robots - 1) // factorial(robots - 1)
+
+
+# Assigned routes on the floor of De Ryck et al., as text (their Figures 2 and 3).
+
+
+ROBOTS: Final = 3
+TASKS: Final = 10
+SEED: Final = 12  # of the first twenty, the one with the largest difference
+WIDTH: Final = 7  # characters of a cell
+
+Cell = tuple[int, int]
+
+
+def pictures() -> list[tuple[str, str]]:
+    """(title, drawing) of one task set, by the auction and by the optimum."""
+    return [
+        (f"{title}: {TASKS} tasks, {ROBOTS} robots (seed {SEED})", described(method))
+        for title, method in (
+            ("Figure 2, the sequential auction", "LB"),
+            ("Figure 3, the optimum", OPTIMUM),
+        )
+    ]
+
+
+def described(method: str) -> str:
+    """The drawing, and below it each robot's list with its seconds."""
+    solved = solve("full", ROBOTS, TASKS, SEED, method, 0)
+    lines = [drawing(solved.lists)]
+    for r, stations in enumerate(solved.lists):
+        path = " ".join(map(str, (DEPOTS[r], *stations)))
+        lines.append(f"{name(r)}: {path}: {way_length(solved, r)} s")
+    lines.append(f"all done after {solved.objective:g} s")
+    return "\n".join(lines)
+
+
+def name(r: int) -> str:
+    """A, B, C, ..."""
+    return chr(ord("A") + r)
+
+
+def way_length(solved: Solved, r: int) -> int:
+    """Seconds of robot r's route: a cell takes ten."""
+    return 10 * (len(route((DEPOTS[r], *solved.lists[r]))) - 1)
+
+
+def drawing(lists: Sequence[Sequence[int]]) -> str:
+    """The floor; a cell shows who drives over it, a station its number, * where a task is."""
+    floor = generator_type("depots")()
+    floor_plan: FloorPlan = floor.build()  # type: ignore[attr-defined]
+    at = {cell: position for position, cell in floor.places().items()}  # type: ignore[attr-defined]
+    drivers: dict[Cell, str] = {}
+    for r, stations in enumerate(lists):
+        for cell in dict.fromkeys(route((DEPOTS[r], *stations))):
+            drivers[cell] = drivers.get(cell, "") + name(r)
+    tasks = {station for stations in lists for station in stations}
+    rows = []
+    for y in range(floor_plan.height):
+        cells = []
+        for x in range(floor_plan.width):
+            position = at.get((x, y))
+            sign = "" if position is None else f"{position}{'*' if position in tasks else ''} "
+            drivable = floor_plan.drivable[y + 1, x + 1]
+            cells.append(
+                f"{sign + drivers.get((x, y), '' if sign or not drivable else '.'):{WIDTH}}"
+            )
+        rows.append("".join(cells).rstrip())
+    return "\n".join(rows)
+
+
+def route(positions: Sequence[int]) -> list[Cell]:
+    """The cells of the shortest ways from position to position."""
+    floor = generator_type("depots")()
+    floor_plan: FloorPlan = floor.build()  # type: ignore[attr-defined]
+    places: dict[int, Cell] = floor.places()  # type: ignore[attr-defined]
+    cells = [places[positions[0]]]
+    for start, target in itertools.pairwise(positions):
+        cells += way(floor_plan, places[start], places[target])[1:]
+    return cells
+
+
+def way(floor_plan: FloorPlan, start: Cell, target: Cell) -> list[Cell]:
+    """A shortest way over cells, both ends included."""
+    begin, goal = floor_plan.cell(*start), floor_plan.cell(*target)
+    exits = floor_plan.exits.reshape(-1)
+    before, queue = {begin: begin}, deque([begin])
+    while goal not in before:
+        cell = queue.popleft()
+        for direction, neighbour in enumerate(floor_plan.neighbours(cell)):
+            if exits[cell] >> direction & 1 and neighbour not in before:
+                before[neighbour] = cell
+                queue.append(neighbour)
+    path = [goal]
+    while path[-1] != begin:
+        path.append(before[path[-1]])
+    return [floor_plan.xy(cell) for cell in reversed(path)]
+
+
+# Section 4 of De Ryck et al.: two robots with lists, and a new task at position 14.
+#
+# Robot 1 is at 3 with 100 %, robot 2 at 1 with 45 %; driving takes 0.5 % a second, charging gives 5
+# %.
+
+
+STARTS: Final = (3, 1)
+CHARGES: Final = (BATTERY_FULL, 45 * PERCENT)
+LISTS: Final = ((7, 8, 13), (5, 4, 9))
+NEW: Final = 14
+DRAIN: Final = PERCENT // 2  # a second
+RATE: Final = 5 * PERCENT  # a second
+HALF: Final = BID_SCALE // 2  # epsilon
+
+SETTINGS: Final[Mapping[str, Mapping[str, Any]]] = {
+    "as printed": {},
+    "charging ignored": {"policy": POLICY_NO_CHARGING},
+    "reserve 10 %": {"reserve": 10 * PERCENT},
+    "reserve 20 %": {"reserve": 20 * PERCENT},
+    "never strand": {"end_reach": True},
+    "chargers 1, 2, 3": {"chargers": (1, 2, 3)},
+    "joint": {"policy": POLICY_JOINT},
+    "comb floor": {"lanes": "comb"},
+}
+
+
+@dataclass(frozen=True)
+class Bid:
+    """What one robot computes for the new task; costs in seconds, levels in units."""
+
+    before: int | None  # c1; None: its own list is not feasible
+    cost: float | None  # c2 and the MiniMax bid; None: there is no feasible plan
+    added: float | None  # the MiniSum bid
+    mixed: float | None
+    order: tuple[int, ...]  # positions in the order of driving, chargers included
+    arrival: int | None  # level on arrival at the first charger
+    charging: int  # seconds
+    end: int  # level
+
+
+def bids_for(setting: str) -> list[Bid]:
+    """The bids of both robots."""
+    chosen: dict[str, Any] = {"policy": POLICY_HIERARCHICAL, "chargers": (2,), "lanes": "full"}
+    chosen |= SETTINGS[setting]
+    between = seconds(chosen.pop("lanes"))
+    tasks = [*LISTS[0], *LISTS[1], NEW]
+    task_costs = work_of(tasks, between, DRAIN)
+    battery = rules(between, DRAIN, RATE, **chosen)
+    fleet = fleet_at(STARTS, len(tasks), CHARGES)
+    scratch = scratch_of(fleet, len(tasks), len(battery.charger))
+    give(fleet, 0, (0, 1, 2))
+    give(fleet, 1, (3, 4, 5))
+    settle_all(task_costs, battery, fleet, scratch)
+    market = (task_costs, battery, fleet, scratch)
+    found = []
+    for r in range(2):
+        offers = [
+            sequential.bid(*market, r, len(tasks) - 1, BID_MIXED, epsilon)
+            for epsilon in (0, BID_SCALE, HALF)
+        ]
+        cost, added, mixed = (None if offer >= INF_COST else offer / BID_SCALE for offer in offers)
+        before = int(fleet.cost[r]) if fleet.cost[r] < INF_COST else None
+        if cost is None:
+            found.append(Bid(before, None, None, None, (), None, 0, 0))
+            continue
+        sequential.award(*market, r, len(tasks) - 1)
+        plan = scratch.plan
+        order = [tasks[task] for task in fleet.order[r, : fleet.length[r]]]
+        for position, charger in reversed(stops_of(scratch)):
+            order.insert(position, chosen["chargers"][charger])
+        arrival = int(scratch.plan.arrival[0]) if scratch.plan.stops[0] else None
+        charged, end = int(plan.charging[0]), int(plan.end_charge[0])
+        found.append(Bid(before, cost, added, mixed, tuple(order), arrival, charged, end))
+    return found
+
+
+def stops_of(scratch: Scratch) -> list[tuple[int, int]]:
+    """(position in the list, number of the charger) of the plan's stops."""
+    plan = scratch.plan
+    return [(int(plan.position[k]), int(plan.charger[k])) for k in range(plan.stops[0])]
+
+
+def winner(offers: list[Bid]) -> int | None:
+    """The number of the robot with the lowest bid, from 1."""
+    made = [(one.mixed, r) for r, one in enumerate(offers, 1) if one.mixed is not None]
+    return min(made)[1] if made else None
+
+
+def steps() -> Iterator[str]:
+    """The example as printed, step by step."""
+    offers, free = bids_for("as printed"), bids_for("charging ignored")
+    for r, (one, direct) in enumerate(zip(offers, free, strict=True)):
+        path = (STARTS[r], *LISTS[r])
+        yield (
+            f"robot {r + 1} at {STARTS[r]} with {CHARGES[r] // PERCENT} %: "
+            f"{named_path(path[1:])}: c1 = {legs(path)} = {one.before} s"
+        )
+        with_it = (STARTS[r], *direct.order)
+        yield (
+            f"  with {NEW}: {named_path(direct.order)}: {legs(with_it)} = {direct.cost:g} s; "
+            f"{direct.end / PERCENT:g} % at the end"
+        )
+        if one.arrival is not None:
+            at = one.order.index(2) + 1
+            there, onward = (STARTS[r], *one.order[:at]), one.order[at - 1 :]
+            yield (
+                f"  charging: {named_path(one.order)}: to the charger {legs(there)} = "
+                f"{driven(there)} s, arriving with {one.arrival / PERCENT:g} %; "
+                f"on from it {legs(onward)} = {driven(onward)} s; "
+                f"{one.charging} s of charging; c2 = {one.cost:g} s"
+            )
+        yield (
+            f"  bids: MiniSum {one.added:g}, MiniMax {one.cost:g}, "
+            f"with epsilon 0.5: {one.mixed:g} (charging ignored: {direct.mixed:g})"
+        )
+    yield f"robot {winner(offers)} wins; with charging ignored it would be robot {winner(free)}"
+
+
+def named_path(path: tuple[int, ...]) -> str:
+    return "[" + ", ".join(map(str, path)) + "]"
+
+
+def legs(path: tuple[int, ...]) -> str:
+    """The seconds of each leg, added up."""
+    return " + ".join(str(driven(path[i : i + 2])) for i in range(len(path) - 1))
+
+
+def driven(path: tuple[int, ...]) -> int:
+    """Seconds along these positions."""
+    return sum(int(seconds()[a - 1, b - 1]) for a, b in itertools.pairwise(path))

@@ -1,1 +1,0 @@
-"""De Ryck et al.: auctions with the cost of charging in the bids."""

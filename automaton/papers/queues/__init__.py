@@ -1,1 +1,0 @@
-"""A queue of which the mean wait is known, as a check of pods, lines and handling."""

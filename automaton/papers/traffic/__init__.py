@@ -1,1 +1,0 @@
-"""Bhattathiri, Li & Kuhl: traffic avoidance in a warehouse."""

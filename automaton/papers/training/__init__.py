@@ -1,1 +1,0 @@
-"""Networks that predict traffic: their data, training, metrics and published tables."""

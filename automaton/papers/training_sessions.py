@@ -1,0 +1,310 @@
+"""Do deeper networks learn? "The deeper neural networks did not converge" (Bhattathiri, Li & Kuhl, 4).
+
+Networks with more hidden layers than the paper's three are trained as it is. What they come to stands
+beside the least loss of a constant answer, the same for every leg and zone: a network that does not get
+below it has learnt nothing of where its legs lead.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy import sparse
+from sklearn.ensemble import RandomForestClassifier
+from sklearn.neighbors import KNeighborsClassifier
+from sklearn.svm import SVC, LinearSVC
+
+from automaton.atomic_write import atomic_writer
+from automaton.engine.state import NIL
+from automaton.papers.training import Data, Legs, Site, data_of, judged, network_of, site_of
+from automaton.papers.training_settings import (
+    LOSSES,
+    Answers,
+    Counts,
+    Settings,
+    measured,
+    precision,
+    recall,
+)
+from automaton.world.resolve import resolve
+from strategies.routing.routing_parameters import floor_fingerprint, save_network
+
+HIDDEN: Final = (3, 6, 12)  # layers
+DEPTH_LOSSES: Final = (
+    "hinge",
+    "cross-entropy",
+)  # the printed one, and one with which three layers learn
+
+
+class Depth(NamedTuple):
+    """A training, as it was when its loss was least."""
+
+    loss: str
+    hidden: int
+    epochs: int  # of the whole training
+    least: float  # mean loss of an epoch
+    constant: float  # the least loss of a constant answer
+    precision: float  # on the legs of the training
+    recall: float
+
+
+def constant_loss(loss: str, touched: npt.NDArray[np.bool_]) -> float:
+    """The least mean loss of one answer for all legs and zones."""
+    share = float(touched.mean())
+    if loss == "hinge":
+        return 1 - share  # every zone, for sure
+    return -share * math.log(share) - (1 - share) * math.log(1 - share)
+
+
+def train_depths(
+    legs: Legs,
+    settings: Settings,
+    told: Callable[[str], None] | None = None,
+    hidden: Sequence[int] = HIDDEN,
+) -> list[Depth]:
+    """Train once for each loss and depth."""
+    from automaton.papers.training import train
+
+    found = []
+    for loss in DEPTH_LOSSES:
+        for layers in hidden:
+
+            def tell(epoch: int, mean: float, now: Any, of: str = f"{loss}, {layers}") -> None:
+                if told is not None:
+                    told(f"{of} hidden layers: epoch {epoch} of at most {settings.epochs}")
+
+            trained = train(legs, replace(settings, loss=loss, hidden=layers), on_epoch=tell)
+            kept = trained.kept[()]
+            quality = precision(kept.counts), recall(kept.counts)
+            constant = constant_loss(loss, legs.touched)
+            found.append(
+                Depth(loss, layers, len(trained.losses), min(trained.losses), constant, *quality)
+            )
+    return found
+
+
+# The classifiers that Bhattathiri, Li & Kuhl tried before networks, with scikit-learn's defaults.
+#
+# They report zero training accuracy; of many zones at once scikit-learn's accuracy is the share of
+# legs of which every zone is right (subset accuracy). Input is the one-hot start and end zone, as for
+# the network. Time grows with legs x zones, so they learn from some of the legs only.
+
+
+NEIGHBOURS: Final = (1, 5)  # the paper names none; 5 is scikit-learn's default
+TREES: Final = 20  # of its 100: more take longer and change little
+EVALUATED: Final = 2_000  # legs
+
+
+class Result(NamedTuple):
+    """How well a classifier does on the legs it learnt from and on legs of an unused seed."""
+
+    classifier: str
+    learnt_from: int  # legs
+    training: dict[str, float]  # automaton.papers.training_settings.measured
+    unused: dict[str, float]
+
+
+def one_hot(legs: Legs) -> Any:
+    """(n, 2Z) sparse: a one for the start zone and one for the end zone, none for NIL."""
+    zones = legs.touched.shape[1]
+    n = np.arange(len(legs.touched))
+    rows = np.concatenate([n[legs.start_zone != NIL], n[legs.end_zone != NIL]])
+    columns = np.concatenate(
+        [
+            legs.start_zone[legs.start_zone != NIL],
+            legs.end_zone[legs.end_zone != NIL] + zones,
+        ]
+    )
+    ones = np.ones(len(rows), np.float32)
+    return sparse.csr_matrix((ones, (rows, columns)), shape=(len(n), 2 * zones))
+
+
+class EachZone:
+    """One binary classifier for each zone; a zone with one answer only always gets that answer."""
+
+    def __init__(self, make: Callable[[], Any]) -> None:
+        self._make = make
+        self._zones: list[Any] = []
+
+    def fit(self, inputs: Any, truth: Answers) -> EachZone:
+        """Learn every zone for itself."""
+        self._zones = [
+            self._make().fit(inputs, zone) if zone.any() and not zone.all() else bool(zone.all())
+            for zone in truth.T
+        ]
+        return self
+
+    def predict(self, inputs: Any) -> Answers:
+        """(n, Z) bool."""
+        n = inputs.shape[0]
+        columns = [
+            np.full(n, zone) if isinstance(zone, bool) else zone.predict(inputs)
+            for zone in self._zones
+        ]
+        return np.stack(columns, axis=1).astype(np.bool_)
+
+
+def classifiers(seed: int) -> dict[str, tuple[int, Any]]:
+    """name: (legs it learns from at most, classifier)."""
+    return {
+        "linear support vectors": (15_000, EachZone(lambda: LinearSVC(random_state=seed))),
+        "support vectors, radial kernel": (1_500, EachZone(lambda: SVC(random_state=seed))),
+        **{
+            f"nearest neighbours, k = {k}": (15_000, KNeighborsClassifier(n_neighbors=k))
+            for k in NEIGHBOURS
+        },
+        f"random forest, {TREES} trees": (
+            3_000,
+            RandomForestClassifier(n_estimators=TREES, random_state=seed, n_jobs=1),
+        ),
+    }
+
+
+def try_classifiers(
+    data: Data, seed: int, on_done: Callable[[str], None] | None = None, at_most: int = 15_000
+) -> list[Result]:
+    """Each classifier, judged on the first 2,000 legs that it learnt from and of an unused seed."""
+    results = []
+    for name, (most, classifier) in classifiers(seed).items():
+        legs = min(most, at_most, len(data.training.touched))
+        first = data.training.some(np.arange(len(data.training.touched)) < legs)
+        classifier.fit(one_hot(first), first.touched)
+        training, unused = (
+            measured(predictions_of(classifier, some), some.touched)
+            for some in (_first(first), _first(data.unused))
+        )
+        results.append(Result(name, legs, training, unused))
+        if on_done is not None:
+            on_done(name)
+    return results
+
+
+def _first(legs: Legs) -> Legs:
+    return legs.some(np.arange(len(legs.touched)) < EVALUATED)
+
+
+def predictions_of(classifier: Any, legs: Legs) -> Answers:
+    """(n, Z) bool: what a classifier says about legs."""
+    found: Answers = np.asarray(classifier.predict(one_hot(legs))).astype(np.bool_)
+    return found
+
+
+# What `automaton train` does, on the floor of one scenario.
+
+
+ProgressCallback = Callable[[str], None]
+RESULTS: Final = "automaton traffic tables 1"  # format of a file of results
+
+
+@dataclass(frozen=True)
+class Session:
+    """A floor with its legs, drawn once."""
+
+    name: str  # of the scenario
+    mode: str  # of its zones
+    site: Site
+    data: Data
+    settings: Settings
+
+    @classmethod
+    def of(cls, scenario: str, overrides: Sequence[str], settings: Settings) -> Session:
+        """Raises InputError for a bad scenario, or a floor without zones."""
+        resolved = resolve(scenario, overrides)
+        site = site_of(resolved)
+        data = data_of(site, settings.legs, settings.seed)
+        return cls(
+            resolved.scenario.name, resolved.scenario.world.traffic_zones, site, data, settings
+        )
+
+    def train_network(
+        self, keep: tuple[str, ...], out: Path, told: ProgressCallback | None = None
+    ) -> dict[str, Any]:
+        """Train, write the network to `out`, and say how well it predicts."""
+        from automaton.papers.training import train
+
+        def tell(epoch: int, loss: float, now: Counts) -> None:
+            if told is not None:
+                told(
+                    f"epoch {epoch} of at most {self.settings.epochs}: loss {loss:.5f}, "
+                    f"precision {precision(now):.3f}, recall {recall(now):.3f}"
+                )
+
+        trained = train(self.data.training, self.settings, (keep,), tell)
+        kept = trained.kept[keep]
+        about = {
+            "settings": asdict(self.settings),
+            "monitored": list(keep) or ["loss"],
+            "epochs": len(trained.losses),
+            "epoch": kept.epoch,
+            "loss": kept.loss,
+        }
+        network = network_of(kept.layers, self.site, self.name, self.mode, about)
+        save_network(out, network)
+        measures = judged(network, self.data)
+        return {"file": str(out), **network.about, "zones": network.zones, "measures": measures}
+
+    def train_tables(
+        self, out: Path | None, told: ProgressCallback | None = None
+    ) -> dict[str, Any]:
+        """Train for Tables 1 to 4, with each loss; written to `out` if there is one."""
+        from automaton.papers.training_report import as_json, train_rows
+
+        def tell(loss: str, weighting: str, epoch: int) -> None:
+            if told is not None:
+                told(f"{loss}, {weighting}: epoch {epoch} of at most {self.settings.epochs}")
+
+        rows = []
+        for loss in LOSSES:
+            settings = replace(self.settings, loss=loss)
+            rows += train_rows(self.data, self.site, settings, tell)
+        shared = self._settings_but("loss", "weighting")
+        results = {"format": RESULTS, **self._origin(), "settings": shared, "rows": as_json(rows)}
+        return written(results, out)
+
+    def train_depths(
+        self, out: Path | None, told: ProgressCallback | None = None
+    ) -> dict[str, Any]:
+        """Train networks of several depths; written to `out` if there is one."""
+
+        rows = [depth._asdict() for depth in train_depths(self.data.training, self.settings, told)]
+        shared = self._settings_but("loss", "weighting", "hidden")
+        results = {**self._origin(), "settings": shared, "rows": rows}
+        return written(results, out)
+
+    def try_classifiers(self, told: ProgressCallback | None = None) -> dict[str, Any]:
+        """Let other classifiers learn the same legs, or as many as they manage."""
+
+        results = try_classifiers(self.data, self.settings.seed, told)
+        return {
+            **self._origin(),
+            "judged_by": EVALUATED,
+            "classifiers": [result._asdict() for result in results],
+        }
+
+    def _settings_but(self, *varied: str) -> dict[str, Any]:
+        """The settings that all rows share."""
+        return {name: one for name, one in asdict(self.settings).items() if name not in varied}
+
+    def _origin(self) -> dict[str, Any]:
+        grid = self.site.floor.grid
+        return {
+            "scenario": self.name,
+            "mode": self.mode,
+            "zones": int(grid.traffic_zone_count),
+            "floor": floor_fingerprint(grid, self.site.duration),
+        }
+
+
+def written(results: dict[str, Any], out: Path | None) -> dict[str, Any]:
+    """Results, in a file if there is to be one."""
+    if out is not None:
+        with atomic_writer(out) as file:
+            file.write((json.dumps(results, indent=1, ensure_ascii=False) + "\n").encode())
+    return results

@@ -1,1 +1,0 @@
-"""Keith & La: dynamic zones of a factory."""

@@ -76,7 +76,7 @@ PARTS: Final[dict[str, Part]] = {
         "tui.bench.viewer_speed", False, "the viewer in a pseudo-terminal; some minutes"
     ),
     "watching": Part(
-        "tui.bench.planning_speed",
+        "tui.bench.viewer_speed",
         False,
         "the viewer on 10,000 robots that plan, which is a part of viewer; a minute or two",
     ),

@@ -47,7 +47,7 @@ from automaton.commands.bench_command import chosen, measurements
 from automaton.engine.state import LAYER_ALLOCATION, LAYER_ZONING, NIL, World
 from automaton.floor.cells import UNLIMITED
 from strategies.routing.astar import LARGER_G
-from tui.bench import viewer_measurement
+from tui.bench import viewer_speed
 
 CROWDED = Case(200, 20)
 SMALL_FLOOR = {"generator": "random", "columns": 6, "rows": 6, "obstacles": 0.1}
@@ -344,8 +344,8 @@ def test_a_session_that_cannot_be_measured_is_tried_once(
         tries.append(1)
         raise NotMeasuredError("too slow")
 
-    monkeypatch.setattr(viewer_measurement, "compile_walkers", lambda: None)
-    sessions = viewer_measurement.Together(too_slow)
+    monkeypatch.setattr(viewer_speed, "compile_walkers", lambda: None)
+    sessions = viewer_speed.Together(too_slow)
     for at in (0, 1):
         with pytest.raises(NotMeasuredError):
             take(sessions.figure(str(at), "s", itemgetter(at)), 1)

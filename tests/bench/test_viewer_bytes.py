@@ -7,9 +7,8 @@ from typing import Any
 
 import pytest
 
-from tui.bench import viewer_session
-from tui.bench.viewer_session import Session, cursor_colour
-from tui.bench.viewer_speed import fleet
+from tui.bench import viewer_speed
+from tui.bench.viewer_speed import Session, cursor_colour, fleet
 from tui.terminal.terminal_host import FRAME_END
 
 FRAMES = 40
@@ -28,7 +27,7 @@ LIMITS = [  # robots, size of the floor, bytes per frame at most
 @pytest.fixture(autouse=True)
 def settled_sooner(monkeypatch: pytest.MonkeyPatch) -> None:
     """No time is measured here: what a viewer still has to import does not matter."""
-    monkeypatch.setattr(viewer_session, "SETTLE_S", 1.5)
+    monkeypatch.setattr(viewer_speed, "SETTLE_S", 1.5)
 
 
 def bytes_of_a_frame(session: Session) -> float:

@@ -25,17 +25,16 @@ from automaton.recording.recorder import Recorder
 from automaton.runs.simulation import Simulation
 from automaton.units import unit
 from automaton.world.resolve import Resolved, resolve
-from tui.cast.asciicast import schedule
-from tui.cast.film_status import Status
-from tui.playback.laid_over import Overlays
+from tui.cast.film import Status
+from tui.cast.film_making import schedule
+from tui.playback.player import Overlays
 from tui.playback.run_source import floor_of
 from tui.render.camera import Camera
 from tui.render.compose import compose
-from tui.render.depth import DEPTHS
+from tui.render.encode import as_svg, as_text
 from tui.render.glyphs import ASCII, UNICODE, Codes, GlyphSet
-from tui.render.image_export import as_svg, as_text
 from tui.render.scene import Scene
-from tui.render.styles import Look
+from tui.render.styles import DEPTHS, Look
 
 LAST = 205  # tick of the scenario crossing
 

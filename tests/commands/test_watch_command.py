@@ -17,8 +17,7 @@ from automaton.recording.contents import FRAME_KIND_TICKS
 from automaton.recording.frames import FRAME, PREAMBLE
 from automaton.recording.recording_reader import read_recording
 from automaton.world.resolve import resolve
-from tui.playback.recording_files import MAX_RECORDINGS_KEPT, give_up_unused, new_recording
-from tui.playback.run_source import recorded
+from tui.playback.run_source import MAX_RECORDINGS_KEPT, give_up_unused, new_recording, recorded
 
 
 @pytest.fixture(autouse=True)
@@ -195,7 +194,7 @@ def test_only_the_newest_recordings_are_kept(tmp_path: Path) -> None:
 def test_viewers_that_begin_in_the_same_second_get_a_recording_each(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("tui.playback.recording_files.time.strftime", lambda _: "now")
+    monkeypatch.setattr("tui.playback.run_source.time.strftime", lambda _: "now")
     environ = {"XDG_STATE_HOME": str(tmp_path)}
     names = [new_recording("floor", environ).name for _ in range(3)]  # nothing is written yet
     assert names == ["floor-now.rec", "floor-now-2.rec", "floor-now-3.rec"]

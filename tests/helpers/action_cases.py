@@ -6,7 +6,7 @@ from collections.abc import Awaitable, Callable
 
 from viewer_harness import Watched
 
-from tui.render.image_export import as_text
+from tui.render.encode import as_text
 from tui.widgets.bindings import ACTIONS
 
 Check = Callable[[Watched], Awaitable[None]]

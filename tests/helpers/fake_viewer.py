@@ -144,9 +144,8 @@ async def served(
     read_only: bool = True,
 ) -> AsyncIterator[Served]:
     """A server of stand-in programs on a free port."""
-    from tui.serve.access import Access
     from tui.serve.address import listen
-    from tui.serve.server import ViewerServer
+    from tui.serve.server import Access, ViewerServer
 
     listener = listen("127.0.0.1", 0)
     port = listener.getsockname()[1]

@@ -25,9 +25,17 @@ from textual.widgets import Footer, Header, Input, Static
 from textual.widgets._toast import Toast
 from textual.widgets._tooltip import Tooltip
 
-from tui.render.depth import depth_of, glyphs_of
 from tui.render.glyphs import Codes, code
-from tui.render.styles import COLOUR_FLOOR, COLOUR_LOADED, COLOUR_ROBOT, COLOUR_TRACK, Look, style
+from tui.render.styles import (
+    COLOUR_FLOOR,
+    COLOUR_LOADED,
+    COLOUR_ROBOT,
+    COLOUR_TRACK,
+    Look,
+    depth_of,
+    glyphs_of,
+    style,
+)
 from tui.terminal.frame_pacing import FrameClock, FramePacer, quiet_collector
 from tui.terminal.presenter import Presenter
 from tui.widgets.map_view import MapView

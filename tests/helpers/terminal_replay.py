@@ -21,9 +21,8 @@ from numpy.typing import NDArray
 from pyte import graphics
 from pyte.screens import Char
 
-from tui.render.depth import Depth
 from tui.render.glyphs import GlyphSet
-from tui.render.styles import Look
+from tui.render.styles import Depth, Look
 
 # Sequences that pyte 0.8.2 does not know and prints as text: kitty's keyboard protocol, questions
 # about modes and their answers, synchronized output.

@@ -16,7 +16,7 @@ from automaton.engine.state import NIL
 from tui.registration import layers
 from tui.render import styles
 from tui.render.glyphs import GLYPH_BITS
-from tui.screens.help_screen import HelpScreen
+from tui.screens.dialogs import HelpScreen
 from tui.viewer.app import Viewer
 from tui.widgets.bindings import COMPARING
 

@@ -23,7 +23,7 @@ from automaton.verification.validator import validate_stored
 from automaton.world.resolve import Resolved, resolve
 from automaton.world.scenario_warnings import scenario_warnings
 from tui.widgets.inspector import Inspector
-from tui.widgets.robot_columns import ROBOT_TABLE_COLUMNS
+from tui.widgets.robot_table import ROBOT_TABLE_COLUMNS
 
 TUG = {"name": "tug", "robots": 1, "move_time_factor": 3, "payload": 5}
 SHUTTLE = {"name": "shuttle", "payload": 2}

@@ -3,31 +3,31 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+import threading
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from textual.app import App
 
 from automaton.engine.state import NIL
+from automaton.errors import InputError
 from automaton.recording.recording_reader import short, title_of
+from automaton.scenario.document import named_files
 from tui.actions import Command
-from tui.playback.recording_files import (
-    beside,
-    comparing_command,
-    give_up_unused,
-    short_path,
-)
+from tui.playback.run_source import Opening, beside, comparing_command, give_up_unused, short_path
+from tui.screens.dialogs import ReloadErrorScreen
 from tui.session.display import Display
 from tui.session.session import Session
-from tui.widgets.signs import signs_of
+from tui.widgets.styled_lines import signs_of
 from tui.widgets.timeline import Mark
 
 if TYPE_CHECKING:
     from automaton.history.watched_run import Run
     from automaton.world.resolve import Resolved
     from tui.playback.player import Player
-    from tui.screens.breakpoint_dialog import Stop
+    from tui.screens.dialogs import Stop
 
 
 class Branched(NamedTuple):
@@ -58,7 +58,7 @@ class BranchActions:
     def _edit_stops(self) -> None:
         if not self._session.ready():
             return
-        from tui.screens.breakpoint_dialog import BreakpointsScreen
+        from tui.screens.dialogs import BreakpointsScreen
 
         screen = BreakpointsScreen(self.stops, signs_of(self._session.glyphs))
         self._app.push_screen(screen, self._take_stops)
@@ -82,7 +82,7 @@ class BranchActions:
         if reason:
             self._display.notices.say(reason, "warning")
             return
-        from tui.screens.branch_dialog import BranchScreen
+        from tui.screens.dialogs import BranchScreen
 
         self._app.push_screen(BranchScreen(self._session.view()), self.take)
 
@@ -141,3 +141,147 @@ class BranchActions:
             command = comparing_command(origin, made.path)
             self._display.notices.say(f"{kept}; to compare: {command}", timeout=10)
         session.ordered()
+
+
+# Load a scenario again whenever one of its files is written, while its floor is being drawn.
+#
+# The files are looked at some times a second, by path: editors that put another file in place of the
+# old one are noticed as well as those that write into it.
+
+
+POLL_S: Final = 0.2  # between two looks at the files
+Signature = tuple[tuple[int, int, int] | None, ...]  # of each file: time, size, number on its disk
+
+
+class ScenarioFiles:
+    """Whether the files of a scenario are what they were when it was loaded last."""
+
+    def __init__(self, scenario: str) -> None:
+        """Raises InputError if there is no such scenario."""
+        self._scenario = scenario
+        self.paths = named_files(scenario)
+        self._loaded = self._seen = signature_of(self.paths)
+
+    def settled_change(self) -> bool:
+        """Whether they have changed, and were the same at the look before."""
+        before, self._seen = self._seen, signature_of(self.paths)
+        return self._seen == before != self._loaded
+
+    def note_loading(self) -> None:
+        """The scenario is read now, and may name other files; one that has gone may come back."""
+        with suppress(InputError):
+            gone = (path for path in self.paths if not path.exists())
+            self.paths = tuple(dict.fromkeys((*named_files(self._scenario), *gone)))
+        self._loaded = self._seen = signature_of(self.paths)
+
+
+def signature_of(paths: Iterable[Path]) -> Signature:
+    """What changes when one of these files is written, replaced or removed."""
+    return tuple(map(_signature, paths))
+
+
+def _signature(path: Path) -> tuple[int, int, int] | None:
+    try:
+        stat = os.stat(path)
+    except OSError:
+        return None
+    return stat.st_mtime_ns, stat.st_size, stat.st_ino
+
+
+class Reloader:
+    """A thread that opens the scenario again after each change, with a player at tick 0."""
+
+    def __init__(
+        self,
+        scenario: str,
+        load: Callable[[], Opening],
+        on_loaded: Callable[[Opening, Player], None],
+        on_error: Callable[[str], None],
+    ) -> None:
+        """`load` raises InputError. The others are called in the thread. Raises InputError."""
+        self._files = ScenarioFiles(scenario)
+        self._load, self._on_loaded, self._on_error = load, on_loaded, on_error
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._watch, name="reloading", daemon=True)
+
+    def start(self) -> None:
+        """Begin to look at the files."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Look at them no more; a load under way is left to itself."""
+        self._closing.set()
+
+    def _watch(self) -> None:
+        while not self._closing.wait(POLL_S):
+            if self._files.settled_change():
+                self._files.note_loading()
+                self._reload()
+
+    def _reload(self) -> None:
+        from tui.playback.player import Player, sentence
+
+        try:
+            opening = self._load()
+            player = Player(opening.begin())
+        except Exception as error:  # the scenario's, or a strategy's
+            if not self._closing.is_set():
+                self._on_error(sentence(error))
+            return
+        if self._closing.is_set():
+            player.close()
+        else:
+            self._on_loaded(opening, player)
+
+
+# What the viewer does when the files of its scenario change: show the new floor, or what is wrong.
+
+
+class Reloading:
+    """Brings the thread that looks at the files together with what is shown."""
+
+    def __init__(
+        self, app: App[None], session: Session, display: Display, branches: BranchActions
+    ) -> None:
+        """Raises InputError if the scenario is gone."""
+        self._app, self._session, self._display = app, session, display
+        self._branches = branches
+        reload = session.opening.reload
+        assert reload is not None
+        self._reloader = Reloader(
+            reload.scenario,
+            reload.load,
+            lambda opening, player: self._later(self._loaded, opening, player),
+            lambda sentence: self._later(self._failed, sentence),
+        )
+
+    def start(self) -> None:
+        """Begin to look at the files."""
+        self._reloader.start()
+
+    def close(self) -> None:
+        """Look at them no more."""
+        self._reloader.close()
+
+    def _later(self, *call: object) -> None:
+        """From the thread: in the app's."""
+        self._app.call_later(*call)  # type: ignore[arg-type]
+
+    def _loaded(self, opening: Opening, player: Player) -> None:
+        if isinstance(self._app.screen, ReloadErrorScreen):
+            self._app.screen.dismiss()
+        before = self._session.reopen(opening, player)
+        if before is not None:
+            threading.Thread(target=before.close, name="closing", daemon=True).start()
+        self._branches.renew()
+        self._display.show_titles()
+        self._session.notify("the files were changed and loaded again: tick 0")
+        self._session.ordered()
+        self._session.changed()
+
+    def _failed(self, sentence: str) -> None:
+        screen = self._app.screen
+        if isinstance(screen, ReloadErrorScreen):
+            screen.complain(sentence)
+        else:
+            self._app.push_screen(ReloadErrorScreen(sentence))

@@ -85,7 +85,7 @@ class ClockActions:
     def _ask_for_tick(self) -> None:
         if not self._session.ready():
             return
-        from tui.screens.go_to_dialog import GoToScreen
+        from tui.screens.dialogs import GoToScreen
 
         self._app.push_screen(GoToScreen(self._session.view()), self._take_tick)
 

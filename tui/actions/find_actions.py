@@ -20,7 +20,7 @@ from tui.session.display import Display
 from tui.session.session import Session
 
 if TYPE_CHECKING:
-    from tui.screens.find_query import Found
+    from tui.screens.find_dialog import Found
 
 
 class Before:
@@ -191,7 +191,7 @@ class FindActions:
         session = self._session
         if not session.ready() or session.playback is None:
             return
-        from tui.screens.find_query import find
+        from tui.screens.find_dialog import find
 
         found = find("jam", session.view())
         if found:

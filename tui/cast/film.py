@@ -1,31 +1,205 @@
-"""A recording as pictures: the map as the viewer draws it, with a line or two below."""
+"""What is to be shown of a recording, and how."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
 from automaton.engine.state import NIL
 from automaton.errors import InputError, alternatives
+from automaton.floor.floor_plan import FloorPlan
+from automaton.history.snapshot import summarize
 from automaton.recording.recording_reader import title_of
-from automaton.units import unit
-from tui.cast.film_frame import aim, checked_size, size_for
-from tui.cast.film_request import Request
-from tui.cast.film_status import Status
+from automaton.units import Unit, number, unit
 from tui.playback.frame_cache import Pictures
 from tui.playback.run_source import recorded
 from tui.registration import failure, layer_named, layers
-from tui.render.choice import Choice
-from tui.render.depth import DEPTHS, Depth
-from tui.render.glyphs import ASCII, SHADED, UNICODE, Codes
-from tui.render.styles import Look
+from tui.render import styles
+from tui.render.camera import Camera
+from tui.render.glyphs import ASCII, SHADED, UNICODE, Codes, code, text
+from tui.render.scene import Choice
+from tui.render.styles import DEPTHS, Depth, Look, Theme, style
 
-if TYPE_CHECKING:  # they need Numba
+if TYPE_CHECKING:
     from automaton.history.snapshot import Snapshot
-    from tui.playback.playback_state import PlaybackState
+    from tui.playback.panel_view import PlaybackState
+
+
+@dataclass(frozen=True)
+class Request:
+    """The same for films and pictures; `first` to `fps` matter to films only."""
+
+    size: tuple[int, int] | None = None  # columns, rows; None: as large as the floor
+    zoom: str = "fit"  # or a step of the ladder, with "-" for blanks
+    follow: int = NIL  # robot
+    layer: str = ""
+    theme: Theme = "dark"
+    color: str = "true"  # a key of tui.render.styles.DEPTHS
+    ascii: bool = False
+    first: int = 0  # tick
+    last: int | None = None  # tick; None: the last one
+    speed: Fraction = Fraction(1)  # x1 is ten ticks a second
+    fps: int = 10
+
+
+# The lines under the map of a film.
+#
+# tick 1,234 of 2,616 617 s 3 work 1 wait 23/50 delivered robot 2 visits
+#
+# Every number has its place, whatever its value, so that words stand still and few characters change.
+
+
+GAP: Final = 2
+TIME_DIGITS: Final = 5  # "616.5" is as wide as numbers below 1,000 get in most units
+
+
+class Word(NamedTuple):
+    """Something said in one colour."""
+
+    words: str
+    fg: int
+    gap: int = GAP  # before it
+
+
+class Status:
+    """What is said of each tick, in one row if there is room, else in two; below it the key."""
+
+    def __init__(
+        self,
+        last: int,
+        robots: int,
+        orders: int,
+        tick: Unit,
+        chosen: str,
+        key: Sequence[str] = (),  # what the signs of a layer mean, in a row of its own
+    ) -> None:
+        self.last, self.unit, self.chosen = last, tick, chosen
+        self.key = [Word(words, styles.COLOUR_DIM) for words in key]
+        self.robots_width, self.orders_width = len(f"{robots:,}"), len(f"{orders:,}")
+        self.orders = orders
+
+    @property
+    def widths(self) -> tuple[int, int]:
+        """Of the words of time, and of those of the fleet."""
+        return _width(self._time(self.last)), _width(self._fleet(0, 0, 0, 1))
+
+    @property
+    def least(self) -> int:
+        """Columns with which nothing is left out."""
+        return max(*self.widths, _width(self.key))
+
+    def rows(self, columns: int) -> int:
+        """How many it takes, the key included."""
+        return (1 if sum(self.widths) <= columns else 2) + bool(self.key)
+
+    def codes(self, snapshot: Snapshot, columns: int) -> Codes:
+        """(rows, columns) codes."""
+        time = self._time(snapshot.tick)
+        now = summarize(snapshot)
+        fleet = self._fleet(now.working, now.waiting, now.delivered, now.circling)
+        lines = [time + fleet] if sum(self.widths) <= columns else [time, fleet]
+        lines += [self.key] if self.key else []
+        return np.stack([_line(words, columns) for words in lines])
+
+    def _time(self, tick: int) -> list[Word]:
+        last = f"{self.last:,}"
+        said = [
+            Word(f"tick {tick:>{len(last)},}", styles.COLOUR_SELECTED),
+            Word(f"of {last}", styles.COLOUR_DIM, 1),
+        ]
+        if self.unit.size != 1:
+            width = max(TIME_DIGITS, len(number(self.unit.of(self.last))))
+            said.append(
+                Word(f"{number(self.unit.of(tick)):>{width}} {self.unit.plural}", styles.COLOUR_DIM)
+            )
+        return said + ([Word(self.chosen, styles.COLOUR_CURSOR)] if self.chosen else [])
+
+    def _fleet(self, working: int, waiting: int, delivered: int, circling: int) -> list[Word]:
+        width = self.robots_width
+        done = f"{delivered:>{self.orders_width},}/{self.orders:,} delivered"
+        said = [
+            Word(f"{working:>{width},} work", styles.COLOUR_ROBOT),
+            Word(
+                f"{waiting:>{width},} wait", styles.COLOUR_WAITING if waiting else styles.COLOUR_DIM
+            ),
+            Word(done, styles.COLOUR_DONE),
+        ]
+        if circling:
+            said.append(Word(f"{circling:>{width},} in a wait cycle", styles.COLOUR_FAULT))
+        return said
+
+
+def _width(words: list[Word]) -> int:
+    return sum(len(word.words) + word.gap for word in words)
+
+
+def _line(words: list[Word], columns: int) -> Codes:
+    """(columns,) codes; words for which there is no room are left out."""
+    line = np.full(columns, code(style(styles.COLOUR_TEXT, styles.COLOUR_VOID), 0))
+    end = -1  # the first word begins in column 1
+    for word in words:
+        begin = end + word.gap
+        end = begin + len(word.words)
+        if end > columns:
+            break
+        line[begin:end] = code(
+            style(word.fg, styles.COLOUR_VOID), np.array(text(word.words), np.uint32)
+        )
+    return line
+
+
+# How large a film is, and at which step of the zoom ladder it shows the floor.
+
+
+Size = tuple[int, int]  # columns, rows
+
+MIN_FILM_SIZE: Final = (40, 8)
+MAX_FILM_SIZE: Final = (500, 200)
+MAX_DEFAULT_FILM_SIZE: Final = (120, 40)
+FILM_MARGIN: Final = (2, 1)  # around a floor that fits
+
+
+def checked_size(columns: int, rows: int) -> Size:
+    """A size that can be shown. Raises InputError."""
+    if not (
+        MIN_FILM_SIZE[0] <= columns <= MAX_FILM_SIZE[0]
+        and MIN_FILM_SIZE[1] <= rows <= MAX_FILM_SIZE[1]
+    ):
+        least, most = (f"{size[0]}x{size[1]}" for size in (MIN_FILM_SIZE, MAX_FILM_SIZE))
+        raise InputError(f"{columns}x{rows} is not a size: allowed are {least} to {most}")
+    return columns, rows
+
+
+def size_for(floor_plan: FloorPlan, robots: int, zoom: str, status: Status) -> Size:
+    """As large as the floor is at this zoom, its margin and the status, within MAX_DEFAULT_FILM_SIZE."""
+    margins = 2 * FILM_MARGIN[0], 2 * FILM_MARGIN[1]
+    columns, rows = MAX_DEFAULT_FILM_SIZE[0] - margins[0], MAX_DEFAULT_FILM_SIZE[1] - margins[1] - 2
+    camera = Camera(floor_plan, rows, columns, robots)
+    aim(camera, zoom)
+    height, width = camera.size()
+    columns = max(min(width, columns) + margins[0], status.least, MIN_FILM_SIZE[0])
+    rows = min(height, rows) + margins[1] + status.rows(columns)
+    return columns, max(rows, MIN_FILM_SIZE[1])
+
+
+def aim(camera: Camera, zoom: str) -> None:
+    """Set the zoom by its name, "fit" or a step of the ladder. Raises InputError."""
+    if zoom == "fit":
+        camera.fit()
+        return
+    steps = {step.name.replace(" ", "-"): step for step in camera.ladder}
+    if zoom not in steps:
+        raise InputError(f"unknown zoom '{zoom}': allowed are {alternatives(['fit', *steps])}")
+    camera.zoom = steps[zoom]
+    camera.resize(camera.rows, camera.columns)
+
+
+# A recording as pictures: the map as the viewer draws it, with a line or two below.
 
 
 class Film:
@@ -77,7 +251,7 @@ class Film:
         """
         from automaton.history.playback import Playback
         from automaton.history.snapshot import take_snapshot
-        from tui.playback.laid_over import Overlays
+        from tui.playback.player import Overlays
 
         overlays = Overlays()
         playback = Playback(self.recording.header, self.recording.stored())
@@ -98,7 +272,7 @@ class Film:
         return np.vstack((floor, self._status.codes(snapshot, self.columns)))
 
     def _playback(self, snapshot: Snapshot) -> PlaybackState:
-        from tui.playback.playback_state import PlaybackState
+        from tui.playback.panel_view import PlaybackState
 
         return PlaybackState(
             runs=(),

@@ -13,16 +13,14 @@ from automaton.engine.state import NIL
 from tui.playback.run_source import Opening, floor_of
 from tui.render import styles
 from tui.render.camera import Camera
-from tui.render.choice import Choice
-from tui.render.compose import compose
+from tui.render.compose import Minimap, compose
 from tui.render.glyphs import Codes, GlyphSet, code
-from tui.render.minimap import Minimap
-from tui.render.scene import NO_CELLS, Scene
+from tui.render.scene import NO_CELLS, Choice, Scene
 from tui.render.styles import style
 
 if TYPE_CHECKING:
     from automaton.world.resolve import Resolved
-    from tui.playback.playback_state import PlaybackState
+    from tui.playback.panel_view import PlaybackState
 
 MINIMAP_SHARE: Final = 3  # at most a third of the map's rows and columns
 MINIMAP_ROWS: Final = 12

@@ -1,8 +1,12 @@
-"""The characters of a cell of the empty floor, for every look and every number of characters."""
+"""Cells drawn in thin lines, where a cell is several rows high: quiet, so that robots stand out.
+
+The lines are dots of braille, 2 x 4 in a character, on a grid of 2 width x 4 height dots.
+"""
 
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +26,9 @@ from automaton.floor.cells import (
     DESTINATION,
     DOCK,
     EXIT_EAST,
+    EXIT_NORTH,
+    EXIT_SOUTH,
+    EXIT_WEST,
     FLOOR,
     RACK,
     SHELF,
@@ -32,10 +39,107 @@ from automaton.floor.cells import (
     WALL,
 )
 from tui.render import styles
-from tui.render.cell_outlines import UNSIGNED, line_glyphs, outline
-from tui.render.glyphs import ASCII, GlyphSet, code
-from tui.render.scene import DETAIL_FULL_SHELF, DETAIL_PASSING, DETAIL_POD, DETAIL_UNLIMITED
+from tui.render.camera import Camera, Rectangle
+from tui.render.glyphs import ASCII, DOT_BITS, Codes, GlyphSet, code
+from tui.render.scene import (
+    DETAIL_FULL_SHELF,
+    DETAIL_PASSING,
+    DETAIL_POD,
+    DETAIL_UNLIMITED,
+    Floor,
+    Scene,
+)
 from tui.render.styles import style
+
+Dots = NDArray[np.bool_]  # (4 height, 2 width)
+UNSIGNED: Final = (SHELF, RACK, STORAGE, BAY, TRACK, TURNTABLE)  # the lines say what it is
+
+
+def line_glyphs(glyphs: GlyphSet, dots: Dots) -> NDArray[np.uint32]:
+    """(height x width) the characters that show these dots, and blanks."""
+    rows, columns = dots.shape[0] // 4, dots.shape[1] // 2
+    grid = dots.reshape(rows, 4, columns, 2)
+    pattern = (grid * DOT_BITS[None, :, None, :]).sum(axis=(1, 3))
+    lines = np.array([glyphs.blank, *glyphs.lines[1:]], np.uint32)
+    cells: NDArray[np.uint32] = lines[pattern].reshape(-1)
+    return cells
+
+
+def outline(kind: int, detail: int, width: int, height: int, frames: bool = True) -> Dots:
+    """The lines of a kind of cell with its detail, see `looks_of`; without frames tracks alone."""
+    dots = np.zeros((4 * height, 2 * width), bool)
+    if kind in (TRACK, TURNTABLE):
+        draw_exits(dots, detail, step=2)
+    if not frames:
+        return dots
+    if kind == TURNTABLE:
+        draw_ring(dots)
+    elif kind in (SHELF, RACK):
+        draw_box(dots)
+    elif kind == STORAGE:
+        draw_box(dots, step=2)
+    elif kind == DESTINATION:
+        draw_box(dots)
+        dots[1, 2:-2] = False  # open above: loads go in
+    elif kind in (BAY, CHARGER, DOCK, STATION):
+        draw_corners(dots)
+    if kind == RACK:
+        dots[2:-2, dots.shape[1] // 2] = True
+    if (kind == SHELF and detail == DETAIL_FULL_SHELF) or (
+        kind == STORAGE and detail == DETAIL_POD
+    ):
+        fill(dots)
+    return dots
+
+
+def centre(dots: Dots) -> tuple[int, int]:
+    """The dot, row and column, in which ways through a cell meet: it is in the character of signs."""
+    rows, columns = dots.shape
+    return (rows // 4 - 1) // 2 * 4 + 2, (columns // 2 - 1) // 2 * 2 + 1
+
+
+def draw_exits(dots: Dots, exits: int, step: int = 1) -> None:
+    """Lines from the centre to some sides; every second dot of them with step 2."""
+    y, x = centre(dots)
+    below, right = dots[y:, x], dots[y, x:]
+    above, left = dots[y::-1, x], dots[y, x::-1]
+    ways = ((EXIT_EAST, right), (EXIT_SOUTH, below), (EXIT_WEST, left), (EXIT_NORTH, above))
+    for side, line in ways:
+        if exits & side:
+            line[::step] = True
+
+
+def draw_box(dots: Dots, step: int = 1) -> None:
+    """A frame that leaves a dot free all round; every second dot of it with step 2."""
+    dots[1:-1:step, [1, -2]] = True
+    dots[[1, -2], 1:-1:step] = True
+
+
+def draw_corners(dots: Dots) -> None:
+    """The corners of such a frame."""
+    rows, columns = dots.shape
+    draw_box(dots)
+    dots[rows // 4 + 1 : -rows // 4 - 1] = False
+    dots[:, columns // 4 + 1 : -columns // 4 - 1] = False
+
+
+def draw_ring(dots: Dots) -> None:
+    """A ring round the centre, and nothing within."""
+    y, x = centre(dots)
+    rows, columns = np.indices(dots.shape)
+    radius = min(y, x, dots.shape[0] - 1 - y, dots.shape[1] - 1 - x)
+    distance = np.hypot(rows - y, columns - x)
+    dots[distance < radius] = False
+    dots[(distance > radius - 0.5) & (distance < radius + 0.5)] = True
+
+
+def fill(dots: Dots) -> None:
+    """The inside of a frame."""
+    dots[3:-3, 3:-3] = True
+
+
+# The characters of a cell of the empty floor, for every look and every number of characters.
+
 
 KIND_COLOURS = {  # of a kind of cell
     WALL: styles.COLOUR_WALL,
@@ -151,3 +255,65 @@ def _characters(glyphs: GlyphSet, kind: int, detail: int) -> tuple[int, int]:
         STATION: glyphs.station,
     }
     return signs[kind], blank
+
+
+# The cells on the screen while they are painted: (rows, columns, characters of a cell) codes.
+#
+# The characters of a cell are in reading order. Its sign stands in one of them: in the first where a
+# cell is one row high, else in the middle.
+
+
+Cells = NDArray[np.int32]
+
+
+@lru_cache(maxsize=8)
+def empty_floor(floor: Floor, seen: Rectangle, width: int, height: int, glyphs: GlyphSet) -> Codes:
+    """(rows, columns, height x width) not to be written to; kept until the camera moves."""
+    looks = floor.looks[seen.top : seen.bottom, seen.left : seen.right]
+    return cell_codes(glyphs, width, height)[looks]
+
+
+class Canvas:
+    """The cells on the screen, while they are painted."""
+
+    def __init__(self, scene: Scene, camera: Camera, glyphs: GlyphSet) -> None:
+        self.scene, self.glyphs = scene, glyphs
+        self.seen = camera.visible()
+        self.width, self.height = camera.zoom.width, camera.zoom.height
+        self.sign = sign_place(self.width, self.height)
+        self.stride = camera.floor_plan.stride
+        self.codes = empty_floor(scene.floor, self.seen, self.width, self.height, glyphs).copy()
+        self.flat = self.codes.reshape(-1, self.height * self.width)
+
+    def picture(self) -> Codes:
+        """(rows, columns of characters) what is painted."""
+        rows, columns = self.codes.shape[:2]
+        cells = self.codes.reshape(rows, columns, self.height, self.width)
+        return cells.swapaxes(1, 2).reshape(rows * self.height, columns * self.width)
+
+    def at(self, cells: Cells) -> tuple[Cells, NDArray[np.intp]]:
+        """Index into the canvas of those cells that are on it, and which of them they are."""
+        y, x = np.divmod(cells, self.stride)
+        y -= self.seen.top
+        x -= self.seen.left
+        rows, columns = self.codes.shape[:2]
+        # Negative numbers are large ones without a sign; NIL is in row -1.
+        inside = (y.view(np.uint32) < rows) & (x.view(np.uint32) < columns)
+        which = np.flatnonzero(inside)
+        index: Cells = y[which] * columns + x[which]
+        return index, which
+
+    def cells(self, values: NDArray[Any]) -> NDArray[Any]:
+        """The part on the screen of an array over all cells, (C,) or (C, n)."""
+        seen = self.seen
+        whole = values.reshape(*self.scene.floor.looks.shape, *values.shape[1:])
+        return whole[seen.top : seen.bottom, seen.left : seen.right]
+
+    def set_background(self, index: NDArray[Any], bg: int | NDArray[Any]) -> None:
+        """Give cells another background."""
+        self.flat[index] = styles.with_background(self.flat[index], bg)
+
+    def set_foreground(self, index: Cells, fg: int) -> None:
+        """Give cells another colour on the plain background."""
+        glyph = self.flat[index] & np.uint32(0xFFFF)
+        self.flat[index] = code(style(fg, styles.COLOUR_FLOOR), glyph)

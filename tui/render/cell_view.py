@@ -1,42 +1,198 @@
-"""Pictures in which every cell has one or more characters of its own.
+"""Zones as tints and letters, whatever layer they are of.
 
-They are painted from below: the empty floor, loads, the layer, the selected robot's route, claims
-of long moves, robots, the cursor.
-
-    -+-}12     in cells of one row a robot stands in the first column, its number in the others
-     |         in cells of several rows it is drawn, see tui.render.robot_sprites
+Where there are no colours, or the same ones, a letter tells touching zones apart: ddd+ee
 """
 
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from automaton.drawings.looks import KIND_MASK
 from automaton.engine.state import NIL
 from automaton.floor.cells import (
     EXIT_EAST,
     EXIT_NORTH,
     EXIT_SOUTH,
     EXIT_WEST,
+    FLOOR,
     SHELF,
     STORAGE,
+    TRACK,
 )
 from tui.render import robot_marks as fleet
 from tui.render import styles
-from tui.render.camera import Camera
-from tui.render.canvas import Canvas, Cells
-from tui.render.cell_looks import cell_codes, look
-from tui.render.cell_outlines import draw_box, draw_exits, line_glyphs
+from tui.render.camera import Camera, Rectangle
+from tui.render.cell_looks import Canvas, Cells, cell_codes, draw_box, draw_exits, line_glyphs, look
 from tui.render.drawn_robots import drawn_robots
-from tui.render.field import HEAT_LEVELS
 from tui.render.glyphs import GLYPH_BITS, GLYPHS, Codes, GlyphSet, code
-from tui.render.scene import DETAIL_FULL_SHELF, DETAIL_POD, Scene
-from tui.render.shelf_marks import full_shelves, pods_in
+from tui.render.scene import DETAIL_FULL_SHELF, DETAIL_POD, HEAT_LEVELS, NO_CELLS, Floor, Scene
 from tui.render.styles import style
-from tui.render.tints import draw_tints
-from tui.render.trails import draw_paths
+
+# The six that stay farthest apart under all three kinds of colour blindness, in both themes; the
+# last one is rarely needed.
+TINTS: Final = (
+    *(styles.COLOUR_ZONE_0, styles.COLOUR_ZONE_1, styles.COLOUR_ZONE_2),
+    *(styles.COLOUR_ZONE_5, styles.COLOUR_ZONE_7, styles.COLOUR_ZONE_4),
+)
+TINT_CODES: Final = tuple(map(ord, "defghi"))  # by tint, for no colours; none is a sign in ASCII
+TINT_COLOURS: Final = np.array(TINTS, np.uint32)
+TINT_LETTERS: Final = np.array(TINT_CODES, np.uint32)
+TRANSFER_COLOUR: Final = styles.COLOUR_TEXT  # of a station between two zones
+
+
+def draw_tints(canvas: Canvas, zone_tints: NDArray[np.int8]) -> None:
+    """Cells tinted by zone. Free floor bears a letter that is seen without colours only.
+
+    A straight track bears it in its own colour; other cells keep their signs and bear it beside.
+    """
+    layer = canvas.scene.map_layer
+    tints = canvas.cells(zone_tints).reshape(-1)
+    looks = canvas.cells(canvas.scene.floor.looks.reshape(-1)).reshape(-1)
+    index = np.flatnonzero(tints != NIL)
+    tint = tints[index]
+    canvas.set_background(index, TINT_COLOURS[tint][:, None])
+    letters, foregrounds = TINT_LETTERS[tint], TINT_COLOURS[tint]
+    plain = (looks[index] & KIND_MASK if layer.whole_floor else looks[index]) == FLOOR
+    rails = looks[index] & KIND_MASK == TRACK
+    canvas.flat[index[plain], canvas.sign] = code(style(foregrounds, foregrounds), letters)[plain]
+    tracks = style(np.full(len(index), styles.COLOUR_TRACK), foregrounds)
+    canvas.flat[index[rails], canvas.sign] = code(tracks, letters)[rails]
+    if canvas.width > 1:
+        beside = canvas.flat[index, 1] & GLYPHS == canvas.glyphs.blank
+        signed = beside & ~plain & ~rails
+        canvas.flat[index[signed], 1] = code(style(foregrounds, foregrounds), letters)[signed]
+    layer.draw_signs(canvas, tints, looks)
+
+
+def paint_tints(pixels: NDArray[np.uint8], tints: NDArray[np.int8]) -> None:
+    """Pixels in the tints of their zones."""
+    inside = tints != NIL
+    pixels[inside] = TINT_COLOURS[tints[inside]]
+
+
+def sign_tints(codes: Codes, pixels: NDArray[np.uint8], thin: bool = False) -> Codes:
+    """A character whose halves have one tint bears its letter, unseen where there are colours.
+
+    thin: ways are no wider than half a character, and there are no colours: one half is enough, and
+    stations bear their signs.
+    """
+    top = pixels[0::2]
+    whole = (top == pixels[1::2]) & np.isin(top, TINT_COLOURS)
+    if thin:
+        bottom = pixels[1::2]
+        whole = np.isin(top, TINT_COLOURS) | np.isin(bottom, TINT_COLOURS)
+        top = np.where(np.isin(top, TINT_COLOURS), top, bottom)
+    letter_of: NDArray[Any] = np.zeros(len(styles.COLOURS), np.uint32)
+    letter_of[TINT_COLOURS] = TINT_LETTERS
+    fg = top[whole].astype(np.uint32)
+    signed = codes.copy()
+    signed[whole] = (style(fg, fg) << np.uint32(GLYPH_BITS)) | letter_of[fg]
+    if thin:
+        for sign, its_fg in (
+            (GlyphSet.station, styles.COLOUR_DIM),
+            (GlyphSet.transfer, TRANSFER_COLOUR),
+        ):
+            here = (pixels[0::2] == its_fg) | (pixels[1::2] == its_fg)
+            signed[here] = code(style(its_fg, styles.COLOUR_FLOOR), sign)
+    return signed
+
+
+# Where robots came from and where they are going: trails of cells, and lines to goals, all dim.
+#
+# . . o o > a trail behind a robot, the cell where it is left out > - - \ . . . \ O a line from a
+# robot to the cell of its goal; it leads through shelves and walls
+
+
+MAX_LINE_CELLS: Final = 100_000  # of all lines together: 8 ms; the robots that follow have none
+LINES: Final = ("", "selected", "all")  # whose goals lines lead to
+
+
+def draw_paths(canvas: Canvas) -> None:
+    """Trails and lines, where each cell has characters of its own."""
+    scene, glyphs = canvas.scene, canvas.glyphs
+    if scene.trails.size:
+        index, _ = canvas.at(scene.trails.reshape(-1))
+        canvas.flat[index, 0] = code(style(styles.COLOUR_TRAIL, styles.COLOUR_FLOOR), glyphs.trail)
+    cells, ways = goal_lines(scene)
+    index, which = canvas.at(cells)
+    signs = np.array([ord(sign) for sign in "-|\\/"])[ways[which]]
+    canvas.flat[index, 0] = code(style(styles.COLOUR_GOAL_LINE, styles.COLOUR_FLOOR), signs)
+
+
+def goal_lines(scene: Scene) -> tuple[NDArray[np.int32], NDArray[np.int8]]:
+    """(k,) cells between robots and the cells of their goals, and how the line leads through each.
+
+    0 along x, 1 along y, 2 and 3 the falling and the rising diagonal. Lines are those of Bresenham,
+    by rounding; all of them are made at once.
+    """
+    if scene.snapshot is None or not scene.lines:
+        return NO_CELLS, np.zeros(0, np.int8)
+    fleet, stride = scene.snapshot.robots, scene.floor.floor_plan.stride
+    there = (fleet.cell != NIL) & (fleet.goal_cell != NIL)
+    if scene.lines == "selected":
+        there &= np.arange(len(there)) == scene.selected
+    start, goal = fleet.cell[there].astype(np.int64), fleet.goal_cell[there].astype(np.int64)
+    dy, dx = goal // stride - start // stride, goal % stride - start % stride
+    length = np.maximum(np.abs(dx), np.abs(dy))
+    length[np.cumsum(length) > MAX_LINE_CELLS] = 0
+    between = np.maximum(length - 1, 0)
+    line = np.repeat(np.arange(len(start)), between)
+    step = 1 + np.arange(len(line)) - np.repeat(np.cumsum(between) - between, between)
+    x, y = (np.rint(step * by[line] / length[line]).astype(np.int64) for by in (dx, dy))
+    cells = start[line] + y * stride + x
+    along = np.abs(dx) > 2 * np.abs(dy), np.abs(dy) > 2 * np.abs(dx)
+    way = np.select(along, [0, 1], np.where(dx * dy > 0, 2, 3)).astype(np.int8)
+    return cells.astype(np.int32), way[line]
+
+
+# The shelves and storage cells on the screen, and which of them hold a load or a pod.
+
+
+class Shelves(NamedTuple):
+    """Shelves, or storage cells, within a rectangle of cells."""
+
+    slot: NDArray[np.int32]
+    at: NDArray[np.intp]  # index into the cells of the rectangle
+
+
+@lru_cache(maxsize=8)
+def shelves_in(floor: Floor, visible: Rectangle, kind: int = SHELF) -> Shelves:
+    """Those of one kind; kept until the camera moves."""
+    rows, columns = slice(visible.top, visible.bottom), slice(visible.left, visible.right)
+    slots = floor.slot_in.reshape(floor.looks.shape)[rows, columns].reshape(-1)
+    index = np.flatnonzero(floor.floor_plan.kind[rows, columns].reshape(-1) == kind)
+    index = index[slots[index] != NIL]
+    return Shelves(slots[index], index)
+
+
+def pods_in(scene: Scene, visible: Rectangle) -> NDArray[np.intp]:
+    """The storage cells in which a pod stands, in cells of the rectangle."""
+    return full_shelves(scene, visible, STORAGE)
+
+
+def full_shelves(scene: Scene, visible: Rectangle, kind: int = SHELF) -> NDArray[np.intp]:
+    """Those with a load, in cells of the rectangle; before the run begins, as they are drawn."""
+    shelves = shelves_in(scene.floor, visible, kind)
+    if scene.snapshot is not None:
+        full = scene.snapshot.slots.content[shelves.slot] != NIL
+    else:
+        full = scene.floor.floor_plan.loads.reshape(-1)[scene.floor.slots_cell[shelves.slot]] != 0
+    at: NDArray[np.intp] = shelves.at[full]
+    return at
+
+
+# Pictures in which every cell has one or more characters of its own.
+#
+# They are painted from below: the empty floor, loads, the layer, the selected robot's route, claims
+# of long moves, robots, the cursor.
+#
+# -+-}12 in cells of one row a robot stands in the first column, its number in the others | in cells
+# of several rows it is drawn, see tui.render.drawn_robots
+
 
 BodyAndInk = tuple[NDArray[np.uint32], NDArray[np.uint32]]  # (n,) each
 FLOW_LEVELS = (0, 5, 5, 5, 5, 6, 6, 7, 8)  # of heat: thin arrows would not show in its first ones

@@ -1,27 +1,84 @@
-"""The characters of the pictures: two sets of the same shapes, one in Unicode, one in ASCII.
+"""Any text in ASCII: what looks most like it, as many columns wide.
 
-A glyph is an index into the characters of either set, so that a picture can be shown with the one
-or the other. Glyphs 32 to 126 are the printable ASCII characters themselves; 0 is the blank.
-
-    unicode   ▹▿◃▵ empty  ▸▾◂▴ loaded  ⊡ parked  ▯▮ shelf  ⊔ destination  ◊ turntable  ↯ charger
-              ◫ rack  ⊏ dock  ⌂ station  ⋈ transfer station  ⊓ pod  ▫ storage without
-              ≻⋎≺⋏ battery low  ⍄⍌⍃⍓ the same, loaded  ⊞ charges  ∅ battery empty  ✗ broken  ▬ load
-    ascii     >v<^ empty  }V{A loaded  p parked  #$ shelf  = destination  @ turntable  c charger
-              H rack  [ dock  t station  T transfer station  P pod  _ storage without
-              ! battery low  & the same, loaded  C charges  E battery empty  X broken  * load
-
-Every character is one column wide. None but the blocks ▀ ▄ █ is "ambiguous" in Unicode's table of
-East Asian widths, and so drawn two columns wide by some terminals (▲ ▶ ● ─ and → are).
+Frames become - | +, marks letters, an accented letter the letter, what is left a question mark.
 """
 
 from __future__ import annotations
 
+import unicodedata
 from typing import Any, Final, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tui.render.ascii_fallback import to_ascii
+LOOKALIKES: Final = {
+    " ": "\N{NO-BREAK SPACE}▁▂▔░\N{BRAILLE PATTERN BLANK}",
+    "-": "─━┄┅┈┉╌╍═‐‑‒–—−▬⎯╸╺",  # noqa: RUF001
+    "|": "│┃┆┇┊┋╎╏║▏▎▍▌▕▐╹╻",
+    "_": "▃▄",
+    "'": "‘’▀",  # noqa: RUF001
+    '"': "“”",
+    "#": "█▉▊▋▅▆▇▓▒■",
+    ">": "▶▸►→▹›",  # noqa: RUF001
+    "<": "◀◂◄←◃‹",  # noqa: RUF001
+    "^": "▲▴↑⌃⇧",
+    "v": "▼▾↓⌄",
+    "x": "✓✔×",  # noqa: RUF001
+    "X": "✗✖✘⭘",
+    "*": "•●◉★",
+    "o": "○◌◯",
+    ".": "·⋅∙",
+    "~": "…",
+    "/": "╱🔎",  # noqa: RUF001
+    "\\": "╲",
+}
+UNKNOWN: Final = "?"
+FRAMES: Final = range(0x2500, 0x2580)  # corners and crossings, as far as they are not above
+
+
+class AsciiFallback(dict[int, str]):
+    """By code point; made for a character when it is met for the first time."""
+
+    def __missing__(self, point: int) -> str:
+        spelled = self[point] = _fallback(chr(point))
+        return spelled
+
+
+def _fallback(character: str) -> str:
+    from rich.cells import cell_len  # pictures of plain floors do without it
+
+    if character.isascii():
+        return character
+    columns = cell_len(character)
+    alike = next((sign for sign, many in LOOKALIKES.items() if character in many), "")
+    if not alike and ord(character) in FRAMES:
+        alike = "+"
+    plain = "".join(c for c in unicodedata.normalize("NFKD", character) if c.isascii())
+    return ((alike or plain)[:columns] or UNKNOWN * columns).ljust(columns)
+
+
+ASCII_FALLBACK: Final = AsciiFallback()
+
+
+def to_ascii(text: str) -> str:
+    """The text in ASCII; no line gets longer or shorter on the screen."""
+    return text if text.isascii() else text.translate(ASCII_FALLBACK)
+
+
+# The characters of the pictures: two sets of the same shapes, one in Unicode, one in ASCII.
+#
+# A glyph is an index into the characters of either set, so that a picture can be shown with the one
+# or the other. Glyphs 32 to 126 are the printable ASCII characters themselves; 0 is the blank.
+#
+# unicode ▹▿◃▵ empty ▸▾◂▴ loaded ⊡ parked ▯▮ shelf ⊔ destination ◊ turntable ↯ charger ◫ rack ⊏ dock ⌂
+# station ⋈ transfer station ⊓ pod ▫ storage without ≻⋎≺⋏ battery low ⍄⍌⍃⍓ the same, loaded ⊞ charges
+# ∅ battery empty ✗ broken ▬ load ascii >v<^ empty }V{A loaded p parked #$ shelf = destination @
+# turntable c charger H rack [ dock t station T transfer station P pod _ storage without ! battery low
+# & the same, loaded C charges E battery empty X broken * load
+#
+# Every character is one column wide. None but the blocks ▀ ▄ █ is "ambiguous" in Unicode's table of
+# East Asian widths, and so drawn two columns wide by some terminals (▲ ▶ ● ─ and → are).
+
 
 Codes = NDArray[np.uint32]  # (rows, columns) style << GLYPH_BITS | glyph
 Entries = list[tuple[tuple[int, ...], str]]  # lines of a legend: codes and what they mean

@@ -12,16 +12,18 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tui.render.field import levels_of
+from tui.render.cell_view import flow_codes, heat_codes
+from tui.render.glyphs import GlyphSet
+from tui.render.scene import HEAT_LEVELS, Scene, levels_of
 
-if TYPE_CHECKING:  # it needs Numba, pictures do not
+if TYPE_CHECKING:
     from automaton.runs.simulation import Simulation
     from automaton.world.resolve import Resolved
-    from tui.render.canvas import Canvas
-    from tui.render.choice import Choice
-    from tui.render.glyphs import Entries, GlyphSet
-    from tui.render.pixels import Pixels
-    from tui.render.scene import Scene
+    from tui.render.cell_looks import Canvas
+    from tui.render.compose import Pixels
+    from tui.render.glyphs import Entries
+    from tui.render.scene import Choice
+
 
 ScaleLine = list[str | tuple[int, ...]]  # words, and signs, which are codes, from the left
 
@@ -62,7 +64,7 @@ class Layer:
         return levels_of(values, scene.scale)
 
     def tints(self, scene: Scene) -> NDArray[np.int8] | None:
-        """(C,) the tint of each cell, an index of tui.render.tints.TINTS, or NIL."""
+        """(C,) the tint of each cell, an index of tui.render.cell_view.TINTS, or NIL."""
         return None
 
     def draw_signs(self, canvas: Canvas, tints: NDArray[np.int8], looks: NDArray[np.uint8]) -> None:
@@ -148,3 +150,30 @@ def _check(method: str, array: Any, shape: tuple[int, ...]) -> None:
 
 
 CHECKS: Final = {"numbers": check_numbers, "tints": check_tints}
+
+
+# The scale of a layer in one line: from which number to which, of what, in which colours.
+#
+# visits 1 ▪▪▪▪▪▪▪▪ 120 or, while there is nothing to be seen: no visits yet
+
+
+def scale_line(scene: Scene, glyphs: GlyphSet) -> ScaleLine:
+    """Words and signs, from the left; [] where no layer is shown, or its numbers are not there yet."""
+    layer = scene.map_layer
+    own: ScaleLine | None = layer.scale(scene, glyphs)
+    if own is not None:
+        return own
+    if scene.values is None:
+        return []
+    if not scene.values.any():
+        return [nothing_yet(scene)]
+    codes = flow_codes(glyphs)[:, 0] if layer.arrows else heat_codes(glyphs)
+    signs = tuple(codes[1:HEAT_LEVELS].tolist())
+    least = int(scene.values[scene.values > 0].min(initial=scene.scale.end))
+    return [f"{layer.unit or layer.name} {least:,}", signs, f"{int(np.max(scene.values)):,}"]
+
+
+def nothing_yet(scene: Scene) -> str:
+    """What is said of a layer all of whose numbers are 0."""
+    layer = scene.map_layer
+    return str(layer.empty or f"no {layer.unit or layer.name} yet")

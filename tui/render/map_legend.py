@@ -13,18 +13,23 @@ from automaton.engine.robot_states import BATTERY_PERCENT
 from automaton.floor.cells import CELL_KINDS, FLOOR, SHELF, STORAGE, TRACK, WALL
 from tui.render import robot_marks as fleet
 from tui.render import styles
-from tui.render.camera import shown_rectangle
+from tui.render.camera import Zoom, shown_rectangle
 from tui.render.cell_looks import FAR_SHELF, STORING_KINDS, cell_codes, colour_of, look
 from tui.render.cell_view import flow_codes, heat_codes
-from tui.render.colouring import colour_entries, is_possible
-from tui.render.field import HEAT_LEVELS
+from tui.render.compose import DRIVEN
+from tui.render.drawn_robots import BAR_HEIGHT
 from tui.render.glyphs import GLYPH_BITS, GLYPHS, GlyphSet, code
-from tui.render.layer_scale import nothing_yet
-from tui.render.pixels import DRIVEN
-from tui.render.robot_sprites import BAR_HEIGHT
-from tui.render.scene import DETAIL_FULL_SHELF, DETAIL_PASSING, DETAIL_POD, DETAIL_UNLIMITED, Scene
+from tui.render.layer import nothing_yet
+from tui.render.robot_marks import colour_entries, is_possible
+from tui.render.scene import (
+    DETAIL_FULL_SHELF,
+    DETAIL_PASSING,
+    DETAIL_POD,
+    DETAIL_UNLIMITED,
+    HEAT_LEVELS,
+    Scene,
+)
 from tui.render.styles import style
-from tui.render.zoom_ladder import Zoom
 
 STROKE = 0x24  # dots of a line from left to right
 MAX_WORST_CELLS = 10  # cells of a layer that are listed

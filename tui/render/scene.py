@@ -1,10 +1,14 @@
-"""What a picture is made of: the static floor, a snapshot of the run, and what is laid over it."""
+"""Numbers on a floor as nine levels, on a scale that stays put while the numbers grow.
+
+Traffic is uneven: main aisles carry many times what side aisles do. The levels therefore grow with
+the square of their number: level n of a scale that ends at 1000 begins at 1000 ((n - 1) / 8)^2.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,11 +20,60 @@ from automaton.floor.floor_plan import DRIVABLE, FloorPlan
 from automaton.floor.traffic_zones import TrafficZones
 from automaton.history.explanation import shut_cells
 from tui.registration import layer_named, layers
-from tui.render.field import Scale, scale_for
 
-if TYPE_CHECKING:  # it needs Numba, pictures do not
+if TYPE_CHECKING:
     from automaton.engine.facilities import ServiceZones
     from automaton.history.snapshot import Snapshot
+
+
+HEAT_LEVELS: Final = 9  # level 0 is nothing at all
+SCALE_ENDS: Final = (10, 12, 15, 20, 25, 30, 40, 50, 60, 80)  # times a power of ten
+
+
+class Scale(NamedTuple):
+    """The numbers at which levels 1 to 8 begin, and where the scale ends."""
+
+    begins: tuple[int, ...]
+    end: int
+
+    def words(self, first: int, last: int) -> str:
+        """The numbers of levels 1 to 8 from the first to the last, for a legend."""
+        low = self.begins[first - 1]
+        high = self.end if last == HEAT_LEVELS - 1 else self.begins[last] - 1
+        return f"{low}" if high <= low else f"{low} to {high}"
+
+
+def scale_for(largest: int) -> Scale:
+    """The scale up to the next of SCALE_ENDS: the largest number is of the last level."""
+    power = 1
+    while SCALE_ENDS[-1] * power < largest and 10 * SCALE_ENDS[0] * power < largest:
+        power *= 10
+    end = next(
+        (end * power for end in SCALE_ENDS if end * power >= largest), 10 * SCALE_ENDS[0] * power
+    )
+    begins = [
+        max(n, _rounded(end * ((n - 1) / (HEAT_LEVELS - 1)) ** 2)) for n in range(1, HEAT_LEVELS)
+    ]
+    return Scale(tuple(begins), end)
+
+
+def levels_of(values: NDArray[np.int32], scale: Scale) -> NDArray[np.uint8]:
+    """The level of each value."""
+    begins = np.array(scale.begins, values.dtype)
+    return (
+        np.searchsorted(begins, values.reshape(-1), "right").astype(np.uint8).reshape(values.shape)
+    )
+
+
+def _rounded(number: float) -> int:
+    """To two digits, which a reader can remember."""
+    digits = len(str(int(number)))
+    unit: int = 10 ** max(digits - 2, 0)
+    return round(number / unit) * unit
+
+
+# What a picture is made of: the static floor, a snapshot of the run, and what is laid over it.
+
 
 # Details of cells that drawings do not tell apart, see automaton.drawings.cell_looks.
 DETAIL_PASSING: Final = 5
@@ -92,9 +145,9 @@ class Scene:
     # Cells, marked like a zone.
     marked_cells: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)
     zone: int = NIL  # whose cells are marked
-    colouring: str = "state"  # of robots, of tui.render.colouring.COLOURINGS
+    colouring: str = "state"  # of robots, of tui.render.robot_marks.COLOURINGS
     trails: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # (n, k) cells, or NIL
-    lines: str = ""  # whose goals lines lead to, of tui.render.trails.LINES
+    lines: str = ""  # whose goals lines lead to, of tui.render.cell_view.LINES
     least: int = 2  # paths that lead through a cell of the overlay "predicted"
 
     def with_(self, **changes: Any) -> Scene:
@@ -173,7 +226,7 @@ class Scene:
 
     @cached_property
     def tints(self) -> NDArray[np.int8] | None:
-        """(C,) the tint of each cell, an index of tui.render.tints.TINTS, or NIL; None: no tints."""
+        """(C,) the tint of each cell, an index of tui.render.cell_view.TINTS, or NIL; None: no tints."""
         tints: NDArray[np.int8] | None = self.map_layer.tints(self)
         return tints
 
@@ -189,3 +242,31 @@ class Scene:
             return self.marked_cells
         of_layers = (layer.zone_cells(self, self.zone) for layer in layers().by_name.values())
         return next((cells for cells in of_layers if cells is not None), NO_CELLS)
+
+
+# What the user has chosen to see: a robot, a cell, a zone, a layer.
+
+
+@dataclass
+class Choice:
+    """What the user has chosen to see."""
+
+    robot: int = NIL
+    cell: int = NIL
+    zone: int = NIL
+    layer: str = ""
+    least: int = 2  # paths through a cell of the layer "predicted"
+    side: int = 0  # which of two runs the panels show
+    following: bool = False
+    route: bool = True
+    minimap: bool = True
+    matches: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # robots that were found,
+    match_cells: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # or cells
+    colouring: str = "state"  # of robots, of tui.render.robot_marks.COLOURINGS
+    trails: bool = False
+    lines: str = ""  # whose goals lines lead to, of tui.render.cell_view.LINES
+
+    @property
+    def laid(self) -> str:
+        """The layer, as it is said."""
+        return str(layer_named(self.layer).title(self))

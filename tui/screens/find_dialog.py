@@ -1,9 +1,13 @@
-"""Find: robots, loads, cells, zones, or robots for which a condition holds; matches while typing."""
+"""What a scenario gives names or numbers: locations, doors and lifts, orders, their lines, SKUs.
+
+packing, door 2, lifts, block 1, closing 3, order A-17, line 12, sku B4
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import ClassVar, Final
+import re
+from collections.abc import Callable, Iterable, Sequence
+from typing import ClassVar, Final, NamedTuple
 
 import numpy as np
 from textual.app import ComposeResult
@@ -11,19 +15,237 @@ from textual.binding import Binding, BindingType
 from textual.message import Message
 from textual.widgets import Input, Static
 
-from automaton.engine.state import NIL
-from automaton.errors import InputError
+from automaton.engine.state import NIL, Array
+from automaton.errors import InputError, nearest
+from automaton.floor.cells import KIND_BY_NAME, WALL
+from automaton.history.breakpoints import robots_where
 from automaton.history.explanation import load_words
+from automaton.scenario.orders import line_texts, listed_lines
 from automaton.units import count
-from tui.playback.panel_view import View
-from tui.screens.dialog import Dialog
-from tui.screens.find_query import Found, find
-from tui.widgets.robot_columns import doing
-from tui.widgets.rows import Rows
-from tui.widgets.service_zone_facts import partition_of
+from automaton.world.gate_cells import cells_of, gates_of
+from tui.playback.panel_view import View, middle_robot
+from tui.screens.dialogs import Dialog
+from tui.widgets.pod_facts import has_pods, makes_trips
+from tui.widgets.robot_table import doing
+from tui.widgets.rows import Rows, TypedInput
 from tui.widgets.styled_lines import Line, cell_link, dim, line
-from tui.widgets.traffic_zone_facts import robots_in
-from tui.widgets.typed_fields import TypedInput
+from tui.widgets.zone_facts import checked_station, checked_zone, partition_of, robots_in
+
+GATES: Final = re.compile(r"(door|lift|block|closing)(?:s| (\d{1,9}))")
+Places = tuple[tuple[int, ...], tuple[int, ...]]  # robots, or else cells
+NOTHING: Final = ((), ())
+
+
+def named_places(words: str, view: View) -> Places | None:
+    """Robots, or cells, of what these words name; None: they name nothing. Raises InputError."""
+    location = _location(words, view)
+    if location:
+        return (), location
+    if gate := GATES.fullmatch(words):
+        return (), _gates(gate[1], gate[2], view)
+    if makes_trips(view):
+        kind, _, name = words.partition(" ")
+        if kind in ("order", "line", "sku") and name:
+            lines = _lines(kind, name, view)
+            return places_of_pods(np.unique(_pods_of_lines(lines, view)).tolist(), view)
+    return None
+
+
+def places_of_pods(pods: Iterable[int], view: View) -> Places:
+    """Who carries them or, if no robot does, where they stand."""
+    snapshot = view.snapshot
+    slots = {pod: int(snapshot.pods.slot[pod]) for pod in pods if pod != NIL}
+    carried = [pod for pod, slot in slots.items() if slot == NIL]
+    robots = {int(snapshot.orders.reserved_by[snapshot.pods.trip[pod]]) for pod in carried}
+    if robots:
+        return tuple(sorted(robots)), ()
+    return (), tuple(int(snapshot.slots.cell[slot]) for slot in slots.values())
+
+
+def _location(words: str, view: View) -> tuple[int, ...]:
+    locations = view.run.resolved.scenario.locations
+    assert not isinstance(locations, str), "its file has been read"
+    cells = (cell for name, cell in locations.items() if name.lower() == words)
+    return tuple(view.floor_plan.cell(*cell) for cell in cells)
+
+
+def _gates(kind: str, number: str | None, view: View) -> tuple[int, ...]:
+    """The cells of one of the gates of a kind, or of all."""
+    floor = view.run.resolved.scenario.floor
+    gates = [gate for gate in gates_of(floor) if gate.name.startswith(kind)]
+    if number is not None:
+        there = f"{kind}s are numbered from 1 to {len(gates)}" if gates else f"there are no {kind}s"
+        chosen = [gate for gate in gates if gate.name == f"{kind} {int(number)}"]
+        if not chosen:
+            raise InputError(f"there is no {kind} {int(number)}; {there}")
+        gates = chosen
+    return tuple(cell for gate in gates for cell in cells_of(gate, view.floor_plan))
+
+
+def _lines(kind: str, name: str, view: View) -> Array:
+    """(k,) the lines of an order or of a SKU, or one of them. Raises InputError."""
+    of_order = view.snapshot.lines.order
+    listed = listed_lines(view.run.resolved.scenario.orders)
+    texts: Sequence[str] = ()
+    if kind != "line" and listed:
+        places, texts = line_texts(listed, kind)
+        named = [at for at, text in enumerate(texts) if text.lower() == name]
+        if named:
+            return np.flatnonzero(np.isin(places, named))
+    count = {"line": len(of_order), "order": int(of_order.max()) + 1, "sku": 0}[kind]
+    if not name.isdecimal() or int(name) >= count:
+        numbered = f"{kind}s are numbered from 0 to {count - 1}" if count else "no line names it"
+        raise InputError(f"there is no {kind} {name}{nearest(name, texts) or f'; {numbered}'}")
+    if kind == "line":
+        return np.array([int(name)])
+    return np.flatnonzero(of_order == int(name))
+
+
+def _pods_of_lines(lines: Array, view: View) -> Array:
+    """(k,) the pod of each line, as far as it is known; of a SKU all pods that hold it."""
+    table, pods = view.snapshot.lines, view.snapshot.pods
+    pod = np.where(table.pod[lines] == NIL, table.taken_from[lines], table.pod[lines])
+    open_skus = np.unique(table.sku[lines[pod == NIL]])
+    held = [pods.sku_pod[pods.sku_first[sku] : pods.sku_first[sku + 1]] for sku in open_skus]
+    return np.concatenate([pod[pod != NIL], *held])
+
+
+# Robots, cells, zones by what a user types.
+#
+# 17, load 7, pod 12, 12,4, station 11, station P1, zone 9, waiting > 20, jam, starved, and what the
+# scenario names: see tui.screens.find_dialog
+
+
+class Found(NamedTuple):
+    """Robots, or else cells or zones, to step through from the one at index `first` on."""
+
+    text: str
+    robots: tuple[int, ...] = ()
+    cells: tuple[int, ...] = ()
+    first: int = 0
+    zones: tuple[int, ...] = ()
+
+    def __bool__(self) -> bool:
+        return bool(self.places)
+
+    @property
+    def places(self) -> tuple[int, ...]:
+        """Those of them that there are."""
+        return self.robots or self.cells or self.zones
+
+    @property
+    def many(self) -> str:
+        """How many of what."""
+        kind = "robot" if self.robots else "cell" if self.cells else "zone"
+        return count(len(self.places), kind)
+
+
+def find(text: str, view: View) -> Found:
+    """What matches the text now. Raises InputError with what can be written."""
+    words = " ".join(text.lower().split())
+    if number := re.fullmatch(r"(?:robot )?(\d{1,9})", words):
+        return Found(words, robots=(_robot(int(number[1]), view),))
+    if (named := named_places(words, view)) is not None:
+        return Found(words, *named)
+    if has_pods(view) and (places := _with_pods(words, view)):
+        return places
+    if number := re.fullmatch(r"(?:load|order) (\d{1,9})", words):
+        return _order(words, int(number[1]), view)
+    if number := re.fullmatch(r"zone (\d{1,9})", words):
+        return Found(words, zones=(checked_zone(view, int(number[1])),))
+    if number := re.fullmatch(r"station (\d{1,9})", words):
+        return Found(words, cells=(checked_station(view, int(number[1])),))
+    if pair := re.fullmatch(r"\(?(-?\d{1,9}) ?, ?(-?\d{1,9})\)?", words):
+        return Found(words, cells=(_cell(int(pair[1]), int(pair[2]), view),))
+    if words in ("jam", "starved"):
+        return _without_progress(words, view)
+    kind = KIND_BY_NAME.get(words, KIND_BY_NAME.get(words.removesuffix("s")))
+    if words == "shelves":
+        kind = KIND_BY_NAME["shelf"]
+    if kind is not None and kind.code != WALL:
+        cells = np.flatnonzero(view.floor_plan.kind.reshape(-1) == kind.code)
+        return Found(words, cells=tuple(cells.tolist()))
+    robots = robots_where(" ".join(text.split()), view.snapshot, view.floor_plan)
+    return Found(words, robots=tuple(robots.tolist()))
+
+
+def _robot(number: int, view: View) -> int:
+    n = len(view.snapshot.robots)
+    if number >= n:
+        raise InputError(f"there is no robot {number}; robots are numbered from 0 to {n - 1}")
+    return number
+
+
+def _without_progress(words: str, view: View) -> Found:
+    """Robots that have finished nothing for long: all of them, or those of the largest jam."""
+    figures = view.playback.figures[view.side]
+    if words == "starved":
+        return Found(words, robots=tuple(figures.starved.tolist()))
+    if figures.jam is None:
+        return Found(words)
+    first = middle_robot(figures.jam, view.snapshot, view.floor_plan)
+    return Found(words, robots=figures.jam.robots, first=first)
+
+
+def _with_pods(words: str, view: View) -> Found | None:
+    """A pod or a station by its name or number, or a trip, where pods are carried."""
+    snapshot = view.snapshot
+    if words.startswith("pod ") and snapshot.pod_names:
+        return _pod(words, view)
+    if (number := re.fullmatch(r"trip (\d{1,9})", words)) and makes_trips(view):
+        return _order(words, int(number[1]), view)
+    names = [name.lower() for name in snapshot.station_names]
+    name = words.removeprefix("station ")
+    if name in names and (name != words or not name.isdigit()):
+        return Found(words, cells=(int(snapshot.pod_stations.cell[names.index(name)]),))
+    if name != words:
+        raise InputError(
+            f"there is no station {name}; stations are {', '.join(snapshot.station_names)}"
+        )
+    return None
+
+
+def _pod(words: str, view: View) -> Found:
+    """Where a pod stands, or who carries it."""
+    snapshot = view.snapshot
+    name = words.removeprefix("pod ")
+    names = [one.lower() for one in snapshot.pod_names]
+    if name not in names and not (name.isdecimal() and 1 <= int(name) <= len(names)):
+        there = f"pods are numbered from 1 to {len(names)}"
+        raise InputError(
+            f"there is no pod {name}{nearest(name, snapshot.pod_names) or f'; {there}'}"
+        )
+    pod = names.index(name) if name in names else int(name) - 1
+    return Found(words, *places_of_pods([pod], view))
+
+
+def _order(words: str, number: int, view: View) -> Found:
+    """Who carries the load or is to fetch it; else where it lies."""
+    orders, slots = view.snapshot.orders, view.snapshot.slots
+    if number >= len(orders.state):
+        raise InputError(
+            f"there is no order {number}; orders are numbered from 0 to {len(orders.state) - 1}"
+        )
+    if orders.reserved_by[number] != NIL:
+        return Found(words, robots=(int(orders.reserved_by[number]),))
+    place = (
+        orders.current_slot[number] if orders.current_slot[number] != NIL else orders.target[number]
+    )
+    return Found(words, cells=() if place == NIL else (int(slots.cell[place]),))
+
+
+def _cell(x: int, y: int, view: View) -> int:
+    floor_plan = view.floor_plan
+    if not floor_plan.holds(x, y) and floor_plan.cell(x, y) not in floor_plan.bays[:, 0]:
+        raise InputError(
+            f"there is no cell ({x}, {y}); the floor goes from (0, 0) "
+            f"to ({floor_plan.width - 1}, {floor_plan.height - 1})"
+        )
+    return floor_plan.cell(x, y)
+
+
+# Find: robots, loads, cells, zones, or robots for which a condition holds; matches while typing.
+
 
 EXAMPLES: Final = (
     "17, robot 17, order 7, load 7, line 7, pod 12, 12,4, station 11, door 1, lift 1, zone 9, "

@@ -1,4 +1,4 @@
-"""One browser session: a process of the viewer, and what its browser may say to it."""
+"""The environment of a session's process: what it needs, and nothing else of the server's."""
 
 from __future__ import annotations
 
@@ -10,14 +10,41 @@ import re
 import shlex
 import signal
 from asyncio.subprocess import PIPE, Process
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from aiohttp import web
 from textual_serve.app_service import AppService
 from textual_serve.download_manager import DownloadManager
 
-from tui.serve.session_environment import clean
+ALLOWED_VARIABLES = {"PATH", "HOME", "TMPDIR", "LD_LIBRARY_PATH", "VIRTUAL_ENV"}
+ALLOWED_PREFIXES = ("XDG_", "PYTHON", "NUMBA_", "AUTOMATON_")
+PROTOCOL = {  # set by textual-serve
+    "TEXTUAL_DRIVER",
+    "TEXTUAL_FPS",
+    "TEXTUAL_COLOR_SYSTEM",
+    "TERM_PROGRAM",
+    "TERM_PROGRAM_VERSION",
+    "COLUMNS",
+    "ROWS",
+}
+# The terminal is the browser's, whatever the server was started in.
+TERMINAL = {"TERM": "xterm-256color", "COLORTERM": "truecolor", "LC_ALL": "C.UTF-8"}
+
+
+def clean(environment: Mapping[str, str]) -> dict[str, str]:
+    """What of `environment` a session may see: no passwords, no keys, no agent's socket."""
+    allowed = ALLOWED_VARIABLES | PROTOCOL
+    kept = {
+        name: value
+        for name, value in environment.items()
+        if name in allowed or name.startswith(ALLOWED_PREFIXES)
+    }
+    return kept | TERMINAL
+
+
+# One browser session: a process of the viewer, and what its browser may say to it.
+
 
 TERMINATE_GRACE_S = 3.0  # for a process to end after SIGTERM, and for a browser to answer a close
 TERMINAL_SIZES = range(1, 1001)  # rows and columns; a browser may ask for any number

@@ -8,9 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Final
 
-from tui.render.depth import Depth, depth_of, glyphs_of
 from tui.render.glyphs import SHADED, UNICODE, GlyphSet
-from tui.render.styles import Theme
+from tui.render.styles import Depth, Theme, depth_of, glyphs_of
 
 if TYPE_CHECKING:  # Textual reads its variables when it is imported
     from tui.terminal.presenter import Renderer
@@ -35,7 +34,7 @@ class Options:
     fps: int = 30
     renderer: Renderer = "auto"
     ascii: bool = False
-    color: str = "auto"  # or a key of tui.render.depth.DEPTHS
+    color: str = "auto"  # or a key of tui.render.styles.DEPTHS
     theme: Theme = "dark"
     max_kbit: float | None = None
     plain: bool = False

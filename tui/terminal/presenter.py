@@ -1,32 +1,116 @@
-"""Writes a map's difference to the terminal past Textual's compositor, where nothing covers the map.
-
-The compositor sends whole rows, 60 KB for 100 moving robots; the difference is 2 KB. This is the
-only module that uses names which Textual does not publish. `why_not` says which one is missing, if
-a new version has changed them; then the compositor draws the map, more slowly, and nothing breaks.
-"""
+"""Panels and dialogs without colours: what a bright background said, reversed video says."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, Final, Literal, Protocol
 from weakref import WeakKeyDictionary
 
+from rich.color import Color, ColorSystem
 from rich.segment import Segment
+from rich.style import Style
 from textual.app import App
-from textual.filter import ANSIToTruecolor, Monochrome
+from textual.color import Color as TextualColor
+from textual.filter import ANSIToTruecolor, LineFilter, Monochrome
 from textual.geometry import Region
 from textual.strip import Strip
 
-from tui.render.depth import Depth
 from tui.render.encode import encode
-from tui.terminal.monochrome import Colourless
-from tui.terminal.sixteen_colours import SixteenColours
+from tui.render.styles import TEXT_CONTRAST, XTERM, Depth, Theme, contrast
 
 if TYPE_CHECKING:
     from tui.render.glyphs import Codes, GlyphSet
     from tui.render.styles import Look
+
+
+MIDDLE = 0.2  # brightness between the backgrounds of text and those that make something stand out
+
+
+class Colourless(LineFilter):
+    """Takes all colours away, so that the terminal's own remain.
+
+    Textual's filter for NO_COLOR makes greys of them, and sends those as true colours.
+    """
+
+    def __init__(self, theme: Theme) -> None:
+        super().__init__()
+        self._dark = theme == "dark"
+
+    def apply(self, segments: list[Segment], background: TextualColor) -> list[Segment]:
+        return [
+            Segment(text, None if style is None else _plain(style, self._dark), control)
+            for text, style, control in segments
+        ]
+
+
+@lru_cache(maxsize=1024)
+def _plain(style: Style, dark: bool) -> Style:
+    plain = style.without_color
+    bg = style.bgcolor
+    if bg is None or bg.is_default:
+        return plain
+    bright = TextualColor.from_rich_color(bg).brightness
+    stands_out = bright > MIDDLE if dark else bright < 1 - MIDDLE
+    return plain + Style(reverse=True) if stands_out else plain
+
+
+# Panels and dialogs in 16 colours: each pair of colours keeps the contrast of text.
+#
+# Rich takes the nearest of the 16 for a foreground and for a background, each without the other,
+# which made orange on white yellow on light grey, of a contrast of 1.7.
+
+
+GREYS: Final = (0, 7, 8, 15)
+GREY: Final = 24  # the channels of a grey differ by less, of 255
+
+
+class SixteenColours(LineFilter):
+    """Colours that are among the 16 already, those of the map, stay as they are."""
+
+    def apply(self, segments: list[Segment], background: TextualColor) -> list[Segment]:
+        return [
+            Segment(text, None if style is None else _legible(style), control)
+            for text, style, control in segments
+        ]
+
+
+@lru_cache(maxsize=1024)
+def _legible(style: Style) -> Style:
+    fg, bg = style.color, style.bgcolor
+    if fg is None or bg is None or fg.triplet is None or bg.triplet is None:
+        return style
+    below = bg.downgrade(ColorSystem.STANDARD).number
+    assert below is not None
+    number = _foreground(_channels(int(fg.triplet.hex[1:], 16)), below)
+    return style + Style(color=Color.from_ansi(number), bgcolor=Color.from_ansi(below))
+
+
+def _foreground(wanted: tuple[int, int, int], below: int) -> int:
+    """The nearest of the 16 that can be read, of greys a grey; black or white always can be."""
+    grey = max(wanted) - min(wanted) < GREY
+    those = GREYS if grey else range(16)
+
+    def distance(number: int) -> int:
+        near = zip(wanted, _channels(XTERM[number]), strict=True)
+        return sum((one - other) ** 2 for one, other in near)
+
+    legible = (n for n in those if contrast(n, below, Depth.SIXTEEN) >= TEXT_CONTRAST)
+    return min(legible, key=distance)
+
+
+def _channels(value: int) -> tuple[int, int, int]:
+    return value >> 16, value >> 8 & 255, value & 255
+
+
+# Writes a map's difference to the terminal past Textual's compositor, where nothing covers the map.
+#
+# The compositor sends whole rows, 60 KB for 100 moving robots; the difference is 2 KB. This is the
+# only module that uses names which Textual does not publish. `why_not` says which one is missing, if
+# a new version has changed them; then the compositor draws the map, more slowly, and nothing breaks.
+
 
 Renderer = Literal["auto", "direct", "textual"]
 

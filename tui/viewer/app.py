@@ -1,4 +1,4 @@
-"""The viewer: its widgets, the mouse, and how it begins and ends."""
+"""The colours of everything but the map, made from the map's own."""
 
 from __future__ import annotations
 
@@ -9,14 +9,17 @@ from functools import partial
 from inspect import isawaitable
 from typing import TYPE_CHECKING, ClassVar
 
+from rich.segment import Segment
 from textual import events
 from textual.app import App, ComposeResult, SystemCommand
 from textual.binding import Binding
+from textual.color import Color
 from textual.containers import Container, Horizontal, Vertical
 from textual.filter import LineFilter
 from textual.notifications import SeverityLevel
 from textual.screen import Screen
 from textual.scrollbar import ScrollBar, ScrollBarRender
+from textual.theme import Theme as TextualTheme
 from textual.widget import Widget
 
 from automaton.engine.state import NIL
@@ -25,35 +28,88 @@ from tui.actions.branch_actions import BranchActions
 from tui.actions.capture_actions import CaptureActions
 from tui.actions.clock_actions import ClockActions
 from tui.actions.find_actions import FindActions
-from tui.actions.layer_actions import LayerActions
-from tui.actions.map_actions import MapActions
+from tui.actions.map_actions import LayerActions, MapActions
 from tui.actions.panel_actions import PanelActions
 from tui.playback.run_source import Opening
 from tui.registration import layers, panels
-from tui.render.depth import Depth
-from tui.render.glyphs import ASCII
-from tui.render.styles import Look
-from tui.screens.help_screen import HelpScreen
+from tui.render import styles
+from tui.render.glyphs import ASCII, to_ascii
+from tui.render.styles import COLOURS, Depth, Look, Theme
+from tui.screens.dialogs import HelpScreen
 from tui.session.display import Display
 from tui.session.session import Session
-from tui.terminal.ascii_only import AsciiOnly, WholeCells
 from tui.terminal.frame_pacing import quiet_collector
 from tui.terminal.options import Options
-from tui.terminal.themes import themes
 from tui.widgets.bindings import ACTIONS, COMPARING, bindings, key_text
-from tui.widgets.key_line import Keys
 from tui.widgets.map_view import MapView
+from tui.widgets.rows import ACROSS, DOWN, TooSmall, size_classes
+from tui.widgets.status import Keys
 from tui.widgets.timeline import Timeline
-from tui.widgets.too_small import ACROSS, DOWN, TooSmall, size_classes
 
 if TYPE_CHECKING:
-    from tui.playback.panel_view import (
-        CellChosen,
-        JamChosen,
-        RobotChosen,
-        TickChosen,
-        ZoneChosen,
+    from tui.playback.panel_view import CellChosen, JamChosen, RobotChosen, TickChosen, ZoneChosen
+
+
+def themes() -> list[TextualTheme]:
+    """One for dark and one for light terminals."""
+    return [_theme("dark"), _theme("light")]
+
+
+def _theme(theme: Theme) -> TextualTheme:
+    def colour(row: int) -> str:
+        shades = COLOURS[row].dark if theme == "dark" else COLOURS[row].light
+        return f"#{shades.true:06x}"
+
+    return TextualTheme(
+        name=f"automaton-{theme}",
+        dark=theme == "dark",
+        primary=colour(styles.COLOUR_DESTINATION),
+        secondary=colour(styles.COLOUR_ROBOT),
+        accent=colour(styles.COLOUR_LOADED),
+        warning=colour(styles.COLOUR_LOADED),
+        error=colour(styles.COLOUR_FAULT),
+        success=colour(styles.COLOUR_DONE),
+        foreground=colour(styles.COLOUR_TEXT),
+        background=colour(styles.COLOUR_VOID),
+        surface=colour(styles.COLOUR_FLOOR),
+        panel="#262626" if theme == "dark" else "#dadada",
+        variables={
+            "footer-background": colour(styles.COLOUR_VOID),
+            "footer-key-foreground": colour(styles.COLOUR_LOADED),
+            "footer-description-foreground": colour(styles.COLOUR_DIM),
+            "text-disabled": colour(styles.COLOUR_DIM),  # of placeholders
+            "block-cursor-blurred-background": "#303030" if theme == "dark" else "#dadada",
+            "border": colour(styles.COLOUR_WALL),
+            "border-blurred": colour(styles.COLOUR_WALL),
+        },
     )
+
+
+# Everything beside the maps in ASCII: frames, scroll bars, ellipses and what a name may hold.
+#
+# Textual draws with characters that some terminals and fonts do not have. On its way to the terminal
+# each of them is replaced by what looks most like it.
+
+
+class AsciiOnly(LineFilter):
+    """Replaces what is not ASCII; no line gets longer or shorter."""
+
+    def apply(self, segments: list[Segment], background: Color) -> list[Segment]:
+        return [
+            segment if segment.control else segment._replace(text=to_ascii(segment.text))
+            for segment in segments
+        ]
+
+
+class WholeCells(ScrollBarRender):
+    """Scroll bars whose ends lie between two characters, so that none has to be cut in eighths."""
+
+    VERTICAL_BARS: ClassVar = [" "]
+    HORIZONTAL_BARS: ClassVar = [" "]
+
+
+# The viewer: its widgets, the mouse, and how it begins and ends.
+
 
 SETTLED_S = 1.5  # after the world is there, when the garbage collector is told to leave it alone
 INTERRUPTED = 130
@@ -102,7 +158,7 @@ class Viewer(App[None]):
         )
         self.reloading = None
         if opening.reload is not None:
-            from tui.actions.reload_actions import Reloading
+            from tui.actions.branch_actions import Reloading
 
             self.reloading = Reloading(self, self.session, self.main_display, self.branches)
         self._commands = {

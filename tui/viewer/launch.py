@@ -1,15 +1,56 @@
-"""From a command to the viewer on the terminal and back, or to plain text where there is none."""
+"""Signals: the viewer leaves in good order, and by force if it cannot.
+
+A lost connection (SIGHUP) leaves Textual with a terminal that takes nothing any more: its writer
+dies and the program would hang. Then the run is closed here, so that its recording is whole.
+"""
 
 from __future__ import annotations
 
 import os
+import signal
 import sys
-from collections.abc import MutableMapping
+import threading
+from collections.abc import Callable, Iterator, MutableMapping
+from contextlib import contextmanager
+from types import FrameType
+from typing import Final
 
 from automaton.errors import InputError
-from tui.playback.recording_files import comparing_command
-from tui.playback.run_source import Opening
+from tui.playback.run_source import Opening, comparing_command
 from tui.terminal.options import Options
+
+SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+CLOSE_TIMEOUT_S: Final = 3.0
+
+
+@contextmanager
+def handled(leave: Callable[[int], None], close: Callable[[], None]) -> Iterator[None]:
+    """While inside, a signal calls `leave(exit code)`; `close` if that did not help in time."""
+
+    def on_signal(number: int, _: FrameType | None) -> None:
+        code = 128 + number
+        guard = threading.Timer(CLOSE_TIMEOUT_S, _leave_by_force, (code, close))
+        guard.daemon = True
+        guard.start()
+        leave(code)
+
+    before = {number: signal.signal(number, on_signal) for number in SIGNALS}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _leave_by_force(code: int, close: Callable[[], None]) -> None:
+    closing = threading.Thread(target=close, daemon=True)
+    closing.start()
+    closing.join(CLOSE_TIMEOUT_S)  # a strategy that hangs is not waited for
+    os._exit(code)
+
+
+# From a command to the viewer on the terminal and back, or to plain text where there is none.
+
 
 BAD_INPUT = 2  # a strategy that fails counts as such
 
@@ -21,7 +62,7 @@ def show(opening: Opening, options: Options) -> int:
     if opening.reload is not None and (plain or options.describe):
         raise InputError("--reload shows a floor while it is drawn, which needs a terminal")
     if options.describe:
-        from tui.viewer.description import run_described
+        from tui.viewer.text_mode import run_described
 
         return run_described(opening, options)
     if plain:
@@ -32,7 +73,6 @@ def show(opening: Opening, options: Options) -> int:
     if not _in_browser():
         forget_size(os.environ)
         draw_on_terminal()
-    from tui.terminal.signal_handling import handled
     from tui.viewer.app import Viewer
 
     viewer = Viewer(opening, options)

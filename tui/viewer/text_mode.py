@@ -9,6 +9,7 @@ import numpy as np
 
 from automaton.engine.state import NIL
 from automaton.history.live_run import LiveDivergence, LiveRun, first_difference
+from automaton.history.narration import SENTENCES, Scope, kinds_named, narrate
 from automaton.history.snapshot import summary_of
 from automaton.history.watched_run import Run
 from automaton.recording.header import changed, resolved_of
@@ -17,10 +18,11 @@ from automaton.runs.headless import Outcome, operations, orders_exhausted, recor
 from automaton.runs.metrics import metrics_by_robot, metrics_by_type, metrics_of
 from automaton.runs.progress import asked_orders, largest_jam
 from automaton.runs.run_diagnosis import describe_unfinished_run, find_wait_cycles, stalled_robots
-from automaton.runs.run_report import print_report
+from automaton.runs.run_report import print_report, sentences
 from automaton.runs.task_metrics import metrics_by_station
 from automaton.world.resolve import Resolved
 from tui.playback.run_source import Opening
+from tui.terminal.options import Options
 
 PROGRESS_SLICE_S: Final = 0.5
 
@@ -133,3 +135,47 @@ def outcome_of(run: Run, last_worked: np.ndarray) -> Outcome:
         types=metrics_by_type(front),
         stations=metrics_by_station(front),
     )
+
+
+# A run described in sentences, without a screen: what happens, how far it is, and how it ended.
+
+
+def run_described(opening: Opening, options: Options) -> int:
+    """Describe each run to its end; returns 0, or 1 for a live run that did not finish.
+
+    Raises InputError for an unknown kind of sentence.
+    """
+    scope = Scope(kinds_named(options.only), options.sentences or SENTENCES, options.at or 0)
+    runs = opening.begin()
+    outcomes = []
+    try:
+        for title, run in zip(opening.titles, runs, strict=True):
+            print(title, flush=True)
+            outcomes.append(_described(run, scope))
+            print("\n".join(sentences(scenario_at_end(run), outcomes[-1])), flush=True)
+        if opening.comparing:
+            print(difference_line(opening, runs))
+    finally:
+        for run in runs:
+            run.close()
+    return exit_code(opening, outcomes)
+
+
+def _described(run: Run, scope: Scope) -> Outcome:
+    """Describe a run, and at ever longer intervals how far it is."""
+    last_worked = np.zeros(run.resolved.scenario.fleet.robots, np.int64)
+    worked = operations(run.leading_simulation)
+    for line in branch_lines(run):
+        print(line)
+    marks = milestones()
+    mark = next(marks)
+    for stretch in narrate(run, scope):
+        worked = record_work(run.leading_simulation, worked, last_worked)
+        lines = list(stretch.lines)
+        if stretch.tick >= mark:
+            lines.append(fleet_line(run))
+            while mark <= stretch.tick:
+                mark = next(marks)
+        if lines:
+            print("\n".join(lines), flush=True)
+    return outcome_of(run, last_worked)

@@ -1,14 +1,247 @@
-"""The inspector: everything about the robot, the cell or the order that was chosen last."""
+"""What the inspector says about a cell, with what it holds, and about an order."""
 
 from __future__ import annotations
 
-from automaton.engine.state import NIL
+from typing import Final
+
+import numpy as np
+
+from automaton.engine.state import (
+    NIL,
+    ORDER_CARRIED,
+    ORDER_DELIVERED,
+    ORDER_STARTED,
+    ORDER_UNRELEASED,
+    ORDER_WAITING,
+)
+from automaton.floor.cells import ANY, BAY, CHARGER, DIRECTIONS, STORAGE, UNLIMITED
+from automaton.floor.floor_plan import DRIVABLE
+from automaton.units import count
+from automaton.world.floor_parts import places_of_chargers
 from tui.playback.panel_view import OrderChosen, View
-from tui.widgets.cell_facts import cell_lines, order_lines
-from tui.widgets.robot_facts import robot_lines
-from tui.widgets.styled_lines import Line, Link, dim, line, robot_link, title, wrapped
-from tui.widgets.text_panel import TextPanel
-from tui.widgets.traffic_zone_facts import zone_lines
+from tui.registration import layer_named
+from tui.widgets.panel import TextPanel
+from tui.widgets.pod_facts import (
+    due_facts,
+    has_pods,
+    makes_trips,
+    ordered_pod,
+    pod_station_facts,
+    storage_facts,
+    trip_lines,
+)
+from tui.widgets.robot_facts import charger_lines, closed_to, robot_lines
+from tui.widgets.styled_lines import (
+    Line,
+    Link,
+    Span,
+    cell_link,
+    dim,
+    fact,
+    line,
+    order_link,
+    robot_link,
+    several,
+    tick_link,
+    title,
+    wrapped,
+)
+from tui.widgets.zone_facts import order_zone, part_of_order, station_facts, zone_facts, zone_lines
+
+Parts = list[str | Span]
+ORDER_STATE_WORDS: Final = {
+    ORDER_WAITING: "waits to be picked up",
+    ORDER_CARRIED: "under way",
+    ORDER_DELIVERED: "delivered",
+    ORDER_UNRELEASED: "will come; no strategy knows it yet",
+    ORDER_STARTED: "under way",
+}
+
+
+def cell_lines(view: View, cell: int, width: int) -> list[Line]:
+    """Everything about one cell."""
+    kind = view.floor_plan.kind_of(cell)
+    x, y = view.floor_plan.xy(cell)
+    lines = [line(title(f"cell ({x}, {y}) "), kind.name.replace("-", " ")), line(dim(kind.meaning))]
+    facts = [
+        *_ground(view, cell),
+        *(pod_station_facts if has_pods(view) else station_facts)(view, cell),
+        *zone_facts(view, cell),
+        *_traffic(view, cell),
+        *_stored(view, cell),
+    ]
+    for name, parts in facts:
+        lines += fact(name, *parts, width=width) if parts else []
+    if kind.code == CHARGER:
+        lines += charger_lines(view, cell, width)
+    return lines
+
+
+def _ground(view: View, cell: int) -> list[tuple[str, Parts]]:
+    floor_plan = view.floor_plan
+    kind = int(floor_plan.kind.reshape(-1)[cell])
+    if kind == BAY:
+        homes = floor_plan.bays[floor_plan.bays[:, 0] == cell, 1]
+        return [("opens on", [cell_link(floor_plan, int(home)) for home in homes])]
+    if not DRIVABLE[kind]:
+        return []
+    exits, capacity = (
+        int(floor_plan.exits.reshape(-1)[cell]),
+        int(floor_plan.capacity.reshape(-1)[cell]),
+    )
+    ways = [name for bit, name in enumerate(DIRECTIONS) if exits >> bit & 1]
+    room = "any number of robots" if capacity == UNLIMITED else count(capacity, "robot")
+    if kind == CHARGER and capacity == UNLIMITED:
+        scenario = view.run.resolved.scenario
+        places = places_of_chargers(scenario, floor_plan)[cell]
+        room = count(places, "robot") if places < scenario.fleet.robots else room
+    return [
+        ("exits", [", ".join(ways) if ways else "none"]),
+        ("closed to", [", ".join(closed_to(view, cell))] if closed_to(view, cell) else []),
+        ("speed limit", _limits(view, cell)),
+        ("room for", [room + (", one each way" if capacity == 2 else "")]),
+    ]
+
+
+def _limits(view: View, cell: int) -> Parts:
+    """How long moves out of a cell take at least, by direction; nothing without a limit."""
+    limits = view.floor_plan.min_move_ticks
+    if not len(limits) or not limits[cell].any():
+        return []
+    ways = [
+        f"{name} {count(int(ticks), 'tick')}"
+        for name, ticks in zip(DIRECTIONS, limits[cell], strict=True)
+        if ticks
+    ]
+    return ["a move takes at least: " + ", ".join(ways)]
+
+
+def _traffic(view: View, cell: int) -> list[tuple[str, Parts]]:
+    """Who is there, who comes and who would like to; what the layer counts."""
+    fleet, snapshot = view.snapshot.robots, view.snapshot
+    at = np.where(fleet.cell == NIL, fleet.bay, fleet.cell)
+    layer = layer_named(view.layer)
+    counted: Parts = []
+    if snapshot.heat is not None and layer.counted:
+        counted = [f"{int(snapshot.heat[cell]):,} {layer.counted}"]
+    elif snapshot.flow is not None:
+        moves = [
+            f"{name} {int(n):,}" for name, n in zip(DIRECTIONS, snapshot.flow[cell], strict=True)
+        ]
+        counted = ["moves " + ", ".join(moves)]
+    return [
+        ("here", _robots(np.flatnonzero(at == cell).tolist())),
+        ("coming", _robots(np.flatnonzero(fleet.claim == cell).tolist())),
+        ("wanted by", _robots(np.flatnonzero(fleet.wanted == cell).tolist())),
+        (view.layer or "layer", counted),
+    ]
+
+
+def _robots(robots: list[int]) -> Parts:
+    return several([robot_link(robot) for robot in robots])
+
+
+def _stored(view: View, cell: int) -> list[tuple[str, Parts]]:
+    """What a slot holds."""
+    slots, orders = view.snapshot.slots, view.snapshot.orders
+    kind = view.floor_plan.kind_of(cell)
+    found = np.flatnonzero(slots.cell == cell)
+    if not len(found):
+        return []
+    if has_pods(view):
+        return storage_facts(view, cell) if kind.code == STORAGE else []
+    slot = int(found[0])
+    keeper: Parts = (
+        [] if slots.reserved_by[slot] == NIL else [robot_link(int(slots.reserved_by[slot]))]
+    )
+    facts: list[tuple[str, Parts]] = []
+    if kind.holds == ANY and kind.gives:
+        waiting = np.flatnonzero(
+            (orders.current_slot == slot) & (orders.state == ORDER_WAITING)
+        ).tolist()
+        fetched = (orders.state == ORDER_CARRIED) | (orders.state == ORDER_DELIVERED)
+        taken = int(np.count_nonzero((orders.source == slot) & fetched))
+        facts += [
+            ("waiting", [count(len(waiting), "load")]),
+            ("fetched", [count(taken, "load")]),
+            ("the next", several([order_link(order, "load") for order in waiting])),
+        ]
+    if kind.holds == ANY and kind.takes:
+        arrived = np.flatnonzero((orders.target == slot) & (orders.state == ORDER_DELIVERED))
+        coming = (orders.state == ORDER_WAITING) | (orders.state == ORDER_CARRIED)
+        expected = int(np.count_nonzero((orders.target == slot) & coming))
+        newest = arrived[np.argsort(-orders.delivered[arrived], kind="stable")].tolist()
+        facts += [
+            ("received", [count(len(newest), "load")]),
+            ("expected", [count(expected, "load")]),
+            ("the last", several([order_link(order, "load") for order in newest])),
+            ("kept for", keeper),
+        ]
+    if facts:
+        left = [load for load in slots.content[found[1:]].tolist() if load != NIL]
+        return [*facts, ("left here", several([order_link(load, "load") for load in left]))]
+    load = int(slots.content[slot])
+    held: Parts = ["nothing"] if load == NIL else [order_link(load, "load")]
+    fetcher = NIL if load == NIL else int(orders.reserved_by[load])
+    return [
+        ("holds", held),
+        ("for", [] if load == NIL else _place(view, int(orders.target[load]))),
+        ("fetched by", [] if fetcher == NIL else [robot_link(fetcher)]),
+        ("kept for", keeper),
+    ]
+
+
+def _place(view: View, slot: int) -> Parts:
+    return [] if slot == NIL else [cell_link(view.floor_plan, int(view.snapshot.slots.cell[slot]))]
+
+
+def order_lines(view: View, order: int, width: int) -> list[Line]:
+    """Everything about one order and its load, or one trip of a pod."""
+    if makes_trips(view):
+        return trip_lines(view, order, width)
+    orders = view.snapshot.orders
+    state, reserved_by = int(orders.state[order]), int(orders.reserved_by[order])
+    stops = int(orders.first_stop[order + 1] - orders.first_stop[order])
+    no_load = int(orders.source[order]) == NIL
+    words = "waits" if no_load and state == ORDER_WAITING else ORDER_STATE_WORDS[state]
+    lines = [line(title(f"order {order} "), words)]
+    done = state == ORDER_DELIVERED
+    facts: list[tuple[str, Parts]] = [
+        ("pod", ordered_pod(view, order)),
+        ("from", _place(view, int(orders.source[order]))),
+        ("to", _place(view, int(orders.target[order]))),
+        ("lies at", [] if done else _place(view, int(orders.current_slot[order]))),
+        (
+            "carried by" if state == ORDER_CARRIED else "taken by",
+            [] if reserved_by == NIL else [robot_link(reserved_by)],
+        ),
+        ("stops", [f"{int(orders.stops_done[order])} of {stops} done"] if stops else []),
+        ("picked up", [] if no_load else [count(int(orders.legs[order]), "time")]),
+        ("known", ["from ", tick_link(int(orders.release_tick[order]))]),
+        ("due", due_facts(view, order)),
+        ("delivered", [tick_link(int(orders.delivered[order]))] if done else []),
+        ("lead time", _lead_time(view, order)),
+        *part_of_order(view, order),
+        *order_zone(view, order),
+    ]
+    for name, parts in facts:
+        lines += fact(name, *parts, width=width) if parts else []
+    return lines
+
+
+def _lead_time(view: View, order: int) -> Parts:
+    """From its release to its delivery, or to now."""
+    orders = view.snapshot.orders
+    known, state = int(orders.release_tick[order]), int(orders.state[order])
+    if state == ORDER_UNRELEASED:
+        return []
+    if state == ORDER_DELIVERED:
+        return [count(int(orders.delivered[order]) - known, "tick")]
+    return [f"{count(view.snapshot.tick - known, 'tick')} so far"]
+
+
+# The inspector: everything about the robot, the cell or the order that was chosen last.
+
 
 GUIDE = (
     "Click a robot, a shelf or any other cell of the map.",

@@ -11,8 +11,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from automaton.engine.observation import CAUSES
-from tui.widgets.signs import Signs, bar
-from tui.widgets.styled_lines import Line, Span, dim, line
+from tui.widgets.styled_lines import Line, Signs, Span, bar, dim, line
 
 CAUSE_LETTERS: Final = ".QHWDIVLBwFRopriPebszhSdkycgnl"  # by cause; capitals count as blocked
 BLOCKED_LOOK: Final = "warn"

@@ -17,7 +17,7 @@ from textual.message import Message
 from textual.strip import Strip
 from textual.widget import Widget
 
-from tui.render.image_export import runs
+from tui.render.encode import runs
 from tui.terminal.presenter import Presenter, row_strip
 
 if TYPE_CHECKING:

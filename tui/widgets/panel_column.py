@@ -31,8 +31,7 @@ from tui.widgets.bindings import key_text
 from tui.widgets.metrics_panel import Figures
 from tui.widgets.panel import PanelWidget
 from tui.widgets.rows import Rows
-from tui.widgets.signs import Signs, signs_of
-from tui.widgets.styled_lines import Line, Link, Span
+from tui.widgets.styled_lines import Line, Link, Signs, Span, signs_of
 
 FIGURES_SHARE: Final = 0.55  # of the height at most: both curves are seen in a terminal of 36 rows
 WITH_KEYS: Final = 40  # columns from which the tabs name their keys

@@ -1,4 +1,4 @@
-"""What the inspector says about pods: of a storage cell, a station, a trip and a robot."""
+"""What the inspector says about the due time of an order."""
 
 from __future__ import annotations
 
@@ -17,16 +17,19 @@ from automaton.engine.state import (
 from automaton.history.explanation import (
     break_end,
     carries_pods,
+    has_due_time,
     has_trips,
     is_served,
+    lateness_words,
     pod_name,
     robot_at,
     station_of,
     station_queue,
+    tick_in_words,
+    ticks_late,
 )
 from automaton.units import count, percent
 from tui.playback.panel_view import View
-from tui.widgets.due_facts import due_facts
 from tui.widgets.styled_lines import (
     Line,
     Span,
@@ -39,6 +42,24 @@ from tui.widgets.styled_lines import (
     tick_link,
     title,
 )
+
+
+def due_facts(view: View, order: int) -> list[str | Span]:
+    """When an order is due, in ticks and in time, and how late it is; nothing without a due time."""
+    orders, now = view.snapshot.orders, view.snapshot.tick
+    if order == NIL or not has_due_time(orders, order):
+        return []
+    scale, due = view.run.resolved.scenario.units.scale, int(orders.due[order])
+    look = "warn" if ticks_late(orders, order, now) > 0 else "plain"
+    return [
+        tick_link(due),
+        f"{tick_in_words(due, scale)}: ",
+        Span(lateness_words(orders, order, now, scale), look),
+    ]
+
+
+# What the inspector says about pods: of a storage cell, a station, a trip and a robot.
+
 
 Parts = list[str | Span]
 Facts = list[tuple[str, Parts]]

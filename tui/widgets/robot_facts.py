@@ -1,19 +1,31 @@
-"""What the inspector says about a robot."""
+"""What the inspector says about batteries: of a robot, and of a charger."""
 
 from __future__ import annotations
 
-from typing import Final
+import re
+from typing import Final, NamedTuple
 
+import msgspec
 import numpy as np
 
+from automaton.drawings.looks import LOW_CHARGE
+from automaton.engine import observation as codes
 from automaton.engine.observation import (
     CAUSE_NOT_WAITING,
     CAUSE_REDUCED_SPEED,
     CAUSES,
+    EVENT_NAMES,
     is_waiting,
     waited_ticks,
 )
-from automaton.engine.robot_states import STATUS_DEPLETED, STATUS_FAILED, STATUS_TOWED
+from automaton.engine.robot_states import (
+    BATTERY_FULL,
+    STATUS_DEPLETED,
+    STATUS_FAILED,
+    STATUS_FAILING,
+    STATUS_TOWED,
+    is_charging,
+)
 from automaton.engine.state import (
     GOAL_CHARGE,
     GOAL_DROP,
@@ -25,30 +37,252 @@ from automaton.engine.state import (
     Array,
 )
 from automaton.floor.cells import CELL_KINDS, DIRECTIONS
-from automaton.history.event_history import Event
-from automaton.history.explanation import doing, gate_words, is_kept_by_gate, station_of
+from automaton.history.event_history import (
+    EVENT_GROUPS,
+    SUBJECTS,
+    TEXTS,
+    TRIP_TEXTS,
+    Event,
+    event_words,
+)
+from automaton.history.explanation import (
+    charger_queue,
+    charging_at,
+    doing,
+    gate_words,
+    is_kept_by_gate,
+    out_of_order,
+    sent_to,
+    station_of,
+    up_to,
+)
 from automaton.scenario.energy_and_faults import TypeBattery
+from automaton.scenario.fleet import FleetType
 from automaton.units import count, percent
 from tui.playback.panel_view import View
-from tui.widgets.charge_facts import battery, charging_plan, condition
-from tui.widgets.due_facts import due_facts
-from tui.widgets.event_rows import event_line
-from tui.widgets.pod_facts import carried_pod, has_pods, makes_trips, robot_trip, station_link
-from tui.widgets.robot_type_facts import own_durations, type_of
-from tui.widgets.service_zone_facts import robot_zone
-from tui.widgets.signs import UNICODE, Signs
+from tui.widgets.pod_facts import (
+    carried_pod,
+    due_facts,
+    has_pods,
+    makes_trips,
+    robot_trip,
+    station_link,
+)
 from tui.widgets.styled_lines import (
+    UNICODE,
     Line,
+    Signs,
     Span,
+    bar,
     cell_link,
     fact,
     line,
+    linked,
     order_link,
     robot_link,
     several,
     title,
     wrapped,
 )
+from tui.widgets.zone_facts import robot_zone
+
+Parts = list[str | Span]
+BAR_WIDTH: Final = 16  # columns of a full battery
+MAX_QUEUE_LINES: Final = 12  # robots of a line that are told one by one
+
+
+def has_batteries(view: View) -> bool:
+    """Whether the robots run on batteries."""
+    return view.run.resolved.scenario.battery is not None
+
+
+def may_fail(view: View) -> bool:
+    """Whether robots may go down."""
+    faults = view.run.resolved.scenario.faults
+    return has_batteries(view) or bool(faults.listed or faults.probability)
+
+
+def battery(view: View, robot: int, signs: Signs) -> Parts:
+    """A bar and a number."""
+    if not has_batteries(view):
+        return []
+    charge = int(view.snapshot.robots.charge[robot])
+    look = "warn" if charge < LOW_CHARGE else "plain"
+    drawn = bar(charge / BATTERY_FULL, BAR_WIDTH, signs).replace(" ", signs.off)
+    return [Span(drawn, look), f" {percent(charge / BATTERY_FULL)}"]
+
+
+def charging_plan(view: View, robot: int) -> Parts:
+    """Up to which level it charges or is going to, how long that takes, and its place in the queue."""
+    fleet, snapshot = view.snapshot.robots, view.snapshot
+    if fleet.goal_type[robot] != GOAL_CHARGE:
+        return []
+    cell = int(fleet.goal_cell[robot])
+    if is_charging(fleet)[robot]:
+        return [up_to(snapshot, robot)]
+    told = f"up to {percent(int(fleet.charge_target[robot]) / BATTERY_FULL, 0)}"
+    in_line = charger_queue(snapshot, cell)
+    if robot in in_line:
+        told += f", place {in_line.index(robot) + 1} of {len(in_line)} in the queue"
+    elif ahead := len(in_line) + len(charging_at(snapshot, cell)):
+        told += f"; {count(ahead, 'robot')} {'is' if ahead == 1 else 'are'} there now"
+    return [told]
+
+
+def condition(view: View, robot: int) -> list[str | Span]:
+    """Whether it is down, since when and until when."""
+    fleet, snapshot = view.snapshot.robots, view.snapshot
+    if not may_fail(view):
+        return []
+    status = int(fleet.status[robot])
+    if status == STATUS_FAILING:
+        return [Span("fails when what it does is over", "warn")]
+    if status < STATUS_DEPLETED:
+        return ["in order"]
+    told = linked(out_of_order(snapshot, robot), view.floor_plan, "warn")
+    if fleet.cell[robot] == NIL:
+        return list(told)
+    since = int(fleet.since[robot]) + 1  # the first tick lost, that of the event
+    return [*line("since ", Span(f"tick {since:,}", "link", ("tick", since)), ": "), *told]
+
+
+def charger_lines(view: View, cell: int, width: int) -> list[Line]:
+    """Who charges in a cell, who queues, and who is on the way."""
+    snapshot = view.snapshot
+    lines: list[Line] = []
+    there = charging_at(snapshot, cell)
+    for robot in there:
+        charge = percent(int(snapshot.robots.charge[robot]) / BATTERY_FULL, 0)
+        words = f" at {charge}, {up_to(snapshot, robot)}"
+        lines += fact("charges", robot_link(robot), words, width=width)
+    if not there:
+        lines += fact("charges", "no robot", width=width)
+    in_line = charger_queue(snapshot, cell)
+    for place, robot in enumerate(in_line[:MAX_QUEUE_LINES]):
+        lines += fact("" if place else "queue", *_arriving(view, robot), width=width)
+    if len(in_line) > MAX_QUEUE_LINES:
+        lines += fact("", f"and {len(in_line) - MAX_QUEUE_LINES:,} more", width=width)
+    for place, robot in enumerate(sent_to(snapshot, cell)[:MAX_QUEUE_LINES]):
+        far = f", {count(int(snapshot.robots.route_length[robot]), 'cell')} away"
+        lines += fact("" if place else "sent here", *_arriving(view, robot), far, width=width)
+    return lines
+
+
+def _arriving(view: View, robot: int) -> Parts:
+    fleet = view.snapshot.robots
+    charge, level = (
+        int(field[robot]) / BATTERY_FULL for field in (fleet.charge, fleet.charge_target)
+    )
+    return [robot_link(robot), f" at {percent(charge, 0)}, up to {percent(level, 0)}"]
+
+
+def battery_figures(view: View) -> tuple[float, float] | None:
+    """The emptiest battery and the mean, as shares; None where there are none."""
+    if not has_batteries(view):
+        return None
+    charge = view.snapshot.robots.charge
+    return float(np.min(charge)) / BATTERY_FULL, float(np.mean(charge)) / BATTERY_FULL
+
+
+# The types of robots, as the viewer tells of them.
+
+
+def has_types(view: View) -> bool:
+    """Whether robots are of several types, or of one that has a name."""
+    return bool(view.run.resolved.scenario.fleet.types)
+
+
+def type_of(view: View, robot: int) -> FleetType | None:
+    """The type of a robot; None where all are alike."""
+    types = view.run.resolved.scenario.fleet.types
+    return types[view.run.resolved.fleet.type_of[robot]] if types else None
+
+
+def closed_to(view: View, cell: int) -> list[str]:
+    """To whom a cell is closed: types of robots, all, or those without a load or with one."""
+    x, y = view.run.resolved.floor_plan.xy(cell)
+    areas = view.run.resolved.scenario.areas.values()
+    return list(dict.fromkeys(who for area in areas if area.holds(x, y) for who in area.closed_to))
+
+
+def own_durations(kind: FleetType) -> str:
+    """What operations take that take robots of a type otherwise than others: "move 2, turn 1 / 3"."""
+    stated = msgspec.to_builtins(kind.durations)
+    ticks = {name: value for name, value in stated.items() if value is not None}
+    return ", ".join(
+        f"{name} {' / '.join(map(str, value.values())) if isinstance(value, dict) else value}"
+        for name, value in ticks.items()
+    )
+
+
+# Events as rows of a list, and which of them are asked for.
+
+
+ROBOT_COLUMN_WIDTH: Final = 6  # columns for the number of a robot
+EVENT_LOOKS: Final = {
+    codes.EVENT_DELIVERED: "good",
+    codes.EVENT_DEADLOCK: "fault",
+    codes.EVENT_DEPLETED: "fault",
+    codes.EVENT_FAILED: "fault",
+    codes.EVENT_ILLEGAL_DECISION: "fault",
+    codes.EVENT_WAIT_CYCLE: "warn",
+    codes.EVENT_RETREATED: "warn",
+    codes.EVENT_PART_FINISHED: "good",
+    codes.EVENT_ZONES_REDESIGNED: "warn",
+}
+
+
+def event_line(event: Event, who: bool = True, tick_width: int = 7, trips: bool = False) -> Line:
+    """Tick, robot and what happened, to orders or to trips of pods; the tick leads there."""
+    tick = Span(f"{event.tick:,}", "link", ("tick", event.tick))
+    gap = " " * (tick_width - len(tick.text))
+    number = "" if event.robot == NIL else event.robot
+    robot = f"{number:>{ROBOT_COLUMN_WIDTH}}" if who else ""
+    look = EVENT_LOOKS.get(event.code, "plain")
+    return line(gap, tick, robot, Span(f" {event_words(event, trips)}", look))
+
+
+class Wanted(NamedTuple):
+    """Which events are asked for."""
+
+    kinds: frozenset[str] = frozenset(EVENT_GROUPS)
+    robot: int = NIL  # NIL: any
+    words: str = ""  # as typed: robot 3, load 7, and parts of what an event is called
+
+    def mask(self, events: Array) -> Array:
+        """(N,) bool: whether each of (N, 5) events is asked for."""
+        holds: Array = np.isin(events[:, 1], [c for kind in self.kinds for c in EVENT_GROUPS[kind]])
+        if self.robot != NIL:
+            holds &= events[:, 2] == self.robot
+        rest = self.words.lower()
+        for name, number in re.findall(r"(robot|load|order|trip|part)\s*(\d+)", rest):
+            column = 2 if name == "robot" else 3
+            holds &= events[:, column] == int(number)
+            if column == 3:
+                holds &= np.isin(
+                    events[:, 1], EVENT_GROUPS["parts"] if name == "part" else SUBJECTS
+                )
+        for word in re.sub(r"(robot|load|order|trip|part)\s*\d+", " ", rest).split():
+            holds &= self._called(word, events)
+        return holds
+
+    def _called(self, word: str, events: Array) -> Array:
+        """Events of a robot with this number, or with the word in one of their names."""
+        if word.isdigit():
+            numbered: Array = events[:, 2] == int(word)
+            return numbered
+        kinds = {code: name for name, several in EVENT_GROUPS.items() for code in several}
+        hits = [
+            code
+            for code, text in TEXTS.items()
+            if word in f"{text} {TRIP_TEXTS[code]} {EVENT_NAMES[code]} {kinds[code]}"
+        ]
+        called: Array = np.isin(events[:, 1], hits)
+        return called
+
+
+# What the inspector says about a robot.
+
 
 HEADING_NAMES: Final = {  # what a robot's heading means, by kinematics
     "rail": ("east-west", "north-south"),

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from rich.segment import Segment
 from rich.style import Style
 from textual import events
 from textual.binding import Binding, BindingType
 from textual.geometry import Region, Size
+from textual.screen import ModalScreen
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
+from textual.widgets import Input, Static, TextArea
 
 from automaton.engine.state import NIL
 from tui.playback.panel_view import CellChosen, RobotChosen, TickChosen, ZoneChosen
-from tui.widgets.signs import UNICODE, Signs
-from tui.widgets.styled_lines import SPAN_LOOKS, Line, Link, Span, length
+from tui.widgets.styled_lines import SPAN_LOOKS, UNICODE, Line, Link, Signs, Span, length
 
 MESSAGE_CLASSES = {"robot": RobotChosen, "cell": CellChosen, "tick": TickChosen, "zone": ZoneChosen}
 
@@ -193,3 +194,74 @@ class Rows(ScrollView, can_focus=True, inherit_bindings=False):
     def in_sight(self, index: int) -> bool:
         """Whether a row is shown."""
         return 0 <= index - self.scroll_offset.y < self.lines_for_rows
+
+
+# Fields of text in which keys take effect in the order in which they are typed.
+#
+# Textual 8.2 gives a printable character to the field at once, and a key that is bound, such as
+# backspace, to what it is bound to only after it has gone through the queues of all parents:
+# characters that come in the same read are entered before it, and it deletes the last of them. Here
+# the field carries out what is bound, in itself or around it, before it takes the next key.
+
+
+if TYPE_CHECKING:
+    from textual.dom import DOMNode as _Node
+else:
+    _Node = object
+
+
+class KeysInOrder(_Node):
+    """Comes before a widget of Textual among the bases of a field."""
+
+    async def _on_key(self, event: events.Key) -> None:
+        if event.is_printable:
+            return
+        for node in self.ancestors_with_self:
+            for binding in node._bindings.key_to_bindings.get(event.key, ()):
+                if await self.app.run_action(binding.action, node):
+                    event.stop()
+                    event.prevent_default()
+                    return
+            if isinstance(node, ModalScreen):
+                return
+
+
+class TypedInput(KeysInOrder, Input):
+    """A line."""
+
+
+class TypedText(KeysInOrder, TextArea):
+    """Several lines."""
+
+
+# What a terminal that is too small shows in place of everything else, and the classes of sizes.
+
+
+MIN_TERMINAL_COLUMNS: Final = 60
+MIN_TERMINAL_ROWS: Final = 16
+# From how many columns and rows on a screen bears which class: one of each.
+ACROSS: Final = [(0, "-tight"), (MIN_TERMINAL_COLUMNS, "-narrow"), (100, "-normal"), (160, "-wide")]
+DOWN: Final = [(0, "-flat"), (MIN_TERMINAL_ROWS, "-short"), (24, "-low"), (30, "-high")]
+
+
+class TooSmall(Static):
+    """Says what is needed; goes away when the terminal grows."""
+
+    DEFAULT_CSS = (
+        "TooSmall { display: none; width: 1fr; height: 1fr; content-align: center middle; }"
+    )
+
+    def measure(self, columns: int, rows: int) -> None:
+        """Say how large the terminal is."""
+        self.update(
+            f"automaton needs {MIN_TERMINAL_COLUMNS}x{MIN_TERMINAL_ROWS}, has {columns}x{rows}"
+        )
+
+
+def size_classes(columns: int, rows: int) -> dict[str, bool]:
+    """Which of the classes a screen of this size bears."""
+    bears: dict[str, bool] = {}
+    for cells, table in ((columns, ACROSS), (rows, DOWN)):
+        own = max(step for step in table if step[0] <= cells)
+        bears |= {step[1]: step == own for step in table}
+    return bears

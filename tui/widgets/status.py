@@ -1,25 +1,171 @@
-"""What the two lines under the map say: how time goes, how the fleet does, what is chosen.
-
-> x4 40/s  tick 1,234 of 2,616  617 s  4 work  1 waits  23/50 delivered  visits  robot 3  recorded
-(12, 4) shelf with load 7                                       link 48 KB/s  rtt 52 ms  fps 30
-"""
+"""A row of words: only the characters that change are written, and words can be clicked."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+from textual.app import ComposeResult
+from textual.widgets import Footer
 
 from automaton.engine.state import NIL
 from automaton.history.snapshot import summarize
 from automaton.units import Unit, number
 from tui.render import styles
-from tui.render.glyphs import ASCII, GlyphSet
-from tui.widgets.word_row import Word, word
+from tui.render.glyphs import ASCII, GLYPH_BITS, GLYPHS, Codes, GlyphSet, code, text
+from tui.render.layer import scale_line
+from tui.render.scene import Scene
+from tui.render.styles import style
+from tui.widgets.bindings import do
+from tui.widgets.map_view import MapView
 
 if TYPE_CHECKING:
     from automaton.history.snapshot import Snapshot
-    from tui.playback.playback_state import Figures, PlaybackState
+    from tui.playback.panel_view import Figures, PlaybackState
     from tui.terminal.frame_pacing import Figures as LinkFigures
+
+
+class Word(NamedTuple):
+    """Something said in a line."""
+
+    glyphs: tuple[int, ...]
+    fg: int = styles.COLOUR_TEXT
+    action: str = ""  # what a click on it does
+    rank: int = 0  # on a narrow screen words of the highest rank go first
+    codes: tuple[int, ...] = ()  # signs in styles of their own, as many as glyphs, in their place
+
+    @property
+    def text(self) -> str:
+        """Of a word of ASCII."""
+        return bytes(self.glyphs).decode("ascii")
+
+
+def word(words: str, fg: int = styles.COLOUR_TEXT, action: str = "", rank: int = 0) -> Word:
+    """A word of ASCII."""
+    return Word(text(words), fg, action, rank)
+
+
+class Line(MapView, can_focus=False):
+    """Words from the left, and words from the right."""
+
+    DEFAULT_CSS = "Line { height: 1; width: 1fr; }"
+    GAP = 2
+
+    def set_words(self, left: Sequence[Word], right: Sequence[Word] = ()) -> bool:
+        """Show these; whether anything changed."""
+        width = self.size.width
+        if not width:
+            return False
+        left, right = _fitting(left, right, width, self.GAP)
+        self._places: list[tuple[int, int, str]] = []
+        codes = np.full(
+            (1, width), code(style(styles.COLOUR_TEXT, styles.COLOUR_VOID), 0), np.uint32
+        )
+        at = 0
+        for one in left:
+            at = self._put(codes, at, one) + self.GAP
+        at = width - _width(right, self.GAP)
+        for one in right:
+            at = self._put(codes, at, one) + self.GAP
+        if self.shown is not None and np.array_equal(codes, self.shown):
+            return False
+        self.present(codes)
+        return True
+
+    def _put(self, codes: Codes, at: int, one: Word) -> int:
+        row = codes[0, max(at, 0) : at + len(one.glyphs)]
+        row[:] = code(
+            style(one.fg, styles.COLOUR_VOID), np.array(one.glyphs[: len(row)], np.uint32)
+        )
+        if one.codes:
+            row[:] = one.codes[: len(row)]
+        self._places.append((at, at + len(one.glyphs), one.action))
+        return at + len(one.glyphs)
+
+    async def on_map_view_clicked(self, event: MapView.Clicked) -> None:
+        event.stop()
+        for begin, end, action in getattr(self, "_places", []):
+            if action and begin <= event.column < end:
+                await self.app.run_action(do(action))
+
+
+def _width(words: Sequence[Word], gap: int) -> int:
+    return sum(len(one.glyphs) + gap for one in words) - gap if words else 0
+
+
+def _fitting(
+    left: Sequence[Word], right: Sequence[Word], width: int, gap: int
+) -> tuple[list[Word], list[Word]]:
+    """What there is room for; of what has to go the highest rank goes first."""
+    kept, end = list(left), list(right)
+    while _width(kept, gap) + (_width(end, gap) + gap if end else 0) > width:
+        least = max((*kept, *end), key=lambda one: one.rank)
+        if not least.rank:
+            break
+        (kept if least in kept else end).remove(least)
+    return kept, end
+
+
+# The scale of the layer that is shown, for the line under the map.
+
+
+SCALE_RANK = 1  # where there is not room for all, hints go before it, and it before messages
+
+
+def scale_words(scene: Scene, glyphs: GlyphSet) -> list[Word]:
+    """One word, so that it is there as a whole or not at all; [] without a scale."""
+    codes: list[int] = []
+    plain = style(styles.COLOUR_DIM, styles.COLOUR_VOID)
+    for part in scale_line(scene, glyphs):
+        blank = [int(code(plain, glyphs.blank))] if codes else []
+        signs = [int(code(plain, glyph)) for glyph in text(part)] if isinstance(part, str) else part
+        after_sign = isinstance(part, tuple) and codes and _is_sign(codes[-1], plain)
+        codes += [*([] if after_sign else blank), *signs]
+    if not codes:
+        return []
+    shown = tuple(one & int(GLYPHS) for one in codes)
+    return [Word(shown, styles.COLOUR_DIM, rank=SCALE_RANK, codes=tuple(codes))]
+
+
+def _is_sign(one: int, plain: int) -> bool:
+    """Whether a code is a sign: those follow each other without a blank."""
+    return one >> GLYPH_BITS != plain
+
+
+# The keys at the foot of the screen: as many as there is room for, help and the way out always.
+
+
+STAY: Final = (do("help"), do("quit"))  # of the others the last ones go first
+
+
+class Keys(Footer):
+    """A footer of whole words."""
+
+    def compose(self) -> ComposeResult:
+        keys: list[Any] = list(super().compose())
+        while _columns(keys) > self.app.size.width:
+            others = [key for key in keys if key.action not in STAY]
+            if not others:
+                break
+            keys.remove(others[-1])
+        yield from keys
+
+    def on_resize(self) -> None:
+        self.refresh(recompose=True)
+
+
+def _columns(keys: list[Any]) -> int:
+    """What they take in a row, one blank between two."""
+    return sum(len(f"{key.key_display} {key.description}") + 1 for key in keys) - 1
+
+
+# What the two lines under the map say: how time goes, how the fleet does, what is chosen.
+#
+# > x4 40/s tick 1,234 of 2,616 617 s 4 work 1 waits 23/50 delivered visits robot 3 recorded (12, 4)
+# shelf with load 7 link 48 KB/s rtt 52 ms fps 30
+
 
 NEARLY_DONE = 0.9  # of the speed that was asked for counts as reached
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tui.playback.reloading import ScenarioFiles
+from tui.actions.branch_actions import ScenarioFiles
 
 
 @pytest.fixture

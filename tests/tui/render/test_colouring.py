@@ -7,14 +7,13 @@ import pytest
 from render_scenes import at, bg, camera_at, fg, make_scene, open_floor
 from zone_pictures import two_zones
 
-from automaton.drawings.looks import DRAW_FAULT
+from automaton.drawings.looks import DRAW_FAULT, STATE_COLOURS
 from automaton.engine.observation import CAUSE_NO_ORDER
 from automaton.engine.robot_states import BATTERY_FULL
 from tui.render import styles
-from tui.render.colouring import COLOURINGS, DRAW_CLASS, DRAW_LEVEL, is_possible
 from tui.render.glyphs import UNICODE
 from tui.render.map_legend import legend
-from tui.render.robot_marks import STATE_COLOURS, robots_of
+from tui.render.robot_marks import COLOURINGS, DRAW_CLASS, DRAW_LEVEL, is_possible, robots_of
 from tui.render.scene import Scene
 
 FLOOR = open_floor(6, 3)

@@ -14,16 +14,15 @@ import pytest
 from render_scenes import ALL, DRAWN, composed, drawn, make_scene
 from zone_pictures import two_zones
 
+from automaton.drawings.looks import STATE_COLOURS
 from automaton.engine.robot_states import BATTERY_FULL, STATUS_FAILED
 from automaton.engine.state import ACTION_CHARGE, GOAL_CHARGE
 from automaton.floor.traffic_zones import traffic_zones_of
 from tui.render import styles
-from tui.render.colouring import DRAW_CLASS
-from tui.render.depth import Depth
 from tui.render.glyphs import GLYPHS, UNICODE
-from tui.render.robot_marks import STATE_COLOURS
+from tui.render.robot_marks import DRAW_CLASS
 from tui.render.scene import Scene
-from tui.render.styles import COLOURS, STYLE_COUNT, Look, contrast
+from tui.render.styles import COLOURS, STYLE_COUNT, Depth, Look, contrast
 
 COLOURED = [
     Look(depth, theme)

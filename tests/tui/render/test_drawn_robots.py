@@ -24,11 +24,10 @@ from automaton.engine.robot_states import BATTERY_FULL
 from tui.render import styles
 from tui.render.camera import Camera
 from tui.render.compose import compose
-from tui.render.depth import Depth
 from tui.render.encode import encode
 from tui.render.glyphs import ASCII, GLYPHS, UNICODE, Codes, GlyphSet
 from tui.render.scene import Scene
-from tui.render.styles import Look
+from tui.render.styles import Depth, Look
 
 ROW = open_floor(4, 1)
 

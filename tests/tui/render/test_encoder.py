@@ -12,7 +12,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from terminal_replay import cell_at, screen_of, wrong_cells
 
-from tui.render.depth import Depth
 from tui.render.encode import encode
 from tui.render.glyphs import ASCII, UNICODE, Codes, GlyphSet, code
 from tui.render.styles import (
@@ -22,6 +21,7 @@ from tui.render.styles import (
     COLOUR_ROBOT,
     COLOUR_SHELF,
     STYLE_COUNT,
+    Depth,
     Look,
     style,
 )

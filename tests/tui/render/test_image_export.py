@@ -7,9 +7,8 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 
-from tui.render.depth import Depth
+from tui.render.encode import as_svg, as_text, runs
 from tui.render.glyphs import ASCII, UNICODE, Codes, GlyphSet, code, text
-from tui.render.image_export import as_svg, as_text, runs
 from tui.render.styles import (
     COLOUR_FAULT,
     COLOUR_FLOOR,
@@ -20,6 +19,7 @@ from tui.render.styles import (
     COLOUR_SHELF,
     COLOUR_TEXT,
     COLOURS,
+    Depth,
     Look,
     style,
 )

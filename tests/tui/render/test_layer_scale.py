@@ -11,10 +11,10 @@ from automaton.floor.traffic_zones import traffic_zones_of
 from tui.registration import layers
 from tui.render import styles
 from tui.render.glyphs import ASCII, UNICODE
-from tui.render.layer_scale import scale_line
+from tui.render.layer import scale_line
 from tui.render.map_legend import legend
 from tui.render.scene import Scene
-from tui.widgets.scale_words import scale_words
+from tui.widgets.status import scale_words
 
 FLOOR = open_floor(5, 5)
 HEATS = list(range(styles.COLOUR_HEAT_1, styles.COLOUR_HEAT_8 + 1))

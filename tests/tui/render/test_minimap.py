@@ -12,9 +12,9 @@ from tui.playback.frame_cache import Pictures
 from tui.playback.run_source import live
 from tui.render import styles
 from tui.render.camera import Camera
-from tui.render.choice import Choice
+from tui.render.compose import Minimap
 from tui.render.glyphs import UNICODE
-from tui.render.minimap import Minimap
+from tui.render.scene import Choice
 
 
 def framed(minimap: Minimap, camera: Camera) -> list[str]:

@@ -13,15 +13,19 @@ from automaton.floor.drawn_floors import draw_floor
 from automaton.world.building import roads_of, service_zones_of
 from strategies.zoning.design_files import read_design
 from strategies.zoning.service_zone_lines import ways_of
-from tui.layers.service_zone_tints import service_zone_tints, sparest_first
-from tui.layers.service_zones import SHARED_TINTS_TEXT, design_key
+from tui.layers.service_zones import (
+    SHARED_TINTS_TEXT,
+    design_key,
+    service_zone_tints,
+    sparest_first,
+)
 from tui.render import styles
+from tui.render.cell_view import TINTS, TRANSFER_COLOUR
 from tui.render.compose import compose
 from tui.render.describe import describe
 from tui.render.glyphs import ASCII
 from tui.render.map_legend import legend
 from tui.render.scene import Scene
-from tui.render.tints import TINTS, TRANSFER_COLOUR
 
 
 def rows(scene: Scene, zoom: str) -> list[str]:

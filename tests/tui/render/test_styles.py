@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from tui.render import styles
-from tui.render.depth import Depth, depth_of, glyphs_of
 from tui.render.glyphs import ASCII, UNICODE, GlyphSet, code, text
 from tui.render.styles import (
     COLOUR_FLOOR,
@@ -17,8 +16,11 @@ from tui.render.styles import (
     COLOUR_ZONE_0,
     COLOURS,
     STYLE_COUNT,
+    Depth,
     Look,
     contrast,
+    depth_of,
+    glyphs_of,
     style,
 )
 

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from render_scenes import open_floor
 
 from automaton.world.resolve import resolve
-from tui.render.camera import Camera
-from tui.render.zoom_ladder import (
+from tui.render.camera import (
     ENOUGH,
     MAX_STRETCH,
+    Camera,
     covered,
     drawn,
     fits,

@@ -19,7 +19,7 @@ from fake_viewer import TOKEN, Served, read_until, running, served, wait_for_end
 
 from tui.serve import browser_session as session_module
 from tui.serve import server as server_module
-from tui.serve.session_environment import clean
+from tui.serve.browser_session import clean
 
 
 def story(folder: Path, told: Callable[[Served], Any], manner: str = "", **options: Any) -> None:

@@ -14,8 +14,8 @@ from rich.cells import cell_len
 from rich.segment import ControlType, Segment
 from textual.color import Color
 
-from tui.render.ascii_fallback import to_ascii
-from tui.terminal.ascii_only import AsciiOnly
+from tui.render.glyphs import to_ascii
+from tui.viewer.app import AsciiOnly
 
 NAMED = """\
 name: Förderhöhe

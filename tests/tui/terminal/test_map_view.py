@@ -13,9 +13,8 @@ from textual.geometry import Region
 from textual.pilot import Pilot
 from textual.widgets import Static
 
-from tui.render.depth import Depth
 from tui.render.glyphs import UNICODE, Codes, code
-from tui.render.styles import COLOUR_FLOOR, COLOUR_ROBOT, COLOUR_TRACK, Look, style
+from tui.render.styles import COLOUR_FLOOR, COLOUR_ROBOT, COLOUR_TRACK, Depth, Look, style
 from tui.terminal.frame_pacing import FrameClock, FramePacer
 from tui.terminal.presenter import Presenter
 from tui.widgets.map_view import MapView

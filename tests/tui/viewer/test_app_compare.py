@@ -10,7 +10,7 @@ from action_cases import said
 from viewer_harness import compared, record, viewing
 
 from tui.playback.run_source import recorded
-from tui.render.image_export import as_text
+from tui.render.encode import as_text
 from tui.terminal.options import Options
 
 

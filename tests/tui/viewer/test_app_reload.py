@@ -13,7 +13,7 @@ from viewer_harness import Watched, screen_text, viewing
 from automaton.commands import main
 from automaton.world.resolve import resolve
 from tui.playback.run_source import reloading
-from tui.screens.reload_error import ReloadErrorScreen
+from tui.screens.dialogs import ReloadErrorScreen
 
 FLOOR = """\
 b>>>>>v#

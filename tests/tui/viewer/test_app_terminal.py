@@ -26,11 +26,10 @@ from automaton.world.resolve import resolve
 from tui.playback.run_source import floor_of
 from tui.render.camera import Camera
 from tui.render.compose import compose
-from tui.render.depth import Depth, depth_of
 from tui.render.encode import encode
 from tui.render.glyphs import ASCII, SHADED, UNICODE, Codes, GlyphSet
 from tui.render.scene import Scene
-from tui.render.styles import Look
+from tui.render.styles import Depth, Look, depth_of
 from tui.terminal.terminal_host import TerminalHost
 
 RESTORED = {
@@ -113,7 +112,7 @@ def test_an_error_inside_restores_the_terminal(tmp_path: Path) -> None:
     program = tmp_path / "fails.py"
     program.write_text(
         "import sys\n"
-        "from tui.actions.layer_actions import LayerActions\n"
+        "from tui.actions.map_actions import LayerActions\n"
         "def fail(self): raise RuntimeError('made to fail')\n"
         "LayerActions._next = fail\n"
         "from automaton.commands import main\n"

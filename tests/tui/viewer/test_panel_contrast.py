@@ -15,8 +15,7 @@ from rich.color import Color, ColorSystem, ColorType
 from rich.style import Style
 from viewer_harness import Watched, mini, viewing
 
-from tui.render.depth import DEPTHS, Depth
-from tui.render.styles import TEXT_CONTRAST, Look, Theme, contrast, rgb
+from tui.render.styles import DEPTHS, TEXT_CONTRAST, Depth, Look, Theme, contrast, rgb
 from tui.terminal.options import Options
 from tui.viewer.app import Viewer
 

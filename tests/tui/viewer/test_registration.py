@@ -17,10 +17,10 @@ from automaton.errors import InputError
 from tui import registration
 from tui.actions import capture_actions
 from tui.cast import film
-from tui.cast.film_request import Request
+from tui.cast.film import Request
 from tui.registration import LAYERS, PANELS, RESERVED, layers, panels
-from tui.render.choice import Choice
 from tui.render.layer import Layer
+from tui.render.scene import Choice
 from tui.widgets.bindings import ACTIONS
 from tui.widgets.panel import Panel
 

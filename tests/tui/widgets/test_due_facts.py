@@ -8,10 +8,9 @@ import pytest
 from panel_harness import NARROW, WIDE, moment, of_robot, shown
 
 from tui.playback.panel_view import View
-from tui.widgets.cell_facts import order_lines
-from tui.widgets.due_facts import due_facts
-from tui.widgets.inspector import Inspector
+from tui.widgets.inspector import Inspector, order_lines
 from tui.widgets.metrics_panel import Figures
+from tui.widgets.pod_facts import due_facts
 from tui.widgets.styled_lines import Line
 
 SCENARIO = """name: late

@@ -36,7 +36,7 @@ from automaton.history.event_history import (
 )
 from tui.playback.panel_view import View
 from tui.widgets.event_list import Events, Filter
-from tui.widgets.event_rows import Wanted
+from tui.widgets.robot_facts import Wanted
 
 
 def earlier(tick: int) -> View:

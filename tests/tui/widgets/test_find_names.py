@@ -14,7 +14,7 @@ from automaton.history.event_history import EventHistory
 from automaton.history.snapshot import take_snapshot
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import Resolved
-from tui.screens.find_query import find
+from tui.screens.find_dialog import find
 
 CELLS = [[2, 1], [3, 1], [4, 1], [5, 1]]
 SKUS = (["nuts"], ["nuts", "bolts"], ["tape"], [])

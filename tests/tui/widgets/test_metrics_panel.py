@@ -27,8 +27,7 @@ from tui.render.glyphs import ASCII
 from tui.widgets import metric_curve
 from tui.widgets.lost_time import CAUSE_LETTERS
 from tui.widgets.metrics_panel import Figures
-from tui.widgets.status import fleet_words, time_words
-from tui.widgets.word_row import Word, _fitting
+from tui.widgets.status import Word, _fitting, fleet_words, time_words
 
 
 @pytest.mark.parametrize("width", [NARROW, WIDE])

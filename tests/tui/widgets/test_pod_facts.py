@@ -11,7 +11,7 @@ from tui.playback.panel_view import View
 from tui.playback.run_source import floor_of
 from tui.render.describe import describe
 from tui.render.scene import Scene
-from tui.screens.find_query import find
+from tui.screens.find_dialog import find
 from tui.widgets.event_list import Events
 from tui.widgets.inspector import Inspector
 from tui.widgets.metrics_panel import Figures

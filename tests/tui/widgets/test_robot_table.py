@@ -20,10 +20,8 @@ from textual.pilot import Pilot
 
 from automaton.engine.observation import CAUSE_REDUCED_SPEED
 from automaton.history.snapshot import Fleet
-from tui.playback.panel_view import View
-from tui.playback.playback_state import Figures
-from tui.widgets.robot_columns import ROBOT_TABLE_COLUMNS, Column, ordered
-from tui.widgets.robot_table import Robots
+from tui.playback.panel_view import Figures, View
+from tui.widgets.robot_table import ROBOT_TABLE_COLUMNS, Column, Robots, ordered
 
 PLAIN = [
     c for c in ROBOT_TABLE_COLUMNS if c.title not in ("type", "battery", "ahead", "zone", "queue")

@@ -10,12 +10,10 @@ from hypothesis import strategies as st
 from automaton.engine.observation import CURVE_COLUMNS
 from automaton.history.event_history import Curve
 from tui.render import styles
-from tui.render.depth import Depth
+from tui.render.encode import as_text
 from tui.render.glyphs import ASCII, UNICODE, GlyphSet
-from tui.render.image_export import as_text
-from tui.render.styles import Look
-from tui.widgets.tick_track import MIN_TICKS_SHOWN, Part, track_of
-from tui.widgets.timeline import Mark, Past, picture, span
+from tui.render.styles import Depth, Look
+from tui.widgets.timeline import MIN_TICKS_SHOWN, Mark, Part, Past, picture, span, track_of
 
 NOTHING_HAPPENS = Curve(np.zeros((50_000, CURVE_COLUMNS), np.int32), 1, 50_000)
 ENDS = st.integers(1, 10**6)

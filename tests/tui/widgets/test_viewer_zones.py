@@ -21,18 +21,18 @@ from automaton.history.snapshot import take_snapshot
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
 from strategies.routing.astar import FIFO, LARGER_G, TIES
+from tui.cast.film import Request
 from tui.cast.film_making import make_picture
-from tui.cast.film_request import Request
-from tui.layers.astar_paths import Paths, driven, explored, ties_of
-from tui.layers.traffic_zone_tints import tints_of
-from tui.playback.laid_over import Overlays
+from tui.layers.astar import Paths, driven, explored, ties_of
+from tui.layers.traffic_zones import tints_of
 from tui.playback.panel_view import View
+from tui.playback.player import Overlays
+from tui.render.cell_view import TINT_CODES, TINTS
 from tui.render.compose import compose
 from tui.render.describe import describe
 from tui.render.glyphs import ASCII
 from tui.render.map_legend import legend
-from tui.render.tints import TINT_CODES, TINTS
-from tui.screens.find_query import find
+from tui.screens.find_dialog import find
 from tui.widgets.inspector import Inspector
 from tui.widgets.metrics_panel import Figures, slow_zones
 from tui.widgets.why_panel import Why

@@ -24,7 +24,7 @@ from textual.pilot import Pilot
 from automaton.engine.observation import CAUSES
 from automaton.history.snapshot import Fleet
 from tui.widgets.lost_time import CAUSE_LETTERS, drawn, key, split
-from tui.widgets.signs import ASCII, UNICODE, Signs
+from tui.widgets.styled_lines import ASCII, UNICODE, Signs
 from tui.widgets.why_panel import Why
 
 WAIT = ("tabletop-1", "fleet.robots=5", "strategy.right_of_way=wait")

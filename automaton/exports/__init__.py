@@ -1,1 +1,1 @@
-"""What can be shown of a run: recordings, their verification, and its history."""
+"""Recordings as files of other programs."""

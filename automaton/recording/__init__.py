@@ -1,1 +1,1 @@
-"""Recorded runs: the file, the recorder, the independent validator and the verification."""
+"""The file of a recorded run, written and read."""

@@ -204,9 +204,9 @@ def test_too_many_rows_are_refused_before_the_run(tmp_path: Path) -> None:
 
 
 def test_buffers_are_small() -> None:
-    columns = sum(len(TABLES[name]) for name in ("events", "states"))
+    count = sum(len(TABLES[name]) for name in ("events", "states"))
     widest = max(map(len, TABLES.values()))
-    assert 8 * columns.GROUP_ROWS * (columns + widest) < 64_000_000
+    assert 8 * columns.GROUP_ROWS * (count + widest) < 64_000_000
 
 
 def test_events_that_fill_the_memory_end_the_run(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -902,7 +902,7 @@ def formats_page() -> str:
         "a run; after these columns come one for each factor and one for each [metric](metrics.md), "
         "null where the run has none. `delivered` and metrics are those after the warm-up, if there is "
         "one; `ticks` and `orders` are of the whole run. Studies of a steady state add "
-        f"`{study.SERIES}` (deliveries in windows) and "
+        f"`{study.SERIES_COLUMN}` (deliveries in windows) and "
         f"`{study.SUMS_COLUMN}` (sums by stretch).\n",
         table(("column", "type"), columns),
     )

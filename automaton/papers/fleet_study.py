@@ -35,7 +35,7 @@ from automaton.papers.reproduction_study import (
     Runner,
     Table,
 )
-from automaton.runs.process_pool import OnDone, Result, run_all
+from automaton.runs.process_pool import OnDone, RunResult, run_all
 from automaton.scenario.document import read_text
 from automaton.strategy import lookup
 from automaton.world.resolve import Resolved, resolve
@@ -94,7 +94,7 @@ def tasks_in(problem_of: ProblemOf) -> Runner:
         seeds: Sequence[int],
         workers: int | None = None,
         on_done: OnDone | None = None,
-    ) -> list[list[Result]]:
+    ) -> list[list[RunResult]]:
         with TemporaryDirectory() as folder:
             scenarios = [scenario_of(case, problem_of(case.key), Path(folder)) for case in cases]
         results = run_all(scenarios, seeds, workers, on_done)
@@ -111,7 +111,7 @@ def scenario_of(case: FleetCase, problem: Problem, folder: Path) -> Resolved:
     return resolve(folder / "floor.yaml", (*case.own_settings, *case.settings))
 
 
-def with_tasks(result: Result) -> Result:
+def with_tasks(result: RunResult) -> RunResult:
     """The result of a run with the number of finished tasks alone."""
     return result._replace(metrics={"tasks": result.metrics["delivered"]})
 

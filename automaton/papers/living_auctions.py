@@ -27,7 +27,7 @@ from automaton.papers.reproduction_study import (
     scenario_runs,
 )
 from automaton.runs.metrics import metrics_of
-from automaton.runs.process_pool import OnDone, Result, run_and_measure
+from automaton.runs.process_pool import OnDone, RunResult, run_and_measure
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Fault
 from automaton.world.resolve import Resolved
@@ -129,7 +129,7 @@ def beside_infinite(
     seeds: Sequence[int],
     workers: int | None = None,
     on_done: OnDone | None = None,
-) -> list[list[Result]]:
+) -> list[list[RunResult]]:
     """Runs with `share`: throughput as a share of that of the first case with the same seed."""
     results = scenario_runs(to_the_end)(cases, seeds, workers, on_done)
     most = [result.metrics["throughput"] for result in results[0]]

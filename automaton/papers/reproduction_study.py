@@ -16,7 +16,7 @@ from typing import Any, Final, Literal, Protocol, TypeVar
 
 from automaton.errors import InputError, alternatives, nearest
 from automaton.papers.claims import Claim, JudgedClaim, judge
-from automaton.runs.process_pool import OnDone, Result, RunFunction, run_all, run_and_measure
+from automaton.runs.process_pool import OnDone, RunFunction, RunResult, run_all, run_and_measure
 from automaton.scenario.document import Override, parse_setting
 from automaton.studies.inference.intervals import Interval, student
 from automaton.studies.inference.proportions import exact_share
@@ -124,7 +124,7 @@ PUBLISHED_NAMES: Final = {
 }
 
 
-def with_published_names(result: Result) -> Result:
+def with_published_names(result: RunResult) -> RunResult:
     """Return the result of a run with the metric names that reproductions print."""
     metrics = {PUBLISHED_NAMES.get(name, name): value for name, value in result.metrics.items()}
     return result._replace(metrics=metrics)
@@ -144,7 +144,7 @@ def scenario_runs(
         seeds: Sequence[int],
         workers: int | None = None,
         on_done: OnDone | None = None,
-    ) -> list[list[Result]]:
+    ) -> list[list[RunResult]]:
         scenarios = [case.resolved() for case in cases]
         results = run_all(scenarios, seeds, workers, on_done, conduct, change)
         return [[with_published_names(result) for result in batch] for batch in results]

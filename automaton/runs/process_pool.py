@@ -32,7 +32,7 @@ CHUNKS_PER_WORKER = 8  # small enough to spread evenly, large enough that sendin
 MAX_CHUNK_RUNS = 25  # runs, so that progress is seen
 
 
-class Result(NamedTuple):
+class RunResult(NamedTuple):
     """What is kept of one of many runs."""
 
     seed: int
@@ -70,7 +70,7 @@ def run_all(
     on_done: OnDone | None = None,
     run_function: RunFunction = run_and_measure,
     change: Callable[[Resolved, int], Resolved] = lambda resolved, seed: resolved,
-) -> list[list[Result]]:
+) -> list[list[RunResult]]:
     """Run every scenario with every seed; results by scenario, then by seed, as they were given.
 
     `change`: what a seed changes in a scenario, besides what is drawn by it. As `run_jobs` otherwise.
@@ -85,7 +85,7 @@ def run_jobs(
     workers: int | None = None,
     on_done: OnDone | None = None,
     run_function: RunFunction = run_and_measure,
-) -> list[Result]:
+) -> list[RunResult]:
     """Run each scenario with its seed, by a function of a module; results in the order of the jobs.
 
     `workers`: processes, default one for each core; 1 runs everything in this process. A strategy
@@ -97,7 +97,7 @@ def run_jobs(
         return rounds.run(jobs, on_done)
 
 
-def run_chunk(chunk: Chunk) -> tuple[int, list[Result]]:
+def run_chunk(chunk: Chunk) -> tuple[int, list[RunResult]]:
     """The runs of a chunk; this is what a worker does. Raises InputError for a failing strategy."""
     batch = []
     for resolved, seed in chunk.jobs:
@@ -105,7 +105,7 @@ def run_chunk(chunk: Chunk) -> tuple[int, list[Result]]:
             simulation = Simulation(resolved, seed)
             figures = chunk.conduct(simulation)
         finished = simulation.finished or resolved.scenario.stop.when == "never"
-        batch.append(Result(seed, finished, simulation.digest, figures))
+        batch.append(RunResult(seed, finished, simulation.digest, figures))
     return chunk.first, batch
 
 
@@ -171,11 +171,11 @@ class PersistentPool:
         if self._pool is not None:
             self._pool.end(now=error is not None)
 
-    def run(self, jobs: Sequence[RunSpec], on_done: OnDone | None = None) -> list[Result]:
+    def run(self, jobs: Sequence[RunSpec], on_done: OnDone | None = None) -> list[RunResult]:
         """The results of one round, in the order of its jobs; as `run_all` otherwise."""
         alone = self._workers <= 1 or len(jobs) < 2 or self._spent_s < self._patience_s
         chunks = list(chunks_of(jobs, 1 if alone else self._workers, self._conduct))
-        results: list[Result | None] = [None] * len(jobs)
+        results: list[RunResult | None] = [None] * len(jobs)
         begun = time.perf_counter()
         for first, batch in map(run_chunk, chunks) if alone else self._spread(chunks):
             results[first : first + len(batch)] = batch
@@ -184,7 +184,7 @@ class PersistentPool:
         self._spent_s += time.perf_counter() - begun
         return [result for result in results if result is not None]
 
-    def _spread(self, chunks: Sequence[Chunk]) -> Iterator[tuple[int, list[Result]]]:
+    def _spread(self, chunks: Sequence[Chunk]) -> Iterator[tuple[int, list[RunResult]]]:
         """The first run's number and the results of each chunk, in the order in which they are ready."""
         self._warm_up(chunks)
         if self._pool is None:

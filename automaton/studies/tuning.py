@@ -22,7 +22,7 @@ from automaton.runs.console_output import ConsoleBlock
 from automaton.runs.headless import run_marked
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
 from automaton.runs.metrics import metrics_of
-from automaton.runs.process_pool import PersistentPool, Result
+from automaton.runs.process_pool import PersistentPool, RunResult
 from automaton.runs.report_document import Table
 from automaton.runs.simulation import Simulation
 from automaton.scenario.document import Override
@@ -261,7 +261,7 @@ def shortened(resolved: Resolved, share: float) -> Resolved:
     return replace(resolved, scenario=msgspec.structs.replace(scenario, stop=stop))
 
 
-def mean_of(runs: Sequence[Result], metric: str) -> float:
+def mean_of(runs: Sequence[RunResult], metric: str) -> float:
     """The mean of a metric; NaN if a run did not finish, or did not measure it."""
     if not all(run.finished and metric in run.metrics for run in runs):
         return math.nan

@@ -11,17 +11,17 @@ import msgspec
 import pytest
 
 from automaton.runs import process_pool
-from automaton.runs.process_pool import Chunk, Result
+from automaton.runs.process_pool import Chunk, RunResult
 
 
 @contextmanager
 def remembered_runs() -> Iterator[None]:
     """Meanwhile this process carries out no run of many a second time; workers carry out theirs."""
-    known: dict[Any, Result] = {}
+    known: dict[Any, RunResult] = {}
     carry_out = process_pool.run_chunk
 
     @wraps(carry_out)  # workers are sent the name of the original
-    def run_chunk(chunk: Chunk) -> tuple[int, list[Result]]:
+    def run_chunk(chunk: Chunk) -> tuple[int, list[RunResult]]:
         keys = [
             (msgspec.json.encode(resolved.scenario), resolved.files, seed, chunk.conduct)
             for resolved, seed in chunk.jobs

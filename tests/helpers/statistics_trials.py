@@ -42,9 +42,9 @@ from automaton.studies.inference.steady_state import (
 from automaton.studies.reports.first_page import answers
 from automaton.studies.sizing.fleet_search import (
     FleetConfig,
+    FleetRun,
+    FleetSearch,
     Question,
-    Run,
-    Search,
     Target,
     make_question,
 )
@@ -326,12 +326,12 @@ def deleted(series: Values) -> Any:
     return replication_deletion(series, cut.cut)
 
 
-def synthetic(shares: list[float], rng: np.random.Generator) -> Callable[..., list[Run]]:
+def synthetic(shares: list[float], rng: np.random.Generator) -> Callable[..., list[FleetRun]]:
     """A runner whose fleets of 1, 2, ... robots meet `x <= 0` in these shares of runs."""
 
-    def run(place: FleetConfig, first: int, number: int) -> list[Run]:
+    def run(place: FleetConfig, first: int, number: int) -> list[FleetRun]:
         missed = rng.random(number) >= shares[place.robots - 1]
-        return [Run(True, {"makespan": float(bad)}) for bad in missed]
+        return [FleetRun(True, {"makespan": float(bad)}) for bad in missed]
 
     return run
 
@@ -345,7 +345,7 @@ def wrong_answers(shares: list[float], studies: int, seed: int = 5) -> tuple[flo
     rng, question = np.random.default_rng(seed), asked_of(shares)
     wrong = spent = 0
     for _ in range(studies):
-        search = Search(question, "", synthetic(shares, rng), question.budget)
+        search = FleetSearch(question, "", synthetic(shares, rng), question.budget)
         search.go()
         wrong += any(
             (one.verdict == "meets") != (shares[one.place.robots - 1] > question.success_share)

@@ -11,11 +11,11 @@ from synthetic_results import study_of, synthetic_store
 from automaton.runs.report_document import NumberText
 from automaton.studies.reports.comparison_tables import comparison_section
 from automaton.studies.reports.metric_tables import curves, metric_section
-from automaton.studies.reports.study_results import Results, Units, units_of_points
+from automaton.studies.reports.study_results import ReportUnits, Results, units_of_points
 from automaton.units import Unit
 from automaton.world.resolve import resolve
 
-HALF_SECOND = Units(Unit(0.5, "s"), Unit(1.2, "m"))
+HALF_SECOND = ReportUnits(Unit(0.5, "s"), Unit(1.2, "m"))
 
 
 def half_seconds(largest: float = 2400.0) -> Results:
@@ -45,9 +45,9 @@ def test_where_a_tick_is_a_time_metrics_are_times(
 
 
 def test_where_a_tick_is_only_a_tick_nothing_changes() -> None:
-    assert Units().scale("makespan", 2400) == (1.0, "ticks")
-    assert Units().scale("throughput", 50).unit == "orders/1000 ticks"
-    assert Units(Unit(1, "cycle")).scale("makespan", 2400) == (1.0, "cycles")
+    assert ReportUnits().scale("makespan", 2400) == (1.0, "ticks")
+    assert ReportUnits().scale("throughput", 50).unit == "orders/1000 ticks"
+    assert ReportUnits(Unit(1, "cycle")).scale("makespan", 2400) == (1.0, "cycles")
 
 
 def test_tables_comparisons_and_curves_of_a_report_have_one_unit() -> None:

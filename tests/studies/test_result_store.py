@@ -26,11 +26,11 @@ from automaton.studies.sweeps import coordinator, sweep_session
 from automaton.studies.sweeps.coordinator import Writer, lock_folder
 from automaton.studies.sweeps.pools import ExternalExecutor
 from automaton.studies.sweeps.result_store import DamagedFileError, Store, read_rows
-from automaton.studies.sweeps.run_keys import Row, Run
+from automaton.studies.sweeps.run_keys import Row, SweepRun
 from automaton.studies.sweeps.sweep_plan import SweepPlan, make_sweep_plan
 
 
-def made_up(run: Run) -> Row:
+def made_up(run: SweepRun) -> Row:
     """A row that no run has given."""
     digest = f"{run.seed % 2**64:016x}"
     metrics = {"makespan": run.seed % 997 / 7}

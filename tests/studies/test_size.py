@@ -26,8 +26,8 @@ from automaton.scenario.durations import Distribution
 from automaton.studies.sizing.fleet_search import (
     Candidate,
     FleetConfig,
-    Run,
-    Search,
+    FleetRun,
+    FleetSearch,
     Target,
     judged,
     make_question,
@@ -55,9 +55,9 @@ def each_run_once() -> Iterator[None]:
         yield
 
 
-def searched(shares: list[float], budget: int = 100_000, **more: Any) -> Search:
+def searched(shares: list[float], budget: int = 100_000, **more: Any) -> FleetSearch:
     question = make_question(ZERO, (1, len(shares)), budget=budget, **more)
-    search = Search(question, "", synthetic(shares, np.random.default_rng(1)), budget)
+    search = FleetSearch(question, "", synthetic(shares, np.random.default_rng(1)), budget)
     search.go()
     return search
 
@@ -91,19 +91,19 @@ def test_a_budget_that_ends_before_any_fleet_passes_leaves_the_top_open() -> Non
 def test_bounds_exclude_without_runs() -> None:
     question = make_question(ZERO, (1, 3))
     run = synthetic([1.0, 1.0, 1.0], np.random.default_rng(1))
-    search = Search(question, "", run, question.budget, {1: "too much work"})
+    search = FleetSearch(question, "", run, question.budget, {1: "too much work"})
     search.go()
     assert search.answer.robots == 2
     assert search.candidates[0].runs == []
 
 
 def test_a_run_that_does_not_finish_fails() -> None:
-    def censored(place: FleetConfig, first: int, number: int) -> list[Run]:
-        return [Run(False, {"makespan": 0.0})] * number
+    def censored(place: FleetConfig, first: int, number: int) -> list[FleetRun]:
+        return [FleetRun(False, {"makespan": 0.0})] * number
 
     for mean in (False, True):
         question = make_question(ZERO, (1, 1), mean=mean, indifference=0.02)
-        search = Search(question, "", censored, question.budget)
+        search = FleetSearch(question, "", censored, question.budget)
         search.go()
         assert search.answer.kind == "not reachable"
 
@@ -122,24 +122,24 @@ def test_what_a_run_did_not_measure_is_missed(capsys: Any) -> None:
 
 
 def test_means_are_judged_in_the_direction_of_the_target() -> None:
-    def run(place: FleetConfig, first: int, number: int) -> list[Run]:
+    def run(place: FleetConfig, first: int, number: int) -> list[FleetRun]:
         rng = np.random.default_rng(place.robots)
         values = rng.normal(10 * place.robots, 3, first + number)[first:]
-        return [Run(True, {"throughput": value}) for value in values]
+        return [FleetRun(True, {"throughput": value}) for value in values]
 
     at_least = make_question(Target("throughput", False, 25.0), (1, 5), mean=True, indifference=1.0)
-    search = Search(at_least, "", run, at_least.budget)
+    search = FleetSearch(at_least, "", run, at_least.budget)
     search.go()
     assert search.answer.robots == 3
     at_most = make_question(Target("throughput", True, 25.0), (1, 5), mean=True, indifference=1.0)
-    search = Search(at_most, "", run, at_most.budget)
+    search = FleetSearch(at_most, "", run, at_most.budget)
     search.go()
     assert search.answer.robots == 1
 
 
 def test_what_follows_a_verdict_on_a_mean_does_not_change_it() -> None:
     question = make_question(Target("makespan", True, 100.0), (1, 1), mean=True)
-    good, cut = Run(True, {"makespan": 90.0}), Run(False, {"makespan": 90.0})
+    good, cut = FleetRun(True, {"makespan": 90.0}), FleetRun(False, {"makespan": 90.0})
     assert (
         judged([good] * 250 + [cut], question) == judged([good] * 250, question) == ("meets", 200)
     )
@@ -147,11 +147,11 @@ def test_what_follows_a_verdict_on_a_mean_does_not_change_it() -> None:
 
 
 def test_several_strategies_share_the_error_and_the_best_is_selected() -> None:
-    def run(place: FleetConfig, first: int, number: int) -> list[Run]:
+    def run(place: FleetConfig, first: int, number: int) -> list[FleetRun]:
         rng = np.random.default_rng(len(place.strategy))
         values = rng.normal(100 if place.strategy == "better" else 110, 5, first + number)
         slow = 1000 if place.robots < 2 else 0
-        return [Run(True, {"makespan": value + slow}) for value in values[first:]]
+        return [FleetRun(True, {"makespan": value + slow}) for value in values[first:]]
 
     question = make_question(Target("makespan", True, 200.0), (1, 4), ("worse", "better"))
     assert question.candidates == 8
@@ -169,7 +169,7 @@ def test_a_strategy_that_may_do_with_less_leaves_the_smallest_fleet_open() -> No
     rng = np.random.default_rng(1)
     sure, edge = synthetic([0.1, 0.1, 1.0], rng), synthetic([0.1, 0.95, 1.0], rng)
 
-    def run(place: FleetConfig, first: int, number: int) -> list[Run]:
+    def run(place: FleetConfig, first: int, number: int) -> list[FleetRun]:
         return (edge if place.strategy == "edge" else sure)(place, first, number)
 
     session = SizingSession(make_question(ZERO, (1, 3), ("edge", "sure"), budget=1200), run)
@@ -197,8 +197,8 @@ def test_the_zone_of_a_mean_is_told_in_the_time_that_was_typed() -> None:
 
 
 def test_runs_of_the_answer_that_did_not_finish_are_told_with_it() -> None:
-    def run(place: FleetConfig, first: int, number: int) -> list[Run]:
-        return [Run(r != 7, {"makespan": 0.0}) for r in range(first, first + number)]
+    def run(place: FleetConfig, first: int, number: int) -> list[FleetRun]:
+        return [FleetRun(r != 7, {"makespan": 0.0}) for r in range(first, first + number)]
 
     session = SizingSession(make_question(ZERO, (1, 1), budget=500), run)
     session.go()
@@ -246,16 +246,17 @@ def test_what_is_left_of_the_budget_and_what_would_be_needed_are_told() -> None:
 def test_a_fleet_that_is_decided_after_the_search_is_followed_up() -> None:
     """Runs that are shown for the largest fleet may decide it."""
 
-    def run(place: FleetConfig, first: int, number: int) -> list[Run]:
+    def run(place: FleetConfig, first: int, number: int) -> list[FleetRun]:
         return [
-            Run(True, {"makespan": float(r in (10, 11, 12))}) for r in range(first, first + number)
+            FleetRun(True, {"makespan": float(r in (10, 11, 12))})
+            for r in range(first, first + number)
         ]
 
     question = make_question(
         ZERO, (1, 1), ("slow",), budget=900, success_share=0.9, indifference=0.05
     )
     session = SizingSession(question, run, {}, {10: ["durations.turn=2"]})
-    search = Search(question, "slow", run, 30)
+    search = FleetSearch(question, "slow", run, 30)
     search.go()
     session.searches.append(search)
     assert session.place is None
@@ -326,20 +327,20 @@ def test_shares_and_means_are_plotted(capsys: Any, tmp_path: Path) -> None:
 
 def test_a_mean_whose_interval_would_reach_below_0_is_told_with_its_ends() -> None:
     one = Candidate(FleetConfig(1))
-    one.runs = [Run(True, {"starved_robots": count}) for count in (0.0, 0.0, 0.0, 4.0)]
+    one.runs = [FleetRun(True, {"starved_robots": count}) for count in (0.0, 0.0, 0.0, 4.0)]
     mean = one.mean("starved_robots")
     assert mean is not None and with_half(mean) == "1 (0 to 4.182)"
-    one.runs = [Run(True, {"starved_robots": count}) for count in (4.0, 4.0, 4.0, 5.0)]
+    one.runs = [FleetRun(True, {"starved_robots": count}) for count in (4.0, 4.0, 4.0, 5.0)]
     mean = one.mean("starved_robots")
     assert mean is not None and with_half(mean) == "4.25 +- 0.7956"
 
 
 def test_means_are_drawn_on_a_scale_that_holds_them_and_the_zone() -> None:
     question = make_question(ZERO._replace(value=100.0), (1, 2), mean=True, indifference=5.0)
-    search = Search(question, "", lambda *_: [], question.budget)
+    search = FleetSearch(question, "", lambda *_: [], question.budget)
     for robots, ticks in ((1, [128.0, 132.0]), (2, [80.0, 80.0])):
         search.candidates.append(Candidate(FleetConfig(robots)))
-        search.candidates[-1].runs = [Run(True, {"makespan": one}) for one in ticks]
+        search.candidates[-1].runs = [FleetRun(True, {"makespan": one}) for one in ticks]
     head, one, two, ends = picture(search, question)
     assert head == "robots  mean makespan with its 95 % interval; | indifference zone"
     low, high = (int(text) for text in ends.split())
@@ -436,7 +437,7 @@ def test_stations_are_in_use_while_they_serve_pods() -> None:
 def test_ctrl_c_prints_what_is_known(capsys: Any, monkeypatch: Any) -> None:
     calls, run = 0, Fleets.__call__
 
-    def interrupted(fleets: Fleets, place: FleetConfig, first: int, number: int) -> list[Run]:
+    def interrupted(fleets: Fleets, place: FleetConfig, first: int, number: int) -> list[FleetRun]:
         nonlocal calls
         calls += 1
         if calls > 4:

@@ -14,8 +14,8 @@ from automaton.commands import main
 from automaton.studies.sizing.fleet_search import (
     Candidate,
     FleetConfig,
+    FleetRun,
     InfeasibleFleetError,
-    Run,
     Target,
     make_question,
 )
@@ -47,7 +47,7 @@ def test_fleets_that_cannot_be_run_are_not_examined(capsys: Any) -> None:
 def test_durations_that_no_fleet_can_have_are_not_examined() -> None:
     fleets = synthetic([1.0], np.random.default_rng(1))
 
-    def run(place: FleetConfig, first: int, number: int) -> list[Run]:
+    def run(place: FleetConfig, first: int, number: int) -> list[FleetRun]:
         if place.percent == 10:
             raise InfeasibleFleetError("too long")
         return fleets(place, first, number)
@@ -61,7 +61,7 @@ def test_durations_that_no_fleet_can_have_are_not_examined() -> None:
 def test_ctrl_c_keeps_what_followed_so_far_and_counts_it() -> None:
     fleets, made = synthetic([0.0, 1.0, 1.0], np.random.default_rng(1)), 0
 
-    def run(place: FleetConfig, first: int, number: int) -> list[Run]:
+    def run(place: FleetConfig, first: int, number: int) -> list[FleetRun]:
         nonlocal made
         if place == FleetConfig(2, percent=10):
             raise KeyboardInterrupt
@@ -78,11 +78,11 @@ def test_ctrl_c_keeps_what_followed_so_far_and_counts_it() -> None:
 def test_strategies_that_drop_out_get_no_further_runs() -> None:
     """Two are so much alike that they take many runs; the third is far off from the first on."""
 
-    def run(place: FleetConfig, first: int, number: int) -> list[Run]:
+    def run(place: FleetConfig, first: int, number: int) -> list[FleetRun]:
         mean = {"far": 150, "near": 101, "best": 100}[place.strategy]
         rng = np.random.default_rng(mean)
         values = rng.normal(mean, 10, first + number)[first:]
-        return [Run(True, {"makespan": value}) for value in values]
+        return [FleetRun(True, {"makespan": value}) for value in values]
 
     fleets = [Candidate(FleetConfig(1, strategy)) for strategy in ("far", "near", "best")]
     question = make_question(Target("makespan", True, 200.0), (1, 1), ("far", "near", "best"))

@@ -190,7 +190,7 @@ def test_an_executor_is_left_without_the_runs_of_a_sweep_that_ended(
 ) -> None:
     begun, over = [], Event()
 
-    def run_chunk(chunk: run_keys.Chunk) -> list[run_keys.Row]:
+    def run_chunk(chunk: run_keys.SweepChunk) -> list[run_keys.Row]:
         begun.append(chunk)
         assert len(begun) == 1 or over.wait(20)
         return run_keys.run_chunk(chunk)

@@ -38,7 +38,7 @@ from automaton.studies.reports.comparisons import (
 )
 from automaton.studies.reports.metric_tables import RUN_HEADS, Scenarios, figure
 from automaton.studies.reports.study_results import Cut, Results
-from automaton.studies.sweeps.study import SCENARIO
+from automaton.studies.sweeps.study import SCENARIO_FACTOR
 from automaton.units import count, percent, ticks_and_time
 
 INTERVALS: Final = f"Student's, with a warning on skew below {STUDENT_MIN_RUNS} runs"
@@ -338,7 +338,7 @@ def crossed(results: Results) -> Crossed | None:
     """The design, if all levels of its factors meet once; None if not, or if nothing varies."""
     study = results.study
     factors, columns, names = [], [], []
-    for factor in (SCENARIO, *study.factor_names):
+    for factor in (SCENARIO_FACTOR, *study.factor_names):
         own = [level_of(study, point, factor) for point in results.points]
         order = list(dict.fromkeys(own))
         if len(order) == 1:

@@ -19,7 +19,7 @@ from automaton.studies.inference.intervals import (
     unpaired_runs,
 )
 from automaton.studies.reports.study_results import Results, read_results
-from automaton.studies.sweeps.study import SCENARIO, Levels, Point, Study
+from automaton.studies.sweeps.study import SCENARIO_FACTOR, Levels, Point, Study
 from automaton.units import count, percent
 
 if TYPE_CHECKING:
@@ -87,14 +87,14 @@ def factor_cells(study: Study, point: Point) -> list[str]:
 
 def level_of(study: Study, point: Point, factor: str) -> str:
     """The level of a point as text, the scenario's name included; "-": it has none."""
-    if factor == SCENARIO:
+    if factor == SCENARIO_FACTOR:
         return point.scenario
     return level_text(study, factor, point.levels[factor]) if factor in point.levels else "-"
 
 
 def levels_beside(point: Point, factors: Collection[str]) -> str:
     """What identifies the points that differ in these factors alone."""
-    beside = {SCENARIO: point.scenario, **point.levels}
+    beside = {SCENARIO_FACTOR: point.scenario, **point.levels}
     return repr(sorted((key, level) for key, level in beside.items() if key not in factors))
 
 
@@ -198,7 +198,7 @@ def left_out(results: Results) -> int:
 
 
 def _level(point: Point, key: str) -> object:
-    return point.scenario if key == SCENARIO else point.levels.get(key)
+    return point.scenario if key == SCENARIO_FACTOR else point.levels.get(key)
 
 
 def _is(point: Point, levels: Levels) -> bool:
@@ -320,7 +320,7 @@ COVERAGE_NOTE: Final = (
 )
 
 
-class Wanted(NamedTuple):
+class WantedRuns(NamedTuple):
     """Runs of each point that one interval takes to reach the declared precision."""
 
     runs: int
@@ -355,12 +355,12 @@ def next_replications(store: Store) -> NextRound | None:
     return NextRound(replications, why)
 
 
-def most_wanted(results: Results) -> Wanted | None:
+def most_wanted(results: Results) -> WantedRuns | None:
     """The interval that takes the most runs; None without an interval of which a share can be taken."""
     return max(_wanted(results), key=lambda one: one.runs, default=None)
 
 
-def _wanted(results: Results) -> Iterator[Wanted]:
+def _wanted(results: Results) -> Iterator[WantedRuns]:
     if results.analysis.comparisons == "none":
         yield from _wanted_of_means(results)
         return
@@ -371,12 +371,12 @@ def _wanted(results: Results) -> Iterator[Wanted]:
             against = levels_apart(results.study, one.a, one.b)
             if runs is not None:
                 usable = min(one.runs)
-                yield Wanted(
+                yield WantedRuns(
                     _with_lost(runs, usable, results), f"{one.metric} of {name} against {against}"
                 )
 
 
-def _wanted_of_means(results: Results) -> Iterator[Wanted]:
+def _wanted_of_means(results: Results) -> Iterator[WantedRuns]:
     analysis = results.analysis
     for metric in analysis.metrics:
         for point in results.points:
@@ -386,7 +386,7 @@ def _wanted_of_means(results: Results) -> Iterator[Wanted]:
                 variance = float(checked(values).var(ddof=1))
                 runs = fewest(variance, 1.0, half, 1 - analysis.error)
                 name = point_name(results.study, point)
-                yield Wanted(_with_lost(runs, len(values), results), f"{metric} of {name}")
+                yield WantedRuns(_with_lost(runs, len(values), results), f"{metric} of {name}")
 
 
 def without_interval(results: Results) -> int:

@@ -32,7 +32,7 @@ from automaton.studies.reports.comparisons import Comparison, point_name
 from automaton.studies.reports.first_page import Answer, answer_sentence, mean_of, question
 from automaton.studies.reports.metric_tables import Scenarios, summary
 from automaton.studies.reports.study_results import Results, described
-from automaton.studies.sweeps.study import SCENARIO, SERIES, SUMS_COLUMN, Point
+from automaton.studies.sweeps.study import SCENARIO_FACTOR, SERIES_COLUMN, SUMS_COLUMN, Point
 from automaton.tables.table_files import MAX_SHEET_ROWS, openpyxl, sheet_cell, too_many_in_sheet
 
 Record = dict[str, Any]
@@ -84,7 +84,7 @@ def level_columns(results: Results, point: Point) -> Record:
     names = results.study.factor_names
     plain = column_names(names)
     levels = {column: point.levels.get(name) for name, column in zip(names, plain, strict=True)}
-    return {SCENARIO: point.scenario, **levels}
+    return {SCENARIO_FACTOR: point.scenario, **levels}
 
 
 def comparison_records(results: Results, compared: Sequence[Comparison]) -> Iterator[Record]:
@@ -161,7 +161,7 @@ ROWS_BEGIN: Final = b"key,"  # the first column
 SUMMARY_BEGINS: Final = b"point,"
 COMPARISONS_BEGIN: Final = b"metric,"
 PARQUET_BEGINS: Final = b"PAR1"
-SEED: Final = "seed"  # a number of 63 bits
+SEED_COLUMN: Final = "seed"  # a number of 63 bits
 
 
 def check_replaced(path: Path, begins: bytes) -> None:
@@ -199,7 +199,7 @@ def cell_value(name: str, value: Any) -> Any:
     """A value as a spreadsheet can hold it."""
     if isinstance(value, list | dict):
         return json.dumps(value, ensure_ascii=False)
-    return str(value) if name == SEED and value is not None else value
+    return str(value) if name == SEED_COLUMN and value is not None else value
 
 
 def write_rows_csv(table: Any, path: Path) -> None:
@@ -256,7 +256,7 @@ def write_parquet(table: Any, path: Path) -> None:
 
 
 WORKBOOK_BEGINS: Final = b"PK"
-MAX_TEXT: Final = 32_000  # characters; a cell of Excel holds few more
+MAX_CELL_TEXT: Final = 32_000  # characters; a cell of Excel holds few more
 WIDEST_COLUMN: Final = 40  # characters
 Records = Sequence[Mapping[str, Any]]
 
@@ -270,7 +270,7 @@ def write_workbook(
         raise too_many_in_sheet("rows", len(rows))
     end = next((i for i, b in enumerate(document.blocks) if isinstance(b, PageBreak)), 0)
     columns = columns_for_sheets(rows_table(rows))
-    columns.pop(SERIES, None)  # a list by window, longer than a cell may be
+    columns.pop(SERIES_COLUMN, None)  # a list by window, longer than a cell may be
     fill_sheet(book, "answer", (line for b in document.blocks[:end] for line in block_lines(b)))
     fill_sheet(book, "summary", record_lines(summaries), has_head=True)
     fill_sheet(book, "tables", (line for b in document.blocks[end:] for line in table_lines_of(b)))
@@ -351,7 +351,7 @@ def _value(value: Any) -> Any:
     """A number as such; a text without what no cell can hold."""
     if isinstance(value, NumberText):
         return value.value
-    return one_line(value, MAX_TEXT) if isinstance(value, str) else value
+    return one_line(value, MAX_CELL_TEXT) if isinstance(value, str) else value
 
 
 def record_lines(records: Records) -> Iterable[Sequence[Any]]:

@@ -21,9 +21,9 @@ from automaton.studies.reports.comparisons import (
     levels_named,
     varied_factors,
 )
-from automaton.studies.reports.metric_tables import ROBOTS, interval_of, is_numeric, picture
+from automaton.studies.reports.metric_tables import ROBOTS_FACTOR, interval_of, is_numeric, picture
 from automaton.studies.reports.study_results import Results, described
-from automaton.studies.sweeps.study import SCENARIO, Point
+from automaton.studies.sweeps.study import SCENARIO_FACTOR, Point
 from automaton.units import count, number, percent
 
 Direction = Literal["lowest", "highest"]
@@ -107,7 +107,7 @@ def direction_of(metric: str) -> Direction | None:
 
 
 CONDITIONS: Final = (
-    SCENARIO,
+    SCENARIO_FACTOR,
     "layout",
     "orders",
     "durations",
@@ -168,7 +168,7 @@ def groups_by_condition(results: Results) -> dict[str, list[Point]]:
 def condition_factors(results: Results) -> list[str]:
     """The factors that are conditions; none if nothing else varies, since these are compared then."""
     study = results.study
-    several = [SCENARIO] if len(study.scenarios) > 1 else []
+    several = [SCENARIO_FACTOR] if len(study.scenarios) > 1 else []
     varied = [*several, *varied_factors(study)]
     conditions = [name for name in varied if name.partition(".")[0] in CONDITIONS]
     return [] if len(conditions) == len(varied) else conditions
@@ -269,7 +269,7 @@ def edge_sentences(results: Results, answer: Answer) -> Iterator[str]:
             continue
         shown = level_text(study, factor, own)
         beyond = f"{heads_by_factor(study)[factor]} {'above' if own == high else 'below'} {shown}"
-        if factor == ROBOTS:
+        if factor == ROBOTS_FACTOR:
             beyond = f"{'more' if own == high else 'fewer'} than {shown} robots"
         yield f"The {what} is at the edge of what was tried: try {beyond}."
 
@@ -326,8 +326,8 @@ def question(results: Results) -> str:
     study, metric = results.study, results.analysis.metrics[0]
     conditions = condition_factors(results)
     choices = [name for name in varied_factors(study) if name not in conditions]
-    if SCENARIO not in conditions and len(study.scenarios) > 1:
-        choices = [SCENARIO, *choices]
+    if SCENARIO_FACTOR not in conditions and len(study.scenarios) > 1:
+        choices = [SCENARIO_FACTOR, *choices]
     varied = _listing(results, choices)
     what = f"What is the mean {metric}{f' by {varied}' if varied else ''}"
     if (better := direction_of(metric)) and len(study.points) > 1:
@@ -347,7 +347,7 @@ def _listing(results: Results, factors: Sequence[str]) -> str:
 def _levels(results: Results, factor: str) -> str:
     study = results.study
     names = list(dict.fromkeys(levels_named(study, point, [factor]) for point in study.points))
-    head = "" if factor == SCENARIO else heads_by_factor(study)[factor]
+    head = "" if factor == SCENARIO_FACTOR else heads_by_factor(study)[factor]
     names = [name.removeprefix(f"{head} ") for name in names]
     more = len(names) - MAX_LEVELS_NAMED
     return ", ".join(names[:MAX_LEVELS_NAMED]) + (f" and {more:,} more" if more > 0 else "")
@@ -444,7 +444,7 @@ def table_words(results: Results, table: Table) -> Iterator[str]:
 def _name(results: Results, point: Point) -> str:
     """The levels that were chosen; conditions stand beside them."""
     study, conditions = results.study, condition_factors(results)
-    varied = ([SCENARIO] if len(study.scenarios) > 1 else []) + varied_factors(study)
+    varied = ([SCENARIO_FACTOR] if len(study.scenarios) > 1 else []) + varied_factors(study)
     chosen = [name for name in varied if name not in conditions]
     return levels_named(study, point, chosen) or point.scenario
 

@@ -68,7 +68,7 @@ LEGEND_LINE: Final = 18  # pixels
 MAP_WIDTH, MAP_HEIGHT = 960, 720  # pixels at most: the width of the page, and what a screen shows
 WIDEST_CELL: Final = 40  # pixels
 WIDEST_MAP: Final = 200  # cells; larger floors by the means of blocks
-MAX_NAME: Final = 90  # pixels of WIDTH that a name below the x axis has at least
+MIN_NAME_WIDTH: Final = 90  # pixels of WIDTH that a name below the x axis has at least
 SCALE_STEPS: Final = (0.0, 0.1, 0.25, 0.5, 0.75, 1.0)  # of the most, in the scale of a map
 SWATCH: Final = 18  # pixels
 
@@ -125,7 +125,9 @@ def x_labels(curves: Curves, x_at: Callable[[float], float]) -> Iterator[str]:
     for x in curves.x:
         text = curves.x_names[int(x)] if curves.x_names else number(x)
         room = (WIDTH - LEFT - RIGHT) / max(1, len(curves.x))
-        shown = text if len(text) * 6.5 <= max(room, MAX_NAME) else text[: int(room / 6.5)] + "…"
+        shown = (
+            text if len(text) * 6.5 <= max(room, MIN_NAME_WIDTH) else text[: int(room / 6.5)] + "…"
+        )
         half = len(shown) * 3.3
         if x_at(x) - half >= free:
             yield svg_text(x_at(x), HEIGHT - BOTTOM + 16, shown, "middle")
@@ -218,7 +220,7 @@ def svg_text(x: float, y: float, text: str, anchor: str) -> str:
 
 
 WIDEST_UPRIGHT: Final = 105  # characters of a table on a page that is not turned
-WIDEST_TEXT: Final = 16  # characters of a cell of text that is not wrapped
+WIDEST_TEXT_CELL: Final = 16  # characters of a cell of text that is not wrapped
 MOST_ROWS_KEPT: Final = 15  # of a table that is not divided between two pages
 STYLE: Final = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem;
@@ -309,7 +311,9 @@ def printed_width(table: Table) -> int:
         head, *body = cells
         longest = max(map(len, body), default=0)
         words = max(len(word) for word in head.split() or [""])
-        width += 2 + max(words, min(longest, WIDEST_TEXT) if table.is_left(column) else longest)
+        width += 2 + max(
+            words, min(longest, WIDEST_TEXT_CELL) if table.is_left(column) else longest
+        )
     return width
 
 
@@ -358,13 +362,13 @@ def _classes(table: Table, column: int, cell: str) -> str:
     """Texts are aligned left and wrap if they are long; numbers stay on one line."""
     if not table.is_left(column):
         return " class=n"
-    return " class=l" if len(cell) > WIDEST_TEXT else ' class="l n"'
+    return " class=l" if len(cell) > WIDEST_TEXT_CELL else ' class="l n"'
 
 
 # Curves and maps as PNG and SVG, by matplotlib (extra `plots`).
 
 
-FORMATS = ("png", "svg")
+PLOT_FORMATS = ("png", "svg")
 DPI = 300  # for print
 SIZE = (6.5, 4.2)  # inches: the width of a column of text on A4, and half a slide
 FONT_SIZES = {  # points; at half a slide they are as large as its text
@@ -417,7 +421,7 @@ def _written(kind: Any, block: Block, folder: Path) -> Iterator[Path]:
 
 
 def _saved(figure: Any, block: Curves | HeatMap, folder: Path) -> Iterator[Path]:
-    for form in FORMATS:
+    for form in PLOT_FORMATS:
         path = folder / f"{file_name(block.title)}.{form}"
         content = io.BytesIO()
         figure.savefig(

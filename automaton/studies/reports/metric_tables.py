@@ -45,12 +45,12 @@ from automaton.studies.reports.comparisons import (
 )
 from automaton.studies.reports.study_results import (
     MIN_SHARED_SEEDS,
-    Counts,
     Cut,
     Results,
+    RunCounts,
     described,
 )
-from automaton.studies.sweeps.study import RUN_METRICS, SCENARIO, Point
+from automaton.studies.sweeps.study import RUN_METRICS, SCENARIO_FACTOR, Point
 from automaton.units import count, number, percent, ticks_and_time
 from automaton.world.bounds import bounds, least_ticks
 from automaton.world.resolve import Resolved
@@ -87,11 +87,11 @@ def same_remarks(results: Results) -> Iterator[str]:
 def inert_factors(results: Results) -> Iterator[str]:
     """Sentences for each factor whose levels give the same runs, everywhere or somewhere."""
     study = results.study
-    several = [SCENARIO] if len(study.scenarios) > 1 else []
+    several = [SCENARIO_FACTOR] if len(study.scenarios) > 1 else []
     for factor in [*several, *study.factor_names]:
         groups: dict[str, list[Point]] = {}
         for point in results.points:
-            if factor == SCENARIO or factor in point.levels:
+            if factor == SCENARIO_FACTOR or factor in point.levels:
                 groups.setdefault(levels_beside(point, (factor,)), []).append(point)
         compared = [group for group in groups.values() if len(group) > 1]
         same = [group for group in compared if _agree(results, group)]
@@ -154,7 +154,7 @@ class Summary(NamedTuple):
     """A metric of a point."""
 
     point: Point
-    counts: Counts
+    counts: RunCounts
     interval: Interval | None  # None: no run has a metric
     sd: float | None
     skew: float  # of the runs
@@ -351,7 +351,7 @@ def steady_section(results: Results) -> Iterator[Block]:
 # One line for each combination of the other factors, with its interval at each point.
 
 
-ROBOTS: Final = "fleet.robots"
+ROBOTS_FACTOR: Final = "fleet.robots"
 # Beside the metrics of the analysis.
 WANTED: Final = ("throughput", "makespan", "delay", "lead_time")
 MAX_CURVES: Final = 8  # signs and colours that there are
@@ -375,7 +375,9 @@ def picture(results: Results, metric: str) -> Curves | None:
     factor = factor_of(results)
     if factor is None:
         varied = [
-            n for n in (*results.study.factor_names, SCENARIO) if len(results.study.levels(n)) > 1
+            n
+            for n in (*results.study.factor_names, SCENARIO_FACTOR)
+            if len(results.study.levels(n)) > 1
         ]
         factor = max(varied, key=lambda name: len(results.study.levels(name)), default=None)
     return curve(results, metric, factor) if factor is not None and results.has(metric) else None
@@ -383,7 +385,7 @@ def picture(results: Results, metric: str) -> Curves | None:
 
 def factor_of(results: Results) -> str | None:
     """The factor on the x axis: the robots, else the first with several numbers as levels."""
-    for name in sorted(results.study.factor_names, key=lambda name: name != ROBOTS):
+    for name in sorted(results.study.factor_names, key=lambda name: name != ROBOTS_FACTOR):
         if is_numeric(results, name) and len(results.study.levels(name)) > 1:
             return name
     return None
@@ -401,7 +403,7 @@ def curve(results: Results, metric: str, factor: str) -> Curves:
     """A metric over a factor, in the unit of the reader."""
     groups: dict[str, list[Point]] = {}
     for point in results.points:
-        if factor == SCENARIO or factor in point.levels:
+        if factor == SCENARIO_FACTOR or factor in point.levels:
             groups.setdefault(levels_beside(point, (factor,)), []).append(point)
     names = () if is_numeric(results, factor) else tuple(_level_names(results, factor))
     lines = [
@@ -410,13 +412,13 @@ def curve(results: Results, metric: str, factor: str) -> Curves:
     ]
     hidden = len(groups) - len(lines)
     title = f"{metric} by {factor}" + (f", {hidden} more not shown" if hidden else "")
-    label = "robots" if factor == ROBOTS else factor
+    label = "robots" if factor == ROBOTS_FACTOR else factor
     unit = results.scale(metric).unit
     return Curves(title, label, unit, lines, x_names=names, from_zero=is_ours(metric))
 
 
 def _level_names(results: Results, factor: str) -> list[str]:
-    if factor == SCENARIO:
+    if factor == SCENARIO_FACTOR:
         return list(results.study.scenarios)
     return [level_text(results.study, factor, level) for level in results.study.levels(factor)]
 
@@ -424,7 +426,7 @@ def _level_names(results: Results, factor: str) -> list[str]:
 def _others(results: Results, point: Point, factor: str) -> str:
     """The levels of a point but for this factor's: "allocation independent, routing shortest"."""
     study = results.study
-    several = [SCENARIO] if len(study.scenarios) > 1 else []
+    several = [SCENARIO_FACTOR] if len(study.scenarios) > 1 else []
     heads = heads_by_factor(study)
     return ", ".join(
         f"{heads.get(name, name)} {level_of(study, point, name)}"

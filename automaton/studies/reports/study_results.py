@@ -25,7 +25,7 @@ from automaton.studies.inference.steady_state import NotSteadyError, mser5, mser
 from automaton.studies.sweeps.run_keys import declared_by
 from automaton.studies.sweeps.study import (
     RUN_METRICS,
-    SERIES,
+    SERIES_COLUMN,
     SUMS_COLUMN,
     TICKS_PER_SECOND,
     Analysis,
@@ -43,11 +43,11 @@ if TYPE_CHECKING:
     from automaton.studies.sweeps.result_store import Store
 
 
-TICK: Final = Unit(1.0, "tick")
+PLAIN_TICK: Final = Unit(1.0, "tick")
 PER_HOUR: Final = "orders/h"
 
 
-class Scale(NamedTuple):
+class MetricScale(NamedTuple):
     """What a metric of the runs is multiplied by, and its unit then."""
 
     factor: float
@@ -63,34 +63,36 @@ class Scale(NamedTuple):
         )
 
 
-class Units(NamedTuple):
+class ReportUnits(NamedTuple):
     """What a tick and a cell's side are at all points of a study."""
 
-    tick: Unit = TICK
+    tick: Unit = PLAIN_TICK
     cell: Unit | None = None
 
-    def scale(self, metric: str, largest: float) -> Scale:
+    def scale(self, metric: str, largest: float) -> MetricScale:
         """The scale of a metric of which `largest` is the largest mean, in the unit of the runs."""
         unit, _ = described(metric)
         seconds = self.tick.seconds
         if unit == "ticks":
             amount, name = duration(largest or 1.0, self.tick)
-            return Scale(amount / (largest or 1.0), name)
+            return MetricScale(amount / (largest or 1.0), name)
         if unit.startswith(PER_1000_TICKS) and seconds:
             factor = SECONDS_PER_UNIT["h"] / (1000 * seconds)
-            return Scale(factor, unit.replace(PER_1000_TICKS, PER_HOUR))
+            return MetricScale(factor, unit.replace(PER_1000_TICKS, PER_HOUR))
         if unit == "cells" and self.cell is not None:
-            return Scale(self.cell.size, self.cell.name)
-        return Scale(1.0, unit)
+            return MetricScale(self.cell.size, self.cell.name)
+        return MetricScale(1.0, unit)
 
 
-def units_of_points(scenarios: Iterable[Resolved], points: int) -> Units:
+def units_of_points(scenarios: Iterable[Resolved], points: int) -> ReportUnits:
     """The units of a study of so many points: those that all of its scenarios share, else ticks."""
     units = [units_of(resolved.unrefined) for resolved in scenarios]
     if len(units) < points:  # the scenario of a point is not known
-        return Units()
+        return ReportUnits()
     ticks, cells = {tick for tick, _ in units}, {cell for _, cell in units}
-    return Units(ticks.pop() if len(ticks) == 1 else TICK, cells.pop() if len(cells) == 1 else None)
+    return ReportUnits(
+        ticks.pop() if len(ticks) == 1 else PLAIN_TICK, cells.pop() if len(cells) == 1 else None
+    )
 
 
 def described(metric: str) -> tuple[str, str]:
@@ -143,7 +145,9 @@ def measured_rows(store: Store) -> tuple[pa.Table, Cut | None]:
     declared, window = max(point.warm_up for point in planned), planned[0].windows.window
     stretch = planned[0].windows.stretch
     sums = {name: sums_column(table, name) for name in sums_of_times()}
-    cut = cut_of(store.study, points, lists(table.column(SERIES)), declared, window, sums, stretch)
+    cut = cut_of(
+        store.study, points, lists(table.column(SERIES_COLUMN)), declared, window, sums, stretch
+    )
     if all(point.warm_up == cut.ticks for point in planned):
         figures = {name: table.column(name).to_pylist() for name in names}
     else:
@@ -346,14 +350,14 @@ def arrow_array(values: list[Any], type_: Any) -> Any:
 # agree, too. A warm-up changes no run, but what is measured of it.
 
 
-QUANTILES = ("lead_time_p95", "delay_p95", "tardiness_p95")  # of the orders of a run
+ORDER_QUANTILES = ("lead_time_p95", "delay_p95", "tardiness_p95")  # of the orders of a run
 MIN_SHARED_SEEDS = 2  # seeds of points that are called the same runs
 Runs = Mapping[int, tuple[str, object]]  # seed -> digest and value
 USUAL_METRICS = ("makespan", "throughput", "utilization", "blocked_share", "delay", "lead_time")
 
 
 @dataclass(frozen=True)
-class Counts:
+class RunCounts:
     """What became of the runs of a point."""
 
     planned: int
@@ -384,7 +388,7 @@ class Results:
     at_most: int = 0  # replications in such rounds
     cut: Cut | None = None  # of a steady state: metrics are of what comes after it
     warm_ups: Sequence[int] = (0,)  # ticks that the scenarios leave out of their runs' metrics
-    units: Units = field(default_factory=Units)  # in which reports print metrics
+    units: ReportUnits = field(default_factory=ReportUnits)  # in which reports print metrics
 
     @cached_property
     def _rows(self) -> dict[int, npt.NDArray[np.int64]]:
@@ -416,7 +420,7 @@ class Results:
     def quantiles(self) -> tuple[str, ...]:
         """The quantiles of delay that runs have and the analysis does not name."""
         return tuple(
-            name for name in QUANTILES if self.has(name) and name not in self.analysis.metrics
+            name for name in ORDER_QUANTILES if self.has(name) and name not in self.analysis.metrics
         )
 
     def has(self, metric: str) -> bool:
@@ -426,13 +430,15 @@ class Results:
         column = self.columns.get(metric)
         return column is not None and any(value is not None for value in column)
 
-    def counts(self, point: Point) -> Counts:
+    def counts(self, point: Point) -> RunCounts:
         """What became of the runs of a point."""
         rows = self._rows[point.number]
         failed = sum(self.columns["error"][row] is not None for row in rows)
         finished = sum(self._finished(row) for row in rows)
         done = len(rows)
-        return Counts(self.study.max_replications, done, finished, done - failed - finished, failed)
+        return RunCounts(
+            self.study.max_replications, done, finished, done - failed - finished, failed
+        )
 
     def values(self, point: Point, metric: str) -> dict[int, float]:
         """A metric by replication, of the runs that finished and have it."""
@@ -446,7 +452,7 @@ class Results:
             if self._finished(row) and column[row] is not None
         }
 
-    def scale(self, metric: str) -> Scale:
+    def scale(self, metric: str) -> MetricScale:
         """The unit in which a metric is printed, by its largest mean over the runs of a point."""
         if metric not in self._scales:
             runs = (self.values(point, metric).values() for point in self.points)
@@ -455,7 +461,7 @@ class Results:
         return self._scales[metric]
 
     @cached_property
-    def _scales(self) -> dict[str, Scale]:
+    def _scales(self) -> dict[str, MetricScale]:
         return {}
 
     @property
@@ -541,7 +547,7 @@ class Results:
 
     def series(self, point: Point) -> list[Sequence[int]]:
         """The deliveries by window of each run that has them, in the order of replications."""
-        column = self.columns.get(SERIES)
+        column = self.columns.get(SERIES_COLUMN)
         if column is None:
             return []
         return [column[row] for row in self._rows[point.number] if column[row] is not None]
@@ -581,10 +587,10 @@ def read_results(store: Store) -> Results:
 
 def columns_of(table: pa.Table) -> dict[str, Sequence[Any]]:
     """Columns as lists; deliveries by window as arrays, and no sums by stretch."""
-    names = [name for name in table.column_names if name not in (SERIES, SUMS_COLUMN)]
+    names = [name for name in table.column_names if name not in (SERIES_COLUMN, SUMS_COLUMN)]
     columns: dict[str, Sequence[Any]] = {name: table.column(name).to_pylist() for name in names}
-    if SERIES in table.column_names:
-        columns[SERIES] = lists(table.column(SERIES))
+    if SERIES_COLUMN in table.column_names:
+        columns[SERIES_COLUMN] = lists(table.column(SERIES_COLUMN))
     columns[TICKS_PER_SECOND] = [
         ticks / seconds if ticks is not None and seconds else None
         for ticks, seconds in zip(columns["ticks"], columns["cpu_s"], strict=True)

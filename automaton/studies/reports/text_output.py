@@ -32,7 +32,7 @@ from automaton.runs.report_document import (
 )
 from automaton.units import number
 
-GAP = "  "
+COLUMN_GAP = "  "
 
 
 def as_text(document: Document, width: int = 100) -> str:
@@ -76,10 +76,10 @@ def table_lines(table: Table) -> Iterator[str]:
             cell.ljust(width) if table.is_left(index) else cell.rjust(width)
             for index, (cell, width) in enumerate(zip(cells, widths, strict=True))
         )
-        return GAP.join(padded).rstrip()
+        return COLUMN_GAP.join(padded).rstrip()
 
     yield line(table.head)
-    yield GAP.join("-" * width for width in widths)
+    yield COLUMN_GAP.join("-" * width for width in widths)
     yield from map(line, table.rows)
 
 

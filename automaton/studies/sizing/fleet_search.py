@@ -348,7 +348,7 @@ class FleetConfig(NamedTuple):
     percent: int = 0  # by how much durations are longer
 
 
-class Run(NamedTuple):
+class FleetRun(NamedTuple):
     """What is kept of a run."""
 
     finished: bool
@@ -356,7 +356,7 @@ class Run(NamedTuple):
 
 
 # place, first replication, number of runs
-Runner = Callable[[FleetConfig, int, int], Sequence[Run]]
+Runner = Callable[[FleetConfig, int, int], Sequence[FleetRun]]
 
 
 class InfeasibleFleetError(InputError):
@@ -368,13 +368,13 @@ class Candidate:
     """One fleet with one strategy."""
 
     place: FleetConfig
-    runs: list[Run] = field(default_factory=list)
+    runs: list[FleetRun] = field(default_factory=list)
     verdict: Verdict = "undecided"
     after: int = 0  # runs when the verdict fell
     excluded: str = ""  # the bound that it cannot meet; no run was needed
     refused: str = ""  # why it cannot be run
 
-    def add(self, runs: Sequence[Run], question: Question) -> None:
+    def add(self, runs: Sequence[FleetRun], question: Question) -> None:
         """Take further runs, and judge unless that is done."""
         self.runs += runs
         if self.verdict == "undecided":
@@ -411,7 +411,7 @@ class Candidate:
         return mean_interval(values).not_below_zero() if values else None
 
 
-def meets(run: Run, question: Question) -> bool:
+def meets(run: FleetRun, question: Question) -> bool:
     """Whether a run meets the target; one that did not finish, or did not measure it, does not."""
     metric = question.target.metric
     return (
@@ -419,7 +419,7 @@ def meets(run: Run, question: Question) -> bool:
     )
 
 
-def judged(runs: Sequence[Run], question: Question) -> tuple[Verdict, int]:
+def judged(runs: Sequence[FleetRun], question: Question) -> tuple[Verdict, int]:
     """The verdict on a candidate from its runs in their order, and after how many it fell."""
     if not question.mean:
         return question.share_test.verdict(meets(run, question) for run in runs)
@@ -460,7 +460,7 @@ RUNS_PER_ROUND: Final = ((100, 100), (10, 25), (0, 10))  # from so many runs on,
 MAX_POSTPONED: Final = 2  # a candidate is put off when it has had this part of the budget: a half
 
 
-class Answer(NamedTuple):
+class SearchAnswer(NamedTuple):
     """What is known of one strategy."""
 
     kind: Kind
@@ -469,7 +469,7 @@ class Answer(NamedTuple):
 
 
 @dataclass
-class Search:
+class FleetSearch:
     """The search with one strategy; `spent` and `candidates` are of any moment, also after Ctrl-C."""
 
     question: Question
@@ -516,7 +516,7 @@ class Search:
         candidate.add(runs, self.question)
 
     @property
-    def answer(self) -> Answer:
+    def answer(self) -> SearchAnswer:
         """What follows from the verdicts so far."""
         verdicts = {one.place.robots: one.verdict for one in self.candidates}
         passing = next((n for n, verdict in verdicts.items() if verdict == "meets"), None)
@@ -527,8 +527,8 @@ class Search:
             if verdicts.get(robots, "undecided") == "undecided"
         ]
         if unsure:
-            return Answer("undecided", passing, unsure[0])
-        return Answer("not reachable" if passing is None else "answered", passing, None)
+            return SearchAnswer("undecided", passing, unsure[0])
+        return SearchAnswer("not reachable" if passing is None else "answered", passing, None)
 
     def find(self, robots: int) -> Candidate | None:
         """The candidate with so many robots, if it was looked at."""

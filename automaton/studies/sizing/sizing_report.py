@@ -19,8 +19,8 @@ from automaton.studies.inference.intervals import Interval
 from automaton.studies.sizing.fleet_search import (
     Candidate,
     FleetConfig,
+    FleetSearch,
     Question,
-    Search,
     lost_by_cause,
     mean_of,
     shown,
@@ -107,7 +107,7 @@ def label(strategy: str) -> str:
     return f"{layer.replace('_', ' ')} {choice}" if strategy else "as the scenario says"
 
 
-def sentence(search: Search, session: SizingSession) -> str:
+def sentence(search: FleetSearch, session: SizingSession) -> str:
     """What is known of one strategy."""
     answer, last = search.answer, session.question.last
     if answer.kind == "answered":
@@ -121,14 +121,14 @@ def sentence(search: Search, session: SizingSession) -> str:
     return f"undecided between {answer.least} and {upper} ({why})"
 
 
-def priced(search: Search, price: float) -> str:
+def priced(search: FleetSearch, price: float) -> str:
     """What the answer costs."""
     if not price or search.answer.robots is None:
         return ""
     return f", {number(search.answer.robots * price)} at {number(price)} each"
 
 
-def unfinished(search: Search) -> str:
+def unfinished(search: FleetSearch) -> str:
     """How many runs of the answer did not finish."""
     found = search.find(search.answer.robots or 0)
     if found is None or not found.censored:
@@ -136,7 +136,9 @@ def unfinished(search: Search) -> str:
     return f"; {found.censored:,} of {count(len(found.runs), 'run')} did not finish"
 
 
-def search_blocks(search: Search, session: SizingSession, several: bool) -> Iterator[ConsoleBlock]:
+def search_blocks(
+    search: FleetSearch, session: SizingSession, several: bool
+) -> Iterator[ConsoleBlock]:
     """The candidates of one strategy, one by one, and what the deciding one loses time with."""
     question = session.question
     if several:
@@ -161,12 +163,12 @@ def search_blocks(search: Search, session: SizingSession, several: bool) -> Iter
         yield from gain_lines(gain, question)
 
 
-def last_run(search: Search) -> Candidate | None:
+def last_run(search: FleetSearch) -> Candidate | None:
     """The largest candidate that was run."""
     return next((one for one in reversed(search.candidates) if one.runs), None)
 
 
-def candidates_table(search: Search, question: Question) -> Table:
+def candidates_table(search: FleetSearch, question: Question) -> Table:
     """Robots, runs, how many met the target, the interval of the share, the mean, the verdict."""
     rows = []
     for one in search.candidates:
@@ -396,7 +398,7 @@ CHART_WIDTH: Final = 61  # of a scale
 MARK_VALUE, MARK_INTERVAL, MARK_TARGET = "o", "-", "|"
 
 
-def picture(search: Search, question: Question) -> Iterator[str]:
+def picture(search: FleetSearch, question: Question) -> Iterator[str]:
     """One line for each candidate that was run: its metric with its interval, and the ends of the
     indifference zone."""
     judged = [(one, judged_by(one, question)) for one in search.candidates if one.runs]
@@ -483,7 +485,7 @@ def curves(session: SizingSession) -> list[Curves]:
     ]
 
 
-def strategy_line(search: Search, question: Question, mean: bool) -> Line:
+def strategy_line(search: FleetSearch, question: Question, mean: bool) -> Line:
     """The candidates of one strategy that were run."""
     found: list[tuple[int, Interval]] = []
     for one in search.candidates:
@@ -578,7 +580,7 @@ def as_json(session: SizingSession, name: str, seed: int, price: float) -> dict[
     }
 
 
-def search_as_json(search: Search, session: SizingSession) -> dict[str, Any]:
+def search_as_json(search: FleetSearch, session: SizingSession) -> dict[str, Any]:
     """One strategy."""
     gain = session.gains.get(search.strategy)
     return {

@@ -46,11 +46,11 @@ from automaton.studies.sizing.fleet_search import (
     DEFAULT_MEAN_INDIFFERENCE,
     Candidate,
     FleetConfig,
+    FleetRun,
+    FleetSearch,
     InfeasibleFleetError,
     Question,
-    Run,
     Runner,
-    Search,
     Target,
 )
 from automaton.studies.sweeps.run_keys import seed_of
@@ -239,7 +239,7 @@ class SizingSession:
     run: Runner
     excluded: Mapping[int, str] = field(default_factory=dict)
     changes: Mapping[int, Sequence[str]] = field(default_factory=dict)  # percent: settings
-    searches: list[Search] = field(default_factory=list)
+    searches: list[FleetSearch] = field(default_factory=list)
     gains: dict[str, MarginalGain] = field(default_factory=dict)  # by strategy
     best: StrategySelection | None = None
     moved: list[SensitivityResult] = field(default_factory=list)
@@ -252,7 +252,7 @@ class SizingSession:
         question, left = self.question, self.question.budget
         for number, strategy in enumerate(question.strategies):
             share = left // (len(question.strategies) - number)
-            search = Search(question, strategy, self.run, share, self.excluded)
+            search = FleetSearch(question, strategy, self.run, share, self.excluded)
             self.searches.append(search)
             search.go()
             left -= search.spent
@@ -275,13 +275,13 @@ class SizingSession:
         for moved in sensitivity(self.place or place, run_budget, question, list(self.changes)):
             self.moved.append(moved)
 
-    def _show(self, search: Search, run_budget: RunBudget) -> None:
+    def _show(self, search: FleetSearch, run_budget: RunBudget) -> None:
         """Runs of the largest fleet, so that one sees what keeps it from the target."""
         candidate = search.candidates[-1] if search.candidates else None
         if candidate is not None:
             run_budget.extend_runs(candidate, LARGEST_FLEET_RUNS, self.question)
 
-    def _largest(self, search: Search) -> int | None:
+    def _largest(self, search: FleetSearch) -> int | None:
         return search.candidates[-1].place.robots if search.candidates else None
 
     def _rivals(self, robots: int) -> list[Candidate]:
@@ -330,7 +330,7 @@ class SizingSession:
 
 ORDER_METRICS = (*OF_TIMES, "legs_per_order")  # once an order is delivered
 STATION_USE = "station_use"  # share of the time of all stations in which a robot is served there
-MEASURED = "measured"  # ticks of which the metrics are
+MEASURED_TICKS = "measured"  # ticks of which the metrics are
 MOVE_KEY = re.compile(r"durations\.move[.=]")
 PLAIN_KEY = re.compile(r"[\w-]+")  # a name that may stand between the points of a key
 CHARGER_USE = "charger_use"  # share of the time of all places at chargers in which a robot charges
@@ -348,7 +348,7 @@ def run_and_measure_use(simulation: Simulation) -> dict[str, float | int]:
         (0, 0, 0) if since is None else (since.tick, since.actions, since.served)
     )
     ticks, elapsed = now.actions - before, max(1, now.tick - begin)
-    figures[MEASURED] = elapsed // simulation.resolved.scenario.refine
+    figures[MEASURED_TICKS] = elapsed // simulation.resolved.scenario.refine
     world, floor_plan = simulation.world, simulation.resolved.floor_plan
     stations = int(np.count_nonzero(floor_plan.kind == STATION))
     places = sum(places_of_chargers(resolved.scenario, floor_plan).values())
@@ -377,12 +377,12 @@ class Fleets:
         self.seed = self.base.scenario.seed if seed is None else seed
         self.resolved = cache(self._resolved)  # of a place
 
-    def __call__(self, place: FleetConfig, first: int, number: int) -> list[Run]:
+    def __call__(self, place: FleetConfig, first: int, number: int) -> list[FleetRun]:
         """Replications first .. first + number - 1."""
         resolved = self.resolved(place)
         seeds = replication_seeds(self.seed, first, number)
         results = self._rounds.run([(resolved, seed) for seed in seeds])
-        return [Run(result.finished, result.metrics) for result in results]
+        return [FleetRun(result.finished, result.metrics) for result in results]
 
     def _resolved(self, place: FleetConfig) -> Resolved:
         changes = longer(self.base, place.percent) if place.percent else []
@@ -478,7 +478,7 @@ class Checked:
     ) -> None:
         self.fleets, self.question, self.tell, self.runs = fleets, question, tell, 0
 
-    def __call__(self, place: FleetConfig, first: int, number: int) -> Sequence[Run]:
+    def __call__(self, place: FleetConfig, first: int, number: int) -> Sequence[FleetRun]:
         """As of Fleets. Raises InputError for a metric that is not measured."""
         if self.tell is not None:
             self.tell(place, self.runs, self.question)
@@ -521,7 +521,7 @@ def typed(place: FleetConfig) -> Iterator[Override]:
         yield replace(parse_setting(place.strategy), argument=option)
 
 
-def check_measured(target: Target, run: Run, scenario: Scenario) -> None:
+def check_measured(target: Target, run: FleetRun, scenario: Scenario) -> None:
     """That runs of a scenario may have the metric of the target. Raises InputError.
 
     A run in which nothing ended has no times: that says nothing of the others.

@@ -39,26 +39,26 @@ from automaton.studies.sweeps.result_store import (
 )
 from automaton.studies.sweeps.run_keys import (
     MANIFEST,
-    Chunk,
     CodeMismatchError,
     Manifest,
     Row,
-    Run,
+    SweepChunk,
+    SweepRun,
     blank,
     manifest_json,
     reason,
 )
-from automaton.studies.sweeps.study import RESULT_COLUMNS, SERIES, SUMS_COLUMN
+from automaton.studies.sweeps.study import RESULT_COLUMNS, SERIES_COLUMN, SUMS_COLUMN
 from automaton.studies.sweeps.sweep_plan import Copies, SweepPlan
 from automaton.units import count
 
 BATCH_ROWS: Final = 500
 BATCH_S: Final = 1.0
 MANY_FILES: Final = 256  # small ones, that are then merged
-GROUP_ROWS: Final = 20_000  # of a merged file are held in memory
+MERGED_GROUP_ROWS: Final = 20_000  # of a merged file are held in memory
 RESERVE: Final = ".reserve"
 RESERVE_BYTES: Final = 4_000_000  # given back when the disk is full, for the rows in hand
-LOCK: Final = ".lock"
+LOCK_FILE: Final = ".lock"
 UNFIT: Final = (ArithmeticError, TypeError, ValueError)  # of a value that its column cannot hold
 PREFIX_PART, PREFIX_MERGED = "part", "rows"
 FILE_NAME: Final = re.compile(r"(?:part|rows)-(\d+)-")
@@ -69,7 +69,7 @@ def lock_folder(folder: Path) -> Iterator[None]:
     """Hold a folder of results, made if it is not there. Raises InputError if another sweep does."""
     with _told(folder):
         (folder / ROWS_FOLDER).mkdir(parents=True, exist_ok=True)
-        file = (folder / LOCK).open("a+b", buffering=0)
+        file = (folder / LOCK_FILE).open("a+b", buffering=0)
     with file:
         with _told(folder):
             _claim(file, folder)
@@ -154,7 +154,7 @@ class Writer:
         try:
             table_of([row], self.store, self.schema)
         except UNFIT as error:
-            run = Run(*(row[name] for name in Run._fields))
+            run = SweepRun(*(row[name] for name in SweepRun._fields))
             return blank(run, reason(f"its row cannot be written: {error}"))
         return row
 
@@ -232,11 +232,11 @@ class Writer:
                             fresh.append(index)
                     group.append(table.take(pa.array(fresh, pa.int64())))
                     merged.append(path)
-                    if sum(one.num_rows for one in group) >= GROUP_ROWS:
-                        writer.write_table(pa.concat_tables(group), GROUP_ROWS)
+                    if sum(one.num_rows for one in group) >= MERGED_GROUP_ROWS:
+                        writer.write_table(pa.concat_tables(group), MERGED_GROUP_ROWS)
                         group.clear()
                 if group:
-                    writer.write_table(pa.concat_tables(group), GROUP_ROWS)
+                    writer.write_table(pa.concat_tables(group), MERGED_GROUP_ROWS)
             file.flush()
             os.fsync(file.fileno())
         return merged
@@ -297,7 +297,7 @@ def table_of(rows: list[Row], store: Store, schema: Any) -> Any:
     for field in schema:
         if field.name in known:
             values = known[field.name]
-        elif field.name in (*RESULT_COLUMNS, SERIES, SUMS_COLUMN):
+        elif field.name in (*RESULT_COLUMNS, SERIES_COLUMN, SUMS_COLUMN):
             values = [row.get(field.name) for row in rows]
         else:
             values = [row["metrics"].get(field.name) for row in rows]
@@ -364,10 +364,12 @@ class Coordinator:
         self.on_rows = on_rows  # also called without rows now and then, while none arrive
         self.patience = patience
         self.finished: queue.SimpleQueue[FutureLike] = queue.SimpleQueue()
-        self.under_way: dict[FutureLike, tuple[Chunk, bool]] = {}  # chunk, whether it runs alone
-        self.retry_in_isolation: deque[Run] = deque()
-        self.waiting: Iterator[list[Run]] = iter(())
-        self.block: deque[Run] = deque()
+        self.under_way: dict[
+            FutureLike, tuple[SweepChunk, bool]
+        ] = {}  # chunk, whether it runs alone
+        self.retry_in_isolation: deque[SweepRun] = deque()
+        self.waiting: Iterator[list[SweepRun]] = iter(())
+        self.block: deque[SweepRun] = deque()
         self.has_results = False  # a result has arrived, so workers can start
         self.refused = False  # the pool takes nothing more: it has broken
         self.seconds_per_run: dict[int, float] = {}  # point -> seconds of a run
@@ -399,7 +401,7 @@ class Coordinator:
         repeated = self.repeated + self.backend.repeated
         return SweepTally(self.done, self.failed, self.unfinished, repeated)
 
-    def _missing(self, done: set[str]) -> Iterator[list[Run]]:
+    def _missing(self, done: set[str]) -> Iterator[list[SweepRun]]:
         """The runs to do, in blocks of one point each: all points advance together."""
         manifest = self.plan.manifest
         for first in range(0, manifest.replications, RUNS_PER_BLOCK):
@@ -430,14 +432,14 @@ class Coordinator:
             self.block.extend(next(self.waiting, ()))
         return bool(self.block)
 
-    def _next_runs(self) -> tuple[Run, ...]:
+    def _next_runs(self) -> tuple[SweepRun, ...]:
         known = self.seconds_per_run.get(self.block[0].point)
         if known is None:
             known = max(self.seconds_per_run.values(), default=CHUNK_S)
         size = max(1, min(MAX_SWEEP_CHUNK, int(CHUNK_S / max(known, 1e-6))))
         return tuple(self.block.popleft() for _ in range(min(size, len(self.block))))
 
-    def _submit(self, runs: tuple[Run, ...], alone: bool) -> None:
+    def _submit(self, runs: tuple[SweepRun, ...], alone: bool) -> None:
         self.chunks += 1
         chunk = chunk_of(self.plan, self.version, self.chunks, runs, self.patience)
         try:
@@ -450,7 +452,7 @@ class Coordinator:
         self.under_way[future] = (chunk, alone)
         future.add_done_callback(self.finished.put)
 
-    def _return_runs(self, runs: tuple[Run, ...]) -> None:
+    def _return_runs(self, runs: tuple[SweepRun, ...]) -> None:
         """Runs that a pool did not take, since it had broken; what is under way will say so."""
         self.block.extendleft(reversed(runs))
         self.refused = True
@@ -484,7 +486,7 @@ class Coordinator:
             with contextlib.suppress(Exception):
                 self._keep(future.result())
 
-    def _handle_dead_worker(self, chunk: Chunk, alone: bool) -> list[Row]:
+    def _handle_dead_worker(self, chunk: SweepChunk, alone: bool) -> list[Row]:
         """Handle a worker that died: a run that was alone has failed, others are retried in isolation."""
         if alone:
             if not self.has_results and not self.backend.can_start():
@@ -513,11 +515,15 @@ class Coordinator:
 
 
 def chunk_of(
-    plan: SweepPlan, version: str, number: int, runs: tuple[Run, ...], patience: float | None = None
-) -> Chunk:
+    plan: SweepPlan,
+    version: str,
+    number: int,
+    runs: tuple[SweepRun, ...],
+    patience: float | None = None,
+) -> SweepChunk:
     """What a worker is told about runs of one point."""
     point = runs[0].point
-    return Chunk(
+    return SweepChunk(
         number=number,
         version=version,
         plugins=plan.plugins,

@@ -26,7 +26,7 @@ from typing import Any, Final, Protocol
 from automaton.errors import InputError
 from automaton.runs.first_compilation import cores
 from automaton.runs.process_pool import Workers
-from automaton.studies.sweeps.run_keys import Chunk, Row, run_chunk
+from automaton.studies.sweeps.run_keys import Row, SweepChunk, run_chunk
 
 MAX_WORKERS = 1024
 
@@ -49,8 +49,8 @@ class Backend(Protocol):
     def repeated(self) -> int:
         """Return the number of runs that the backend itself repeated."""
 
-    def submit(self, chunk: Chunk) -> FutureLike: ...
-    def submit_alone(self, chunk: Chunk) -> FutureLike: ...
+    def submit(self, chunk: SweepChunk) -> FutureLike: ...
+    def submit_alone(self, chunk: SweepChunk) -> FutureLike: ...
     def is_worker_lost(self, error: BaseException) -> bool:
         """Return whether an error of a future says that its worker is lost."""
 
@@ -78,10 +78,10 @@ class LocalPool:
     def max_in_flight(self) -> int:
         return self.workers + 1 + self.workers // 4
 
-    def submit(self, chunk: Chunk) -> FutureLike:
+    def submit(self, chunk: SweepChunk) -> FutureLike:
         return self._pool.submit(run_chunk, chunk)
 
-    def submit_alone(self, chunk: Chunk) -> FutureLike:
+    def submit_alone(self, chunk: SweepChunk) -> FutureLike:
         try:
             return self._isolation_pool.submit(run_chunk, chunk)
         except BrokenExecutor:  # by the run before, or since its process had nothing to do
@@ -123,7 +123,7 @@ class ExternalExecutor:
         self.repeated = 0
         self.max_in_flight = 2 + int(getattr(executor, "_max_workers", None) or cores())
 
-    def submit(self, chunk: Chunk) -> FutureLike:
+    def submit(self, chunk: SweepChunk) -> FutureLike:
         future = self.executor.submit(run_chunk, chunk)
         self.under_way.add(future)
         future.add_done_callback(self.under_way.discard)
@@ -198,7 +198,7 @@ class DaskCluster:
             self._threads = max(1, sum(worker["nthreads"] for worker in workers))
         return self._threads
 
-    def submit(self, chunk: Chunk) -> Any:
+    def submit(self, chunk: SweepChunk) -> Any:
         with self._lock:
             self._under_way[chunk.number] = (len(chunk.runs), 0)
         key = f"automaton-{chunk.number}-{uuid.uuid4().hex}"
@@ -252,7 +252,7 @@ def address_in(file: str) -> str:
     raise InputError("is not a file of a Dask scheduler: it names no address", file)
 
 
-def run_and_tell(chunk: Chunk, topic: str) -> list[Row]:
+def run_and_tell(chunk: SweepChunk, topic: str) -> list[Row]:
     """What a worker of a cluster does with a chunk."""
     from distributed import get_worker
 

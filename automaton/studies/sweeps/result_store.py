@@ -23,7 +23,7 @@ from automaton.scenario.document import Document
 from automaton.studies.sweeps.run_keys import Manifest, read_manifest
 from automaton.studies.sweeps.study import (
     RESULT_COLUMNS,
-    SERIES,
+    SERIES_COLUMN,
     SUMS_COLUMN,
     Study,
     checked_study,
@@ -176,7 +176,7 @@ def schema_of(study: Study, manifest: Manifest) -> pa.Schema:
     fields = [pa.field(name, types[kind]) for name, kind in kinds.items()]
     fields += [pa.field(name, pa.float64()) for name in metric_names(manifest.counted)]
     if study.design == "steady-state":
-        fields.append(pa.field(SERIES, pa.list_(pa.int32())))
+        fields.append(pa.field(SERIES_COLUMN, pa.list_(pa.int32())))
         sums = [pa.field(name, pa.list_(pa.int64())) for name in sum_names(manifest.counted)]
         fields.append(pa.field(SUMS_COLUMN, pa.struct(sums)))
     return pa.schema(fields)

@@ -43,7 +43,7 @@ from automaton.runs.simulation import Simulation
 from automaton.scenario.orders import plain_data
 from automaton.scenario.unavailable_metrics import warm_up_of
 from automaton.strategy import lookup
-from automaton.studies.sweeps.study import SERIES, SUMS_COLUMN, Levels, Study
+from automaton.studies.sweeps.study import SERIES_COLUMN, SUMS_COLUMN, Levels, Study
 from automaton.world.resolve import Resolved
 
 DATA_SUFFIXES: Final = (".yaml", ".json")  # of automaton's packages: what their code may read
@@ -53,7 +53,7 @@ DRAWN_ELSEWHERE: Final = ("file", "matrix")  # keys of a layout whose floor is i
 Sources = dict[str, str]  # file -> 16 hex digits of its content
 
 
-class Run(NamedTuple):
+class SweepRun(NamedTuple):
     """One run of a study."""
 
     key: str
@@ -94,7 +94,7 @@ class Declared(msgspec.Struct, frozen=True):
         return (self.warm_up, self.analysis) == (other.warm_up, other.analysis)
 
 
-class Form(msgspec.Struct, frozen=True):
+class ManifestForm(msgspec.Struct, frozen=True):
     """What every manifest says, whatever wrote it."""
 
     format: int
@@ -130,20 +130,20 @@ class Manifest(msgspec.Struct, frozen=True):
         """16 hex digits of the code."""
         return hashed(self.sources)
 
-    def runs(self) -> Iterator[Run]:
+    def runs(self) -> Iterator[SweepRun]:
         """All runs: replications one after the other, and in each all points."""
         version = self.version
         for replication in range(self.replications):
             for point in range(len(self.points)):
                 yield self.run(version, point, replication)
 
-    def run(self, version: str, point: int, replication: int) -> Run:
+    def run(self, version: str, point: int, replication: int) -> SweepRun:
         """One of them; `version` is `self.version`, which takes a while."""
         planned = self.points[point]
         salt = "" if self.common_random_numbers else f" {planned.fingerprint}"
         seed = seed_of(f"{self.seed} {replication}{salt}")
         key = digest(f"{version} {planned.fingerprint} {seed}")[:32]
-        return Run(key, point, replication, seed)
+        return SweepRun(key, point, replication, seed)
 
     def keys(self) -> set[str]:
         """The keys of all runs."""
@@ -287,7 +287,7 @@ def read_manifest(folder: Path) -> Manifest | None:
     path = folder / MANIFEST
     try:
         content = path.read_bytes()
-        form = msgspec.json.decode(content, type=Form).format
+        form = msgspec.json.decode(content, type=ManifestForm).format
         if form != MANIFEST_FORMAT:
             raise InputError(
                 f"is of format {form}, not {MANIFEST_FORMAT}: use another folder", str(path)
@@ -371,7 +371,7 @@ Row = dict[str, Any]  # columns of a run; its metrics under "metrics"
 MAX_REASON_LENGTH = 500  # characters
 
 
-class Chunk(NamedTuple):
+class SweepChunk(NamedTuple):
     """Work for one call of a worker: runs of one design point."""
 
     number: int  # of the chunk
@@ -380,7 +380,7 @@ class Chunk(NamedTuple):
     fingerprint: str  # of the scenario
     scenario: bytes  # the resolved scenario, pickled
     windows: Windows
-    runs: tuple[Run, ...]
+    runs: tuple[SweepRun, ...]
     patience: float | None = None  # seconds of a decision of a Python strategy
 
 
@@ -388,7 +388,7 @@ class CodeMismatchError(Exception):
     """A worker has other code than its coordinator."""
 
 
-def run_chunk(chunk: Chunk) -> list[Row]:
+def run_chunk(chunk: SweepChunk) -> list[Row]:
     """The rows of a chunk. Raises CodeMismatchError; a run that fails is a row."""
     here = _version(chunk.plugins)
     if here != chunk.version:
@@ -443,7 +443,7 @@ def _scenario(fingerprint: str, pickled: bytes, patience: float | None = None) -
 
 
 def run_one(
-    resolved: Resolved, run: Run, windows: Windows = WHOLE_RUNS, patience: float | None = None
+    resolved: Resolved, run: SweepRun, windows: Windows = WHOLE_RUNS, patience: float | None = None
 ) -> Row:
     """Run a scenario with the seed of a run, to its end or its limit."""
     wall, cpu = time.perf_counter(), time.process_time()
@@ -478,7 +478,7 @@ def reason(text: str) -> str:
     return one_line(text.encode(errors="replace").decode(), MAX_REASON_LENGTH)
 
 
-def blank(run: Run, failed: str | None = None) -> Row:
+def blank(run: SweepRun, failed: str | None = None) -> Row:
     """The row of a run that failed."""
     return {**run._asdict(), "finished": False, "error": failed, "metrics": {}}
 
@@ -501,6 +501,6 @@ def figures_of(simulation: Simulation, window: int, marks: Marks) -> Row:
         windows = simulation.tick // window
         done = np.maximum(delivered, 1)  # ticks count from 1
         whole = done[done <= windows * window]
-        row[SERIES] = np.bincount((whole - 1) // window, minlength=windows).tolist()
+        row[SERIES_COLUMN] = np.bincount((whole - 1) // window, minlength=windows).tolist()
         row[SUMS_COLUMN] = sums_by_stretch(simulation, marks.stretches)
     return row

@@ -45,7 +45,7 @@ RESULT_COLUMNS: Final = {
     "wall_s": "float",  # of the run, setting up included
     "cpu_s": "float",
 }
-SERIES: Final = "series"  # deliveries in each window, where a study asks for them
+SERIES_COLUMN: Final = "series"  # deliveries in each window, where a study asks for them
 # what automaton.runs.metric_sums adds up, in each stretch of some windows; likewise
 SUMS_COLUMN: Final = "sums"
 TICKS_PER_SECOND: Final = "ticks_per_second"  # of reports: `ticks` by `cpu_s`
@@ -123,10 +123,10 @@ STUDY_WANTED: Final = (
 )
 SHIPPED_STUDIES: Final = SHIPPED_FOLDER / "studies"
 MAX_WINDOW: Final = 1_000_000  # ticks
-MAX_POINTS: Final = 10_000
-MAX_RUNS: Final = 10_000_000
+MAX_DESIGN_POINTS: Final = 10_000
+MAX_STUDY_RUNS: Final = 10_000_000
 MIN_FIRST_ROUND: Final = 10  # runs: the variance of fewer ends a study too soon
-SCENARIO: Final = "scenario"  # as a column, and as a factor where a study has several
+SCENARIO_FACTOR: Final = "scenario"  # as a column, and as a factor where a study has several
 
 Levels = dict[str, Any]  # key of a scenario, such as "fleet.robots" -> its value
 
@@ -304,8 +304,10 @@ class Study(ConfigSection, frozen=True, kw_only=True):
         points = len(self.scenarios)
         for levels in factors.values():
             points *= max(1, len(levels)) if isinstance(levels, list | tuple) else 1
-        if points > MAX_POINTS:
-            raise ValueError(f"factors cross to {points:,} points; {MAX_POINTS:,} are allowed")
+        if points > MAX_DESIGN_POINTS:
+            raise ValueError(
+                f"factors cross to {points:,} points; {MAX_DESIGN_POINTS:,} are allowed"
+            )
 
     @property
     def in_rounds(self) -> bool:
@@ -353,7 +355,7 @@ class Study(ConfigSection, frozen=True, kw_only=True):
 
     def levels(self, factor: str) -> tuple[Any, ...]:
         """The levels of a factor, each once, in the order of the study."""
-        if factor == SCENARIO:
+        if factor == SCENARIO_FACTOR:
             return self.scenarios
         if self.factors is not None:
             return tuple(self.factors[factor])
@@ -448,8 +450,8 @@ def checked_study(document: Document) -> Study:
                 raise document.error((*where, key), objection)
             if study.factors is not None:
                 _check_levels(document, key, value)
-    if study.runs > MAX_RUNS:
-        text = f"{study.runs:,} runs; a study may have {MAX_RUNS:,}"
+    if study.runs > MAX_STUDY_RUNS:
+        text = f"{study.runs:,} runs; a study may have {MAX_STUDY_RUNS:,}"
         raise document.error(("replications",), text)
     if study.analysis is not None:
         _check_baseline(document, study, study.analysis)
@@ -492,7 +494,7 @@ def _check_levels(document: Document, key: str, levels: Any) -> None:
 
 def _check_baseline(document: Document, study: Study, analysis: Analysis) -> None:
     names = study.factor_names
-    several = (SCENARIO,) if len(study.scenarios) > 1 else ()
+    several = (SCENARIO_FACTOR,) if len(study.scenarios) > 1 else ()
     for key, level in (analysis.baseline or {}).items():
         keys = ("analysis", "baseline", key)
         if key not in (*names, *several):

@@ -30,7 +30,7 @@ OPTION = "--update-grids"
 LONGEST_NAME = 120  # characters of a golden's name that are kept
 ALLOWED = re.compile(r"[^\w\[\].,+= -]")  # what a file name may not hold everywhere
 WRITTEN = pytest.StashKey[list[str]]()
-COMPARED = pytest.StashKey[set[Path]]()
+COMPARED_GOLDENS = pytest.StashKey[set[Path]]()
 GridSnapshot = Callable[..., None]
 
 
@@ -53,7 +53,7 @@ def grid_snapshot(request: pytest.FixtureRequest) -> GridSnapshot:
     test that compares more than one picture names them.
     """
     item: pytest.Item = request.node
-    compared = item.stash.setdefault(COMPARED, set())
+    compared = item.stash.setdefault(COMPARED_GOLDENS, set())
     update = bool(request.config.getoption("update_grids"))
 
     def compare(subject: Any, name: str | None = None) -> None:
@@ -181,7 +181,7 @@ def pytest_runtest_makereport(
 
 def _stale(item: pytest.Item) -> Iterator[str]:
     """Goldens of a test that passed without comparing them; removed under the option."""
-    compared = item.stash.get(COMPARED, set())
+    compared = item.stash.get(COMPARED_GOLDENS, set())
     base = golden_path(item).stem
     for golden in _goldens(folder_of(item)):
         mine = golden.stem == base or golden.stem.startswith(f"{base}-")

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 
-class Part(NamedTuple):
+class BenchPart(NamedTuple):
     """Measurements that are asked for together."""
 
     place: str  # a module with `measurements()`, or module:function
@@ -16,74 +16,80 @@ class Part(NamedTuple):
     summary: str
 
 
-PARTS: Final[dict[str, Part]] = {
-    "step": Part("automaton.bench.step_speed", True, "the bare step: occupancy rules alone"),
-    "tabletop": Part(
+BENCH_PARTS: Final[dict[str, BenchPart]] = {
+    "step": BenchPart("automaton.bench.step_speed", True, "the bare step: occupancy rules alone"),
+    "tabletop": BenchPart(
         "automaton.bench.tabletop_speed", True, "whole runs of the table-top warehouse"
     ),
-    "routes": Part(
+    "routes": BenchPart(
         "automaton.bench.route_speed", True, "the loop, driving routes without decisions"
     ),
-    "crowd": Part(
+    "crowd": BenchPart(
         "automaton.bench.crowd_speed", True, "robots looked up by cell; giving way in a crowd"
     ),
-    "observing": Part(
+    "observing": BenchPart(
         "automaton.bench.route_speed:observing_measurements", True, "what watching adds to a tick"
     ),
-    "steering": Part(
+    "steering": BenchPart(
         "automaton.bench.steering_speed",
         False,
         "a tick of 400 and 10,000 robots under each right of way; some minutes",
     ),
-    "pods": Part(
+    "pods": BenchPart(
         "automaton.bench.pod_speed", False, "a tick of 30 robots that carry pods to six stations"
     ),
-    "recording": Part(
+    "recording": BenchPart(
         "automaton.bench.recording_speed",
         False,
         "a run with pods recorded, and its recording verified, in times of the run",
     ),
-    "tables": Part("automaton.bench.table_speed", True, "distance tables: computed and looked up"),
-    "plans": Part(
+    "tables": BenchPart(
+        "automaton.bench.table_speed", True, "distance tables: computed and looked up"
+    ),
+    "plans": BenchPart(
         "automaton.bench.warehouse_speed", True, "A* and traffic avoidance on three warehouses"
     ),
-    "congestion": Part(
+    "congestion": BenchPart(
         "automaton.bench.warehouse_speed:congestion_measurements",
         True,
         "routes searched in time, three warehouses",
     ),
-    "zones": Part(
+    "zones": BenchPart(
         "automaton.bench.warehouse_speed:zone_measurements",
         True,
         "slow zones, and the network that predicts",
     ),
-    "auctions": Part(
+    "auctions": BenchPart(
         "automaton.bench.auction_speed", True, "auctions with and without charging, the optimum"
     ),
-    "zoning": Part(
+    "zoning": BenchPart(
         "automaton.bench.zoning_speed",
         False,
         "days of a factory in zones, zones redesigned; a minute",
     ),
-    "layers": Part(
+    "layers": BenchPart(
         "automaton.bench.loop_speed:layer_measurements", True, "a layer that is asked every tick"
     ),
-    "loop": Part("automaton.bench.loop_speed", True, "the loop with an idle fleet; the digest"),
-    "sweep": Part(
+    "loop": BenchPart(
+        "automaton.bench.loop_speed", True, "the loop with an idle fleet; the digest"
+    ),
+    "sweep": BenchPart(
         "automaton.bench.sweep_speed", False, "what a sweep adds to its runs; two workers"
     ),
-    "viewer": Part(
+    "viewer": BenchPart(
         "tui.bench.viewer_speed", False, "the viewer in a pseudo-terminal; some minutes"
     ),
-    "watching": Part(
+    "watching": BenchPart(
         "tui.bench.viewer_speed",
         False,
         "the viewer on 10,000 robots that plan, which is a part of viewer; a minute or two",
     ),
-    "compile": Part(
+    "compile": BenchPart(
         "automaton.bench.startup_speed:first_run_measurements",
         False,
         "first runs, which compile, in processes of their own; some minutes",
     ),
-    "startup": Part("automaton.bench.startup_speed", False, "commands, in processes of their own"),
+    "startup": BenchPart(
+        "automaton.bench.startup_speed", False, "commands, in processes of their own"
+    ),
 }

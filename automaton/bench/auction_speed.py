@@ -28,19 +28,19 @@ from strategies.allocation.auction.market import (
     visits,
 )
 
-SIDE: Final = 100  # ticks
-CHARGERS: Final = 4
-DRAIN: Final = BATTERY_FULL // 250  # units per tick: 250 ticks on a full battery
-RATE: Final = BATTERY_FULL // 50
-SMALL: Final = (8, 80)  # robots, tasks
-LARGE: Final = (100, 1000)
+PLANE_SIDE: Final = 100  # ticks
+PLANE_CHARGERS: Final = 4
+PLANE_DRAIN: Final = BATTERY_FULL // 250  # units per tick: 250 ticks on a full battery
+PLANE_RATE: Final = BATTERY_FULL // 50
+SMALL_AUCTION: Final = (8, 80)  # robots, tasks
+LARGE_AUCTION: Final = (100, 1000)
 SELL: Final = METHODS["LB"]  # a sequential auction of all items
 
 
 def market(robots: int, tasks: int, policy: int = POLICY_NO_CHARGING, seed: int = 1) -> Instance:
     """Robots, tasks and chargers at random places."""
     rng = np.random.default_rng(seed)
-    at = rng.integers(0, SIDE, (robots + tasks + CHARGERS, 2))
+    at = rng.integers(0, PLANE_SIDE, (robots + tasks + PLANE_CHARGERS, 2))
     ticks = np.abs(at[:, None] - at[None]).sum(2)
     chargers = np.arange(robots + tasks, len(at))
     rules = {
@@ -48,10 +48,10 @@ def market(robots: int, tasks: int, policy: int = POLICY_NO_CHARGING, seed: int 
         "end_reach": policy != POLICY_NO_CHARGING,
         "threshold": BATTERY_FULL // 5,
     }
-    battery = battery_of(ticks * DRAIN, chargers, ((0, RATE),), **rules)  # type: ignore[arg-type]
+    battery = battery_of(ticks * PLANE_DRAIN, chargers, ((0, PLANE_RATE),), **rules)  # type: ignore[arg-type]
     fleet = fleet_of(np.arange(robots), tasks, BATTERY_FULL // 2)
-    scratch = scratch_for(robots, tasks, tasks, CHARGERS)
-    task_costs = visits(ticks, ticks * DRAIN, np.arange(robots, robots + tasks))
+    scratch = scratch_for(robots, tasks, tasks, PLANE_CHARGERS)
+    task_costs = visits(ticks, ticks * PLANE_DRAIN, np.arange(robots, robots + tasks))
     items = np.arange(tasks, dtype=np.int32)
     return Instance(task_costs, battery, fleet, scratch, items, epsilon=0, seed=seed)
 
@@ -75,9 +75,10 @@ def measurements() -> list[Measurement]:
     """Auctions with and without charging, their growth, the optimum and others, charging plans."""
     found = []
     small, large = (
-        f"auction, {robots} robots, {tasks:,} tasks" for robots, tasks in (SMALL, LARGE)
+        f"auction, {robots} robots, {tasks:,} tasks"
+        for robots, tasks in (SMALL_AUCTION, LARGE_AUCTION)
     )
-    for name, size, repeat in ((small, SMALL, 20), (large, LARGE, 1)):
+    for name, size, repeat in ((small, SMALL_AUCTION, 20), (large, LARGE_AUCTION, 1)):
         for label, policy in (
             ("", POLICY_NO_CHARGING),
             (", charging in the bids", POLICY_HIERARCHICAL),
@@ -88,10 +89,12 @@ def measurements() -> list[Measurement]:
         ("fill-up", POLICY_FILL_UP),
         ("threshold", POLICY_THRESHOLD_REACHABLE),
     ):
-        found.append(Measurement(f"{small}, {label}", MS, partial(timed, SMALL, policy, SELL, 20)))
-    prepare = partial(timed, LARGE, POLICY_NO_CHARGING, METHODS["BD"], 1)
+        found.append(
+            Measurement(f"{small}, {label}", MS, partial(timed, SMALL_AUCTION, policy, SELL, 20))
+        )
+    prepare = partial(timed, LARGE_AUCTION, POLICY_NO_CHARGING, METHODS["BD"], 1)
     found.append(Measurement(f"{large}, biggest difference", MS, prepare))
-    prepare = partial(timed, SMALL, POLICY_NO_CHARGING, METHODS["LB+search"], 1)
+    prepare = partial(timed, SMALL_AUCTION, POLICY_NO_CHARGING, METHODS["LB+search"], 1)
     found.append(Measurement(f"{small}, then local search", MS, prepare))
     return found + growth() + others() + plans()
 

@@ -17,14 +17,14 @@ from automaton.bench.measurement import (
     open_floor,
     scene,
 )
-from automaton.bench.step_speed import Case, walking_fleet
+from automaton.bench.step_speed import WalkingFleet, walking_fleet
 from automaton.engine.holders import enter_holders, remove_holders
 from automaton.engine.state import NIL
 from automaton.runs.simulation import Simulation
 from automaton.strategy import lookup
 from automaton.world.resolve import StrategyChoice
 
-SPARSE, ROUNDS = Case(100_000, 1000), 20
+SPARSE, ROUNDS = WalkingFleet(100_000, 1000), 20
 CROWDS, TICKS = (1_000, 4_000), 50
 
 
@@ -47,7 +47,7 @@ def measurements() -> list[Measurement]:
     ]
 
 
-def prepare_holders(case: Case) -> Sample:
+def prepare_holders(case: WalkingFleet) -> Sample:
     """A sampler: ns per robot to enter the holders of all cells and to remove them again."""
     world = walking_fleet(case)
 

@@ -28,7 +28,7 @@ US = "us"
 US_PER_TICK = "us per tick"
 MS_PER_RUN = "ms CPU per run"
 MS = "ms"
-SECONDS = "s"
+S = "s"
 TIMES_THE_RUN = "times the run"
 EXPONENT = "exponent"  # of a size in the time that it takes
 
@@ -48,7 +48,7 @@ class Measurement(NamedTuple):
     at_least: int = 1  # samples, where a target is told for so many
 
 
-class Figure(NamedTuple):
+class MeasuredFigure(NamedTuple):
     """A measured figure; low and high are the extremes of the samples."""
 
     name: str
@@ -59,7 +59,7 @@ class Figure(NamedTuple):
     load: float | None = None  # processes that wanted a core in the last minute; None: not known
 
 
-def take(measurement: Measurement, repeat: int) -> Figure:
+def take(measurement: Measurement, repeat: int) -> MeasuredFigure:
     """Prepare, warm up, and take `repeat` samples."""
     sample = measurement.prepare()
     if measurement.warm_up:
@@ -67,7 +67,7 @@ def take(measurement: Measurement, repeat: int) -> Figure:
     samples = max(min(repeat, measurement.at_most), measurement.at_least)
     values = [sample() for _ in range(samples)]
     median, low, high = (rounded(f(values)) for f in (statistics.median, min, max))
-    return Figure(measurement.name, measurement.unit, median, low, high, load())
+    return MeasuredFigure(measurement.name, measurement.unit, median, low, high, load())
 
 
 def load() -> float | None:

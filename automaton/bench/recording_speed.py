@@ -13,7 +13,7 @@ from automaton.runs.simulation import Simulation
 from automaton.verification.verification import verify
 from automaton.world.resolve import Resolved, resolve
 
-SCENARIO: Final = "goods-60x40"  # robots carry pods to stations
+GOODS_SCENARIO: Final = "goods-60x40"  # robots carry pods to stations
 RECORDED_TICKS: Final = 5000
 RECORDING_NAME: Final = "run.rec"
 
@@ -22,22 +22,22 @@ def measurements() -> list[Measurement]:
     """The same ticks each time, set-up included."""
     return [
         Measurement(
-            f"{SCENARIO}, {RECORDED_TICKS:,} ticks recorded", TIMES_THE_RUN, prepare_recorded
+            f"{GOODS_SCENARIO}, {RECORDED_TICKS:,} ticks recorded", TIMES_THE_RUN, prepare_recorded
         ),
         Measurement(
-            f"{SCENARIO}, {RECORDED_TICKS:,} ticks verified", TIMES_THE_RUN, prepare_verified
+            f"{GOODS_SCENARIO}, {RECORDED_TICKS:,} ticks verified", TIMES_THE_RUN, prepare_verified
         ),
     ]
 
 
-def prepare_recorded(scenario: str = SCENARIO, ticks: int = RECORDED_TICKS) -> Sample:
+def prepare_recorded(scenario: str = GOODS_SCENARIO, ticks: int = RECORDED_TICKS) -> Sample:
     """A sampler: CPU time of a run that is recorded, by that of the run alone."""
     resolved = resolve(scenario, (f"stop.max_duration={ticks}",))
     folder = tempfile.TemporaryDirectory(prefix="automaton-bench-")
     return lambda: ratio(lambda: record(resolved, Path(folder.name) / RECORDING_NAME), resolved)
 
 
-def prepare_verified(scenario: str = SCENARIO, ticks: int = RECORDED_TICKS) -> Sample:
+def prepare_verified(scenario: str = GOODS_SCENARIO, ticks: int = RECORDED_TICKS) -> Sample:
     """A sampler: CPU time of the verification of a recording, by that of its run."""
     resolved = resolve(scenario, (f"stop.max_duration={ticks}",))
     folder = tempfile.TemporaryDirectory(prefix="automaton-bench-")

@@ -93,7 +93,7 @@ def ring(width: int) -> Array:
     return directions
 
 
-OBSERVED_TICKS = 100
+OBSERVING_TICKS = 100
 
 
 def observing_measurements() -> list[Measurement]:
@@ -109,7 +109,7 @@ def observing_measurements() -> list[Measurement]:
 
 
 def prepare_observing(
-    robots: int = ROBOTS, side: int = SIDE, ticks: int = OBSERVED_TICKS, at_random: bool = False
+    robots: int = ROBOTS, side: int = SIDE, ticks: int = OBSERVING_TICKS, at_random: bool = False
 ) -> Sample:
     """A sampler: ns per robot and tick with less those without. `side` is even."""
     fleets = [observed_fleet(robots, side, observed) for observed in (False, True)]

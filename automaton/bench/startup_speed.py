@@ -16,10 +16,10 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from automaton.bench.measurement import SECONDS, Measurement, Sample, wall_seconds
+from automaton.bench.measurement import Measurement, S, Sample, wall_seconds
 
 STRATEGY: Final = "strategies.allocation.cooperative"
-COMMANDS = (("--help",), ("check", "tabletop-1"), ("run", "tabletop-1"))
+TIMED_COMMANDS = (("--help",), ("check", "tabletop-1"), ("run", "tabletop-1"))
 GOODS = ("run", "goods-60x40", "--until", "1000")
 COLD = (  # one after the other, the first one with an empty cache
     ("first run", ("run", "tabletop-1")),
@@ -32,10 +32,10 @@ def measurements() -> list[Measurement]:
     """One for each command; the warm-up fills the caches of the disk and of the kernels."""
     return [
         *(
-            Measurement(f"start-up, {' '.join(command)}", SECONDS, partial(prepare, command))
-            for command in COMMANDS
+            Measurement(f"start-up, {' '.join(command)}", S, partial(prepare, command))
+            for command in TIMED_COMMANDS
         ),
-        Measurement("start-up, run tabletop-1, a strategy edited", SECONDS, prepare_edited),
+        Measurement("start-up, run tabletop-1, a strategy edited", S, prepare_edited),
     ]
 
 
@@ -80,11 +80,9 @@ def run_command(command: Sequence[str], **variables: str) -> None:
 def first_run_measurements() -> list[Measurement]:
     """A first run on two cores and on one, and what later runs compile besides; once or twice each."""
     return [
-        Measurement("first run, compiling", SECONDS, prepare_first_run, warm_up=False, at_most=2),
+        Measurement("first run, compiling", S, prepare_first_run, warm_up=False, at_most=2),
         *(
-            Measurement(
-                f"{name}, CPU of one core", SECONDS, partial(prepare_cold, number), False, 1
-            )
+            Measurement(f"{name}, CPU of one core", S, partial(prepare_cold, number), False, 1)
             for number, (name, _) in enumerate(COLD)
         ),
     ]

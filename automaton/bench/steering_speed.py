@@ -17,10 +17,10 @@ from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Fleet, Orders, Scenario, Stop, Strategies, WorldRules
 from automaton.world.resolve import resolve
 
-RIGHTS_OF_WAY: Final = ("retreat", "wait", "pibt", "epibt")
+STEERING_RIGHTS_OF_WAY: Final = ("retreat", "wait", "pibt", "epibt")
 
 
-class Case(NamedTuple):
+class BusyFleet(NamedTuple):
     """A fleet that always has something to do."""
 
     robots: int
@@ -29,13 +29,18 @@ class Case(NamedTuple):
     ticks: int  # of a sample
 
 
-OPEN: Final = {"generator": "random", "columns": 32, "rows": 32, "obstacles": 0.2}  # 819 free cells
+OPEN_FLOOR: Final = {
+    "generator": "random",
+    "columns": 32,
+    "rows": 32,
+    "obstacles": 0.2,
+}  # 819 free cells
 AISLES: Final = {  # 499 x 134 cells, 39,366 of them free
     **{"generator": "aisles", "aisles": 249, "sections": 11, "length": 10},
     "one_way": True,
 }
-CROWD: Final = Case(10_000, AISLES, 100, 20)
-CASES: Final = (Case(400, OPEN, 100, 400), CROWD)
+BUSY_CROWD: Final = BusyFleet(10_000, AISLES, 100, 20)
+BUSY_FLEETS: Final = (BusyFleet(400, OPEN_FLOOR, 100, 400), BUSY_CROWD)
 
 
 def measurements() -> list[Measurement]:
@@ -46,12 +51,12 @@ def measurements() -> list[Measurement]:
             NS_PER_ROBOT_AND_TICK,
             partial(prepare_fleet, name, case),
         )
-        for case in CASES
-        for name in RIGHTS_OF_WAY
+        for case in BUSY_FLEETS
+        for name in STEERING_RIGHTS_OF_WAY
     ]
 
 
-def prepare_fleet(right_of_way: str, case: Case) -> Sample:
+def prepare_fleet(right_of_way: str, case: BusyFleet) -> Sample:
     """A sampler: ns per robot and tick of the next ticks, orders and allocation included."""
     simulation = Simulation(resolve(busy_fleet(right_of_way, case)))
     compute_tables(simulation)
@@ -64,7 +69,7 @@ def prepare_fleet(right_of_way: str, case: Case) -> Sample:
     return sample
 
 
-def busy_fleet(right_of_way: str, case: Case = CROWD) -> Scenario:
+def busy_fleet(right_of_way: str, case: BusyFleet = BUSY_CROWD) -> Scenario:
     """A run without end in which every robot always has an order."""
     return Scenario(
         name="bench",

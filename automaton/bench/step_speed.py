@@ -61,13 +61,13 @@ def random_walk_in_spans(world: World, first: int, last: int) -> None:
 # follows the floor is also measured, as is a floor of mixed capacities.
 
 
-SEED = 1
+WALK_SEED = 1
 PRIORITIES = 8
-ROBOT_TICKS = 5_000_000  # of a sample: 25 to 250 ms
+SAMPLE_ROBOT_TICKS = 5_000_000  # of a sample: 25 to 250 ms
 FEWEST_TICKS = 5
 
 
-class Case(NamedTuple):
+class WalkingFleet(NamedTuple):
     """A fleet on a floor."""
 
     robots: int
@@ -83,34 +83,37 @@ class Case(NamedTuple):
         return f"step {self.robots:,} on {self.side}x{self.side}{self.remark}"
 
 
-OPEN = (
-    Case(10_000, 1000),
-    Case(100_000, 1000),
-    Case(1_000_000, 4000),
-    Case(500_000, 1000, " (half full)"),
+ONE_TO_A_CELL = (
+    WalkingFleet(10_000, 1000),
+    WalkingFleet(100_000, 1000),
+    WalkingFleet(1_000_000, 4000),
+    WalkingFleet(500_000, 1000, " (half full)"),
 )
-CASES = (
-    *OPEN,
+WALKING_FLEETS = (
+    *ONE_TO_A_CELL,
     *(
         case._replace(remark=f"{case.remark}, stored in reading order", reading_order=True)
-        for case in OPEN
+        for case in ONE_TO_A_CELL
     ),
-    Case(100_000, 1000, ", mixed capacities, 8 priorities", mixed=True),
-    Case(100_000, 1000, ", mixed, a tenth of moves 2-3 ticks", mixed=True, spans=True),
-    Case(100_000, 1000, ", the same in convoy", mixed=True, spans=True, convoy=True),
+    WalkingFleet(100_000, 1000, ", mixed capacities, 8 priorities", mixed=True),
+    WalkingFleet(100_000, 1000, ", mixed, a tenth of moves 2-3 ticks", mixed=True, spans=True),
+    WalkingFleet(100_000, 1000, ", the same in convoy", mixed=True, spans=True, convoy=True),
 )
 
 
 def measurements() -> list[Measurement]:
     """One for each case."""
-    return [Measurement(case.name, NS_PER_ROBOT_AND_TICK, partial(prepare, case)) for case in CASES]
+    return [
+        Measurement(case.name, NS_PER_ROBOT_AND_TICK, partial(prepare, case))
+        for case in WALKING_FLEETS
+    ]
 
 
-def prepare(case: Case) -> Sample:
+def prepare(case: WalkingFleet) -> Sample:
     """A sampler: ns per robot and tick of the next ticks of a fleet that keeps walking."""
     world = walking_fleet(case)
     walk: Callable[[World, int, int], None] = random_walk_in_spans if case.spans else random_walk
-    ticks = max(FEWEST_TICKS, ROBOT_TICKS // case.robots)
+    ticks = max(FEWEST_TICKS, SAMPLE_ROBOT_TICKS // case.robots)
     now = 0
 
     def sample() -> float:
@@ -122,19 +125,19 @@ def prepare(case: Case) -> Sample:
     return sample
 
 
-def walking_fleet(case: Case) -> World:
+def walking_fleet(case: WalkingFleet) -> World:
     """The world of a case at tick 0."""
     floor_plan = (mixed_floor if case.mixed else open_floor)(case.side, case.side)
     storage = storage_of(case, floor_plan)
     resolved = scene(floor_plan, case.robots, move=2 if case.convoy else 1)
-    world, _ = build_world(resolved, SEED, storage, longest_route=1)
+    world, _ = build_world(resolved, WALK_SEED, storage, longest_route=1)
     if case.mixed:
         world.robots.priority[:] = world.robots.identity % PRIORITIES
     return world
 
 
-def storage_of(case: Case, floor_plan: FloorPlan) -> Array:
+def storage_of(case: WalkingFleet, floor_plan: FloorPlan) -> Array:
     """(n,) the identity stored at each index."""
     if case.reading_order:
-        return np.argsort(random_cells(floor_plan, SEED)[: case.robots], kind="stable")
-    return np.random.default_rng(SEED).permutation(case.robots)
+        return np.argsort(random_cells(floor_plan, WALK_SEED)[: case.robots], kind="stable")
+    return np.random.default_rng(WALK_SEED).permutation(case.robots)

@@ -22,9 +22,9 @@ from automaton.studies.sweeps.study import Study
 from automaton.studies.sweeps.sweep_plan import SweepPlan, make_sweep_plan
 from automaton.studies.sweeps.sweep_session import sweep_into
 
-RUNS = 80
-SAMPLES = 3
-TICKS = 2_800  # some 50 ms with 20 robots
+SWEPT_RUNS = 80
+SWEEP_SAMPLES = 3
+SWEPT_TICKS = 2_800  # some 50 ms with 20 robots
 SHARE, TIMES = "% of the bare runs", "times"
 
 
@@ -38,7 +38,7 @@ def measurements() -> list[Measurement]:
         ("sweep, CPU of the runs, two workers against one", TIMES, dearer),
     )
     return [
-        Measurement(name, unit, partial(prepare, figure), at_most=SAMPLES)
+        Measurement(name, unit, partial(prepare, figure), at_most=SWEEP_SAMPLES)
         for name, unit, figure in wanted
     ]
 
@@ -61,7 +61,7 @@ class LastingPool(LocalPool):
         super().close(now=True)
 
 
-def study(runs: int = RUNS, ticks: int = TICKS) -> Study:
+def study(runs: int = SWEPT_RUNS, ticks: int = SWEPT_TICKS) -> Study:
     """Runs of one point: fork trucks in the 100 x 100 warehouse."""
     levels: dict[str, Any] = {"stop.max_duration": ticks, "orders.count": ticks}
     return Study(name="bench", scenario="warehouse-100", listed=(levels,), replications=runs)

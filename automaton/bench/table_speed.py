@@ -53,9 +53,9 @@ def rank_options(
 
 NS_PER_CELL = "ns per drivable cell"
 NS_PER_ROBOT = "ns per robot"
-SIZES = {(161, 63): 40, (500, 140): 10}  # columns, rows: tables of a sample
+FLOOR_SIZES = {(161, 63): 40, (500, 140): 10}  # columns, rows: tables of a sample
 SHELF, MARGIN = 10, 5  # cells in a row without a gap; free columns on both sides
-ROBOTS = 1000
+ASKING_ROBOTS = 1000
 ROUNDS = 100
 TABLE_BYTES = 256 * 2**20
 
@@ -63,7 +63,7 @@ TABLE_BYTES = 256 * 2**20
 def measurements() -> list[Measurement]:
     """A table with each set of costs, on each floor; and five options looked up in many tables."""
     parts = []
-    for size, tables in SIZES.items():
+    for size, tables in FLOOR_SIZES.items():
         floor = "x".join(map(str, size))
         for name, turn, weighted in (
             ("moves and turns of 1 tick", 1, False),
@@ -72,8 +72,8 @@ def measurements() -> list[Measurement]:
         ):
             prepare = partial(prepare_tables, size, turn, weighted, tables)
             parts.append(Measurement(f"table on {floor}, {name}", NS_PER_CELL, prepare))
-    columns, rows = next(iter(SIZES))
-    name = f"five options of {ROBOTS:,} robots on {columns}x{rows}, a goal each"
+    columns, rows = next(iter(FLOOR_SIZES))
+    name = f"five options of {ASKING_ROBOTS:,} robots on {columns}x{rows}, a goal each"
     return [*parts, Measurement(name, NS_PER_ROBOT, prepare_options)]
 
 
@@ -113,9 +113,9 @@ def prepare_tables(size: tuple[int, int], turn: int, weighted: bool, many: int) 
     return lambda: 1e9 * seconds() / (many * len(tables.drivable))
 
 
-def prepare_options(robots: int = ROBOTS) -> Sample:
+def prepare_options(robots: int = ASKING_ROBOTS) -> Sample:
     """A sampler: ns to look up what five options of a robot cost, its table included."""
-    tables, random = tables_for(next(iter(SIZES)), 1), np.random.default_rng(1)
+    tables, random = tables_for(next(iter(FLOOR_SIZES)), 1), np.random.default_rng(1)
     goals, cells = (random.choice(tables.drivable, robots).astype(np.int64) for _ in range(2))
     headings = random.integers(0, 4, robots)
     seconds = partial(cpu_seconds, partial(rank_options, tables, goals, cells, headings, ROUNDS))

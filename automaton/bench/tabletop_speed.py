@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from automaton.bench.measurement import MS_PER_RUN, Measurement, Sample, cpu_seconds
 from automaton.papers.reproduction_study import ScenarioCase
-from automaton.papers.tabletop_study import STRATEGIES, cases, seeing_everything
+from automaton.papers.tabletop_study import TABLETOP_STRATEGIES, cases, seeing_everything
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import Resolved, resolve
 
@@ -23,7 +23,7 @@ def measurements() -> list[Measurement]:
 
 def prepare(seeds: Sequence[int] = SEEDS) -> Sample:
     """A sampler: ms per run, over all cells and seeds."""
-    tried = seeing_everything(cases)(STRATEGIES)
+    tried = seeing_everything(cases)(TABLETOP_STRATEGIES)
     scenarios = [resolve(c.scenario, c.overrides) for c in tried if isinstance(c, ScenarioCase)]
 
     def sample() -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from automaton.bench.measurement import NS_PER_ROBOT_AND_TICK, US, Measurement, Sample, cpu_seconds
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import LAYER_ROUTING, NIL, Array, Grid, Memory, Workspace, World
-from automaton.papers.traffic_trials import SCENARIO, exact, tasks_of, warehouse
+from automaton.papers.traffic_trials import WAREHOUSE_SCENARIO, exact, tasks_of, warehouse
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
 from strategies.routing.astar import FIFO, LARGER_G, RouteSpace, astar, search, write_steps
@@ -100,14 +100,14 @@ def plan_in_time(view: World, workspace: Workspace, state: CongestionState) -> N
 # other, as in a run.
 
 
-PLANS = {100: 1000, 300: 200, 1000: 40}  # of a sample, by the side of the floor
-SEED = 1
+PLANS_BY_SIDE = {100: 1000, 300: 200, 1000: 40}  # of a sample, by the side of the floor
+TASKS_SEED = 1
 
 
 def measurements() -> list[Measurement]:
     """A leg by each of two tie rules and an avoidance plan, on each floor."""
     found = []
-    for side, plans in PLANS.items():
+    for side, plans in PLANS_BY_SIDE.items():
         floor = f"on {side}x{side}"
         found += [
             Measurement(f"A* leg {floor}", US, partial(prepare_legs, side, LARGER_G, plans)),
@@ -120,7 +120,7 @@ def measurements() -> list[Measurement]:
 def prepare_legs(side: int, ties: int, plans: int) -> Sample:
     """A sampler: us for a leg; a plan has two."""
     where = warehouse(side)
-    tasks = tasks_of(where, SEED, plans)[:, 0].copy()
+    tasks = tasks_of(where, TASKS_SEED, plans)[:, 0].copy()
     arguments = (where.grid, where.duration, where.workspace, ties, tasks, where.trial.plain)
     return lambda: 1e6 * cpu_seconds(lambda: plan_legs(*arguments)) / (2 * plans)
 
@@ -128,25 +128,25 @@ def prepare_legs(side: int, ties: int, plans: int) -> Sample:
 def prepare_avoidance(side: int, plans: int) -> Sample:
     """A sampler: us for a plan."""
     where = warehouse(side)
-    tasks = tasks_of(where, SEED, plans)
-    foreseen = exact(where, SEED, tasks)
+    tasks = tasks_of(where, TASKS_SEED, plans)
+    foreseen = exact(where, TASKS_SEED, tasks)
     arguments = (where.grid, where.duration, where.workspace, tasks, foreseen, where.trial.plain)
     return lambda: 1e6 * cpu_seconds(lambda: plan_avoiding(*arguments)) / plans
 
 
-ROBOTS = 100
+FLEET_ROBOTS = 100
 TICKS_BEFORE = 30  # before the measurement, so that some are in each other's way
 
 
 def congestion_measurements() -> list[Measurement]:
     """A leg and a forecast on each floor."""
     found = []
-    for side in PLANS:
+    for side in PLANS_BY_SIDE:
         floor = f"on {side}x{side}"
         found += [
             Measurement(f"leg in time {floor}", US, partial(prepare_legs_in_time, side)),
             Measurement(
-                f"forecast of {ROBOTS} robots {floor}", US, partial(prepare_forecast, side)
+                f"forecast of {FLEET_ROBOTS} robots {floor}", US, partial(prepare_forecast, side)
             ),
         ]
     return found
@@ -160,7 +160,7 @@ def fleet_under_way(side: int, robots: int) -> Simulation:
     return simulation
 
 
-def prepare_legs_in_time(side: int, robots: int = ROBOTS) -> Sample:
+def prepare_legs_in_time(side: int, robots: int = FLEET_ROBOTS) -> Sample:
     """A sampler: us for a leg, over all robots one after another."""
     view, workspace, state = routing_of(fleet_under_way(side, robots))
 
@@ -173,7 +173,7 @@ def prepare_legs_in_time(side: int, robots: int = ROBOTS) -> Sample:
     return sample
 
 
-def prepare_forecast(side: int, robots: int = ROBOTS) -> Sample:
+def prepare_forecast(side: int, robots: int = FLEET_ROBOTS) -> Sample:
     """A sampler: us for a forecast, and for clearing it away."""
     view, workspace, state = routing_of(fleet_under_way(side, robots))
 
@@ -189,7 +189,7 @@ def routing_of(simulation: Simulation) -> tuple[World, Workspace, Memory]:
     return simulation.view, simulation.workspace, simulation.states[LAYER_ROUTING]
 
 
-FLEET_TICKS = 1000
+DRIVEN_TICKS = 1000
 LEGS = 1000
 
 
@@ -197,7 +197,7 @@ def zone_measurements() -> list[Measurement]:
     """A tick of a fleet with each rule of slowdown, and a leg asked of the network."""
     return [
         Measurement(
-            f"warehouse-100, {ROBOTS} robots, slowdown {rule}",
+            f"warehouse-100, {FLEET_ROBOTS} robots, slowdown {rule}",
             NS_PER_ROBOT_AND_TICK,
             partial(prepare_fleet, rule),
         )
@@ -205,10 +205,12 @@ def zone_measurements() -> list[Measurement]:
     ] + [Measurement("zones of a leg by the network", US, prepare_network)]
 
 
-def prepare_fleet(rule: str, robots: int = ROBOTS, ticks: int = FLEET_TICKS) -> Sample:
+def prepare_fleet(rule: str, robots: int = FLEET_ROBOTS, ticks: int = DRIVEN_TICKS) -> Sample:
     """A sampler: ns per robot and tick; each sample is a run of its own."""
     settings = (f"world.slowdown={rule}", f"fleet.robots={robots}", f"stop.max_duration={ticks}")
-    resolved = resolve(SCENARIO, (*settings, "measure.warm_up=0", "strategy.routing=astar"))
+    resolved = resolve(
+        WAREHOUSE_SCENARIO, (*settings, "measure.warm_up=0", "strategy.routing=astar")
+    )
 
     def sample() -> float:
         simulation = Simulation(resolved)
@@ -220,8 +222,8 @@ def prepare_fleet(rule: str, robots: int = ROBOTS, ticks: int = FLEET_TICKS) -> 
 def prepare_network(legs: int = LEGS) -> Sample:
     """A sampler: us for a leg, from a start and a destination to the zones used."""
     where = warehouse()
-    network = network_for(where.grid, where.duration, shipped(SCENARIO))
-    zones = where.grid.traffic_zone[tasks_of(where, SEED, legs)[:, 0], 0].astype(np.int64)
+    network = network_for(where.grid, where.duration, shipped(WAREHOUSE_SCENARIO))
+    zones = where.grid.traffic_zone[tasks_of(where, TASKS_SEED, legs)[:, 0], 0].astype(np.int64)
     used = np.zeros((legs, -(-where.grid.traffic_zone_count // 64)), np.int64)
     start, end = zones[:, 0].copy(), zones[:, 1].copy()
     arguments = (kernel_network(network), start, end, used)  # type: ignore[no-untyped-call]

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from automaton.bench.measurement import (
     EXPONENT,
     MS,
-    SECONDS,
     Measurement,
+    S,
     Sample,
     cpu_seconds,
     slope,
@@ -47,25 +47,25 @@ from strategies.zoning.zoning_parameters import Annealing, Genetic
 Array = NDArray[Any]
 
 HOURS: Final = 8
-PARTS: Final = tuple(f"orders.parts.{k}.count={n}" for k, n in enumerate((45, 45, 30, 30)))
-NEGOTIATED: Final = "strategy.zoning={name: decentralized, design: factory-ddz, adjacency: 300}"
-LIMITED: Final = "information={radius: 131, shape: circle, orders: zones}"
-RUNS: Final = {
+MORE_PARTS: Final = tuple(f"orders.parts.{k}.count={n}" for k, n in enumerate((45, 45, 30, 30)))
+NEGOTIATED_DDZ: Final = "strategy.zoning={name: decentralized, design: factory-ddz, adjacency: 300}"
+LIMITED_VIEW: Final = "information={radius: 131, shape: circle, orders: zones}"
+FACTORY_RUNS: Final = {
     "2.5 ft, SA": ("factory", ()),
-    "2.5 ft, DDZ": ("factory", (NEGOTIATED,)),
-    "2.5 ft, DDZ, limited view": ("factory", (NEGOTIATED, LIMITED)),
+    "2.5 ft, DDZ": ("factory", (NEGOTIATED_DDZ,)),
+    "2.5 ft, DDZ, limited view": ("factory", (NEGOTIATED_DDZ, LIMITED_VIEW)),
     "5 ft, SA": ("factory-5ft", ()),
-    "5 ft, DDZ": ("factory-5ft", (NEGOTIATED,)),
+    "5 ft, DDZ": ("factory-5ft", (NEGOTIATED_DDZ,)),
 }
-SIZES: Final = ((18, 3), (50, 3), (200, 3), (200, 10), (200, 30))  # stations, zones
+LATTICE_SIZES: Final = ((18, 3), (50, 3), (200, 3), (200, 10), (200, 30))  # stations, zones
 FLEETS: Final = (3, 10, 30)
 FLEET_STATIONS: Final = 200
-FLEET_TICKS: Final = 5000
-KINDS: Final = ("annealing", "decentralized")
+LATTICE_TICKS: Final = 5000
+ZONING_KINDS: Final = ("annealing", "decentralized")
 FEWEST_ZONES: Final = 3
 GROWTH_REPAIRS: Final = 5  # of each size: they differ by their draws
 BLOCK: Final = 6  # cells between two crossings of a lattice
-SPEED: Final = 94.48  # cells a minute
+ROBOT_SPEED: Final = 94.48  # cells a minute
 LOADS: Final = 10  # most loads between two stations
 ANNEALED: Final = Annealing()
 BRED: Final = Genetic()
@@ -74,41 +74,41 @@ BRED: Final = Genetic()
 def measurements() -> list[Measurement]:
     """Runs, one design by annealing and one by breeding, and growth."""
     found = [
-        Measurement(f"{HOURS} h of the factory, {name}", SECONDS, partial(prepare_run, *how))
-        for name, how in RUNS.items()
+        Measurement(f"{HOURS} h of the factory, {name}", S, partial(prepare_run, *how))
+        for name, how in FACTORY_RUNS.items()
     ]
     found.append(Measurement("zone repair by annealing, factory", MS, prepare_repair))
     what = f"{BRED.generations} generations of {BRED.population}, factory"
-    found.append(Measurement(f"zones by breeding, {what}", SECONDS, prepare_breeding, at_most=3))
-    for stations, zones in SIZES:
+    found.append(Measurement(f"zones by breeding, {what}", S, prepare_breeding, at_most=3))
+    for stations, zones in LATTICE_SIZES:
         name = f"zone repair by annealing, {stations} stations, {zones} zones"
         found.append(Measurement(name, MS, partial(prepare_lattice, stations, zones), at_most=5))
-    for kind in KINDS:
+    for kind in ZONING_KINDS:
         for robots in FLEETS:
-            name = f"{FLEET_TICKS:,} ticks, {FLEET_STATIONS} stations, {robots} robots, {kind}"
+            name = f"{LATTICE_TICKS:,} ticks, {FLEET_STATIONS} stations, {robots} robots, {kind}"
             prepare = partial(prepare_fleet, kind, robots)
-            found.append(Measurement(name, SECONDS, prepare, at_most=3))
+            found.append(Measurement(name, S, prepare, at_most=3))
     return found + growth()
 
 
 def growth() -> list[Measurement]:
     """Exponents: a repair in the stations and in the zones, a run in the robots."""
-    most = max(stations for stations, _ in SIZES)
+    most = max(stations for stations, _ in LATTICE_SIZES)
     ways: list[tuple[str, Mapping[int, Callable[[], Sample]], int]] = [
         (
             f"a repair with the stations, {FEWEST_ZONES} zones",
-            {s: partial(prepare_lattice, s, z) for s, z in SIZES if z == FEWEST_ZONES},
+            {s: partial(prepare_lattice, s, z) for s, z in LATTICE_SIZES if z == FEWEST_ZONES},
             GROWTH_REPAIRS,
         ),
         (
             f"a repair with the zones, {most} stations",
-            {z: partial(prepare_lattice, s, z) for s, z in SIZES if s == most},
+            {z: partial(prepare_lattice, s, z) for s, z in LATTICE_SIZES if s == most},
             GROWTH_REPAIRS,
         ),
     ]
-    for kind in KINDS:
+    for kind in ZONING_KINDS:
         runs = {robots: partial(prepare_fleet, kind, robots) for robots in FLEETS}
-        ways.append((f"{FLEET_TICKS:,} ticks with the robots, {kind}", runs, 1))
+        ways.append((f"{LATTICE_TICKS:,} ticks with the robots, {kind}", runs, 1))
     return [
         Measurement(f"growth of {name}", EXPONENT, partial(prepare_growth, sizes, each), at_most=3)
         for name, sizes, each in ways
@@ -128,12 +128,12 @@ def prepare_growth(sizes: Mapping[int, Callable[[], Sample]], each: int) -> Samp
 
 def prepare_run(scenario: str, settings: tuple[str, ...], hours: float = HOURS) -> Sample:
     """A sampler: seconds of a run, its world built again."""
-    resolved = resolve(scenario, (*settings, *PARTS))
+    resolved = resolve(scenario, (*settings, *MORE_PARTS))
     until = round(3600 * hours / unit(resolved.scenario.units.tick).size)
     return lambda: cpu_seconds(lambda: Simulation(resolved).run(until))
 
 
-class Task(NamedTuple):
+class ZoneTask(NamedTuple):
     """Zones to be made."""
 
     roads: Roads
@@ -144,14 +144,14 @@ class Task(NamedTuple):
     reach: Array
 
 
-def task(roads: Roads, flow: Array, zones: int) -> Task:
+def task(roads: Roads, flow: Array, zones: int) -> ZoneTask:
     """Stations with a flow between them, and no zones yet."""
-    rules = zone_rules(SPEED, typical_distance(roads.between))
+    rules = zone_rules(ROBOT_SPEED, typical_distance(roads.between))
     design = empty_design(len(roads.cell), len(roads.point), zones)
-    return Task(roads, rules, flow, design, space_for(roads, zones), np.ones(zones, np.uint8))
+    return ZoneTask(roads, rules, flow, design, space_for(roads, zones), np.ones(zones, np.uint8))
 
 
-def factory() -> Task:
+def factory() -> ZoneTask:
     """The factory with the flow of all parts."""
     resolved = resolve("factory")
     cells = resolved.floor_plan.stations
@@ -162,14 +162,14 @@ def factory() -> Task:
     return task(roads_of(resolved.floor_plan, cells).read_only(), flow, 3)
 
 
-def anneal(one: Task, seed: int) -> int:
+def anneal(one: ZoneTask, seed: int) -> int:
     """One zone repair; 0 if it found no zones."""
     roads, rules, flow, design, workspace, reach = one
     how = ANNEALED.hot, ANNEALED.cold, ANNEALED.steps, MAX_REPAIRS
     return int(repair(roads, rules, flow, *how, design, workspace, reach, np.uint64(seed), 1))
 
 
-def repairing(one: Task) -> Sample:
+def repairing(one: ZoneTask) -> Sample:
     """A sampler: milliseconds of a repair, each with draws of its own."""
     seeds = itertools.count(1)
 
@@ -249,7 +249,7 @@ def fleet(kind: str, robots: int, stations: int = FLEET_STATIONS) -> Scenario:
                 "processing_time": 100,
             },
             "strategy": {"zoning": kind, "allocation": "shortest-job", "right_of_way": "wait"},
-            "stop": {"when": "never", "max_duration": FLEET_TICKS},
+            "stop": {"when": "never", "max_duration": LATTICE_TICKS},
         },
         Scenario,
     )

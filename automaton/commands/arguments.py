@@ -193,8 +193,8 @@ frame_rate = whole("a frame rate", 1, 120)
 
 
 DEFAULTS: Final = ImportOptions()
-PERCENT: Final = re.compile(r"(\d{1,4}(?:\.\d{1,6})?)\s*%")
-SPEED: Final = re.compile(r"(.+)/\s*(\w+)\s*")
+PERCENT_TEXT: Final = re.compile(r"(\d{1,4}(?:\.\d{1,6})?)\s*%")
+SPEED_TEXT: Final = re.compile(r"(.+)/\s*(\w+)\s*")
 
 
 def add_layout_arguments(parser: argparse.ArgumentParser) -> None:
@@ -274,14 +274,14 @@ def measured(
 
 def exact_speed(text: str) -> Fraction | None:
     """Metres in a second of a speed such as "4 km/h", exactly; None: it is not one."""
-    match = SPEED.fullmatch(text)
+    match = SPEED_TEXT.fullmatch(text)
     metres, time = (exact_length(match[1]), exact_time(f"1 {match[2]}")) if match else (None, None)
     return None if metres is None or time is None else metres / time
 
 
 def share(text: str) -> float:
     """Return a percentage such as 10% as a share."""
-    match = PERCENT.fullmatch(text.strip())
+    match = PERCENT_TEXT.fullmatch(text.strip())
     if match is None:
         raise argparse.ArgumentTypeError(f"{text!r} is not a percentage such as 10%")
     return float(match[1]) / 100

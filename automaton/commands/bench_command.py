@@ -15,19 +15,19 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from automaton.bench import PARTS
+from automaton.bench import BENCH_PARTS
 from automaton.commands.arguments import note, progress_bar
 from automaton.errors import InputError, nearest
 
 if TYPE_CHECKING:
-    from automaton.bench.measurement import Figure, Measurement
+    from automaton.bench.measurement import MeasuredFigure, Measurement
 
 REPEAT = 7
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton bench`."""
-    parts = "; ".join(f"{name}: {part.summary}" for name, part in PARTS.items())
+    parts = "; ".join(f"{name}: {part.summary}" for name, part in BENCH_PARTS.items())
     parser.add_argument("--json", action="store_true", help="a JSON list instead of a table")
     parser.add_argument(
         "--only",
@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
         raise InputError(f"--repeat must be at least 1, not {args.repeat}")
     parts = chosen(args.only, args.compile, args.startup)
     wanted = measurements(parts)
-    figures: list[Figure] = []
+    figures: list[MeasuredFigure] = []
     unmeasured = 0
     try:
         unmeasured = measure(wanted, args.repeat, figures)
@@ -64,11 +64,15 @@ def run(args: argparse.Namespace) -> int:
 def chosen(only: Sequence[str], compile_too: bool, startup_too: bool) -> list[str]:
     """The parts to measure, in the order of the table. Raises InputError for an unknown one."""
     for name in only:
-        if name not in PARTS:
-            known = ", ".join(PARTS)
-            raise InputError(f"unknown part '{name}'{nearest(name, PARTS)}; there are {known}")
+        if name not in BENCH_PARTS:
+            known = ", ".join(BENCH_PARTS)
+            raise InputError(
+                f"unknown part '{name}'{nearest(name, BENCH_PARTS)}; there are {known}"
+            )
     asked = {*only, *(["compile"] if compile_too else []), *(["startup"] if startup_too else [])}
-    return [name for name, part in PARTS.items() if name in asked or (part.usual and not only)]
+    return [
+        name for name, part in BENCH_PARTS.items() if name in asked or (part.usual and not only)
+    ]
 
 
 def measurements(parts: Sequence[str]) -> list[Measurement]:
@@ -79,12 +83,12 @@ def measurements(parts: Sequence[str]) -> list[Measurement]:
         raise InputError("bench measures compiled code; unset NUMBA_DISABLE_JIT")
     found: list[Measurement] = []
     for name in parts:
-        module, _, function = PARTS[name].place.partition(":")
+        module, _, function = BENCH_PARTS[name].place.partition(":")
         found += getattr(importlib.import_module(module), function or "measurements")()
     return found
 
 
-def measure(wanted: Sequence[Measurement], repeat: int, figures: list[Figure]) -> int:
+def measure(wanted: Sequence[Measurement], repeat: int, figures: list[MeasuredFigure]) -> int:
     """Append what is measured; return how many could not be, and say why."""
     from automaton.bench.measurement import NotMeasuredError, take
 
@@ -114,7 +118,7 @@ def progress(total: int) -> Iterator[Callable[[str], None]]:
         yield lambda name: bar.update(task, advance=1, description=name)
 
 
-def print_figures(figures: Sequence[Figure], repeat: int) -> None:
+def print_figures(figures: Sequence[MeasuredFigure], repeat: int) -> None:
     """Print the figures as a table, and the machine that they hold for."""
     from automaton.runs.console_output import console, print_blocks
     from automaton.runs.report_document import Table
@@ -130,7 +134,7 @@ def print_figures(figures: Sequence[Figure], repeat: int) -> None:
     print_blocks(out, [table, "", f"{count(repeat, 'sample')} each at most; {machine(figures)}"])
 
 
-def machine(measured: Sequence[Figure] = ()) -> str:
+def machine(measured: Sequence[MeasuredFigure] = ()) -> str:
     """This machine, and how busy it was: times on the wall are too long on a busy one."""
     from automaton.bench.measurement import load
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:  # it needs Numba
     from automaton.films.pixel_film import PixelRequest
 
 FILM_SUFFIXES: Final = (".gif", ".mp4", ".png")  # of drawn films
-SPEEDS = (Fraction(1, 100), Fraction(10_000))
+FILM_SPEEDS = (Fraction(1, 100), Fraction(10_000))
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -71,7 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def speed(text: str) -> Fraction:
     """A factor; exact, so that times are."""
-    least, most = SPEEDS
+    least, most = FILM_SPEEDS
     try:
         factor = Fraction(text.removeprefix("x"))
     except (ValueError, ZeroDivisionError):

@@ -47,7 +47,7 @@ SLOTS = {  # what a scenario's line counts
     DOCK: ("dock",),
     RACK: ("rack",),
 }
-NUMBERS = re.compile(r"\d[\d,.]*")  # in which the same warning of two points may differ
+NUMBER_TEXT = re.compile(r"\d[\d,.]*")  # in which the same warning of two points may differ
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -171,7 +171,7 @@ def study_warnings(study: Study, scenarios: Sequence[Resolved]) -> list[str]:
     points: Counter[str] = Counter()
     for point, resolved in zip(study.points, scenarios, strict=True):
         for warning in scenario_warnings(resolved):
-            kind = NUMBERS.sub("", warning)
+            kind = NUMBER_TEXT.sub("", warning)
             first.setdefault(kind, (warning, point))
             points[kind] += 1
     sentences = []

@@ -23,7 +23,7 @@ from automaton.studies.sweeps.sweep_plan import check_study
 from automaton.units import count
 from automaton.world.resolve import Resolved, resolve
 
-TICKS = 100  # of each run: enough to pick, to drop, and to be measured
+COMPILED_TICKS = 100  # of each run: enough to pick, to drop, and to be measured
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -91,7 +91,7 @@ def begin_run(resolved: Resolved) -> None:
         simulation = Simulation(
             resolved, on_record=MemoryRecorder(resolved), on_observe=EventHistory()
         )
-        simulation.run(TICKS)
+        simulation.run(COMPILED_TICKS)
     metrics_of(simulation)
 
 

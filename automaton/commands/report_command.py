@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from automaton.studies.reports.build_report import StudyReport
     from automaton.studies.sweeps.result_store import Store
 
-FORMATS = ("text", "markdown", "html", "json")
-SUFFIXES = {
+REPORT_FORMATS = ("text", "markdown", "html", "json")
+FORMAT_BY_SUFFIX = {
     ".md": "markdown",
     ".html": "html",
     ".htm": "html",
@@ -33,7 +33,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("folder", type=Path, metavar="DIR", help="where a sweep keeps its results")
     form = parser.add_mutually_exclusive_group()
-    form.add_argument("--format", choices=FORMATS, help="text; or what the name of --out says")
+    form.add_argument(
+        "--format", choices=REPORT_FORMATS, help="text; or what the name of --out says"
+    )
     add_json_argument(form)
     add("--out", type=Path, metavar="FILE", help="write the report there: one file to give away")
     add(
@@ -163,13 +165,13 @@ def form_of(form: str | None, out: Path | None) -> str:
     """The format that was asked for, or that a file's name says. Raises InputError."""
     if form is not None or out is None:
         return form or "text"
-    if out.suffix.lower() not in SUFFIXES:
-        known = ", ".join(SUFFIXES)
+    if out.suffix.lower() not in FORMAT_BY_SUFFIX:
+        known = ", ".join(FORMAT_BY_SUFFIX)
         more = "; a workbook is written by --xlsx" if out.suffix.lower() == ".xlsx" else ""
         raise InputError(
             f"--out {out}: its name ends with no known format ({known}); use --format{more}"
         )
-    return SUFFIXES[out.suffix.lower()]
+    return FORMAT_BY_SUFFIX[out.suffix.lower()]
 
 
 def rendered(report: StudyReport, document: Document, form: str) -> str:

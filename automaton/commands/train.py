@@ -22,11 +22,11 @@ from automaton.commands.arguments import (
     progress_bar,
 )
 from automaton.errors import InputError, alternatives, nearest
-from automaton.papers.training_settings import LOSSES, METRICS, WEIGHTINGS, Settings
+from automaton.papers.training_settings import LOSSES, MEASURES, WEIGHTINGS, Settings
 
-NAMES = ("traffic",)
+TRAINED_NAMES = ("traffic",)
 PAPER = "warehouse-100"
-NUMBERS = {  # option: (field of Settings, least value, help)
+NUMBER_OPTIONS = {  # option: (field of Settings, least value, help)
     "--legs": ("legs", 2, "legs to learn from, half from racks to docks, half back"),
     "--batch": ("batch", 1, "legs in a step"),
     "--epochs": ("epochs", 1, "at most"),
@@ -34,7 +34,7 @@ NUMBERS = {  # option: (field of Settings, least value, help)
     "--seed": ("seed", 0, "of the legs and the first weights; seed + 1 draws those to judge by"),
 }
 # What a mode does not use, it refuses.
-REFUSED = {
+REFUSED_OPTIONS = {
     "tables": ("loss", "weighting", "keep"),
     "depths": ("loss", "weighting", "keep"),
     "classifiers": ("loss", "weighting", "keep", "batch", "epochs", "patience", "rate", "out"),
@@ -45,13 +45,13 @@ ProgressCallback = Callable[[str], None]  # what is done now
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton train`."""
     add, default = parser.add_argument, Settings()
-    add("name", metavar="NAME", help=f"what to train: {alternatives(NAMES)}")
+    add("name", metavar="NAME", help=f"what to train: {alternatives(TRAINED_NAMES)}")
     add("--scenario", default=PAPER, metavar="SCENARIO", help=f"whose floor ({PAPER})")
     such = "such as world.traffic_zones=directed"
     add_settings_argument(parser, f"change a value of the scenario, {such}; may be repeated")
     add("--loss", metavar="LOSS", help=f"{alternatives(LOSSES)} ({default.loss})")
     add("--weighting", metavar="W", help=f"{alternatives(WEIGHTINGS)} ({default.weighting})")
-    for option, (name, _, text) in NUMBERS.items():
+    for option, (name, _, text) in NUMBER_OPTIONS.items():
         value = f"{getattr(default, name):,}"
         add(option, type=int, metavar="N", help=f"{text} ({value})")
     add("--rate", type=float, metavar="R", help=f"of Adam ({default.rate:g})")
@@ -59,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--keep",
         metavar="A,B",
         help="keep weights when all of these improve: "
-        f"{alternatives(METRICS)}; else when the loss falls",
+        f"{alternatives(MEASURES)}; else when the loss falls",
     )
     add(
         "--out", type=Path, metavar="FILE", help="the network (SCENARIO.npz), or the tables as JSON"
@@ -79,14 +79,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Train, judge, write, report."""
-    if args.name not in NAMES:
+    if args.name not in TRAINED_NAMES:
         raise InputError(
-            f"nothing called '{args.name}' to train{nearest(args.name, NAMES)}; "
-            f"there is {alternatives(NAMES)}"
+            f"nothing called '{args.name}' to train{nearest(args.name, TRAINED_NAMES)}; "
+            f"there is {alternatives(TRAINED_NAMES)}"
         )
     modes = ("tables", "depths", "classifiers")
     mode = next((name for name in modes if getattr(args, name)), "network")
-    for name in REFUSED.get(mode, ()):
+    for name in REFUSED_OPTIONS.get(mode, ()):
         if getattr(args, name) is not None:
             raise InputError(f"--{name} does not go together with --{mode}")
     settings, keep = settings_of(args), keep_of(args.keep)
@@ -94,7 +94,7 @@ def run(args: argparse.Namespace) -> int:
         check_place(args.out)
     part("sklearn" if mode == "classifiers" else "torch")
     training = importlib.import_module("automaton.papers.training_sessions")
-    session = training.Session.of(args.scenario, args.settings, settings)
+    session = training.TrainingSession.of(args.scenario, args.settings, settings)
     with progress() as told:
         if mode == "network":
             outcome = session.train_network(keep, args.out or Path(f"{session.name}.npz"), told)
@@ -114,7 +114,7 @@ def run(args: argparse.Namespace) -> int:
 def settings_of(args: argparse.Namespace) -> Settings:
     """The settings that were given, else the defaults. Raises InputError."""
     given: dict[str, Any] = {}
-    for option, (name, least, _) in NUMBERS.items():
+    for option, (name, least, _) in NUMBER_OPTIONS.items():
         value = getattr(args, name)
         if value is not None and value < least:
             raise InputError(f"{option} must be at least {least}, not {value}")
@@ -135,9 +135,9 @@ def keep_of(text: str | None) -> tuple[str, ...]:
     """The metrics that are monitored; none means the loss. Raises InputError."""
     names = tuple(dict.fromkeys(name.strip() for name in (text or "").split(",") if name.strip()))
     for name in names:
-        if name not in METRICS:
+        if name not in MEASURES:
             raise InputError(
-                f"--keep takes {alternatives(METRICS)}, not '{name}'{nearest(name, METRICS)}"
+                f"--keep takes {alternatives(MEASURES)}, not '{name}'{nearest(name, MEASURES)}"
             )
     return names
 

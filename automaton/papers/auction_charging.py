@@ -16,10 +16,10 @@ import numpy as np
 from automaton.engine.random_numbers import STREAM_STARTS, random_between
 from automaton.engine.robot_states import BATTERY_FULL
 from automaton.papers.auction_trials import (
+    CHARGE_PERCENT,
     METHODS,
     NO_BATTERY,
     OPTIMUM,
-    PERCENT,
     empty,
     fleet_at,
     instance,
@@ -30,8 +30,8 @@ from automaton.papers.auction_trials import (
     task_set,
     work_of,
 )
-from automaton.papers.claims import Claim, Figure, Quantity, above, claim, exponent, mean_of
-from automaton.papers.reproduction_study import Case, Table, crossed, each_seed
+from automaton.papers.claims import Claim, Figure, MeanQuantity, above, claim, exponent, mean_of
+from automaton.papers.reproduction_study import Case, PublishedTable, crossed, each_seed
 from strategies.allocation.auction import quotes, sequential
 from strategies.allocation.auction.market import (
     INF_COST,
@@ -47,16 +47,16 @@ from strategies.allocation.auction.market import (
 from strategies.allocation.auction.sequential import BID_MIXED
 from strategies.allocation.auction.sequential import WINNER_LOWEST_BID as LOWEST_BID
 
-DRAIN: Final = 3 * PERCENT // 10  # a second
-RATE: Final = PERCENT  # a second
+TOUR_DRAIN: Final = 3 * CHARGE_PERCENT // 10  # a second
+TOUR_RATE: Final = CHARGE_PERCENT  # a second
 TAPER: Final = (
-    (0, PERCENT),
-    (80 * PERCENT, PERCENT // 2),
-    (95 * PERCENT, PERCENT // 5),
+    (0, CHARGE_PERCENT),
+    (80 * CHARGE_PERCENT, CHARGE_PERCENT // 2),
+    (95 * CHARGE_PERCENT, CHARGE_PERCENT // 5),
 )
-THRESHOLD: Final = 20 * PERCENT
+THRESHOLD: Final = 20 * CHARGE_PERCENT
 
-POLICIES: Final[Mapping[str, Mapping[str, Any]]] = {
+CHARGING_POLICIES: Final[Mapping[str, Mapping[str, Any]]] = {
     "r0": {"policy": POLICY_HIERARCHICAL},
     "r20": {"policy": POLICY_HIERARCHICAL, "reserve": THRESHOLD},
     "look": {"policy": POLICY_THRESHOLD, "threshold": THRESHOLD},
@@ -65,15 +65,15 @@ POLICIES: Final[Mapping[str, Mapping[str, Any]]] = {
     "thr0 safe": {"policy": POLICY_THRESHOLD_REACHABLE, "threshold": 0},
     "thr20 safe": {"policy": POLICY_THRESHOLD_REACHABLE, "threshold": THRESHOLD},
     "fill-up": {"policy": POLICY_FILL_UP, "end_reach": True},
-    "fill to 80": {"policy": POLICY_FILL_UP, "end_reach": True, "target": 80 * PERCENT},
+    "fill to 80": {"policy": POLICY_FILL_UP, "end_reach": True, "target": 80 * CHARGE_PERCENT},
 }
 
 
 @cache
 def battery(name: str, chargers: tuple[int, ...] = (2,), taper: bool = False) -> Battery:
     """The rules of a policy."""
-    curve = TAPER if taper else RATE
-    return rules(seconds(), DRAIN, curve, chargers, **POLICIES[name])
+    curve = TAPER if taper else TOUR_RATE
+    return rules(seconds(), TOUR_DRAIN, curve, chargers, **CHARGING_POLICIES[name])
 
 
 class Driven(NamedTuple):
@@ -92,7 +92,7 @@ class Driven(NamedTuple):
 @cache
 def tour(stations: tuple[int, ...], start: int) -> tuple[int, ...]:
     """The stations in the order in which the sequential auction puts them into one list."""
-    task_costs = work_of(stations, seconds(), DRAIN)
+    task_costs = work_of(stations, seconds(), TOUR_DRAIN)
     fleet = fleet_at((start,), len(stations))
     market = (task_costs, NO_BATTERY["full"], fleet, scratch_of(fleet, len(stations)))
     empty(*market)
@@ -104,7 +104,7 @@ def tour(stations: tuple[int, ...], start: int) -> tuple[int, ...]:
 @cache
 def driven_work(stations: tuple[int, ...]) -> TaskCosts:
     """Stations to be driven to."""
-    return work_of(stations, seconds(), DRAIN)
+    return work_of(stations, seconds(), TOUR_DRAIN)
 
 
 @cache
@@ -174,7 +174,7 @@ def whole_objective(seed: int, n: int, number: int) -> dict[str, float]:
     stations = task_set(seed, n, number)
     found = {}
     for name in ("r0", "r20"):
-        task_costs = work_of(stations, seconds(), DRAIN)
+        task_costs = work_of(stations, seconds(), TOUR_DRAIN)
         fleet = fleet_at((start,), n)
         market = (task_costs, battery(name), fleet, scratch_of(fleet, n))
         empty(*market)
@@ -190,7 +190,7 @@ def whole_objective(seed: int, n: int, number: int) -> dict[str, float]:
 
 def inserted_by_arrival(stations: tuple[int, ...], start: int) -> tuple[int, ...]:
     """The only list that the genetic algorithm can make for a single robot."""
-    task_costs = work_of(stations, seconds(), DRAIN)
+    task_costs = work_of(stations, seconds(), TOUR_DRAIN)
     fleet = fleet_at((start,), len(stations))
     market = (task_costs, NO_BATTERY["full"], fleet, scratch_of(fleet, len(stations)))
     empty(*market)
@@ -226,7 +226,7 @@ def rolling(seed: int, size: int, name: str, taper: bool) -> tuple[float, float]
 def full_charge(level: int, taper: bool) -> float:
     """Seconds from this level to a full battery."""
     ticks = 0
-    pieces = TAPER if taper else ((0, RATE),)
+    pieces = TAPER if taper else ((0, TOUR_RATE),)
     for k, (_, rate) in enumerate(pieces):
         until = pieces[k + 1][0] if k + 1 < len(pieces) else BATTERY_FULL
         if level < until:
@@ -250,7 +250,7 @@ SOLVERS: Final = {
     "GA ms": "GA",
     "auction ms": "LB",
 }
-CHARGERS: Final = (1, 2, 3)
+TIMED_CHARGERS: Final = (1, 2, 3)
 RULES: Final = {"as needed us": "r20", "threshold us": "look"}
 QUOTES: Final = 100  # of a quote, which takes microseconds
 TIMED_TRIES: Final = 3  # the shortest counts: other processes only add
@@ -288,8 +288,8 @@ def charging_times(case: Case, seed: int) -> list[Mapping[str, float]]:
     n = int(case.labels["tasks"])
     start = start_of(seed, n, 0)
     stations = tour(task_set(seed, n), start)
-    task_costs, order = work_of(stations, seconds(), DRAIN), np.arange(n, dtype=np.int32)
-    rules = {name: battery(rule, CHARGERS) for name, rule in RULES.items()}
+    task_costs, order = work_of(stations, seconds(), TOUR_DRAIN), np.arange(n, dtype=np.int32)
+    rules = {name: battery(rule, TIMED_CHARGERS) for name, rule in RULES.items()}
     figures = {}
     for name, rule in (rules | {"no battery us": NO_BATTERY["full"]}).items():
         scratch = single_scratch(n, max(1, len(rule.charger)))
@@ -304,7 +304,7 @@ def charging_times(case: Case, seed: int) -> list[Mapping[str, float]]:
 
 
 TIME_TABLES: Final = (
-    Table(
+    PublishedTable(
         title="Figure 5: milliseconds for two robots, on this machine (optimum: an exact search; m^n: "
         "all allotments; no printed seconds are left)",
         cases=crossed(computing=(FIGURE_5,), tasks=range(1, 11)),
@@ -314,7 +314,7 @@ TIME_TABLES: Final = (
         digits=3,
         seeds=PRINTED_SEEDS,
     ),
-    Table(
+    PublishedTable(
         title="Figure 6c: microseconds of one robot's charging plan, on this machine, chargers 1, 2, 3 "
         "(a call from Python included; no printed seconds are left)",
         cases=crossed(computing=(FIGURE_6C,), tasks=range(1, 11)),
@@ -327,7 +327,7 @@ TIME_TABLES: Final = (
 )
 
 
-def spent(name: str, tasks: int, computing: str = FIGURE_5) -> Quantity:
+def spent(name: str, tasks: int, computing: str = FIGURE_5) -> MeanQuantity:
     """The mean time of a method for so many tasks."""
     return mean_of(name, computing, tasks)
 

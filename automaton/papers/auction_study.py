@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from automaton.engine.robot_states import BATTERY_FULL
 from automaton.papers.auction_charging import (
-    POLICIES,
+    CHARGING_POLICIES,
     TIME_TABLES,
     about_times,
     charging_costs,
@@ -16,10 +16,10 @@ from automaton.papers.auction_charging import (
 )
 from automaton.papers.auction_trials import (
     AGAIN,
+    EXAMPLE_SETTINGS,
     METHODS,
     MOST_TASKS,
     OPTIMUM,
-    SETTINGS,
     bids_for,
     pictures,
     ratio,
@@ -27,20 +27,20 @@ from automaton.papers.auction_trials import (
     solve,
     steps,
 )
-from automaton.papers.claims import Claim, Figure, Quantity, above, claim, exponent, mean_of
+from automaton.papers.claims import Claim, Figure, MeanQuantity, above, claim, exponent, mean_of
 from automaton.papers.reproduction_study import (
     Case,
     Cases,
     Headline,
     Key,
+    PublishedTable,
     Reproduction,
-    Table,
     crossed,
     each_seed,
     fixed,
 )
 
-SEVERAL: Final = (2, 3, 4)  # robots
+SEVERAL_ROBOTS: Final = (2, 3, 4)  # robots
 LINEAR: Final[dict[str, Any]] = {
     "at_least": 0.8,
     "at_most": 1.2,
@@ -52,7 +52,7 @@ SCALES: Final = (
     "the amount of tasks and amount of robots"
 )
 
-REMARKS: Final = (
+AUCTION_REMARKS: Final = (
     "The figures with the layout and the curves are lost, and the text gives no seconds: the floor has "
     "every length of the text, and ratios, Figure 5 and Figure 6c stand beside no printed number. Nine "
     "lanes are needed for those lengths, eight may be there or not (`comb` leaves out four of them).",
@@ -77,12 +77,12 @@ REMARKS: Final = (
 )
 
 
-def growth(name: str) -> Quantity:
+def growth(name: str) -> MeanQuantity:
     """The exponent with which a count grows from 5 to 10 tasks."""
     return exponent(mean_of(name, 10), mean_of(name, 5), 10, 5)
 
 
-def by_robots(name: str) -> Quantity:
+def by_robots(name: str) -> MeanQuantity:
     """The exponent with which a count for ten tasks grows from 2 to 6 robots."""
     return exponent(mean_of(name, "ten", 6), mean_of(name, "ten", 2), 6, 2)
 
@@ -111,7 +111,7 @@ def about_the_example() -> Iterator[Claim]:
 def about_quality() -> Iterator[Claim]:
     """Section 5.1: makespans."""
     for floor in ("full", "comb"):
-        for m in SEVERAL:
+        for m in SEVERAL_ROBOTS:
             for genetic, name in (("GA", "one gene"), ("GA each gene", "each gene")):
                 yield claim(
                     f"The auction lies between the optimum and the genetic algorithm ({m} robots, "
@@ -133,7 +133,7 @@ def about_quality() -> Iterator[Claim]:
                 at_most=0,
                 digits=3,
             )
-            for m in SEVERAL
+            for m in SEVERAL_ROBOTS
         ),
     )
     yield claim(
@@ -271,7 +271,7 @@ def about_the_horizon() -> Iterator[Claim]:
             )
 
 
-CLAIMS: Final = (
+AUCTION_CLAIMS: Final = (
     *about_the_example(),
     *about_quality(),
     *about_work(),
@@ -288,19 +288,19 @@ CLAIMS: Final = (
 
 
 Figures = Mapping[str, float]
-COMPARED: Final = tuple(method for method in METHODS if method not in (OPTIMUM, AGAIN))
+COMPARED_METHODS: Final = tuple(method for method in METHODS if method not in (OPTIMUM, AGAIN))
 POOLED: Final = tuple(range(2, MOST_TASKS + 1))
 FLOORS: Final = (("full", 6), ("comb", 4))  # and the most robots there
-SHOWN: Final = (OPTIMUM, "LB", "LB+search", "GA", "GA each gene")
-TOURS: Final = 10  # of a seed
-CHARGERS: Final = (("2", 1), ("1,2,3", 8))  # and the fewest tasks of a tour
+SHOWN_METHODS: Final = (OPTIMUM, "LB", "LB+search", "GA", "GA each gene")
+TOURS_PER_SEED: Final = 10  # of a seed
+TOUR_CHARGERS: Final = (("2", 1), ("1,2,3", 8))  # and the fewest tasks of a tour
 CHARGING_SHARES: Final = (
     ("charges r0", "charges r20", "empty look", "end r20", "end look", "end safe"),
     ("gross worse", "time worse", "time worse, floor kept"),
 )
 ROLLING: Final = ("r0", "r0 reach", "thr0 safe", "thr20 safe", "fill-up", "fill to 80")
 
-PRINTED: Final[Mapping[Key, Figures]] = {
+PRINTED_EXAMPLE: Final[Mapping[Key, Figures]] = {
     ("as printed", 1): {
         "c1": 70,
         "c2": 180,
@@ -326,7 +326,7 @@ def example_figures(case: Case, seed: int) -> list[Figures]:
 
 def ratio_table(
     title: str, cases: Cases, methods: tuple[str, ...], tasks: Sequence[int], epsilon: int = 0
-) -> Table:
+) -> PublishedTable:
     """Objectives as multiples of the optimum; a seed has a task set for each number of tasks."""
 
     def of(case: Case, seed: int) -> list[Figures]:
@@ -336,7 +336,7 @@ def ratio_table(
             for n in tasks
         ]
 
-    return Table(
+    return PublishedTable(
         title=title,
         cases=cases,
         panels=(methods,),
@@ -348,7 +348,7 @@ def ratio_table(
     )
 
 
-def epsilon_table(name: str, epsilon: int, tasks: Sequence[int]) -> Table:
+def epsilon_table(name: str, epsilon: int, tasks: Sequence[int]) -> PublishedTable:
     """Ratios of the objective that mixes the sum into it."""
     title = f"Section 5.1 with {name}: objective as a multiple of the optimum"
     cases = crossed(objective=(name,), robots=(2, 3))
@@ -358,7 +358,9 @@ def epsilon_table(name: str, epsilon: int, tasks: Sequence[int]) -> Table:
 def makespans(case: Case, seed: int) -> list[Figures]:
     """Seconds until all tasks are done."""
     robots, n = int(case.labels["robots"]), int(case.labels["tasks"])
-    return [{method: solve("full", robots, n, seed, method, 0).objective for method in SHOWN}]
+    return [
+        {method: solve("full", robots, n, seed, method, 0).objective for method in SHOWN_METHODS}
+    ]
 
 
 def efforts(case: Case, seed: int) -> list[Figures]:
@@ -394,13 +396,13 @@ def charging(case: Case, seed: int) -> list[Figures]:
     """Tours of one robot by four rules of charging."""
     chargers = tuple(int(charger) for charger in str(case.labels["chargers"]).split(","))
     n = int(case.labels["tasks"])
-    return [charging_costs(seed, n, number, chargers) for number in range(TOURS)]
+    return [charging_costs(seed, n, number, chargers) for number in range(TOURS_PER_SEED)]
 
 
 def objectives(case: Case, seed: int) -> list[Figures]:
     """Tours of one robot, charging in the bids or by threshold."""
     n = int(case.labels["tasks"])
-    return [whole_objective(seed, n, number) for number in range(TOURS)]
+    return [whole_objective(seed, n, number) for number in range(TOURS_PER_SEED)]
 
 
 def horizon(case: Case, seed: int) -> list[Figures]:
@@ -412,11 +414,11 @@ def horizon(case: Case, seed: int) -> list[Figures]:
     return [found]
 
 
-EXAMPLE: Final = Table(
+EXAMPLE: Final = PublishedTable(
     title="Section 4: the worked example (s; no bid where there is no feasible plan)",
-    cases=crossed(setting=SETTINGS, robot=(1, 2)),
+    cases=crossed(setting=EXAMPLE_SETTINGS, robot=(1, 2)),
     panels=(("c1", "c2", "MiniSum", "bid"), ("charging", "end %")),
-    published=lambda key, metric: PRINTED.get(key, {}).get(metric),
+    published=lambda key, metric: PRINTED_EXAMPLE.get(key, {}).get(metric),
     run=each_seed(example_figures),
     repetition="example",
     grouped=1,
@@ -424,20 +426,20 @@ EXAMPLE: Final = Table(
 RATIOS: Final = ratio_table(
     "Section 5.1: makespan as a multiple of the optimum, 2 to 10 tasks pooled",
     fixed([{"floor": floor, "robots": m} for floor, most in FLOORS for m in range(1, most + 1)]),
-    COMPARED,
+    COMPARED_METHODS,
     POOLED,
 )
-MAKESPANS: Final = Table(
+MAKESPANS: Final = PublishedTable(
     title="Figure 4: makespan in seconds by the number of tasks",
     cases=crossed(robots=range(1, 7), tasks=range(1, 11)),
-    panels=(SHOWN,),
+    panels=(SHOWN_METHODS,),
     run=each_seed(makespans),
     repetition="task set",
     digits=1,
     grouped=1,
     spread="se",
 )
-EFFORTS: Final = Table(
+EFFORTS: Final = PublishedTable(
     title="Figure 5: work for two robots, counted (times: `automaton bench --only auctions`)",
     cases=crossed(tasks=range(1, 11)),
     panels=(
@@ -447,17 +449,19 @@ EFFORTS: Final = Table(
     run=each_seed(efforts),
     repetition="task set",
 )
-EFFORTS_BY_ROBOTS: Final = Table(
+EFFORTS_BY_ROBOTS: Final = PublishedTable(
     title="Work for ten tasks by the number of robots, counted (all: everybody bids again after a sale)",
     cases=crossed(tasks=("ten",), robots=range(1, 7)),
     panels=(("LB bids", "LB places", "all bids", "all places"),),
     run=each_seed(efforts_by_robots),
     repetition="task set",
 )
-CHARGING: Final = Table(
+CHARGING_TABLE: Final = PublishedTable(
     title="Section 5.2: seconds spent on charging by one robot (gross: to the charger, charging, on; "
     "net: less the leg that this replaces)",
-    cases=fixed([{"chargers": at, "tasks": n} for at, few in CHARGERS for n in range(few, 11)]),
+    cases=fixed(
+        [{"chargers": at, "tasks": n} for at, few in TOUR_CHARGERS for n in range(few, 11)]
+    ),
     panels=(
         ("tour", "gross r0", "gross r20", "gross look", "gross safe"),
         ("net r0", "net r20", "net look", "net safe"),
@@ -465,27 +469,27 @@ CHARGING: Final = Table(
     ),
     run=each_seed(charging),
     repetition="tour",
-    per_seed=TOURS,
+    per_seed=TOURS_PER_SEED,
     shares=tuple(share for panel in CHARGING_SHARES for share in panel),
     grouped=1,
     spread="se",
 )
-OBJECTIVE: Final = Table(
+OBJECTIVE: Final = PublishedTable(
     title="Figure 6a: seconds with charging in the bids, or by threshold after the genetic tour",
     cases=crossed(**{"robots with a battery": ("one",), "tasks": (6, 8, 10)}),
     panels=(("SSI r0", "SSI r20", "GA look", "GA safe"),),
     run=each_seed(objectives),
     repetition="tour",
-    per_seed=TOURS,
+    per_seed=TOURS_PER_SEED,
     spread="se",
 )
-HORIZON: Final = Table(
+HORIZON: Final = PublishedTable(
     title="Beyond the paper: batch after batch, one robot, seconds per task (200 batches a run; "
     "stuck: share of batches without a plan)",
     cases=crossed(curve=("linear", "taper"), batch=(2, 4, 8)),
     panels=(ROLLING, ("stuck r0", "stuck r0 reach", "stuck thr20 safe", "stuck fill-up")),
     run=each_seed(horizon),
-    shares=tuple(f"stuck {name}" for name in POLICIES),
+    shares=tuple(f"stuck {name}" for name in CHARGING_POLICIES),
     digits=1,
     grouped=1,
     spread="se",
@@ -537,12 +541,12 @@ REPRODUCTION: Final = Reproduction(
         EFFORTS,
         EFFORTS_BY_ROBOTS,
         *TIME_TABLES,
-        CHARGING,
+        CHARGING_TABLE,
         OBJECTIVE,
         HORIZON,
     ),
-    claims=(*CLAIMS, *about_times()),
-    remarks=REMARKS,
+    claims=(*AUCTION_CLAIMS, *about_times()),
+    remarks=AUCTION_REMARKS,
     headlines=AUCTION_HEADLINES,
     seeds=20,
     claims_title="Paper's claims",

@@ -46,9 +46,9 @@ from strategies.allocation.auction.sequential import (
     WINNER_REGRET,
 )
 
-PERCENT: Final = BATTERY_FULL // 100
-DEPOTS: Final = (1, 2, 3, 17, 1, 2)  # where robots 1..6 start; five and six share a depot
-STATIONS: Final = tuple(range(4, 17))
+CHARGE_PERCENT: Final = BATTERY_FULL // 100
+DEPOT_POSITIONS: Final = (1, 2, 3, 17, 1, 2)  # where robots 1..6 start; five and six share a depot
+STATION_POSITIONS: Final = tuple(range(4, 17))
 
 
 @cache
@@ -134,7 +134,7 @@ AGAIN: Final = "LB, all bid again"  # the same lists, with more work
 @cache
 def task_set(seed: int, n: int, number: int = 0) -> tuple[int, ...]:
     """n stations, drawn without repetition: the first n of a Fisher-Yates shuffle."""
-    left = list(STATIONS)
+    left = list(STATION_POSITIONS)
     address = number * (MOST_TASKS + 1) + n
     with np.errstate(over="ignore"):
         for i in range(n):
@@ -171,7 +171,7 @@ class Instance:
 def instance(lanes: str, robots: int, n: int, seed: int, epsilon: int = 0) -> Instance:
     """The task set of a seed and so many robots, each at its depot."""
     task_costs = work_of(task_set(seed, n), seconds(lanes))
-    fleet = fleet_at(DEPOTS[:robots], n)
+    fleet = fleet_at(DEPOT_POSITIONS[:robots], n)
     items = np.arange(n, dtype=np.int32)
     scratch = scratch_of(fleet, n)
     return Instance(task_costs, NO_BATTERY[lanes], fleet, scratch, items, epsilon, seed)
@@ -273,10 +273,10 @@ def sequences(robots: int, n: int) -> int:
 # Assigned routes on the floor of De Ryck et al., as text (their Figures 2 and 3).
 
 
-ROBOTS: Final = 3
-TASKS: Final = 10
-SEED: Final = 12  # of the first twenty, the one with the largest difference
-WIDTH: Final = 7  # characters of a cell
+PICTURE_ROBOTS: Final = 3
+PICTURE_TASKS: Final = 10
+PICTURE_SEED: Final = 12  # of the first twenty, the one with the largest difference
+PICTURE_CELL_WIDTH: Final = 7  # characters of a cell
 
 Cell = tuple[int, int]
 
@@ -284,7 +284,10 @@ Cell = tuple[int, int]
 def pictures() -> list[tuple[str, str]]:
     """(title, drawing) of one task set, by the auction and by the optimum."""
     return [
-        (f"{title}: {TASKS} tasks, {ROBOTS} robots (seed {SEED})", described(method))
+        (
+            f"{title}: {PICTURE_TASKS} tasks, {PICTURE_ROBOTS} robots (seed {PICTURE_SEED})",
+            described(method),
+        )
         for title, method in (
             ("Figure 2, the sequential auction", "LB"),
             ("Figure 3, the optimum", OPTIMUM),
@@ -294,10 +297,10 @@ def pictures() -> list[tuple[str, str]]:
 
 def described(method: str) -> str:
     """The drawing, and below it each robot's list with its seconds."""
-    solved = solve("full", ROBOTS, TASKS, SEED, method, 0)
+    solved = solve("full", PICTURE_ROBOTS, PICTURE_TASKS, PICTURE_SEED, method, 0)
     lines = [drawing(solved.lists)]
     for r, stations in enumerate(solved.lists):
-        path = " ".join(map(str, (DEPOTS[r], *stations)))
+        path = " ".join(map(str, (DEPOT_POSITIONS[r], *stations)))
         lines.append(f"{name(r)}: {path}: {way_length(solved, r)} s")
     lines.append(f"all done after {solved.objective:g} s")
     return "\n".join(lines)
@@ -310,7 +313,7 @@ def name(r: int) -> str:
 
 def way_length(solved: Solved, r: int) -> int:
     """Seconds of robot r's route: a cell takes ten."""
-    return 10 * (len(route((DEPOTS[r], *solved.lists[r]))) - 1)
+    return 10 * (len(route((DEPOT_POSITIONS[r], *solved.lists[r]))) - 1)
 
 
 def drawing(lists: Sequence[Sequence[int]]) -> str:
@@ -320,7 +323,7 @@ def drawing(lists: Sequence[Sequence[int]]) -> str:
     at = {cell: position for position, cell in floor.places().items()}  # type: ignore[attr-defined]
     drivers: dict[Cell, str] = {}
     for r, stations in enumerate(lists):
-        for cell in dict.fromkeys(route((DEPOTS[r], *stations))):
+        for cell in dict.fromkeys(route((DEPOT_POSITIONS[r], *stations))):
             drivers[cell] = drivers.get(cell, "") + name(r)
     tasks = {station for stations in lists for station in stations}
     rows = []
@@ -331,7 +334,7 @@ def drawing(lists: Sequence[Sequence[int]]) -> str:
             sign = "" if position is None else f"{position}{'*' if position in tasks else ''} "
             drivable = floor_plan.drivable[y + 1, x + 1]
             cells.append(
-                f"{sign + drivers.get((x, y), '' if sign or not drivable else '.'):{WIDTH}}"
+                f"{sign + drivers.get((x, y), '' if sign or not drivable else '.'):{PICTURE_CELL_WIDTH}}"
             )
         rows.append("".join(cells).rstrip())
     return "\n".join(rows)
@@ -371,19 +374,19 @@ def way(floor_plan: FloorPlan, start: Cell, target: Cell) -> list[Cell]:
 # %.
 
 
-STARTS: Final = (3, 1)
-CHARGES: Final = (BATTERY_FULL, 45 * PERCENT)
-LISTS: Final = ((7, 8, 13), (5, 4, 9))
-NEW: Final = 14
-DRAIN: Final = PERCENT // 2  # a second
-RATE: Final = 5 * PERCENT  # a second
+EXAMPLE_STARTS: Final = (3, 1)
+EXAMPLE_CHARGES: Final = (BATTERY_FULL, 45 * CHARGE_PERCENT)
+EXAMPLE_LISTS: Final = ((7, 8, 13), (5, 4, 9))
+EXAMPLE_NEW_TASK: Final = 14
+EXAMPLE_DRAIN: Final = CHARGE_PERCENT // 2  # a second
+EXAMPLE_RATE: Final = 5 * CHARGE_PERCENT  # a second
 HALF: Final = BID_SCALE // 2  # epsilon
 
-SETTINGS: Final[Mapping[str, Mapping[str, Any]]] = {
+EXAMPLE_SETTINGS: Final[Mapping[str, Mapping[str, Any]]] = {
     "as printed": {},
     "charging ignored": {"policy": POLICY_NO_CHARGING},
-    "reserve 10 %": {"reserve": 10 * PERCENT},
-    "reserve 20 %": {"reserve": 20 * PERCENT},
+    "reserve 10 %": {"reserve": 10 * CHARGE_PERCENT},
+    "reserve 20 %": {"reserve": 20 * CHARGE_PERCENT},
     "never strand": {"end_reach": True},
     "chargers 1, 2, 3": {"chargers": (1, 2, 3)},
     "joint": {"policy": POLICY_JOINT},
@@ -408,12 +411,12 @@ class Bid:
 def bids_for(setting: str) -> list[Bid]:
     """The bids of both robots."""
     chosen: dict[str, Any] = {"policy": POLICY_HIERARCHICAL, "chargers": (2,), "lanes": "full"}
-    chosen |= SETTINGS[setting]
+    chosen |= EXAMPLE_SETTINGS[setting]
     between = seconds(chosen.pop("lanes"))
-    tasks = [*LISTS[0], *LISTS[1], NEW]
-    task_costs = work_of(tasks, between, DRAIN)
-    battery = rules(between, DRAIN, RATE, **chosen)
-    fleet = fleet_at(STARTS, len(tasks), CHARGES)
+    tasks = [*EXAMPLE_LISTS[0], *EXAMPLE_LISTS[1], EXAMPLE_NEW_TASK]
+    task_costs = work_of(tasks, between, EXAMPLE_DRAIN)
+    battery = rules(between, EXAMPLE_DRAIN, EXAMPLE_RATE, **chosen)
+    fleet = fleet_at(EXAMPLE_STARTS, len(tasks), EXAMPLE_CHARGES)
     scratch = scratch_of(fleet, len(tasks), len(battery.charger))
     give(fleet, 0, (0, 1, 2))
     give(fleet, 1, (3, 4, 5))
@@ -457,22 +460,22 @@ def steps() -> Iterator[str]:
     """The example as printed, step by step."""
     offers, free = bids_for("as printed"), bids_for("charging ignored")
     for r, (one, direct) in enumerate(zip(offers, free, strict=True)):
-        path = (STARTS[r], *LISTS[r])
+        path = (EXAMPLE_STARTS[r], *EXAMPLE_LISTS[r])
         yield (
-            f"robot {r + 1} at {STARTS[r]} with {CHARGES[r] // PERCENT} %: "
+            f"robot {r + 1} at {EXAMPLE_STARTS[r]} with {EXAMPLE_CHARGES[r] // CHARGE_PERCENT} %: "
             f"{named_path(path[1:])}: c1 = {legs(path)} = {one.before} s"
         )
-        with_it = (STARTS[r], *direct.order)
+        with_it = (EXAMPLE_STARTS[r], *direct.order)
         yield (
-            f"  with {NEW}: {named_path(direct.order)}: {legs(with_it)} = {direct.cost:g} s; "
-            f"{direct.end / PERCENT:g} % at the end"
+            f"  with {EXAMPLE_NEW_TASK}: {named_path(direct.order)}: {legs(with_it)} = "
+            f"{direct.cost:g} s; {direct.end / CHARGE_PERCENT:g} % at the end"
         )
         if one.arrival is not None:
             at = one.order.index(2) + 1
-            there, onward = (STARTS[r], *one.order[:at]), one.order[at - 1 :]
+            there, onward = (EXAMPLE_STARTS[r], *one.order[:at]), one.order[at - 1 :]
             yield (
                 f"  charging: {named_path(one.order)}: to the charger {legs(there)} = "
-                f"{driven(there)} s, arriving with {one.arrival / PERCENT:g} %; "
+                f"{driven(there)} s, arriving with {one.arrival / CHARGE_PERCENT:g} %; "
                 f"on from it {legs(onward)} = {driven(onward)} s; "
                 f"{one.charging} s of charging; c2 = {one.cost:g} s"
             )

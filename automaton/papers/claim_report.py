@@ -12,8 +12,13 @@ from rich.console import Console
 from rich.text import Text
 
 from automaton.papers.claims import Judged, JudgedClaim, Verdict
-from automaton.papers.reproduction_study import Headline, MadeTable, Reproduced, Row
-from automaton.papers.reproduction_study import Table as PublishedTable
+from automaton.papers.reproduction_study import (
+    FigureRow,
+    Headline,
+    MadeTable,
+    PublishedTable,
+    Reproduced,
+)
 from automaton.runs.console_output import ConsoleBlock, console, print_blocks, rich_table
 from automaton.runs.report_document import Table
 from automaton.units import count, percent
@@ -21,8 +26,8 @@ from automaton.units import count, percent
 STYLES = {
     "holds": "green", "not contradicted": "cyan", "undecided": "yellow", "does not hold": "red"
 }  # fmt: skip
-SHORT = {"configuration": "cfg", "robots": "N"}
-WIDEST_TEXT = 110
+SHORT_LABELS = {"configuration": "cfg", "robots": "N"}
+WIDEST_PARAGRAPH = 110
 VERDICT_WIDTH = 18
 PRINTED_SD = "(sd)"
 EXPLANATION = (
@@ -43,7 +48,7 @@ def blocks(
     reproduced: Reproduced, judged: Sequence[JudgedClaim], width: int
 ) -> Iterator[ConsoleBlock]:
     """Everything, for a console of this width."""
-    reproduction, text_width = reproduced.reproduction, min(width, WIDEST_TEXT)
+    reproduction, text_width = reproduced.reproduction, min(width, WIDEST_PARAGRAPH)
     yield Text(reproduction.title, "bold")
     yield from textwrap.wrap(reproduction.source, text_width)
     yield from set_lines(reproduced, text_width)
@@ -90,7 +95,7 @@ def made_blocks(made: MadeTable, width: int) -> Iterator[ConsoleBlock]:
     """A table: what was run for it, then its panels."""
     if made.table.title:
         yield from section(made.table.title, ())
-    yield from textwrap.wrap(effort(made), min(width, WIDEST_TEXT))
+    yield from textwrap.wrap(effort(made), min(width, WIDEST_PARAGRAPH))
     rows = made.rows()
     for panel in made.table.panels:
         for metrics in fitting(panel, rows, width, made.table):
@@ -113,7 +118,7 @@ def effort(made: MadeTable) -> str:
 
 
 def fitting(
-    panel: Sequence[str], rows: Sequence[Row], width: int, table: PublishedTable
+    panel: Sequence[str], rows: Sequence[FigureRow], width: int, table: PublishedTable
 ) -> Iterator[list[str]]:
     """The metrics of a panel, split so that each table fits the width."""
     taken: list[str] = []
@@ -125,12 +130,14 @@ def fitting(
     yield taken
 
 
-def table_width(metrics: Sequence[str], rows: Sequence[Row], table: PublishedTable) -> int:
+def table_width(metrics: Sequence[str], rows: Sequence[FigureRow], table: PublishedTable) -> int:
     measured = Console(width=1000).measure(rich_table(panel_table(metrics, rows, table)))
     return int(measured.maximum)
 
 
-def panel_table(metrics: Sequence[str], rows: Sequence[Row], made_of: PublishedTable) -> Table:
+def panel_table(
+    metrics: Sequence[str], rows: Sequence[FigureRow], made_of: PublishedTable
+) -> Table:
     """A line for each case; for each metric the printed figure, ours, sd and relative error."""
     end = -1 if made_of.premise else None  # the title says it
     labels = dict(list(rows[0].case.items())[:end])
@@ -141,7 +148,7 @@ def panel_table(metrics: Sequence[str], rows: Sequence[Row], made_of: PublishedT
         name: heads_of(made_of, name in printed, name in exact, name in deviations)
         for name in metrics
     }
-    head = [f"\n{SHORT.get(label, label)}" for label in labels]
+    head = [f"\n{SHORT_LABELS.get(label, label)}" for label in labels]
     for metric, (first, *others) in columns.items():
         head += [f"  {metric}\n  {first}", *(f"\n{other}" for other in others)]
     lines: list[list[str]] = []
@@ -173,15 +180,15 @@ def heads_of(table: PublishedTable, printed: bool, exact: bool, deviation: bool)
     return heads if table.stored is None else ["paper", "stored"] if printed else ["stored"]
 
 
-def cases_of(rows: Sequence[Row]) -> Iterator[dict[str, Row]]:
+def cases_of(rows: Sequence[FigureRow]) -> Iterator[dict[str, FigureRow]]:
     """The rows of each case by metric."""
-    found: dict[tuple[Any, ...], dict[str, Row]] = {}
+    found: dict[tuple[Any, ...], dict[str, FigureRow]] = {}
     for row in rows:
         found.setdefault(tuple(row.case.values()), {})[row.metric] = row
     yield from found.values()
 
 
-def figures(row: Row | None, heads: Sequence[str], table: PublishedTable) -> list[str]:
+def figures(row: FigureRow | None, heads: Sequence[str], table: PublishedTable) -> list[str]:
     """The cells of a metric; blank where a case does not have it."""
     if row is None:
         return [""] * len(heads)
@@ -196,7 +203,7 @@ def figures(row: Row | None, heads: Sequence[str], table: PublishedTable) -> lis
     return [(shown | {"error": error, "95 %": around(row, table), "rank": rank})[h] for h in heads]
 
 
-def around(row: Row, table: PublishedTable) -> str:
+def around(row: FigureRow, table: PublishedTable) -> str:
     """The 95 % interval of a mean."""
     if row.exact is not None and row.exact.low is not None and row.exact.high is not None:
         return f"{100 * row.exact.low:.1f} to {100 * row.exact.high:.1f} %"
@@ -320,9 +327,9 @@ def end(figure: Judged, value: float) -> str:
 # Everything else (all tables, all claims, remarks) is behind `--tables`.
 
 
-WIDTH = 80
-MAX_LINES = 2  # of a sentence
-GAP = 1
+FIRST_SCREEN_WIDTH = 80
+MAX_SENTENCE_LINES = 2  # of a sentence
+FIRST_SCREEN_GAP = 1
 UNITS = {"%": " %", "points": " pt"}  # pt: points of per cent
 COUNTED: dict[Verdict, tuple[str, str]] = {
     "holds": ("holds", "hold"),
@@ -344,26 +351,27 @@ def first_screen(reproduced: Reproduced, judged: Sequence[JudgedClaim]) -> Itera
     reproduction = reproduced.reproduction
     yield Text(reproduction.title, "bold")
     yield from wrapped(reproduction.source)
-    yield from textwrap.wrap(effort_of_all(reproduced), WIDTH)
-    yield from set_lines(reproduced, WIDTH)
+    yield from textwrap.wrap(effort_of_all(reproduced), FIRST_SCREEN_WIDTH)
+    yield from set_lines(reproduced, FIRST_SCREEN_WIDTH)
     yield ""
     others = {premise: reproduced.judged(premise) for premise in reproduced.premises}
     lines = list(headline_lines(reproduced, judged, others))
     if lines:
         yield table_of(reproduced, lines)
         yield ""
-    yield from textwrap.wrap(tally(judged), WIDTH)
+    yield from textwrap.wrap(tally(judged), FIRST_SCREEN_WIDTH)
     for premise, claims in others.items():
         changed = changed_verdicts(reproduction.headlines, judged, claims, premise)
         yield from wrapped(changed)
     yield from textwrap.wrap(
-        f"All tables, claims and remarks: automaton reproduce {reproduction.name} --tables", WIDTH
+        f"All tables, claims and remarks: automaton reproduce {reproduction.name} --tables",
+        FIRST_SCREEN_WIDTH,
     )
 
 
 def wrapped(text: str) -> list[str]:
     """Two lines of a text at most."""
-    return textwrap.wrap(text, WIDTH, max_lines=MAX_LINES, placeholder=" ...")
+    return textwrap.wrap(text, FIRST_SCREEN_WIDTH, max_lines=MAX_SENTENCE_LINES, placeholder=" ...")
 
 
 def effort_of_all(reproduced: Reproduced) -> str:
@@ -420,7 +428,7 @@ def named(judged: Sequence[JudgedClaim], headline: Headline) -> JudgedClaim | No
     return next((one for one in judged if one.claim.text.startswith(headline.claim)), None)
 
 
-def of_cell(headline: Headline, row: Row) -> Line:
+def of_cell(headline: Headline, row: FigureRow) -> Line:
     """The line of a cell of a table; in place of a verdict how far ours is from print."""
 
     def shown(value: float) -> str:
@@ -476,9 +484,13 @@ def table_of(reproduced: Reproduced, lines: Sequence[Line]) -> Table:
     premises = reproduced.premises
     if not premises:
         head = ["figure", "printed", "ours", "verdict"]
-        return Table(head, [[*line[:3], line[4]] for line in lines], also_left=(3,), gap=GAP)
+        return Table(
+            head, [[*line[:3], line[4]] for line in lines], also_left=(3,), gap=FIRST_SCREEN_GAP
+        )
     own = [value_of(premise) for premise in (reproduced.reproduction.premise, premises[0])]
-    return Table(["figure", "printed", *own, "verdict"], lines, also_left=(4,), gap=GAP)
+    return Table(
+        ["figure", "printed", *own, "verdict"], lines, also_left=(4,), gap=FIRST_SCREEN_GAP
+    )
 
 
 def value_of(premise: str) -> str:

@@ -29,7 +29,7 @@ Sample = tuple[str, tuple[Any, ...]]  # metric and key of a case
 Mean = Callable[..., float]  # mean(metric, *labels of the case)
 
 
-class Quantity:
+class MeanQuantity:
     """A number that follows from the means of metrics; arithmetic makes others of it."""
 
     def __init__(self, of: Callable[[Mean], float]) -> None:
@@ -38,47 +38,49 @@ class Quantity:
     def __call__(self, mean: Mean) -> float:
         return self._of(mean)
 
-    def _with(self, apply: Callable[[float, float], float], other: Quantity | float) -> Quantity:
-        if isinstance(other, Quantity):
-            return Quantity(lambda mean: apply(self(mean), other(mean)))
-        return Quantity(lambda mean: apply(self(mean), other))
+    def _with(
+        self, apply: Callable[[float, float], float], other: MeanQuantity | float
+    ) -> MeanQuantity:
+        if isinstance(other, MeanQuantity):
+            return MeanQuantity(lambda mean: apply(self(mean), other(mean)))
+        return MeanQuantity(lambda mean: apply(self(mean), other))
 
-    def __add__(self, other: Quantity | float) -> Quantity:
+    def __add__(self, other: MeanQuantity | float) -> MeanQuantity:
         return self._with(operator.add, other)
 
-    def __sub__(self, other: Quantity | float) -> Quantity:
+    def __sub__(self, other: MeanQuantity | float) -> MeanQuantity:
         return self._with(operator.sub, other)
 
-    def __rsub__(self, other: float) -> Quantity:
-        return Quantity(lambda mean: other - self(mean))
+    def __rsub__(self, other: float) -> MeanQuantity:
+        return MeanQuantity(lambda mean: other - self(mean))
 
-    def __mul__(self, other: Quantity | float) -> Quantity:
+    def __mul__(self, other: MeanQuantity | float) -> MeanQuantity:
         return self._with(operator.mul, other)
 
-    def __truediv__(self, other: Quantity | float) -> Quantity:
+    def __truediv__(self, other: MeanQuantity | float) -> MeanQuantity:
         return self._with(operator.truediv, other)
 
-    def __rtruediv__(self, other: float) -> Quantity:
-        return Quantity(lambda mean: other / self(mean))
+    def __rtruediv__(self, other: float) -> MeanQuantity:
+        return MeanQuantity(lambda mean: other / self(mean))
 
     __radd__ = __add__
     __rmul__ = __mul__
 
 
-def mean_of(name: str, *key: Any) -> Quantity:
+def mean_of(name: str, *key: Any) -> MeanQuantity:
     """The mean of a metric in the case with these labels."""
-    return Quantity(lambda mean: mean(name, *key))
+    return MeanQuantity(lambda mean: mean(name, *key))
 
 
-def least(quantities: Iterable[Quantity]) -> Quantity:
+def least(quantities: Iterable[MeanQuantity]) -> MeanQuantity:
     """The smallest of several quantities."""
     several = tuple(quantities)
-    return Quantity(lambda mean: min(one(mean) for one in several))
+    return MeanQuantity(lambda mean: min(one(mean) for one in several))
 
 
-def exponent(large: Quantity, small: Quantity, high: float, low: float) -> Quantity:
+def exponent(large: MeanQuantity, small: MeanQuantity, high: float, low: float) -> MeanQuantity:
     """The exponent with which a quantity grows from a size `low` to a size `high`."""
-    return Quantity(lambda mean: math.log(large(mean) / small(mean)) / math.log(high / low))
+    return MeanQuantity(lambda mean: math.log(large(mean) / small(mean)) / math.log(high / low))
 
 
 @dataclass(frozen=True)

@@ -30,10 +30,10 @@ from automaton.papers.reproduction_study import (
     Cases,
     Headline,
     Key,
+    PublishedTable,
     Reproduction,
     RunCase,
     Runner,
-    Table,
 )
 from automaton.runs.process_pool import OnDone, RunResult, run_all
 from automaton.scenario.document import read_text
@@ -43,11 +43,11 @@ from layouts.random_floor import RandomFloor
 
 EPIBT: Final = "epibt"
 PIBT: Final = "pibt"
-STRATEGIES: Final = (EPIBT, PIBT)
-TICKS: Final = 1000
+FLEET_STRATEGIES: Final = (EPIBT, PIBT)
+RUN_TICKS: Final = 1000
 
 # Tasks in 1,000 ticks by robots, EPIBT with operations of three actions.
-PRINTED: Final = {
+PRINTED_TASKS: Final = {
     100: 2788,
     200: 3823,
     300: 3655,
@@ -64,10 +64,10 @@ MAX_HEADLINES: Final = 12  # of the first screen
 
 GENERATED: Final = "generated"
 GENERATED_ROBOTS: Final = (100, 200, 400, 800)
-SIDE: Final = 32  # cells
+GRID_SIDE: Final = 32  # cells
 BLOCKED_SHARE: Final = 0.2
 
-WHERE: Final = (
+WHERE_PROBLEMS_ARE: Final = (
     "The problems are those of others and not part of the project: the authors of EPIBT publish theirs "
     "on GitHub (user Straple), the League of Robot Runners in the examples of its start kit of 2024 "
     "(github.com/MAPF-Competition/Start-Kit). `automaton reproduce fleets --data FOLDER` reads them."
@@ -105,7 +105,7 @@ def tasks_in(problem_of: ProblemOf) -> Runner:
 
 def scenario_of(case: FleetCase, problem: Problem, folder: Path) -> Resolved:
     """The scenario of a case, by way of the files that `automaton import` would write."""
-    ticks = LEAGUE_TICKS.get(problem.name, TICKS)
+    ticks = LEAGUE_TICKS.get(problem.name, RUN_TICKS)
     for name, text in imported_files(problem, "floor", ticks).items():
         (folder / name).write_text(text, encoding="utf-8")
     return resolve(folder / "floor.yaml", (*case.own_settings, *case.settings))
@@ -136,7 +136,7 @@ def crossed_with(problems: Sequence[tuple[str, int]]) -> Cases:
 
 def generated_map() -> GridMap:
     """The map of the generator `random`: 32 x 32 cells, a fifth of them blocked."""
-    floor_plan = RandomFloor(columns=SIDE, rows=SIDE, obstacles=BLOCKED_SHARE).build()
+    floor_plan = RandomFloor(columns=GRID_SIDE, rows=GRID_SIDE, obstacles=BLOCKED_SHARE).build()
     return GridMap(GENERATED, floor_plan.drivable[1:-1, 1:-1])
 
 
@@ -149,7 +149,7 @@ def generated_problem(robots: int) -> Problem:
 def printed(key: Key, metric: str) -> float | None:
     """What EPIBT's authors print; they ran no other strategy."""
     strategy, _, robots = key
-    return PRINTED.get(int(robots)) if strategy == EPIBT else None
+    return PRINTED_TASKS.get(int(robots)) if strategy == EPIBT else None
 
 
 def best_known(key: Key, metric: str) -> float | None:
@@ -157,9 +157,11 @@ def best_known(key: Key, metric: str) -> float | None:
     return BEST_KNOWN.get(str(key[1]))
 
 
-def table_of(title: str, problems: Mapping[tuple[str, int], ProblemOf], **others: object) -> Table:
+def table_of(
+    title: str, problems: Mapping[tuple[str, int], ProblemOf], **others: object
+) -> PublishedTable:
     """A table of the tasks that strategies finish on problems."""
-    return Table(
+    return PublishedTable(
         title=title,
         cases=crossed_with(list(problems)),
         panels=(("tasks",),),
@@ -172,7 +174,7 @@ def headlines_of(problems: Sequence[tuple[str, int]]) -> tuple[Headline, ...]:
     """A line for the tasks of both strategies with each problem, the first ones."""
     return tuple(
         Headline(f"{strategy}, {robots} robots: tasks", cell=("tasks", (strategy, name, robots)))
-        for strategy in STRATEGIES
+        for strategy in FLEET_STRATEGIES
         for name, robots in problems
     )[:MAX_HEADLINES]
 
@@ -198,7 +200,7 @@ def as_printed(name: str, fleets: Sequence[int]) -> Claim:
         *(
             Figure(
                 f"tasks / printed, N = {robots}",
-                mean_of("tasks", EPIBT, name, robots) / PRINTED[robots],
+                mean_of("tasks", EPIBT, name, robots) / PRINTED_TASKS[robots],
                 at_least=0.97,
                 at_most=1.03,
                 digits=3,
@@ -206,7 +208,7 @@ def as_printed(name: str, fleets: Sequence[int]) -> Claim:
                 why="a bound of ours",
             )
             for robots in fleets
-            if robots in PRINTED
+            if robots in PRINTED_TASKS
         ),
     )
 
@@ -216,14 +218,14 @@ def from_data(folder: Path) -> Reproduction:
     if not folder.is_dir():
         raise InputError("is not a folder", str(folder))
     places = [folder, *sorted(path for path in folder.iterdir() if path.is_dir())]
-    tables: list[Table] = []
+    tables: list[PublishedTable] = []
     claims: list[Claim] = []
     for place in places:
         if (place / MAP_FILE).is_file():
             fleets = fleets_of(place)
             problems = {(place.name, robots): fleet_reader(place) for robots in fleets}
             claims += [as_printed(place.name, fleets), more_tasks(place.name, fleets)]
-            title = f"{place.name}: tasks in {TICKS:,} ticks, dealt out in turn"
+            title = f"{place.name}: tasks in {RUN_TICKS:,} ticks, dealt out in turn"
             tables.append(table_of(title, problems, published=printed, name=place.name))
         files = [path for path in sorted(place.glob("*.json")) if is_league_problem(path)]
         league = [read_league_problem(path) for path in files]
@@ -233,13 +235,13 @@ def from_data(folder: Path) -> Reproduction:
             tables.append(table_of(title, pool, published=best_known, name="league"))
     if not tables:
         raise InputError("holds no problem: neither map.txt nor a problem's .json", str(folder))
-    keys = [case.key for table in tables for case in table.cases(STRATEGIES)]
+    keys = [case.key for table in tables for case in table.cases(FLEET_STRATEGIES)]
     of_all = list(dict.fromkeys((str(name), int(robots)) for _, name, robots in keys))
     return replace(
         REPRODUCTION,
         tables=tuple(tables),
         claims=tuple(claims),
-        remarks=REMARKS[1:],
+        remarks=FLEET_REMARKS[1:],
         headlines=headlines_of(of_all),
     )
 
@@ -259,8 +261,8 @@ def _read(folder: Path, robots: int) -> Problem:
     return read_problem_folder(folder, robots)
 
 
-REMARKS: Final = (
-    f"The floors are generated: nothing printed can stand beside them. {WHERE}",
+FLEET_REMARKS: Final = (
+    f"The floors are generated: nothing printed can stand beside them. {WHERE_PROBLEMS_ARE}",
     "The printed numbers are the authors' own, by their code and with its order of robots and of "
     "operations; a robot that begins on the cell of its task passes over it.",
     "The best known result of the league took 32 cores and up to a second for each tick.",
@@ -271,10 +273,10 @@ REPRODUCTION: Final = Reproduction(
     title="Large fleets on grids of 32 x 32 cells, one robot in a cell",
     source="Yukhnevich & Andreychuk, Enhancing PIBT via Multi-Action Operations, AAAI-26; the League of "
     "Robot Runners 2024",
-    strategies=STRATEGIES,
+    strategies=FLEET_STRATEGIES,
     tables=(
         table_of(
-            f"Generated floors of the published sizes: tasks in {TICKS:,} ticks, from a pool",
+            f"Generated floors of the published sizes: tasks in {RUN_TICKS:,} ticks, from a pool",
             {
                 (GENERATED, robots): lambda key: generated_problem(int(key[2]))
                 for robots in GENERATED_ROBOTS
@@ -285,7 +287,7 @@ REPRODUCTION: Final = Reproduction(
     headlines=headlines_of([(GENERATED, robots) for robots in GENERATED_ROBOTS]),
     seeds=3,
     claims=(more_tasks(GENERATED, GENERATED_ROBOTS),),
-    remarks=REMARKS,
+    remarks=FLEET_REMARKS,
     remarks_title="Where the problems come from",
     from_data=from_data,
 )

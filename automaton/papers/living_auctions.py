@@ -20,9 +20,9 @@ from automaton.engine.state import ACTION_CHARGE, ACTION_QUEUE, ORDER_DELIVERED,
 from automaton.papers.claims import Figure, above, claim, mean_of
 from automaton.papers.reproduction_study import (
     Headline,
+    PublishedTable,
     Reproduction,
     ScenarioCase,
-    Table,
     fixed,
     scenario_runs,
 )
@@ -38,7 +38,7 @@ FAILING: Final = "orders={generator: stations, count: 60, mean_interarrival_time
 WAITS: Final = ("0.01", "0.05", "0.1")  # percent in a tick
 RESERVES: Final = (0, 5, 10, 20)  # percent
 
-CHARGING: Final = {  # what strategy.charging is set to, and whether batteries are infinite
+CHARGING_STRATEGIES: Final = {  # what strategy.charging is set to, and whether batteries are infinite
     "infinite batteries": ("strategy.charging=none", "battery=null", "faults.charge=kept"),
     "insertion": ("strategy.charging=insertion",),
     "insertion, joint": ("strategy.charging={name: insertion, mode: joint}",),
@@ -48,24 +48,26 @@ CHARGING: Final = {  # what strategy.charging is set to, and whether batteries a
     "threshold, look": ("strategy.charging={name: threshold, mode: threshold-only}",),
     "insertion, may strand": ("strategy.charging={name: insertion, never_strand: false}",),
 }
-KEEP: Final = "while_charging: keep"  # lists stay with robots that charge, as the figures were made
-KEPT: Final = f"strategy.allocation={{name: auction, {KEEP}}}"
+KEEP_LISTS: Final = (
+    "while_charging: keep"  # lists stay with robots that charge, as the figures were made
+)
+KEPT: Final = f"strategy.allocation={{name: auction, {KEEP_LISTS}}}"
 FULLY: Final = "faults.charge=100"  # who was towed comes back full, likewise
-QUEUES: Final = {"in the bids": "true", "left out": "false"}
+QUEUES_IN_BIDS: Final = {"in the bids": "true", "left out": "false"}
 REPAIRS: Final = {"gone for good": "null", "back after 600 ticks": "600"}
-KINDS: Final = {  # parameters of strategy.allocation
+AUCTION_KINDS: Final = {  # further parameters of strategy.allocation
     "sequential, lowest bid": "",
-    "sequential, biggest difference": "winner_rule: difference",
-    "sequential, regret": "winner_rule: regret",
-    "sequential, local search": "local_search: true",
-    "in the order of arrival": "mechanism: arrival",
-    "parallel": "mechanism: parallel",
-    "combinatorial": "mechanism: combinatorial",
-    "assignment": "mechanism: assignment",
-    "two fixed auctioneers": "auctioneer: fixed",
-    "two fixed auctioneers, radius 4": "auctioneer: fixed, announcement_radius: 4",
-    "token, radius 4": "auctioneer: token, announcement_radius: 4",
-    "around the order, radius 4": "region: order, announcement_radius: 4",
+    "sequential, biggest difference": ", winner_rule: difference",
+    "sequential, regret": ", winner_rule: regret",
+    "sequential, local search": ", local_search: true",
+    "in the order of arrival": ", mechanism: arrival",
+    "parallel": ", mechanism: parallel",
+    "combinatorial": ", mechanism: combinatorial",
+    "assignment": ", mechanism: assignment",
+    "two fixed auctioneers": ", auctioneer: fixed",
+    "two fixed auctioneers, radius 4": ", auctioneer: fixed, announcement_radius: 4",
+    "token, radius 4": ", auctioneer: token, announcement_radius: 4",
+    "around the order, radius 4": ", region: order, announcement_radius: 4",
 }
 
 
@@ -144,14 +146,14 @@ def beside_infinite(
     ]
 
 
-TABLES: Final = (
-    Table(
+LIVING_TABLES: Final = (
+    PublishedTable(
         name="stranding",
         title="More orders than four robots can do, a charger in every depot (depots-full)",
         cases=fixed(
             [
                 ScenarioCase({"charging": name}, "depots-full", (KEPT, FULLY, SATURATED, *settings))
-                for name, settings in CHARGING.items()
+                for name, settings in CHARGING_STRATEGIES.items()
             ]
         ),
         panels=(("ran_empty", "all_delivered", "share", "T_total"),),
@@ -159,7 +161,7 @@ TABLES: Final = (
         run=beside_infinite,
         digits=1,
     ),
-    Table(
+    PublishedTable(
         name="waiting",
         title="Waits take energy (depots-full, orders come in, insertion)",
         cases=fixed(
@@ -183,7 +185,7 @@ TABLES: Final = (
         digits=1,
         grouped=1,
     ),
-    Table(
+    PublishedTable(
         name="lines",
         title="Five robots around one charger (depots-line)",
         cases=fixed(
@@ -193,7 +195,7 @@ TABLES: Final = (
                     "depots-line",
                     (KEPT, f"strategy.charging={{name: insertion, count_queues: {queues}}}"),
                 )
-                for name, queues in QUEUES.items()
+                for name, queues in QUEUES_IN_BIDS.items()
             ]
         ),
         panels=(("in_line", "wait", "stays", "lead_time"),),
@@ -201,7 +203,7 @@ TABLES: Final = (
         run=scenario_runs(with_lines),
         digits=1,
     ),
-    Table(
+    PublishedTable(
         name="failures",
         title="A robot fails at a tick drawn by the seed (depots)",
         cases=fixed(
@@ -219,7 +221,7 @@ TABLES: Final = (
         run=scenario_runs(to_the_end, with_failure),
         digits=1,
     ),
-    Table(
+    PublishedTable(
         name="kinds",
         title="Kinds of auctions, central and decentral (depots)",
         cases=fixed(
@@ -227,9 +229,9 @@ TABLES: Final = (
                 ScenarioCase(
                     {"auction": name},
                     "depots",
-                    (f"strategy.allocation={{name: auction, {KEEP}{', ' if more else ''}{more}}}",),
+                    (f"strategy.allocation={{name: auction, {KEEP_LISTS}{more}}}",),
                 )
-                for name, more in KINDS.items()
+                for name, more in AUCTION_KINDS.items()
             ]
         ),
         panels=(("T_total", "lead_time", "E_U_moves", "auctions", "bids", "messages"),),
@@ -242,10 +244,10 @@ TABLES: Final = (
 # percent that a tick of charging gives (1) and one of driving takes (0.3).
 LEAST_SHARE: Final = 0.8 * 1 / (0.3 + 1)
 LEAST: Final = "0.8 kr / (kc + kr)"
-OURS: Final = "a bound of ours"
+OUR_BOUND: Final = "a bound of ours"
 SAFE: Final = ("insertion", "insertion, joint", "fill-up", "opportunity")  # never strand
-FIXED: Final = "two fixed auctioneers"
-NEAR: Final = "two fixed auctioneers, radius 4"
+FIXED_AUCTIONEERS: Final = "two fixed auctioneers"
+NEAR_AUCTIONEERS: Final = "two fixed auctioneers, radius 4"
 
 
 def empty(wait: str, reserve: int, **bounds: Any) -> Figure:
@@ -265,7 +267,7 @@ def all_delivered(name: str) -> Figure:
     return Figure(f"runs, {name}", mean_of("all_delivered", name), at_least=1, unit="%")
 
 
-CLAIMS: Final = (
+LIVING_CLAIMS: Final = (
     claim(
         "With never-strand no robot runs empty",
         *(
@@ -286,15 +288,15 @@ CLAIMS: Final = (
     ),
     claim(
         "Where waits take energy, robots run empty in most runs if plans keep no reserve",
-        *(empty(wait, 0, at_least=0.5, why=OURS) for wait in WAITS),
+        *(empty(wait, 0, at_least=0.5, why=OUR_BOUND) for wait in WAITS),
     ),
     claim(
         "and in one run of twenty at most if they keep 20 %",
-        *(empty(wait, 20, at_most=0.05, why=OURS) for wait in WAITS),
+        *(empty(wait, 20, at_most=0.05, why=OUR_BOUND) for wait in WAITS),
     ),
     claim(
         "With one charger and five robots, two or more stand in line in a tenth of all ticks",
-        Figure("ticks", mean_of("in_line", "in the bids"), at_least=0.1, unit="%", why=OURS),
+        Figure("ticks", mean_of("in_line", "in the bids"), at_least=0.1, unit="%", why=OUR_BOUND),
     ),
     claim(
         "Robots wait longer for the charger if bids leave its line out",
@@ -311,13 +313,16 @@ CLAIMS: Final = (
     ),
     claim(
         "Regions of announcement, widened until somebody bids, save no messages, and orders wait longer",
-        above("messages more", mean_of("messages", NEAR) - mean_of("messages", FIXED)),
-        slower(NEAR, FIXED),
+        above(
+            "messages more",
+            mean_of("messages", NEAR_AUCTIONEERS) - mean_of("messages", FIXED_AUCTIONEERS),
+        ),
+        slower(NEAR_AUCTIONEERS, FIXED_AUCTIONEERS),
     ),
     claim("If a robot fails, all orders are delivered", *map(all_delivered, REPAIRS)),
 )
 
-REMARKS: Final = (
+LIVING_REMARKS: Final = (
     "Here opportunity charging is insertion: no robot is ever idle. Every station is within 20 % of "
     "a charger, so both readings of the threshold agree, too.",
     "A reserve is what plans keep. What a robot spends in line, or behind others, no plan foresees.",
@@ -341,9 +346,9 @@ REPRODUCTION: Final = Reproduction(
     name="auctions-floor",
     title="Auctions and batteries in the living world",
     source="beyond De Ryck et al. (sequential auctions with charging): no printed figures",
-    tables=TABLES,
-    claims=CLAIMS,
-    remarks=REMARKS,
+    tables=LIVING_TABLES,
+    claims=LIVING_CLAIMS,
+    remarks=LIVING_REMARKS,
     headlines=LIVING_HEADLINES,
     seeds=40,
     claims_title="Claims",

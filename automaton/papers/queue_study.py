@@ -19,9 +19,9 @@ from automaton.papers.claims import Claim, Figure, claim, mean_of
 from automaton.papers.reproduction_study import (
     Headline,
     Key,
+    PublishedTable,
     Reproduction,
     RunCase,
-    Table,
     each_seed,
     fixed,
 )
@@ -29,20 +29,20 @@ from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
 from automaton.world.resolve import resolve
 
-LINES: Final = 20_000
+QUEUE_LINES: Final = 20_000
 INTERARRIVAL: Final = 65  # mean ticks between two lines
 DRIVE: Final = 32  # ticks of a trip without its handling: 26 moves, a pick and a drop
 MEAN, SD = 20.0, 10.0  # ticks of handling
 WITHIN: Final = 3  # standard errors of the mean of the runs
 
 FIXED, EXPONENTIAL, LOGNORMAL = "20 ticks", "exponential, mean 20", "lognormal, mean 20, sd 10"
-HANDLING: Final = {
+HANDLING_TIMES: Final = {
     FIXED: MEAN,
     EXPONENTIAL: {"exponential": MEAN},
     LOGNORMAL: {"lognormal": {"mean": MEAN, "sd": SD}},
 }
 ONE_RUN_SD: Final = {FIXED: 4.9, EXPONENTIAL: 6.6, LOGNORMAL: 5.2}  # of the mean wait, in ticks
-RUNS: Final = 24
+QUEUE_RUNS: Final = 24
 
 # Second moments of the handling in whole ticks; of the rounded lognormal one a twelfth is added.
 VARIANCE: Final = {FIXED: 0.0, EXPONENTIAL: MEAN * (MEAN - 1), LOGNORMAL: SD * SD + 1 / 12}
@@ -60,9 +60,9 @@ def scenario_of(handling: str) -> dict[str, object]:
         "name": "queue",
         "layout": {"picture": PICTURE},
         "fleet": {"robots": 1, "kinematics": "omni", "start": [[2, 1]]},
-        "durations": {"pick": 3, "drop": 3, "handling": {"line": HANDLING[handling]}},
+        "durations": {"pick": 3, "drop": 3, "handling": {"line": HANDLING_TIMES[handling]}},
         "pods": {"join": False},
-        "orders": {"lines": {"count": LINES, "mean_interarrival_time": INTERARRIVAL}},
+        "orders": {"lines": {"count": QUEUE_LINES, "mean_interarrival_time": INTERARRIVAL}},
         "strategy": {"allocation": "first-come", "right_of_way": "wait"},
         "stop": {"when": "delivered", "max_duration": 100_000_000},
     }
@@ -80,7 +80,7 @@ class QueueCase(RunCase):
 
     @property
     def own_settings(self) -> tuple[str, ...]:
-        return (f"durations.handling.line={HANDLING[str(self.key[0])]}",)
+        return (f"durations.handling.line={HANDLING_TIMES[str(self.key[0])]}",)
 
     def check(self) -> None:
         resolve(queue_scenario(self), self.settings)
@@ -145,20 +145,20 @@ def line_by_line() -> Claim:
                 at_most=0,
                 certain=True,
             )
-            for name in HANDLING
+            for name in HANDLING_TIMES
         ),
     )
 
 
 REPRODUCTION: Final = Reproduction(
     name="queues",
-    title=f"One robot, one pod, {LINES:,} lines: an M/G/1 queue at a load of 0.8",
+    title=f"One robot, one pod, {QUEUE_LINES:,} lines: an M/G/1 queue at a load of 0.8",
     source="Pollaczek and Khinchine's formula in discrete time; Lindley's recursion",
     strategies=(),
     tables=(
-        Table(
+        PublishedTable(
             title="Ticks from release to taken, and lines that waited otherwise than Lindley says",
-            cases=fixed([QueueCase({"handling": name}) for name in HANDLING]),
+            cases=fixed([QueueCase({"handling": name}) for name in HANDLING_TIMES]),
             panels=(("wait", "wrong_lines"),),
             run=each_seed(waits),
             published=published,
@@ -166,11 +166,11 @@ REPRODUCTION: Final = Reproduction(
     ),
     averaged=("wait", "wrong_lines"),
     headlines=(
-        *(Headline(name, cell=("wait", (name,)), digits=1) for name in HANDLING),
+        *(Headline(name, cell=("wait", (name,)), digits=1) for name in HANDLING_TIMES),
         Headline("wait - formula, 20 ticks", "The mean wait"),
         Headline("lines with another wait", "Each wait follows"),
     ),
-    seeds=RUNS,
+    seeds=QUEUE_RUNS,
     claims=(as_computed(), line_by_line()),
     remarks=(
         "The handling is rounded to whole ticks, the lognormal one by a twelfth of a tick squared more.",

@@ -28,7 +28,7 @@ Key = tuple[Label, ...]  # the labels of a case, in order
 Settings = tuple[str | Override, ...]  # changes of a scenario, as `--set` takes them
 
 
-class Measured(Protocol):
+class MeasuredRepetition(Protocol):
     """One repetition of a case: a run, a trial."""
 
     @property
@@ -185,12 +185,12 @@ def unpublished(key: Key, metric: str) -> float | None:
 
 # by the key of a case, its repetitions -> (metric, key) and values, one for each repetition
 Together = Callable[
-    [Mapping[Key, Sequence[Measured]]], Iterator[tuple[tuple[str, Key], list[float]]]
+    [Mapping[Key, Sequence[MeasuredRepetition]]], Iterator[tuple[tuple[str, Key], list[float]]]
 ]
 
 
 @dataclass(frozen=True)
-class Table:
+class PublishedTable:
     """A published table, and how it is made again."""
 
     cases: Cases
@@ -250,7 +250,7 @@ class Reproduction:
     name: str
     title: str
     source: str
-    tables: tuple[Table, ...]
+    tables: tuple[PublishedTable, ...]
     claims: tuple[Claim, ...]
     remarks: tuple[str, ...]
     strategies: tuple[str, ...] = ()  # those of the publication; () where there is no choice
@@ -266,7 +266,7 @@ class Reproduction:
 
 
 @dataclass(frozen=True)
-class Row:
+class FigureRow:
     """A metric of a case: the printed figure (None if there is none) and ours."""
 
     case: Mapping[str, Label]
@@ -301,9 +301,9 @@ class Row:
 class MadeTable:
     """A table made again. Runs that did not finish count with the ticks they were given."""
 
-    table: Table
+    table: PublishedTable
     cases: Sequence[Case]
-    results: Sequence[Sequence[Measured]]  # by case, then by seed and repetition
+    results: Sequence[Sequence[MeasuredRepetition]]  # by case, then by seed and repetition
     first_seed: int = 1
 
     @property
@@ -318,7 +318,7 @@ class MadeTable:
     def unfinished(self) -> int:
         return sum(not result.finished for batch in self.results for result in batch)
 
-    def rows(self) -> list[Row]:
+    def rows(self) -> list[FigureRow]:
         """One for each case and each metric that it has, in the order of the cases."""
         of_runs = {metric for metric in self.table.shares if self._counts_runs(metric)}
         return [
@@ -333,7 +333,7 @@ class MadeTable:
         every = (one.metrics.get(metric, 0) for batch in self.results for one in batch)
         return set(every) <= {0, 1}
 
-    def _row(self, case: Case, metric: str, values: Sequence[float], of_runs: bool) -> Row:
+    def _row(self, case: Case, metric: str, values: Sequence[float], of_runs: bool) -> FigureRow:
         paper = self.table.published(case.key, metric)
         # fsum is exact: the figures do not depend on how a processor orders a sum.
         mean = math.fsum(values) / len(values)
@@ -341,7 +341,7 @@ class MadeTable:
         sd = math.sqrt(spread / (len(values) - 1)) if len(values) > 1 else None
         rank = _rank(paper, values) if self.table.ranked else None
         exact = exact_share(round(math.fsum(values)), len(values)) if of_runs else None
-        return Row(
+        return FigureRow(
             case.labels,
             metric,
             paper,
@@ -400,7 +400,7 @@ class Reproduced:
     def unfinished(self) -> int:
         return sum(table.unfinished for table in self.tables)
 
-    def rows(self) -> list[Row]:
+    def rows(self) -> list[FigureRow]:
         """The rows of all tables."""
         return [row for table in self.tables for row in table.rows()]
 
@@ -455,7 +455,7 @@ class Reproduced:
         }
 
 
-def tables_named(reproduction: Reproduction, names: Sequence[str]) -> tuple[Table, ...]:
+def tables_named(reproduction: Reproduction, names: Sequence[str]) -> tuple[PublishedTable, ...]:
     """The tables with these names, the usual ones without names. Raises InputError for an unknown one."""
     known = {table.name: table for table in reproduction.tables if table.name}
     for name in names:

@@ -20,15 +20,15 @@ from typing import Final
 
 from automaton.engine.state import ACTION_PICK
 from automaton.errors import InputError
-from automaton.papers.claims import Claim, Figure, Quantity, above, below, claim, least, mean_of
+from automaton.papers.claims import Claim, Figure, MeanQuantity, above, below, claim, least, mean_of
 from automaton.papers.reproduction_study import (
     Cases,
     Headline,
     Key,
     Label,
+    PublishedTable,
     Reproduction,
     ScenarioCase,
-    Table,
     scenario_runs,
 )
 from automaton.runs.process_pool import run_and_measure
@@ -38,8 +38,8 @@ from automaton.strategy import lookup
 CONFIGURATIONS: Final = (1, 2)
 INDEPENDENT: Final = "independent"
 COOPERATIVE: Final = "cooperative"
-STRATEGIES: Final = (INDEPENDENT, COOPERATIVE)
-ROBOTS: Final = (1, 2, 3, 4, 5)
+TABLETOP_STRATEGIES: Final = (INDEPENDENT, COOPERATIVE)
+TABLETOP_ROBOTS: Final = (1, 2, 3, 4, 5)
 
 # (configuration, strategy): one figure for each number of robots, as printed.
 T_TOTAL: Final = {
@@ -62,10 +62,10 @@ T_R_TOTAL: Final = {
 }
 TABLE_3: Final = {"T_total": T_TOTAL, "T_R": T_R, "T_Rtotal": T_R_TOTAL}
 
-ORDERS: Final = "orders"  # what robots know: as published
-EVERYTHING: Final = "everything"
+SEE_ORDERS: Final = "orders"  # what robots know: as published
+SEE_EVERYTHING: Final = "everything"
 
-REMARKS: Final = (
+TABLETOP_REMARKS: Final = (
     "Robots know the list of orders and the cells next to them (information: orders), for the paper has "
     "them neither communicate nor see each other from afar. With information: everything they plan "
     "around all robots after a retreat, wherever these are; then the crossover of configuration 2 "
@@ -107,12 +107,12 @@ def cases(strategies: Sequence[str]) -> list[ScenarioCase]:
             overrides=(
                 f"fleet.robots={robots}",
                 f"strategy.allocation={strategy}",
-                f"information={ORDERS}",
+                f"information={SEE_ORDERS}",
             ),
         )
         for configuration in CONFIGURATIONS
         for strategy in strategies
-        for robots in ROBOTS
+        for robots in TABLETOP_ROBOTS
     ]
 
 
@@ -121,7 +121,7 @@ def sixth(strategies: Sequence[str]) -> list[ScenarioCase]:
     overrides = (
         "fleet.robots=6",
         f"strategy.allocation={COOPERATIVE}",
-        f"information={ORDERS}",
+        f"information={SEE_ORDERS}",
     )
     labels: dict[str, Label] = {"configuration": 1, "strategy": COOPERATIVE, "robots": 6}
     return [ScenarioCase(labels, "tabletop-1", overrides)] if COOPERATIVE in strategies else []
@@ -133,9 +133,9 @@ def seeing_everything(cases: Cases) -> Cases:
     def changed(strategies: Sequence[str]) -> list[ScenarioCase]:
         return [
             ScenarioCase(
-                {**case.labels, "information": EVERYTHING},
+                {**case.labels, "information": SEE_EVERYTHING},
                 case.scenario,
-                (*case.overrides[:-1], f"information={EVERYTHING}"),
+                (*case.overrides[:-1], f"information={SEE_EVERYTHING}"),
             )
             for case in cases(strategies)
             if isinstance(case, ScenarioCase)
@@ -156,7 +156,11 @@ def published(key: Key, metric: str) -> float | None:
     configuration, strategy, robots = key[:3]
     table = TABLE_3.get(metric, {})
     line = table.get((int(configuration), str(strategy)))
-    return None if line is None or robots not in ROBOTS else line[ROBOTS.index(int(robots))]
+    return (
+        None
+        if line is None or robots not in TABLETOP_ROBOTS
+        else line[TABLETOP_ROBOTS.index(int(robots))]
+    )
 
 
 E_U: Final = {
@@ -169,25 +173,27 @@ SAME: Final = 0.02  # shares this close count as the same
 FROM_TWO: Final = "from 2 robots on, for one alone meets nobody; the paper names no first number"
 
 
-def saved(name: str, configuration: int, robots: int) -> Quantity:
+def saved(name: str, configuration: int, robots: int) -> MeanQuantity:
     """How much less cooperative robots need than independent ones."""
-    alone, together = (mean_of(name, configuration, strategy, robots) for strategy in STRATEGIES)
+    alone, together = (
+        mean_of(name, configuration, strategy, robots) for strategy in TABLETOP_STRATEGIES
+    )
     return alone - together
 
 
-def rises(name: str, configuration: int, strategy: str) -> list[Quantity]:
+def rises(name: str, configuration: int, strategy: str) -> list[MeanQuantity]:
     """What each robot after the first adds to a metric."""
-    by_robots = [mean_of(name, configuration, strategy, robots) for robots in ROBOTS]
+    by_robots = [mean_of(name, configuration, strategy, robots) for robots in TABLETOP_ROBOTS]
     return [after - before for before, after in pairwise(by_robots)]
 
 
-def congestion(configuration: int, strategy: str, robots: int) -> Quantity:
+def congestion(configuration: int, strategy: str, robots: int) -> MeanQuantity:
     """Robot cycles that a fleet takes beyond those of a lone robot, as a share of these."""
     alone = mean_of("T_total", configuration, strategy, 1)
     return robots * mean_of("T_total", configuration, strategy, robots) / alone - 1
 
 
-def later_congestion(configuration: int, strategy: str) -> Quantity:
+def later_congestion(configuration: int, strategy: str) -> MeanQuantity:
     """Rise of the congestion from two robots to five."""
     return congestion(configuration, strategy, 5) - congestion(configuration, strategy, 2)
 
@@ -201,9 +207,9 @@ def signed(
         yield (above if robots in fewer else below)(label, saved(name, configuration, robots))
 
 
-def by_curve(what: str, make: Callable[[int, str], Quantity]) -> Iterator[Figure]:
+def by_curve(what: str, make: Callable[[int, str], MeanQuantity]) -> Iterator[Figure]:
     """A figure for each strategy and configuration, which must be above zero."""
-    for c, s in product(CONFIGURATIONS, STRATEGIES):
+    for c, s in product(CONFIGURATIONS, TABLETOP_STRATEGIES):
         yield above(f"{what}, {s}, cfg {c}", make(c, s))
 
 
@@ -213,18 +219,21 @@ def empty_runs() -> Iterator[Claim]:
     for name, reading in E_U.items():
         yield claim(
             f"Configuration 2: cooperative robots run empty less at every N (E_U by {reading})",
-            *(above(f"less by, N = {n}", saved(name, 2, n), unit="points") for n in ROBOTS),
+            *(
+                above(f"less by, N = {n}", saved(name, 2, n), unit="points")
+                for n in TABLETOP_ROBOTS
+            ),
         )
         yield claim(
             f"Configuration 1: empty runs are the same with 3 to 5 robots (E_U by {reading})",
             *(
                 Figure(f"less by, N = {n}", saved(name, 1, n), -SAME, SAME, unit="points", why=same)
-                for n in ROBOTS[2:]
+                for n in TABLETOP_ROBOTS[2:]
             ),
         )
 
 
-CLAIMS: Final = (
+TABLETOP_CLAIMS: Final = (
     claim(
         "Configuration 1: cooperation cuts T_total by 30 % with 4 robots",
         Figure(
@@ -239,7 +248,7 @@ CLAIMS: Final = (
     ),
     claim(
         "Configuration 1: cooperation shortens T_total at every N",
-        *signed("T_total", 1, fewer=ROBOTS),
+        *signed("T_total", 1, fewer=TABLETOP_ROBOTS),
     ),
     claim(
         "Configuration 1: 4 cooperative robots are the optimum, a fifth makes T_total longer",
@@ -261,7 +270,7 @@ CLAIMS: Final = (
                 unit="points",
                 why=FROM_TWO,
             )
-            for s in STRATEGIES
+            for s in TABLETOP_STRATEGIES
         ),
         source="However, the greater the number of robots, the smaller the gain from addition of "
         "another robot. This congestion effect increases faster with the number of robots in "
@@ -306,7 +315,7 @@ CLAIMS: Final = (
             above(
                 f"above the least, cfg {c}",
                 mean_of("T_R", c, INDEPENDENT, 5)
-                - least(mean_of("T_R", c, INDEPENDENT, robots) for robots in ROBOTS[:-1]),
+                - least(mean_of("T_R", c, INDEPENDENT, robots) for robots in TABLETOP_ROBOTS[:-1]),
             )
             for c in CONFIGURATIONS
         ),
@@ -344,14 +353,14 @@ CLAIMS: Final = (
     *empty_runs(),
 )
 
-TABLE_OF_ORDERS: Final = Table(
+TABLE_OF_ORDERS: Final = PublishedTable(
     title="Table 3: robots know the list of orders",
     cases=cases,
     panels=(("T_total", "T_R", "T_Rtotal"), tuple(E_U)),
     published=published,
     shares=tuple(E_U),
 )
-SIXTH_ROBOT: Final = Table(
+SIXTH_ROBOT: Final = PublishedTable(
     title="A sixth robot, which has no alley of its own",
     cases=sixth,
     panels=(("T_total", "T_R", "least_picks", "sixth_idle"),),
@@ -361,10 +370,12 @@ SIXTH_ROBOT: Final = Table(
 )
 
 
-def with_everything(table: Table, title: str) -> Table:
+def with_everything(table: PublishedTable, title: str) -> PublishedTable:
     """The same table with robots that see the whole state."""
     cases = seeing_everything(table.cases)
-    return replace(table, title=title, cases=cases, premise=f"information: {EVERYTHING}", grouped=2)
+    return replace(
+        table, title=title, cases=cases, premise=f"information: {SEE_EVERYTHING}", grouped=2
+    )
 
 
 TABLETOP_HEADLINES: Final = (  # "saved" and "cut" are what cooperation makes less
@@ -384,7 +395,7 @@ REPRODUCTION: Final = Reproduction(
     title="Table-top warehouse, Table 3",
     source="Grzejszczak & Nocoń, Cooperative and individual planning strategies for autonomous "
     "robots in warehouse parcel transportation",
-    strategies=STRATEGIES,
+    strategies=TABLETOP_STRATEGIES,
     tables=(
         TABLE_OF_ORDERS,
         SIXTH_ROBOT,
@@ -394,8 +405,8 @@ REPRODUCTION: Final = Reproduction(
         with_everything(SIXTH_ROBOT, "A sixth robot, all of them seeing the whole state"),
     ),
     averaged=("T_total", "T_Rtotal"),
-    premise=f"information: {ORDERS}",
+    premise=f"information: {SEE_ORDERS}",
     headlines=TABLETOP_HEADLINES,
-    claims=CLAIMS,
-    remarks=REMARKS,
+    claims=TABLETOP_CLAIMS,
+    remarks=TABLETOP_REMARKS,
 )

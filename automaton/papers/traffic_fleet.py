@@ -10,46 +10,48 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Final
 
-from automaton.papers.claims import Figure, Quantity, above, claim, mean_of
-from automaton.papers.reproduction_study import Headline, Reproduction, ScenarioCase, Table
+from automaton.papers.claims import Figure, MeanQuantity, above, claim, mean_of
+from automaton.papers.reproduction_study import Headline, PublishedTable, Reproduction, ScenarioCase
 
-SCENARIO: Final = "warehouse-100"
-ROBOTS: Final = (6, 20, 50, 100)
-CROWD: Final = ROBOTS[-1]
-TICKS: Final = {6: 6900}  # so that a small fleet finishes enough tasks, too
+WAREHOUSE_SCENARIO: Final = "warehouse-100"
+FLEET_SIZES: Final = (6, 20, 50, 100)
+LARGEST_FLEET: Final = FLEET_SIZES[-1]
+TICKS_BY_ROBOTS: Final = {6: 6900}  # so that a small fleet finishes enough tasks, too
 USUAL_TICKS: Final = 2300
 CHANCE: Final = "10 %"  # of a tick more for a move
 
 A_STAR: Final = "A*"
 AVOIDANCE: Final = "avoidance"
-SHARES: Final = "time average"
-TASKS: Final = "undelayed"
-PLANS: Final = "shared plans"
+TIME_AVERAGE: Final = "time average"
+UNDELAYED: Final = "undelayed"
+SHARED_PLANS: Final = "shared plans"
 CONGESTION: Final = "congestion"
 
-POLICIES: Final = {  # what strategy.routing is set to; any other strategy stands for itself
+ROUTING_POLICIES: Final = {  # what strategy.routing is set to; any other strategy stands for itself
     A_STAR: "{name: astar, tie_break: random}",
     AVOIDANCE: "{name: traffic-avoidance, tie_break: random}",
-    SHARES: "{name: congestion, forecast: task-averages, beta: 1, replan_period: 0}",
-    TASKS: "{name: congestion, forecast: tasks, beta: 1, replan_period: 0}",
-    PLANS: "{name: congestion, beta: 1, replan_period: 0}",
+    TIME_AVERAGE: "{name: congestion, forecast: task-averages, beta: 1, replan_period: 0}",
+    UNDELAYED: "{name: congestion, forecast: tasks, beta: 1, replan_period: 0}",
+    SHARED_PLANS: "{name: congestion, beta: 1, replan_period: 0}",
     CONGESTION: "{name: congestion, beta: 2, replan_period: 20}",
 }
 
 
 def scenario_of(policy: str, robots: int) -> tuple[str, ...]:
     """The overrides of warehouse-100 for a fleet with a policy."""
-    routing = POLICIES.get(policy, policy)
-    ticks = TICKS.get(robots, USUAL_TICKS)
+    routing = ROUTING_POLICIES.get(policy, policy)
+    ticks = TICKS_BY_ROBOTS.get(robots, USUAL_TICKS)
     return f"strategy.routing={routing}", f"fleet.robots={robots}", f"stop.max_duration={ticks}"
 
 
 def fleets(policies: Sequence[str]) -> list[ScenarioCase]:
     """Each policy with each size of the fleet."""
     return [
-        ScenarioCase({"policy": policy, "robots": robots}, SCENARIO, scenario_of(policy, robots))
+        ScenarioCase(
+            {"policy": policy, "robots": robots}, WAREHOUSE_SCENARIO, scenario_of(policy, robots)
+        )
         for policy in policies
-        for robots in ROBOTS
+        for robots in FLEET_SIZES
     ]
 
 
@@ -58,17 +60,17 @@ def delayed_fleets(policies: Sequence[str]) -> list[ScenarioCase]:
     return [
         ScenarioCase(
             {"policy": policy, "extra tick": CHANCE},
-            SCENARIO,
-            (*scenario_of(policy, CROWD), "world.extra_tick_probability=0.1"),
+            WAREHOUSE_SCENARIO,
+            (*scenario_of(policy, LARGEST_FLEET), "world.extra_tick_probability=0.1"),
         )
         for policy in policies
     ]
 
 
-METRICS: Final = ("task_time", "delay", "completions")
+FLEET_METRICS: Final = ("task_time", "delay", "completions")
 
 
-def delay(policy: str, of: int | str = CROWD) -> Quantity:
+def delay(policy: str, of: int | str = LARGEST_FLEET) -> MeanQuantity:
     """The mean delay with a policy; `of`: robots, or CHANCE."""
     return mean_of("delay", policy, of)
 
@@ -79,42 +81,48 @@ def beyond_a_star(policy: str, robots: int, **bounds: Any) -> Figure:
     return Figure(f"delay beyond A*, N = {robots}", more, digits=1, **bounds)
 
 
-OURS: Final = "a bound of ours"  # nothing of it is printed
+OUR_BOUND: Final = "a bound of ours"  # nothing of it is printed
 
-CLAIMS: Final = (
+TRAFFIC_FLEET_CLAIMS: Final = (
     claim(
         "Avoidance by static counts harms a fleet in which everybody uses it",
-        *(beyond_a_star(AVOIDANCE, robots, at_least=0, strict=True) for robots in ROBOTS),
+        *(beyond_a_star(AVOIDANCE, robots, at_least=0, strict=True) for robots in FLEET_SIZES),
     ),
     claim(
         "What helps is to know the plans of the others: their tasks alone are not enough",
         *(
-            above(f"delay by {policy} beyond {PLANS}", delay(policy) - delay(PLANS), digits=1)
-            for policy in (SHARES, TASKS)
+            above(
+                f"delay by {policy} beyond {SHARED_PLANS}",
+                delay(policy) - delay(SHARED_PLANS),
+                digits=1,
+            )
+            for policy in (TIME_AVERAGE, UNDELAYED)
         ),
     ),
     claim(
         "Search in time through shared plans leaves 100 robots at most 7 ticks of delay",
-        Figure("delay", delay(CONGESTION), at_most=7, digits=1, why=OURS),
+        Figure("delay", delay(CONGESTION), at_most=7, digits=1, why=OUR_BOUND),
     ),
     claim(
         "It gives at least a fifth more throughput than A*",
         Figure(
             "more completions",
-            mean_of("completions", CONGESTION, CROWD) / mean_of("completions", A_STAR, CROWD) - 1,
+            mean_of("completions", CONGESTION, LARGEST_FLEET)
+            / mean_of("completions", A_STAR, LARGEST_FLEET)
+            - 1,
             at_least=0.2,
             unit="%",
-            why=OURS,
+            why=OUR_BOUND,
         ),
     ),
     claim("Six robots lose nothing by it", beyond_a_star(CONGESTION, 6, at_most=0)),
     claim(
         "It bears that plans are not kept: at most 27 ticks of delay, extra ticks included",
-        Figure("delay", delay(CONGESTION, CHANCE), at_most=27, digits=1, why=OURS),
+        Figure("delay", delay(CONGESTION, CHANCE), at_most=27, digits=1, why=OUR_BOUND),
     ),
 )
 
-REMARKS: Final = (
+TRAFFIC_FLEET_REMARKS: Final = (
     "The paper judges one robot that avoids five others which drive plain A*; what happens when all "
     "avoid each other it leaves to further work.",
     "Counts of who will ever use a zone send everybody round the same busy zones at once, and into "
@@ -127,8 +135,8 @@ REMARKS: Final = (
 
 FLEET_HEADLINES: Final = (
     *(
-        Headline(f"100 robots, delay: {policy}", cell=("delay", (policy, CROWD)), digits=1)
-        for policy in POLICIES
+        Headline(f"100 robots, delay: {policy}", cell=("delay", (policy, LARGEST_FLEET)), digits=1)
+        for policy in ROUTING_POLICIES
     ),
     Headline("avoidance beyond A*, 6 robots", "Avoidance by static counts harms"),
     Headline("time average beyond plans", "What helps is to know"),
@@ -142,25 +150,25 @@ REPRODUCTION: Final = Reproduction(
     title="Warehouse with slow zones, the whole fleet by one policy",
     source="beyond Shaji Bhattathiri, Li & Kuhl, A traffic avoidance path planning method for "
     "autonomous vehicles in a warehouse environment: no printed figures",
-    strategies=tuple(POLICIES),
+    strategies=tuple(ROUTING_POLICIES),
     tables=(
-        Table(
+        PublishedTable(
             title="All moves take what their zones say",
             cases=fleets,
-            panels=(METRICS,),
+            panels=(FLEET_METRICS,),
             digits=2,
             grouped=1,
         ),
-        Table(
-            title=f"{CROWD} robots, a tick more for {CHANCE} of the moves",
+        PublishedTable(
+            title=f"{LARGEST_FLEET} robots, a tick more for {CHANCE} of the moves",
             cases=delayed_fleets,
-            panels=(METRICS,),
+            panels=(FLEET_METRICS,),
             digits=2,
             grouped=0,
         ),
     ),
-    claims=CLAIMS,
-    remarks=REMARKS,
+    claims=TRAFFIC_FLEET_CLAIMS,
+    remarks=TRAFFIC_FLEET_REMARKS,
     headlines=FLEET_HEADLINES,
     seeds=3,
     claims_title="Claims",

@@ -15,18 +15,18 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from automaton.papers.claims import Claim, Figure, Mean, Quantity, above, below, claim, mean_of
+from automaton.papers.claims import Claim, Figure, Mean, MeanQuantity, above, below, claim, mean_of
 from automaton.papers.reproduction_study import (
     Case,
     Headline,
     Key,
+    PublishedTable,
     Reproduction,
-    Table,
     each_seed,
     fixed,
 )
 from automaton.papers.traffic_trials import (
-    DEPTHS,
+    DEPTHS_TABLE,
     TABLES_1_TO_4,
     TRIALS,
     Setting,
@@ -41,19 +41,19 @@ AVOIDANCE: Final = "avoidance"
 CAUTIOUS: Final = "most cautious"
 MORE_THAN: Final = "more than A"
 
-TABLE_5: Final = {  # as printed, the last two columns from the text
+PRINTED_TIMES: Final = {  # as printed, the last two columns from the text
     A_STAR: {"time": 229.97, "distance": 160.25},
     AVOIDANCE: {"time": 180.53, "distance": 214.34, "taken": 0.39, "saving": 126.76},
 }
 
-TABLE_5_SD: Final = {  # printed in brackets, and that of the saving in the text
+PRINTED_TIMES_SD: Final = {  # printed in brackets, and that of the saving in the text
     A_STAR: {"time": 77.60, "distance": 46.96},
     AVOIDANCE: {"time": 59.81, "distance": 104.26, "saving": 70.35},
 }
 
 # Precision and recall of two rows of the paper's Tables 3 and 4: training and testing.
-TRAINED: Final = noisy(precision=0.40, recall=0.84)
-TESTED: Final = noisy(precision=0.05, recall=0.75)
+AS_TRAINED: Final = noisy(precision=0.40, recall=0.84)
+AS_TESTED: Final = noisy(precision=0.05, recall=0.75)
 
 
 @dataclass(frozen=True)
@@ -70,13 +70,13 @@ def line(slowdown: str, path: str, counts: str, setting: Setting) -> TrialCase:
     return TrialCase(labels, setting, plain=path == A_STAR)
 
 
-LINES: Final = (
+TRIAL_LINES: Final = (
     line("static", A_STAR, "-", Setting(exact)),
     line("static", AVOIDANCE, "exact", Setting(exact)),
     line("static", MORE_THAN, "exact", Setting(exact, more_than=True)),
-    line("static", AVOIDANCE, ".40/.84", Setting(TRAINED)),
-    line("static", CAUTIOUS, ".40/.84", Setting(TRAINED, cautious=True)),
-    line("static", AVOIDANCE, ".05/.75", Setting(TESTED)),
+    line("static", AVOIDANCE, ".40/.84", Setting(AS_TRAINED)),
+    line("static", CAUTIOUS, ".40/.84", Setting(AS_TRAINED, cautious=True)),
+    line("static", AVOIDANCE, ".05/.75", Setting(AS_TESTED)),
     line("static", AVOIDANCE, "network", Setting(network)),
     line("dynamic", A_STAR, "-", Setting(exact, "dynamic")),
     line("dynamic", AVOIDANCE, "exact", Setting(exact, "dynamic")),
@@ -91,18 +91,18 @@ def trials(case: TrialCase, seed: int) -> list[Mapping[str, float]]:
 def published(key: Key, metric: str) -> float | None:
     """The printed figure; each reading stands beside the same printed row."""
     path = A_STAR if key[1] == A_STAR else AVOIDANCE
-    return TABLE_5[path].get(metric)
+    return PRINTED_TIMES[path].get(metric)
 
 
 def published_sd(key: Key, metric: str) -> float | None:
     """The printed standard deviation over trials, of the same rows."""
     path = A_STAR if key[1] == A_STAR else AVOIDANCE
-    return TABLE_5_SD[path].get(metric)
+    return PRINTED_TIMES_SD[path].get(metric)
 
 
 Reading = tuple[str, str, str]  # the labels of a case
 
-PLAIN: Final = (A_STAR, "-")  # path and counts
+PLAIN_A_STAR: Final = (A_STAR, "-")  # path and counts
 PRINTED_TRIALS: Final = 100
 # Of the saving over all trials: 126.76 +- 70.35 in 39 of 100, nothing in the others.
 SAVING_SD: Final = (0.39 * (126.76**2 + 70.35**2) - (0.39 * 126.76) ** 2) ** 0.5
@@ -120,7 +120,7 @@ READINGS: Final = {  # slowdown, path, counts: how it is called
 
 def saved(name: str, reading: Reading) -> Callable[[Mean], float]:
     """How much less of a metric the avoiding robot has."""
-    return mean_of(name, reading[0], *PLAIN) - mean_of(name, *reading)
+    return mean_of(name, reading[0], *PLAIN_A_STAR) - mean_of(name, *reading)
 
 
 def per_alternative(reading: Reading) -> Callable[[Mean], float]:
@@ -145,8 +145,8 @@ def about_plain_a_star() -> Iterator[Claim]:
     for slowdown in ("static", "dynamic"):
         yield claim(
             f"Plain A* takes 229.97 steps over 160.25 cells ({slowdown})",
-            around("time", mean_of("time", slowdown, *PLAIN), 229.97, 77.60),
-            around("distance", mean_of("distance", slowdown, *PLAIN), 160.25, 46.96),
+            around("time", mean_of("time", slowdown, *PLAIN_A_STAR), 229.97, 77.60),
+            around("distance", mean_of("distance", slowdown, *PLAIN_A_STAR), 160.25, 46.96),
         )
 
 
@@ -172,20 +172,20 @@ STATEMENTS: Final[dict[str, Callable[[Reading], Figure]]] = {
 }
 
 
-def spread(name: str, *key: str) -> Quantity:
+def spread(name: str, *key: str) -> MeanQuantity:
     """The standard deviation of a metric over trials."""
     square, mean = mean_of(f"{name}_squared", *key), mean_of(name, *key)
-    return Quantity(lambda of: max(0.0, square(of) - mean(of) ** 2) ** 0.5)
+    return MeanQuantity(lambda of: max(0.0, square(of) - mean(of) ** 2) ** 0.5)
 
 
 def about_spreads() -> Iterator[Claim]:
     """The printed standard deviations; one of 100 trials has a standard error of about 7 %."""
     error = 1 / (2 * (PRINTED_TRIALS - 1)) ** 0.5
     readings: dict[Reading, str] = {
-        (slowdown, *PLAIN): f"plain A*, {slowdown}" for slowdown in ("static", "dynamic")
+        (slowdown, *PLAIN_A_STAR): f"plain A*, {slowdown}" for slowdown in ("static", "dynamic")
     }
     for reading, name in (readings | READINGS).items():
-        printed = TABLE_5_SD[A_STAR if reading[1] == A_STAR else AVOIDANCE]
+        printed = PRINTED_TIMES_SD[A_STAR if reading[1] == A_STAR else AVOIDANCE]
         yield claim(
             f"Times spread by {printed['time']:.2f} and distances by {printed['distance']:.2f} ({name})",
             *(
@@ -229,7 +229,7 @@ def about_depth() -> Iterator[Claim]:
         )
 
 
-REMARKS: Final = (
+TRAFFIC_REMARKS: Final = (
     "Traffic avoidance is said to take 180.53 steps over 214.34 cells, yet every cell takes at "
     "least one step. 180.53 = 229.97 - 0.39 x 126.76, so it is the mean over all trials.",
     "The network that is reported (precision 0.05, recall 0.75 in testing) foresees nearly "
@@ -257,7 +257,12 @@ REMARKS: Final = (
     "reading tried.",
 )
 
-CLAIMS: Final = (*about_plain_a_star(), *about_avoidance(), *about_spreads(), *about_depth())
+TRAFFIC_CLAIMS: Final = (
+    *about_plain_a_star(),
+    *about_avoidance(),
+    *about_spreads(),
+    *about_depth(),
+)
 
 STATIC_CASE: Final = ("static", AVOIDANCE, "exact")
 PLAIN_LINE: Final = "Plain A* takes 229.97 steps over 160.25 cells (static)"
@@ -290,9 +295,9 @@ REPRODUCTION: Final = Reproduction(
     source="Shaji Bhattathiri, Li & Kuhl, A traffic avoidance path planning method for autonomous "
     "vehicles in a warehouse environment",
     tables=(
-        Table(
+        PublishedTable(
             title="Table 5: travel time and distance",
-            cases=fixed(LINES),
+            cases=fixed(TRIAL_LINES),
             panels=(("time", "distance"), ("taken", "saving", "encounters")),
             published=published,
             printed_sd=published_sd,
@@ -304,10 +309,10 @@ REPRODUCTION: Final = Reproduction(
             grouped=1,
         ),
         TABLES_1_TO_4,
-        DEPTHS,
+        DEPTHS_TABLE,
     ),
-    claims=CLAIMS,
-    remarks=REMARKS,
+    claims=TRAFFIC_CLAIMS,
+    remarks=TRAFFIC_REMARKS,
     headlines=TRAFFIC_HEADLINES,
     seeds=10,
 )

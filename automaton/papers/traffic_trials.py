@@ -16,8 +16,8 @@ import numpy as np
 
 from automaton.engine.state import ACTION_COUNT, NIL, Array, Grid
 from automaton.floor.cells import DOCK, EAST, RACK
-from automaton.papers.reproduction_study import Case, Key, Table, read_once
-from automaton.papers.training_report import COLUMNS, PRINTED, Row, from_json
+from automaton.papers.reproduction_study import Case, Key, PublishedTable, read_once
+from automaton.papers.training_report import COLUMNS, PRINTED_TABLES, TrainingRow, from_json
 from automaton.scenario.floor_section import generator_type
 from automaton.scenario.robot_types import RobotType
 from automaton.world.prepared_floor import Floor, floor_for
@@ -27,8 +27,8 @@ from strategies.routing.predicted_paths import CERTAIN, USED_SHARE, false_alarms
 from strategies.routing.routing_parameters import network_for, predicted_zones, shipped
 from strategies.routing.traffic_avoidance import LEAST_TIME, MOST_CAUTIOUS
 
-SIDE: Final = 100  # cells
-ROBOTS: Final = 6  # five are active, one is dispatched
+WAREHOUSE_SIDE: Final = 100  # cells
+TRIAL_ROBOTS: Final = 6  # five are active, one is dispatched
 TRIALS: Final = 100  # of a seed
 MOST_THRESHOLD: Final = 6  # A = 1..6
 
@@ -58,7 +58,7 @@ class Setting:
 
 
 @cache
-def warehouse(side: int = SIDE) -> Warehouse:
+def warehouse(side: int = WAREHOUSE_SIDE) -> Warehouse:
     """The warehouse E1, or one of another size like it; undirected zones, a move takes a tick."""
     plan = generator_type("racks")(preset="E1", rows=side, columns=side).build()  # type: ignore[attr-defined]
     floor = floor_for(plan, "undirected", (RobotType(kinematics="omni"),))
@@ -71,7 +71,9 @@ def warehouse(side: int = SIDE) -> Warehouse:
         stands(floor, RACK),
         stands(floor, DOCK),
         route_space(grid),
-        monte_carlo.monte_carlo_workspace(ROBOTS, 2 * floor.longest_route, grid.traffic_zone_count),
+        monte_carlo.monte_carlo_workspace(
+            TRIAL_ROBOTS, 2 * floor.longest_route, grid.traffic_zone_count
+        ),
     )
 
 
@@ -84,7 +86,7 @@ def stands(floor: Floor, kind: int) -> Array:
 
 def tasks_of(where: Warehouse, seed: int, trials: int = TRIALS) -> Array:
     """(trials, ROBOTS, 3) int32: start, pick-up and drop-off cells."""
-    tasks = np.zeros((trials, ROBOTS, 3), np.int32)
+    tasks = np.zeros((trials, TRIAL_ROBOTS, 3), np.int32)
     with np.errstate(over="ignore"):
         monte_carlo.draw_tasks(np.uint64(seed), where.racks, where.docks, tasks)
     return tasks
@@ -167,7 +169,7 @@ def with_squares(metrics: dict[str, int]) -> dict[str, int]:
 # tables are read from files that `automaton train traffic` wrote, and that it writes anew on request.
 
 
-SCENARIO: Final = "warehouse-100"
+WAREHOUSE_SCENARIO: Final = "warehouse-100"
 COMMAND: Final = "automaton train traffic --tables --out FILE"
 DEPTHS_COMMAND: Final = "automaton train traffic --depths --epochs 5 --out FILE"
 
@@ -177,7 +179,7 @@ def network(where: Warehouse, seed: int, tasks: Array) -> Array:
 
     A robot uses the zones of either of its two legs.
     """
-    trained = network_for(where.grid, where.duration, shipped(SCENARIO))
+    trained = network_for(where.grid, where.duration, shipped(WAREHOUSE_SCENARIO))
     zones = where.grid.traffic_zone[tasks[:, 1:], 0].astype(np.int64)  # (trials, others, 3)
     start, pick, drop = zones.reshape(-1, 3).T  # of all robots, in one call of the network
     used = predicted_zones(trained, start, pick) | predicted_zones(trained, pick, drop)
@@ -188,21 +190,21 @@ def network(where: Warehouse, seed: int, tasks: Array) -> Array:
 @cache
 def stored(what: str = "tables") -> dict[str, Any]:
     """A file of results, of Tables 1 to 4 or of `depths`: how they were made, and the rows."""
-    path = shipped(SCENARIO).with_name(f"{SCENARIO}-{what}.json")
+    path = shipped(WAREHOUSE_SCENARIO).with_name(f"{WAREHOUSE_SCENARIO}-{what}.json")
     found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     return found
 
 
-def rows() -> dict[Key, Row]:
+def rows() -> dict[Key, TrainingRow]:
     """The rows by their labels, in the order of print; the printed loss first."""
-    in_print = [(table, keep) for table, figures in PRINTED.items() for keep in figures]
+    in_print = [(table, keep) for table, figures in PRINTED_TABLES.items() for keep in figures]
     found = sorted(
         from_json(stored()["rows"]), key=lambda row: in_print.index((row.table, row.monitored))
     )
     return {tuple(labels(row).values()): row for row in found}
 
 
-def labels(row: Row) -> dict[str, str | int]:
+def labels(row: TrainingRow) -> dict[str, str | int]:
     """What a row is called, short enough for a line."""
     return {"table": row.table, "monitored": row.short, "loss": row.loss}
 
@@ -233,7 +235,7 @@ def depths() -> dict[Key, dict[str, Any]]:
 def depth_figures(key: Key) -> dict[str, float]:
     """One training; beyond: by how much the loss stays above that of a constant answer."""
     row = depths()[key]
-    return {name: row[name] for name in DEPTH} | {"beyond": row["least"] - row["constant"]}
+    return {name: row[name] for name in DEPTH_FIGURES} | {"beyond": row["least"] - row["constant"]}
 
 
 def origin_of_depths() -> str:
@@ -246,13 +248,13 @@ def origin_of_depths() -> str:
     )
 
 
-DEPTH: Final = ("least", "constant", "precision", "recall")
-DEPTHS: Final = Table(
+DEPTH_FIGURES: Final = ("least", "constant", "precision", "recall")
+DEPTHS_TABLE: Final = PublishedTable(
     title="Deeper networks: what they learn",
     cases=lambda strategies: [
         Case({"study": study, "loss": loss, "hidden": hidden}) for study, loss, hidden in depths()
     ],
-    panels=(DEPTH,),
+    panels=(DEPTH_FIGURES,),
     run=read_once(depth_figures),
     stored=origin_of_depths,
     repetition="training",
@@ -260,7 +262,7 @@ DEPTHS: Final = Table(
     grouped=2,
 )
 
-TABLES_1_TO_4: Final = Table(
+TABLES_1_TO_4: Final = PublishedTable(
     title="Tables 1 to 4: what the network learns",
     cases=lambda strategies: [Case(labels(row)) for row in rows().values()],
     panels=(COLUMNS,),

@@ -21,8 +21,8 @@ from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.floor.cells import DOCK, RACK
 from automaton.papers.training_settings import (
-    METRICS,
-    Counts,
+    MEASURES,
+    AnswerCounts,
     Settings,
     counts,
     first_bias,
@@ -186,14 +186,14 @@ def judged(network: ZoneNetwork, data: Data) -> dict[str, dict[str, float]]:
 # trained on; weights are kept when everything that is monitored has improved.
 
 
-WIDTH: Final = 256  # of a hidden layer
+HIDDEN_WIDTH: Final = 256  # of a hidden layer
 AT_ONCE: Final = 3000  # legs that are answered in one go
 
 Keep = tuple[str, ...]  # metrics that must all improve; () = the loss
 Layers = tuple[tuple[Any, Any], ...]  # (weights, bias) float32, as ZoneNetwork's
 
 
-NOTHING: Final = Counts(0, 0, 0, 0)
+NO_ANSWERS: Final = AnswerCounts(0, 0, 0, 0)
 
 
 @dataclass
@@ -202,16 +202,16 @@ class Checkpoint:
 
     epoch: int = 0
     loss: float = math.inf
-    counts: Counts = NOTHING
+    counts: AnswerCounts = NO_ANSWERS
     layers: Layers = ()
 
-    def improved(self, keep: Keep, loss: float, now: Counts) -> bool:
+    def improved(self, keep: Keep, loss: float, now: AnswerCounts) -> bool:
         """Whether an epoch is better in all that is monitored; the first one is."""
         if self.epoch == 0:
             return True
         if not keep:
             return loss < self.loss
-        return all(METRICS[name].improves(now, self.counts) for name in keep)
+        return all(MEASURES[name].improves(now, self.counts) for name in keep)
 
 
 @dataclass
@@ -222,7 +222,9 @@ class Trained:
     losses: list[float] = field(default_factory=list)
 
 
-OnEpoch = Callable[[int, float, Counts], None]  # epoch from 1, its mean loss, answers after it
+OnEpoch = Callable[
+    [int, float, AnswerCounts], None
+]  # epoch from 1, its mean loss, answers after it
 
 
 def train(
@@ -282,7 +284,7 @@ def step(optimizer: Any, value: Any) -> None:
     optimizer.step()
 
 
-def enter(trained: Trained, epoch: int, loss: float, now: Counts, network: Any) -> None:
+def enter(trained: Trained, epoch: int, loss: float, now: AnswerCounts, network: Any) -> None:
     """Note the loss of an epoch, and its weights where all that is monitored has improved."""
     trained.losses.append(loss)
     for keep, kept in trained.kept.items():
@@ -302,12 +304,12 @@ def first_layers(zones: int, bias: float, generator: Any, hidden: int) -> list[t
     """Layers before training; the first one has a last row of zeros, for a cell in no zone."""
     layers = []
     inputs = 2 * zones
-    for outputs in (*[WIDTH] * hidden, zones):
+    for outputs in (*[HIDDEN_WIDTH] * hidden, zones):
         limit = math.sqrt(6 / (inputs + outputs))  # Glorot & Bengio 2010
         weights = torch.empty(inputs, outputs).uniform_(-limit, limit, generator=generator)
         layers.append((weights, torch.zeros(outputs)))
         inputs = outputs
-    first = torch.cat([layers[0][0], torch.zeros(1, WIDTH)])
+    first = torch.cat([layers[0][0], torch.zeros(1, HIDDEN_WIDTH)])
     layers[0] = (first, layers[0][1])
     layers[-1][1].fill_(bias)
     for layer in layers:

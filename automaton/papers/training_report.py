@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import Any, Final, NamedTuple
 
 from automaton.papers.training import Data, Site, network_of
-from automaton.papers.training_settings import METRICS, Settings, measured
+from automaton.papers.training_settings import MEASURES, Settings, measured
 from automaton.runs.console_output import ConsoleBlock, console, print_blocks
 from automaton.runs.report_document import Table
 from strategies.routing.routing_parameters import predicted_zones
@@ -20,7 +20,7 @@ from strategies.routing.routing_parameters import predicted_zones
 Keep = tuple[str, ...]
 Figures = tuple[float, float, float]  # accuracy, precision, recall
 
-PRINTED: Final[dict[int, dict[Keep, Figures]]] = {
+PRINTED_TABLES: Final[dict[int, dict[Keep, Figures]]] = {
     1: {
         ("accuracy",): (0.97, 0.48, 0.00),
         ("precision", "recall"): (0.97, 0.39, 0.00),
@@ -50,15 +50,18 @@ PRINTED: Final[dict[int, dict[Keep, Figures]]] = {
     },
 }
 COLUMNS: Final = ("accuracy", "precision", "recall")
-TRAINED: Final = {"bias": (1, 2), "samples": (3, 4)}  # weighting: tables on old and on new legs
+TABLES_BY_WEIGHTING: Final = {
+    "bias": (1, 2),
+    "samples": (3, 4),
+}  # weighting: tables on old and on new legs
 MORE: Final = ("f1", "mcc")  # measures that the paper names but does not print
 
-SHORT: Final = {"accuracy": "acc", "precision": "prec", "recall": "rec"}
+SHORT_METRICS: Final = {"accuracy": "acc", "precision": "prec", "recall": "rec"}
 
 OnEpoch = Callable[[str, str, int], None]  # loss, weighting, epoch from 1
 
 
-class Row(NamedTuple):
+class TrainingRow(NamedTuple):
     """A row of a table: the metrics monitored, the printed figures, and ours for a loss."""
 
     table: int
@@ -72,25 +75,29 @@ class Row(NamedTuple):
     @property
     def short(self) -> str:
         """The monitored metrics, short enough for a line of a table."""
-        return " ".join(SHORT.get(name, name) for name in self.monitored)
+        return " ".join(SHORT_METRICS.get(name, name) for name in self.monitored)
 
 
 def monitored(weighting: str) -> list[Keep]:
     """What the rows of a weighting's two tables monitor, in the order of print."""
-    return list(dict.fromkeys(keep for table in TRAINED[weighting] for keep in PRINTED[table]))
+    return list(
+        dict.fromkeys(
+            keep for table in TABLES_BY_WEIGHTING[weighting] for keep in PRINTED_TABLES[table]
+        )
+    )
 
 
-def train_rows(data: Data, site: Site, settings: Settings, on_epoch: OnEpoch) -> list[Row]:
+def train_rows(data: Data, site: Site, settings: Settings, on_epoch: OnEpoch) -> list[TrainingRow]:
     """Train with the loss of `settings` once for each weighting; the rows of its tables."""
     rows = []
-    for weighting in TRAINED:
+    for weighting in TABLES_BY_WEIGHTING:
         rows += _rows(data, site, settings, weighting, on_epoch)
     return rows
 
 
 def _rows(
     data: Data, site: Site, settings: Settings, weighting: str, on_epoch: OnEpoch
-) -> list[Row]:
+) -> list[TrainingRow]:
     from automaton.papers.training import train
 
     def told(epoch: int, loss: float, now: Any) -> None:
@@ -99,8 +106,10 @@ def _rows(
     keeps = monitored(weighting)
     trained = train(data.training, replace(settings, weighting=weighting), keeps, told)
     rows = []
-    for table, legs in zip(TRAINED[weighting], (data.training, data.unused), strict=True):
-        for keep, figures in PRINTED[table].items():
+    for table, legs in zip(
+        TABLES_BY_WEIGHTING[weighting], (data.training, data.unused), strict=True
+    ):
+        for keep, figures in PRINTED_TABLES[table].items():
             kept = trained.kept[keep]
             network = network_of(kept.layers, site, "", "", {})
             answers = predicted_zones(network, legs.start_zone, legs.end_zone)
@@ -108,12 +117,14 @@ def _rows(
             ours = {name: found[name] for name in (*COLUMNS, *MORE)}
             paper = dict(zip(COLUMNS, figures, strict=True))
             rows.append(
-                Row(table, settings.loss, keep, kept.epoch, len(trained.losses), paper, ours)
+                TrainingRow(
+                    table, settings.loss, keep, kept.epoch, len(trained.losses), paper, ours
+                )
             )
     return rows
 
 
-def as_json(rows: Sequence[Row]) -> list[dict[str, Any]]:
+def as_json(rows: Sequence[TrainingRow]) -> list[dict[str, Any]]:
     """Rows for a file of results, figures with four digits."""
     return [
         row._asdict() | {"ours": {name: round(value, 4) for name, value in row.ours.items()}}
@@ -121,15 +132,15 @@ def as_json(rows: Sequence[Row]) -> list[dict[str, Any]]:
     ]
 
 
-def from_json(rows: Sequence[dict[str, Any]]) -> list[Row]:
+def from_json(rows: Sequence[dict[str, Any]]) -> list[TrainingRow]:
     """Rows from a file of results."""
-    return [Row(**{**row, "monitored": tuple(row["monitored"])}) for row in rows]
+    return [TrainingRow(**{**row, "monitored": tuple(row["monitored"])}) for row in rows]
 
 
 # What a training gave, as text.
 
 
-SHOWN = ("accuracy", "precision", "recall", "f1", "mcc", "subset")
+SHOWN_MEASURES = ("accuracy", "precision", "recall", "f1", "mcc", "subset")
 WHAT = {
     1: "output bias, legs it was trained on",
     2: "output bias, legs of an unused seed",
@@ -166,17 +177,19 @@ def network_blocks(outcome: Mapping[str, Any]) -> Iterator[ConsoleBlock]:
     """How it was trained, how well it predicts which legs, and where it is."""
     settings = outcome["settings"]
     yield f"{title(outcome)}: {settings['loss']}, weighting {settings['weighting']}"
-    monitored = " and ".join(METRICS[m].title if m in METRICS else m for m in outcome["monitored"])
+    monitored = " and ".join(
+        MEASURES[m].title if m in MEASURES else m for m in outcome["monitored"]
+    )
     yield (
         f"{outcome['epochs']} epochs of {settings['legs']:,} legs, "
         f"weights of epoch {outcome['epoch']} kept by {monitored}"
     )
     yield ""
     rows = [
-        [name, *(f"{measures[measure]:.3f}" for measure in SHOWN)]
+        [name, *(f"{measures[measure]:.3f}" for measure in SHOWN_MEASURES)]
         for name, measures in outcome["measures"].items()
     ]
-    yield Table(("legs", *SHOWN), rows)
+    yield Table(("legs", *SHOWN_MEASURES), rows)
     yield f"\nwritten to {outcome['file']}"
 
 

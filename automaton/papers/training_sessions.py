@@ -26,8 +26,8 @@ from automaton.engine.state import NIL
 from automaton.papers.training import Data, Legs, Site, data_of, judged, network_of, site_of
 from automaton.papers.training_settings import (
     LOSSES,
+    AnswerCounts,
     Answers,
-    Counts,
     Settings,
     measured,
     precision,
@@ -36,14 +36,14 @@ from automaton.papers.training_settings import (
 from automaton.world.resolve import resolve
 from strategies.routing.routing_parameters import floor_fingerprint, save_network
 
-HIDDEN: Final = (3, 6, 12)  # layers
+HIDDEN_LAYERS: Final = (3, 6, 12)  # layers
 DEPTH_LOSSES: Final = (
     "hinge",
     "cross-entropy",
 )  # the printed one, and one with which three layers learn
 
 
-class Depth(NamedTuple):
+class TrainedDepth(NamedTuple):
     """A training, as it was when its loss was least."""
 
     loss: str
@@ -67,8 +67,8 @@ def train_depths(
     legs: Legs,
     settings: Settings,
     told: Callable[[str], None] | None = None,
-    hidden: Sequence[int] = HIDDEN,
-) -> list[Depth]:
+    hidden: Sequence[int] = HIDDEN_LAYERS,
+) -> list[TrainedDepth]:
     """Train once for each loss and depth."""
     from automaton.papers.training import train
 
@@ -85,7 +85,9 @@ def train_depths(
             quality = precision(kept.counts), recall(kept.counts)
             constant = constant_loss(loss, legs.touched)
             found.append(
-                Depth(loss, layers, len(trained.losses), min(trained.losses), constant, *quality)
+                TrainedDepth(
+                    loss, layers, len(trained.losses), min(trained.losses), constant, *quality
+                )
             )
     return found
 
@@ -102,7 +104,7 @@ TREES: Final = 20  # of its 100: more take longer and change little
 EVALUATED: Final = 2_000  # legs
 
 
-class Result(NamedTuple):
+class ClassifierResult(NamedTuple):
     """How well a classifier does on the legs it learnt from and on legs of an unused seed."""
 
     classifier: str
@@ -169,7 +171,7 @@ def classifiers(seed: int) -> dict[str, tuple[int, Any]]:
 
 def try_classifiers(
     data: Data, seed: int, on_done: Callable[[str], None] | None = None, at_most: int = 15_000
-) -> list[Result]:
+) -> list[ClassifierResult]:
     """Each classifier, judged on the first 2,000 legs that it learnt from and of an unused seed."""
     results = []
     for name, (most, classifier) in classifiers(seed).items():
@@ -180,7 +182,7 @@ def try_classifiers(
             measured(predictions_of(classifier, some), some.touched)
             for some in (_first(first), _first(data.unused))
         )
-        results.append(Result(name, legs, training, unused))
+        results.append(ClassifierResult(name, legs, training, unused))
         if on_done is not None:
             on_done(name)
     return results
@@ -204,7 +206,7 @@ RESULTS: Final = "automaton traffic tables 1"  # format of a file of results
 
 
 @dataclass(frozen=True)
-class Session:
+class TrainingSession:
     """A floor with its legs, drawn once."""
 
     name: str  # of the scenario
@@ -214,7 +216,7 @@ class Session:
     settings: Settings
 
     @classmethod
-    def of(cls, scenario: str, overrides: Sequence[str], settings: Settings) -> Session:
+    def of(cls, scenario: str, overrides: Sequence[str], settings: Settings) -> TrainingSession:
         """Raises InputError for a bad scenario, or a floor without zones."""
         resolved = resolve(scenario, overrides)
         site = site_of(resolved)
@@ -229,7 +231,7 @@ class Session:
         """Train, write the network to `out`, and say how well it predicts."""
         from automaton.papers.training import train
 
-        def tell(epoch: int, loss: float, now: Counts) -> None:
+        def tell(epoch: int, loss: float, now: AnswerCounts) -> None:
             if told is not None:
                 told(
                     f"epoch {epoch} of at most {self.settings.epochs}: loss {loss:.5f}, "

@@ -66,7 +66,7 @@ def sample_weights(touched: npt.NDArray[np.bool_]) -> tuple[float, float]:
 Answers = npt.NDArray[np.bool_]  # (legs, zones)
 
 
-class Counts(NamedTuple):
+class AnswerCounts(NamedTuple):
     """Answers by what was predicted and what is true."""
 
     true_positive: int
@@ -75,41 +75,41 @@ class Counts(NamedTuple):
     false_negative: int
 
 
-def counts(predicted: Answers, truth: Answers) -> Counts:
+def counts(predicted: Answers, truth: Answers) -> AnswerCounts:
     """Count the answers; both arrays have the same shape, else ValueError."""
     if predicted.shape != truth.shape:
         raise ValueError(f"shapes differ: {predicted.shape} predicted, {truth.shape} true")
     hits = int(np.count_nonzero(predicted & truth))
     yes, wanted = int(np.count_nonzero(predicted)), int(np.count_nonzero(truth))
-    return Counts(hits, yes - hits, truth.size - yes - wanted + hits, wanted - hits)
+    return AnswerCounts(hits, yes - hits, truth.size - yes - wanted + hits, wanted - hits)
 
 
-def accuracy(c: Counts) -> float:
+def accuracy(c: AnswerCounts) -> float:
     """Share of right answers (TP + TN) / all."""
     return _share(c.true_positive + c.true_negative, sum(c))
 
 
-def hamming_loss(c: Counts) -> float:
+def hamming_loss(c: AnswerCounts) -> float:
     """Share of wrong answers, 1 - accuracy: less is better."""
     return _share(c.false_positive + c.false_negative, sum(c))
 
 
-def precision(c: Counts) -> float:
+def precision(c: AnswerCounts) -> float:
     """Share of the predicted zones that are touched, TP / (TP + FP)."""
     return _share(c.true_positive, c.true_positive + c.false_positive)
 
 
-def recall(c: Counts) -> float:
+def recall(c: AnswerCounts) -> float:
     """Share of the touched zones that are predicted, TP / (TP + FN)."""
     return _share(c.true_positive, c.true_positive + c.false_negative)
 
 
-def f1(c: Counts) -> float:
+def f1(c: AnswerCounts) -> float:
     """Harmonic mean of precision and recall, 2 TP / (2 TP + FP + FN)."""
     return _share(2 * c.true_positive, 2 * c.true_positive + c.false_positive + c.false_negative)
 
 
-def mcc(c: Counts) -> float:
+def mcc(c: AnswerCounts) -> float:
     """Matthews correlation coefficient (Matthews 1975), -1 to 1; 0 where a factor is 0.
 
     (TP TN - FP FN) / sqrt((TP + FP) (TP + FN) (TN + FP) (TN + FN))
@@ -131,16 +131,16 @@ def _share(part: int, whole: int) -> float:
 class Metric(NamedTuple):
     """A measure that training may monitor."""
 
-    of: Callable[[Counts], float]
+    of: Callable[[AnswerCounts], float]
     title: str
     better: int  # 1: more is better, -1: less is
 
-    def improves(self, now: Counts, before: Counts) -> bool:
+    def improves(self, now: AnswerCounts, before: AnswerCounts) -> bool:
         """Whether `now` is strictly better."""
         return self.better * (self.of(now) - self.of(before)) > 0
 
 
-METRICS: Final[dict[str, Metric]] = {
+MEASURES: Final[dict[str, Metric]] = {
     "accuracy": Metric(accuracy, "Accuracy", 1),
     "precision": Metric(precision, "Precision", 1),
     "recall": Metric(recall, "Recall", 1),
@@ -153,5 +153,5 @@ METRICS: Final[dict[str, Metric]] = {
 def measured(predicted: Answers, truth: Answers) -> dict[str, Any]:
     """All measures by name, the share of wholly right legs included."""
     found = counts(predicted, truth)
-    values = {name: metric.of(found) for name, metric in METRICS.items()}
+    values = {name: metric.of(found) for name, metric in MEASURES.items()}
     return values | {"subset": subset_accuracy(predicted, truth)}

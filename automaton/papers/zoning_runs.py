@@ -12,7 +12,7 @@ from automaton.engine.state import ACTION_MOVE, ACTION_PICK, NIL, Array
 from automaton.papers.reproduction_study import (
     Cases,
     Key,
-    Measured,
+    MeasuredRepetition,
     Reproduced,
     ScenarioCase,
     fixed,
@@ -30,63 +30,70 @@ GA_PRINTED: Final = "GA, 100 x 60 as printed"
 GA_STARTS: Final = "GA, zones near the starts"
 UNMATCHED: Final = "GA, zones to any robot"
 DDZ: Final = "DDZ, stops of 862 s"
-LIMITED: Final = "DDZ, stops, limited view"
-FREE: Final = "DDZ, no stops"
-FREE_SA_DESIGN: Final = "DDZ, no stops, SA's design"
+DDZ_LIMITED: Final = "DDZ, stops, limited view"
+DDZ_FREE: Final = "DDZ, no stops"
+DDZ_FREE_SA_DESIGN: Final = "DDZ, no stops, SA's design"
 NO_SHARING: Final = "SA, no load sharing"
 SA_DDZ_DESIGN: Final = "SA, DDZ's design"
-FIXED_SHARING: Final = "zones fixed, load sharing"
-FIXED: Final = "zones fixed"
-FIXED_DDZ: Final = "DDZ, zones fixed"
-NEAR: Final = "DDZ, no stops, shares near"
-NEAR_STOPS: Final = "DDZ, stops, shares near"
-DROPS: Final = "DDZ, no stops, drops near"
-NEAR_DROPS: Final = "DDZ, no stops, both"
+ZONES_FIXED_SHARING: Final = "zones fixed, load sharing"
+ZONES_FIXED: Final = "zones fixed"
+DDZ_FIXED: Final = "DDZ, zones fixed"
+DDZ_NEAR: Final = "DDZ, no stops, shares near"
+DDZ_NEAR_STOPS: Final = "DDZ, stops, shares near"
+DDZ_DROPS: Final = "DDZ, no stops, drops near"
+DDZ_NEAR_DROPS: Final = "DDZ, no stops, both"
 
-SCENARIO: Final = "factory"
+FACTORY: Final = "factory"
 LOGGED: Final = "design: factory-logged, adjacency: 243.6437908496732"
-NEGOTIATED: Final = "strategy.zoning={{name: decentralized, design: {}, adjacency: 300{}}}"
+NEGOTIATED_ZONING: Final = "strategy.zoning={{name: decentralized, design: {}, adjacency: 300{}}}"
 GENETIC: Final = "strategy.zoning={{name: genetic, " + LOGGED + ", {}}}"
 QUICK: Final = "generations: 12, population: 30"  # to save time: a run in a third of the time
 PUBLISHED_SIZE: Final = "generations: 100, population: 60"
 # (72, 10), (30, 276) and (230, 10) ft from the lower left: where the authors' robots are put. They lie
 # on no aisle, so robots start at stations 11, 1 and 18.
 POSES: Final = "[[29, 152], [12, 46], [92, 152]]"
-STOPS: Final = ", pause: 862"
+DESIGN_STOPS: Final = ", pause: 862"
 DROP_NEAR: Final = ", drop_near: 150"  # feet: half of what is adjacent
 MANY: Final = "many"  # label of the runs that the main claim is judged by
-SINGLE: Final = "factory-single"
+FACTORY_SINGLE: Final = "factory-single"
 
 
 def negotiated(more: str = "", design: str = "factory-ddz") -> tuple[str, ...]:
     """Decentralized zones; robots talk within 328 ft, but see everything (LIMITED: what is near)."""
-    return (NEGOTIATED.format(design, more),)
+    return (NEGOTIATED_ZONING.format(design, more),)
 
 
-SETTINGS: Final[Mapping[str, tuple[str, ...]]] = {
+ZONING_SETTINGS: Final[Mapping[str, tuple[str, ...]]] = {
     SA: (),
     GA: (GENETIC.format(f"{QUICK}, poses: {POSES}"),),
     GA_PRINTED: (GENETIC.format(f"{PUBLISHED_SIZE}, poses: {POSES}"),),
     GA_STARTS: (GENETIC.format(QUICK),),
     UNMATCHED: (GENETIC.format(f"{QUICK}, matched: false"),),
-    DDZ: negotiated(STOPS),
-    FREE: negotiated(),
-    FREE_SA_DESIGN: negotiated(design="factory-logged"),
+    DDZ: negotiated(DESIGN_STOPS),
+    DDZ_FREE: negotiated(),
+    DDZ_FREE_SA_DESIGN: negotiated(design="factory-logged"),
     NO_SHARING: ("strategy.zoning.sharing=false",),
     SA_DDZ_DESIGN: ("strategy.zoning.design=factory-ddz",),
-    FIXED_SHARING: (f"strategy.zoning={{name: static, {LOGGED}}}",),
-    FIXED: (f"strategy.zoning={{name: static, {LOGGED}, sharing: false}}",),
-    FIXED_DDZ: negotiated(", patience: 100000"),
-    NEAR: negotiated(", sharing: true"),
-    NEAR_STOPS: negotiated(f"{STOPS}, sharing: true"),
-    DROPS: negotiated(DROP_NEAR),
-    NEAR_DROPS: negotiated(f", sharing: true{DROP_NEAR}"),
-    LIMITED: (
-        *negotiated(STOPS),
+    ZONES_FIXED_SHARING: (f"strategy.zoning={{name: static, {LOGGED}}}",),
+    ZONES_FIXED: (f"strategy.zoning={{name: static, {LOGGED}, sharing: false}}",),
+    DDZ_FIXED: negotiated(", patience: 100000"),
+    DDZ_NEAR: negotiated(", sharing: true"),
+    DDZ_NEAR_STOPS: negotiated(f"{DESIGN_STOPS}, sharing: true"),
+    DDZ_DROPS: negotiated(DROP_NEAR),
+    DDZ_NEAR_DROPS: negotiated(f", sharing: true{DROP_NEAR}"),
+    DDZ_LIMITED: (
+        *negotiated(DESIGN_STOPS),
         "information={radius: 131, shape: circle, orders: zones}",
     ),
 }
-JUDGED: Final = (SA, NO_SHARING, DDZ, FREE, NEAR, NEAR_STOPS)  # by how evenly robots drive
+JUDGED: Final = (
+    SA,
+    NO_SHARING,
+    DDZ,
+    DDZ_FREE,
+    DDZ_NEAR,
+    DDZ_NEAR_STOPS,
+)  # by how evenly robots drive
 
 GENETIC_IN_PRINT: Final = {
     "hours": 6.13,
@@ -94,7 +101,9 @@ GENETIC_IN_PRINT: Final = {
     "mean_ft": 54454.17,
     "sigma_ft": 3678.93,
 }
-PRINTED: Final[Mapping[str, Mapping[str, float]]] = {  # Table 5; redesigns: from the log of the run
+PRINTED_FIGURES: Final[
+    Mapping[str, Mapping[str, float]]
+] = {  # Table 5; redesigns: from the log of the run
     SA: {"hours": 5.94, "in_balance": 0.3932, "mean_ft": 56220.83, "sigma_ft": 4145.01},
     GA: GENETIC_IN_PRINT,
     GA_PRINTED: GENETIC_IN_PRINT,
@@ -112,25 +121,25 @@ class Reference(NamedTuple):
     redesigns: tuple[float, float]
 
 
-REFERENCE: Final[Mapping[str, Reference]] = {
+REFERENCE_MEANS: Final[Mapping[str, Reference]] = {
     SA: Reference(24, (5.67, 0.30), (55676, 2022), (2295, 1263), (10.9, 1.6)),
     GA: Reference(10, (5.69, 0.50), (54079, 1609), (2250, 1445), (11.0, 1.3)),
     DDZ: Reference(24, (7.49, 1.00), (59212, 4257), (4262, 1605), (5.5, 2.2)),
-    FREE: Reference(24, (5.77, 0.38), (59196, 4207), (3801, 1699), (6.0, 1.9)),
-    FREE_SA_DESIGN: Reference(24, (5.77, 0.38), (57894, 3289), (4082, 1421), (5.5, 1.8)),
+    DDZ_FREE: Reference(24, (5.77, 0.38), (59196, 4207), (3801, 1699), (6.0, 1.9)),
+    DDZ_FREE_SA_DESIGN: Reference(24, (5.77, 0.38), (57894, 3289), (4082, 1421), (5.5, 1.8)),
     NO_SHARING: Reference(24, (6.52, 0.33), (60702, 3237), (3614, 2124), (12.9, 1.5)),
     SA_DDZ_DESIGN: Reference(24, (5.78, 0.29), (55285, 1773), (1956, 1133), (11.2, 1.3)),
-    FIXED_SHARING: Reference(3, (5.76, 0.02), (48523, 229), (20101, 188), (0.0, 0.0)),
-    FIXED: Reference(3, (9.54, 0.02), (57043, 123), (36846, 163), (0.0, 0.0)),
-    FIXED_DDZ: Reference(3, (7.78, 0.06), (53931, 241), (22455, 238), (0.0, 0.0)),
+    ZONES_FIXED_SHARING: Reference(3, (5.76, 0.02), (48523, 229), (20101, 188), (0.0, 0.0)),
+    ZONES_FIXED: Reference(3, (9.54, 0.02), (57043, 123), (36846, 163), (0.0, 0.0)),
+    DDZ_FIXED: Reference(3, (7.78, 0.06), (53931, 241), (22455, 238), (0.0, 0.0)),
 }
 
 
-def cases_named(names: Iterable[str], scenario: str = SCENARIO, **labels: str) -> Cases:
+def cases_named(names: Iterable[str], scenario: str = FACTORY, **labels: str) -> Cases:
     """The configurations with these names, with further labels."""
     return fixed(
         [
-            ScenarioCase({"configuration": name, **labels}, scenario, SETTINGS[name])
+            ScenarioCase({"configuration": name, **labels}, scenario, ZONING_SETTINGS[name])
             for name in names
         ]
     )
@@ -138,7 +147,7 @@ def cases_named(names: Iterable[str], scenario: str = SCENARIO, **labels: str) -
 
 def printed(key: Key, metric: str) -> float | None:
     """The printed figure of a configuration."""
-    return PRINTED.get(str(key[0]), {}).get(metric)
+    return PRINTED_FIGURES.get(str(key[0]), {}).get(metric)
 
 
 # How balanced the zones of DDZ are, by the measure of SA and GA.
@@ -189,12 +198,12 @@ def run_watched(simulation: Simulation) -> float:
 
 CURVE_EVERY: Final = 0.25  # hours between two points of a throughput curve
 CURVE_UNTIL: Final = 12.0
-PUBLISHED: Final[Mapping[str, str]] = {  # parts at 0 h, 0.25 h, 0.5 h ...
+PUBLISHED_CURVES: Final[Mapping[str, str]] = {  # parts at 0 h, 0.25 h, 0.5 h ...
     SA: "0 0 0 0 3 6 10 13 15 20 23 26 33 38 43 52 57 62 69 73 80 89 94 97 99 100",
     GA: "0 0 0 3 5 9 12 16 18 21 27 34 39 42 49 55 58 63 68 74 79 87 92 95 97 100",
     DDZ: "0 0 0 0 0 0 1 2 3 4 7 7 7 7 9 14 17 24 29 37 39 41 42 42 49 56 65 73 80 85 89 91 94 96 98",
 }
-DRAWN: Final = (SA, GA, DDZ, FREE)
+DRAWN_CURVES: Final = (SA, GA, DDZ, DDZ_FREE)
 BAND: Final = (5, 95)  # percent of our runs
 ALL: Final = 100  # parts
 LINES_EVERY: Final = 2  # points of time
@@ -296,7 +305,7 @@ def travelled(simulation: Simulation) -> Figures:
     return {"sigma_ft": figures["sigma_ft"]}
 
 
-class Curve(NamedTuple):
+class ThroughputCurve(NamedTuple):
     """A throughput curve: at each point of time the printed parts, and our runs'."""
 
     name: str
@@ -319,27 +328,27 @@ class Curve(NamedTuple):
         return sum(points), len(points)
 
 
-def curves(made: Reproduced) -> list[Curve]:
+def curves(made: Reproduced) -> list[ThroughputCurve]:
     """The curves of all drawn configurations that were run."""
     return [
         curve(str(case.key[0]), [run.metrics for run in batch])
         for table in made.tables
         for case, batch in zip(table.cases, table.results, strict=True)
-        if case.key in [(name,) for name in DRAWN]
+        if case.key in [(name,) for name in DRAWN_CURVES]
     ]
 
 
-def curve(name: str, runs: Sequence[Mapping[str, float]]) -> Curve:
+def curve(name: str, runs: Sequence[Mapping[str, float]]) -> ThroughputCurve:
     """The curve of a configuration from its runs."""
     hours = curve_hours()
     parts = np.array([[run[point(hour)] for hour in hours] for run in runs])
     low, median, high = np.percentile(parts, (BAND[0], 50, BAND[1]), axis=0).tolist()
-    printed: list[int | None] = [int(text) for text in PUBLISHED.get(name, "").split()]
+    printed: list[int | None] = [int(text) for text in PUBLISHED_CURVES.get(name, "").split()]
     printed += [None] * (len(hours) - len(printed))
-    return Curve(name, hours, printed, median, low, high)
+    return ThroughputCurve(name, hours, printed, median, low, high)
 
 
-def curve_text(one: Curve) -> str:
+def curve_text(one: ThroughputCurve) -> str:
     """A line for every half hour: the band (-), our median (o) and the printed curve (x; * both)."""
     lines = []
     for k in range(0, len(one.hours), LINES_EVERY):
@@ -373,18 +382,18 @@ def curve_text(one: Curve) -> str:
 
 SIGMA: Final = "sigma_ft"
 SMALLER: Final = "P(sigma smaller)"
-SAMPLES: Final = 2000
+BOOTSTRAPS: Final = 2000
 WIDEST: Final = 0.05  # of half an interval that is called decided
 
 PAIRS: Final = (  # is the first one's sigma the smaller?
-    (FREE, NO_SHARING),  # neither shares load, nobody stands still
+    (DDZ_FREE, NO_SHARING),  # neither shares load, nobody stands still
     (DDZ, SA),  # as published
-    (FREE, SA),
-    (NEAR, NO_SHARING),
-    (NEAR, SA),
-    (NEAR, FREE),
-    (NEAR_STOPS, SA),
-    (NEAR_STOPS, DDZ),
+    (DDZ_FREE, SA),
+    (DDZ_NEAR, NO_SHARING),
+    (DDZ_NEAR, SA),
+    (DDZ_NEAR, DDZ_FREE),
+    (DDZ_NEAR_STOPS, SA),
+    (DDZ_NEAR_STOPS, DDZ),
 )
 
 
@@ -427,7 +436,9 @@ def pairs_run(sigmas: Mapping[str, Sequence[float]]) -> Iterator[Pair]:
             yield one, other, (sigmas[one], sigmas[other])
 
 
-def together(found: Mapping[Key, Sequence[Measured]]) -> Iterator[tuple[tuple[str, Key], Any]]:
+def together(
+    found: Mapping[Key, Sequence[MeasuredRepetition]],
+) -> Iterator[tuple[tuple[str, Key], Any]]:
     """The placements of all pairs, as samples that claims rest on."""
     sigmas = {
         str(key[0]): [run.metrics[SIGMA] for run in batch]
@@ -444,7 +455,7 @@ def evenness(one: str, other: str, values: Sequence[Sequence[float]]) -> Evennes
     n = len(beats)
     rng = np.random.default_rng(1)
     # How often each seed is drawn, so that sums are of whole and half numbers: exact anywhere.
-    drawn = rng.multinomial(n, np.full(n, 1 / n), size=SAMPLES).astype(np.float64)
+    drawn = rng.multinomial(n, np.full(n, 1 / n), size=BOOTSTRAPS).astype(np.float64)
     shares = ((drawn @ beats) * drawn).sum(1) / n**2
     low, high = np.percentile(shares, (2.5, 97.5)).tolist()
     return Evenness(one, other, float(beats.mean()), low, high, n)
@@ -472,7 +483,7 @@ def evenness_text(found: Sequence[Evenness]) -> str:
     if found:
         seeds = found[0].seeds
         lines.append(
-            f"All {seeds * seeds:,} pairs of {seeds} runs each; bootstrap over seeds, {SAMPLES:,} draws. "
-            "Intervals beyond +-5 % are too wide."
+            f"All {seeds * seeds:,} pairs of {seeds} runs each; bootstrap over seeds, "
+            f"{BOOTSTRAPS:,} draws. Intervals beyond +-5 % are too wide."
         )
     return "\n".join(lines)

@@ -9,36 +9,36 @@ from dataclasses import replace
 from statistics import fmean, variance
 from typing import Any, Final
 
-from automaton.papers.claims import Claim, Figure, Quantity, above, claim, mean_of
+from automaton.papers.claims import Claim, Figure, MeanQuantity, above, claim, mean_of
 from automaton.papers.reproduction_study import (
     Further,
     Headline,
+    PublishedTable,
     Reproduced,
     Reproduction,
-    Table,
     scenario_runs,
     unpublished,
 )
 from automaton.papers.zoning_runs import (
     DDZ,
-    DROPS,
-    FREE,
+    DDZ_DROPS,
+    DDZ_FREE,
+    DDZ_NEAR,
+    DDZ_NEAR_DROPS,
+    DDZ_NEAR_STOPS,
+    FACTORY_SINGLE,
     GA,
     GA_PRINTED,
     GA_STARTS,
     JUDGED,
     MANY,
-    NEAR,
-    NEAR_DROPS,
-    NEAR_STOPS,
     NO_SHARING,
-    REFERENCE,
+    REFERENCE_MEANS,
     SA,
-    SETTINGS,
     SIGMA,
-    SINGLE,
     SMALLER,
     UNMATCHED,
+    ZONING_SETTINGS,
     all_evenness,
     cases_named,
     completed,
@@ -50,12 +50,12 @@ from automaton.papers.zoning_runs import (
     travelled,
 )
 
-PANELS: Final = (
+ZONING_PANELS: Final = (
     ("hours", "mean_ft", "sigma_ft"),
     ("in_balance", "redesigns", "load_shares", "parts"),
 )
-COMPARED: Final = {"hours": 2, "mean_ft": 0, "sigma_ft": 0, "redesigns": 1}  # digits
-WHY: Final = (
+COMPARED_DIGITS: Final = {"hours": 2, "mean_ft": 0, "sigma_ft": 0, "redesigns": 1}  # digits
+WHY_THEY_DIFFER: Final = (
     "That program goes by seconds and events: legs are rounded to whole seconds, and nobody is on a "
     "grid; here a tick is the 0.635 s of a cell, a pick or a drop 4 ticks and up to 8 more. Where zones "
     "are fixed without sharing that makes about half a second for each leg of the busiest robot. Zones "
@@ -69,8 +69,8 @@ def beside_reference(made: Reproduced) -> list[dict[str, Any]]:
     """Our means minus those of the other program, with 95 % intervals (Welch)."""
     samples = made.samples()
     found = []
-    for name, reference in REFERENCE.items():
-        for metric in COMPARED:
+    for name, reference in REFERENCE_MEANS.items():
+        for metric in COMPARED_DIGITS:
             ours = samples.get((metric, (name,)))
             if ours is None or len(ours) < 2:
                 continue
@@ -92,10 +92,10 @@ def beside_reference(made: Reproduced) -> list[dict[str, Any]]:
 def reference_text(found: list[dict[str, Any]]) -> str:
     """A line for each configuration."""
     by = {(row["configuration"], row["metric"]): row for row in found}
-    lines = ["".join([f"{'configuration':<27}", *(f"{metric:>17}" for metric in COMPARED)])]
+    lines = ["".join([f"{'configuration':<27}", *(f"{metric:>17}" for metric in COMPARED_DIGITS)])]
     for name in dict.fromkeys(row["configuration"] for row in found):
         cells = [f"{name:<27}"]
-        for metric, digits in COMPARED.items():
+        for metric, digits in COMPARED_DIGITS.items():
             row = by.get((name, metric))
             if row is None:
                 cells.append(" " * 17)
@@ -125,33 +125,33 @@ def further(made: Reproduced) -> list[Further]:
         Further(
             "reference",
             "Beside an independent program of the same rules (our mean minus its)",
-            f"{reference_text(beside)}\n{textwrap.fill(WHY, 80)}",
+            f"{reference_text(beside)}\n{textwrap.fill(WHY_THEY_DIFFER, 80)}",
             beside,
         ),
     ]
     return [one for one in found if one.data]
 
 
-MEASURED: Final = {
+METRIC_WORDS: Final = {
     "hours": "hours",
     "mean_ft": "mean feet",
     "sigma_ft": "feet of sigma",
     "in_balance": "points of time",
 }
-HOUR: Final = "`much lower`, read as an hour: in print it is 2.49 and 2.68"
+WHY_AN_HOUR: Final = "`much lower`, read as an hour: in print it is 2.49 and 2.68"
 SIMILAR: Final = "`similar`, read as within half an hour: in print it is 0.19"
 LARGER: Final = "the larger part"
 LESS: Final = 0.687  # by so much is the printed sigma of DDZ below that of SA
 
 
-def more(name: str, one: str, other: str) -> Quantity:
+def more(name: str, one: str, other: str) -> MeanQuantity:
     """By how much one configuration's mean is above another's."""
     return mean_of(name, one) - mean_of(name, other)
 
 
 def beyond(name: str, one: str, other: str, **bounds: Any) -> Figure:
     """A figure: by how much one configuration's mean is above another's."""
-    what = f"{MEASURED[name]}, {one} beyond {other}"
+    what = f"{METRIC_WORDS[name]}, {one} beyond {other}"
     unit, digits = "points" if name == "in_balance" else "", 2 if name == "hours" else 0
     return Figure(what, more(name, one, other), unit=unit, digits=digits, **bounds)
 
@@ -196,17 +196,19 @@ def about_genetic(name: str, begin: str = "") -> Iterator[Claim]:
     )
 
 
-CLAIMS: Final = (
+ZONING_CLAIMS: Final = (
     claim(
         "Abstract: DDZ has a much lower throughput than SA and GA (read as an hour more at least)",
         *(
-            Figure(f"hours more than {name}", more("hours", DDZ, name), 1, digits=2, why=HOUR)
+            Figure(
+                f"hours more than {name}", more("hours", DDZ, name), 1, digits=2, why=WHY_AN_HOUR
+            )
             for name in (SA, GA)
         ),
     ),
     claim(
         "and so it has if robots do not stand still in redesigns, which the paper does not mention",
-        *(greater("hours", FREE, name) for name in (SA, GA)),
+        *(greater("hours", DDZ_FREE, name) for name in (SA, GA)),
     ),
     claim(
         "Abstract, Discussion: DDZ has a lower sigma of travel than SA and GA",
@@ -224,9 +226,10 @@ CLAIMS: Final = (
     ),
     claim("The main claim in pairs of runs, as published: stops, SA shares", smaller(DDZ, SA)),
     claim(
-        "The same like for like: nobody stands still, nobody shares load", smaller(FREE, NO_SHARING)
+        "The same like for like: nobody stands still, nobody shares load",
+        smaller(DDZ_FREE, NO_SHARING),
     ),
-    claim("The same without stops, SA shares load", smaller(FREE, SA)),
+    claim("The same without stops, SA shares load", smaller(DDZ_FREE, SA)),
     claim(
         "Results: every method came to new zones",
         *(
@@ -260,31 +263,31 @@ CLAIMS: Final = (
     ),
     claim(
         "Not in the paper: it is because its robots stand still in redesigns (half at least)",
-        part_of_gap("of the gap, the stops", DDZ, FREE),
+        part_of_gap("of the gap, the stops", DDZ, DDZ_FREE),
     ),
     claim(
         "Future work: sharing load near the own zone shortens DDZ",
-        less("hours", NEAR, FREE),
-        less("hours", NEAR_STOPS, DDZ),
+        less("hours", DDZ_NEAR, DDZ_FREE),
+        less("hours", DDZ_NEAR_STOPS, DDZ),
     ),
     claim(
         "Future work: so does setting down at the next station if it is near a transfer station",
-        less("hours", DROPS, FREE),
+        less("hours", DDZ_DROPS, DDZ_FREE),
     ),
-    claim("and both together", less("hours", NEAR_DROPS, FREE)),
+    claim("and both together", less("hours", DDZ_NEAR_DROPS, DDZ_FREE)),
     claim(
         "Beyond the paper: DDZ that shares near drives more evenly than SA, with sharing and without",
-        smaller(NEAR, SA),
-        smaller(NEAR, NO_SHARING),
+        smaller(DDZ_NEAR, SA),
+        smaller(DDZ_NEAR, NO_SHARING),
     ),
     claim(
         "Beyond the paper: and more evenly than DDZ as it is",
-        smaller(NEAR, FREE),
-        smaller(NEAR_STOPS, DDZ),
+        smaller(DDZ_NEAR, DDZ_FREE),
+        smaller(DDZ_NEAR_STOPS, DDZ),
     ),
 )
 
-REMARKS: Final = (
+ZONING_REMARKS: Final = (
     "Every figure of Table 5 is one run for each method; sigma is that of three robots of it "
     "(population sd). rank: share of our runs below the printed figure.",
     "The abstract's 2874.7 ft are not the difference of Table 5, 4145.01 - 1295.22 = 2849.79 ft; the "
@@ -320,11 +323,11 @@ ZONING_HEADLINES: Final = (
     Headline("DDZ: hours beyond those of SA", "Results: DDZ takes about 3 hours"),
 )
 
-TABLE_5: Final = Table(
+ZONING_TABLE_5: Final = PublishedTable(
     name="table5",
     title="Table 5, and what else there is (hours to the last work done; feet driven)",
-    cases=cases_named(SETTINGS),
-    panels=PANELS,
+    cases=cases_named(ZONING_SETTINGS),
+    panels=ZONING_PANELS,
     shares=("in_balance",),
     published=printed,
     run=scenario_runs(completed),
@@ -339,8 +342,8 @@ REPRODUCTION: Final = Reproduction(
     source="Russell Keith & Hung La, Dynamic Zoning of Industrial Environments with Autonomous Mobile "
     "Robots: Table 5 and Figure 5, one run each; 100 parts, 18 stations, 3 robots",
     tables=(
-        TABLE_5,
-        Table(
+        ZONING_TABLE_5,
+        PublishedTable(
             name="claim",
             title="How evenly robots drive, in more runs",
             cases=cases_named(JUDGED, runs=MANY),
@@ -352,18 +355,18 @@ REPRODUCTION: Final = Reproduction(
             together=together,
         ),
         replace(
-            TABLE_5,
+            ZONING_TABLE_5,
             name="lanes",
             title="A cell of an aisle holds one robot",
-            cases=cases_named(SETTINGS, SINGLE, lanes="single"),
+            cases=cases_named(ZONING_SETTINGS, FACTORY_SINGLE, lanes="single"),
             published=unpublished,
             seeds=40,
             grouped=0,
             usual=False,
         ),
     ),
-    claims=CLAIMS,
-    remarks=REMARKS,
+    claims=ZONING_CLAIMS,
+    remarks=ZONING_REMARKS,
     headlines=ZONING_HEADLINES,
     seeds=100,
     further=further,

@@ -13,7 +13,7 @@ import pytest
 from docs_pages import page
 
 from automaton.bench import (
-    PARTS,
+    BENCH_PARTS,
     crowd_speed,
     loop_speed,
     pod_speed,
@@ -33,8 +33,8 @@ from automaton.bench.measurement import (
     take,
 )
 from automaton.bench.step_speed import (
-    OPEN,
-    Case,
+    ONE_TO_A_CELL,
+    WalkingFleet,
     prepare,
     random_walk,
     random_walk_in_spans,
@@ -49,9 +49,9 @@ from automaton.floor.cells import UNLIMITED
 from strategies.routing.astar import LARGER_G
 from tui.bench import viewer_speed
 
-CROWDED = Case(200, 20)
+CROWDED = WalkingFleet(200, 20)
 SMALL_FLOOR = {"generator": "random", "columns": 6, "rows": 6, "obstacles": 0.1}
-SPARSE = Case(200, 100)
+SPARSE = WalkingFleet(200, 100)
 EXITS = np.uint8(15)  # bits of grid.cell_flags that no wall has
 
 
@@ -82,7 +82,9 @@ def test_each_size_that_the_page_quotes_is_measured() -> None:
 
 
 def test_no_two_measurements_have_one_name() -> None:
-    parts = chosen([name for name in PARTS if name != "watching"], True, True)  # viewer has it
+    parts = chosen(
+        [name for name in BENCH_PARTS if name != "watching"], True, True
+    )  # viewer has it
     names = [measurement.name for measurement in measurements(parts)]
     assert len(set(names)) == len(names) and all(names)
 
@@ -92,7 +94,10 @@ def test_parts_are_chosen_by_name_and_by_option() -> None:
     assert chosen(["routes", "loop", "loop"], False, False) == ["routes", "loop"]
     assert chosen(["loop"], True, False) == ["loop", "compile"]
     assert chosen(["startup"], False, False) == ["startup"]
-    assert chosen([], False, True) == [*(n for n, part in PARTS.items() if part.usual), "startup"]
+    assert chosen([], False, True) == [
+        *(n for n, part in BENCH_PARTS.items() if part.usual),
+        "startup",
+    ]
 
 
 def test_a_figure_is_the_median_between_the_extremes_after_a_warm_up() -> None:
@@ -110,7 +115,7 @@ def test_a_figure_is_the_median_between_the_extremes_after_a_warm_up() -> None:
 
 
 @pytest.mark.parametrize("case", [CROWDED, SPARSE, CROWDED._replace(reading_order=True)])
-def test_random_walkers_never_share_a_cell_and_none_is_lost(case: Case) -> None:
+def test_random_walkers_never_share_a_cell_and_none_is_lost(case: WalkingFleet) -> None:
     world = walking_fleet(case)
     start = world.robots.cell.copy()
     for first in range(0, 300, 20):
@@ -124,7 +129,7 @@ def test_random_walkers_never_share_a_cell_and_none_is_lost(case: Case) -> None:
 
 @pytest.mark.parametrize("walk", [random_walk, random_walk_in_spans])
 def test_random_walkers_keep_to_the_capacities_of_a_mixed_floor(walk: Any) -> None:
-    world = walking_fleet(Case(300, 20, mixed=True))
+    world = walking_fleet(WalkingFleet(300, 20, mixed=True))
     capacity = (world.grid.cell_flags >> np.uint8(5)) & 3
     most = np.where(capacity == UNLIMITED, 300, capacity)
     entering = shared = 0
@@ -159,7 +164,7 @@ def test_fleets_are_stored_in_random_order_or_along_the_floor() -> None:
 
 
 def test_the_sizes_quoted_are_the_sizes_measured() -> None:
-    assert [(case.robots, case.side) for case in OPEN] == [
+    assert [(case.robots, case.side) for case in ONE_TO_A_CELL] == [
         (10_000, 1000),
         (100_000, 1000),
         (1_000_000, 4000),
@@ -219,7 +224,7 @@ def test_every_sampler_returns_a_figure() -> None:
     assert crowd_speed.prepare_crowd(50, 3)() > 0
     assert isinstance(route_speed.prepare_observing(60, 10, 30)(), float)
     assert isinstance(route_speed.prepare_observing(60, 10, 30, at_random=True)(), float)
-    small = steering_speed.CASES[0]._replace(robots=8, floor=SMALL_FLOOR, started=2, ticks=3)
+    small = steering_speed.BUSY_FLEETS[0]._replace(robots=8, floor=SMALL_FLOOR, started=2, ticks=3)
     assert steering_speed.prepare_fleet("pibt", small)() > 0
 
 

@@ -13,9 +13,9 @@ from strategies.allocation.auction.market import (
 
 def test_everything_is_sold_and_half_of_the_bids_plan_charging() -> None:
     for policy, low, high in ((POLICY_NO_CHARGING, 0, 0), (POLICY_HIERARCHICAL, 0.3, 0.7)):
-        one = auction_speed.market(*auction_speed.SMALL, policy)
+        one = auction_speed.market(*auction_speed.SMALL_AUCTION, policy)
         assert auction_speed.seconds_of(one, auction_speed.SELL, 1) > 0
-        assert one.fleet.length.sum() == auction_speed.SMALL[1]
+        assert one.fleet.length.sum() == auction_speed.SMALL_AUCTION[1]
         assert one.fleet.cost.max() < INF_COST
         count = one.scratch.count
         assert low <= count.plans[0] / count.bids[0] <= high

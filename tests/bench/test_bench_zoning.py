@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from automaton.bench import PARTS, zoning_speed
+from automaton.bench import BENCH_PARTS, zoning_speed
 from automaton.bench.measurement import EXPONENT, slope
 from automaton.floor.drawn_floors import draw_floor
 from automaton.runs.simulation import Simulation
@@ -33,7 +33,7 @@ def test_a_repair_gives_every_station_of_a_lattice_a_zone(stations: int, zones: 
 
 
 def test_a_run_of_the_factory_has_work_to_its_end() -> None:
-    run = Simulation(resolve("factory", zoning_speed.PARTS))
+    run = Simulation(resolve("factory", zoning_speed.MORE_PARTS))
     assert run.resolved.scenario.orders.parts is not None
     assert [kind.count for kind in run.resolved.scenario.orders.parts] == [45, 45, 30, 30]
     run.run(until=round(3600 * 7 / 0.635055))
@@ -41,7 +41,7 @@ def test_a_run_of_the_factory_has_work_to_its_end() -> None:
 
 
 def test_the_parts_take_samples() -> None:
-    for scenario, settings in zoning_speed.RUNS.values():
+    for scenario, settings in zoning_speed.FACTORY_RUNS.values():
         assert zoning_speed.prepare_run(scenario, settings, hours=0.05)() > 0
     assert zoning_speed.prepare_repair()() > 0
     assert zoning_speed.prepare_breeding(2, 12)() > 0
@@ -73,4 +73,4 @@ def test_growth_is_the_slope_of_log_time_over_log_size() -> None:
 
 def test_names_are_unique() -> None:
     names = [one.name for one in zoning_speed.measurements()]
-    assert len(set(names)) == len(names) and "zoning" in PARTS
+    assert len(set(names)) == len(names) and "zoning" in BENCH_PARTS

@@ -17,7 +17,7 @@ import pytest
 from doc_commands import in_this_process
 from docs_pages import page
 
-from automaton.bench.measurement import Figure
+from automaton.bench.measurement import MeasuredFigure
 from automaton.commands import COMMANDS as ALL_COMMANDS
 from automaton.commands import main
 
@@ -167,8 +167,8 @@ def test_bytes_that_do_not_fit_are_said_as_text_is(
     assert (code, errors.getvalue()) == (2, said)
 
 
-def measure_nothing(wanted: Any, repeat: int, figures: list[Figure]) -> int:
-    figures.append(Figure("nothing", "ns", 1.0, 1.0, 1.0))
+def measure_nothing(wanted: Any, repeat: int, figures: list[MeasuredFigure]) -> int:
+    figures.append(MeasuredFigure("nothing", "ns", 1.0, 1.0, 1.0))
     return 0
 
 

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from automaton.papers.claim_report import bounds, evidence, panel_table
-from automaton.papers.claims import Claim, Figure, Judged, Quantity, judge, mean_of
-from automaton.papers.reproduction_study import Case, MadeTable, Table, find
+from automaton.papers.claims import Claim, Figure, Judged, MeanQuantity, judge, mean_of
+from automaton.papers.reproduction_study import Case, MadeTable, PublishedTable, find
 from automaton.runs.console_output import rich_table
 from automaton.studies.inference.proportions import exact_share
 
@@ -162,7 +162,7 @@ def test_a_table_shows_the_bounds_of_a_share_of_runs() -> None:
         def __init__(self, empty: float, line: float) -> None:
             self.metrics = {"empty": empty, "line": line}
 
-    table = Table(
+    table = PublishedTable(
         lambda strategies: [Case({"rule": "safe"})], (("empty", "line"),), lambda *_: None,
         shares=("empty", "line"),
     )  # fmt: skip
@@ -190,5 +190,5 @@ def test_quantities_are_reckoned_with_each_other_and_with_numbers(
     eight, two = mean_of("eight"), mean_of("two")
     for one, other in ((eight, two), (eight, 2.0), (8.0, two)):
         found = combine(one, other)
-        assert isinstance(found, Quantity)
+        assert isinstance(found, MeanQuantity)
         assert found(lambda name: {"eight": 8.0, "two": 2.0}[name]) == result

@@ -14,10 +14,10 @@ from automaton.papers.reproduction_study import (
     REPRODUCTIONS,
     Key,
     MadeTable,
+    PublishedTable,
     Repetition,
     Reproduced,
     Reproduction,
-    Table,
     find,
 )
 from automaton.runs.console_output import console, print_blocks
@@ -49,7 +49,7 @@ def made_up(reproduction: Reproduction, size: float, seeds: int = 4) -> Reproduc
         """Of a run, or of many runs, each of which is 0 or 1."""
         return dice.random() if size < 1 else float(dice.random() < 0.8)
 
-    def repetitions(table: Table, key: Key) -> list[Repetition]:
+    def repetitions(table: PublishedTable, key: Key) -> list[Repetition]:
         metrics = {*table.metrics, *used[key], *used[key[:-1]]}
         return [
             Repetition(

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis.extra.numpy import arrays
 
-from automaton.papers.training_report import PRINTED, monitored
+from automaton.papers.training_report import PRINTED_TABLES, monitored
 from automaton.papers.training_settings import (
-    METRICS,
-    Counts,
+    MEASURES,
+    AnswerCounts,
     counts,
     first_bias,
     mcc,
@@ -51,7 +51,7 @@ CASES = [  # predicted, then TP FP TN FN, then what follows from them
 @pytest.mark.parametrize(("predicted", "by_kind", "expected"), CASES)
 def test_measures_of_cases_counted_by_hand(predicted, by_kind, expected):
     found = answers(*predicted)
-    assert counts(found, TRUTH) == Counts(*by_kind)
+    assert counts(found, TRUTH) == AnswerCounts(*by_kind)
     values = measured(found, TRUTH)
     assert {name: values[name] for name in expected} == pytest.approx(expected)
 
@@ -69,7 +69,7 @@ def test_hamming_loss_is_one_less_accuracy_and_mcc_is_the_correlation(predicted,
 
 
 def test_counts_may_be_large():
-    assert mcc(Counts(10**12, 0, 10**12, 0)) == 1.0
+    assert mcc(AnswerCounts(10**12, 0, 10**12, 0)) == 1.0
 
 
 def test_arrays_of_different_shapes_are_refused():
@@ -79,8 +79,8 @@ def test_arrays_of_different_shapes_are_refused():
 
 
 def test_less_hamming_loss_and_more_of_everything_else_is_an_improvement():
-    worse, better = Counts(3, 2, 10, 2), Counts(4, 1, 11, 1)
-    for name, metric in METRICS.items():
+    worse, better = AnswerCounts(3, 2, 10, 2), AnswerCounts(4, 1, 11, 1)
+    for name, metric in MEASURES.items():
         assert metric.improves(better, worse), name
         assert not metric.improves(worse, better), name
         assert not metric.improves(worse, worse), name
@@ -94,7 +94,9 @@ def test_the_weights_and_the_bias_of_the_paper():
 
 
 def test_the_printed_tables_are_complete():
-    assert [len(rows) for rows in PRINTED.values()] == [5, 5, 4, 5]
-    assert monitored("bias") == list(PRINTED[1]) == list(PRINTED[2])
-    assert set(monitored("samples")) == {*PRINTED[3], *PRINTED[4]}
-    assert all(name in METRICS for rows in PRINTED.values() for keep in rows for name in keep)
+    assert [len(rows) for rows in PRINTED_TABLES.values()] == [5, 5, 4, 5]
+    assert monitored("bias") == list(PRINTED_TABLES[1]) == list(PRINTED_TABLES[2])
+    assert set(monitored("samples")) == {*PRINTED_TABLES[3], *PRINTED_TABLES[4]}
+    assert all(
+        name in MEASURES for rows in PRINTED_TABLES.values() for keep in rows for name in keep
+    )

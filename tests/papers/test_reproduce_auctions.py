@@ -15,7 +15,7 @@ from shared_fixture import shared_fixture
 
 from automaton.commands import main
 from automaton.papers.auction_study import (
-    CHARGING,
+    CHARGING_TABLE,
     EFFORTS,
     EFFORTS_BY_ROBOTS,
     EXAMPLE,
@@ -26,7 +26,7 @@ from automaton.papers.auction_study import (
 from automaton.papers.auction_trials import drawing, pictures, route
 from automaton.papers.claim_report import evidence
 from automaton.papers.claims import judge
-from automaton.papers.reproduction_study import MadeTable, Reproduced, Table
+from automaton.papers.reproduction_study import MadeTable, PublishedTable, Reproduced
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +84,7 @@ def test_two_seeds_decide_what_is_certain(printed: dict[str, Any]) -> None:
     assert verdicts[robots.format("only the winner bids again")] == "does not hold"
 
 
-def made(table: Table, seeds: int) -> MadeTable:
+def made(table: PublishedTable, seeds: int) -> MadeTable:
     cases = table.cases(())
     return MadeTable(table, cases, table.run(cases, range(1, seeds + 1), None, None))
 
@@ -103,7 +103,7 @@ def horizon(tmp_path_factory: pytest.TempPathFactory) -> MadeTable:
 
 def test_claims_are_judged_by_what_was_run(horizon: MadeTable) -> None:
     """Twenty seeds of the tables without the genetic algorithm, five of batches back to back."""
-    tables = [made(EXAMPLE, 20), made(CHARGING, 20), horizon]
+    tables = [made(EXAMPLE, 20), made(CHARGING_TABLE, 20), horizon]
     reproduced = Reproduced(REPRODUCTION, 20, tables)
     judged = [judge(claim, reproduced.samples(), {}) for claim in REPRODUCTION.claims]
     verdicts = {one.claim.text: one.verdict for one in judged if one is not None}
@@ -176,10 +176,10 @@ def test_bids_are_counted_so_that_one_seed_decides() -> None:
 
 
 def test_what_may_be_otherwise_is_said_of_tours(printed: dict[str, Any]) -> None:
-    reproduced = Reproduced(REPRODUCTION, 1, [made(CHARGING, 1)])
+    reproduced = Reproduced(REPRODUCTION, 1, [made(CHARGING_TABLE, 1)])
     [claim] = [one for one in REPRODUCTION.claims if one.text.startswith("... in every tour in")]
     found = judge(claim, reproduced.samples(), {}, reproduced.repeated())
-    assert found is not None and found.figures[0].runs == CHARGING.per_seed > 1
+    assert found is not None and found.figures[0].runs == CHARGING_TABLE.per_seed > 1
     assert " of tours (95 %)" in evidence(found)
     [known] = [one for one in printed["claims"] if one["claim"] == claim.text]
     assert [figure["repetition"] for figure in known["figures"]] == ["tour"]

@@ -10,8 +10,8 @@ from automaton.commands import main
 from automaton.errors import InputError
 from automaton.papers.claims import judge
 from automaton.papers.living_auctions import (
-    CHARGING,
-    KINDS,
+    AUCTION_KINDS,
+    CHARGING_STRATEGIES,
     LAST_FAILURE,
     LEAST_SHARE,
     SAFE,
@@ -73,8 +73,8 @@ def test_two_stand_in_line_in_a_tenth_of_all_ticks(one_seed: Reproduced) -> None
 
 
 def test_every_kind_of_auction_delivers_the_same_orders(one_seed: Reproduced) -> None:
-    assert all(value(one_seed, "delivered", name) == 200 for name in KINDS)
-    assert all(value(one_seed, "messages", name) > 0 for name in KINDS)
+    assert all(value(one_seed, "delivered", name) == 200 for name in AUCTION_KINDS)
+    assert all(value(one_seed, "messages", name) > 0 for name in AUCTION_KINDS)
 
 
 # How runs are made.
@@ -114,7 +114,7 @@ def test_jobs_come_back_in_their_order_whoever_does_them() -> None:
 
 
 def test_with_never_strand_no_robot_runs_empty_in_many_runs() -> None:
-    settings = {name: CHARGING[name] for name in ("insertion", "fill-up")}
+    settings = {name: CHARGING_STRATEGIES[name] for name in ("insertion", "fill-up")}
     for charging in settings.values():
         resolved = resolve("depots-full", [SATURATED, "orders.count=50", *charging])
         for seed in range(1, 31):

@@ -13,11 +13,11 @@ from automaton.papers.traffic_fleet import (
     AVOIDANCE,
     CHANCE,
     CONGESTION,
-    CROWD,
-    POLICIES,
-    ROBOTS,
-    SHARES,
-    TASKS,
+    FLEET_SIZES,
+    LARGEST_FLEET,
+    ROUTING_POLICIES,
+    TIME_AVERAGE,
+    UNDELAYED,
     delayed_fleets,
     fleets,
 )
@@ -29,8 +29,11 @@ Figures = dict[tuple[str, int | str], dict[str, float]]  # (policy, robots or ch
 
 def chosen() -> Iterator[ScenarioCase]:
     """The cases on which the claims rest, but for avoidance by small fleets."""
-    for case in fleets([A_STAR, AVOIDANCE, SHARES, TASKS, CONGESTION]):
-        if case.labels["robots"] == CROWD or case.labels == {"policy": CONGESTION, "robots": 6}:
+    for case in fleets([A_STAR, AVOIDANCE, TIME_AVERAGE, UNDELAYED, CONGESTION]):
+        if case.labels["robots"] == LARGEST_FLEET or case.labels == {
+            "policy": CONGESTION,
+            "robots": 6,
+        }:
             yield case
     yield from fleets([A_STAR])[:1]
     yield from delayed_fleets([A_STAR, CONGESTION])
@@ -57,8 +60,8 @@ def test_avoidance_used_by_everybody_is_harmful(one_seed: Figures) -> None:
 
 def test_to_know_the_tasks_of_the_others_is_not_enough(one_seed: Figures) -> None:
     """Only who knows the plans loses less than by A*; to know when is not worth much alone."""
-    for policy in (SHARES, TASKS):
-        assert 40 < one_seed[policy, CROWD]["delay"] < 110
+    for policy in (TIME_AVERAGE, UNDELAYED):
+        assert 40 < one_seed[policy, LARGEST_FLEET]["delay"] < 110
 
 
 def test_a_small_fleet_loses_nothing(one_seed: Figures) -> None:
@@ -73,10 +76,10 @@ def test_plans_that_are_not_kept_are_borne(one_seed: Figures) -> None:
 def test_every_policy_faces_the_same_orders() -> None:
     orders = [
         Simulation(resolve(case.scenario, case.overrides), seed=2).world.orders
-        for case in fleets(list(POLICIES))
+        for case in fleets(list(ROUTING_POLICIES))
         if case.labels["robots"] == 20
     ]
-    assert len(orders) == len(POLICIES)
+    assert len(orders) == len(ROUTING_POLICIES)
     for other in orders[1:]:
         assert np.array_equal(other.source, orders[0].source)
         assert np.array_equal(other.target, orders[0].target)
@@ -84,7 +87,7 @@ def test_every_policy_faces_the_same_orders() -> None:
 
 def test_any_routing_strategy_may_be_compared() -> None:
     cases = fleets(["shortest"])
-    assert [case.labels["robots"] for case in cases] == list(ROBOTS)
+    assert [case.labels["robots"] for case in cases] == list(FLEET_SIZES)
     assert resolve(cases[0].scenario, cases[0].overrides).strategies["routing"].name == "shortest"
 
 

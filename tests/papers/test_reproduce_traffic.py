@@ -15,10 +15,10 @@ import pytest
 
 from automaton.commands import main
 from automaton.papers.claims import JudgedClaim, judge
-from automaton.papers.reproduction_study import Reproduced, Row, reproduce
-from automaton.papers.traffic_study import CLAIMS, PLAIN, READINGS, REPRODUCTION
+from automaton.papers.reproduction_study import FigureRow, Reproduced, reproduce
+from automaton.papers.traffic_study import PLAIN_A_STAR, READINGS, REPRODUCTION, TRAFFIC_CLAIMS
 from automaton.papers.traffic_trials import (
-    ROBOTS,
+    TRIAL_ROBOTS,
     TRIALS,
     Setting,
     exact,
@@ -40,10 +40,10 @@ class Remembered(Reproduced):
     """Its rows are computed once."""
 
     @cached_property
-    def all_rows(self) -> list[Row]:
+    def all_rows(self) -> list[FigureRow]:
         return super().rows()
 
-    def rows(self) -> list[Row]:
+    def rows(self) -> list[FigureRow]:
         return self.all_rows
 
 
@@ -52,7 +52,7 @@ def ten_seeds() -> Reproduced:
     return Remembered(**vars(reproduce(REPRODUCTION, seeds=10)))
 
 
-def row(reproduced: Reproduced, key: tuple[str, str, str], metric: str) -> Row:
+def row(reproduced: Reproduced, key: tuple[str, str, str], metric: str) -> FigureRow:
     [found] = [
         one for one in reproduced.rows() if tuple(one.case.values()) == key and one.metric == metric
     ]
@@ -165,7 +165,7 @@ def test_tasks_are_drawn_by_the_seed_alone_and_alike_in_a_fresh_process() -> Non
     )
     assert fresh.stdout.strip() == hashlib.sha256(tasks.tobytes()).hexdigest()
     assert not np.array_equal(tasks, tasks_of(where, 4))
-    assert tasks.shape == (TRIALS, ROBOTS, 3)
+    assert tasks.shape == (TRIALS, TRIAL_ROBOTS, 3)
     assert tasks[0, 0].tolist() == tasks_of(where, 3)[0, 0].tolist()
     assert set(tasks[:, :, 1].ravel().tolist()) <= set(where.docks.tolist())
     assert (len(where.racks), len(where.docks)) == (5769, 64)
@@ -230,9 +230,9 @@ def test_there_are_no_strategies_to_choose(capsys: pytest.CaptureFixture[str]) -
 def test_what_is_claimed_to_be_more_is_not_as_much() -> None:
     """Trials in which avoidance changes nothing bear out no claim that it does."""
     same = {"time": 200.0, "distance": 160.0, "encounters": 5.0, "taken": 0.0, "saved": 0.0}
-    readings = [*READINGS, *((slowdown, *PLAIN) for slowdown in ("static", "dynamic"))]
+    readings = [*READINGS, *((slowdown, *PLAIN_A_STAR) for slowdown in ("static", "dynamic"))]
     samples = {(name, key): [value] * 3 for key in readings for name, value in same.items()}
-    judged = [judge(claim, samples, {}) for claim in CLAIMS]
+    judged = [judge(claim, samples, {}) for claim in TRAFFIC_CLAIMS]
     verdicts = {one.claim.text: one.verdict for one in judged if one is not None}
     for words in ("shortens the travel time", "shorter distance", "fewer zones", "saves 126.76"):
         found = {verdict for text, verdict in verdicts.items() if words in text}

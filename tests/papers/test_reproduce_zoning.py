@@ -19,20 +19,20 @@ from automaton.papers.claims import Claim, JudgedClaim, judge
 from automaton.papers.reproduction_study import MadeTable, Reproduced, find, reproduce, tables_named
 from automaton.papers.zoning_runs import (
     DDZ,
-    FIXED,
-    FIXED_DDZ,
-    FREE,
+    DDZ_FIXED,
+    DDZ_FREE,
     GA,
     GA_PRINTED,
     MANY,
     NO_SHARING,
     PAIRS,
-    PRINTED,
-    PUBLISHED,
-    REFERENCE,
+    PRINTED_FIGURES,
+    PUBLISHED_CURVES,
+    REFERENCE_MEANS,
     SA,
-    SETTINGS,
     SMALLER,
+    ZONES_FIXED,
+    ZONING_SETTINGS,
     completed,
     curve,
     curve_hours,
@@ -44,7 +44,7 @@ from automaton.papers.zoning_runs import (
     printed,
     run_watched,
 )
-from automaton.papers.zoning_study import CLAIMS, beside_reference, further
+from automaton.papers.zoning_study import ZONING_CLAIMS, beside_reference, further
 from automaton.runs.process_pool import run_jobs
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
@@ -72,14 +72,14 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Reproduced:
 
 
 def named(start: str) -> Claim:
-    [found] = [claim for claim in CLAIMS if claim.text.startswith(start)]
+    [found] = [claim for claim in ZONING_CLAIMS if claim.text.startswith(start)]
     return found
 
 
 def judged(claim: Claim, **metrics: dict[str, Sequence[float]]) -> JudgedClaim:
     samples = {(metric, (name,)): of[name] for metric, of in metrics.items() for name in of}
     found = judge(
-        claim, samples, {(m, (c,)): v for c, row in PRINTED.items() for m, v in row.items()}
+        claim, samples, {(m, (c,)): v for c, row in PRINTED_FIGURES.items() for m, v in row.items()}
     )
     assert found is not None
     return found
@@ -92,27 +92,27 @@ def test_everything_is_run_and_every_claim_can_be_judged(made: Reproduced) -> No
     assert made.unfinished == 0
     assert {table.table.name for table in made.tables} == {"table5", "claim"}
     samples = made.samples()
-    assert all(judge(claim, samples, {}) is not None for claim in CLAIMS)
-    for name in SETTINGS:
+    assert all(judge(claim, samples, {}) is not None for claim in ZONING_CLAIMS)
+    for name in ZONING_SETTINGS:
         assert samples["parts", (name,)] == [100, 100], name
         assert samples["hours", (name,)] != samples["hours", (SA,)] or name == SA
-    assert samples["redesigns", (FIXED,)] == [0, 0]
+    assert samples["redesigns", (ZONES_FIXED,)] == [0, 0]
     assert samples["load_shares", (NO_SHARING,)] == [0, 0]
-    assert all(("in_balance", (name,)) in samples for name in SETTINGS)
+    assert all(("in_balance", (name,)) in samples for name in ZONING_SETTINGS)
 
 
 def test_the_same_runs_lie_behind_both_tables(made: Reproduced) -> None:
     samples = made.samples()
-    for name in (SA, DDZ, FREE):
+    for name in (SA, DDZ, DDZ_FREE):
         assert samples["sigma_ft", (name,)] == samples["sigma_ft", (name, MANY)]
 
 
 def test_zones_that_stay_come_to_the_figures_of_the_other_program(made: Reproduced) -> None:
     by = {(row["configuration"], row["metric"]): row for row in beside_reference(made)}
-    assert {name for name, _ in by} == set(REFERENCE)
-    assert abs(by[FIXED, "hours"]["difference"]) < 0.15
-    assert abs(by[FIXED, "mean_ft"]["difference"]) < 600
-    assert abs(by[FIXED, "sigma_ft"]["difference"]) < 1000
+    assert {name for name, _ in by} == set(REFERENCE_MEANS)
+    assert abs(by[ZONES_FIXED, "hours"]["difference"]) < 0.15
+    assert abs(by[ZONES_FIXED, "mean_ft"]["difference"]) < 600
+    assert abs(by[ZONES_FIXED, "sigma_ft"]["difference"]) < 1000
 
 
 def test_the_way_to_the_first_station_does_not_count() -> None:
@@ -135,7 +135,7 @@ def test_the_way_to_the_first_station_does_not_count() -> None:
 
 
 def test_runs_are_the_same_whoever_does_them() -> None:
-    resolved = resolve("factory", SETTINGS[SA])
+    resolved = resolve("factory", ZONING_SETTINGS[SA])
     jobs = [(resolved, seed) for seed in range(1, 3)]
     assert run_jobs(jobs, 1, run_function=completed) == run_jobs(jobs, 2, run_function=completed)
 
@@ -150,7 +150,7 @@ def test_the_time_ends_with_the_last_work(made: Reproduced) -> None:
 @pytest.mark.parametrize("name", [SA, NO_SHARING])
 def test_a_bystander_sees_the_balance_that_zoning_sees(name: str) -> None:
     """Once a minute, where SA looks every minute or every third: nearly the same share of time."""
-    run, plain = (Simulation(resolve("factory", SETTINGS[name]), 2) for _ in range(2))
+    run, plain = (Simulation(resolve("factory", ZONING_SETTINGS[name]), 2) for _ in range(2))
     watched = run_watched(run)
     plain.run()
     assert run.digest == plain.digest, "looking changes nothing"
@@ -161,17 +161,17 @@ def test_a_bystander_sees_the_balance_that_zoning_sees(name: str) -> None:
 def test_ddz_has_a_time_in_balance_that_is_not_printed(made: Reproduced) -> None:
     shares = made.samples()["in_balance", (DDZ,)]
     assert all(0 <= share < 0.5 for share in shares)
-    assert made.samples()["in_balance", (FIXED_DDZ,)] != shares
+    assert made.samples()["in_balance", (DDZ_FIXED,)] != shares
 
 
 def test_the_genetic_algorithm_has_its_published_size_too() -> None:
     sizes = []
     for name in (GA, GA_PRINTED):
-        parameters: Any = resolve("factory", SETTINGS[name]).strategies["zoning"].parameters
+        parameters: Any = resolve("factory", ZONING_SETTINGS[name]).strategies["zoning"].parameters
         sizes.append((parameters.generations, parameters.population, parameters.poses))
     assert sizes[0][:2] == (12, 30) and sizes[1][:2] == (100, 60)
     assert sizes[0][2] == sizes[1][2]
-    assert PRINTED[GA] == PRINTED[GA_PRINTED]
+    assert PRINTED_FIGURES[GA] == PRINTED_FIGURES[GA_PRINTED]
 
 
 def test_authors_are_cited_by_their_names() -> None:
@@ -180,10 +180,14 @@ def test_authors_are_cited_by_their_names() -> None:
 
 def test_printed_figures() -> None:
     assert printed((SA,), "hours") == 5.94 and printed((GA,), "in_balance") == 0.2371
-    assert printed((FREE,), "hours") is None and printed((DDZ,), "in_balance") is None
+    assert printed((DDZ_FREE,), "hours") is None and printed((DDZ,), "in_balance") is None
     # The decrease in per cent is that of Table 5, the feet of the abstract are not.
-    assert 1 - PRINTED[DDZ]["sigma_ft"] / PRINTED[SA]["sigma_ft"] == pytest.approx(0.687, abs=1e-3)
-    assert PRINTED[SA]["sigma_ft"] - PRINTED[DDZ]["sigma_ft"] == pytest.approx(2849.79)
+    assert 1 - PRINTED_FIGURES[DDZ]["sigma_ft"] / PRINTED_FIGURES[SA]["sigma_ft"] == pytest.approx(
+        0.687, abs=1e-3
+    )
+    assert PRINTED_FIGURES[SA]["sigma_ft"] - PRINTED_FIGURES[DDZ]["sigma_ft"] == pytest.approx(
+        2849.79
+    )
 
 
 # Claims, with figures that are made up.
@@ -250,12 +254,12 @@ def test_four_hundred_runs_are_enough_for_five_points() -> None:
 
 def test_published_curves_never_fall_and_end_as_the_series_do() -> None:
     for name, last in ((SA, 100), (GA, 100), (DDZ, 98)):
-        parts = [int(text) for text in PUBLISHED[name].split()]
+        parts = [int(text) for text in PUBLISHED_CURVES[name].split()]
         assert parts == sorted(parts) and parts[-1] == last and len(parts) <= len(curve_hours())
 
 
 def test_a_curve_that_is_the_printed_one_lies_in_the_band() -> None:
-    printed_parts = [int(text) for text in PUBLISHED[SA].split()]
+    printed_parts = [int(text) for text in PUBLISHED_CURVES[SA].split()]
     parts = printed_parts + [100] * (len(curve_hours()) - len(printed_parts))
     run = {point(hour): float(n) for hour, n in zip(curve_hours(), parts, strict=True)}
     same = curve(SA, [run, run])
@@ -271,7 +275,7 @@ def test_a_curve_that_is_the_printed_one_lies_in_the_band() -> None:
 def test_further_texts_come_with_their_data(made: Reproduced) -> None:
     found = {one.name: one for one in further(made)}
     assert set(found) == {"figure_5", "smaller_sigma", "reference"}
-    assert [one["name"] for one in found["figure_5"].data] == [SA, GA, DDZ, FREE]
+    assert [one["name"] for one in found["figure_5"].data] == [SA, GA, DDZ, DDZ_FREE]
     assert [(one["one"], one["other"]) for one in found["smaller_sigma"].data] == list(PAIRS)
     assert all(one.text.strip() and json.dumps(one.data) for one in found.values())
 
@@ -297,4 +301,6 @@ def test_lanes_for_one_robot_are_a_table_of_their_own(capsys: pytest.CaptureFixt
     assert main([*command, "--tables", "lanes"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert {row["case"]["lanes"] for row in found["rows"]} == {"single"}
-    assert found["runs"] == len(SETTINGS) and found["unfinished"] == 0 and found["claims"] == []
+    assert (
+        found["runs"] == len(ZONING_SETTINGS) and found["unfinished"] == 0 and found["claims"] == []
+    )

@@ -8,13 +8,13 @@ import pytest
 from automaton.papers.claim_report import evidence
 from automaton.papers.claims import judge
 from automaton.papers.reproduction_study import MadeTable, Reproduced, find
-from automaton.papers.traffic_study import CLAIMS
-from automaton.papers.traffic_trials import DEPTHS as DEPTH_TABLE
+from automaton.papers.traffic_study import TRAFFIC_CLAIMS
+from automaton.papers.traffic_trials import DEPTHS_TABLE as DEPTH_TABLE
 from automaton.papers.traffic_trials import TABLES_1_TO_4, network, stored, tasks_of, warehouse
 from automaton.papers.training import legs_of, site_of
-from automaton.papers.training_report import COLUMNS, PRINTED, from_json
+from automaton.papers.training_report import COLUMNS, PRINTED_TABLES, from_json
 from automaton.papers.training_sessions import DEPTH_LOSSES as DEPTHS
-from automaton.papers.training_sessions import HIDDEN, constant_loss
+from automaton.papers.training_sessions import HIDDEN_LAYERS, constant_loss
 from automaton.papers.training_settings import LOSSES, Settings, measured
 from automaton.world.resolve import resolve
 from strategies.routing.routing_parameters import (
@@ -37,11 +37,16 @@ def rows():
 def test_the_stored_tables_are_complete_and_of_this_floor(site, rows):
     assert stored()["floor"] == floor_fingerprint(site.floor.grid, site.duration)
     expected = {
-        (table, keep, loss) for table in PRINTED for keep in PRINTED[table] for loss in LOSSES
+        (table, keep, loss)
+        for table in PRINTED_TABLES
+        for keep in PRINTED_TABLES[table]
+        for loss in LOSSES
     }
     assert {(row.table, row.monitored, row.loss) for row in rows} == expected
     for row in rows:
-        assert tuple(row.paper[name] for name in COLUMNS) == PRINTED[row.table][row.monitored]
+        assert (
+            tuple(row.paper[name] for name in COLUMNS) == PRINTED_TABLES[row.table][row.monitored]
+        )
         assert 1 <= row.epoch <= row.epochs <= stored()["settings"]["epochs"]
 
 
@@ -73,7 +78,9 @@ def test_the_printed_hinge_predicts_every_zone_that_it_ever_saw_touched(site, ro
 def test_the_stored_depths_are_complete_and_of_these_legs(site):
     found = stored("depths")
     assert found["floor"] == floor_fingerprint(site.floor.grid, site.duration)
-    assert [(row["loss"], row["hidden"]) for row in found["rows"]] == list(product(DEPTHS, HIDDEN))
+    assert [(row["loss"], row["hidden"]) for row in found["rows"]] == list(
+        product(DEPTHS, HIDDEN_LAYERS)
+    )
     known = legs_of(site, found["settings"]["legs"], found["settings"]["seed"])
     for row in found["rows"]:
         assert row["constant"] == pytest.approx(constant_loss(row["loss"], known.touched))
@@ -85,7 +92,9 @@ def test_one_training_decides_nothing_about_depths():
     cases = DEPTH_TABLE.cases(())
     made = MadeTable(DEPTH_TABLE, cases, DEPTH_TABLE.run(cases, range(1, 61), None, None))
     again = Reproduced(find("traffic"), 60, [made])
-    found = {claim.text: judge(claim, again.samples(), {}, again.repeated()) for claim in CLAIMS}
+    found = {
+        claim.text: judge(claim, again.samples(), {}, again.repeated()) for claim in TRAFFIC_CLAIMS
+    }
     said = {text: one for text, one in found.items() if one is not None}
     assert list(said) == [
         "Deeper networks do not converge (the printed hinge loss)",

@@ -11,7 +11,7 @@ from automaton.engine.state import Array
 from automaton.floor.cells import RACK
 from automaton.floor.floor_plan import FloorPlan
 from automaton.papers.traffic_trials import (
-    ROBOTS,
+    TRIAL_ROBOTS,
     Setting,
     exact,
     run_seed,
@@ -40,7 +40,7 @@ def distances(tasks: Array) -> Array:
     where = warehouse()
     found = []
     with np.errstate(over="ignore"):
-        for r in range(ROBOTS):
+        for r in range(TRIAL_ROBOTS):
             where.trial.task[:] = tasks
             arguments = (where.grid, where.duration, where.workspace, where.trial, LARGER_G)
             monte_carlo.plan_routes(*arguments, np.uint64(SEED), r, False)

@@ -10,9 +10,9 @@ import pytest
 
 from automaton.commands import main
 from automaton.papers.training import Data, Legs, site_of, unseen
-from automaton.papers.training_report import PRINTED, from_json
+from automaton.papers.training_report import PRINTED_TABLES, from_json
 from automaton.papers.training_sessions import DEPTH_LOSSES as DEPTHS
-from automaton.papers.training_sessions import HIDDEN, constant_loss
+from automaton.papers.training_sessions import HIDDEN_LAYERS, constant_loss
 from automaton.papers.training_settings import LOSSES, Settings, first_bias, measured
 from automaton.world.resolve import resolve
 from strategies.routing.routing_parameters import (
@@ -227,7 +227,7 @@ def test_tables_of_a_floor_have_the_rows_of_the_paper(torch, tiny, tmp_path, cap
     rows = from_json(found["rows"])
     assert len(rows) == 3 * 19 and found["settings"]["legs"] == 60
     for row in rows:
-        assert tuple(row.paper.values()) == PRINTED[row.table][row.monitored]
+        assert tuple(row.paper.values()) == PRINTED_TABLES[row.table][row.monitored]
     text = capsys.readouterr().out
     assert "…" not in text and max(map(len, text.splitlines())) <= 80
 
@@ -239,7 +239,7 @@ def test_networks_of_other_depths_are_trained_beside_a_constant_answer(
     arguments = ["--scenario", str(tiny), "--epochs", "1", "--legs", "60", "--out", str(out)]
     assert main(["train", "traffic", "--depths", *arguments]) == 0
     rows = json.loads(out.read_text())["rows"]
-    assert [(row["loss"], row["hidden"]) for row in rows] == list(product(DEPTHS, HIDDEN))
+    assert [(row["loss"], row["hidden"]) for row in rows] == list(product(DEPTHS, HIDDEN_LAYERS))
     assert len({row["least"] for row in rows}) == len(rows)
     text = capsys.readouterr().out
     assert "cross-entropy" in text and max(map(len, text.splitlines())) <= 80

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from automaton.papers.auction_trials import PERCENT, bids_for, steps, winner
+from automaton.papers.auction_trials import CHARGE_PERCENT, bids_for, steps, winner
 
 
 def test_robot_1_needs_no_charging() -> None:
     one = bids_for("as printed")[0]
     assert (one.before, one.cost, one.added, one.mixed) == (70, 180, 110, 145)
     assert one.order == (7, 8, 13, 14)
-    assert (one.charging, one.end) == (0, 10 * PERCENT)
+    assert (one.charging, one.end) == (0, 10 * CHARGE_PERCENT)
 
 
 @pytest.mark.parametrize("setting", ["as printed", "joint", "comb floor"])
@@ -19,14 +19,14 @@ def test_robot_2_charges_9_s_after_its_first_task(setting: str) -> None:
     two = bids_for(setting)[1]
     assert (two.before, two.cost, two.added, two.mixed) == (70, 189, 119, 154)
     assert two.order == (5, 2, 4, 9, 14)
-    assert (two.arrival, two.charging, two.end) == (15 * PERCENT, 9, 0)
+    assert (two.arrival, two.charging, two.end) == (15 * CHARGE_PERCENT, 9, 0)
     assert winner(bids_for(setting)) == 1
 
 
 def test_with_charging_ignored_robot_2_wins_with_5_percent_too_little() -> None:
     offers = bids_for("charging ignored")
     assert (offers[1].cost, offers[1].added, offers[1].mixed) == (100, 30, 65)
-    assert offers[1].end == -5 * PERCENT
+    assert offers[1].end == -5 * CHARGE_PERCENT
     assert winner(offers) == 2
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from automaton.bench.measurement import open_floor, scene
-from automaton.bench.steering_speed import CROWD, busy_fleet
+from automaton.bench.steering_speed import BUSY_CROWD, busy_fleet
 from automaton.bench.step_speed import random_walk
 from automaton.engine.state import CLOCK_TICK
 from automaton.floor.cells import DIRECTION_VECTORS, FLOOR, WALL
@@ -122,7 +122,8 @@ def walking(wanted: dict[str, Any]) -> Opening:
 def planning(wanted: dict[str, Any]) -> Opening:
     """A fleet with orders, allocation and right of way; not recorded in a file."""
     return live(
-        resolve(busy_fleet(wanted["right_of_way"], CROWD._replace(robots=wanted["robots"]))), None
+        resolve(busy_fleet(wanted["right_of_way"], BUSY_CROWD._replace(robots=wanted["robots"]))),
+        None,
     )
 
 

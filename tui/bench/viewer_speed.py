@@ -20,13 +20,13 @@ import numpy as np
 
 from automaton.bench.measurement import (
     MS,
-    SECONDS,
     Measurement,
     NotMeasuredError,
+    S,
     Sample,
     wall_seconds,
 )
-from automaton.bench.steering_speed import CROWD, busy_fleet
+from automaton.bench.steering_speed import BUSY_CROWD, busy_fleet
 from automaton.floor.cells import TURNTABLE
 from automaton.history.live_run import LiveRun
 from automaton.history.snapshot import take_snapshot
@@ -294,7 +294,7 @@ def planning_measurements() -> list[Measurement]:
 
 def compile_planners() -> None:
     """Compile what the viewer will need, without a limit of time: it may be the first run here."""
-    run = LiveRun(resolve(busy_fleet("pibt", CROWD._replace(robots=ROBOTS))), 1)
+    run = LiveRun(resolve(busy_fleet("pibt", BUSY_CROWD._replace(robots=ROBOTS))), 1)
     run.close()
 
 
@@ -364,7 +364,7 @@ def measurements() -> list[Measurement]:
         measured("seek in a live run of 1,000,000 ticks, p95", MS, seek_live),
         Measurement(
             "first complete floor, watch tabletop-1",
-            SECONDS,
+            S,
             lambda: first_floor,
             at_least=OPENINGS,
             at_most=OPENINGS,

@@ -18,7 +18,7 @@ from automaton.commands import main
 from automaton.engine.state import LAYER_ROUTING, NIL, Array
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.traffic_zones import MODES
-from automaton.papers.traffic_trials import ROBOTS, tasks_of, warehouse
+from automaton.papers.traffic_trials import TRIAL_ROBOTS, tasks_of, warehouse
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.scenario.document import read, shipped
@@ -160,7 +160,7 @@ def test_noise_has_the_precision_and_recall_that_were_asked_for(
     precision: float, recall: float
 ) -> None:
     where = warehouse()
-    tasks = len(tasks_of(where, 1)) * ROBOTS
+    tasks = len(tasks_of(where, 1)) * TRIAL_ROBOTS
     share = sets_of_the_warehouse(1, 1)[0] / (tasks * where.grid.traffic_zone_count)
     assert share == pytest.approx(predicted_paths.USED_SHARE, rel=0.08), (
         "that one is of random ties"
